@@ -1,0 +1,28 @@
+# Everything runs from .venv in this folder; `make run` and `make test` build it when it is missing or out of date.
+PYTHON := .venv/bin/python
+STAMP := .venv/.insitu-setup
+
+.PHONY: setup run test lint measure clean
+
+setup: $(STAMP)
+
+$(STAMP): pyproject.toml constraints.txt scripts/setup.sh scripts/install-libraries.sh
+	bash scripts/install-libraries.sh
+	bash scripts/setup.sh
+	touch $(STAMP)
+
+run: setup
+	$(PYTHON) -m app $(ARGS)
+
+test: setup
+	$(PYTHON) -m pytest $(ARGS)
+
+lint: setup
+	.venv/bin/ruff check .
+	.venv/bin/mypy
+
+measure: setup
+	$(PYTHON) -m app measure -o out/measure $(ARGS)
+
+clean:
+	rm -rf .venv out build *.egg-info
