@@ -1,0 +1,44 @@
+"""Fixtures shared by all tests: data beside the checkout, a cache of its own, NumPy's float errors raised."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def _folder_beside_checkout(name: str) -> Path:
+    folder = ROOT.parent / "shared" / name
+    if not folder.is_dir():
+        pytest.skip(f"the folder ../shared/{name} is not beside this checkout")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """Meshes, light probes and measured BRDFs by others, kept beside the checkout; skips where absent."""
+    return _folder_beside_checkout("data")
+
+
+@pytest.fixture(scope="session")
+def shared_reference() -> Path:
+    """Scenes with path-traced reference pictures, kept beside the checkout; skips where absent."""
+    return _folder_beside_checkout("reference")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def cache_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """The transport cache of this run: tests never read or fill the user's own."""
+    folder = tmp_path_factory.mktemp("insitu-cache")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("INSITU_CACHE", str(folder))
+        yield folder
+
+
+@pytest.fixture(autouse=True)
+def raised_float_errors() -> Iterator[None]:
+    """NumPy raises on overflow, division by zero and invalid operations; underflow to 0 is wanted."""
+    with np.errstate(all="raise", under="ignore"):
+        yield

@@ -1,0 +1,99 @@
+"""The direction of imports (engine <- app <- ui), and what the window's process may load."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+
+# The top-level modules that the files of a package must not import.
+FORBIDDEN = {
+    "engine": {"app", "ui", "moderngl", "glcontext", "glfw", "imgui_bundle", "OpenGL", "multiprocessing"},
+    "app": {"ui", "moderngl", "glcontext", "glfw", "imgui_bundle", "OpenGL"},
+    "ui": set[str](),
+}
+COMPOSITION_ROOT = "app/__main__.py"
+
+# What the window's process imports before it shows: slow libraries would cost its 1.5 seconds.
+WINDOW_SIDE = (
+    "engine/errors.py",
+    "engine/curve/*.py",
+    "engine/material/*.py",
+    "engine/scene/description.py",
+    "engine/scene/builtin.py",
+    "app/__main__.py",
+    "app/document.py",
+    "app/commands.py",
+    "app/session.py",
+    "app/editor.py",
+    "app/script.py",
+    "app/jobs/messages.py",
+    "app/jobs/shared_arrays.py",
+    "app/jobs/channel.py",
+    "app/jobs/client.py",
+    "ui/*.py",
+    "ui/gl/*.py",
+    "ui/panels/*.py",
+)
+SLOW_LIBRARIES = ("numba", "trimesh", "scipy", "embreex", "matplotlib", "OpenEXR")
+
+
+def imported_modules(path: Path) -> list[tuple[int, str]]:
+    """(line, absolute name) of each module that a file imports, wherever in the file that stands."""
+    package = list(path.relative_to(ROOT).parent.parts)
+    found: list[tuple[int, str]] = []
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found += [(node.lineno, alias.name) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else []
+            found.append((node.lineno, ".".join([*base, *([node.module] if node.module else [])])))
+    return found
+
+
+def module_name(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def window_side_modules() -> list[str]:
+    paths = {path for pattern in WINDOW_SIDE for path in ROOT.glob(pattern) if path.name != "_kernels.py"}
+    return sorted(module_name(path) for path in paths)
+
+
+@pytest.mark.parametrize("package", sorted(FORBIDDEN))
+def test_imports_go_one_way(package: str) -> None:
+    wrong = [
+        f"{path.relative_to(ROOT)}:{line} imports {name}"
+        for path in sorted((ROOT / package).rglob("*.py"))
+        if str(path.relative_to(ROOT)) != COMPOSITION_ROOT
+        for line, name in imported_modules(path)
+        if name.split(".")[0] in FORBIDDEN[package]
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_relative_imports_are_resolved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys.modules[__name__], "ROOT", tmp_path)
+    (tmp_path / "engine" / "curve").mkdir(parents=True)
+    file = tmp_path / "engine" / "curve" / "a.py"
+    file.write_text("from ...ui import window\nfrom . import b\nfrom ..light.lights import cut\nimport app.cli\n")
+    # Three dots climb out of engine.curve to the top, one dot stays in it, two dots reach engine.
+    assert imported_modules(file) == [(1, "ui"), (2, "engine.curve"), (3, "engine.light.lights"), (4, "app.cli")]
+
+
+def test_window_process_loads_no_slow_library() -> None:
+    """One fresh interpreter imports the modules in turn and names the first of them that brings a slow library in."""
+    program = f"""
+import importlib, sys
+for name in {window_side_modules()!r}:
+    importlib.import_module(name)
+    slow = sorted(set({SLOW_LIBRARIES!r}) & set(sys.modules))
+    if slow:
+        sys.exit(f"{{name}} imports {{', '.join(slow)}}")
+"""
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
