@@ -1,0 +1,246 @@
+"""Light from far away: a latitude-longitude image of radiance, read, turned, averaged and integrated.
+
+The centre column looks along -Z, +Y is up, azimuth grows to the right towards +X. The direction of image place (u, v)
+in [0, 1] is, with theta = pi v and phi = 2 pi (u - 1/2),
+
+    d = (sin theta sin phi, cos theta, -sin theta cos phi)
+
+`rotation`, in degrees, turns the environment counter-clockwise about +Y seen from above. Radiance is linear Rec. 709.
+
+Integrals treat a texel as a patch of constant radiance with its exact solid angle, so light is never lost, not even
+that of one texel at a pole; `evaluate` interpolates between texel centres, which looks right but, integrated, would
+give a texel of the first or last row 8 % too much.
+"""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from engine.errors import LoadError
+from engine.light.image_files import read_radiance_image
+from engine.light.resampling import area_average
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+"""Rec. 709 luminance weights."""
+
+Mapping = Literal["latlong", "angular"]
+
+_N_THREADS = 2
+_BALANCING_SWEEPS = 3
+_ROOT_EDGE = math.atan(2.0)  # edge of the icosahedron, radians
+
+
+@dataclass(frozen=True, eq=False)
+class Environment:
+    """A lat-long image of radiance around the scene.
+
+    radiance: (H, W, 3) float32, finite and not negative, read-only. source: where it came from, for messages.
+    notes: one line for each thing that had to be mended while loading.
+    """
+
+    radiance: NDArray[np.float32]
+    source: str
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        image = np.array(self.radiance, dtype=np.float32, order="C")
+        if image.ndim != 3 or image.shape[2] != 3 or 0 in image.shape:
+            raise ValueError(f"radiance has shape {np.shape(self.radiance)}, expected (H, W, 3)")
+        if not np.isfinite(image).all() or (image < 0.0).any():
+            raise ValueError("radiance holds values that are negative or not finite")
+        image.flags.writeable = False
+        object.__setattr__(self, "radiance", image)
+
+    def evaluate(self, directions: ArrayLike, rotation: float = 0.0) -> NDArray[np.float32]:
+        """Radiance arriving from world `directions` (N, 3), which need not be unit; (N, 3) float32.
+
+        Bilinear between texel centres, wrapping at the seam, constant beyond the first and last row's centres.
+        """
+        d = np.asarray(directions, dtype=np.float64)
+        if d.ndim != 2 or d.shape[1] != 3:
+            raise ValueError(f"directions have shape {d.shape}, expected (N, 3)")
+        height, width, _ = self.radiance.shape
+        theta = np.arctan2(np.hypot(d[:, 0], d[:, 2]), d[:, 1])
+        phi = np.arctan2(d[:, 0], -d[:, 2]) + math.radians(rotation % 360.0)
+        column = (phi / (2.0 * math.pi) + 0.5) * width - 0.5
+        row = np.clip(theta / math.pi * height - 0.5, 0.0, height - 1.0)
+        return _bilinear(self.radiance, row, column)
+
+
+def constant_environment(radiance: ArrayLike) -> Environment:
+    """The same radiance from everywhere: a number or (3,). Raises ValueError where negative or not finite."""
+    value = np.broadcast_to(np.asarray(radiance, dtype=np.float32), (3,))
+    return Environment(value.reshape(1, 1, 3), "constant")
+
+
+def load_environment(path: str | Path, mapping: Mapping = "latlong") -> Environment:
+    """Read an OpenEXR or Radiance HDR file, as lat-long or as angular map (light probe; resampled to lat-long).
+
+    Negative values are set to 0 and counted in `notes`. What lies outside an angular map's disc is never read.
+    Raises LoadError, naming the file and what is wrong, for anything that is not a whole, finite RGB image.
+    """
+    file = Path(path)
+    if mapping not in ("latlong", "angular"):
+        raise LoadError(file, "mapping", mapping, '"latlong" or "angular"')
+    image = read_radiance_image(file)
+    if mapping == "angular":
+        if image.shape[0] != image.shape[1]:
+            raise LoadError(file, "size", f"{image.shape[1]} x {image.shape[0]}", "a square angular map")
+        image = _blackened_outside_disc(image)
+    _refuse_non_finite(file, image)
+    negative = image < 0.0
+    n_negative = int(negative.any(axis=2).sum())
+    notes = ()
+    if n_negative:
+        notes = (f"{n_negative} of {image.shape[0] * image.shape[1]} pixels had negative values, set to 0",)
+        image = np.where(negative, np.float32(0.0), image)
+    if mapping == "angular":
+        image = _angular_to_latlong(image)
+    return Environment(image, str(file), notes)
+
+
+def texel_solid_angles(height: int, width: int) -> NDArray[np.float64]:
+    """(H,) solid angle of one texel in each row: (cos theta_top - cos theta_bottom) 2 pi / W, by a stable product."""
+    middle = math.pi * (np.arange(height) + 0.5) / height
+    return 2.0 * np.sin(middle) * math.sin(0.5 * math.pi / height) * (2.0 * math.pi / width)
+
+
+@lru_cache(maxsize=4)
+def downsampled(environment: Environment, height: int) -> Environment:
+    """The environment averaged over solid angle to `height` rows, same proportions; itself where it is no larger."""
+    if height < 1:
+        raise ValueError(f"height = {height}, expected at least 1")
+    rows, columns, _ = environment.radiance.shape
+    if height >= rows:
+        return environment
+    image = area_average(environment.radiance, height, max(1, round(columns * height / rows)))
+    return Environment(image, environment.source, environment.notes)
+
+
+def triangle_integrals(
+    environment: Environment, rotation: float, level: int, coarse: bool = False
+) -> NDArray[np.float64]:
+    """The integral of L d omega over each geodesic triangle of `level`: (20 * 4^level, 3) float64.
+
+    Each texel is cut into samples at most a quarter of a triangle's edge apart (a map that is finer is first averaged),
+    and every sample's solid angle goes to its triangle. Binning alone would leave a constant sky uneven, so the
+    samples' solid angles are balanced: scaled in turn until each triangle holds its true solid angle and each texel its
+    own (iterative proportional fitting). The texels come last, so no light is lost or made; the result is linear in L.
+
+    coarse: fewer samples and no balancing, some six times faster, total still kept; for while a rotation is dragged.
+    """
+    # Imported here: this module also serves processes that only show environments and must start without the compiler.
+    from engine.light import _kernels
+    from engine.sphere.geodesic import descent_tables, geodesic
+
+    sphere = geodesic(level)
+    spacing = _ROOT_EDGE / 2**level / (2.0 if coarse else 4.0)
+    image = downsampled(environment, math.ceil(math.pi / spacing)).radiance
+    height, width, _ = image.shape
+    n_phi, row_start = _sample_layout(height, width, spacing)
+    triangle = np.empty(row_start[-1], np.int32)
+    weight = np.empty(row_start[-1])
+    texel = texel_solid_angles(height, width)
+    cuts = np.searchsorted(row_start, np.linspace(0, row_start[-1], _N_THREADS + 1))
+    parts = [(int(a), int(b)) for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
+    turn, d_theta = math.radians(rotation % 360.0), math.pi / height
+    roots, planes = descent_tables(level)
+
+    with ThreadPoolExecutor(_N_THREADS) as pool:
+
+        def add_up(kernel, columns: tuple[int, ...]) -> NDArray[np.float64]:
+            partial = [np.zeros((sphere.n_triangles, *columns)) for _ in parts]
+            list(pool.map(kernel, parts, partial))
+            return sum(partial[1:], partial[0])
+
+        sums = add_up(
+            lambda rows, out: _kernels.place_samples(
+                rows, width, n_phi.shape[1], n_phi, row_start, d_theta, turn, level, roots, planes, triangle, weight, out
+            ),
+            (),
+        )
+        for _ in range(0 if coarse else _BALANCING_SWEEPS):
+            factor = np.divide(sphere.solid_angles, sums, out=np.ones_like(sums), where=sums > 0.0)
+            sums = add_up(
+                lambda rows, out, factor=factor: _kernels.balance_weights(
+                    rows, width, row_start, texel, factor, triangle, weight, out
+                ),
+                (),
+            )
+        return add_up(
+            lambda rows, out: _kernels.gather_radiance(rows, image, row_start, triangle, weight, out),
+            (3,),
+        )
+
+
+def tone_mapped_thumbnail(environment: Environment, width: int) -> NDArray[np.uint8]:
+    """A small picture of the environment for a panel: (max(1, width // 2), width, 3) uint8, sRGB.
+
+    Exposed so that the mean luminance, with the brightest twentieth left out, becomes 0.18; compressed by
+    x (1 + x / 16) / (1 + x) [Reinhard02]. A black environment stays black.
+    """
+    if width < 1:
+        raise ValueError(f"width = {width}, expected at least 1")
+    small = area_average(environment.radiance, max(1, width // 2), width).astype(np.float64)
+    luminance = np.sort((small @ LUMINANCE).ravel())
+    mean = luminance[: max(1, int(0.95 * luminance.size))].mean()
+    exposed = small * (0.18 / mean) if mean > 0.0 else small
+    mapped = np.clip(exposed * (1.0 + exposed / 16.0) / (1.0 + exposed), 0.0, 1.0)
+    encoded = np.where(mapped <= 0.0031308, 12.92 * mapped, 1.055 * mapped ** (1.0 / 2.4) - 0.055)
+    return np.round(255.0 * encoded).astype(np.uint8)
+
+
+def _bilinear(image: NDArray[np.float32], row: NDArray, column: NDArray) -> NDArray[np.float32]:
+    height, width, _ = image.shape
+    top, left = np.floor(row).astype(np.int64), np.floor(column).astype(np.int64)
+    down, right = (row - top)[:, None].astype(np.float32), (column - left)[:, None].astype(np.float32)
+    bottom = np.minimum(top + 1, height - 1)
+    left, after = left % width, (left + 1) % width
+    upper = image[top, left] * (1 - right) + image[top, after] * right
+    lower = image[bottom, left] * (1 - right) + image[bottom, after] * right
+    return upper * (1 - down) + lower * down
+
+
+def _sample_layout(height: int, width: int, spacing: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Samples across a texel for each of its sub-rows (H, n_theta), and the first sample of each row (H + 1,)."""
+    n_theta = math.ceil(math.pi / height / spacing)
+    middle = math.pi * (np.arange(height * n_theta) + 0.5) / (height * n_theta)
+    n_phi = np.ceil(np.sin(middle) * (2.0 * math.pi / width / spacing)).astype(np.int64).reshape(height, n_theta)
+    return n_phi, np.concatenate([[0], np.cumsum(n_phi.sum(axis=1) * width)])
+
+
+def _refuse_non_finite(file: Path, image: NDArray[np.float32]) -> None:
+    bad = ~np.isfinite(image)
+    if bad.any():
+        row, column, channel = (int(i) for i in np.argwhere(bad)[0])
+        value = f"{image[row, column, channel]} ({int(bad.any(axis=2).sum())} such pixels)"
+        raise LoadError(file, f"pixel in row {row}, column {column}, channel {'RGB'[channel]}", value, "a finite radiance")
+
+
+def _blackened_outside_disc(image: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Outside the disc an angular map holds captions and rubbish; it must not count as light, nor as a fault."""
+    size = image.shape[0]
+    place = (2.0 * np.arange(size) + 1.0) / size - 1.0
+    inside = place[:, None] ** 2 + place[None, :] ** 2 <= 1.0
+    return np.where(inside[..., None], image, np.float32(0.0))
+
+
+def _angular_to_latlong(image: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Resample a square angular map: centre -Z, +X right, +Y up, radius = angle from -Z / pi [Debevec98].
+
+    Half as many rows as the map has, which is the map's own resolution in angle, with 4 x 4 samples a texel.
+    """
+    from engine.light import _kernels  # late, as in triangle_integrals
+
+    height = max(1, (image.shape[0] + 1) // 2)
+    latlong = np.empty((height, 2 * height, 3), np.float32)
+    _kernels.resample_angular(image, 4, latlong)
+    return latlong
