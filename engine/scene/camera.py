@@ -1,0 +1,47 @@
+"""The pinhole camera: rays through pixel centres, or anywhere else in a pixel.
+
+right = forward × up, true up = right × forward; the picture's height spans `fov_y`, its width follows the
+resolution's aspect. Pixel (0, 0) is the upper left.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.scene.description import CameraDescription
+
+
+def camera_frame(camera: CameraDescription) -> npt.NDArray[np.float64]:
+    """Rows right, up, forward of the camera, orthonormal (3, 3)."""
+    forward = np.subtract(camera.target, camera.position)
+    forward = forward / np.linalg.norm(forward)
+    right = np.cross(forward, np.divide(camera.up, np.linalg.norm(camera.up)))
+    right /= np.linalg.norm(right)
+    return np.stack([right, np.cross(right, forward), forward])
+
+
+def pixel_directions(
+    camera: CameraDescription, resolution: tuple[int, int], columns: npt.ArrayLike, rows: npt.ArrayLike
+) -> npt.NDArray[np.float32]:
+    """Unit directions (..., 3) through the picture's points (columns, rows), in pixels from the upper left corner.
+
+    A pixel's centre stands at its index plus ½. resolution is (width, height).
+    """
+    width, height = resolution
+    half = math.tan(math.radians(camera.fov_y) / 2)
+    x = (np.asarray(columns, np.float64) / width * 2 - 1) * half * width / height
+    y = (1 - np.asarray(rows, np.float64) / height * 2) * half
+    right, up, forward = camera_frame(camera)
+    directions = forward + x[..., None] * right + y[..., None] * up
+    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    return directions.astype(np.float32)
+
+
+def centre_directions(camera: CameraDescription, resolution: tuple[int, int]) -> npt.NDArray[np.float32]:
+    """Unit directions (H, W, 3) through all pixel centres, row 0 at the top."""
+    width, height = resolution
+    columns, rows = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+    return pixel_directions(camera, resolution, columns, rows)

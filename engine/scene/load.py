@@ -1,0 +1,166 @@
+"""From a scene file to arrays: meshes read, placed in the world and joined, with notes on what was odd in them.
+
+A `Scene` is frozen and knows no library: one vertex and one triangle array for everything, the triangles of object i in
+a contiguous range. A scene that stands far from the world's origin would lose its small parts to float32; its arrays
+are then relative to `Scene.origin`, the camera included.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.errors import LoadError
+from engine.scene.defects import count_defects
+from engine.scene.description import SceneDescription, load_description
+from engine.scene.files import resolve_inside
+from engine.scene.mesh import Mesh, face_normals, normalize, smooth_normals
+from engine.scene.parts import ObjectMesh, object_meshes
+
+MAX_EXTENT = 1e9
+MAX_TRIANGLES = 50_000_000
+_FAR = 16.0
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything geometric, ready for rays. V vertices, T triangles, M objects; lengths in metres.
+
+    vertices (V, 3) and normals (V, 3, unit) float32 in the world less `origin`; triangles (T, 3) int32, counter-clockwise
+    seen from the front; object_of_triangle (T,) int32; triangle_ranges (M, 2); geometric_normals (T, 3) float32;
+    smooth (M,) bool: whether normals are interpolated; emission (M, 3) float32, zero where nothing shines.
+    """
+
+    description: SceneDescription
+    folder: Path
+    resolution: tuple[int, int]
+    vertices: npt.NDArray[np.float32]
+    normals: npt.NDArray[np.float32]
+    triangles: npt.NDArray[np.int32]
+    object_of_triangle: npt.NDArray[np.int32]
+    triangle_ranges: npt.NDArray[np.int32]
+    geometric_normals: npt.NDArray[np.float32]
+    smooth: npt.NDArray[np.bool_]
+    emission: npt.NDArray[np.float32]
+    origin: npt.NDArray[np.float64]
+    environment_path: Path | None = None
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def emitters(self) -> npt.NDArray[np.bool_]:
+        """Which objects shine (M,)."""
+        return self.emission.any(axis=1)
+
+    @property
+    def eye(self) -> npt.NDArray[np.float64]:
+        """The camera's position in the frame of the arrays (3,)."""
+        return np.subtract(self.description.camera.position, self.origin)
+
+
+def load_scene(path: str | Path, resolution: tuple[int, int] | None = None) -> Scene:
+    """Read a scene file and its meshes; `resolution` = (width, height) replaces the file's. Raises LoadError."""
+    path = Path(path)
+    return build_scene(load_description(path), path, resolution)
+
+
+def build_scene(description: SceneDescription, path: Path, resolution: tuple[int, int] | None = None) -> Scene:
+    """The scene of a description that was read from (or would stand at) `path`."""
+    folder = path.parent
+    environment_path = None
+    if description.environment is not None and description.environment.file is not None:
+        environment_path = resolve_inside(folder, description.environment.file, path, "environment: file")
+    items, notes = object_meshes(description, folder, path)
+    placed, place_notes = _place_all(items, path)
+    description = description.model_copy(update={"objects": tuple(item.description for item in items)})
+    vertices, origin = _recentre([mesh.vertices for mesh in placed], path)
+    triangles, ranges, starts = _join_triangles(placed, path)
+    geometric, _ = face_normals(vertices, triangles)
+    counts = ranges[:, 1] - ranges[:, 0]
+    objects = description.objects
+    emission = np.array([o.emission if o.emission is not None else (0.0, 0.0, 0.0) for o in objects], np.float32)
+    return Scene(
+        description=description,
+        folder=folder,
+        resolution=resolution or description.camera.resolution,
+        vertices=vertices,
+        normals=np.concatenate([mesh.normals for mesh in placed]).astype(np.float32),  # type: ignore[arg-type]
+        triangles=triangles,
+        object_of_triangle=np.repeat(np.arange(len(objects), dtype=np.int32), counts),
+        triangle_ranges=ranges,
+        geometric_normals=geometric.astype(np.float32),
+        smooth=np.array([o.smooth for o in objects]),
+        emission=emission,
+        origin=origin,
+        environment_path=environment_path,
+        notes=tuple(notes + place_notes + _layer_notes(description)),
+    )
+
+
+def _place_all(items: list[ObjectMesh], path: Path) -> tuple[list[Mesh], list[str]]:
+    """Every object's mesh in world coordinates (float64), and what was odd about it."""
+    placed, notes = [], []
+    for item in items:
+        mesh = place_mesh(item.mesh, np.reshape(item.description.transform, (4, 4)))
+        extent = float(np.abs(mesh.vertices).max())
+        where = f"object {item.description.name!r}"
+        if not extent <= MAX_EXTENT:
+            raise LoadError(path, f"{where}: coordinates after its transform", f"{extent:g}", f"at most {MAX_EXTENT:g} m")
+        defects = count_defects(mesh)
+        mesh = Mesh(mesh.vertices, mesh.triangles[defects.solid], mesh.normals)
+        if not len(mesh.triangles):
+            raise LoadError(path, f"{where}: faces with an area", 0, "at least one")
+        placed.append(mesh)
+        notes += [f"{item.description.name}: {line}" for line in defects.notes()]
+    return placed, notes
+
+
+def place_mesh(mesh: Mesh, matrix: npt.NDArray[np.float64]) -> Mesh:
+    """The mesh under an affine transform, with unit normals.
+
+    Normals go with the inverse transpose (here the cofactor matrix det(A) A⁻ᵀ, which needs no division). A mirroring
+    transform turns the winding round, so that fronts stay fronts and geometric and vertex normals agree.
+    """
+    linear = matrix[:3, :3]
+    vertices = mesh.vertices @ linear.T + matrix[:3, 3]
+    cofactor = np.cross(linear[[1, 2, 0]], linear[[2, 0, 1]])
+    mirrored = np.dot(linear[0], cofactor[0]) < 0.0
+    triangles = mesh.triangles[:, ::-1] if mirrored else mesh.triangles
+    own = smooth_normals(vertices, triangles)
+    if mesh.normals is None:
+        return Mesh(vertices, triangles, own)
+    cofactor = cofactor / np.abs(cofactor).max() * (-1.0 if mirrored else 1.0)
+    return Mesh(vertices, triangles, normalize(mesh.normals @ cofactor.T, fallback=own))
+
+
+def _recentre(vertices: list[npt.NDArray[np.float64]], path: Path) -> tuple[npt.NDArray[np.float32], npt.NDArray]:
+    """All vertices as float32 and the origin they are relative to: zero unless the scene stands far off.
+
+    Far is a centre more than 16 times the scene's half extent away; each such factor of two costs a bit of float32.
+    """
+    joined = np.concatenate(vertices)
+    low, high = joined.min(axis=0), joined.max(axis=0)
+    centre, half = (low + high) / 2, float((high - low).max()) / 2
+    if not half > 0.0 or not half >= 1e-9:
+        raise LoadError(path, "extent of the scene", f"{2 * half:g} m", "at least 2e-09 m")
+    origin = centre if np.abs(centre).max() > _FAR * half else np.zeros(3)
+    return (joined - origin).astype(np.float32), origin
+
+
+def _join_triangles(placed: list[Mesh], path: Path) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32], list[int]]:
+    """Triangles over the joined vertices, the range (M, 2) of each object, and where its vertices start."""
+    total = sum(len(mesh.triangles) for mesh in placed)
+    if total > MAX_TRIANGLES:
+        raise LoadError(path, "triangles", total, f"at most {MAX_TRIANGLES}")
+    starts = np.cumsum([0] + [len(mesh.vertices) for mesh in placed])[:-1].tolist()
+    triangles = np.concatenate([mesh.triangles + start for mesh, start in zip(placed, starts)]).astype(np.int32)
+    ends = np.cumsum([len(mesh.triangles) for mesh in placed])
+    ranges = np.stack([np.concatenate([[0], ends[:-1]]), ends], axis=1).astype(np.int32)
+    return np.ascontiguousarray(triangles), ranges, starts
+
+
+def _layer_notes(description: SceneDescription) -> list[str]:
+    """What the description says that will not be seen."""
+    return [f"{o.name}: shines, so its layers are not shown" for o in description.objects if o.emits and o.layers]

@@ -1,0 +1,114 @@
+"""Triangle meshes as arrays, the one door through which geometry files come in, and the normals they lack.
+
+`read_mesh` dispatches on the file's name to a strict reader. Nothing but a `Mesh` leaves it, and every `Mesh` has passed
+`validate_mesh`: finite, indices in range, small enough to square. Own readers stand where a general library loads
+invalid files silently (indices out of range, counts that do not match, NaN) or follows names to other files.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.errors import LoadError
+from engine.scene.files import read_regular_file
+
+MAX_MESH_BYTES = 512 * 2**20
+MAX_COORDINATE = 1e12
+
+Floats = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Vertices (V, 3) float64, normals (V, 3) float64 of any length or None, triangles (T, 3) int32 by right hand."""
+
+    vertices: Floats
+    triangles: Indices
+    normals: Floats | None = None
+
+
+def read_mesh(path: Path) -> Mesh:
+    """The triangles of an OBJ or PLY file; raises LoadError. GLB files have materials too: `gltf.read_glb`."""
+    from engine.scene.obj import parse_obj
+    from engine.scene.ply import parse_ply
+
+    parsers = {".ply": parse_ply, ".obj": parse_obj}
+    parse = parsers.get(path.suffix.lower())
+    if parse is None:
+        raise LoadError(path, "type", path.suffix or path.name, "a mesh of type .ply, .obj or .glb")
+    return validate_mesh(parse(read_regular_file(path, MAX_MESH_BYTES), path), path)
+
+
+def validate_mesh(mesh: Mesh, file: Path) -> Mesh:
+    """The mesh itself if it can be used; raises LoadError naming the first vertex or face that cannot."""
+    if not len(mesh.triangles):
+        raise LoadError(file, "faces", 0, "at least one face")
+    usable = np.abs(mesh.vertices) <= MAX_COORDINATE  # false for NaN too
+    if not usable.all():
+        k = int(np.argmin(usable.all(axis=1)))
+        raise LoadError(file, f"vertex {k}", mesh.vertices[k].tolist(), f"finite numbers up to {MAX_COORDINATE:g}")
+    inside = (mesh.triangles >= 0) & (mesh.triangles < len(mesh.vertices))
+    if not inside.all():
+        k = int(np.argmin(inside.all(axis=1)))
+        raise LoadError(file, f"face {k}", mesh.triangles[k].tolist(), f"indices from 0 to {len(mesh.vertices) - 1}")
+    if mesh.normals is not None and not np.isfinite(mesh.normals).all():
+        k = int(np.argmin(np.isfinite(mesh.normals).all(axis=1)))
+        raise LoadError(file, f"normal {k}", mesh.normals[k].tolist(), "finite numbers")
+    return mesh
+
+
+def fan_triangles(corners: npt.NDArray[np.int32], lengths: npt.NDArray[np.int64]) -> npt.NDArray[np.int32]:
+    """Triangles (a, b, c), (a, c, d)… of polygons whose corners stand one after the other."""
+    starts = np.cumsum(lengths) - lengths
+    fans = lengths - 2
+    first = np.repeat(starts, fans)
+    step = np.arange(fans.sum()) - np.repeat(np.cumsum(fans) - fans, fans)
+    return np.stack([corners[first], corners[first + step + 1], corners[first + step + 2]], axis=1)
+
+
+def face_normals(vertices: npt.NDArray[np.floating], triangles: Indices) -> tuple[Floats, npt.NDArray[np.bool_]]:
+    """Unit normals (T, 3) by winding, and which faces have an area at all (the others get a zero normal).
+
+    A face counts as having none when |e1 × e2| ≤ 1e-12 · (longest edge)².
+    """
+    corners = vertices[triangles].astype(np.float64)
+    edges = corners[:, (1, 2, 0)] - corners
+    cross = np.cross(edges[:, 0], edges[:, 1])
+    length = np.linalg.norm(cross, axis=1)
+    longest = (edges**2).sum(axis=2).max(axis=1)
+    solid = length > 1e-12 * longest
+    normals = np.zeros_like(cross)
+    normals[solid] = cross[solid] / length[solid, None]
+    return normals, solid
+
+
+def smooth_normals(vertices: npt.NDArray[np.floating], triangles: Indices) -> Floats:
+    """Unit vertex normals (V, 3): face normals weighted by the angle at the vertex [ThurmerWuthrich98].
+
+    Vertices without a face, or whose faces cancel, get +Y.
+    """
+    flat, _ = face_normals(vertices, triangles)
+    corners = vertices[triangles].astype(np.float64)
+    total = np.zeros((len(vertices), 3))
+    for k in range(3):
+        one = corners[:, (k + 1) % 3] - corners[:, k]
+        two = corners[:, (k + 2) % 3] - corners[:, k]
+        angle = np.arctan2(np.linalg.norm(np.cross(one, two), axis=1), (one * two).sum(axis=1))
+        for axis in range(3):
+            total[:, axis] += np.bincount(triangles[:, k], flat[:, axis] * angle, len(vertices))
+    return normalize(total, fallback=(0.0, 1.0, 0.0))
+
+
+def normalize(vectors: Floats, fallback: tuple[float, float, float] | Floats) -> Floats:
+    """Vectors (N, 3) at unit length; those shorter than 1e-12 of the longest become the fallback."""
+    scale = np.abs(vectors).max(axis=1, keepdims=True) if len(vectors) else np.zeros((0, 1))
+    short = scale[:, 0] <= 1e-12 * scale.max(initial=0.0)
+    shrunk = vectors / np.where(scale > 0, scale, 1.0)  # squares neither overflow nor underflow
+    length = np.linalg.norm(shrunk, axis=1, keepdims=True)
+    unit = shrunk / np.where(length > 0, length, 1.0)
+    return np.where(short[:, None], np.asarray(fallback, np.float64), unit)

@@ -1,0 +1,93 @@
+"""The mesh of every object of a description; a GLB file brings its own materials.
+
+An object that names a GLB and gives no layers takes the file's: one material, and its layers become the object's; more,
+and the object becomes one object a material, each marked with its `part` so that it reads back as what it is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from engine.errors import LoadError
+from engine.scene.description import MAX_OBJECTS, ObjectDescription, SceneDescription
+from engine.scene.files import resolve_inside
+from engine.scene.mesh import Mesh, read_mesh
+from engine.scene.primitives import PRIMITIVES
+
+if TYPE_CHECKING:
+    from engine.scene.gltf import GlbModel
+
+
+@dataclass(frozen=True)
+class ObjectMesh:
+    """An object's description, with layers, and its mesh in its own frame."""
+
+    description: ObjectDescription
+    mesh: Mesh
+
+
+def object_meshes(description: SceneDescription, folder: Path, path: Path) -> tuple[list[ObjectMesh], list[str]]:
+    """All objects with their meshes, each file read once, and notes; raises LoadError."""
+    items: list[ObjectMesh] = []
+    notes: list[str] = []
+    meshes: dict[Path, Mesh] = {}
+    models: dict[Path, GlbModel] = {}
+    taken = {item.name for item in description.objects}
+    for item in description.objects:
+        if item.mesh is None:
+            items.append(ObjectMesh(item, PRIMITIVES[str(item.primitive)]()))
+            continue
+        file = resolve_inside(folder, item.mesh, path, f"object {item.name!r}: mesh")
+        if file.suffix.lower() != ".glb":
+            if item.part is not None:
+                raise LoadError(path, f"object {item.name!r}: part", item.part, "no part: only GLB files have them")
+            meshes[file] = meshes.get(file) or read_mesh(file)
+            items.append(ObjectMesh(item, meshes[file]))
+        else:
+            if file not in models:
+                from engine.scene.gltf import read_glb
+
+                models[file] = read_glb(file)
+                notes += [f"{item.name}: {note}" for note in models[file].notes]
+            items += _glb_objects(item, models[file], path, taken)
+    if len(items) > MAX_OBJECTS:
+        raise LoadError(path, "objects", len(items), f"at most {MAX_OBJECTS}")
+    return items, notes
+
+
+def _glb_objects(item: ObjectDescription, model: GlbModel, path: Path, taken: set[str]) -> list[ObjectMesh]:
+    """The object or, without layers of its own, one object a material of the file."""
+    if item.part is not None and item.part >= len(model.parts):
+        raise LoadError(path, f"object {item.name!r}: part", item.part, f"a part from 0 to {len(model.parts) - 1}")
+    chosen = range(len(model.parts)) if item.part is None else [item.part]
+    if item.layers or item.emits:
+        return [ObjectMesh(item, _join([model.parts[k].mesh for k in chosen]))]
+    if len(chosen) == 1:
+        part = model.parts[chosen[0]]
+        return [ObjectMesh(item.model_copy(update={"layers": part.layers}), part.mesh)]
+    return [ObjectMesh(item.model_copy(update={"name": _free_name(item.name, k, taken), "part": k,
+                                               "layers": model.parts[k].layers}), model.parts[k].mesh) for k in chosen]
+
+
+def _free_name(name: str, part: int, taken: set[str]) -> str:
+    """`name part`, with more behind it if that is taken."""
+    candidate = f"{name[:48]} {part + 1}"
+    while candidate in taken:
+        candidate += "+"
+    taken.add(candidate)
+    return candidate
+
+
+def _join(meshes: list[Mesh]) -> Mesh:
+    """Several meshes as one; normals only if all have them."""
+    starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
+    normals = [mesh.normals for mesh in meshes if mesh.normals is not None]
+    return Mesh(
+        np.concatenate([mesh.vertices for mesh in meshes]),
+        np.concatenate([mesh.triangles + int(start) for mesh, start in zip(meshes, starts)]).astype(np.int32),
+        np.concatenate(normals) if len(normals) == len(meshes) else None,
+    )

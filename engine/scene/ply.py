@@ -1,0 +1,308 @@
+"""A strict reader of PLY files (ASCII, binary little and big endian).
+
+Every count in the header is held against the bytes that are there before anything is allocated, so a truncated file,
+a negative count and a header that claims 10⁹ vertices all end in one line that says which. Polygons become fans of
+triangles; properties other than x y z, nx ny nz and the face's vertex indices are stepped over.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.errors import LoadError
+from engine.scene.mesh import Mesh, fan_triangles
+
+_MAX_HEADER = 65536
+_MAX_COUNT = 2**31 - 1
+_TYPES = {"char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
+          "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
+          "double": "f8", "float64": "f8"}
+_FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+
+Column = npt.NDArray[np.float64] | npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class _Property:
+    name: str
+    type: str
+    count_type: str | None = None  # set for lists
+
+
+@dataclass
+class _Element:
+    name: str
+    count: int
+    properties: list[_Property]
+
+    def has_lists(self) -> bool:
+        """Whether its rows differ in length."""
+        return any(p.count_type for p in self.properties)
+
+
+@dataclass
+class _Lists:
+    """Rows of different length: the lengths (N,) and all values one after the other."""
+
+    lengths: npt.NDArray[np.int64]
+    values: npt.NDArray[np.float64]
+
+
+def parse_ply(data: bytes, file: Path) -> Mesh:
+    """The mesh in the bytes of a PLY file; raises LoadError naming the line, element or byte."""
+    elements, byte_order, body = _parse_header(data, file)
+    if byte_order:
+        columns = _read_binary(data, body, elements, byte_order, file)
+    else:
+        columns = _read_ascii(data, body, elements, file)
+    vertices = _vectors(columns, "vertex", "x y z", file)
+    normals = _vectors(columns, "vertex", "nx ny nz", file) if ("vertex", "nx") in columns else None
+    faces = columns.get(("face", "vertex_indices"), columns.get(("face", "vertex_index")))
+    if not isinstance(faces, _Lists):
+        raise LoadError(file, "element face", "no list vertex_indices", "a list of vertex indices")
+    return Mesh(vertices, _triangulate(faces, len(vertices), file), normals)
+
+
+def _parse_header(data: bytes, file: Path) -> tuple[list[_Element], str, int]:
+    """Elements, byte order ("" for ASCII) and where the body starts."""
+    if not data.startswith((b"ply\n", b"ply\r")):
+        raise LoadError(file, "first line", data[:16].decode("ascii", "replace"), "ply")
+    end = data.find(b"end_header", 0, _MAX_HEADER)
+    body = data.find(b"\n", end) + 1
+    if end < 0 or body <= 0:
+        raise LoadError(file, "header", "no end_header", f"end_header within {_MAX_HEADER} bytes")
+    elements: list[_Element] = []
+    byte_order: str | None = None
+    for number, line in enumerate(data[:end].decode("ascii", "replace").splitlines()[1:], start=2):
+        words = line.split()
+        if not words or words[0] in ("comment", "obj_info"):
+            continue
+        if words[0] == "format" and len(words) == 3 and words[1] in _FORMATS and words[2] == "1.0":
+            byte_order = _FORMATS[words[1]]
+        elif words[0] == "element" and len(words) == 3:
+            elements.append(_Element(words[1], _parse_count(words[2], number, file), []))
+        elif words[0] == "property" and elements and (found := _parse_property(words)):
+            elements[-1].properties.append(found)
+        else:
+            raise LoadError(file, f"line {number}", line, "a PLY 1.0 format, element or property")
+    if byte_order is None:
+        raise LoadError(file, "header", "no format", "format ascii, binary_little_endian or binary_big_endian")
+    return elements, byte_order, body
+
+
+def _parse_count(word: str, number: int, file: Path) -> int:
+    """How many rows an element claims."""
+    count = int(word) if word.removeprefix("-").isdecimal() and len(word) < 20 else None
+    if count is None or not 0 <= count <= _MAX_COUNT:
+        raise LoadError(file, f"line {number}: count", word, f"a number from 0 to {_MAX_COUNT}")
+    return count
+
+
+def _parse_property(words: list[str]) -> _Property | None:
+    """`property TYPE NAME` or `property list TYPE TYPE NAME`, None if it is neither."""
+    if len(words) == 3 and words[1] in _TYPES:
+        return _Property(words[2], _TYPES[words[1]])
+    if len(words) == 5 and words[1] == "list" and words[2] in _TYPES and words[3] in _TYPES:
+        if _TYPES[words[2]][0] != "f":
+            return _Property(words[4], _TYPES[words[3]], _TYPES[words[2]])
+    return None
+
+
+def _read_binary(data: bytes, start: int, elements: list[_Element], order: str, file: Path) -> dict:
+    """All columns of a binary body, by (element, property)."""
+    columns: dict[tuple[str, str], Column | _Lists] = {}
+    for element in elements:
+        if not element.has_lists():
+            found, start = _read_rows(data, start, element, order, {}, file)
+        else:
+            found, start = _read_list_rows(data, start, element, order, file)
+        columns |= found
+    if start != len(data):
+        raise LoadError(file, "size", f"{len(data)} bytes", f"{start} bytes, as the header counts")
+    return columns
+
+
+def _row_type(element: _Element, order: str, lengths: dict[str, int]) -> np.dtype:
+    """The layout of one row when every list has a known length."""
+    fields: list[tuple] = []
+    for i, p in enumerate(element.properties):
+        if p.count_type:
+            fields += [(f"n{i}", order + p.count_type), (f"v{i}", order + p.type, (lengths[p.name],))]
+        else:
+            fields.append((f"v{i}", order + p.type))
+    return np.dtype(fields)
+
+
+def _read_rows(data: bytes, start: int, element: _Element, order: str, lengths: dict[str, int], file: Path) -> tuple:
+    """Columns of an element whose rows all have one layout, and where the next element starts."""
+    if not element.properties:
+        return {}, start
+    layout = _row_type(element, order, lengths)
+    end = start + layout.itemsize * element.count
+    if end > len(data):
+        _truncated(data, start, element, layout.itemsize, file)
+    rows = np.frombuffer(data, layout, element.count, start)
+    columns: dict[tuple[str, str], Column | _Lists] = {}
+    for i, p in enumerate(element.properties):
+        values = rows[f"v{i}"].astype(np.float64)
+        if p.count_type:
+            columns[element.name, p.name] = _Lists(rows[f"n{i}"].astype(np.int64), values.reshape(-1))
+        else:
+            columns[element.name, p.name] = values
+    return columns, end
+
+
+def _read_list_rows(data: bytes, start: int, element: _Element, order: str, file: Path) -> tuple:
+    """An element with lists: at one stride if the first row's lengths hold for all, else row by row."""
+    if not element.count:
+        return {(element.name, p.name): _Lists(np.zeros(0, np.int64), np.zeros(0)) for p in element.properties}, start
+    lengths, first_end = _first_lengths(data, start, element, order, file)
+    if start + (first_end - start) * element.count <= len(data):
+        columns, end = _read_rows(data, start, element, order, lengths, file)
+        uniform = (columns[element.name, p.name].lengths == lengths[p.name] for p in element.properties if p.count_type)
+        if all(same.all() for same in uniform):
+            return columns, end
+    return _walk_rows(data, start, element, order, file)
+
+
+def _first_lengths(data: bytes, start: int, element: _Element, order: str, file: Path) -> tuple[dict[str, int], int]:
+    """The list lengths of the row at `start`, and where that row ends."""
+    lengths: dict[str, int] = {}
+    for p in element.properties:
+        if p.count_type:
+            lengths[p.name] = int(_scalar(data, start, order + p.count_type, element, file))
+            start += np.dtype(p.count_type).itemsize
+        start += np.dtype(p.type).itemsize * max(0, lengths.get(p.name, 1))
+        if start > len(data) or lengths.get(p.name, 0) < 0:
+            raise LoadError(file, f"element {element.name}: list {p.name} of its first row",
+                            lengths.get(p.name, 1), "a length that fits the file")
+    return lengths, start
+
+
+def _walk_rows(data: bytes, start: int, element: _Element, order: str, file: Path) -> tuple:
+    """An element with lists of different lengths, one row at a time."""
+    counts: dict[str, list[int]] = {p.name: [] for p in element.properties}
+    values: dict[str, list[npt.NDArray]] = {p.name: [] for p in element.properties}
+    if element.count > len(data) - start:
+        _truncated(data, start, element, 1, file)
+    for _ in range(element.count):
+        for p in element.properties:
+            n = 1
+            if p.count_type:
+                n = int(_scalar(data, start, order + p.count_type, element, file))
+                start += np.dtype(p.count_type).itemsize
+            size = np.dtype(p.type).itemsize * n
+            if n < 0 or start + size > len(data):
+                raise LoadError(file, f"element {element.name}: row {len(counts[p.name])}", f"a list of {n}",
+                                f"a length that fits the file of {len(data)} bytes")
+            counts[p.name].append(n)
+            values[p.name].append(np.frombuffer(data, order + p.type, n, start))
+            start += size
+    columns = {}
+    for p in element.properties:
+        flat = np.concatenate(values[p.name]).astype(np.float64)
+        columns[element.name, p.name] = _Lists(np.array(counts[p.name], np.int64), flat) if p.count_type else flat
+    return columns, start
+
+
+def _scalar(data: bytes, start: int, layout: str, element: _Element, file: Path) -> int:
+    """One value at a byte offset."""
+    if start + np.dtype(layout).itemsize > len(data):
+        _truncated(data, start, element, np.dtype(layout).itemsize, file)
+    return np.frombuffer(data, layout, 1, start)[0]
+
+
+def _truncated(data: bytes, start: int, element: _Element, row: int, file: Path) -> NoReturn:
+    """Says that an element claims more rows than there are bytes for."""
+    raise LoadError(file, f"element {element.name}", f"{element.count} rows, truncated at byte {len(data)}",
+                    f"at most {max(0, len(data) - start) // row} rows in the bytes that are there")
+
+
+def _read_ascii(data: bytes, start: int, elements: list[_Element], file: Path) -> dict:
+    """All columns of an ASCII body, one row a line."""
+    first = data.count(b"\n", 0, start) + 1
+    lines = [(first + i, words) for i, line in enumerate(data[start:].split(b"\n")) if (words := line.split())]
+    claimed = sum(e.count for e in elements if e.properties)
+    if claimed != len(lines):
+        raise LoadError(file, "rows in the body", len(lines), f"{claimed} rows, as the header counts")
+    columns: dict[tuple[str, str], Column | _Lists] = {}
+    at = 0
+    for element in (e for e in elements if e.properties):
+        rows = lines[at : at + element.count]
+        columns |= _ascii_lists(rows, element, file) if element.has_lists() else _ascii_rows(rows, element, file)
+        at += element.count
+    return columns
+
+
+def _ascii_rows(rows: list[tuple[int, list[bytes]]], element: _Element, file: Path) -> dict:
+    """The columns of lines with one number a property."""
+    width = len(element.properties)
+    table = np.empty((len(rows), width))
+    for i, (number, words) in enumerate(rows):
+        if len(words) != width:
+            raise LoadError(file, f"line {number}", _join(words), f"{width} numbers")
+        table[i] = _numbers(words, number, file)
+    return {(element.name, p.name): table[:, i] for i, p in enumerate(element.properties)}
+
+
+def _ascii_lists(rows: list[tuple[int, list[bytes]]], element: _Element, file: Path) -> dict:
+    """The columns of lines that hold lists."""
+    counts: dict[str, list[int]] = {p.name: [] for p in element.properties}
+    values: dict[str, list[float]] = {p.name: [] for p in element.properties}
+    for number, words in rows:
+        numbers, at = _numbers(words, number, file), 0
+        for p in element.properties:
+            n = 1
+            if p.count_type:
+                n = int(numbers[at]) if at < len(numbers) and numbers[at].is_integer() else -1
+                at += 1
+            if n < 0 or at + n > len(numbers):
+                raise LoadError(file, f"line {number}", _join(words), "a list length and as many numbers")
+            counts[p.name].append(n)
+            values[p.name] += numbers[at : at + n]
+            at += n
+        if at != len(numbers):
+            raise LoadError(file, f"line {number}", _join(words), f"{at} numbers")
+    return {(element.name, p.name): _Lists(np.array(counts[p.name], np.int64), np.array(values[p.name], np.float64))
+            for p in element.properties}
+
+
+def _numbers(words: list[bytes], number: int, file: Path) -> list[float]:
+    """The numbers of a line; Python's own underscores are no numbers here."""
+    try:
+        if any(b"_" in word for word in words):
+            raise ValueError
+        return [float(word) for word in words]
+    except ValueError:
+        raise LoadError(file, f"line {number}", _join(words), "numbers") from None
+
+
+def _join(words: list[bytes]) -> str:
+    """A line's words as text."""
+    return b" ".join(words[:16]).decode("ascii", "replace")
+
+
+def _vectors(columns: dict, element: str, names: str, file: Path) -> npt.NDArray[np.float64]:
+    """Three columns as (N, 3)."""
+    found = [columns.get((element, name)) for name in names.split()]
+    if any(column is None or isinstance(column, _Lists) for column in found):
+        raise LoadError(file, f"element {element}", "missing properties", f"the properties {names}")
+    return np.stack(found, axis=1)  # type: ignore[arg-type]
+
+
+def _triangulate(faces: _Lists, n_vertices: int, file: Path) -> npt.NDArray[np.int32]:
+    """The polygons as triangles, in the order of the file; indices are checked before they are narrowed."""
+    if len(faces.lengths) and (short := faces.lengths < 3).any():
+        k = int(np.argmax(short))
+        raise LoadError(file, f"face {k}", f"{faces.lengths[k]} vertices", "at least 3 vertices")
+    inside = (faces.values >= 0) & (faces.values < n_vertices) & (faces.values == np.floor(faces.values))
+    if not inside.all():
+        at = int(np.argmin(inside))
+        k = int(np.searchsorted(np.cumsum(faces.lengths), at, "right"))
+        raise LoadError(file, f"face {k}", f"{faces.values[at]:.17g}", f"indices from 0 to {n_vertices - 1}")
+    return fan_triangles(faces.values.astype(np.int32), faces.lengths)

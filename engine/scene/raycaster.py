@@ -1,0 +1,195 @@
+"""The one wrapper of Embree: every ray of the project passes here.
+
+The library underneath checks nothing (shapes, bounds, NaN), changes distances in place and ignores geometry added
+after the first query; so the arrays are validated here, the tree is built once, in the constructor, and batches are
+split over threads (the library lets go of the interpreter while it traces). Inside, the scene is moved to the origin
+and scaled by a power of two if it is not about there already: exact, and it keeps single precision meaningful from
+dust to mountains. A scene of ordinary place and size is left alone, and its rays pass without a copy.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+
+Floats = npt.NDArray[np.float32]
+
+_CHUNK = 32768
+_FARTHEST = np.float32(1e37)
+_EPSILON = float(np.finfo(np.float32).eps)
+_OFFSET = 4.0 * _EPSILON
+
+
+@dataclass(frozen=True)
+class Intersections:
+    """First hits of R rays: triangle (R,) int32, −1 for a miss; barycentric u, v; distance (inf for a miss).
+
+    The point is (1 − u − v) A + u B + v C for the triangle's corners A, B, C.
+    """
+
+    triangle: npt.NDArray[np.int32]
+    u: Floats
+    v: Floats
+    distance: Floats
+
+
+class RayCaster:
+    """Ray queries against triangles that never change. Safe to use from several threads."""
+
+    def __init__(self, vertices: npt.ArrayLike, triangles: npt.ArrayLike, threads: int | None = None) -> None:
+        """vertices (V, 3) finite, triangles (T, 3) indices, T ≥ 1; threads: 0 or None for all cores.
+
+        Raises ValueError for arrays of another shape, with indices out of range or with numbers that are not finite.
+        """
+        world = _checked_vertices(vertices)
+        faces = _checked_triangles(triangles, len(world))
+        used = world[np.unique(faces)]
+        self._centre, self._scale = _normalization(used)
+        local = np.ascontiguousarray((world - self._centre) * self._scale, dtype=np.float32)
+        self._identity = self._scale == 1.0 and not self._centre.any()
+        largest = float(np.abs((used - self._centre) * self._scale).max())
+        self._offset = _OFFSET * (largest + float(np.abs(self._centre).max()) * self._scale) / self._scale
+        self._n_threads = threads or _usable_cores()
+        self._pool = ThreadPoolExecutor(self._n_threads, "rays") if self._n_threads > 1 else None
+        self._scene = EmbreeScene()
+        self._mesh = TriangleMesh(self._scene, local, faces)
+        self._scene.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32), query="OCCLUDED")  # builds the tree
+
+    @property
+    def offset(self) -> float:
+        """How far `offset_origins` lifts a point, in metres: 4 ε max|p| over the scene."""
+        return self._offset
+
+    def occluded(
+        self, origins: npt.ArrayLike, directions: npt.ArrayLike, distance: npt.ArrayLike | None = None
+    ) -> npt.NDArray[np.bool_]:
+        """Whether anything stands on each ray (R,), nearer than `distance` (R,) in lengths of its direction.
+
+        origins, directions (R, 3); contiguous float32 arrays are used as they are. distance > 0, or None for no limit.
+        """
+        origins, directions, limits = _checked_rays(origins, directions, distance)
+        blocked = np.empty(len(origins), bool)
+
+        def trace(part: slice) -> None:
+            found = self._scene.run(*self._local(origins, directions, part), self._limits(limits, part), "OCCLUDED")
+            np.greater_equal(found, 0, out=blocked[part])
+
+        self._split(len(origins), trace)
+        return blocked
+
+    def intersect(self, origins: npt.ArrayLike, directions: npt.ArrayLike) -> Intersections:
+        """The first hit of each ray: origins, directions (R, 3); distances in lengths of the direction."""
+        origins, directions, _ = _checked_rays(origins, directions, None)
+        n = len(origins)
+        hits = Intersections(np.empty(n, np.int32), np.empty(n, np.float32), np.empty(n, np.float32),
+                             np.empty(n, np.float32))
+
+        def trace(part: slice) -> None:
+            found = self._scene.run(*self._local(origins, directions, part), output=True)
+            missed = found["primID"] < 0
+            hits.triangle[part], hits.u[part], hits.v[part] = found["primID"], found["u"], found["v"]
+            hits.distance[part] = np.where(missed, np.float32(np.inf), found["tfar"] * np.float32(1 / self._scale))
+
+        self._split(n, trace)
+        return hits
+
+    def offset_origins(self, points: npt.NDArray, geometric_normals: npt.NDArray) -> Floats:
+        """Points (P, 3) lifted off their surface along its normal (P, 3), enough for a ray not to hit it again.
+
+        The lift is 4 ε max|p| with ε = 2⁻²³ and the maximum over the scene: it follows the scene's size.
+        """
+        return (np.asarray(points, np.float64) + self._offset * np.asarray(geometric_normals)).astype(np.float32)
+
+    def _local(self, origins: Floats, directions: Floats, part: slice) -> tuple[Floats, Floats]:
+        """A slice of the rays in the tree's frame: origins moved and scaled, directions scaled so that t stays."""
+        if self._identity:
+            return origins[part], directions[part]
+        moved = (origins[part] - self._centre) * self._scale
+        return moved.astype(np.float32), directions[part]
+
+    def _limits(self, limits: Floats | None, part: slice) -> Floats | None:
+        """A private copy of a slice of the distances (the library writes into it)."""
+        return None if limits is None else np.minimum(limits[part] * np.float32(self._scale), _FARTHEST)
+
+    def _split(self, n_rays: int, trace: Callable[[slice], None]) -> None:
+        """Trace all rays in chunks, over the threads when there are enough of them."""
+        parts = [slice(start, min(start + _CHUNK, n_rays)) for start in range(0, n_rays, _CHUNK)]
+        if self._pool is None or len(parts) < 2:
+            for part in parts:
+                trace(part)
+        else:
+            list(self._pool.map(trace, parts))
+
+
+def _usable_cores() -> int:
+    """Cores this process may run on."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _normalization(points: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], float]:
+    """Centre and power-of-two scale that bring the points to about [−1, 1]³; zero and 1 where they nearly are."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    half = float((high - low).max()) / 2
+    centre = (low + high) / 2
+    if np.abs(centre).max() <= 4 * half:
+        centre = np.zeros(3)
+    radius = float(np.abs(points - centre).max())
+    exponent = math.frexp(radius)[1] if radius > 0 else 0
+    return centre, 1.0 if -10 <= exponent <= 10 else math.ldexp(1.0, -exponent)
+
+
+def _checked_vertices(vertices: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """(V, 3) finite float64."""
+    array = np.asarray(vertices, np.float64)
+    if array.ndim != 2 or array.shape[1] != 3 or not np.isfinite(array).all():
+        raise ValueError(f"vertices of shape {array.shape}: expected (V, 3) finite numbers")
+    return array
+
+
+def _checked_triangles(triangles: npt.ArrayLike, n_vertices: int) -> npt.NDArray[np.int32]:
+    """(T, 3) contiguous int32 within range."""
+    array = np.asarray(triangles)
+    if array.ndim != 2 or array.shape[1] != 3 or not len(array) or not np.issubdtype(array.dtype, np.integer):
+        raise ValueError(f"triangles of shape {array.shape} and type {array.dtype}: expected (T, 3) integers, T ≥ 1")
+    if array.min() < 0 or array.max() >= n_vertices:
+        raise ValueError(f"triangle index {array.min()} to {array.max()}: expected 0 to {n_vertices - 1}")
+    return np.ascontiguousarray(array, dtype=np.int32)
+
+
+def _checked_rays(
+    origins: npt.ArrayLike, directions: npt.ArrayLike, distance: npt.ArrayLike | None
+) -> tuple[Floats, Floats, Floats | None]:
+    """Contiguous, writable float32 arrays of matching shapes without a number that is not finite."""
+    starts, along = _as_floats(origins), _as_floats(directions)
+    if starts.ndim != 2 or starts.shape[1] != 3 or starts.shape != along.shape:
+        raise ValueError(f"origins {starts.shape} and directions {along.shape}: expected two of (R, 3)")
+    if not (_all_finite(starts) and _all_finite(along)):
+        raise ValueError("rays: expected finite origins and directions")
+    if distance is None:
+        return starts, along, None
+    limits = np.asarray(distance, np.float32)
+    if limits.shape != starts.shape[:1]:
+        raise ValueError(f"distance {limits.shape}: expected ({len(starts)},)")
+    if not (limits > 0).all():
+        raise ValueError("distance: expected numbers > 0")
+    return starts, along, limits
+
+
+def _as_floats(array: npt.ArrayLike) -> Floats:
+    """The array itself if it is contiguous, writable float32, else a copy that is."""
+    floats = np.ascontiguousarray(array, dtype=np.float32)
+    return floats if floats.flags.writeable else floats.copy()
+
+
+def _all_finite(array: Floats) -> bool:
+    """Whether all numbers are finite; a finite sum says so at the price of one pass without a temporary."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return bool(np.isfinite(array.sum())) or bool(np.isfinite(array).all())
