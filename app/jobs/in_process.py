@@ -1,0 +1,53 @@
+"""The same requests served in this process: for commands without a window, and for most tests."""
+
+from __future__ import annotations
+
+import itertools
+import time
+
+from app.jobs.messages import Request, Response, stamped
+from app.jobs.schedule import Handlers, Schedule
+from app.jobs.standing import Standing
+
+
+class InProcessClient:
+    """Looks like `client.Client`; `poll` itself does the work, one step at least, until its budget is used up."""
+
+    alive = True
+
+    def __init__(self, handlers: Handlers) -> None:
+        self._schedule = Schedule(handlers)
+        self._standing = Standing()
+        self._ids = itertools.count(1)
+
+    def send(self, request: Request) -> int:
+        request = stamped(request, request.id or next(self._ids), request.revision)
+        self._standing.add(request)
+        self._schedule.accept(request)
+        return request.id
+
+    def poll(self, budget_s: float = 0.004) -> list[Response]:
+        deadline = time.monotonic() + budget_s
+        responses = []
+        while self._schedule.choose() is not None:
+            response = self._schedule.step()
+            if response is not None:
+                self._standing.settle(response)
+                responses.append(response)
+            if time.monotonic() >= deadline:
+                break
+        return responses
+
+    def wait(self, timeout_s: float) -> bool:
+        """Whether `poll` has something to do; there is nobody to wait for."""
+        return self._schedule.choose() is not None
+
+    def close(self) -> None:
+        """Nothing to end."""
+
+
+def run_in_process(handlers: Handlers, request: Request) -> list[Response]:
+    """All answers to one request, computed here and now, as the worker would give them."""
+    client = InProcessClient(handlers)
+    client.send(request)
+    return client.poll(budget_s=float("inf"))

@@ -1,0 +1,188 @@
+"""What the window asks of the worker, and what the worker answers: one frozen dataclass a message.
+
+Every message carries `id`, the request it belongs to, and `revision`, the document it was made from. Both may be left
+out: the client numbers a request as it is sent, and the worker stamps an answer with the numbers of its request.
+
+Shapes: P pixels that see a reflecting object, p those of one layer, J bands, H × W the picture. Images have row 0 at
+the top. Arrays of 4 KiB and more cross in shared memory and arrive read-only (see `shared_arrays`).
+Messages that hold arrays compare by identity, since arrays have no single truth value.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from app.document import LightState
+
+
+@dataclass(frozen=True, kw_only=True)
+class Message:
+    id: int = 0
+    revision: int = 0
+
+
+# ------------------------------------------------------------------------------------------------------- requests
+
+
+@dataclass(frozen=True)
+class Request(Message):
+    """From the window to the worker; a newer request of one kind cancels the older."""
+
+
+@dataclass(frozen=True)
+class OpenScene(Request):
+    """Load a scene and trace its primary hits; what was asked of the scene before is cancelled."""
+
+    source: str
+    resolution: tuple[int, int] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class LayerWork:
+    """One visible layer, as the worker needs to know it; `coefficients` has one (J,3) array a factor."""
+
+    key: str
+    model: str
+    quotient_parameters: tuple[float, ...]
+    factors: tuple[str, ...]
+    bands: tuple[int, ...]
+    coefficients: tuple[NDArray[np.floating], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ComputeTransport(Request):
+    """Compute the transport of all layers under one light, coarse to fine; earlier contractions are cancelled."""
+
+    light: LightState
+    layers: tuple[LayerWork, ...]
+    selected: str | None
+    factor: str | None
+    n_lights_preview: int
+    n_lights_final: int
+
+
+@dataclass(frozen=True, eq=False)
+class Contract(Request):
+    """Hand out one layer's transport over the bands of `factor`, its other factors contracted with these curves."""
+
+    key: str
+    factor: str
+    coefficients: tuple[tuple[str, NDArray[np.floating]], ...]
+
+
+@dataclass(frozen=True)
+class Cancel(Request):
+    """Drop what is running or waiting; an opened scene stays open."""
+
+
+@dataclass(frozen=True)
+class Shutdown(Request):
+    """End the worker process."""
+
+
+# ------------------------------------------------------------------------------------------------------ responses
+
+
+@dataclass(frozen=True)
+class Response(Message):
+    """From the worker to the window."""
+
+
+@dataclass(frozen=True, eq=False)
+class SceneOpened(Response):
+    """The scene as the window needs it; `description` is JSON, `arrays` the primary hits by name."""
+
+    description: str
+    notes: tuple[str, ...] = ()
+    arrays: dict[str, NDArray[np.generic]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Progress(Response):
+    """How far a stage is: `fraction` in [0, 1], `seconds_left` None while unknown."""
+
+    stage: str
+    fraction: float
+    seconds_left: float | None = None
+    text: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Footprint(Response):
+    """Which computed samples stand for each pixel while the picture is coarse: rows (P,4) i32, weights (P,4) f32."""
+
+    rows: NDArray[np.integer]
+    weights: NDArray[np.floating]
+    stage: str
+
+
+@dataclass(frozen=True, eq=False)
+class LayerPicture(Response):
+    """One layer's radiance (p,3), contracted with the `coefficients` it was asked with."""
+
+    key: str
+    stage: str
+    radiance: NDArray[np.floating]
+    coefficients: tuple[NDArray[np.floating], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class LayerTransport(Response):
+    """One layer's transport, one plane a Daubechies-4 coefficient: `coefficients_first` (J,p,3), `norms` (J,3).
+
+    True values are coefficients_first · scale.
+    """
+
+    key: str
+    factor: str
+    stage: str
+    coefficients_first: NDArray[np.floating]
+    norms: NDArray[np.floating]
+    scale: NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class StageDone(Response):
+    """A stage is complete; `exact` when no finer one follows."""
+
+    stage: str
+    exact: bool
+    seconds: float
+    transport_bytes: int = 0
+
+
+@dataclass(frozen=True)
+class Failed(Response):
+    """The request was given up; `line` is one sentence for the person."""
+
+    line: str
+
+
+@dataclass(frozen=True)
+class WorkerRestarted(Response):
+    """The worker process died or hung and a new one is at work; standing requests were sent again."""
+
+    reason: str
+
+
+@dataclass(frozen=True)
+class Heartbeat(Response):
+    """The worker lives. `starting`: still importing; `busy`: at work on request `id`; `idle`: waiting."""
+
+    state: Literal["starting", "idle", "busy"]
+
+
+AnyMessage = TypeVar("AnyMessage", bound=Message)
+
+
+def stamped(message: AnyMessage, id: int, revision: int) -> AnyMessage:
+    """The message with these numbers."""
+    if (message.id, message.revision) == (id, revision):
+        return message
+    return dataclasses.replace(message, id=id, revision=revision)

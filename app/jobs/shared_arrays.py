@@ -1,0 +1,225 @@
+"""Blocks of memory that cross from one process to the other: the one module that owns shared memory.
+
+    sender:    allocate ─► write data ─► write header ─► seal ─► descriptor over the socket
+    receiver:  check the size ─► map read-only ─► checksum, a slice at a time ─► numpy arrays
+
+A block holds the large buffers of one message. It has no name that could be left behind: `memfd_create` on Linux,
+elsewhere a file whose name (tagged with the process id) is removed as soon as it is open; the descriptor travels
+through the socket and the kernel frees the memory with the last mapping, whoever dies first. The arrays own the
+mapping, so no view outlives its memory. Data is written by `pwrite`, after the space was reserved: a full disk or
+memory is an OSError here, never a SIGBUS there.
+
+`multiprocessing.shared_memory` was rejected: its names survive a killed process group, its tracker process unlinks
+blocks still in use, and a view that outlives the object is a segmentation fault.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import itertools
+import mmap
+import os
+import re
+import struct
+import tempfile
+import time
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+from app.atomic import process_lives
+from engine.errors import InsituError
+
+Method = Literal["memfd", "named"]
+Buffer = bytes | memoryview
+
+_MAGIC = b"INSITUB1"
+_HEADER = struct.Struct("<8sQQII")  # magic, generation, bytes of the data, number of buffers, crc32
+_EXTENT = struct.Struct("<QQ")  # offset from the start of the block, bytes
+_ALIGNMENT = 64
+_SLICE = 1 << 20  # bytes checked between two looks at the clock: about 0.4 ms
+_NAME = re.compile(r"insitu-(\d+)-\d+\.block")
+_CHECK_MEMORY_FROM = 16 << 20
+_serial = itertools.count()
+
+
+class BlockError(Exception):
+    """A block is incomplete, damaged or not the one announced; nothing of it may be shown."""
+
+
+class OutOfMemory(InsituError):
+    """The system has no room for a block."""
+
+
+def default_method() -> Method:
+    return "memfd" if hasattr(os, "memfd_create") else "named"
+
+
+def named_folder() -> Path:
+    """Where the `named` method opens its blocks: in memory where the system has such a folder."""
+    memory = Path("/dev/shm")
+    return memory if os.access(memory, os.W_OK) else Path(tempfile.gettempdir())
+
+
+def create_block(buffers: Sequence[Buffer], generation: int, method: Method | None = None) -> tuple[int, int]:
+    """A sealed block with these buffers: its descriptor, which the caller closes, and its size in bytes.
+
+    Raises OutOfMemory, before anything is written, when there is no room.
+    """
+    extents, total = _lay_out(buffers)
+    _check_available_memory(total)
+    descriptor = _open_block(method or default_method())
+    try:
+        _reserve(descriptor, total)
+        _write(descriptor, buffers, extents, generation, total)
+        _seal(descriptor)
+    except BaseException as error:
+        os.close(descriptor)
+        if isinstance(error, OSError):
+            raise _no_room(total, os.strerror(error.errno or errno.EIO)) from error
+        raise
+    return descriptor, total
+
+
+class Block:
+    """A received block, mapped read-only; it hands out its buffers only once the checksum agrees."""
+
+    def __init__(self, descriptor: int, generation: int, size: int) -> None:
+        """Map the block; the descriptor is closed in any case. Raises BlockError when it is not the one announced."""
+        try:
+            if size < _HEADER.size or os.fstat(descriptor).st_size < size:
+                raise BlockError(f"a block of {os.fstat(descriptor).st_size} bytes was announced with {size}")
+            self._map = mmap.mmap(descriptor, size, access=mmap.ACCESS_READ)
+        finally:
+            os.close(descriptor)
+        magic, found, n_bytes, self._n_buffers, self._crc = _HEADER.unpack_from(self._map)
+        if magic != _MAGIC or n_bytes != size - _HEADER.size:
+            raise BlockError("a block without a complete header")
+        if found != generation:
+            raise BlockError(f"a block of generation {found} where {generation} was announced")
+        self._size = size
+        self._position = _HEADER.size
+        self._running_crc = _crc_of_numbers(generation, self._n_buffers)
+
+    def verify(self, deadline: float) -> bool:
+        """Check on until the monotonic time `deadline` (one slice at least): True when all agrees.
+
+        Raises BlockError when the checksum does not.
+        """
+        with memoryview(self._map) as view:
+            while self._position < self._size:
+                end = min(self._position + _SLICE, self._size)
+                self._running_crc = zlib.crc32(view[self._position : end], self._running_crc)
+                self._position = end
+                if time.monotonic() >= deadline:
+                    break
+        if self._position < self._size:
+            return False
+        if self._running_crc != self._crc:
+            raise BlockError("a block whose checksum does not agree")
+        return True
+
+    def buffers(self) -> list[memoryview]:
+        """The buffers, read-only; each keeps the whole block mapped."""
+        if self._position < self._size:
+            raise BlockError("a block that is not verified yet")
+        view = memoryview(self._map)
+        extents = [_EXTENT.unpack_from(view, _HEADER.size + i * _EXTENT.size) for i in range(self._n_buffers)]
+        return [view[offset : offset + n_bytes] for offset, n_bytes in extents]
+
+
+def sweep_dead_blocks(folder: Path | None = None) -> None:
+    """Remove the names that processes killed between opening a block and removing its name have left."""
+    folder = folder or named_folder()
+    for name in os.listdir(folder):
+        match = _NAME.fullmatch(name)
+        if match and not process_lives(int(match[1])):
+            (folder / name).unlink(missing_ok=True)
+
+
+def _lay_out(buffers: Sequence[Buffer]) -> tuple[list[tuple[int, int]], int]:
+    """The offset and size of each buffer, and the size of the block."""
+    position = _HEADER.size + _EXTENT.size * len(buffers)
+    extents = []
+    for buffer in buffers:
+        position = -(-position // _ALIGNMENT) * _ALIGNMENT
+        extents.append((position, len(buffer)))
+        position += len(buffer)
+    return extents, position
+
+
+def _open_block(method: Method) -> int:
+    if method == "memfd":
+        return os.memfd_create("insitu", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
+    path = named_folder() / f"insitu-{os.getpid()}-{next(_serial)}.block"
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600)
+    os.unlink(path)
+    return descriptor
+
+
+def _reserve(descriptor: int, total: int) -> None:
+    if hasattr(os, "posix_fallocate"):
+        os.posix_fallocate(descriptor, 0, total)
+    else:
+        os.ftruncate(descriptor, total)
+
+
+def _write(
+    descriptor: int, buffers: Sequence[Buffer], extents: Sequence[tuple[int, int]], generation: int, total: int
+) -> None:
+    """The table, the buffers and last the header, so that an unfinished block has none."""
+    crc = _crc_of_numbers(generation, len(buffers))
+    position = _HEADER.size
+    table = b"".join(_EXTENT.pack(*extent) for extent in extents)
+    for start, buffer in [(position, table), *((extent[0], b) for extent, b in zip(extents, buffers, strict=True))]:
+        crc = zlib.crc32(buffer, zlib.crc32(bytes(start - position), crc))
+        _write_all(descriptor, buffer, start)
+        position = start + len(buffer)
+    header = _HEADER.pack(_MAGIC, generation, total - _HEADER.size, len(buffers), crc)
+    _write_all(descriptor, header, 0)
+
+
+def _write_all(descriptor: int, data: Buffer, offset: int) -> None:
+    view = memoryview(data)
+    while len(view):
+        written = os.pwrite(descriptor, view, offset)
+        view, offset = view[written:], offset + written
+
+
+def _crc_of_numbers(generation: int, n_buffers: int) -> int:
+    return zlib.crc32(struct.pack("<QI", generation, n_buffers))
+
+
+def _seal(descriptor: int) -> None:
+    """Nobody changes or shortens the block any more, so that the receiver cannot be hit by a SIGBUS (Linux)."""
+    if hasattr(fcntl, "F_ADD_SEALS"):
+        try:
+            fcntl.fcntl(descriptor, fcntl.F_ADD_SEALS, fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_WRITE)
+        except OSError as error:
+            if error.errno not in (errno.EPERM, errno.EINVAL):  # an ordinary file: no seals
+                raise
+
+
+def _check_available_memory(total: int) -> None:
+    """Refuse what would drive the system out of memory: reserving a memfd would succeed, and then kill."""
+    if total < _CHECK_MEMORY_FROM:
+        return
+    available = available_memory()
+    if available is not None and total > 0.9 * available:
+        raise _no_room(total, f"{available >> 20} MiB are free")
+
+
+def available_memory() -> int | None:
+    """Bytes the system can still give without swapping; None where it does not say (proc(5), MemAvailable)."""
+    try:
+        text = Path("/proc/meminfo").read_text()
+    except OSError:
+        return None
+    match = re.search(r"^MemAvailable:\s+(\d+) kB", text, re.MULTILINE)
+    return int(match[1]) * 1024 if match else None
+
+
+def _no_room(total: int, why: str) -> OutOfMemory:
+    return OutOfMemory(f"no memory for {total / 2**20:.0f} MiB of results: {why}; lower the resolution or the bands")

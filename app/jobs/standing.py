@@ -1,0 +1,61 @@
+"""The requests that stand: the newest of each kind, whose answers count and which a new worker is given again.
+
+A request of one kind replaces the older of that kind and what was built on it: a scene the transport, a transport the
+contraction. An answer to a request that no longer stands is stale.
+"""
+
+from __future__ import annotations
+
+from app.jobs.messages import Cancel, ComputeTransport, Contract, Failed, OpenScene, Request, Response, SceneOpened
+
+_ORDER: tuple[type[Request], ...] = (OpenScene, ComputeTransport, Contract)  # each is built on those before it
+
+
+class Standing:
+    """At most one request of each kind; a scene that fails to open leaves the one opened before it standing."""
+
+    def __init__(self) -> None:
+        self._requests: dict[type[Request], Request] = {}
+        self._opened: Request | None = None  # the last scene that did open
+
+    def add(self, request: Request) -> None:
+        """Note a request that is sent now."""
+        if isinstance(request, Cancel):
+            self._clear_from(ComputeTransport)
+            self._fall_back()
+        elif type(request) in _ORDER:
+            self._clear_from(type(request))
+            self._requests[type(request)] = request
+
+    def is_current(self, response: Response) -> bool:
+        return any(request.id == response.id for request in self._requests.values())
+
+    def settle(self, response: Response) -> None:
+        """Note a current answer: a failed request stands no longer."""
+        if isinstance(response, SceneOpened):
+            self._opened = self._requests[OpenScene]
+        elif isinstance(response, Failed):
+            self.drop(response.id)
+
+    def drop(self, id: int) -> None:
+        """Give up the request of this number and what was built on it."""
+        for kind, request in list(self._requests.items()):
+            if request.id == id:
+                if request is self._opened:
+                    self._opened = None
+                self._clear_from(kind)
+                self._fall_back()
+
+    def requests(self) -> list[Request]:
+        """In the order in which a new worker needs them."""
+        return [self._requests[kind] for kind in _ORDER if kind in self._requests]
+
+    def _clear_from(self, kind: type[Request]) -> None:
+        for later in _ORDER[_ORDER.index(kind) :]:
+            self._requests.pop(later, None)
+
+    def _fall_back(self) -> None:
+        """Let the last opened scene stand, where no other does or the other did not open."""
+        self._requests.pop(OpenScene, None)
+        if self._opened is not None:
+            self._requests[OpenScene] = self._opened

@@ -1,0 +1,166 @@
+"""The second process, which does all the slow work: `python -m app.jobs.worker`, started by `client`.
+
+One thread works: it looks for new requests, advances a job by one step, sends what came out, and begins again. A small
+second thread says every quarter of a second that the process lives, and ends it when the window is gone: whichever way
+the window died, no orphan computes on. On Linux the kernel ends the worker with its parent besides
+(PR_SET_PDEATHSIG). Spawned, never forked: a fork of a process with threads and a GL context is undefined.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import ctypes
+import faulthandler
+import importlib
+import logging
+import os
+import select
+import signal
+import socket
+import sys
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, cast
+
+from app.jobs.channel import Channel, ChannelClosed
+from app.jobs.messages import Failed, Heartbeat, Request, Shutdown
+from app.jobs.schedule import Handlers, Schedule
+from app.jobs.shared_arrays import OutOfMemory, sweep_dead_blocks
+from app.paths import state_directory
+
+_PR_SET_PDEATHSIG = 1
+_NICENESS = 5  # the window comes first
+_OOM_SCORE = "800"  # and the system, short of memory, ends the worker before the window
+_LARGEST_LOG = 1 << 20
+
+
+class Worker:
+    """Serves one channel until it closes or a Shutdown arrives."""
+
+    def __init__(self, channel: Channel) -> None:
+        self._channel = channel
+        self.heartbeat = Heartbeat("starting")
+
+    def run(self, schedule: Schedule) -> None:
+        while self._take_requests(schedule):
+            chosen = schedule.choose()
+            self._announce(chosen)
+            if chosen is not None:
+                self._advance(schedule)
+            else:
+                self._channel.wait(None)
+
+    def _take_requests(self, schedule: Schedule) -> bool:
+        """Accept what has arrived: False on Shutdown."""
+        while (message := self._channel.receive(deadline=float("inf"))) is not None:
+            if isinstance(message, Shutdown):
+                return False
+            schedule.accept(cast(Request, message))
+        return True
+
+    def _announce(self, request: Request | None) -> None:
+        """Tell the client which request is worked on, so that it knows what to blame should this process die."""
+        beat = Heartbeat("busy", id=request.id, revision=request.revision) if request else Heartbeat("idle")
+        if beat != self.heartbeat:
+            self.heartbeat = beat
+            self._channel.send(beat)
+
+    def _advance(self, schedule: Schedule) -> None:
+        response = schedule.step()
+        if response is None:
+            return
+        try:
+            self._channel.send(response)
+        except OutOfMemory as error:
+            self._channel.send(schedule.fail(error))
+
+
+def beat(worker: Worker, channel: Channel, interval: float, parent: int) -> None:
+    """Say that the process lives, each `interval` seconds; end the process once the window is gone."""
+    hangup = select.poll()
+    hangup.register(channel, 0)
+    while True:
+        if hangup.poll(interval * 1000) or os.getppid() != parent:
+            os._exit(0)
+        with contextlib.suppress(ChannelClosed):
+            channel.send_if_free(worker.heartbeat)
+
+
+def die_with(parent: int) -> None:
+    """End this process when the parent's thread that started it ends, also by SIGKILL (Linux, prctl(2))."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:  # it died before we asked
+        os._exit(0)
+
+
+def step_back() -> None:
+    """Leave Ctrl-C, the processor and, when memory runs out, survival to the window."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with contextlib.suppress(OSError):
+        os.nice(_NICENESS)
+    with contextlib.suppress(OSError):
+        Path("/proc/self/oom_score_adj").write_text(_OOM_SCORE)
+
+
+def log_to_file() -> str:
+    """Send the log and everything on stderr to the log file: its name for messages, "" when there is none."""
+    try:
+        folder = state_directory() / "log"
+        folder.mkdir(exist_ok=True)
+        path = folder / "worker.log"
+        too_long = path.exists() and path.stat().st_size > _LARGEST_LOG
+        file = open(path, "wb" if too_long else "ab", buffering=0)
+    except OSError:
+        return ""
+    os.dup2(file.fileno(), 2)
+    file.close()
+    return f" (details in {path})"
+
+
+def load_handlers(name: str) -> Handlers:
+    """The object that does the work, from `module:Class`."""
+    module, _, attribute = name.partition(":")
+    return cast(Handlers, getattr(importlib.import_module(module), attribute)())
+
+
+def arguments(argv: Sequence[str] | None) -> Any:
+    parser = argparse.ArgumentParser(prog="app.jobs.worker")
+    parser.add_argument("--socket", type=int, required=True, help="descriptor of our end of the socket pair")
+    parser.add_argument("--parent", type=int, required=True, help="process to end with")
+    parser.add_argument("--handlers", default="app.jobs.tasks:Tasks", help="module:Class that does the work")
+    parser.add_argument("--method", choices=("memfd", "named"), default=None, help="where shared blocks live")
+    parser.add_argument("--heartbeat", type=float, default=0.25, help="seconds between signs of life")
+    return parser.parse_args(argv)
+
+
+def serve(channel: Channel, options: Any) -> None:
+    """Start the heartbeat, load the handlers, serve; handlers that cannot be loaded are reported in words."""
+    details = log_to_file()
+    logging.basicConfig(format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+    faulthandler.enable()
+    worker = Worker(channel)
+    threading.Thread(target=beat, args=(worker, channel, options.heartbeat, options.parent), daemon=True).start()
+    try:
+        handlers = load_handlers(options.handlers)
+    except Exception as error:
+        logging.getLogger("insitu.jobs").exception("the worker's tasks could not be loaded")
+        channel.send(Failed(f"internal error: {type(error).__name__}: {error}{details}"))
+        sys.exit(1)
+    worker.run(Schedule(handlers, details))
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    options = arguments(argv)
+    die_with(options.parent)
+    step_back()
+    sweep_dead_blocks()
+    channel = Channel(socket.socket(fileno=options.socket), options.method)
+    with contextlib.suppress(ChannelClosed):
+        serve(channel, options)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,108 @@
+"""Handlers for the tests: what a request's text says, they do; among it everything a worker can die of."""
+
+import os
+import resource
+import signal
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from app.jobs.messages import (
+    ComputeTransport,
+    Contract,
+    LayerPicture,
+    LayerTransport,
+    OpenScene,
+    Progress,
+    Request,
+    Response,
+    SceneOpened,
+    StageDone,
+)
+from engine.errors import LoadError
+
+HANDLERS = "tests.app.jobs.faulty_tasks:FaultyTasks"
+
+
+def picture(index: int, n_pixels: int = 4096) -> np.ndarray:
+    """A picture of 48 KiB that says which one it is."""
+    return np.full((n_pixels, 3), index, np.float32)
+
+
+def compute(text: str, **numbers: int) -> ComputeTransport:
+    """A request whose `selected` tells FaultyTasks what to do."""
+    return ComputeTransport(None, (), text, None, 8, 64, **numbers)
+
+
+class FaultyTasks:
+    """OpenScene.source and ComputeTransport.selected are `verb` or `verb argument`: a method of this class."""
+
+    def handle(self, request: Request) -> Iterator[Response | None]:
+        text = request.source if isinstance(request, OpenScene) else request.selected
+        verb, _, argument = text.partition(" ")
+        action: Callable[[str], Iterator[Response | None]] = getattr(self, verb)
+        return action(argument)
+
+    def quick(self, request: Contract) -> Iterator[Response | None]:
+        for _, coefficients in request.coefficients:
+            yield LayerTransport(
+                request.key, request.factor, "exact", coefficients, np.ones((1, 3)), np.float64(coefficients.sum())
+            )
+
+    def open(self, argument: str) -> Iterator[Response | None]:
+        yield None
+        yield SceneOpened(argument, arrays={"pixel": np.arange(10_000, dtype=np.int32)})
+
+    def pictures(self, argument: str) -> Iterator[Response | None]:
+        """So many pictures, one a step."""
+        for index in range(int(argument)):
+            yield LayerPicture("ball.0", "preview", picture(index), ())
+        yield StageDone("preview", True, 0.0)
+
+    def forever(self, argument: str) -> Iterator[Response | None]:
+        """Small steps until cancelled; the closing is noted in the file `argument`."""
+        try:
+            while True:
+                yield Progress("visibility", 0.5)
+                time.sleep(0.002)
+        finally:
+            if argument:
+                Path(argument).write_text("closed")
+
+    def sleep(self, argument: str) -> Iterator[Response | None]:
+        """One step that is much too long."""
+        yield Progress("sleep", 0.0)
+        time.sleep(float(argument))
+
+    def load_error(self, argument: str) -> Iterator[Response | None]:
+        raise LoadError("a.ply", "vertex 3", "nan", "finite numbers")
+        yield
+
+    def bug(self, argument: str) -> Iterator[Response | None]:
+        yield Progress("bug", 0.0)
+        raise ValueError("two\nlines")
+
+    def die(self, argument: str) -> Iterator[Response | None]:
+        """Each time it is asked."""
+        yield Progress("die", 0.0)
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    def out_of_memory(self, argument: str) -> Iterator[Response | None]:
+        yield Progress("memory", 0.0)
+        before = resource.getrlimit(resource.RLIMIT_AS)
+        resource.setrlimit(resource.RLIMIT_AS, (2 << 30, before[1]))
+        try:
+            np.zeros(4 << 30, np.uint8)
+        finally:
+            resource.setrlimit(resource.RLIMIT_AS, before)
+
+    def no_room(self, argument: str) -> Iterator[Response | None]:
+        """A result for which no shared block can be made."""
+        before = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 16, before[1]))
+        try:
+            yield LayerPicture("ball.0", "preview", picture(0, 100_000), ())
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
