@@ -1,0 +1,207 @@
+"""Compiled angles and quotients of all models, called once for each pixel, light and vertex: some 10^8 times.
+
+Scalar functions of one pair of unit directions in the local frame (z = normal): i towards the light, o towards the eye.
+Kernels validate nothing. Everything is finite for every input: cosines are divided by only where the expression as a
+whole stays finite, so G / (cos_i cos_o) cos_i is one expression and not a quotient of small numbers.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from numba import njit
+
+from engine.material import kinds
+
+THETA_I, THETA_R, THETA_H, THETA_D, THETA_O = kinds.THETA_I, kinds.THETA_R, kinds.THETA_H, kinds.THETA_D, kinds.THETA_O
+GAMMA_ALPHA, GAMMA_BETA, GAMMA_RATIO = kinds.GAMMA_ALPHA, kinds.GAMMA_BETA, kinds.GAMMA_RATIO
+LAMBERT, PHONG, BLINN_PHONG, COOK_TORRANCE = kinds.LAMBERT, kinds.PHONG, kinds.BLINN_PHONG, kinds.COOK_TORRANCE
+ROUGH_CONDUCTOR, ASHIKHMIN_SHIRLEY = kinds.ROUGH_CONDUCTOR, kinds.ASHIKHMIN_SHIRLEY
+ASHIKHMIN_SHIRLEY_RATIO = kinds.ASHIKHMIN_SHIRLEY_RATIO
+ROUGH_DISTRIBUTION, ROUGH_ALPHA, BECKMANN = kinds.ROUGH_DISTRIBUTION, kinds.ROUGH_ALPHA, kinds.BECKMANN
+FACING_REFLECTANCE, RATIO_EXPONENT, GRAZING = kinds.FACING_REFLECTANCE, kinds.RATIO_EXPONENT, kinds.GRAZING
+
+HALF_PI = math.pi / 2
+# Directions whose sum is shorter than 1e-12 are opposite: their half vector is the normal.
+OPPOSITE = 1e-24
+INVERSE_PI = 1.0 / math.pi
+INVERSE_8PI = 0.125 / math.pi
+
+_compile: dict[str, Any] = {
+    "cache": True,
+    "nogil": True,
+    "error_model": "numpy",
+    "fastmath": {"contract", "reassoc", "nsz", "arcp"},
+}
+
+
+@njit(inline="always", **_compile)
+def _arc(root, x):
+    """arccos(x) = sqrt(1 - x) P(x) for x in [0, 1], given root = sqrt(1 - x): error 2e-8, relative where it is small.
+
+    [Abramowitz64, 4.4.46]; for 1 - x obtained without cancellation, small angles keep all their digits.
+    """
+    p = -0.0012624911 * x + 0.0066700901
+    p = p * x - 0.0170881256
+    p = p * x + 0.0308918810
+    p = p * x - 0.0501743046
+    p = p * x + 0.0889789874
+    p = p * x - 0.2145988016
+    p = p * x + 1.5707963050
+    return root * p
+
+
+@njit(inline="always", **_compile)
+def _angle(cosine, sin2):
+    """The angle in [0, pi] by its cosine and squared sine; 1 - |cos| = sin^2 / (1 + |cos|)."""
+    x = min(abs(cosine), 1.0)
+    arc = _arc(math.sqrt(sin2 / (1.0 + x)), x)
+    return arc if cosine >= 0.0 else math.pi - arc
+
+
+@njit(inline="always", **_compile)
+def _log_cosine_half(sx, sy, sz):
+    """ln cos(theta_h) of the unnormalised half vector, at least -69 (cos = 1e-30)."""
+    flat2 = sx * sx + sy * sy
+    length2 = flat2 + sz * sz
+    if length2 < OPPOSITE:
+        return 0.0
+    if sz <= 0.0:
+        return -69.0
+    sin2 = flat2 / length2
+    if sin2 < 0.5:
+        return 0.5 * math.log1p(-sin2)
+    return max(math.log(sz / math.sqrt(length2)), -69.0)
+
+
+@njit(inline="always", **_compile)
+def _share_of_u(sx, sy):
+    """cos(phi_h)^2; 1/2 where the half vector is the normal."""
+    flat2 = sx * sx + sy * sy
+    return sx * sx / flat2 if flat2 > 1e-300 else 0.5
+
+
+@njit(inline="always", **_compile)
+def _arc_of_power(exponent, log_cosine):
+    """arccos(exp(exponent log_cosine)), with 1 - y from expm1."""
+    logarithm = exponent * log_cosine
+    if logarithm < -40.0:
+        return HALF_PI
+    rest = -math.expm1(logarithm)
+    return _arc(math.sqrt(max(rest, 0.0)), 1.0 - rest)
+
+
+@njit(**_compile)
+def gamma(kind, q, ix, iy, iz, ox, oy, oz):
+    """The angle that a curve of that kind (engine.material.kinds) runs over, radians in [0, pi], error 3e-8.
+
+    Beyond pi/2 a curve has no bands: f is 0 there. Half vector of opposite directions: the normal.
+    q (8,) are the layer's quotient parameters; GAMMA_RATIO needs its exponent from them.
+    """
+    if kind == THETA_I:
+        return _angle(iz, ix * ix + iy * iy)
+    if kind == THETA_O:
+        return _angle(oz, ox * ox + oy * oy)
+    if kind == THETA_R:
+        cx = -iy * oz - iz * oy
+        cy = iz * ox + ix * oz
+        cz = iy * ox - ix * oy
+        return _angle(iz * oz - ix * ox - iy * oy, cx * cx + cy * cy + cz * cz)
+    sx, sy, sz = ix + ox, iy + oy, iz + oz
+    if kind == THETA_D:
+        dx, dy, dz = ix - ox, iy - oy, iz - oz
+        return _angle(0.5 * math.sqrt(sx * sx + sy * sy + sz * sz), 0.25 * (dx * dx + dy * dy + dz * dz))
+    if kind == THETA_H:
+        flat2 = sx * sx + sy * sy
+        length2 = flat2 + sz * sz
+        if length2 < OPPOSITE:
+            return 0.0
+        inverse = 1.0 / math.sqrt(length2)
+        return _angle(sz * inverse, flat2 * inverse * inverse)
+    share = _share_of_u(sx, sy)
+    if kind == GAMMA_BETA:
+        share = 1.0 - share
+    elif kind == GAMMA_RATIO:
+        share = q[RATIO_EXPONENT] * (1.0 - share)
+    return _arc_of_power(share, _log_cosine_half(sx, sy, sz))
+
+
+@njit(inline="always", **_compile)
+def _cosine_difference(ix, iy, iz, ox, oy, oz):
+    sx, sy, sz = ix + ox, iy + oy, iz + oz
+    return min(0.5 * math.sqrt(sx * sx + sy * sy + sz * sz), 1.0)
+
+
+@njit(inline="always", **_compile)
+def _schlick(facing, cosine):
+    x = 1.0 - cosine
+    x2 = x * x
+    return facing + (1.0 - facing) * x2 * x2 * x
+
+
+@njit(inline="always", **_compile)
+def _v_groove(ix, iy, iz, ox, oy, oz):
+    """V-groove G / cos_o. With s = i + o: G = min(1, 4 (cos_i + cos_o) min(cos_i, cos_o) / s.s)."""
+    sx, sy, sz = ix + ox, iy + oy, iz + oz
+    length2 = sx * sx + sy * sy + sz * sz
+    lean = 4.0 * sz * min(iz, oz)
+    if lean >= length2:
+        return 1.0 / oz
+    if oz <= iz:
+        return 4.0 * sz / length2
+    return 4.0 * sz * (iz / oz) / length2
+
+
+@njit(inline="always", **_compile)
+def _smith_ggx(cosine, a2):
+    """G1(cos) / (2 cos): 1 / (cos + sqrt(alpha^2 + (1 - alpha^2) cos^2)) [Walter07, eq. 34]."""
+    return 1.0 / (cosine + math.sqrt(a2 + (1.0 - a2) * cosine * cosine))
+
+
+@njit(inline="always", **_compile)
+def _smith_beckmann(cosine, alpha):
+    """G1(cos) / cos of the rational approximation [Walter07, eq. 27]."""
+    slope = alpha * math.sqrt(max(1.0 - cosine * cosine, 0.0))
+    if cosine >= 1.6 * slope:
+        return 1.0 / cosine
+    a = cosine / slope
+    return (3.535 + 2.181 * a) / (slope * (1.0 + 2.276 * a + 2.577 * a * a))
+
+
+@njit(inline="always", **_compile)
+def _smith(q, iz, oz):
+    """Smith's G cos_i / (4 cos_i cos_o)."""
+    alpha = q[ROUGH_ALPHA]
+    if q[ROUGH_DISTRIBUTION] == BECKMANN:
+        return 0.25 * iz * _smith_beckmann(iz, alpha) * _smith_beckmann(oz, alpha)
+    a2 = alpha * alpha
+    return iz * _smith_ggx(iz, a2) * _smith_ggx(oz, a2)
+
+
+@njit(**_compile)
+def quotient_cosine(model_kind, q, ix, iy, iz, ox, oy, oz):
+    """rho_q(wi, wo) cos_i of a model (engine.material.kinds) with its quotient parameters q (8,), finite everywhere.
+
+    0 where either direction is below the horizon or within 1e-12 of it.
+    """
+    if iz <= GRAZING or oz <= GRAZING:
+        return 0.0
+    if model_kind == LAMBERT:
+        return iz * INVERSE_PI
+    if model_kind == ROUGH_CONDUCTOR:
+        return _smith(q, iz, oz)
+    if model_kind == PHONG:
+        return iz * 1.0
+    if model_kind == COOK_TORRANCE:
+        return _v_groove(ix, iy, iz, ox, oy, oz)
+    cos_d = _cosine_difference(ix, iy, iz, ox, oy, oz)
+    fresnel = _schlick(q[FACING_REFLECTANCE], cos_d)
+    if model_kind == BLINN_PHONG:
+        return 0.25 * fresnel * _v_groove(ix, iy, iz, ox, oy, oz)
+    quotient = INVERSE_8PI * fresnel * iz / (max(cos_d, GRAZING) * max(iz, oz))
+    if model_kind == ASHIKHMIN_SHIRLEY:
+        return quotient
+    sx, sy, sz = ix + ox, iy + oy, iz + oz
+    exponent = q[RATIO_EXPONENT] * _share_of_u(sx, sy)
+    return quotient * math.exp(max(exponent * _log_cosine_half(sx, sy, sz), -80.0))

@@ -1,0 +1,36 @@
+"""Numbers by which compiled kernels know angles and models.
+
+They stand apart from the kernels so that the window's process can name them without importing numba, and are plain
+integers because numba turns them into constants.
+"""
+
+# What a curve runs over, [BenArtzi07, ch. 3]; all angles in radians.
+THETA_I = 0  # light and normal
+THETA_R = 1  # mirrored light and eye
+THETA_H = 2  # half vector and normal
+THETA_D = 3  # light and half vector
+GAMMA_ALPHA = 4  # eq. 3.7: arccos of cos(theta_h) ** cos(phi_h)^2
+GAMMA_BETA = 5  # eq. 3.8: arccos of cos(theta_h) ** sin(phi_h)^2
+GAMMA_RATIO = 6  # eq. 3.15: arccos of cos(theta_h) ** (n_u sin(phi_h)^2)
+THETA_O = 7  # eye and normal
+
+LAMBERT = 0
+PHONG = 1
+BLINN_PHONG = 2
+COOK_TORRANCE = 3
+ROUGH_CONDUCTOR = 4
+ASHIKHMIN_SHIRLEY = 5
+ASHIKHMIN_SHIRLEY_RATIO = 6
+
+# Places of the eight quotient parameters, by model.
+N_QUOTIENT_PARAMETERS = 8
+ROUGH_DISTRIBUTION = 0  # rough_conductor: GGX or BECKMANN
+ROUGH_ALPHA = 1
+FACING_REFLECTANCE = 0  # blinn_phong and both of Ashikhmin and Shirley
+RATIO_EXPONENT = 1  # ashikhmin_shirley_ratio: n_u
+
+GGX = 0
+BECKMANN = 1
+
+# Cosines to the normal at or below this reflect nothing: the least for which 1/cosine is a sane number.
+GRAZING = 1e-12

@@ -1,0 +1,41 @@
+"""Diffuse reflection with curves over the light's and the view's angle, "LV" in [BenArtzi07]."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from engine.material import kinds
+from engine.material.microfacet import directions
+from engine.material.model import THETA_I, THETA_O, Array, Model, Parameter, Parameters, ones, rgb
+
+
+class Lambert(Model):
+    """rho = albedo / pi, times f_A(theta_i) f_o(theta_o), both 1 until a person edits them."""
+
+    name = "lambert"
+    label = "Diffuse"
+    tooltip = "Light scattered evenly, as by paper or chalk."
+    kind = kinds.LAMBERT
+    factors = (THETA_I,)
+    view_factor = THETA_O
+    parameters = (
+        Parameter(
+            "albedo", "rgb", (0.5, 0.5, 0.5), "Albedo", "Share of the light that is scattered back, per channel.", ("scale",)
+        ),
+    )
+
+    def generate(self, factor_name: str, params: Parameters, gamma: Array) -> Array:
+        self.factor(factor_name)
+        return ones(gamma)
+
+    def scale(self, params: Parameters) -> Array:
+        return rgb(params, "albedo")
+
+    def brdf(self, params: Parameters, wi: Array, wo: Array) -> Array:
+        above = directions(wi, wo).above
+        return np.where(above[:, None], rgb(params, "albedo") / math.pi, 0.0)
+
+
+MODEL = Lambert()

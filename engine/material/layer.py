@@ -1,0 +1,125 @@
+"""A layer of a material: a model, its parameters, and the operators a person put on top of the generated curves.
+
+Edits sit on the generated curve and not in it, so moving a parameter afterwards keeps them [DESIGN.md, 4]. A layer is a
+value: every edit returns a new one, and undo is keeping the old.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.curve.bands import band_means
+from engine.curve.operators import Edit, apply_operators
+from engine.material.model import Model, Value
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class GeneratedCurve:
+    """The curve that a model generates from parameters, before any edit; angles (N,) to values (N, 3)."""
+
+    model: Model
+    factor: str
+    parameters: tuple[tuple[str, Value], ...]
+
+    def __call__(self, gamma: Array) -> Array:
+        return self.model.generate(self.factor, dict(self.parameters), gamma)
+
+
+@dataclass(frozen=True)
+class FinalCurve:
+    """The curve the picture is made with: edited, and never below 0, because light is not taken away."""
+
+    edited: Callable[[Array], Array]
+
+    def __call__(self, gamma: Array) -> Array:
+        return np.maximum(self.edited(gamma), 0.0)
+
+    @property
+    def features(self) -> tuple[float, ...]:
+        """Angles where it may jump, for `band_means`."""
+        return tuple(getattr(self.edited, "features", ()))
+
+
+@dataclass(frozen=True)
+class Layer:
+    """One term of a material. `parameters` holds every parameter of the model, in the order of its table.
+
+    `edits`: for each edited curve its name and operators, lowest first; curves without operators are left out.
+    `frozen`: the layer's curves are not offered for editing.
+    """
+
+    model: Model
+    name: str
+    parameters: tuple[tuple[str, Value], ...]
+    edits: tuple[tuple[str, tuple[Edit, ...]], ...] = ()
+    visible: bool = True
+    frozen: bool = False
+
+    @property
+    def values(self) -> dict[str, Value]:
+        """Parameters by name."""
+        return dict(self.parameters)
+
+    def operators(self, factor: str) -> tuple[Edit, ...]:
+        """The operators on a curve, lowest first. Raises ParameterError for a curve the model does not have."""
+        self.model.factor(factor)
+        return dict(self.edits).get(factor, ())
+
+    def generated(self, factor: str) -> GeneratedCurve:
+        """The curve below all operators."""
+        self.model.factor(factor)
+        return GeneratedCurve(self.model, factor, self.parameters)
+
+    def curve(self, factor: str) -> FinalCurve:
+        """The curve with its operators on top, at least 0: a callable, angles (N,) to values (N, 3)."""
+        return FinalCurve(apply_operators(self.operators(factor), self.generated(factor)))
+
+    def coefficients(self, factor: str, n_bands: int) -> Array:
+        """Band values of the curve, (J, 3) [BenArtzi07, eq. 4.17]. Raises BandCountError."""
+        return band_means(self.curve(factor), n_bands)
+
+    def scale(self) -> Array:
+        """f_q, (3,)."""
+        return self.model.scale(self.values)
+
+    def quotient_parameters(self) -> Array:
+        """What the quotient's kernel needs, (8,)."""
+        return self.model.quotient_parameters(self.values)
+
+    def replace(self, **changes: Any) -> Layer:
+        """The layer with some fields changed."""
+        return dataclasses.replace(self, **changes)
+
+    def with_parameter(self, name: str, value: object) -> Layer:
+        """The layer with one parameter set. Raises ParameterError for an unknown one or a refused value."""
+        accepted = self.model.parameter(name).accept(value)
+        return self.replace(parameters=tuple((key, accepted if key == name else old) for key, old in self.parameters))
+
+    def with_operators(self, factor: str, operators: Sequence[Edit]) -> Layer:
+        """The layer with the operators of one curve replaced; none: the curve is as generated."""
+        self.model.factor(factor)
+        others = tuple(edit for edit in self.edits if edit[0] != factor)
+        return self.replace(edits=tuple(sorted(others + (((factor, tuple(operators)),) if operators else ()), key=_name)))
+
+
+def _name(edit: tuple[str, tuple[Edit, ...]]) -> str:
+    return edit[0]
+
+
+def make_layer(model: Model, parameters: Mapping[str, object] | None = None, name: str = "") -> Layer:
+    """A layer of the model with the given parameters over the defaults; named after the model unless named.
+
+    Raises ParameterError for an unknown parameter or a refused value.
+    """
+    layer = Layer(model, name or model.name, tuple(model.defaults().items()))
+    for key, value in (parameters or {}).items():
+        layer = layer.with_parameter(key, value)
+    return layer
