@@ -1,0 +1,404 @@
+"""The edits: small frozen values that make a new document. Panels return them; they are the only writers.
+
+A command names what it changes by key or path (see ``app.document``) and raises InsituError, with nothing changed,
+when that is not there, is frozen, or the value is outside its range. Operator lists stand in the order in which they
+apply: the first works on the generated curve, each next one on what the ones before it made [BenArtzi07, ch. 9].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from app.document import Document, LightState, Mapping, Target, all_factors, resolve
+from engine.curve.operators import Edit, Tabulated, collapse
+from engine.errors import InsituError, LoadError
+from engine.material import MODELS
+from engine.material.layer import Layer, make_layer
+
+CurveEdit = Edit
+MAX_OPERATORS = 256
+MAX_INTENSITY = 1e6
+
+
+@dataclass(frozen=True)
+class SetParameter:
+    """Give a layer's parameter a value: a number, three numbers or a choice."""
+
+    key: str
+    name: str
+    value: Any
+
+    @property
+    def label(self) -> str:
+        return f"{self.key} {self.name}"
+
+    def apply(self, document: Document) -> Document:
+        layer = _editable_layer(document, self.key)
+        return document.with_layer(self.key, layer.with_parameter(self.name, self.value))
+
+
+@dataclass(frozen=True)
+class SetModel:
+    """Make a layer of another model, or of a preset's parameters; edits of curves that both models have stay."""
+
+    key: str
+    model: str
+    parameters: tuple[tuple[str, Any], ...] = ()
+
+    @property
+    def label(self) -> str:
+        return f"{self.key} material"
+
+    def apply(self, document: Document) -> Document:
+        layer = _editable_layer(document, self.key)
+        if self.model not in MODELS:
+            raise InsituError(f"there is no model {self.model!r}; there is: {', '.join(sorted(MODELS))}")
+        model = MODELS[self.model]
+        values = tuple(make_layer(model, dict(self.parameters)).parameters)
+        names = {factor.name for factor in all_factors(model)}
+        edits = tuple((factor, operators) for factor, operators in layer.edits if factor in names)
+        name = model.name if layer.name == layer.model.name else layer.name
+        return document.with_layer(self.key, layer.replace(model=model, name=name, parameters=values, edits=edits))
+
+
+@dataclass(frozen=True)
+class SetOperators:
+    """Replace all operators of one curve (a drag does this each frame)."""
+
+    key: str
+    factor: str
+    operators: tuple[CurveEdit, ...]
+
+    @property
+    def label(self) -> str:
+        return f"{self.key} {self.factor} curve"
+
+    def apply(self, document: Document) -> Document:
+        layer = _editable_layer(document, self.key)
+        if len(self.operators) > MAX_OPERATORS:
+            raise InsituError(f"{self.key}.{self.factor} has {MAX_OPERATORS} operators; collapse them to add more")
+        return document.with_layer(self.key, layer.with_operators(self.factor, self.operators))
+
+
+@dataclass(frozen=True)
+class AddOperator:
+    """Put an operator on a curve: on top, or at ``index`` of the list."""
+
+    key: str
+    factor: str
+    operator: CurveEdit
+    index: int | None = None
+
+    @property
+    def label(self) -> str:
+        return f"{self.key} {self.factor} {operator_title(self.operator)}"
+
+    def apply(self, document: Document) -> Document:
+        operators = list(document.layer(self.key).operators(self.factor))
+        operators.insert(len(operators) if self.index is None else self.index, self.operator)
+        return _with_operators(document, self, operators)
+
+
+@dataclass(frozen=True)
+class ReplaceOperator:
+    """Change one operator (its regions, magnitude, baseline or channels)."""
+
+    key: str
+    factor: str
+    index: int
+    operator: CurveEdit
+
+    @property
+    def label(self) -> str:
+        return f"{self.key} {self.factor} {operator_title(self.operator)}"
+
+    def apply(self, document: Document) -> Document:
+        operators = _operators_with(document, self)
+        operators[self.index] = self.operator
+        return _with_operators(document, self, operators)
+
+
+@dataclass(frozen=True)
+class RemoveOperator:
+    """Delete one operator."""
+
+    key: str
+    factor: str
+    index: int
+
+    @property
+    def label(self) -> str:
+        return f"delete an operator of {self.key} {self.factor}"
+
+    def apply(self, document: Document) -> Document:
+        operators = _operators_with(document, self)
+        del operators[self.index]
+        return _with_operators(document, self, operators)
+
+
+@dataclass(frozen=True)
+class MoveOperator:
+    """Move one operator to another place in the list."""
+
+    key: str
+    factor: str
+    index: int
+    to: int
+
+    @property
+    def label(self) -> str:
+        return f"reorder the operators of {self.key} {self.factor}"
+
+    def apply(self, document: Document) -> Document:
+        operators = _operators_with(document, self)
+        operators.insert(min(max(self.to, 0), len(operators) - 1), operators.pop(self.index))
+        return _with_operators(document, self, operators)
+
+
+@dataclass(frozen=True)
+class MuteOperator:
+    """Switch one operator off, or on again, where it stands."""
+
+    key: str
+    factor: str
+    index: int
+    muted: bool = True
+
+    @property
+    def label(self) -> str:
+        return f"{'mute' if self.muted else 'unmute'} an operator of {self.key} {self.factor}"
+
+    def apply(self, document: Document) -> Document:
+        operators = _operators_with(document, self)
+        operators[self.index] = replace(operators[self.index], muted=self.muted)
+        return _with_operators(document, self, operators)
+
+
+@dataclass(frozen=True)
+class CollapseOperators:
+    """Evaluate the edited curve into a table that takes the place of its operators [BenArtzi07, sect. 9.2].
+
+    The table no longer follows the layer's parameters: what was generated below it is replaced.
+    """
+
+    key: str
+    factor: str
+
+    @property
+    def label(self) -> str:
+        return f"collapse {self.key} {self.factor}"
+
+    def apply(self, document: Document) -> Document:
+        layer = document.layer(self.key)
+        operators = layer.operators(self.factor)
+        if not operators:
+            return document
+        return _with_operators(document, self, [collapse(operators, layer.generated(self.factor))])
+
+
+@dataclass(frozen=True)
+class ResetCurve:
+    """Remove all operators of one curve: it becomes the generated one again."""
+
+    key: str
+    factor: str
+
+    @property
+    def label(self) -> str:
+        return f"reset {self.key} {self.factor}"
+
+    def apply(self, document: Document) -> Document:
+        return _with_operators(document, self, [])
+
+
+@dataclass(frozen=True)
+class SetVisible:
+    """Show or hide an object (``"teapot"``) or a layer (``"teapot.1"``) in the picture; its shadow stays."""
+
+    path: str
+    visible: bool
+
+    @property
+    def label(self) -> str:
+        return f"{'show' if self.visible else 'hide'} {self.path}"
+
+    def apply(self, document: Document) -> Document:
+        return _with_switch(document, self.path, {"visible": self.visible})
+
+
+@dataclass(frozen=True)
+class SetFrozen:
+    """Freeze an object or a layer, so that it refuses edits, or thaw it."""
+
+    path: str
+    frozen: bool
+
+    @property
+    def label(self) -> str:
+        return f"{'freeze' if self.frozen else 'thaw'} {self.path}"
+
+    def apply(self, document: Document) -> Document:
+        return _with_switch(document, self.path, {"frozen": self.frozen})
+
+
+@dataclass(frozen=True)
+class SetEditable:
+    """Declare an object editable, or fixed."""
+
+    object: str
+    editable: bool
+
+    @property
+    def label(self) -> str:
+        return f"make {self.object} {'editable' if self.editable else 'fixed'}"
+
+    def apply(self, document: Document) -> Document:
+        return document.with_object(replace(document.object(self.object), editable=self.editable))
+
+
+@dataclass(frozen=True)
+class SetRotation:
+    """Turn the environment to ``degrees`` counter-clockwise about +Y; brought into [0, 360)."""
+
+    degrees: float
+
+    @property
+    def label(self) -> str:
+        return "rotate the environment"
+
+    def apply(self, document: Document) -> Document:
+        degrees = _number("light.rotation", self.degrees, -1e9, 1e9) % 360.0
+        return replace(document, light=replace(document.light, rotation=0.0 if degrees == 360.0 else degrees))
+
+
+@dataclass(frozen=True)
+class SetIntensity:
+    """Multiply all light by ``intensity``."""
+
+    intensity: float
+
+    @property
+    def label(self) -> str:
+        return "light intensity"
+
+    def apply(self, document: Document) -> Document:
+        value = _number("light.intensity", self.intensity, 0.0, MAX_INTENSITY)
+        return replace(document, light=replace(document.light, intensity=value))
+
+
+@dataclass(frozen=True)
+class SetEnvironment:
+    """Light the scene by another environment, or one radiance from everywhere; rotation and intensity stay."""
+
+    environment: str
+    mapping: Mapping = "latlong"
+    radiance: tuple[float, float, float] | None = None
+
+    @property
+    def label(self) -> str:
+        return f"environment {self.environment}"
+
+    def apply(self, document: Document) -> Document:
+        light = document.light
+        changed = LightState(self.environment, self.mapping, light.rotation, light.intensity, self.radiance)
+        return replace(document, light=check_light(changed, "light"))
+
+
+EditCommand = (
+    SetParameter | SetModel | SetOperators | AddOperator | ReplaceOperator | RemoveOperator | MoveOperator
+    | MuteOperator | CollapseOperators | ResetCurve | SetVisible | SetFrozen | SetEditable | SetRotation
+    | SetIntensity | SetEnvironment
+)  # fmt: skip
+
+
+def set_path(document: Document, path: str, value: Any) -> EditCommand:
+    """The command that gives what ``path`` names the value ``value``: ``"teapot.1.alpha"``, ``"light.rotation"``…
+
+    Raises InsituError for a path that names nothing with a value. The command line and scripts set by path.
+    """
+    target = resolve(document, path)
+    if target.kind == "parameter" and target.key is not None and target.name is not None:
+        return SetParameter(target.key, target.name, value)
+    if target.kind == "light":
+        return _set_light(path, target, value)
+    if target.kind == "switch":
+        return _set_switch(path, target, value)
+    raise InsituError(f"{path!r} is a {target.kind} and has no value; name a parameter of it")
+
+
+def _set_light(path: str, target: Target, value: Any) -> EditCommand:
+    if target.name == "environment":
+        if not isinstance(value, str):
+            raise LoadError(path, "value", value, "a built-in environment's name or a file's path")
+        return SetEnvironment(value)
+    return SetRotation(value) if target.name == "rotation" else SetIntensity(value)
+
+
+def _set_switch(path: str, target: Target, value: Any) -> EditCommand:
+    if not isinstance(value, bool):
+        raise LoadError(path, "value", value, "true or false")
+    owner = target.key or target.object
+    if target.name == "editable":
+        return SetEditable(owner, value)
+    return SetVisible(owner, value) if target.name == "visible" else SetFrozen(owner, value)
+
+
+def operator_title(operator: CurveEdit) -> str:
+    """What an operator is called in lists and in the undo menu: ``Translate Y``, ``Table``."""
+    if isinstance(operator, Tabulated):
+        return "Table"
+    return f"{operator.kind.capitalize()} {operator.axis.upper()}"
+
+
+def check_light(light: LightState, where: str) -> LightState:
+    """The light itself when all of it makes sense, else LoadError."""
+    if not light.environment:
+        raise LoadError(where, "environment", light.environment, "a name or a path")
+    if light.mapping not in ("latlong", "angular"):
+        raise LoadError(where, "mapping", light.mapping, "latlong or angular")
+    if (light.radiance is None) == (light.environment == "constant"):
+        raise LoadError(where, "radiance", light.radiance, "a radiance with environment = constant, and only then")
+    for value in light.radiance or ():
+        _number(f"{where}.radiance", value, 0.0, 1e12)
+    _number(f"{where}.rotation", light.rotation, -1e9, 1e9)
+    _number(f"{where}.intensity", light.intensity, 0.0, MAX_INTENSITY)
+    return light
+
+
+def _number(where: str, value: Any, low: float, high: float) -> float:
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if not is_number or not low <= value <= high:
+        raise LoadError(where, "value", value, f"a number from {low:g} to {high:g}")
+    return float(value)
+
+
+def _editable_layer(document: Document, key: str) -> Layer:
+    layer = document.layer(key)
+    if document.is_frozen(key):
+        raise InsituError(f"{key} is frozen; thaw it to edit it")
+    return layer
+
+
+def _operators_with(
+    document: Document, command: ReplaceOperator | RemoveOperator | MoveOperator | MuteOperator
+) -> list[CurveEdit]:
+    """The command's curve's operators as a list, when there is one at its index."""
+    operators = document.layer(command.key).operators(command.factor)
+    if not 0 <= command.index < len(operators):
+        there = f"{len(operators)} operators" if operators else "no operators"
+        raise InsituError(f"{command.key} {command.factor} has {there}, none at {command.index}")
+    return list(operators)
+
+
+def _with_operators(document: Document, command: Any, operators: list[CurveEdit]) -> Document:
+    return SetOperators(command.key, command.factor, tuple(operators)).apply(document)
+
+
+def _with_switch(document: Document, path: str, changes: dict[str, Any]) -> Document:
+    target = resolve(document, path)
+    if target.kind == "object":
+        return document.with_object(replace(document.object(target.object), **changes))
+    if target.kind == "layer" and target.key is not None:
+        return document.with_layer(target.key, document.layer(target.key).replace(**changes))
+    raise InsituError(f"{path!r} is a {target.kind}, not an object or a layer")

@@ -1,0 +1,249 @@
+"""What a person edits: the materials and the light of one scene, as one immutable value.
+
+A document is a tree of frozen dataclasses. An edit makes a new document that shares all it did not touch with the
+old one, so undo, A/B comparison, autosave from a second thread and the worker's requests need no copies and no locks,
+and undo restores bit by bit. Geometry and camera are not here: they are the scene's, and fixed in Placement mode.
+Rejected: a mutable model with change signals, which undo, the journal and the worker would each have to guard.
+
+Names: a layer's *key* is ``"object.index"``; a *path* names anything a person can reach, written with the layer's
+index or its name: ``"teapot"``, ``"teapot.1"``, ``"teapot.coat.theta_h"``, ``"teapot.1.alpha"``, ``"light.rotation"``.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
+
+from engine.errors import InsituError, LoadError
+from engine.material import MODELS
+from engine.material.layer import Layer
+from engine.material.model import Factor, Model, validate_parameters
+from engine.scene.description import LayerDescription, ObjectDescription, SceneDescription
+
+Mapping = Literal["latlong", "angular"]
+RGB = tuple[float, float, float]
+
+SCENE_ENVIRONMENT = "scene"
+CONSTANT_ENVIRONMENT = "constant"
+
+
+@dataclass(frozen=True)
+class LightState:
+    """The environment and how it stands.
+
+    ``environment`` is ``"scene"`` (what the scene file says, its ``scale`` included), ``"constant"`` (``radiance``
+    from everywhere), a built-in environment's name or a file's path. ``rotation`` in degrees turns it
+    counter-clockwise about +Y seen from above. ``intensity`` multiplies all light, emitters included: it is applied
+    to the finished picture, so it costs nothing and transport does not depend on it.
+    """
+
+    environment: str = SCENE_ENVIRONMENT
+    mapping: Mapping = "latlong"
+    rotation: float = 0.0
+    intensity: float = 1.0
+    radiance: RGB | None = None
+
+
+@dataclass(frozen=True)
+class ObjectState:
+    """One object of the scene: its layers and what a person may do with them.
+
+    ``frozen`` objects and layers refuse edits of their material until they thaw. ``editable`` False marks an object
+    that the scene declares fixed.
+    """
+
+    name: str
+    layers: tuple[Layer, ...] = ()
+    emission: RGB | None = None
+    editable: bool = True
+    visible: bool = True
+    frozen: bool = False
+
+
+class Selection(NamedTuple):
+    """The layer (and curve, when one is chosen) that panels show."""
+
+    object: str
+    layer: int
+    factor: str | None = None
+
+    @property
+    def key(self) -> str:
+        return layer_key(self.object, self.layer)
+
+    @property
+    def path(self) -> str:
+        return self.key if self.factor is None else f"{self.key}.{self.factor}"
+
+
+@dataclass(frozen=True)
+class Document:
+    """A scene's materials and light. ``source`` is a built-in scene's name or the path of a scene file."""
+
+    source: str
+    objects: tuple[ObjectState, ...] = ()
+    light: LightState = LightState()
+
+    def object(self, name: str) -> ObjectState:
+        """The object called ``name``; InsituError with the names there are when it is not there."""
+        for state in self.objects:
+            if state.name == name:
+                return state
+        raise _unknown("object", name, [state.name for state in self.objects])
+
+    def layer(self, key: str) -> Layer:
+        """The layer with this key (or path to a layer)."""
+        name, index = split_key(self, key)
+        return self.object(name).layers[index]
+
+    def layers(self) -> Iterator[tuple[str, Layer]]:
+        """(key, layer) of all layers, in the scene's order."""
+        for state in self.objects:
+            for index, layer in enumerate(state.layers):
+                yield layer_key(state.name, index), layer
+
+    def with_object(self, changed: ObjectState) -> Document:
+        """This document with the object of the same name replaced."""
+        self.object(changed.name)
+        return replace(self, objects=tuple(changed if o.name == changed.name else o for o in self.objects))
+
+    def with_layer(self, key: str, changed: Layer) -> Document:
+        """This document with one layer replaced."""
+        name, index = split_key(self, key)
+        state = self.object(name)
+        layers = (*state.layers[:index], changed, *state.layers[index + 1 :])
+        return self.with_object(replace(state, layers=layers))
+
+    def is_frozen(self, key: str) -> bool:
+        """Whether the layer, or the object it belongs to, refuses edits."""
+        name, index = split_key(self, key)
+        state = self.object(name)
+        return state.frozen or state.layers[index].frozen
+
+    def is_visible(self, key: str) -> bool:
+        """Whether the layer takes part in the picture."""
+        name, index = split_key(self, key)
+        state = self.object(name)
+        return state.visible and state.layers[index].visible
+
+
+@dataclass(frozen=True)
+class Target:
+    """What a path names. ``key`` is None for an object or the light, ``name`` None for an object or a layer."""
+
+    kind: Literal["object", "layer", "factor", "parameter", "switch", "light"]
+    object: str = ""
+    layer: int | None = None
+    name: str | None = None
+
+    @property
+    def key(self) -> str | None:
+        return None if self.layer is None else layer_key(self.object, self.layer)
+
+
+SWITCHES = ("visible", "frozen", "editable")
+LIGHT_FIELDS = ("rotation", "intensity", "environment")
+
+
+def layer_key(object_name: str, index: int) -> str:
+    return f"{object_name}.{index}"
+
+
+def split_key(document: Document, key: str) -> tuple[str, int]:
+    """(object name, layer index) of a layer's key; the layer may be written by its name."""
+    target = resolve(document, key)
+    if target.kind != "layer" or target.layer is None:
+        raise InsituError(f"{key!r} is not a layer; layers of this scene: {', '.join(k for k, _ in document.layers())}")
+    return target.object, target.layer
+
+
+def resolve(document: Document, path: str) -> Target:
+    """What a path names in this document.
+
+    Raises InsituError that says which part is unknown and what there is in its place.
+    """
+    head, _, rest = path.partition(".")
+    if head == "light" and rest in LIGHT_FIELDS:
+        return Target("light", name=rest)
+    if head == "light" and all(state.name != "light" for state in document.objects):
+        raise _unknown("property of the light", rest, LIGHT_FIELDS)
+    state, rest = _split_object(document, path)
+    if not rest:
+        return Target("object", state.name)
+    if rest in SWITCHES:
+        return Target("switch", state.name, name=rest)
+    index, rest = _split_layer(state, rest)
+    if not rest:
+        return Target("layer", state.name, index)
+    if rest in ("visible", "frozen"):
+        return Target("switch", state.name, index, rest)
+    return _resolve_in_layer(state, index, rest)
+
+
+def _resolve_in_layer(state: ObjectState, index: int, name: str) -> Target:
+    model = state.layers[index].model
+    factors = [factor.name for factor in all_factors(model)]
+    parameters = [parameter.name for parameter in model.parameters]
+    if name in factors:
+        return Target("factor", state.name, index, name)
+    if name in parameters:
+        return Target("parameter", state.name, index, name)
+    raise _unknown(f"curve or parameter of {layer_key(state.name, index)}", name, [*factors, *parameters])
+
+
+def all_factors(model: Model) -> tuple[Factor, ...]:
+    """The curves of a model that a person can edit: those of its transport, then the view's."""
+    return model.factors if model.view_factor is None else (*model.factors, model.view_factor)
+
+
+def _split_object(document: Document, path: str) -> tuple[ObjectState, str]:
+    """The object a path begins with and the rest of the path."""
+    name, _, rest = path.partition(".")
+    return document.object(name), rest
+
+
+def _split_layer(state: ObjectState, rest: str) -> tuple[int, str]:
+    """The index of the layer that ``rest`` begins with (number or name) and what follows."""
+    names = [layer.name for layer in state.layers]
+    head, _, tail = rest.partition(".")
+    if head.isdecimal() and head.isascii() and len(head) < 6 and int(head) < len(names):
+        return int(head), tail
+    if head and head in names:
+        return names.index(head), tail
+    there = [f"{index}" + (f" ({name})" if name else "") for index, name in enumerate(names)]
+    raise _unknown(f"layer of {state.name}", head, there)
+
+
+def _unknown(what: str, name: str, there: Iterable[str]) -> InsituError:
+    options = list(there)
+    close = difflib.get_close_matches(name, options, n=1)
+    hint = f"did you mean {close[0]!r}? " if close else ""
+    return InsituError(f"there is no {what} {name!r}; {hint}there is: {', '.join(options) or 'none'}")
+
+
+def document_from_description(source: str, description: SceneDescription) -> Document:
+    """The document of a scene as its file describes it. Raises LoadError that names a bad layer's key."""
+    objects = tuple(_object_state(source, described) for described in description.objects)
+    environment = description.environment
+    return Document(source, objects, LightState(rotation=0.0 if environment is None else environment.rotation))
+
+
+def _object_state(source: str, described: ObjectDescription) -> ObjectState:
+    layers = []
+    for index, layer in enumerate(described.layers):
+        layers.append(layer_from_description(source, layer_key(described.name, index), layer))
+    return ObjectState(described.name, tuple(layers), described.emission, described.editable)
+
+
+def layer_from_description(file: str, key: str, described: LayerDescription) -> Layer:
+    """A layer as a file describes it, unedited; LoadError names the file, the layer and its bad key."""
+    if described.model not in MODELS:
+        raise LoadError(file, f"{key}.model", described.model, " or ".join(sorted(MODELS)))
+    model = MODELS[described.model]
+    try:
+        values = validate_parameters(model, described.parameters, file)
+    except LoadError as error:
+        raise LoadError(file, f"{key}: {error.what}", error.value, error.expected) from None
+    return Layer(model, described.name or model.name, tuple(values.items()))

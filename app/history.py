@@ -1,0 +1,119 @@
+"""Undo and redo over document values.
+
+A step holds the whole document before it; documents share what an edit did not touch, so a step costs little more
+than the edit. Undo therefore restores bit by bit. One drag is one step, however many commands it took, and a drag
+that ends where it began is no step at all. Rejected: inverse commands, which restore only up to rounding.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple, Protocol
+
+from app.document import Document
+
+MAX_STEPS = 1000
+
+
+class DocumentCommand(Protocol):
+    """An edit: makes a new document, or raises InsituError and leaves all as it was."""
+
+    @property
+    def label(self) -> str: ...
+
+    def apply(self, document: Document) -> Document: ...
+
+
+class Step(NamedTuple):
+    """The document to go back (or forward) to, and what the person calls the edit between."""
+
+    document: Document
+    label: str
+
+
+@dataclass
+class History:
+    """The present document and the steps around it."""
+
+    document: Document
+    undo_steps: list[Step] = field(default_factory=list)
+    redo_steps: list[Step] = field(default_factory=list)
+    _merge_key: str | None = None
+    _drag: Drag | None = None
+
+    @property
+    def dragging(self) -> bool:
+        return self._drag is not None
+
+    @property
+    def undo_label(self) -> str | None:
+        """What undo would take back; None when there is nothing."""
+        return self.undo_steps[-1].label if self.undo_steps else None
+
+    @property
+    def redo_label(self) -> str | None:
+        return self.redo_steps[-1].label if self.redo_steps else None
+
+    def do(self, command: DocumentCommand, merge_key: str | None = None) -> bool:
+        """Apply a command; whether the document changed.
+
+        Within a drag, and among consecutive commands with the same ``merge_key``, only the first makes a step.
+        Raises what ``command.apply`` raises; nothing changes then.
+        """
+        changed = command.apply(self.document)
+        if changed == self.document:
+            return False
+        if self._drag is not None:
+            self._drag.label = self._drag.label or command.label
+        elif merge_key is None or merge_key != self._merge_key:
+            self._push(self.document, command.label)
+        self._merge_key = merge_key
+        self.document = changed
+        return True
+
+    def begin_drag(self, label: str | None = None) -> None:
+        """All commands until ``end_drag`` become one step. A drag that is already open goes on."""
+        if self._drag is None:
+            self._drag = Drag(self.document, label)
+
+    def end_drag(self) -> None:
+        """Close the drag; without one, nothing happens."""
+        drag, self._drag, self._merge_key = self._drag, None, None
+        if drag is not None and drag.start != self.document:
+            self._push(drag.start, drag.label or "drag")
+
+    def cancel_drag(self) -> None:
+        """Close the drag and take back what it did."""
+        if self._drag is not None:
+            self.document = self._drag.start
+        self._drag = self._merge_key = None
+
+    def undo(self) -> str | None:
+        """Go one step back; the label of what was taken back, or None."""
+        return self._move(self.undo_steps, self.redo_steps)
+
+    def redo(self) -> str | None:
+        """Go one step forward again; its label, or None."""
+        return self._move(self.redo_steps, self.undo_steps)
+
+    def _move(self, source: list[Step], destination: list[Step]) -> str | None:
+        self.end_drag()
+        if not source:
+            return None
+        step = source.pop()
+        destination.append(Step(self.document, step.label))
+        self.document = step.document
+        return step.label
+
+    def _push(self, before: Document, label: str) -> None:
+        self.undo_steps.append(Step(before, label))
+        del self.undo_steps[:-MAX_STEPS]
+        self.redo_steps.clear()
+
+
+@dataclass
+class Drag:
+    """A drag under way: the document it began from, and its name (the first command's unless given)."""
+
+    start: Document
+    label: str | None = None

@@ -1,0 +1,36 @@
+"""Where Insitu keeps what outlives a run: the autosave journals and the interface's layout.
+
+The folder comes from the environment variable ``INSITU_STATE`` where it is set (tests, kiosks), else from the
+platform's own convention (``platformdirs``). The transport cache has its own folder, see ``app.jobs.cache``:
+deleting a cache must never cost a person unsaved work.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import platformdirs
+
+APPLICATION = "insitu"
+STATE_VARIABLE = "INSITU_STATE"
+
+
+def state_directory() -> Path:
+    """The folder for journals and layout; created (private to the user) when it is not there."""
+    configured = os.environ.get(STATE_VARIABLE)
+    folder = Path(configured) if configured else Path(platformdirs.user_state_dir(APPLICATION, appauthor=False))
+    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    return folder
+
+
+def journal_directory() -> Path:
+    """The folder of the autosave journals, one file for each running editor."""
+    folder = state_directory() / "journals"
+    folder.mkdir(exist_ok=True, mode=0o700)
+    return folder
+
+
+def layout_file() -> Path:
+    """The file in which the window remembers its panels."""
+    return state_directory() / "layout.ini"

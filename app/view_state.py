@@ -1,0 +1,121 @@
+"""How a person looks at the document: selection, exposure, comparison, curve zoom. Not undone, saved with a session.
+
+A frozen value like the document, changed by ``SetView`` commands alone, so panels stay functions of what they are
+given. What only one panel needs while the mouse is down (which handle it holds) stands here too: a frame is then
+fully determined by document, view and mouse.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from types import MappingProxyType
+from typing import Any, Literal
+
+from app.document import Document, Selection
+from engine.errors import InsituError
+
+ToneMapping = Literal["filmic", "linear", "false_colour"]
+Tool = Literal["translate_x", "translate_y", "translate_xy", "amplify_x", "amplify_y", "amplify_xy"]
+Channel = Literal["rgb", "r", "g", "b"]
+Quality = Literal["half", "float"]
+
+TONE_MAPPINGS: tuple[ToneMapping, ...] = ("filmic", "linear", "false_colour")
+TOOLS: tuple[Tool, ...] = ("translate_x", "translate_y", "translate_xy", "amplify_x", "amplify_y", "amplify_xy")
+CHANNELS: tuple[Channel, ...] = ("rgb", "r", "g", "b")
+HALF_PI = 1.5707963267948966
+DEFAULT_REGIONS = (0.1, 0.25, 0.45, 0.6)
+DEFAULT_PANELS = MappingProxyType(
+    {"objects": True, "viewport": True, "curve": True, "material": True, "light": True, "accuracy": True}
+)
+
+
+@dataclass(frozen=True)
+class ViewState:
+    """Selection and display. Angles in radians, exposure in stops, frame budget in milliseconds.
+
+    ``compare`` is the document that A/B shows left of ``compare_divider`` (0 the left edge, 1 the right).
+    ``regions`` are a ≤ b ≤ c ≤ d of the operator being shown or about to be made; ``operator`` is its index in the
+    selected curve's list, None for one about to be made. ``curve_zoom`` is (γ low, γ high, y low, y high); None fits.
+    """
+
+    selected: Selection | None = None
+    hovered: str | None = None
+    exposure: float = 0.0
+    tone_mapping: ToneMapping = "filmic"
+    compare: Document | None = None
+    compare_divider: float = 0.5
+    fit: bool = True
+    log_y: bool = False
+    curve_zoom: tuple[float, float, float, float] | None = None
+    channel: Channel = "rgb"
+    active_tool: Tool = "translate_y"
+    regions: tuple[float, float, float, float] = DEFAULT_REGIONS
+    operator: int | None = None
+    drag_handle: str | None = None
+    frame_budget_ms: float = 16.0
+    precision: Quality = "half"
+    panels: Mapping[str, bool] = field(default_factory=lambda: DEFAULT_PANELS)
+    show_shortcuts: bool = False
+
+    def panel_open(self, name: str) -> bool:
+        return self.panels.get(name, True)
+
+    def with_panel(self, name: str, is_open: bool) -> ViewState:
+        return replace(self, panels=MappingProxyType({**self.panels, name: is_open}))
+
+    @property
+    def channels(self) -> tuple[bool, bool, bool]:
+        """Which of red, green and blue an edit of the curve changes."""
+        red, green, blue = (self.channel in ("rgb", name) for name in ("r", "g", "b"))
+        return red, green, blue
+
+
+VIEW_FIELDS = frozenset(f.name for f in fields(ViewState))
+_LIMITS = {"exposure": (-20.0, 20.0), "compare_divider": (0.0, 1.0), "frame_budget_ms": (2.0, 200.0)}
+
+
+@dataclass(frozen=True)
+class SetView:
+    """Change fields of the view: ``SetView.of(exposure=1.0)``. Numbers are clamped to their range."""
+
+    changes: tuple[tuple[str, Any], ...]
+
+    @classmethod
+    def of(cls, **changes: Any) -> SetView:
+        unknown = sorted(set(changes) - VIEW_FIELDS)
+        if unknown:
+            raise InsituError(f"the view has no {', '.join(unknown)}")
+        return cls(tuple(changes.items()))
+
+    def apply(self, view: ViewState) -> ViewState:
+        return replace(view, **{name: _in_range(name, value) for name, value in self.changes})
+
+
+@dataclass(frozen=True)
+class OpenPanel:
+    """Show or hide a panel."""
+
+    name: str
+    is_open: bool = True
+
+    def apply(self, view: ViewState) -> ViewState:
+        return view.with_panel(self.name, self.is_open)
+
+
+ViewCommand = SetView | OpenPanel
+
+
+def _in_range(name: str, value: Any) -> Any:
+    if name == "regions":
+        return _ordered_regions(value)
+    if name in _LIMITS:
+        low, high = _LIMITS[name]
+        return min(max(float(value), low), high)
+    return value
+
+
+def _ordered_regions(regions: tuple[float, ...]) -> tuple[float, float, float, float]:
+    """a ≤ b ≤ c ≤ d within [0, π/2], whatever order they come in."""
+    a, b, c, d = sorted(min(max(float(x), 0.0), HALF_PI) for x in regions)
+    return a, b, c, d
