@@ -1,4 +1,4 @@
-"""Compiled loops of the lights: binning texels into geodesic triangles, reading RGBE scanlines, resampling angular maps.
+"""Compiled loops of the lights: light in geodesic triangles, RGBE scanlines, angular maps, solid angles of patches.
 
 Kernels never validate; the public functions beside them do.
 """
@@ -9,71 +9,152 @@ import math
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
-from engine.sphere._kernels import locate_one, solid_angle_from
+from engine.sphere._kernels import solid_angle_from
+
+Floats = NDArray[np.float64]
+Image = NDArray[np.float32]
+Indices = NDArray[np.int32]
+Bytes = NDArray[np.uint8]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def place_samples(rows, width, n_theta, n_phi, row_start, d_theta, turn, level, roots, planes, triangle, weight, sums):
-    """Lay the sub-texel samples of texel rows [rows[0], rows[1]): triangle and solid angle of each; sums += weights.
+def integrate_above_edges(
+    start: int,
+    stop: int,
+    edges: Indices,
+    vertices: Floats,
+    turn: float,
+    radiance: Image,
+    light_above: Floats,
+    integrals: Floats,
+) -> None:
+    """integrals (E, 3)[start:stop]: the light between each edge and the zenith, from its first to its second vertex.
 
-    n_phi (H, n_theta) samples across one texel; row_start (H + 1,) first sample of a row; a texel's samples are
-    consecutive. Sample directions are in the world: azimuth `turn` radians less than in the map.
+    Positive where azimuth grows along the edge. See `engine.light.triangle_integrals` for the formulas.
     """
-    texel_width = 2.0 * math.pi / width
-    for row in range(rows[0], rows[1]):
-        k = row_start[row]
-        for column in range(width):
-            for j in range(n_theta):
-                top = (row + j / n_theta) * d_theta
-                bottom = (row + (j + 1) / n_theta) * d_theta
-                share = 2.0 * math.sin(0.5 * (top + bottom)) * math.sin(0.5 * (bottom - top)) * texel_width
-                sin_theta, cos_theta = math.sin(0.5 * (top + bottom)), math.cos(0.5 * (top + bottom))
-                n = n_phi[row, j]
-                for i in range(n):
-                    phi = (column + (i + 0.5) / n) * texel_width - math.pi - turn
-                    t = locate_one(sin_theta * math.sin(phi), cos_theta, -sin_theta * math.cos(phi),
-                                   level, roots, planes)  # fmt: skip
-                    triangle[k] = t
-                    weight[k] = share / n
-                    sums[t] += share / n
-                    k += 1
+    for e in range(start, stop):
+        integrals[e, 0] = integrals[e, 1] = integrals[e, 2] = 0.0
+        a, b = vertices[edges[e, 0]], vertices[edges[e, 1]]
+        nx, ny, nz = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+        length = math.sqrt(nx * nx + ny * ny + nz * nz)
+        nx, ny, nz = nx / length, ny / length, nz / length
+        if abs(ny) < 1e-12:
+            continue  # a meridian, or an edge that ends at a pole: azimuth does not change along it
+        phi_a, phi_b = math.atan2(a[0], -a[2]), math.atan2(b[0], -b[2])
+        step = phi_b - phi_a
+        if step > math.pi:
+            step -= 2.0 * math.pi
+        elif step < -math.pi:
+            step += 2.0 * math.pi
+        first = phi_a if step > 0.0 else phi_a + step
+        peak = math.atan2(-nx * ny, nz * ny)
+        _walk_arc(first + turn, peak + turn, abs(step), math.sqrt(nx * nx + nz * nz), abs(ny),
+                  radiance, light_above, integrals[e])  # fmt: skip
+        if step < 0.0:
+            for channel in range(3):
+                integrals[e, channel] = -integrals[e, channel]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def balance_weights(rows, width, row_start, texel_solid_angle, factor, triangle, weight, sums):
-    """Multiply each weight by its triangle's factor, restore every texel's solid angle, and add up the triangles."""
-    for row in range(rows[0], rows[1]):
-        n = (row_start[row + 1] - row_start[row]) // width
-        for column in range(width):
-            start = row_start[row] + column * n
+def _walk_arc(
+    first: float, peak: float, step: float, k: float, ny: float, radiance: Image, light_above: Floats, result: Floats
+) -> None:
+    """Add the light above the great-circle arc of azimuths first .. first + step, cell by cell.
+
+    The circle's highest point has azimuth `peak` and height k = sin(latitude); ny = sqrt(1 - k^2) without cancellation.
+    """
+    height, width = radiance.shape[0], radiance.shape[1]
+    last = first + step
+    to_column = width / (2.0 * math.pi)
+    column = math.floor((first + math.pi) * to_column)
+    phi = first
+    while phi < last:
+        edge = (column + 1) / to_column - math.pi
+        turning = peak + math.pi * (math.floor((phi - peak) / math.pi) + 1.0)  # where the height turns round
+        if turning <= phi:
+            turning += math.pi
+        until = min(edge, turning, last)
+        if until > phi:
+            _walk_column(phi - peak, until - peak, k, ny, column % width, height, radiance, light_above, result)
+            phi = until
+        if until >= edge:
+            column += 1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _walk_column(
+    psi: float,
+    last: float,
+    k: float,
+    ny: float,
+    column: int,
+    height: int,
+    radiance: Image,
+    light_above: Floats,
+    result: Floats,
+) -> None:
+    """Add the light above psi .. last (azimuths from the peak) in one column; height is monotone on the way."""
+    row, target = _row_at(psi, k, ny, height), _row_at(last, k, ny, height)
+    downwards = 1 if target > row else -1
+    half_turn = math.floor(0.5 * (psi + last) / math.pi)
+    rising = half_turn % 2 != 0
+    area = _area_to_equator(psi, k, ny)
+    while True:
+        until = last
+        if row != target:
+            theta = math.pi * (row + (1 if downwards > 0 else 0)) / height
+            cosine = ny * math.cos(theta) / (k * math.sin(theta))
+            inside = math.acos(min(1.0, max(-1.0, cosine)))
+            crossing = (half_turn + 1) * math.pi - inside if rising else half_turn * math.pi + inside
+            until = min(last, crossing) if crossing > psi else psi
+        next_area = _area_to_equator(until, k, ny)
+        top = math.cos(math.pi * row / height)
+        for channel in range(3):
+            light = radiance[row, column, channel]
+            above = light_above[row, column, channel]
+            result[channel] += (above + light * top) * (until - psi) - light * (next_area - area)
+        if row == target:
+            return
+        row += downwards
+        psi, area = until, next_area
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _row_at(psi: float, k: float, ny: float, height: int) -> int:
+    """The texel row in which the great circle is at azimuth psi from its peak: tan(latitude) = (k / ny) cos(psi)."""
+    theta = 0.5 * math.pi - math.atan2(k * math.cos(psi), ny)
+    return min(max(int(theta / math.pi * height), 0), height - 1)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _area_to_equator(psi: float, k: float, ny: float) -> float:
+    """The integral of the height from the peak to psi, asin(k sin psi), without cancellation near the poles."""
+    sine, cosine = math.sin(psi), math.cos(psi)
+    turns = math.floor((psi + 0.5 * math.pi) / math.pi)
+    if turns % 2 != 0:
+        sine, cosine = sine, -cosine
+    return math.atan2(k * sine, math.sqrt(cosine * cosine + ny * ny * sine * sine))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def sum_around_triangles(
+    start: int, stop: int, triangles: Indices, triangle_edges: Indices, edge_integrals: Floats, integrals: Floats
+) -> None:
+    """integrals (T, 3)[start:stop]: the signed sum of the three edges of each triangle."""
+    for t in range(start, stop):
+        for channel in range(3):
             total = 0.0
-            for k in range(start, start + n):
-                weight[k] *= factor[triangle[k]]
-                total += weight[k]
-            restore = texel_solid_angle[row] / total
-            for k in range(start, start + n):
-                weight[k] *= restore
-                sums[triangle[k]] += weight[k]
+            for corner in range(3):
+                value = edge_integrals[triangle_edges[t, corner], channel]
+                forward = triangles[t, corner] < triangles[t, (corner + 1) % 3]
+                total += value if forward else -value
+            integrals[t, channel] = total
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def gather_radiance(rows, radiance, row_start, triangle, weight, integrals):
-    """integrals (T, 3) += radiance of the texel times the weight, over the samples of the rows."""
-    width = radiance.shape[1]
-    for row in range(rows[0], rows[1]):
-        n = (row_start[row + 1] - row_start[row]) // width
-        for column in range(width):
-            start = row_start[row] + column * n
-            red, green, blue = radiance[row, column, 0], radiance[row, column, 1], radiance[row, column, 2]
-            for k in range(start, start + n):
-                integrals[triangle[k], 0] += weight[k] * red
-                integrals[triangle[k], 1] += weight[k] * green
-                integrals[triangle[k], 2] += weight[k] * blue
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def decode_rgbe(data, position, pixels):
+def decode_rgbe(data: Bytes, position: int, pixels: Bytes) -> tuple[int, int, int]:
     """Decode Radiance scanlines from data[position:] into pixels (H, W, 4) uint8 [Ward91].
 
     New run-length scanlines start with 2, 2 and the width; all others are flat quadruples, where 1, 1, 1, n repeats the
@@ -137,14 +218,14 @@ def decode_rgbe(data, position, pixels):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def resample_angular(angular, n_sub, latlong):
-    """Fill latlong (H, 2H, 3) with the mean of n_sub x n_sub angular-map texels per texel, weighted by sin(theta).
+def resample_angular(angular: Image, n_sub: int, start: int, stop: int, latlong: Image) -> None:
+    """Fill rows [start, stop) of latlong (H, 2H, 3) with the mean of n_sub x n_sub angular-map texels per texel, weighted by sin(theta).
 
     Only texels whose centre lies inside the disc are read: on the rim the sample is pulled inwards.
     """
     size = angular.shape[0]
     height, width = latlong.shape[0], latlong.shape[1]
-    for row in range(height):
+    for row in range(start, stop):
         for column in range(width):
             red = green = blue = total = 0.0
             for j in range(n_sub):
@@ -168,7 +249,7 @@ def resample_angular(angular, n_sub, latlong):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def angular_texel(cosine, sine, radius, size):
+def angular_texel(cosine: float, sine: float, radius: float, size: int) -> tuple[int, int]:
     """Column and row of the texel at polar place (radius, angle), drawn towards the middle until it is in the disc."""
     u = v = size // 2
     for _ in range(4):
@@ -183,9 +264,9 @@ def angular_texel(cosine, sine, radius, size):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def solid_angles_range(points, corners, start, stop, result):
+def solid_angles_range(points: Floats, corners: Floats, start: int, stop: int, result: Image) -> None:
     """result[p, m] for points [start, stop): signed solid angle of patch m."""
     for p in range(start, stop):
-        x, y, z = np.float64(points[p, 0]), np.float64(points[p, 1]), np.float64(points[p, 2])
+        x, y, z = points[p, 0], points[p, 1], points[p, 2]
         for m in range(len(corners)):
             result[p, m] = solid_angle_from(x, y, z, corners[m])

@@ -1,7 +1,7 @@
 """Emitters: glowing surfaces of the scene as flat triangular patches, each a small light of its own.
 
-Patches are made even in area by splitting the largest one at the middle of its longest edge until there are enough; this
-keeps them well shaped, and no emitter is sampled finer than another. One-sided: a patch shines to the side its normal
+Patches are made even in area by splitting the largest one at the middle of its longest edge until there are enough;
+this keeps them well shaped, and no emitter is sampled finer than another. One-sided: a patch shines to the side its normal
 points to, given by the order of its corners (counter-clockwise seen from the bright side).
 """
 

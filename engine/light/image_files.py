@@ -151,8 +151,9 @@ def _read_hdr(file: Path) -> NDArray[np.float32]:
             4: f"a repeat at byte {byte} with nothing to repeat",
         }[status]
         raise LoadError(file, f"scanline {row} of {height}", found, f"{width} pixels")
-    scale = np.where(pixels[..., 3] == 0, 0.0, np.exp2(pixels[..., 3].astype(np.float32) - 136.0))
-    return pixels[..., :3] * scale[..., None].astype(np.float32)
+    scale = np.exp2(np.arange(256, dtype=np.float32) - np.float32(136.0))
+    scale[0] = 0.0
+    return pixels[..., :3].astype(np.float32) * scale[pixels[..., 3:]]
 
 
 def _parse_hdr_header(file: Path, head: bytes) -> tuple[int, int, int]:

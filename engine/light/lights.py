@@ -103,11 +103,11 @@ def _assemble(
 ) -> TriangleLights:
     spheres = [geodesic(level) for level in range(len(kept))]
     triangles = np.concatenate([sphere.triangles[rows] for sphere, rows in zip(spheres, kept, strict=True)])
-    used, corners = np.unique(triangles, return_inverse=True)  # vertices keep their number from level to level
+    used, which = np.unique(triangles, return_inverse=True)  # vertices keep their number from level to level
+    corners: NDArray[np.int32] = which.reshape(-1, 3).astype(np.int32)
     vertices = spheres[-1].vertices[used]
     moment = np.concatenate([level_moments[rows] for level_moments, rows in zip(moments, kept, strict=True)])
     solid_angle = np.concatenate([sphere.solid_angles[rows] for sphere, rows in zip(spheres, kept, strict=True)])
-    corners = corners.reshape(-1, 3).astype(np.int32)
     return TriangleLights(
         level=np.repeat(np.arange(len(kept), dtype=np.int8), [len(rows) for rows in kept]),
         index=np.concatenate(kept).astype(np.int32),

@@ -7,11 +7,15 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def locate_one(x, y, z, level, roots, planes):
+def locate_one(x: float, y: float, z: float, level: int, roots: Floats, planes: Floats) -> int:
     """Triangle of `level` holding direction (x, y, z): nearest root face, then one plane test per level.
 
     The nearest of the 20 face centres is the face that holds the direction, because the Voronoi cells of the face
@@ -43,7 +47,9 @@ def locate_one(x, y, z, level, roots, planes):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def locate_range(directions, level, roots, planes, start, stop, found):
+def locate_range(
+    directions: Floats, level: int, roots: Floats, planes: Floats, start: int, stop: int, found: NDArray[np.int32]
+) -> int:
     """Fill found[start:stop]; returns the first direction that is zero or not finite, or -1."""
     first_bad = -1
     for i in range(start, stop):
@@ -59,7 +65,7 @@ def locate_range(directions, level, roots, planes, start, stop, found):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def solid_angle_from(px, py, pz, corners):
+def solid_angle_from(px: float, py: float, pz: float, corners: Floats) -> float:
     """Signed solid angle of the triangle corners (3, 3) seen from p: positive where its normal points towards p.
 
     tan(Omega / 2) = -a.(b x c) / (|a||b||c| + (a.b)|c| + (b.c)|a| + (c.a)|b|), a, b, c from p  [VanOosterom83].

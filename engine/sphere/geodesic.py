@@ -52,6 +52,21 @@ class Geodesic:
         return len(self.triangles)
 
     @cached_property
+    def edges(self) -> Indices:
+        """(E, 2) int32: the two vertices of every edge once, the smaller number first; E = 30 * 4^level."""
+        return self._edges_and_owners[0]
+
+    @cached_property
+    def triangle_edges(self) -> Indices:
+        """(T, 3) int32 into `edges`: entry k is the edge between corner k and corner k+1 (mod 3)."""
+        return self._edges_and_owners[1]
+
+    @cached_property
+    def _edges_and_owners(self) -> tuple[Indices, Indices]:
+        edges, which = _unique_edges(self.triangles, len(self.vertices))
+        return _readonly(edges), _readonly(which)
+
+    @cached_property
     def neighbours(self) -> Indices:
         """(T, 3) int32: entry k is the triangle across the edge from corner k to corner k+1 (mod 3)."""
         return _readonly(_edge_neighbours(self.triangles, len(self.vertices)))
@@ -185,13 +200,10 @@ def _icosahedron() -> tuple[Floats, Indices]:
 
 def _split_in_four(vertices: Floats, triangles: Indices) -> tuple[Floats, Indices]:
     """Split each triangle at its normalised edge midpoints; new vertices are appended to the old ones."""
-    starts, ends = triangles, np.roll(triangles, -1, axis=1)
-    low, high = np.minimum(starts, ends).astype(np.int64), np.maximum(starts, ends).astype(np.int64)
-    edges, which = np.unique(low * len(vertices) + high, return_inverse=True)
-    middles = vertices[edges // len(vertices)] + vertices[edges % len(vertices)]
+    edges, which = _unique_edges(triangles, len(vertices))
+    middles = vertices[edges].sum(axis=1)
     middles /= np.linalg.norm(middles, axis=1, keepdims=True)
-    m = (len(vertices) + which.reshape(triangles.shape)).astype(np.int32)
-    v = triangles
+    v, m = triangles, np.int32(len(vertices)) + which
     children = np.stack(
         [
             np.stack([v[:, 0], m[:, 0], m[:, 2]], axis=1),
@@ -202,6 +214,14 @@ def _split_in_four(vertices: Floats, triangles: Indices) -> tuple[Floats, Indice
         axis=1,
     )
     return np.concatenate([vertices, middles]), np.ascontiguousarray(children.reshape(-1, 3))
+
+
+def _unique_edges(triangles: Indices, n_vertices: int) -> tuple[Indices, Indices]:
+    """Every undirected edge once (E, 2), and the number of each triangle's three edges (T, 3)."""
+    starts, ends = triangles.astype(np.int64), np.roll(triangles, -1, axis=1).astype(np.int64)
+    codes, which = np.unique(np.minimum(starts, ends) * n_vertices + np.maximum(starts, ends), return_inverse=True)
+    edges = np.stack([codes // n_vertices, codes % n_vertices], axis=1)
+    return edges.astype(np.int32), which.reshape(triangles.shape).astype(np.int32)
 
 
 def _middle_planes(sphere: Geodesic) -> Floats:
