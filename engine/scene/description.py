@@ -13,9 +13,10 @@ import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainValidator, ValidationError, model_validator
 
 from engine.errors import LoadError
+from engine.scene.complaints import first_complaint
 from engine.scene.files import read_regular_file
 from engine.scene.transform import check_transform
 
@@ -29,14 +30,37 @@ IDENTITY = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0
 
 def _grey_to_rgb(value: object) -> object:
     """A single number stands for the same value in all three channels."""
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    return [value] * 3 if is_number else value
+    return [value] * 3 if _is_finite(value) else value
+
+
+def _name(value: object) -> str:
+    """Names stand in paths such as `teapot.1.alpha` and in messages."""
+    good = isinstance(value, str) and 0 < len(value) <= 64 and value.isprintable() and value == value.strip()
+    if not isinstance(value, str) or not good or set(value) & set(".\"'[]="):
+        raise ValueError("a name of 1 to 64 characters without . = [ ] and quotes")
+    return value
+
+
+def _parameter(value: object) -> ParameterValue:
+    """A layer's parameter as TOML gives it, lists as tuples."""
+    if isinstance(value, (bool, str)):
+        return value
+    if isinstance(value, (list, tuple)) and all(_is_finite(item) for item in value):
+        return tuple(float(item) for item in value)
+    if isinstance(value, (int, float)) and _is_finite(value):
+        return float(value)
+    raise ValueError("a finite number, a list of them, a string or a boolean")
+
+
+def _is_finite(value: object) -> bool:
+    """Whether it is a number that a float can hold."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= 1e300
 
 
 def _number(value: object) -> object:
     """TOML integers are as good as floats; booleans and strings are not numbers."""
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise ValueError("a number")
+    if not _is_finite(value):
+        raise ValueError("a finite number")
     return value
 
 
@@ -47,10 +71,10 @@ Vector = tuple[Coordinate, Coordinate, Coordinate]
 Intensity = Annotated[float, BeforeValidator(_number), Field(ge=0.0, le=1e12, allow_inf_nan=False)]
 Radiance = Annotated[tuple[Intensity, Intensity, Intensity], BeforeValidator(_grey_to_rgb)]
 Pixels = Annotated[int, Field(ge=1, le=MAX_RESOLUTION, strict=True)]
-ObjectName = Annotated[str, Field(pattern=r"^[^\s.\"'\[\]=]([^.\"'\[\]=\n\r\t]{0,62}[^\s.\"'\[\]=])?$", strict=True)]
-LayerName = ObjectName
+Name = Annotated[str, PlainValidator(_name)]
 Text = Annotated[str, Field(min_length=1, max_length=4096, strict=True)]
-Parameter = bool | Number | Text | tuple[Number, ...]
+ParameterValue = bool | float | str | tuple[float, ...]
+Parameter = Annotated[ParameterValue, PlainValidator(_parameter)]
 
 
 class _Description(BaseModel):
@@ -70,7 +94,7 @@ class CameraDescription(_Description):
 
     @model_validator(mode="after")
     def _has_a_frame(self) -> CameraDescription:
-        forward = [t - p for t, p in zip(self.target, self.position)]
+        forward = [t - p for t, p in zip(self.target, self.position, strict=True)]
         length = math.hypot(*forward)
         if not length > 0.0:
             raise ValueError("target: a point other than the position")
@@ -101,7 +125,7 @@ class LayerDescription(_Description):
     """One layer of a material: its model, an optional name, and the model's parameters as the file gives them."""
 
     model: Text
-    name: LayerName | None = None
+    name: Name | None = None
     parameters: dict[str, Parameter] = Field(default_factory=dict)
 
     @model_validator(mode="before")
@@ -116,7 +140,7 @@ class LayerDescription(_Description):
 class ObjectDescription(_Description):
     """A thing in the scene: geometry, where it stands, what it is made of, what it emits from its front."""
 
-    name: ObjectName
+    name: Name
     mesh: Text | None = None
     primitive: Literal["quad", "cube", "sphere"] | None = None
     part: Annotated[int, Field(ge=0, strict=True)] | None = None
@@ -187,7 +211,7 @@ def parse_description(tree: dict[str, Any], file: str | Path) -> SceneDescriptio
     try:
         return SceneDescription.model_validate(tree)
     except ValidationError as error:
-        raise _first_error(error, tree, file) from None
+        raise first_complaint(error, tree, file, SceneDescription) from None
 
 
 def dump_description(description: SceneDescription) -> str:
@@ -238,66 +262,3 @@ def _escape(character: str) -> str:
     if character in '"\\':
         return "\\" + character
     return character if character.isprintable() else f"\\U{ord(character):08x}"
-
-
-def _first_error(error: ValidationError, tree: dict[str, Any], file: str | Path) -> LoadError:
-    """The first complaint of pydantic as one line: where, what stands there, what should."""
-    first = error.errors()[0]
-    location, message = list(first["loc"]), first["msg"]
-    if first["type"] == "value_error":
-        own = str(first["ctx"]["error"])
-        key, separator, message = own.partition(": ")
-        if separator:
-            location.append(key)
-        else:
-            message = own
-        return LoadError(file, _place(location, tree), _found(location, tree), message)
-    if first["type"] == "missing":
-        return LoadError(file, _place(location, tree), "nothing", "a value")
-    if first["type"] == "extra_forbidden":
-        return LoadError(file, _place(location, tree), first["input"], "no such key; " + _known_keys(location))
-    return LoadError(file, _place(location, tree), first["input"], _expected(message))
-
-
-def _expected(message: str) -> str:
-    """Pydantic's `Input should be X` as `X`."""
-    for prefix in ("Input should be ", "Value should have ", "Tuple should have ", "String should have "):
-        if message.startswith(prefix):
-            return message.removeprefix(prefix)
-    return message
-
-
-def _known_keys(location: list[int | str]) -> str:
-    """The keys of the table that holds the unknown one."""
-    models: dict[str, type[BaseModel]] = {"camera": CameraDescription, "environment": EnvironmentDescription,
-                                          "object": ObjectDescription, "layer": LayerDescription}
-    tables = [models[part] for part in location[:-1] if part in models]
-    model = tables[-1] if tables else SceneDescription
-    return "one of " + ", ".join(field.alias or key for key, field in model.model_fields.items())
-
-
-def _place(location: list[int | str], tree: dict[str, Any]) -> str:
-    """`object 2 'ball': transform[3]`: the way to a value with the names of the objects on it."""
-    words, node = "", tree
-    for part in location:
-        if isinstance(part, int):
-            node = node[part] if isinstance(node, (list, tuple)) and part < len(node) else None  # type: ignore[assignment]
-            name = node.get("name") if isinstance(node, dict) else None
-            words += f" {part}" + (f" {name!r}" if isinstance(name, str) else "")
-        elif part in ("parameters", "bool", "float", "constrained-str", "str") or part.startswith(("tuple[", "function-")):
-            continue
-        else:
-            node = node.get(part) if isinstance(node, dict) else None  # type: ignore[assignment]
-            words += (": " if words else "") + part
-    return words
-
-
-def _found(location: list[int | str], tree: dict[str, Any]) -> object:
-    """The value at a location, or "nothing"."""
-    node: Any = tree
-    for part in location:
-        try:
-            node = node[part]
-        except (KeyError, IndexError, TypeError):
-            return "nothing" if node is tree or isinstance(node, dict) else node
-    return node

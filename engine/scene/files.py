@@ -37,7 +37,7 @@ def read_regular_file(path: Path, max_bytes: int) -> bytes:
 
 
 def resolve_inside(folder: Path, name: str, file: Path, what: str) -> Path:
-    """The path of `name` relative to `folder`, symbolic links followed; LoadError naming `file` and `what` if outside."""
+    """The path of `name` in `folder`, symbolic links followed; LoadError naming `file` and `what` if outside."""
     expected = "a relative path to a file inside the scene's folder"
     if not name or _SCHEME.match(name) or Path(name).is_absolute() or "\\" in name:
         raise LoadError(file, what, name, expected)

@@ -1,7 +1,7 @@
 """What the eye sees: one surface point a pixel, and how much of a silhouette pixel belongs to its neighbour.
 
-Only objects that reflect get a shading point; emitters and the background are pictures. The points are sorted by object,
-so that everything about one object is a range.
+Only objects that reflect get a shading point; emitters and the background are pictures. The points are sorted by
+object, so that everything about one object is a range.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from engine.errors import LoadError
 from engine.scene.defects import count_defects
 from engine.scene.description import SceneDescription, load_description
 from engine.scene.files import resolve_inside
-from engine.scene.mesh import Mesh, face_normals, normalize, smooth_normals
+from engine.scene.mesh import Mesh, face_normals, join_meshes, place_mesh
 from engine.scene.parts import ObjectMesh, object_meshes
 
 MAX_EXTENT = 1e9
@@ -29,9 +29,9 @@ _FAR = 16.0
 class Scene:
     """Everything geometric, ready for rays. V vertices, T triangles, M objects; lengths in metres.
 
-    vertices (V, 3) and normals (V, 3, unit) float32 in the world less `origin`; triangles (T, 3) int32, counter-clockwise
-    seen from the front; object_of_triangle (T,) int32; triangle_ranges (M, 2); geometric_normals (T, 3) float32;
-    smooth (M,) bool: whether normals are interpolated; emission (M, 3) float32, zero where nothing shines.
+    vertices (V, 3) and normals (V, 3, unit) float32 in the world less `origin`; triangles (T, 3) int32, counter-
+    clockwise seen from the front; object_of_triangle (T,) int32; triangle_ranges (M, 2); geometric_normals (T, 3)
+    float32; smooth (M,) bool: whether normals are interpolated; emission (M, 3) float32, zero where nothing shines.
     """
 
     description: SceneDescription
@@ -52,7 +52,7 @@ class Scene:
     @property
     def emitters(self) -> npt.NDArray[np.bool_]:
         """Which objects shine (M,)."""
-        return self.emission.any(axis=1)
+        return np.asarray(self.emission.any(axis=1))
 
     @property
     def eye(self) -> npt.NDArray[np.float64]:
@@ -76,7 +76,7 @@ def build_scene(description: SceneDescription, path: Path, resolution: tuple[int
     placed, place_notes = _place_all(items, path)
     description = description.model_copy(update={"objects": tuple(item.description for item in items)})
     vertices, origin = _recentre([mesh.vertices for mesh in placed], path)
-    triangles, ranges, starts = _join_triangles(placed, path)
+    triangles, ranges = _join_triangles(placed, path)
     geometric, _ = face_normals(vertices, triangles)
     counts = ranges[:, 1] - ranges[:, 0]
     objects = description.objects
@@ -107,7 +107,7 @@ def _place_all(items: list[ObjectMesh], path: Path) -> tuple[list[Mesh], list[st
         extent = float(np.abs(mesh.vertices).max())
         where = f"object {item.description.name!r}"
         if not extent <= MAX_EXTENT:
-            raise LoadError(path, f"{where}: coordinates after its transform", f"{extent:g}", f"at most {MAX_EXTENT:g} m")
+            raise LoadError(path, f"{where}: coordinates once placed", f"{extent:g}", f"at most {MAX_EXTENT:g} m")
         defects = count_defects(mesh)
         mesh = Mesh(mesh.vertices, mesh.triangles[defects.solid], mesh.normals)
         if not len(mesh.triangles):
@@ -115,24 +115,6 @@ def _place_all(items: list[ObjectMesh], path: Path) -> tuple[list[Mesh], list[st
         placed.append(mesh)
         notes += [f"{item.description.name}: {line}" for line in defects.notes()]
     return placed, notes
-
-
-def place_mesh(mesh: Mesh, matrix: npt.NDArray[np.float64]) -> Mesh:
-    """The mesh under an affine transform, with unit normals.
-
-    Normals go with the inverse transpose (here the cofactor matrix det(A) A⁻ᵀ, which needs no division). A mirroring
-    transform turns the winding round, so that fronts stay fronts and geometric and vertex normals agree.
-    """
-    linear = matrix[:3, :3]
-    vertices = mesh.vertices @ linear.T + matrix[:3, 3]
-    cofactor = np.cross(linear[[1, 2, 0]], linear[[2, 0, 1]])
-    mirrored = np.dot(linear[0], cofactor[0]) < 0.0
-    triangles = mesh.triangles[:, ::-1] if mirrored else mesh.triangles
-    own = smooth_normals(vertices, triangles)
-    if mesh.normals is None:
-        return Mesh(vertices, triangles, own)
-    cofactor = cofactor / np.abs(cofactor).max() * (-1.0 if mirrored else 1.0)
-    return Mesh(vertices, triangles, normalize(mesh.normals @ cofactor.T, fallback=own))
 
 
 def _recentre(vertices: list[npt.NDArray[np.float64]], path: Path) -> tuple[npt.NDArray[np.float32], npt.NDArray]:
@@ -149,16 +131,15 @@ def _recentre(vertices: list[npt.NDArray[np.float64]], path: Path) -> tuple[npt.
     return (joined - origin).astype(np.float32), origin
 
 
-def _join_triangles(placed: list[Mesh], path: Path) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32], list[int]]:
-    """Triangles over the joined vertices, the range (M, 2) of each object, and where its vertices start."""
+def _join_triangles(placed: list[Mesh], path: Path) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+    """Triangles over the joined vertices, and the range (M, 2) of each object's."""
     total = sum(len(mesh.triangles) for mesh in placed)
     if total > MAX_TRIANGLES:
         raise LoadError(path, "triangles", total, f"at most {MAX_TRIANGLES}")
-    starts = np.cumsum([0] + [len(mesh.vertices) for mesh in placed])[:-1].tolist()
-    triangles = np.concatenate([mesh.triangles + start for mesh, start in zip(placed, starts)]).astype(np.int32)
+    triangles = join_meshes(placed).triangles
     ends = np.cumsum([len(mesh.triangles) for mesh in placed])
     ranges = np.stack([np.concatenate([[0], ends[:-1]]), ends], axis=1).astype(np.int32)
-    return np.ascontiguousarray(triangles), ranges, starts
+    return np.ascontiguousarray(triangles), ranges
 
 
 def _layer_notes(description: SceneDescription) -> list[str]:

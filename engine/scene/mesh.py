@@ -1,6 +1,6 @@
 """Triangle meshes as arrays, the one door through which geometry files come in, and the normals they lack.
 
-`read_mesh` dispatches on the file's name to a strict reader. Nothing but a `Mesh` leaves it, and every `Mesh` has passed
+`read_mesh` dispatches on the file's name to a strict reader. Nothing but a `Mesh` leaves it, and each has passed
 `validate_mesh`: finite, indices in range, small enough to square. Own readers stand where a general library loads
 invalid files silently (indices out of range, counts that do not match, NaN) or follows names to other files.
 """
@@ -44,21 +44,26 @@ def read_mesh(path: Path) -> Mesh:
     return validate_mesh(parse(read_regular_file(path, MAX_MESH_BYTES), path), path)
 
 
-def validate_mesh(mesh: Mesh, file: Path) -> Mesh:
-    """The mesh itself if it can be used; raises LoadError naming the first vertex or face that cannot."""
+def validate_mesh(mesh: Mesh, file: Path, place: str = "") -> Mesh:
+    """The mesh itself if it can be used; raises LoadError naming the first vertex or face that cannot.
+
+    place stands before it in the message, for files that hold several meshes.
+    """
     if not len(mesh.triangles):
-        raise LoadError(file, "faces", 0, "at least one face")
+        raise LoadError(file, f"{place}faces", 0, "at least one face")
     usable = np.abs(mesh.vertices) <= MAX_COORDINATE  # false for NaN too
     if not usable.all():
         k = int(np.argmin(usable.all(axis=1)))
-        raise LoadError(file, f"vertex {k}", mesh.vertices[k].tolist(), f"finite numbers up to {MAX_COORDINATE:g}")
+        expected = f"finite numbers up to {MAX_COORDINATE:g}"
+        raise LoadError(file, f"{place}vertex {k}", mesh.vertices[k].tolist(), expected)
     inside = (mesh.triangles >= 0) & (mesh.triangles < len(mesh.vertices))
     if not inside.all():
         k = int(np.argmin(inside.all(axis=1)))
-        raise LoadError(file, f"face {k}", mesh.triangles[k].tolist(), f"indices from 0 to {len(mesh.vertices) - 1}")
+        expected = f"indices from 0 to {len(mesh.vertices) - 1}"
+        raise LoadError(file, f"{place}face {k}", mesh.triangles[k].tolist(), expected)
     if mesh.normals is not None and not np.isfinite(mesh.normals).all():
         k = int(np.argmin(np.isfinite(mesh.normals).all(axis=1)))
-        raise LoadError(file, f"normal {k}", mesh.normals[k].tolist(), "finite numbers")
+        raise LoadError(file, f"{place}normal {k}", mesh.normals[k].tolist(), "finite numbers")
     return mesh
 
 
@@ -112,3 +117,33 @@ def normalize(vectors: Floats, fallback: tuple[float, float, float] | Floats) ->
     length = np.linalg.norm(shrunk, axis=1, keepdims=True)
     unit = shrunk / np.where(length > 0, length, 1.0)
     return np.where(short[:, None], np.asarray(fallback, np.float64), unit)
+
+
+def place_mesh(mesh: Mesh, matrix: npt.NDArray[np.float64]) -> Mesh:
+    """The mesh under an affine transform, with unit normals.
+
+    Normals go with the inverse transpose (here the cofactor matrix det(A) A⁻ᵀ, which needs no division). A mirroring
+    transform turns the winding round, so that fronts stay fronts and geometric and vertex normals agree.
+    """
+    linear = matrix[:3, :3]
+    vertices = mesh.vertices @ linear.T + matrix[:3, 3]
+    cofactor = np.cross(linear[[1, 2, 0]], linear[[2, 0, 1]])
+    mirrored = np.dot(linear[0], cofactor[0]) < 0.0
+    triangles = mesh.triangles[:, ::-1] if mirrored else mesh.triangles
+    own = smooth_normals(vertices, triangles)
+    if mesh.normals is None:
+        return Mesh(vertices, triangles, own)
+    cofactor = cofactor / np.abs(cofactor).max() * (-1.0 if mirrored else 1.0)
+    return Mesh(vertices, triangles, normalize(mesh.normals @ cofactor.T, fallback=own))
+
+
+def join_meshes(meshes: list[Mesh]) -> Mesh:
+    """Several meshes as one; those without normals get smooth ones if any other has its own."""
+    starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
+    normals = None
+    if any(mesh.normals is not None for mesh in meshes):
+        own = (mesh.normals if mesh.normals is not None else smooth_normals(mesh.vertices, mesh.triangles)
+               for mesh in meshes)
+        normals = np.concatenate(list(own))
+    shifted = [mesh.triangles + int(start) for mesh, start in zip(meshes, starts[:-1], strict=True)]
+    return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(shifted).astype(np.int32), normals)

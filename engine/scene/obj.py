@@ -1,8 +1,8 @@
 """A strict reader of Wavefront OBJ files: vertices, normals and polygons, every line understood or refused by number.
 
-Materials, texture coordinates, groups, lines and points say nothing that a scene file does not say itself and are stepped
-over; a material library is never opened, but one outside the folder is refused, so that a file that reaches out is
-noticed. Corners with the same position and normal become one vertex, whatever their texture coordinates.
+Materials, texture coordinates, groups, lines and points say nothing that a scene file does not say itself and are
+stepped over; a material library is never opened, but one outside the folder is refused, so that a file that reaches
+out is noticed. Corners with the same position and normal become one vertex, whatever their texture coordinates.
 """
 
 from __future__ import annotations

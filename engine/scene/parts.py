@@ -8,18 +8,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-import numpy as np
 
 from engine.errors import LoadError
 from engine.scene.description import MAX_OBJECTS, ObjectDescription, SceneDescription
 from engine.scene.files import resolve_inside
-from engine.scene.mesh import Mesh, read_mesh
+from engine.scene.gltf import GlbModel, read_glb
+from engine.scene.mesh import Mesh, join_meshes, read_mesh
 from engine.scene.primitives import PRIMITIVES
-
-if TYPE_CHECKING:
-    from engine.scene.gltf import GlbModel
 
 
 @dataclass(frozen=True)
@@ -49,8 +44,6 @@ def object_meshes(description: SceneDescription, folder: Path, path: Path) -> tu
             items.append(ObjectMesh(item, meshes[file]))
         else:
             if file not in models:
-                from engine.scene.gltf import read_glb
-
                 models[file] = read_glb(file)
                 notes += [f"{item.name}: {note}" for note in models[file].notes]
             items += _glb_objects(item, models[file], path, taken)
@@ -65,12 +58,16 @@ def _glb_objects(item: ObjectDescription, model: GlbModel, path: Path, taken: se
         raise LoadError(path, f"object {item.name!r}: part", item.part, f"a part from 0 to {len(model.parts) - 1}")
     chosen = range(len(model.parts)) if item.part is None else [item.part]
     if item.layers or item.emits:
-        return [ObjectMesh(item, _join([model.parts[k].mesh for k in chosen]))]
+        return [ObjectMesh(item, join_meshes([model.parts[k].mesh for k in chosen]))]
     if len(chosen) == 1:
         part = model.parts[chosen[0]]
-        return [ObjectMesh(item.model_copy(update={"layers": part.layers}), part.mesh)]
-    return [ObjectMesh(item.model_copy(update={"name": _free_name(item.name, k, taken), "part": k,
-                                               "layers": model.parts[k].layers}), model.parts[k].mesh) for k in chosen]
+        return [ObjectMesh(item.model_copy(update={"layers": part.layers, "emission": part.emission}), part.mesh)]
+    items = []
+    for k in chosen:
+        part = model.parts[k]
+        own = {"name": _free_name(item.name, k, taken), "part": k, "layers": part.layers, "emission": part.emission}
+        items.append(ObjectMesh(item.model_copy(update=own), part.mesh))
+    return items
 
 
 def _free_name(name: str, part: int, taken: set[str]) -> str:
@@ -80,14 +77,3 @@ def _free_name(name: str, part: int, taken: set[str]) -> str:
         candidate += "+"
     taken.add(candidate)
     return candidate
-
-
-def _join(meshes: list[Mesh]) -> Mesh:
-    """Several meshes as one; normals only if all have them."""
-    starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
-    normals = [mesh.normals for mesh in meshes if mesh.normals is not None]
-    return Mesh(
-        np.concatenate([mesh.vertices for mesh in meshes]),
-        np.concatenate([mesh.triangles + int(start) for mesh, start in zip(meshes, starts)]).astype(np.int32),
-        np.concatenate(normals) if len(normals) == len(meshes) else None,
-    )

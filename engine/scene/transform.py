@@ -17,7 +17,7 @@ def check_transform(entries: Sequence[float]) -> str | None:
     """
     if not all(math.isfinite(e) and abs(e) <= MAX_ENTRY for e in entries):
         return f"finite numbers of at most {MAX_ENTRY:g}"
-    if any(abs(e - one) > 1e-9 for e, one in zip(entries[12:], (0.0, 0.0, 0.0, 1.0))):
+    if any(abs(e - one) > 1e-9 for e, one in zip(entries[12:], (0.0, 0.0, 0.0, 1.0), strict=True)):
         return "a last row 0 0 0 1"
     volume = math.prod(math.hypot(*entries[i:12:4]) for i in range(3))
     if not abs(determinant(entries)) > _FLATTEST * volume or volume < 1e-27:

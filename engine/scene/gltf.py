@@ -1,0 +1,261 @@
+"""Geometry and materials of a GLB file: every triangle under its node's transform, sorted by material.
+
+The accessors are checked and read here, not by a library that reads what is not there: counts, offsets and strides are
+held against the binary chunk, indices against the vertices. Nodes must form a forest of bounded depth. Textures, skins,
+morph targets and animations are stepped over with a note: what is shown is the bind pose in the materials' factors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.errors import LoadError
+from engine.scene.description import LayerDescription
+from engine.scene.files import read_regular_file, resolve_inside
+from engine.scene.glb import Fields, parse_glb
+from engine.scene.gltf_materials import PartMaterial, read_material
+from engine.scene.mesh import MAX_MESH_BYTES, Mesh, join_meshes, place_mesh, validate_mesh
+
+MAX_DEPTH = 256
+MAX_COUNT = 2**31 - 1
+MAX_VERTICES = 50_000_000
+_COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+_HARMLESS = ("KHR_materials_", "KHR_texture_", "KHR_lights_")
+_TRIANGLES = 4
+
+
+@dataclass(frozen=True)
+class GlbPart:
+    """All triangles of one material, in the file's frame."""
+
+    mesh: Mesh
+    layers: tuple[LayerDescription, ...]
+    emission: tuple[float, float, float] | None
+
+
+@dataclass(frozen=True)
+class GlbModel:
+    """A GLB file's parts, one a material in use, and notes on what was stepped over."""
+
+    parts: tuple[GlbPart, ...]
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _File:
+    """The lists of a file that refer to each other."""
+
+    path: Path
+    binary: bytes
+    views: list[Fields]
+    accessors: list[Fields]
+    meshes: list[Fields]
+    nodes: list[Fields]
+    n_materials: int
+
+
+def read_glb(path: Path) -> GlbModel:
+    """Read a GLB file; raises LoadError naming the place and what was expected there."""
+    root, binary = parse_glb(read_regular_file(path, MAX_MESH_BYTES), path)
+    _check_extensions(root)
+    _check_uris(root, binary)
+    file = _File(path, binary, root.children("bufferViews"), root.children("accessors"), root.children("meshes"),
+                 root.children("nodes"), len(root.children("materials")))
+    by_material: dict[int, list[Mesh]] = {}
+    n_vertices, skipped = 0, 0
+    cache: dict[int, tuple[list[tuple[int, Mesh]], int]] = {}
+    for mesh_index, matrix in _placed_meshes(file, root):
+        if mesh_index not in cache:
+            cache[mesh_index] = _read_primitives(file, mesh_index)
+        primitives, n_skipped = cache[mesh_index]
+        skipped += n_skipped
+        n_vertices += sum(len(mesh.vertices) for _, mesh in primitives)
+        if n_vertices > MAX_VERTICES:
+            raise LoadError(path, "vertices of all nodes", n_vertices, f"at most {MAX_VERTICES}")
+        for material, mesh in primitives:
+            by_material.setdefault(material, []).append(place_mesh(mesh, matrix))
+    if not by_material:
+        raise LoadError(path, "faces", 0, "at least one mesh of triangles in the scene")
+    materials = [read_material(fields) for fields in root.children("materials")]
+    parts = [_part(meshes, materials[k] if k >= 0 else PartMaterial()) for k, meshes in sorted(by_material.items())]
+    return GlbModel(tuple(parts), tuple(_notes(root, materials, skipped)))
+
+
+def _part(meshes: list[Mesh], material: PartMaterial) -> GlbPart:
+    """The joined meshes of one material."""
+    return GlbPart(join_meshes(meshes), material.layers, material.emission)
+
+
+def _check_extensions(root: Fields) -> None:
+    """Refuses files that cannot be read without an extension that changes geometry."""
+    required = root.values.get("extensionsRequired", [])
+    if not isinstance(required, list):
+        raise root.error("extensionsRequired", required, "a list")
+    for name in required:
+        if not isinstance(name, str) or not name.startswith(_HARMLESS):
+            raise root.error("extensionsRequired", name, "no required extension of geometry (no Draco, no meshopt)")
+
+
+def _check_uris(root: Fields, binary: bytes) -> None:
+    """The one buffer is the file's own binary chunk; pictures are not read, but may not reach out either."""
+    for i, buffer in enumerate(root.children("buffers")):
+        uri = buffer.text("uri")
+        if uri is not None:
+            if not uri.startswith("data:"):
+                resolve_inside(root.file.parent, uri, root.file, f"{buffer.place}: uri")
+            raise buffer.error("uri", uri, "none: the file's own binary chunk")
+        length = buffer.integer("byteLength", 1, MAX_COUNT)
+        if i or length > len(binary):
+            raise buffer.error("byteLength", f"{length} in a binary chunk truncated at byte {len(binary)}" if not i
+                               else "a second buffer", f"one buffer of at most {len(binary)} bytes")
+    for image in root.children("images"):
+        uri = image.text("uri")
+        if uri is not None and not uri.startswith("data:"):
+            resolve_inside(root.file.parent, uri, root.file, f"{image.place}: uri")
+
+
+def _placed_meshes(file: _File, root: Fields) -> list[tuple[int, npt.NDArray[np.float64]]]:
+    """(mesh, matrix to the file's frame) of every node in the scene, parents before children."""
+    children = [node.indices("children", len(file.nodes)) for node in file.nodes]
+    parents: dict[int, int] = {}
+    for k, below in enumerate(children):
+        for child in below:
+            if child in parents or child == k:
+                raise LoadError(file.path, f"nodes {child}: parents", f"{parents.get(child, k)} and {k}",
+                                "one parent: nodes in a tree without a loop")
+            parents[child] = k
+    stack = [(k, np.eye(4), 0) for k in reversed(_roots(file, root, parents))]
+    placed, reached = [], 0
+    while stack:
+        k, above, depth = stack.pop()
+        reached += 1
+        if depth > MAX_DEPTH or reached > len(file.nodes):
+            raise LoadError(file.path, f"nodes {k}: depth", "too deep" if depth > MAX_DEPTH else "a loop",
+                            f"a tree of at most {MAX_DEPTH} levels")
+        matrix = _finite(above @ _node_matrix(file.nodes[k]), file.nodes[k])
+        if file.nodes[k].has("mesh"):
+            placed.append((file.nodes[k].integer("mesh", 0, len(file.meshes) - 1), matrix))
+        stack += [(child, matrix, depth + 1) for child in reversed(children[k])]
+    return placed
+
+
+def _roots(file: _File, root: Fields, parents: dict[int, int]) -> list[int]:
+    """The nodes at the top of the scene that is to be shown."""
+    scenes = root.children("scenes")
+    if scenes:
+        roots = scenes[root.integer("scene", 0, len(scenes) - 1, 0)].indices("nodes", len(file.nodes))
+    else:
+        roots = [k for k in range(len(file.nodes)) if k not in parents]
+    for k in roots:
+        if k in parents:
+            raise LoadError(file.path, f"nodes {k}", f"a root below nodes {parents[k]}", "roots without a parent")
+    if file.nodes and not roots:
+        raise LoadError(file.path, "scene: nodes", "none, or a loop", "at least one root node")
+    return roots
+
+
+def _node_matrix(node: Fields) -> npt.NDArray[np.float64]:
+    """A node's own transform: `matrix` (column-major) or translation · rotation · scale."""
+    if node.has("matrix"):
+        return np.reshape(node.numbers("matrix", 16, ()), (4, 4)).T
+    x, y, z, w = node.numbers("rotation", 4, (0.0, 0.0, 0.0, 1.0))
+    norm = x * x + y * y + z * z + w * w
+    if not 0.5 < norm < 2.0:
+        raise node.error("rotation", [x, y, z, w], "a unit quaternion")
+    s = 2.0 / norm
+    matrix = np.eye(4)
+    matrix[:3, :3] = [[1 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)],
+                      [s * (x * y + z * w), 1 - s * (x * x + z * z), s * (y * z - x * w)],
+                      [s * (x * z - y * w), s * (y * z + x * w), 1 - s * (x * x + y * y)]]
+    matrix[:3, :3] *= node.numbers("scale", 3, (1.0, 1.0, 1.0))
+    matrix[:3, 3] = node.numbers("translation", 3, (0.0, 0.0, 0.0))
+    return matrix
+
+
+def _finite(matrix: npt.NDArray[np.float64], node: Fields) -> npt.NDArray[np.float64]:
+    """The matrix if its entries are of a usable size and it is affine."""
+    if not (np.abs(matrix) <= 1e9).all() or np.abs(matrix[3] - (0, 0, 0, 1)).max() > 1e-6:
+        raise node.error("transform", matrix.reshape(-1).tolist(), "an affine matrix with entries up to 1e+09")
+    return matrix
+
+
+def _read_primitives(file: _File, index: int) -> tuple[list[tuple[int, Mesh]], int]:
+    """(material or −1, mesh) of a mesh's primitives, and how many were points or lines."""
+    found, skipped = [], 0
+    for primitive in file.meshes[index].children("primitives"):
+        mode = primitive.integer("mode", 0, 6, _TRIANGLES)
+        if mode < _TRIANGLES:
+            skipped += 1
+            continue
+        if mode != _TRIANGLES:
+            raise primitive.error("mode", mode, f"{_TRIANGLES} (triangles; no strips, no fans)")
+        material = primitive.integer("material", -1, file.n_materials - 1, -1)
+        found.append((material, _read_primitive(file, primitive)))
+    return found, skipped
+
+
+def _read_primitive(file: _File, primitive: Fields) -> Mesh:
+    """One list of triangles."""
+    attributes = primitive.child("attributes")
+    if not attributes.has("POSITION"):
+        raise attributes.error("POSITION", "nothing", "an accessor of positions")
+    vertices = _read_accessor(file, attributes, "POSITION", "VEC3", (5126,)).astype(np.float64)
+    normals = None
+    if attributes.has("NORMAL"):
+        normals = _read_accessor(file, attributes, "NORMAL", "VEC3", (5126,)).astype(np.float64)
+        if len(normals) != len(vertices):
+            raise attributes.error("NORMAL", f"{len(normals)} normals", f"{len(vertices)}, as there are positions")
+    if primitive.has("indices"):
+        corners = _read_accessor(file, primitive, "indices", "SCALAR", (5121, 5123, 5125)).astype(np.int64)[:, 0]
+    else:
+        corners = np.arange(len(vertices))
+    if len(corners) % 3:
+        raise primitive.error("indices", f"{len(corners)} corners", "a multiple of 3")
+    if len(corners) and corners.max() >= len(vertices):
+        k = int(np.argmax(corners >= len(vertices)))
+        raise primitive.error(f"index {k}", int(corners[k]), f"an index from 0 to {len(vertices) - 1}")
+    mesh = Mesh(vertices, corners.reshape(-1, 3).astype(np.int32), normals)
+    return validate_mesh(mesh, file.path, f"{primitive.place}: ")
+
+
+def _read_accessor(file: _File, owner: Fields, key: str, kind: str, components: tuple[int, ...]) -> npt.NDArray:
+    """The rows (count, width) of the accessor that `owner` names under `key`."""
+    accessor = file.accessors[owner.integer(key, 0, len(file.accessors) - 1)]
+    if accessor.text("type") != kind:
+        raise accessor.error("type", accessor.text("type") or "nothing", f"{kind} for {key}")
+    component = accessor.integer("componentType", 5120, 5126)
+    if component not in components:
+        raise accessor.error("componentType", component, f"one of {', '.join(map(str, components))} for {key}")
+    if accessor.has("sparse") or not accessor.has("bufferView"):
+        raise accessor.error("sparse", "a sparse accessor", "values in a buffer view")
+    layout = np.dtype(_COMPONENTS[component])
+    row = layout.itemsize * _WIDTHS[kind]
+    view = file.views[accessor.integer("bufferView", 0, len(file.views) - 1)]
+    view.integer("buffer", 0, 0)
+    start = view.integer("byteOffset", 0, len(file.binary), 0)
+    length = view.integer("byteLength", 1, len(file.binary) - start)
+    stride = view.integer("byteStride", max(4, row), 252) if view.has("byteStride") else row
+    offset = accessor.integer("byteOffset", 0, length, 0)
+    count = accessor.integer("count", 1, max(0, length - offset - row) // stride + (1 if length - offset >= row else 0))
+    window = np.frombuffer(file.binary, np.uint8, (count - 1) * stride + row, start + offset)
+    rows = np.lib.stride_tricks.as_strided(window, (count, row), (stride, 1))
+    return np.ascontiguousarray(rows).view(layout)
+
+
+def _notes(root: Fields, materials: list[PartMaterial], skipped: int) -> list[str]:
+    """What the file holds that is not shown."""
+    lines = []
+    if skipped:
+        lines.append(f"{skipped} primitives of points or lines left out")
+    if any(material.textured for material in materials):
+        lines.append("textures are not read, the materials' factors stand for them")
+    if root.children("skins") or root.children("animations"):
+        lines.append("skins and animations are not read, the bind pose is shown")
+    if any(p.has("targets") for mesh in root.children("meshes") for p in mesh.children("primitives")):
+        lines.append("morph targets are not read")
+    return lines
