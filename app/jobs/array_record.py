@@ -1,0 +1,131 @@
+"""Named arrays as bytes on disk: a checked header, then each array, aligned, with a checksum of its own.
+
+    fixed part | JSON header | padding | array | padding | array ...
+
+Offsets count from the start of the record. Never pickled: a damaged or foreign file can be wrong, but cannot run.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+VERSION = 1
+ALIGNMENT = 64
+_MAGIC = b"INSITUA1"
+_FIXED = struct.Struct("<8sIIQI")  # magic, version, bytes of the JSON, bytes of the record, crc32 of JSON and numbers
+_LARGEST_JSON = 1 << 20
+_KINDS = "biufc"  # booleans and numbers: nothing that would need pickling
+Arrays = Mapping[str, NDArray[np.generic]]
+
+
+class RecordError(Exception):
+    """Not a record of ours, incomplete or damaged."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Where in a record an array lies."""
+
+    name: str
+    dtype: np.dtype[np.generic]
+    shape: tuple[int, ...]
+    offset: int
+    crc: int
+
+    @property
+    def n_bytes(self) -> int:
+        return self.dtype.itemsize * int(np.prod(self.shape, dtype=object))
+
+
+@dataclass(frozen=True)
+class Record:
+    """What was read: arrays are read-only views of the buffer."""
+
+    label: str
+    arrays: dict[str, NDArray[np.generic]]
+    n_bytes: int
+
+
+def record_size(arrays: Arrays, label: str) -> int:
+    """Bytes that `write_record` will write."""
+    header = _json_header(label, _lay_out(arrays, checksums=False))
+    return _aligned(_FIXED.size + len(header)) + sum(_aligned(array.nbytes) for array in arrays.values())
+
+
+def write_record(file: BinaryIO, label: str, arrays: Arrays) -> int:
+    """Write a record; returns its size. Raises TypeError for arrays that hold neither numbers nor booleans."""
+    entries = _lay_out(arrays, checksums=True)
+    header = _json_header(label, entries)
+    start = _aligned(_FIXED.size + len(header))
+    size = start + sum(_aligned(entry.n_bytes) for entry in entries)
+    numbers = _FIXED.pack(_MAGIC, VERSION, len(header), size, 0)
+    fixed = _FIXED.pack(_MAGIC, VERSION, len(header), size, zlib.crc32(header, zlib.crc32(numbers)))
+    file.write((fixed + header).ljust(start, b"\0"))
+    for array in arrays.values():
+        file.write(_bytes_of(array))
+        file.write(bytes(_aligned(array.nbytes) - array.nbytes))
+    return size
+
+
+def read_record(buffer: memoryview) -> Record:
+    """The record at the start of `buffer`; every byte is checked. Raises RecordError when anything disagrees."""
+    label, entries, size = _read_header(buffer)
+    arrays = {}
+    for entry in entries:
+        data = buffer[entry.offset : entry.offset + entry.n_bytes]
+        if zlib.crc32(data) != entry.crc:
+            raise RecordError(f"array {entry.name!r} is damaged")
+        arrays[entry.name] = np.frombuffer(data, entry.dtype).reshape(entry.shape)
+    return Record(label, arrays, size)
+
+
+def _lay_out(arrays: Arrays, *, checksums: bool) -> list[Entry]:
+    """Entries with offsets from the end of the header; their size does not depend on the checksums."""
+    entries, offset = [], 0
+    for name, array in arrays.items():
+        if array.dtype.kind not in _KINDS:
+            raise TypeError(f"array {name!r} has dtype {array.dtype}, expected numbers or booleans")
+        crc = zlib.crc32(_bytes_of(array)) if checksums else 0
+        entries.append(Entry(name, array.dtype, array.shape, offset, crc))
+        offset += _aligned(array.nbytes)
+    return entries
+
+
+def _json_header(label: str, entries: list[Entry]) -> bytes:
+    rows = [[e.name, e.dtype.str, list(e.shape), e.offset, f"{e.crc:08x}"] for e in entries]
+    return json.dumps({"label": label, "arrays": rows}).encode()
+
+
+def _read_header(buffer: memoryview) -> tuple[str, list[Entry], int]:
+    """The label, the entries with offsets from the start of the record, and its size."""
+    if len(buffer) < _FIXED.size:
+        raise RecordError("truncated in its header")
+    magic, version, json_size, size, crc = _FIXED.unpack_from(buffer)
+    if magic != _MAGIC or version != VERSION:
+        raise RecordError("not a record of this version")
+    if json_size > _LARGEST_JSON or size > len(buffer):
+        raise RecordError(f"truncated: {len(buffer)} of {size} bytes")
+    header = bytes(buffer[_FIXED.size : _FIXED.size + json_size])
+    if zlib.crc32(header, zlib.crc32(_FIXED.pack(magic, version, json_size, size, 0))) != crc:
+        raise RecordError("its header is damaged")
+    content = json.loads(header)
+    start = _aligned(_FIXED.size + json_size)
+    rows = content["arrays"]
+    entries = [Entry(n, np.dtype(d), tuple(shape), start + o, int(c, 16)) for n, d, shape, o, c in rows]
+    return content["label"], entries, size
+
+
+def _bytes_of(array: NDArray[np.generic]) -> memoryview:
+    return np.ascontiguousarray(array).reshape(-1).view(np.uint8).data
+
+
+def _aligned(size: int) -> int:
+    return -(-size // ALIGNMENT) * ALIGNMENT

@@ -1,0 +1,141 @@
+"""Tiles of an unfinished computation, kept so that a worker that dies resumes after the last complete one.
+
+A tiles file is a row of records (see `array_record`), each labelled with the key, the number of tiles and its own
+index, and appended in one piece. Whatever a kill left half-written disagrees with its checksum: opening the file cuts
+it off there, and all before it counts. One process at a time writes a file (flock, which the kernel lifts when the
+process dies); a second one computes without.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import mmap
+import os
+from collections.abc import Callable
+from io import BytesIO, FileIO
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.jobs.array_record import Arrays, RecordError, read_record, write_record
+
+
+class Tiles:
+    """The complete tiles of one key. Close it, or use `with`; `finish` when the whole is stored elsewhere.
+
+    note_failure hears once of a file that cannot be written; from then on no further tiles are kept.
+    """
+
+    def __init__(self, path: Path, key: str, n_tiles: int, note_failure: Callable[[OSError], None]) -> None:
+        self._path = path
+        self._key = key
+        self._n_tiles = n_tiles
+        self._note_failure = note_failure
+        self._extents: dict[int, tuple[int, int]] = {}
+        self._end = 0
+        self._writable = True
+        self._file: FileIO | None = self._open()
+
+    @property
+    def complete_tiles(self) -> frozenset[int]:
+        """Indices of the tiles that need not be computed again."""
+        return frozenset(self._extents)
+
+    def append_tile(self, index: int, arrays: Arrays) -> bool:
+        """Keep a tile: whether that worked. Raises IndexError, TypeError (see `write_record`)."""
+        if not 0 <= index < self._n_tiles:
+            raise IndexError(f"tile {index}, expected 0 to {self._n_tiles - 1}")
+        if self._file is None or not self._writable:
+            return False
+        record = BytesIO()
+        size = write_record(record, self._label(index), arrays)
+        try:
+            self._append(self._file, record.getbuffer())
+        except OSError as error:
+            self._note_failure(error)
+            self._writable = False
+            return False
+        self._extents[index] = (self._end, size)
+        self._end += size
+        return True
+
+    def tile(self, index: int) -> dict[str, NDArray[np.generic]]:
+        """The arrays of a complete tile, read-only and checked again. Raises KeyError, RecordError."""
+        offset, size = self._extents[index]
+        if self._file is None:
+            raise RecordError("the tiles are closed")
+        return read_record(memoryview(os.pread(self._file.fileno(), size, offset))).arrays
+
+    def finish(self) -> None:
+        """Close and delete the tiles."""
+        with contextlib.suppress(OSError):
+            self._path.unlink()
+        self.close()
+
+    def close(self) -> None:
+        """Close; the tiles stay for the next run."""
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+    def __enter__(self) -> Tiles:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _open(self) -> FileIO | None:
+        """The file, locked, its damaged end cut off; None when that is not possible."""
+        try:
+            file = FileIO(self._path, "a+")
+        except OSError as error:
+            self._note_failure(error)
+            return None
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            self._scan(file)
+            file.truncate(self._end)
+        except BlockingIOError as error:
+            file.close()
+            self._note_failure(OSError(error.errno, "another Insitu is at work on the same scene"))
+            return None
+        except OSError as error:
+            file.close()
+            self._note_failure(error)
+            return None
+        return file
+
+    def _scan(self, file: FileIO) -> None:
+        """Find the sound records, from the start up to the first that is not."""
+        size = os.fstat(file.fileno()).st_size
+        view = memoryview(mmap.mmap(file.fileno(), size, access=mmap.ACCESS_READ)) if size else memoryview(b"")
+        while self._end < size:
+            try:
+                record = read_record(view[self._end :])
+                index = self._index_in(record.label)
+            except RecordError:
+                return
+            self._extents[index] = (self._end, record.n_bytes)
+            self._end += record.n_bytes
+
+    def _append(self, file: FileIO, record: memoryview) -> None:
+        """All of the record, or an OSError and the file as it was."""
+        try:
+            while len(record):
+                record = record[file.write(record) :]
+        except OSError:
+            with contextlib.suppress(OSError):
+                file.truncate(self._end)
+            raise
+
+    def _label(self, index: int) -> str:
+        return json.dumps([self._key, self._n_tiles, index])
+
+    def _index_in(self, label: str) -> int:
+        key, n_tiles, index = json.loads(label)
+        if (key, n_tiles) != (self._key, self._n_tiles):
+            raise RecordError("tiles of something else")
+        return int(index)
