@@ -124,7 +124,7 @@ class Tabulated:
 
     def __post_init__(self) -> None:
         if len(self.gammas) != len(self.values) or not self.gammas:
-            raise OperatorError(f"{len(self.gammas)} angles for {len(self.values)} values, expected as many, at least 1")
+            raise OperatorError(f"{len(self.gammas)} angles for {len(self.values)} values, expected as many")
         if any(len(value) != 3 for value in self.values) or not np.isfinite(_table(self)[1]).all():
             raise OperatorError("values of a tabulated curve must be triples of finite numbers")
         gammas = _table(self)[0]

@@ -8,7 +8,8 @@ import numpy as np
 
 from engine.material import kinds
 from engine.material.microfacet import directions
-from engine.material.model import THETA_I, THETA_O, Array, Model, Parameter, Parameters, ones, rgb
+from engine.material.model import THETA_I, THETA_O, Array, Model, Parameters, channels, ones
+from engine.material.parameters import Parameter
 
 
 class Lambert(Model):
@@ -22,7 +23,12 @@ class Lambert(Model):
     view_factor = THETA_O
     parameters = (
         Parameter(
-            "albedo", "rgb", (0.5, 0.5, 0.5), "Albedo", "Share of the light that is scattered back, per channel.", ("scale",)
+            "albedo",
+            "rgb",
+            (0.5, 0.5, 0.5),
+            "Albedo",
+            "Colour and brightness: the share of the light that is scattered back.",
+            ("scale",),
         ),
     )
 
@@ -31,11 +37,11 @@ class Lambert(Model):
         return ones(gamma)
 
     def scale(self, params: Parameters) -> Array:
-        return rgb(params, "albedo")
+        return channels(params, "albedo")
 
     def brdf(self, params: Parameters, wi: Array, wo: Array) -> Array:
         above = directions(wi, wo).above
-        return np.where(above[:, None], rgb(params, "albedo") / math.pi, 0.0)
+        return np.where(above[:, None], channels(params, "albedo") / math.pi, 0.0)
 
 
 MODEL = Lambert()

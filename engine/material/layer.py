@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from engine.curve.bands import band_means
 from engine.curve.operators import Edit, apply_operators
-from engine.material.model import Model, Value
+from engine.material.model import Model
+from engine.material.parameters import Value
 
 Array = NDArray[np.float64]
 
@@ -106,12 +107,8 @@ class Layer:
     def with_operators(self, factor: str, operators: Sequence[Edit]) -> Layer:
         """The layer with the operators of one curve replaced; none: the curve is as generated."""
         self.model.factor(factor)
-        others = tuple(edit for edit in self.edits if edit[0] != factor)
-        return self.replace(edits=tuple(sorted(others + (((factor, tuple(operators)),) if operators else ()), key=_name)))
-
-
-def _name(edit: tuple[str, tuple[Edit, ...]]) -> str:
-    return edit[0]
+        edits = {**dict(self.edits), factor: tuple(operators)}
+        return self.replace(edits=tuple((name, edits[name]) for name in sorted(edits) if edits[name]))
 
 
 def make_layer(model: Model, parameters: Mapping[str, object] | None = None, name: str = "") -> Layer:

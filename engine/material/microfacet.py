@@ -51,9 +51,10 @@ def smith_beckmann(cosine: Array, sin2: Array, alpha: float) -> Array:
 
 
 def cosine_power(cosine: Array, sin2: Array, exponent: Array | float) -> Array:
-    """max(cosine, 0) ** exponent with 0 ** 0 = 1, exact for exponents of a million: exp(exponent log1p(-sin^2) / 2)."""
+    """max(cosine, 0) ** exponent with 0 ** 0 = 1, exact for exponents of a million: exp(n log1p(-sin^2) / 2)."""
     near = sin2 < 0.5
-    log = np.where(near, 0.5 * np.log1p(-np.where(near, sin2, 0.0)), np.log(np.maximum(np.where(near, 1.0, cosine), 1e-300)))
+    flat = 0.5 * np.log1p(-np.where(near, sin2, 0.0))
+    log = np.where(near, flat, np.log(np.maximum(np.where(near, 1.0, cosine), 1e-300)))
     return np.where(cosine < -1e-12, 0.0, np.exp(np.maximum(exponent * log, -700.0)))
 
 
@@ -80,14 +81,15 @@ class Directions:
 
 
 def directions(wi: Array, wo: Array) -> Directions:
-    """From unit directions wi, wo (N, 3). Where wi = -wo the half vector is the normal; an undefined phi_h is 45 degrees.
+    """From unit directions wi, wo (N, 3). Where wi = -wo the half vector is the normal; no phi_h: 45 degrees.
 
     `above` marks pairs that reflect: both cosines over 1e-12.
     """
     total = wi + wo
     length2 = np.einsum("ij,ij->i", total, total)
     opposite = length2 < 1e-24
-    half = np.where(opposite[:, None], np.array([0.0, 0.0, 1.0]), total / np.sqrt(np.where(opposite, 1.0, length2))[:, None])
+    length = np.sqrt(np.where(opposite, 1.0, length2))
+    half = np.where(opposite[:, None], np.array([0.0, 0.0, 1.0]), total / length[:, None])
     sin2_h = half[:, 0] ** 2 + half[:, 1] ** 2
     mirrored = wi * np.array([-1.0, -1.0, 1.0])
     crossed = np.cross(mirrored, wo)

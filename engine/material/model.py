@@ -2,88 +2,28 @@
 
     rho(wi, wo) = f_q  rho_q(wi, wo)  f_o(theta_o)  f_A(gamma_A)  f_B(gamma_B).
 
-A `Model` knows its parameter table (sliders, file validation and command line read the same one), which angles its
-curves run over, how parameters generate the curves and the scale f_q, and which numbers its quotient needs. rho_q itself
-is compiled (`_kernels.quotient_cosine`); `brdf` states the whole formula once more, directly, as the oracle of tests
-and of the brute-force integrator. Each model stands in its own file and is found in `engine.material.MODELS`.
+A `Model` knows its parameter table, which angles its curves run over, how parameters generate the curves and the scale
+f_q, and which numbers its quotient needs. rho_q itself is compiled (`_kernels.quotient_cosine`); `brdf` states the
+whole formula once more, directly, as the oracle of tests and of the brute-force integrator. Each model stands in its
+own file and is found in `engine.material.MODELS`.
 """
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.errors import InsituError, LoadError
+from engine.errors import LoadError
 from engine.material import kinds
+from engine.material.parameters import Parameter, ParameterError, Value
 
 Array = NDArray[np.float64]
-Value = float | tuple[float, float, float] | str
 Parameters = Mapping[str, Value]
-Drive = Literal["A", "B", "o", "scale", "quotient"]
-
-
-class ParameterError(InsituError, ValueError):
-    """A value that a parameter does not take; `expected` says what it would have taken."""
-
-    def __init__(self, what: str, value: object, expected: str) -> None:
-        self.what, self.value, self.expected = what, value, expected
-        super().__init__(f"{what} = {value!r}, expected {expected}")
-
-    def __reduce__(self) -> tuple[type[ParameterError], tuple[str, object, str]]:
-        return ParameterError, (self.what, self.value, self.expected)
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """A user-controlled variable. `drives` names the parts of eq. 3.1 that change with it.
-
-    A parameter that drives "quotient" takes effect on the curve at once and on the transport when the hand rests.
-    """
-
-    name: str
-    kind: Literal["scalar", "rgb", "choice"]
-    default: Value
-    label: str
-    tooltip: str
-    drives: tuple[Drive, ...]
-    minimum: float = 0.0
-    maximum: float = 1.0
-    unit: str = ""
-    logarithmic: bool = False
-    choices: tuple[str, ...] = ()
-
-    @property
-    def expected(self) -> str:
-        """What the parameter takes, in words."""
-        if self.kind == "choice":
-            return " or ".join(f'"{choice}"' for choice in self.choices)
-        numbers = "a number" if self.kind == "scalar" else "a number or three"
-        return f"{numbers} from {self.minimum:g} to {self.maximum:g}"
-
-    def accept(self, value: object) -> Value:
-        """The value in its plain form: float, triple of floats (one number stands for three) or choice.
-
-        Raises ParameterError for anything else, anything out of range, and anything not finite.
-        """
-        if self.kind == "choice":
-            if value not in self.choices:
-                raise ParameterError(self.name, value, self.expected)
-            return str(value)
-        numbers = value if self.kind == "rgb" and isinstance(value, (list, tuple, np.ndarray)) else [value]
-        if len(numbers) not in (1, 3) or not all(map(self._in_range, numbers)):
-            raise ParameterError(self.name, value, self.expected)
-        plain = [float(number) for number in numbers]
-        return plain[0] if self.kind == "scalar" else (plain[0], plain[len(plain) // 2], plain[-1])
-
-    def _in_range(self, number: object) -> bool:
-        real = isinstance(number, (int, float, np.integer, np.floating)) and not isinstance(number, bool)
-        return real and math.isfinite(number) and self.minimum <= number <= self.maximum  # type: ignore[arg-type,operator]
 
 
 @dataclass(frozen=True)
@@ -96,14 +36,14 @@ class Factor:
     tooltip: str
 
 
-THETA_I = Factor("theta_i", kinds.THETA_I, "light θᵢ", "How much light is reflected as it falls in more and more slanted.")
-THETA_O = Factor("theta_o", kinds.THETA_O, "view θₒ", "How bright the surface is as it is seen more and more slanted.")
+THETA_I = Factor("theta_i", kinds.THETA_I, "light θᵢ", "Brightness as the light falls in ever more slanted.")
+THETA_O = Factor("theta_o", kinds.THETA_O, "view θₒ", "Brightness as the surface is seen ever more slanted.")
 THETA_R = Factor("theta_r", kinds.THETA_R, "mirror θᵣ", "The highlight's profile, from its middle outwards.")
 THETA_H = Factor("theta_h", kinds.THETA_H, "half θₕ", "The highlight's profile, from its middle outwards.")
-THETA_D = Factor("theta_d", kinds.THETA_D, "difference θ_d", "Reflectance and tint, from head-on (0°) to grazing (90°).")
-GAMMA_ALPHA = Factor("gamma_alpha", kinds.GAMMA_ALPHA, "along γ_α", "The highlight's profile along the brushing.")
-GAMMA_BETA = Factor("gamma_beta", kinds.GAMMA_BETA, "across γ_β", "The highlight's profile across the brushing.")
-GAMMA_RATIO = Factor("gamma_ratio", kinds.GAMMA_RATIO, "ratio γᵣ", "How the highlight differs across and along the brushing.")
+THETA_D = Factor("theta_d", kinds.THETA_D, "difference θ_d", "Reflectance and tint, from head-on to grazing.")
+GAMMA_ALPHA = Factor("gamma_alpha", kinds.GAMMA_ALPHA, "along γ_α", "The highlight's profile along the tangent.")
+GAMMA_BETA = Factor("gamma_beta", kinds.GAMMA_BETA, "across γ_β", "The highlight's profile across the tangent.")
+GAMMA_RATIO = Factor("gamma_ratio", kinds.GAMMA_RATIO, "ratio γᵣ", "How far the highlight reaches across the tangent.")
 
 
 class Model(ABC):
@@ -127,7 +67,7 @@ class Model(ABC):
 
     @abstractmethod
     def brdf(self, params: Parameters, wi: Array, wo: Array) -> Array:
-        """The whole formula per steradian, (N, 3), of unit directions (N, 3) in the local frame; 0 below the horizon."""
+        """The whole formula, 1/sr, (N, 3), of unit directions (N, 3) in the local frame; 0 below the horizon."""
 
     def quotient_parameters(self, params: Parameters) -> Array:
         """What the compiled rho_q and angles of this model need, (8,)."""
@@ -180,7 +120,7 @@ def validate_parameters(model: Model, mapping: Mapping[str, object], where: str)
         raise LoadError(where, f"{model.name}.{error.what}", error.value, error.expected) from None
 
 
-def rgb(params: Parameters, name: str) -> Array:
+def channels(params: Parameters, name: str) -> Array:
     """A parameter per channel, (3,)."""
     return np.broadcast_to(np.asarray(params[name], dtype=float), (3,))
 

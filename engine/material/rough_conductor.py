@@ -7,7 +7,8 @@ import numpy as np
 from engine.material import kinds
 from engine.material.fresnel import conductor_fresnel
 from engine.material.microfacet import SMALLEST_ALPHA, beckmann, directions, ggx, smith_beckmann, smith_ggx
-from engine.material.model import THETA_D, THETA_H, Array, Model, Parameter, Parameters, grey, number, rgb
+from engine.material.model import THETA_D, THETA_H, Array, Model, Parameters, channels, grey, number
+from engine.material.parameters import ETA, EXTINCTION, SCALE, Parameter
 
 
 class RoughConductor(Model):
@@ -43,39 +44,19 @@ class RoughConductor(Model):
             maximum=1.0,
             logarithmic=True,
         ),
-        Parameter(
-            "eta",
-            "rgb",
-            (0.2004, 0.924, 1.1022),
-            "Index η",
-            "Real part of the index of refraction per channel: with k it makes tint and grazing brightness.",
-            ("B",),
-            minimum=0.01,
-            maximum=20.0,
-            logarithmic=True,
-        ),
-        Parameter(
-            "k",
-            "rgb",
-            (3.9129, 2.4528, 2.1421),
-            "Extinction k",
-            "Imaginary part of the index per channel: high is bright metal, 0 is glass or lacquer.",
-            ("B",),
-            maximum=20.0,
-        ),
-        Parameter(
-            "scale", "scalar", 1.0, "Scale", "Strength of the whole reflection; 1 is physical.", ("scale",), maximum=4.0
-        ),
+        ETA,
+        EXTINCTION,
+        SCALE,
     )
 
     def generate(self, factor_name: str, params: Parameters, gamma: Array) -> Array:
         if self.factor(factor_name) is THETA_H:
             distribution = beckmann if params["distribution"] == "beckmann" else ggx
             return grey(distribution(np.cos(gamma), np.sin(gamma) ** 2, number(params, "alpha")))
-        return conductor_fresnel(np.cos(gamma)[:, None], rgb(params, "eta"), rgb(params, "k"))
+        return conductor_fresnel(np.cos(gamma)[:, None], channels(params, "eta"), channels(params, "k"))
 
     def scale(self, params: Parameters) -> Array:
-        return rgb(params, "scale")
+        return channels(params, "scale")
 
     def quotient_parameters(self, params: Parameters) -> Array:
         q = super().quotient_parameters(params)
@@ -90,8 +71,8 @@ class RoughConductor(Model):
         cos_i, cos_o = np.where(d.above, d.cos_i, 1.0), np.where(d.above, d.cos_o, 1.0)
         visible = masking(cos_i, d.sin2_i, alpha) * masking(cos_o, d.sin2_o, alpha)
         grey_part = density(d.cos_h, d.sin2_h, alpha) * visible / (4.0 * cos_i * cos_o)
-        fresnel = conductor_fresnel(d.cos_d[:, None], rgb(params, "eta"), rgb(params, "k"))
-        return rgb(params, "scale") * fresnel * np.where(d.above, grey_part, 0.0)[:, None]
+        fresnel = conductor_fresnel(d.cos_d[:, None], channels(params, "eta"), channels(params, "k"))
+        return channels(params, "scale") * fresnel * np.where(d.above, grey_part, 0.0)[:, None]
 
 
 MODEL = RoughConductor()

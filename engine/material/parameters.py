@@ -1,0 +1,123 @@
+"""Parameters of models: one table from which sliders are drawn, files are checked and the command line is read.
+
+A range is both what a slider spans and what a file may hold.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, cast
+
+import numpy as np
+
+from engine.errors import InsituError
+
+Value = float | tuple[float, float, float] | str
+Drive = Literal["A", "B", "o", "scale", "quotient"]
+
+
+class ParameterError(InsituError, ValueError):
+    """A value that a parameter does not take; `expected` says what it would have taken."""
+
+    def __init__(self, what: str, value: object, expected: str) -> None:
+        self.what, self.value, self.expected = what, value, expected
+        super().__init__(f"{what} = {value!r}, expected {expected}")
+
+    def __reduce__(self) -> tuple[type[ParameterError], tuple[str, object, str]]:
+        return ParameterError, (self.what, self.value, self.expected)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A user-controlled variable. `drives` names the parts of eq. 3.1 that change with it.
+
+    A parameter that drives "quotient" takes effect on the curve at once and on the transport when the hand rests.
+    """
+
+    name: str
+    kind: Literal["scalar", "rgb", "choice"]
+    default: Value
+    label: str
+    tooltip: str
+    drives: tuple[Drive, ...]
+    minimum: float = 0.0
+    maximum: float = 1.0
+    unit: str = ""
+    logarithmic: bool = False
+    choices: tuple[str, ...] = ()
+
+    @property
+    def expected(self) -> str:
+        """What the parameter takes, in words."""
+        if self.kind == "choice":
+            return " or ".join(f'"{choice}"' for choice in self.choices)
+        numbers = "a number" if self.kind == "scalar" else "a number or three"
+        return f"{numbers} from {self.minimum:g} to {self.maximum:g}"
+
+    def accept(self, value: object) -> Value:
+        """The value in its plain form: float, triple of floats (one number stands for three) or choice.
+
+        Raises ParameterError for anything else, anything out of range, and anything not finite.
+        """
+        if self.kind == "choice":
+            if value not in self.choices:
+                raise ParameterError(self.name, value, self.expected)
+            return str(value)
+        numbers = value if self.kind == "rgb" and isinstance(value, (list, tuple, np.ndarray)) else [value]
+        if len(numbers) not in (1, 3) or not all(map(self._in_range, numbers)):
+            raise ParameterError(self.name, value, self.expected)
+        plain = [float(cast(float, number)) for number in numbers]
+        return plain[0] if self.kind == "scalar" else (plain[0], plain[len(plain) // 2], plain[-1])
+
+    def _in_range(self, number: object) -> bool:
+        if not isinstance(number, (int, float, np.integer, np.floating)) or isinstance(number, bool):
+            return False
+        return bool(self.minimum <= number <= self.maximum)  # also refuses what is not finite
+
+
+ETA = Parameter(
+    "eta",
+    "rgb",
+    (0.2004, 0.924, 1.1022),
+    "Index η",
+    "Real part of the index of refraction, per channel: with k it makes the tint and how it pales at grazing angles.",
+    ("B",),
+    minimum=0.01,
+    maximum=20.0,
+    logarithmic=True,
+)
+EXTINCTION = Parameter(
+    "k",
+    "rgb",
+    (3.9129, 2.4528, 2.1421),
+    "Extinction k",
+    "Imaginary part of the index, per channel: high is bright metal, 0 is glass or lacquer.",
+    ("B",),
+    maximum=20.0,
+)
+SCALE = Parameter(
+    "scale",
+    "scalar",
+    1.0,
+    "Scale",
+    "Strength of the whole reflection; 1 is physical, more adds light from nowhere.",
+    ("scale",),
+    maximum=4.0,
+)
+TINT = Parameter(
+    "scale",
+    "rgb",
+    (0.5, 0.5, 0.5),
+    "Scale",
+    "Strength and colour of the highlight; more than 1 adds light from nowhere.",
+    ("scale",),
+    maximum=4.0,
+)
+FACING = Parameter(
+    "reflectance",
+    "scalar",
+    1.0,
+    "Facing reflectance",
+    "Share of light reflected head-on, rising to all of it at grazing angles: 0.04 is varnish, 1 has no rise.",
+    ("quotient",),
+)

@@ -1,0 +1,53 @@
+"""Phong's lobe around the mirrored direction, normalised so that it never reflects more than it receives."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from engine.material import kinds
+from engine.material.microfacet import cosine_power, directions
+from engine.material.model import THETA_R, Array, Model, Parameters, channels, grey, number
+from engine.material.parameters import TINT, Parameter
+
+EXPONENT = Parameter(
+    "exponent",
+    "scalar",
+    50.0,
+    "Exponent",
+    "Sharpness of the highlight: 1 is dull, 10,000 is close to a mirror.",
+    ("A", "scale"),
+    maximum=1e6,
+    logarithmic=True,
+)
+
+
+class Phong(Model):
+    """rho = scale (n + 2) / (2 pi) cos(theta_r)^n; f_A = cos^n, the quotient is 1.
+
+    [BenArtzi07, ch. 3] has sqrt(n) for f_q, which keeps the eye content but reflects up to twice the light received;
+    we use (n + 2) / (2 pi), with which the albedo head-on is `scale` for every n. n = 0: the curve is constant 1.
+    """
+
+    name = "phong"
+    label = "Phong"
+    tooltip = "A round highlight around the mirrored direction."
+    kind = kinds.PHONG
+    factors = (THETA_R,)
+    parameters = (EXPONENT, TINT)
+
+    def generate(self, factor_name: str, params: Parameters, gamma: Array) -> Array:
+        self.factor(factor_name)
+        return grey(cosine_power(np.cos(gamma), np.sin(gamma) ** 2, number(params, "exponent")))
+
+    def scale(self, params: Parameters) -> Array:
+        return channels(params, "scale") * ((number(params, "exponent") + 2.0) / (2.0 * math.pi))
+
+    def brdf(self, params: Parameters, wi: Array, wo: Array) -> Array:
+        d = directions(wi, wo)
+        lobe = np.where(d.above, cosine_power(d.cos_r, d.sin2_r, number(params, "exponent")), 0.0)
+        return self.scale(params) * lobe[:, None]
+
+
+MODEL = Phong()
