@@ -28,11 +28,13 @@ def integrate_above_edges(
     turn: float,
     radiance: Image,
     light_above: Floats,
+    row_edges: Floats,
     integrals: Floats,
 ) -> None:
     """integrals (E, 3)[start:stop]: the light between each edge and the zenith, from its first to its second vertex.
 
-    Positive where azimuth grows along the edge. See `engine.light.triangle_integrals` for the formulas.
+    Positive where azimuth grows along the edge. row_edges (H + 1, 2): cosine and cotangent of theta at the rows' edges.
+    See `engine.light.triangle_integrals` for the formulas.
     """
     for e in range(start, stop):
         integrals[e, 0] = integrals[e, 1] = integrals[e, 2] = 0.0
@@ -49,9 +51,8 @@ def integrate_above_edges(
         elif step < -math.pi:
             step += 2.0 * math.pi
         first = phi_a if step > 0.0 else phi_a + step
-        peak = math.atan2(-nx * ny, nz * ny)
-        _walk_arc(first + turn, peak + turn, abs(step), math.sqrt(nx * nx + nz * nz), abs(ny),
-                  radiance, light_above, integrals[e])  # fmt: skip
+        circle = (math.atan2(-nx * ny, nz * ny) + turn, math.sqrt(nx * nx + nz * nz), abs(ny))
+        _walk_arc(first + turn, abs(step), circle, radiance, light_above, row_edges, integrals[e])
         if step < 0.0:
             for channel in range(3):
                 integrals[e, channel] = -integrals[e, channel]
@@ -59,82 +60,67 @@ def integrate_above_edges(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _walk_arc(
-    first: float, peak: float, step: float, k: float, ny: float, radiance: Image, light_above: Floats, result: Floats
-) -> None:
-    """Add the light above the great-circle arc of azimuths first .. first + step, cell by cell.
-
-    The circle's highest point has azimuth `peak` and height k = sin(latitude); ny = sqrt(1 - k^2) without cancellation.
-    """
-    height, width = radiance.shape[0], radiance.shape[1]
-    last = first + step
-    to_column = width / (2.0 * math.pi)
-    column = math.floor((first + math.pi) * to_column)
-    phi = first
-    while phi < last:
-        edge = (column + 1) / to_column - math.pi
-        turning = peak + math.pi * (math.floor((phi - peak) / math.pi) + 1.0)  # where the height turns round
-        if turning <= phi:
-            turning += math.pi
-        until = min(edge, turning, last)
-        if until > phi:
-            _walk_column(phi - peak, until - peak, k, ny, column % width, height, radiance, light_above, result)
-            phi = until
-        if until >= edge:
-            column += 1
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _walk_column(
-    psi: float,
-    last: float,
-    k: float,
-    ny: float,
-    column: int,
-    height: int,
+    first: float,
+    step: float,
+    circle: tuple[float, float, float],
     radiance: Image,
     light_above: Floats,
+    row_edges: Floats,
     result: Floats,
 ) -> None:
-    """Add the light above psi .. last (azimuths from the peak) in one column; height is monotone on the way."""
-    row, target = _row_at(psi, k, ny, height), _row_at(last, k, ny, height)
-    downwards = 1 if target > row else -1
-    half_turn = math.floor(0.5 * (psi + last) / math.pi)
-    rising = half_turn % 2 != 0
-    area = _area_to_equator(psi, k, ny)
-    while True:
-        until = last
-        if row != target:
-            theta = math.pi * (row + (1 if downwards > 0 else 0)) / height
-            cosine = ny * math.cos(theta) / (k * math.sin(theta))
-            inside = math.acos(min(1.0, max(-1.0, cosine)))
-            crossing = (half_turn + 1) * math.pi - inside if rising else half_turn * math.pi + inside
-            until = min(last, crossing) if crossing > psi else psi
-        next_area = _area_to_equator(until, k, ny)
-        top = math.cos(math.pi * row / height)
-        for channel in range(3):
-            light = radiance[row, column, channel]
-            above = light_above[row, column, channel]
-            result[channel] += (above + light * top) * (until - psi) - light * (next_area - area)
-        if row == target:
-            return
-        row += downwards
-        psi, area = until, next_area
+    """Add the light above the great-circle arc of azimuths first .. first + step, texel by texel.
+
+    circle: azimuth of its highest point, the height k there, and sqrt(1 - k^2) without cancellation. Each stretch ends
+    at a column's edge, or where the height turns round, so that height is monotone on it.
+    """
+    peak, k, ny = circle
+    height, width = radiance.shape[0], radiance.shape[1]
+    to_column = width / (2.0 * math.pi)
+    psi, last = first - peak, first + step - peak
+    column = math.floor((first + math.pi) * to_column)
+    half_turn = math.floor(psi / math.pi)
+    row, area = _row_and_area(psi, k, ny, height)
+    while psi < last:
+        column_edge = (column + 1) / to_column - math.pi - peak
+        turning = (half_turn + 1) * math.pi
+        end = max(psi, min(column_edge, turning, last))
+        end_row, end_area = _row_and_area(end, k, ny, height)
+        side = 1 if end_row > row else -1
+        while True:
+            until, until_area = end, end_area
+            if row != end_row:
+                cosine = row_edges[row + (1 if side > 0 else 0), 1] * ny / k
+                inside = math.acos(min(1.0, max(-1.0, cosine)))
+                crossing = turning - inside if half_turn % 2 != 0 else turning - math.pi + inside
+                until = min(end, crossing) if crossing > psi else psi
+                until_area = _area_from_peak(math.sin(until), math.cos(until), k, ny)
+            cell = column % width
+            for channel in range(3):
+                light = radiance[row, cell, channel]
+                above = light_above[row, cell, channel] + light * row_edges[row, 0]
+                result[channel] += above * (until - psi) - light * (until_area - area)
+            psi, area = until, until_area
+            if row == end_row:
+                break
+            row += side
+        if end >= column_edge:
+            column += 1
+        if end >= turning:
+            half_turn += 1
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _row_at(psi: float, k: float, ny: float, height: int) -> int:
-    """The texel row in which the great circle is at azimuth psi from its peak: tan(latitude) = (k / ny) cos(psi)."""
-    theta = 0.5 * math.pi - math.atan2(k * math.cos(psi), ny)
-    return min(max(int(theta / math.pi * height), 0), height - 1)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _area_to_equator(psi: float, k: float, ny: float) -> float:
-    """The integral of the height from the peak to psi, asin(k sin psi), without cancellation near the poles."""
+def _row_and_area(psi: float, k: float, ny: float, height: int) -> tuple[int, float]:
+    """The texel row of the circle at azimuth psi from its peak, tan(latitude) = (k / ny) cos psi; and the area."""
     sine, cosine = math.sin(psi), math.cos(psi)
-    turns = math.floor((psi + 0.5 * math.pi) / math.pi)
-    if turns % 2 != 0:
-        sine, cosine = sine, -cosine
+    theta = 0.5 * math.pi - math.atan2(k * cosine, ny)
+    row = min(max(int(theta / math.pi * height), 0), height - 1)
+    return row, _area_from_peak(sine, cosine, k, ny)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _area_from_peak(sine: float, cosine: float, k: float, ny: float) -> float:
+    """The integral of the height from the peak to psi, asin(k sin psi), without cancellation near the poles."""
     return math.atan2(k * sine, math.sqrt(cosine * cosine + ny * ny * sine * sine))
 
 
@@ -219,7 +205,7 @@ def decode_rgbe(data: Bytes, position: int, pixels: Bytes) -> tuple[int, int, in
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def resample_angular(angular: Image, n_sub: int, start: int, stop: int, latlong: Image) -> None:
-    """Fill rows [start, stop) of latlong (H, 2H, 3) with the mean of n_sub x n_sub angular-map texels per texel, weighted by sin(theta).
+    """Fill rows [start, stop) of latlong (H, 2H, 3): sin(theta)-weighted means of n_sub x n_sub angular-map texels.
 
     Only texels whose centre lies inside the disc are read: on the rim the sample is pulled inwards.
     """

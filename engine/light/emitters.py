@@ -1,8 +1,8 @@
 """Emitters: glowing surfaces of the scene as flat triangular patches, each a small light of its own.
 
 Patches are made even in area by splitting the largest one at the middle of its longest edge until there are enough;
-this keeps them well shaped, and no emitter is sampled finer than another. One-sided: a patch shines to the side its normal
-points to, given by the order of its corners (counter-clockwise seen from the bright side).
+this keeps them well shaped, and no emitter is sampled finer than another. One-sided: a patch shines to the side its
+normal points to, given by the order of its corners (counter-clockwise seen from the bright side).
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def patch_solid_angles(patches: EmitterPatches, points: ArrayLike) -> NDArray[np
         raise ValueError(f"points have shape {places.shape}, expected (P, 3)")
     result = np.empty((len(places), len(patches)), np.float32)
     corners = patches.corners.astype(np.float64)
-    bounds = np.linspace(0, len(places), _N_THREADS + 1).astype(int)
+    bounds = [len(places) * i // _N_THREADS for i in range(_N_THREADS + 1)]
     with ThreadPoolExecutor(_N_THREADS) as pool:
         list(
             pool.map(

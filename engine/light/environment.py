@@ -199,7 +199,7 @@ def _angular_to_latlong(image: NDArray[np.float32]) -> NDArray[np.float32]:
 
     height = max(1, (image.shape[0] + 1) // 2)
     latlong = np.empty((height, 2 * height, 3), np.float32)
-    bounds = np.linspace(0, height, 3).astype(int)
+    bounds = [0, height // 2, height]
     with ThreadPoolExecutor(2) as pool:
         list(pool.map(lambda a, b: _kernels.resample_angular(image, 4, a, b, latlong), bounds[:-1], bounds[1:]))
     return latlong

@@ -42,11 +42,12 @@ def integrate_over_triangles(
     """
     sphere = geodesic(level)
     edge_integrals = np.empty((len(sphere.edges), 3))
+    row_edges = _row_edges(len(radiance))
     edges, triangle_edges = sphere.edges, sphere.triangle_edges
     _in_two_halves(
         len(edges),
         lambda start, stop: _kernels.integrate_above_edges(
-            start, stop, edges, sphere.vertices, turn, radiance, light_above, edge_integrals
+            start, stop, edges, sphere.vertices, turn, radiance, light_above, row_edges, edge_integrals
         ),
     )
     integrals = np.empty((sphere.n_triangles, 3))
@@ -59,6 +60,13 @@ def integrate_over_triangles(
     integrals *= -1.0  # counter-clockwise from outside, the upper edges run towards smaller azimuth
     _close_at_nadir(sphere.vertices, sphere.triangles, turn, light_above[-1], integrals)
     return np.maximum(integrals, 0.0)
+
+
+def _row_edges(height: int) -> NDArray[np.float64]:
+    """(H + 1, 2): cosine and cotangent of theta at the rows' edges; the poles' cotangents are never reached."""
+    theta = math.pi * np.arange(height + 1) / height
+    sine = np.maximum(np.sin(theta), 1e-300)
+    return np.stack([np.cos(theta), np.clip(np.cos(theta) / sine, -1e300, 1e300)], axis=1)
 
 
 def _close_at_nadir(
@@ -86,6 +94,6 @@ def _light_between(first: float, step: float, column_light: NDArray[np.float64])
 
 
 def _in_two_halves(count: int, work: Callable[[int, int], None]) -> None:
-    bounds = np.linspace(0, count, _N_THREADS + 1).astype(int)
+    bounds = [count * i // _N_THREADS for i in range(_N_THREADS + 1)]
     with ThreadPoolExecutor(_N_THREADS) as pool:
         list(pool.map(work, bounds[:-1], bounds[1:]))

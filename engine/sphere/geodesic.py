@@ -118,7 +118,7 @@ def locate(directions: NDArray[np.floating], level: int) -> Indices:
     found = np.empty(len(flat), np.int32)
     roots, planes = descent_tables(level)
     n_parts = _N_THREADS if len(flat) >= _THREADING_PAYS else 1
-    bounds = np.linspace(0, len(flat), n_parts + 1).astype(int)
+    bounds = [len(flat) * i // n_parts for i in range(n_parts + 1)]
     with ThreadPoolExecutor(n_parts) as pool:
         bad = pool.map(
             lambda i: _kernels.locate_range(flat, level, roots, planes, bounds[i], bounds[i + 1], found),
