@@ -61,6 +61,11 @@ class ObjectState:
     visible: bool = True
     frozen: bool = False
 
+    @property
+    def emits(self) -> bool:
+        """Whether it shines; an emitter is seen by its emission, not by its layers."""
+        return self.emission is not None and any(self.emission)
+
 
 class Selection(NamedTuple):
     """The layer (and curve, when one is chosen) that panels show."""

@@ -18,7 +18,7 @@ from engine.errors import InsituError
 ToneMapping = Literal["filmic", "linear", "false_colour"]
 Tool = Literal["translate_x", "translate_y", "translate_xy", "amplify_x", "amplify_y", "amplify_xy"]
 Channel = Literal["rgb", "r", "g", "b"]
-Quality = Literal["half", "float"]
+Precision = Literal["half", "float"]
 
 TONE_MAPPINGS: tuple[ToneMapping, ...] = ("filmic", "linear", "false_colour")
 TOOLS: tuple[Tool, ...] = ("translate_x", "translate_y", "translate_xy", "amplify_x", "amplify_y", "amplify_xy")
@@ -34,6 +34,7 @@ DEFAULT_PANELS = MappingProxyType(
 class ViewState:
     """Selection and display. Angles in radians, exposure in stops, frame budget in milliseconds.
 
+    ``n_lights`` cut the environment in the finished picture, ``precision`` is that of transport on the GPU.
     ``compare`` is the document that A/B shows left of ``compare_divider`` (0 the left edge, 1 the right).
     ``regions`` are a ≤ b ≤ c ≤ d of the operator being shown or about to be made; ``operator`` is its index in the
     selected curve's list, None for one about to be made. ``curve_zoom`` is (γ low, γ high, y low, y high); None fits.
@@ -54,7 +55,8 @@ class ViewState:
     operator: int | None = None
     drag_handle: str | None = None
     frame_budget_ms: float = 16.0
-    precision: Quality = "half"
+    precision: Precision = "half"
+    n_lights: int = 4000
     panels: Mapping[str, bool] = field(default_factory=lambda: DEFAULT_PANELS)
     show_shortcuts: bool = False
 
@@ -72,7 +74,12 @@ class ViewState:
 
 
 VIEW_FIELDS = frozenset(f.name for f in fields(ViewState))
-_LIMITS = {"exposure": (-20.0, 20.0), "compare_divider": (0.0, 1.0), "frame_budget_ms": (2.0, 200.0)}
+_LIMITS: dict[str, tuple[float, float]] = {
+    "exposure": (-20.0, 20.0),
+    "compare_divider": (0.0, 1.0),
+    "frame_budget_ms": (2.0, 200.0),
+    "n_lights": (20, 20000),
+}
 
 
 @dataclass(frozen=True)
@@ -111,7 +118,7 @@ def _in_range(name: str, value: Any) -> Any:
         return _ordered_regions(value)
     if name in _LIMITS:
         low, high = _LIMITS[name]
-        return min(max(float(value), low), high)
+        return type(low)(min(max(value, low), high))
     return value
 
 

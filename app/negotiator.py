@@ -1,0 +1,377 @@
+"""What to ask of the worker, and when: transport after the hand rests, one curve's transport after each switch.
+
+Once a frame ``update`` compares what the document and the selection want with what the worker has delivered and was
+last asked for, and asks for the difference. Being a comparison of states and not a chain of events, it also comes
+right after an undo, a crash, or a selection that changed in mid-computation.
+
+- Light, quotient parameters, bands and the number of lights fix the transport. When they change, all is computed
+  anew once the hand rests: at the end of a drag, or when nothing has changed for a quarter of a second. While an
+  environment is being turned, drag-quality transport is asked for at once, one request at a time.
+- The selected curve wants its layer's transport, the layer's other factor contracted with its present curve ("curve
+  switching", [BenArtzi07, eq. 4.16]); it is asked for again when that other curve has changed.
+- A layer that is not selected wants its radiance with its present curves: undo may have changed them.
+
+At most one contraction is under way, because a newer one cancels the older; the selected curve's goes first.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from app.document import Document, LightState, Selection
+from app.jobs.messages import (
+    ComputeTransport,
+    Contract,
+    Failed,
+    LayerPicture,
+    LayerTransport,
+    LayerWork,
+    Request,
+    StageDone,
+)
+from app.picture import Array, Coefficients, Curves
+
+REST_SECONDS = 0.25
+CONTRACT_PATIENCE = 1.0
+N_LIGHTS_PREVIEW = 400
+DRAG_QUALITY = 0  # as `n_lights_final`: stop after one quick picture, nothing finer follows
+
+
+@dataclass(frozen=True)
+class LayerShape:
+    """What of a layer its transport depends on."""
+
+    key: str
+    model: str
+    quotient_parameters: tuple[float, ...]
+    bands: tuple[tuple[str, int], ...]
+
+
+@dataclass(frozen=True)
+class TransportWish:
+    """All that transport depends on: equal wishes have equal transport."""
+
+    light: LightState
+    layers: tuple[LayerShape, ...]
+    n_lights: int
+
+    def turned_from(self, other: TransportWish) -> bool:
+        """Whether only the environment's rotation differs."""
+        return self != other and replace(self, light=replace(self.light, rotation=other.light.rotation)) == other
+
+
+@dataclass(frozen=True, eq=False)
+class CurveWish:
+    """One curve's transport; ``others`` are the present coefficients of the layer's other factors."""
+
+    key: str
+    factor: str
+    others: Coefficients
+
+    def same_curve(self, other: CurveWish | None) -> bool:
+        return other is not None and (self.key, self.factor) == (other.key, other.factor)
+
+    def same(self, other: CurveWish | None) -> bool:
+        return other is not None and self.same_curve(other) and same_coefficients(self.others, other.others)
+
+
+@dataclass
+class LayerShown:
+    """The newest radiance of a layer under the transport asked last: its stage, and the curves it was made with."""
+
+    stage: str
+    coefficients: Coefficients
+
+
+@dataclass
+class CurveShown:
+    """The transport that was delivered last for the selected curve."""
+
+    wish: CurveWish
+    stage: str
+
+
+@dataclass
+class Contraction:
+    """A Contract under way."""
+
+    id: int
+    wish: CurveWish
+    sent_at: float
+
+
+class Negotiator:
+    """The talk with the worker about one scene. ``send`` hands a request over and returns its id."""
+
+    def __init__(self, send: Callable[[Request], int], curves: Curves) -> None:
+        self.revision = 0
+        self._send = send
+        self._curves = curves
+        self._opened = False
+        self._forget()
+
+    def _forget(self) -> None:
+        self._wish: TransportWish | None = None
+        self._wish_since = -math.inf
+        self._wish_made_of: tuple[Document, int] | None = None
+        self._asked: TransportWish | None = None
+        self._drag_quality = False
+        self._transport_id: int | None = None
+        self._running = False
+        self._exact = False
+        self._complete = False
+        self._released = False
+        self._forget_answers()
+
+    def _forget_answers(self) -> None:
+        self._layers: dict[str, LayerShown] = {}
+        self._curve: CurveShown | None = None
+        self._asked_curve: CurveWish | None = None
+        self._asked_pictures: dict[str, Coefficients] = {}
+        self._contraction: Contraction | None = None
+
+    # ----------------------------------------------------------------------------------------- what the editor tells
+
+    def scene_closed(self) -> None:
+        """Another scene is being opened: ask for nothing meanwhile."""
+        self._opened = False
+
+    def scene_opened(self, is_new: bool = True) -> None:
+        """The worker has a scene open, a new one or (``is_new`` False) still the one before."""
+        self._opened = True
+        if is_new:
+            self._forget()
+
+    def hand_released(self) -> None:
+        """A drag ended: what waits for the hand to rest need wait no longer."""
+        self._released = True
+
+    def cancelled(self) -> None:
+        """The person stopped the work; what has come stays, the next change of the light or a quotient asks again."""
+        self._running = False
+        self._contraction = None
+
+    def resume(self) -> None:
+        """Ask once more for what was cancelled or failed."""
+        self._asked = None
+
+    def rendered(self, key: str, factor: str, coefficients: Array) -> None:
+        """The renderer has stepped a layer's picture to these coefficients exactly."""
+        shown = self._layers.get(key)
+        if shown is not None and self._curve is not None and self._curve.stage == shown.stage:
+            shown.coefficients = {**shown.coefficients, factor: coefficients}
+
+    # --------------------------------------------------------------------------------------------- what is to be told
+
+    @property
+    def transport_is_current(self) -> bool:
+        """Whether the transport asked for is that of the document as it is."""
+        return self._asked is not None and self._asked == self._wish and not self._drag_quality
+
+    @property
+    def light_is_current(self) -> bool:
+        """Whether the light in the transport asked for is the document's."""
+        return self._asked is not None and self._wish is not None and self._asked.light == self._wish.light
+
+    @property
+    def drag_quality(self) -> bool:
+        """Whether the last request was for a quick picture of a light on the move."""
+        return self._drag_quality
+
+    @property
+    def asked_rotation(self) -> float | None:
+        """The rotation (degrees) in the transport asked last."""
+        return None if self._asked is None else self._asked.light.rotation
+
+    @property
+    def running(self) -> bool:
+        """Whether the worker computes transport for us."""
+        return self._running
+
+    @property
+    def delivered_final(self) -> bool:
+        """Whether the transport asked last has come in its final quality."""
+        return self._exact
+
+    @property
+    def finished(self) -> bool:
+        """Whether all that the document and the selection want has been delivered in its final quality."""
+        return self.transport_is_current and self._exact and self._complete
+
+    @property
+    def quotient_is_current(self) -> bool:
+        """Whether the quotients in the transport asked for are those of the document's parameters."""
+        return self._asked is not None and self._wish is not None and self._asked.layers == self._wish.layers
+
+    # --------------------------------------------------------------------------------------------------------- asking
+
+    def update(self, now: float, document: Document, selected: Selection | None, n_lights: int, dragging: bool) -> None:
+        """Ask for what is missing; ``now`` in seconds of any steady clock."""
+        if not self._opened:
+            return
+        wish = self._transport_wish(document, n_lights)
+        if wish != self._wish:
+            self._wish_since = -math.inf if self._wish is None else now
+            self._wish = wish
+        self._ask_transport(wish, now, document, selected, dragging)
+        self._released = False
+        if not self._drag_quality:
+            self._ask_contraction(now, document, self._curve_wish(document, selected))
+
+    def _ask_transport(
+        self, wish: TransportWish, now: float, document: Document, selected: Selection | None, dragging: bool
+    ) -> None:
+        if self.transport_is_current:
+            return
+        asked = self._asked
+        if asked is None or self._released or now - self._wish_since >= REST_SECONDS:
+            self._compute(wish, document, selected, wish.n_lights)
+        elif dragging and wish.turned_from(asked) and not (self._drag_quality and self._running):
+            self._compute(wish, document, selected, DRAG_QUALITY)
+
+    def _compute(self, wish: TransportWish, document: Document, selected: Selection | None, n_lights: int) -> None:
+        curve = self._curve_wish(document, selected)
+        work = tuple(self._layer_work(document, shape) for shape in wish.layers)
+        self.revision += 1
+        self._asked, self._drag_quality = wish, n_lights == DRAG_QUALITY
+        self._running, self._exact = True, False
+        self._forget_answers()
+        self._asked_curve = curve
+        request = ComputeTransport(
+            wish.light,
+            work,
+            None if curve is None else curve.key,
+            None if curve is None else curve.factor,
+            min(N_LIGHTS_PREVIEW, wish.n_lights),
+            n_lights,
+            revision=self.revision,
+        )
+        self._transport_id = self._send(request)
+
+    def _ask_contraction(self, now: float, document: Document, curve: CurveWish | None) -> None:
+        if self._contraction is not None and now - self._contraction.sent_at >= CONTRACT_PATIENCE:
+            self._contraction = None
+        outdated = self._outdated_layers(document, None if curve is None else curve.key)
+        has_curve = curve is None or self._has(curve)
+        self._complete = has_curve and not outdated and self._contraction is None
+        if curve is not None and not has_curve and not curve.same(self._asked_curve):
+            if self._contraction is None or not curve.same_curve(self._contraction.wish):
+                self._contract(curve, document, now)
+        elif self._contraction is None:
+            self._ask_picture(now, document, outdated)
+
+    def _outdated_layers(self, document: Document, selected_key: str | None) -> dict[str, Coefficients]:
+        """The curves of those layers, but for the selected, whose radiance was made with other ones."""
+        outdated: dict[str, Coefficients] = {}
+        for key, shown in self._layers.items():
+            wanted = self._curves.coefficients(document, key)
+            if same_coefficients(shown.coefficients, wanted):
+                shown.coefficients = wanted
+            elif key != selected_key:
+                outdated[key] = wanted
+        return outdated
+
+    def _ask_picture(self, now: float, document: Document, outdated: Mapping[str, Coefficients]) -> None:
+        """Ask for the radiance of the first outdated layer that was not asked for yet."""
+        for key, wanted in outdated.items():
+            if not same_coefficients(self._asked_pictures.get(key, {}), wanted):
+                self._asked_pictures[key] = wanted
+                factor, *others = wanted
+                self._contract(CurveWish(key, factor, {name: wanted[name] for name in others}), document, now)
+                return
+
+    def _contract(self, curve: CurveWish, document: Document, now: float) -> None:
+        wanted = tuple(self._curves.coefficients(document, curve.key).items())
+        self._asked_curve = curve
+        id = self._send(Contract(curve.key, curve.factor, wanted, revision=self.revision))
+        self._contraction = Contraction(id, curve, now)
+
+    def _has(self, curve: CurveWish) -> bool:
+        """Whether the curve's transport has come, from the same stage as its layer's newest radiance."""
+        if self._curve is None or not curve.same(self._curve.wish):
+            return False
+        shown = self._layers.get(curve.key)
+        return shown is None or shown.stage == self._curve.stage
+
+    def _transport_wish(self, document: Document, n_lights: int) -> TransportWish:
+        if self._wish is not None and self._wish_made_of == (document, n_lights):
+            return self._wish
+        self._wish_made_of = (document, n_lights)
+        emitters = {state.name for state in document.objects if state.emits}
+        shapes = tuple(
+            LayerShape(
+                key,
+                layer.model.name,
+                tuple(layer.quotient_parameters().tolist()),
+                tuple(self._curves.bands(layer).items()),
+            )
+            for key, layer in document.layers()
+            if key.rpartition(".")[0] not in emitters
+        )
+        return TransportWish(replace(document.light, intensity=1.0), shapes, n_lights)
+
+    def _layer_work(self, document: Document, shape: LayerShape) -> LayerWork:
+        coefficients = self._curves.coefficients(document, shape.key)
+        factors, bands = zip(*shape.bands, strict=True)
+        ordered = tuple(coefficients[factor] for factor in factors)
+        return LayerWork(shape.key, shape.model, shape.quotient_parameters, factors, bands, ordered)
+
+    def _curve_wish(self, document: Document, selected: Selection | None) -> CurveWish | None:
+        """The selected curve's transport; None where no curve is selected, or one that is applied in image space."""
+        if selected is None or document.object(selected.object).emits:
+            return None
+        coefficients = self._curves.coefficients(document, selected.key)
+        if selected.factor not in coefficients:
+            return None
+        others = {name: values for name, values in coefficients.items() if name != selected.factor}
+        return CurveWish(selected.key, selected.factor, others)
+
+    # ------------------------------------------------------------------------------------------------------- answers
+
+    def took_picture(self, response: LayerPicture, document: Document) -> Coefficients:
+        """Note a layer's radiance; the coefficients it was made with, by factor."""
+        names = [factor.name for factor in document.layer(response.key).model.factors]
+        values = [np.asarray(made_with, dtype=np.float64) for made_with in response.coefficients]
+        coefficients = dict(zip(names, values, strict=True))
+        self._layers[response.key] = LayerShown(response.stage, coefficients)
+        if response.id == self._transport_id:
+            self._asked_pictures.pop(response.key, None)
+        return coefficients
+
+    def took_transport(self, response: LayerTransport, selected: Selection | None) -> bool:
+        """Note a curve's transport; whether it is the selected curve's."""
+        came = CurveWish(response.key, response.factor, {})
+        if self._contraction is not None and came.same_curve(self._contraction.wish):
+            self._contraction = None
+        if selected is None or (selected.key, selected.factor) != (response.key, response.factor):
+            return False
+        if self._asked_curve is not None and came.same_curve(self._asked_curve):
+            self._curve = CurveShown(self._asked_curve, response.stage)
+        return True
+
+    def took_stage(self, response: StageDone) -> None:
+        """Note the end of a stage of the transport."""
+        if response.id == self._transport_id and response.exact:
+            self._running, self._exact = False, not self._drag_quality
+
+    def took_failure(self, response: Failed) -> None:
+        """Note that a request was given up: it is not asked again until what it asked for changes."""
+        if response.id == self._transport_id:
+            self._running = False
+        if self._contraction is not None and response.id == self._contraction.id:
+            self._contraction = None
+
+
+def same_coefficients(one: Mapping[str, Array], two: Mapping[str, Array]) -> bool:
+    """Whether two sets of band values agree to 1e-6, factor by factor."""
+    if one.keys() != two.keys():
+        return False
+    return all(a is two[name] or _close(a, two[name]) for name, a in one.items())
+
+
+def _close(one: Array, two: Array) -> bool:
+    return one.shape == two.shape and bool(np.all(np.abs(one - two) <= 1e-6 * np.abs(two)))

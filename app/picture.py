@@ -1,0 +1,144 @@
+"""What the editor tells the renderer: picture events, and the curves a picture is made with.
+
+Events carry the worker's arrays on, in the order in which they came. The renderer applies them and then, each frame,
+steps from the coefficients it shows to those wanted (``Curves.coefficients``); the editor computes no pictures.
+Shapes: P pixels that see a reflecting object, p those of one layer, J bands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.document import Document
+from engine.curve.operators import HALF_PI
+from engine.material import kinds
+from engine.material.layer import Layer
+from engine.scene.description import SceneDescription
+
+Array = NDArray[np.float64]
+Coefficients = Mapping[str, Array]
+
+N_VIEW_SAMPLES = 256
+MOST_BANDS = 128
+# Bands of a curve over each angle: highlights need many, what varies slowly few.
+N_BANDS = {
+    kinds.THETA_R: 128,
+    kinds.THETA_H: 128,
+    kinds.GAMMA_ALPHA: 128,
+    kinds.GAMMA_BETA: 128,
+    kinds.GAMMA_RATIO: 64,
+    kinds.THETA_D: 16,
+    kinds.THETA_I: 16,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class SceneFrame:
+    """A scene was opened: all pictures before it are void. ``arrays`` as in ``messages.SceneOpened``."""
+
+    source: str
+    description: SceneDescription
+    arrays: Mapping[str, NDArray[np.generic]]
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class FootprintChanged:
+    """Which computed rows stand for each pixel while the picture is coarse: rows and weights (P,4)."""
+
+    rows: NDArray[np.integer]
+    weights: NDArray[np.floating]
+    stage: str
+
+
+@dataclass(frozen=True, eq=False)
+class LayerRadiance:
+    """One layer's radiance (p,3) without f_q and f_o, made with these coefficients by factor."""
+
+    key: str
+    stage: str
+    radiance: NDArray[np.floating]
+    coefficients: Coefficients
+
+
+@dataclass(frozen=True, eq=False)
+class TransportReady:
+    """The selected curve's transport: ``coefficients_first`` (J,p,3) in the Daubechies-4 domain, times ``scale``."""
+
+    key: str
+    factor: str
+    stage: str
+    coefficients_first: NDArray[np.floating]
+    norms: NDArray[np.floating]
+    scale: NDArray[np.floating]
+
+
+PictureEvent = SceneFrame | FootprintChanged | LayerRadiance | TransportReady
+
+
+def band_counts(layer: Layer, most: int = MOST_BANDS) -> dict[str, int]:
+    """J of each of the layer's transport factors; ``most`` (a power of two) caps them."""
+    return {factor.name: min(N_BANDS[factor.gamma], most) for factor in layer.model.factors}
+
+
+class Curves:
+    """Band values and samples of a document's curves, computed once for each layer value.
+
+    A layer is a value: as long as it is the same one, its curves are. Arrays are handed out read-only, and the same
+    object each time, so that whoever compares may begin by identity.
+    """
+
+    def __init__(self, most_bands: int = MOST_BANDS) -> None:
+        self.most_bands = most_bands
+        self._cached: dict[tuple[str, str], tuple[Layer, Array]] = {}
+
+    def bands(self, layer: Layer) -> dict[str, int]:
+        """J of each of the layer's transport factors."""
+        return band_counts(layer, self.most_bands)
+
+    def coefficients(self, document: Document, key: str) -> dict[str, Array]:
+        """Band values of each transport factor of a layer, (J,3) by factor [BenArtzi07, eq. 4.17]."""
+        layer = document.layer(key)
+        return {name: self._band_values(key, layer, name, n) for name, n in self.bands(layer).items()}
+
+    def view_curve(self, document: Document, key: str) -> Array:
+        """f_o at 256 angles from 0 to π/2, (256,3); ones for a layer whose model has no view factor."""
+        layer = document.layer(key)
+        factor = layer.model.view_factor
+        name = "" if factor is None else factor.name
+        known = self._known(key, layer, name)
+        if known is None:
+            gammas = np.linspace(0.0, HALF_PI, N_VIEW_SAMPLES)
+            known = np.ones((N_VIEW_SAMPLES, 3)) if factor is None else layer.curve(name)(gammas)
+        return self._keep(key, layer, name, known)
+
+    def gain(self, document: Document, key: str) -> Array:
+        """f_q of a layer, (3,)."""
+        return document.layer(key).scale()
+
+    def _band_values(self, key: str, layer: Layer, factor: str, n_bands: int) -> Array:
+        known = self._known(key, layer, factor)
+        return self._keep(key, layer, factor, layer.coefficients(factor, n_bands) if known is None else known)
+
+    def _known(self, key: str, layer: Layer, factor: str) -> Array | None:
+        """The cached curve when it was made from this layer, or from one that does not differ in this curve."""
+        before, values = self._cached.get((key, factor), (None, None))
+        if before is None or values is None or not (before is layer or _same_curve(before, layer, factor)):
+            return None
+        return values
+
+    def _keep(self, key: str, layer: Layer, factor: str, values: Array) -> Array:
+        values.setflags(write=False)
+        self._cached[key, factor] = (layer, values)
+        return values
+
+
+def _same_curve(before: Layer, layer: Layer, factor: str) -> bool:
+    if not factor:
+        return before.model is layer.model
+    same_model = before.model is layer.model and before.parameters == layer.parameters
+    return same_model and before.operators(factor) == layer.operators(factor)
