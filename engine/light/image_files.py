@@ -7,12 +7,13 @@ non-finite values pass: what they mean is the caller's to say.
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import stat
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -77,26 +78,30 @@ def _open_exr(file: Path, header_only: bool) -> Any:
     import OpenEXR
 
     OpenEXR.setMaxImageSize(MAX_SIDE, MAX_SIDE)  # for the whole process; the library's own default is no limit
-    complaint = ""
-    with _captured_stderr() as said:
+    parts, complaint = [], ""
+    with _silenced_library() as said:
         try:
             parts = OpenEXR.File(str(file), separate_channels=True, header_only=header_only).parts
         except Exception as error:  # the library raises RuntimeError, ValueError, TypeError and its own
-            parts, complaint = [], str(error)
-    complaint = complaint or (said[0] if said else "no parts")
+            complaint = str(error)
     what = "OpenEXR header" if header_only else "OpenEXR pixels"
     if not parts:
-        raise LoadError(file, what, complaint, "a whole OpenEXR image (this one is truncated or damaged)")
+        reason = said[0].partition("(EXR_ERR_")[2].partition(") ")[2] if said else ""
+        raise LoadError(file, what, reason or complaint or "nothing", "a whole OpenEXR image, not cut off or damaged")
     if len(parts) > 1:
         raise LoadError(file, "number of OpenEXR parts", len(parts), "1")
     return parts[0]
 
 
 @contextmanager
-def _captured_stderr() -> Iterator[list[str]]:
-    """Keep what C++ prints on standard error out of the terminal; the first line is in the list on leaving."""
+def _silenced_library() -> Iterator[list[str]]:
+    """Keep the library's remarks out of the terminal: C++ on standard error, Python on standard output.
+
+    The lines from standard error are in the list on leaving. Standard error is the whole process's, so that what other
+    threads say meanwhile is lost with it: hold this for one call only.
+    """
     lines: list[str] = []
-    with tempfile.TemporaryFile() as sink:
+    with tempfile.TemporaryFile() as sink, redirect_stdout(io.StringIO()):
         saved = os.dup(2)
         os.dup2(sink.fileno(), 2)
         try:
@@ -105,7 +110,7 @@ def _captured_stderr() -> Iterator[list[str]]:
             os.dup2(saved, 2)
             os.close(saved)
             sink.seek(0)
-            lines.extend(sink.read(10_000).decode(errors="replace").splitlines()[:1])
+            lines.extend(sink.read(10_000).decode(errors="replace").splitlines())
 
 
 def _check_exr_header(file: Path, header: dict[str, Any]) -> None:
