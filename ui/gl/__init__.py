@@ -1,0 +1,25 @@
+"""All OpenGL calls of Insitu: 4.1 core, fragment shaders only.
+
+What flows where in Placement, from the worker's arrays to the screen::
+
+    transport (J,p,3)          c_wanted (J,3)
+        │ upload slices             │ CoefficientState picks K terms by |Δc_k|·‖T_k‖
+        ▼                           ▼
+    TransportTexture ──► increment.frag: Σ_k Δc_k T_k ──► increments (8 lanes)
+                                                              │ scatter.frag, blending adds
+    radiance (p,3) ─────────── upload ───────────► accumulator, one a layer
+                                                              │ shade.frag: f_q·f_o(θ_o), footprint; blending adds
+                                                              ▼
+    environment, emitters ─► backdrop.frag ─► backdrop    shaded, one row range an object
+                                                 │            │
+                                                 └─► composite.frag ─► linear picture ─► snapshot for A/B
+                                                                              │
+                                     silhouettes, outlines (points) ──► display.frag ─► display picture, sRGB
+
+``context`` opens OpenGL, ``program`` reads shaders, ``textures`` allocates, ``passes`` draws, ``sample_layout`` says
+where a sample lies. ``coefficients`` keeps the books without GL, ``transport`` and ``accumulate`` hold and add the
+terms, ``refine`` joins the three; ``layers``, ``composite`` and ``tonemap`` make the picture. ``placement`` is what the
+window talks to, with a ``picture_frame`` as the camera's view.
+
+All pictures have row 0 at the top and are stored so: texture row 0 is the picture's top row.
+"""

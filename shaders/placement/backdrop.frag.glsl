@@ -1,0 +1,20 @@
+#version 410 core
+// Provides: what is seen where no reflecting surface is: emitters (premade picture, alpha 1 where an object is) and
+// behind them the environment, linear radiance.
+#include "common/latlong.glsl"
+
+uniform sampler2D emission;
+uniform sampler2D ray_directions;  // unit, world
+uniform sampler2D environment;
+uniform float rotation;   // radians
+uniform float intensity;
+
+layout(location = 0) out vec4 radiance;
+
+void main() {
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    vec4 emitted = texelFetch(emission, pixel, 0);
+    vec3 direction = unrotate(texelFetch(ray_directions, pixel, 0).xyz, rotation);
+    vec3 behind = intensity * textureLod(environment, latlong_coordinates(direction), 0.0).rgb;
+    radiance = vec4(mix(behind, emitted.rgb, emitted.a), 1.0);
+}

@@ -1,0 +1,134 @@
+"""The books of incremental rendering: which coefficients to add next, what is on screen, how far off it is.
+
+B = Σ_k c_k T_k is on screen for some c_shown; the curve wants c_wanted. Each frame adds Δc_k T_k for the K terms with
+the largest effect on the image, |Δc_k|·‖T_k‖ [BenArtzi07, ch. 7; there by |Δc_k| alone]. c_shown is kept in float64
+and moved by exactly the float32 amounts that were added, so rounding of a coefficient is not lost, only deferred.
+
+What does drift is the float32 sum in the accumulator: each addition rounds by up to 2⁻²⁴ of the picture and of what is
+added. The books keep a running estimate (roots of summed squares) relative to the picture. Above `TIDY_ABOVE` an idle
+renderer rebuilds the sum from zero, above `REBUILD_ABOVE` the next step is a rebuild whatever the hand does; both stay
+below the 1e-5 that a picture may be off. A step that would add as many terms as the whole sum has is made a
+rebuild too: the same price, and no drift. No GL here, so all of it is tested as arithmetic.
+
+Shapes: J coefficients, K terms of one step, 3 colour channels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+TIDY_ABOVE = 1e-6
+REBUILD_ABOVE = 3e-6
+_ROUNDING = 2.0**-24
+_LAST_DIGIT = 2.0**-23  # of a float32: what one addition cannot get nearer to what is wanted
+_NEGLIGIBLE = 1e-9
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """What to do next: add `deltas` (K,3) of the terms `indices` (K,), or sum all terms of `indices` from zero."""
+
+    kind: Literal["nothing", "increment", "rebuild", "tidy"]
+    indices: NDArray[np.intp]
+    deltas: Floats
+
+
+class CoefficientState:
+    """c_shown and c_wanted of one layer whose transport has the norms ‖T_k‖ (J,3) over all its samples."""
+
+    def __init__(self, norms: NDArray[np.floating]) -> None:
+        self.norms: Floats = np.array(norms, dtype=np.float64)
+        self.wanted: Floats = np.zeros_like(self.norms)
+        self.shown: Floats | None = None
+        self.may_rebuild = True
+        self._drift_squared = 0.0
+
+    def start_from(self, shown: NDArray[np.floating] | None) -> None:
+        """Increments go on from a picture computed elsewhere; no rebuild, which would bring the old one back.
+
+        shown: the (J,3) coefficients of that picture; None when unknown, then nothing can be added.
+        """
+        self.may_rebuild = False
+        self.shown = None if shown is None else np.array(shown, dtype=np.float64)
+        self._drift_squared = 0.0
+
+    def next_step(self, limit: int | None = None) -> Step:
+        """The most effective `limit` terms (None: all that differ), or a rebuild where that is due."""
+        if self.shown is None:
+            return self._rebuild("rebuild") if self.may_rebuild else _NOTHING
+        pending = self.pending()
+        if pending.size == 0:
+            return self._rebuild("tidy") if self.may_rebuild and self.drift() > TIDY_ABOVE else _NOTHING
+        step = Step("increment", pending[:limit], (self.wanted - self.shown)[pending[:limit]])
+        return self._rebuild("rebuild") if self.may_rebuild and self._rebuild_is_due(step, limit) else step
+
+    def pending(self) -> NDArray[np.intp]:
+        """Indices of the terms that differ noticeably from what is wanted, the largest effect first."""
+        shown = self._shown_or_zero()
+        missing = self.wanted - shown
+        effect = self._effects(np.where(np.abs(missing) > _LAST_DIGIT * np.abs(self.wanted), missing, 0.0))
+        threshold = _NEGLIGIBLE * max(_length(self._effects(self.wanted)), _length(self._effects(shown)))
+        order = np.argsort(-effect, kind="stable")
+        return order[effect[order] > threshold]
+
+    def remaining_effect(self) -> float:
+        """sqrt(Σ_k |Δc_k|²‖T_k‖²), the length of what is missing in the picture were the T_k orthogonal."""
+        return _length(self._effects(self.wanted - self._shown_or_zero()))
+
+    def drift(self) -> float:
+        """Estimated rounding error of the accumulator relative to the picture's length."""
+        return _relative(self._drift_squared**0.5, _length(self._effects(self._shown_or_zero())))
+
+    def record_increment(self, indices: NDArray[np.intp], added: Floats) -> None:
+        """The terms were added with exactly the amounts `added` (K,3)."""
+        self._drift_squared = self._drift_squared_after(indices, added)
+        assert self.shown is not None
+        self.shown[indices] += added
+
+    def record_rebuild(self, coefficients: Floats) -> None:
+        """The accumulator is the sum from zero of exactly these (J,3)."""
+        self.shown = np.array(coefficients, dtype=np.float64)
+        self._drift_squared = 0.0
+
+    def _rebuild(self, kind: Literal["rebuild", "tidy"]) -> Step:
+        indices = np.flatnonzero(np.any(self.wanted != 0.0, axis=1))
+        return Step(kind, indices, self.wanted[indices])
+
+    def _rebuild_is_due(self, step: Step, limit: int | None) -> bool:
+        n_terms = int(np.count_nonzero(np.any(self.wanted != 0.0, axis=1)))
+        if step.indices.size >= n_terms and (limit is None or limit >= n_terms):
+            return True
+        after = self._shown_or_zero().copy()
+        after[step.indices] += step.deltas
+        drift = self._drift_squared_after(step.indices, step.deltas) ** 0.5
+        return _relative(drift, _length(self._effects(after))) > REBUILD_ABOVE
+
+    def _drift_squared_after(self, indices: NDArray[np.intp], added: Floats) -> float:
+        effects = np.sqrt(np.sum((added * self.norms[indices]) ** 2, axis=1))
+        size = _length(self._effects(self._shown_or_zero())) + float(effects.sum())
+        return self._drift_squared + (_ROUNDING * size) ** 2
+
+    def _shown_or_zero(self) -> Floats:
+        return np.zeros_like(self.wanted) if self.shown is None else self.shown
+
+    def _effects(self, coefficients: Floats) -> Floats:
+        return np.sqrt(np.sum((coefficients * self.norms) ** 2, axis=1))
+
+
+def _length(values: Floats) -> float:
+    return float(np.sqrt(np.sum(values * values)))
+
+
+def _relative(error: float, size: float) -> float:
+    if error == 0.0:
+        return 0.0
+    return error / size if size > error * 1e-6 else 1e6
+
+
+_NOTHING = Step("nothing", np.zeros(0, dtype=np.intp), np.zeros((0, 3)))

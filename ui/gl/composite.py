@@ -1,0 +1,224 @@
+"""From the layers' accumulators to one linear picture.
+
+`Compositor` keeps the textures of one camera's view. ``shade`` sums an object's layers into its rows of `shaded`,
+``composite`` puts shaded surfaces and the backdrop together; both only for what changed. Pixels are shaded in sample
+layout, once for each pixel that needs it, so that a picture that is mostly background or still costs little.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from ui.gl.accumulate import Accumulator
+from ui.gl.context import GraphicsError
+from ui.gl.passes import Box, Passes
+from ui.gl.picture_frame import PictureFrame
+from ui.gl.sample_layout import SAMPLES_PER_ROW, pack_samples, row_count, sample_addresses
+from ui.gl.textures import TextureMemory, read_texture
+
+VIEW_CURVE_SIZE = 256
+
+
+@dataclass(eq=False)
+class FootprintTextures:
+    """Which samples stand for each pixel: addresses (four a pixel) and weights, in the layout of `shaded`."""
+
+    addresses: moderngl.Texture
+    weights: moderngl.Texture
+    n_samples_needed: NDArray[np.int64]  # (O,) one more than the largest sample index of each object
+
+
+class ShadedLayer(Protocol):
+    """What the compositor must know of a layer to draw it."""
+
+    @property
+    def accumulator(self) -> Accumulator: ...
+    @property
+    def footprint(self) -> FootprintTextures | None: ...
+    @property
+    def gain(self) -> tuple[float, float, float]: ...
+    @property
+    def view_curve(self) -> moderngl.Texture | None: ...
+    @property
+    def visible(self) -> bool: ...
+
+
+class Compositor:
+    """Shaded surfaces, backdrop and the linear picture of one frame."""
+
+    def __init__(self, passes: Passes, memory: TextureMemory, frame: PictureFrame) -> None:
+        frame.validate()
+        self.frame = frame
+        self._passes, self._memory = passes, memory
+        self._textures: list[moderngl.Texture] = []
+        self._framebuffers: list[moderngl.Framebuffer] = []
+        self._environment: moderngl.Texture | None = None
+        try:
+            self._allocate()
+        except GraphicsError:
+            self.release()
+            raise
+
+    def _allocate(self) -> None:
+        frame, size = self.frame, (self.frame.width, self.frame.height)
+        counts = frame.object_ranges[:, 1] - frame.object_ranges[:, 0]
+        rows = [row_count(int(n)) if n else 0 for n in counts]
+        self._first_rows = np.concatenate(([0], np.cumsum(rows))).astype(int)
+        self._n_rows = max(1, int(self._first_rows[-1]))
+        emission = np.zeros((frame.height, frame.width, 4), dtype=np.float32)
+        emission[..., :3] = frame.emission_image
+        emission[..., 3] = frame.object_image >= 0
+        self._emission = self._keep(size, 4, "f4", emission)
+        self._rays = self._keep(size, 3, "f4", frame.ray_directions.astype(np.float32))
+        self._pixel_addresses = self._keep(size, 1, "i4", self._addresses_of_pixels())
+        self._theta_o = self._keep((SAMPLES_PER_ROW, self._n_rows), 1, "f4", self.pack(frame.theta_o, np.float32))
+        self.shaded = self._keep((SAMPLES_PER_ROW, self._n_rows), 4, "f4")
+        self.backdrop = self._keep(size, 4, "f4")
+        self.linear = self._keep(size, 4, "f4")
+        self._mark = self._keep(size, 1, "f1")
+        targets = (self.shaded, self.backdrop, self.linear, self._mark)
+        self._framebuffers = [self._memory.context.framebuffer([texture]) for texture in targets]
+        for framebuffer in self._framebuffers:
+            framebuffer.clear()
+        self._shaded_target, self._backdrop_target, self.linear_target, self._mark_target = self._framebuffers
+
+    def object_rows(self, i_object: int) -> tuple[int, int]:
+        """(first row, number of rows) of an object's pixels in sample layout."""
+        first, last = self._first_rows[i_object : i_object + 2]
+        return int(first), int(last - first)
+
+    def object_size(self, i_object: int) -> int:
+        """Pixels that see the object."""
+        start, stop = self.frame.object_ranges[i_object]
+        return int(stop - start)
+
+    def pack(self, values: NDArray[np.generic], dtype: type[np.generic]) -> NDArray[np.generic]:
+        """Values (P,) or (P,n) of the pixels as texels (rows, 1024, n) in the layout of `shaded`."""
+        table = np.asarray(values, dtype=dtype).reshape(self.frame.n_pixels, -1)
+        texels = np.zeros((self._n_rows, SAMPLES_PER_ROW, table.shape[1]), dtype=dtype)
+        for i_object, (start, stop) in enumerate(self.frame.object_ranges):
+            first, n_rows = self.object_rows(i_object)
+            if n_rows:
+                texels[first : first + n_rows] = pack_samples(table[start:stop], table.shape[1])
+        return texels
+
+    def _addresses_of_pixels(self) -> NDArray[np.int32]:
+        image = np.full(self.frame.height * self.frame.width, -1, dtype=np.int32)
+        for i_object, (start, stop) in enumerate(self.frame.object_ranges):
+            base = self.object_rows(i_object)[0] * SAMPLES_PER_ROW
+            image[self.frame.pixel[start:stop]] = base + sample_addresses(np.arange(stop - start))
+        return image.reshape(self.frame.height, self.frame.width)
+
+    def make_footprint(self, rows: NDArray[np.integer], weights: NDArray[np.floating]) -> FootprintTextures:
+        """Textures of rows (P,4), indices into the samples of the pixel's own object, and weights (P,4)."""
+        expected = (self.frame.n_pixels, 4)
+        if rows.shape != expected or weights.shape != expected:
+            raise GraphicsError(f"footprint of shapes {rows.shape} and {weights.shape}, expected {expected}")
+        if rows.size and rows.min() < 0:
+            raise GraphicsError(f"footprint row {rows.min()}, expected 0 or more")
+        needed = [int(rows[start:stop].max(initial=-1)) + 1 for start, stop in self.frame.object_ranges]
+        size = (SAMPLES_PER_ROW, self._n_rows)
+        addresses = self._memory.texture(size, 4, "i4", self.pack(sample_addresses(rows), np.int32))
+        try:
+            packed = self._memory.texture(size, 4, "f4", self.pack(weights, np.float32))
+        except GraphicsError:
+            self._memory.release(addresses)
+            raise
+        return FootprintTextures(addresses, packed, np.array(needed, dtype=np.int64))
+
+    def release_footprint(self, footprint: FootprintTextures) -> None:
+        self._memory.release(footprint.addresses)
+        self._memory.release(footprint.weights)
+
+    def set_environment(self, radiance: NDArray[np.floating] | None) -> None:
+        """The lat-long map (H,W,3) seen behind everything; None is black."""
+        if radiance is None:
+            radiance = np.zeros((1, 1, 3), dtype=np.float32)
+        if radiance.ndim != 3 or radiance.shape[2] != 3 or not np.isfinite(radiance).all():
+            raise GraphicsError(f"environment of shape {radiance.shape}, expected (H, W, 3), all finite")
+        height, width = radiance.shape[:2]
+        made = self._memory.texture((width, height), 3, "f4", radiance.astype(np.float32))
+        made.filter = (moderngl.LINEAR, moderngl.LINEAR)
+        made.repeat_x = True
+        self._memory.release(self._environment)
+        self._environment = made
+
+    def draw_backdrop(self, rotation_degrees: float, intensity: float) -> None:
+        """Redraw what is behind the surfaces."""
+        if self._environment is None:
+            self.set_environment(None)
+        assert self._environment is not None
+        program = self._passes.full_screen("placement/backdrop.frag.glsl")
+        textures = {"emission": self._emission, "ray_directions": self._rays, "environment": self._environment}
+        rotation = float(np.radians(rotation_degrees % 360.0))
+        box = self.picture_box
+        self._passes.draw(program, self._backdrop_target, box, textures, rotation=rotation, intensity=float(intensity))
+
+    @property
+    def picture_box(self) -> Box:
+        return 0, 0, self.frame.width, self.frame.height
+
+    def shade(self, i_object: int, layers: Sequence[ShadedLayer]) -> None:
+        """Sum the visible layers of an object; black when there are none."""
+        first_row, n_rows = self.object_rows(i_object)
+        if n_rows == 0:
+            return
+        box = (0, first_row, SAMPLES_PER_ROW, n_rows)
+        drawn = [layer for layer in layers if layer.visible]
+        if not drawn:
+            self._shaded_target.clear(viewport=box)
+        for i, layer in enumerate(drawn):
+            self._shade_layer(layer, box, add=i > 0)
+
+    def _shade_layer(self, layer: ShadedLayer, box: Box, add: bool) -> None:
+        textures = {"accumulator": layer.accumulator.texture}
+        uniforms: dict[str, object] = {"gain": layer.gain}
+        if layer.footprint is None:
+            uniforms["first_row"] = box[1]
+        else:
+            textures["footprint_addresses"] = layer.footprint.addresses
+            textures["footprint_weights"] = layer.footprint.weights
+        if layer.view_curve is not None:
+            textures["theta_o"], textures["view_curve"] = self._theta_o, layer.view_curve
+        program = self._passes.full_screen(
+            "placement/shade.frag.glsl",
+            FOOTPRINT=int(layer.footprint is not None),
+            VIEW_CURVE=int(layer.view_curve is not None),
+        )
+        self._passes.draw(program, self._shaded_target, box, textures, add=add, **uniforms)
+
+    def composite(self, box: Box) -> None:
+        """Redraw the linear picture inside `box`."""
+        program = self._passes.full_screen("placement/composite.frag.glsl")
+        textures = {"pixel_addresses": self._pixel_addresses, "shaded": self.shaded, "backdrop": self.backdrop}
+        self._passes.draw(program, self.linear_target, box, textures)
+
+    def count_not_finite(self) -> int:
+        """Pixels of the linear picture that were not numbers and are shown black; waits for the GPU."""
+        program = self._passes.full_screen("placement/count.frag.glsl")
+        return self._passes.count_fragments(program, self._mark_target, {"linear_picture": self.linear})
+
+    def read_linear(self) -> NDArray[np.float32]:
+        """The linear picture (H,W,3); waits for the GPU."""
+        return read_texture(self.linear, np.float32)[..., :3].astype(np.float32)
+
+    def _keep(
+        self, size: tuple[int, int], components: int, dtype: str, data: NDArray[np.generic] | None = None
+    ) -> moderngl.Texture:
+        texture = self._memory.texture(size, components, dtype, data)
+        self._textures.append(texture)
+        return texture
+
+    def release(self) -> None:
+        for framebuffer in self._framebuffers:
+            framebuffer.release()
+        for texture in self._textures:
+            self._memory.release(texture)
+        self._memory.release(self._environment)
+        self._textures, self._framebuffers, self._environment = [], [], None

@@ -1,0 +1,68 @@
+"""Opening OpenGL 4.1 core, with or without a window.
+
+4.1 is what Macs stop at and what Mesa's software rasterizer exceeds; nothing on the required path needs more. A typed
+error says what was found, what is needed and what to install.
+"""
+
+from __future__ import annotations
+
+import moderngl
+
+from engine.errors import InsituError
+
+REQUIRED_VERSION = 410
+_INSTALL = "install a driver or Mesa (Debian: libegl1 libgl1 libgl1-mesa-dri)"
+# What the passes rely on; each is within the minimum that OpenGL 4.1 promises, and old drivers are still asked.
+_REQUIRED_LIMITS = {
+    "GL_MAX_COLOR_ATTACHMENTS": 8,
+    "GL_MAX_ARRAY_TEXTURE_LAYERS": 512,
+    "GL_MAX_TEXTURE_SIZE": 4096,
+    "GL_MAX_FRAGMENT_UNIFORM_COMPONENTS": 1024,
+}
+
+
+class GraphicsError(InsituError):
+    """OpenGL is missing, too old, out of memory, or a shader does not compile."""
+
+
+def create_headless_context(require: int = REQUIRED_VERSION) -> moderngl.Context:
+    """A context without window or display, through EGL; raises GraphicsError where there is none."""
+    try:
+        context = moderngl.create_context(standalone=True, require=require, backend="egl")  # type: ignore[arg-type]
+    except Exception as failure:
+        raise GraphicsError(_cannot_open(require, failure)) from failure
+    return _checked(context, require)
+
+
+def create_window_context(require: int = REQUIRED_VERSION) -> moderngl.Context:
+    """The context that is current in this thread (a window's); raises GraphicsError when it is too old."""
+    try:
+        context = moderngl.create_context(require=require)
+    except Exception as failure:
+        raise GraphicsError(_cannot_open(require, failure)) from failure
+    return _checked(context, require)
+
+
+def describe_context(context: moderngl.Context) -> str:
+    """Renderer and version on one line."""
+    return f"{context.info['GL_RENDERER']}, OpenGL {context.info['GL_VERSION']}"
+
+
+def _checked(context: moderngl.Context, require: int) -> moderngl.Context:
+    if context.version_code < require:
+        raise GraphicsError(
+            f"OpenGL {_dotted(require)} core is needed, found {describe_context(context)}; {_INSTALL}"
+        )
+    for name, needed in _REQUIRED_LIMITS.items():
+        found = context.info[name]
+        if found < needed:
+            raise GraphicsError(f"{name} = {found}, at least {needed} is needed ({describe_context(context)})")
+    return context
+
+
+def _cannot_open(require: int, failure: Exception) -> str:
+    return f"OpenGL {_dotted(require)} core is needed, none could be opened ({failure}); {_INSTALL}"
+
+
+def _dotted(version: int) -> str:
+    return f"{version // 100}.{version // 10 % 10}"

@@ -1,0 +1,174 @@
+"""The layers of a picture: their accumulators, gains, view curves and footprints, and which objects need shading.
+
+A layer keeps the footprint that its picture came with until its next picture, so that the stages of a coarse-to-fine
+picture may arrive layer by layer and what is on screen is always of one piece within a layer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from ui.gl.accumulate import Accumulator
+from ui.gl.composite import VIEW_CURVE_SIZE, Compositor, FootprintTextures
+from ui.gl.context import GraphicsError
+from ui.gl.textures import TextureMemory
+
+
+@dataclass(eq=False)
+class Layer:
+    """One layer as it is drawn; `mean` (3,) is its mean radiance before f_q and f_o."""
+
+    i_object: int
+    accumulator: Accumulator
+    footprint: FootprintTextures | None
+    gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    view_curve: moderngl.Texture | None = None
+    visible: bool = True
+    mean: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+
+
+class LayerStack:
+    """The layers by key, the footprint of the pictures to come, and the objects to shade again (`dirty`)."""
+
+    def __init__(self, memory: TextureMemory, compositor: Compositor) -> None:
+        self.footprint: FootprintTextures | None = None
+        self.dirty: set[int] = set()
+        self._memory, self._compositor = memory, compositor
+        self._layers: dict[str, Layer] = {}
+        self._footprints: list[FootprintTextures] = []
+
+    def __contains__(self, key: str) -> bool:
+        return key in self._layers
+
+    def __getitem__(self, key: str) -> Layer:
+        if key not in self._layers:
+            raise GraphicsError(f"no layer {key}, there are {', '.join(self._layers) or 'none'}")
+        return self._layers[key]
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        return tuple(self._layers)
+
+    def of_object(self, i_object: int) -> list[Layer]:
+        return [layer for layer in self._layers.values() if layer.i_object == i_object]
+
+    def put(self, key: str, i_object: int, n_samples: int) -> None:
+        """Add a layer, black; an old one of that key loses its picture and keeps gain, view curve and visibility."""
+        n_objects = self._compositor.frame.n_objects
+        if not 0 <= i_object < n_objects:
+            raise GraphicsError(f"layer {key}: object {i_object}, expected 0 to {n_objects - 1}")
+        self.check_sample_count(key, i_object, n_samples)
+        layer = Layer(i_object, Accumulator(self._memory, n_samples), self.footprint)
+        old = self._layers.get(key)
+        if old is not None:
+            layer.gain, layer.view_curve, layer.visible = old.gain, old.view_curve, old.visible
+            self.dirty.add(old.i_object)
+            old.accumulator.release()
+        self._layers[key] = layer
+        self.dirty.add(i_object)
+
+    def remove(self, key: str) -> None:
+        layer = self[key]
+        del self._layers[key]
+        layer.accumulator.release()
+        self._memory.release(layer.view_curve)
+        self.dirty.add(layer.i_object)
+
+    def set_radiance(self, key: str, radiance: NDArray[np.floating]) -> None:
+        """Replace a layer's picture by radiance (p,3) at the samples of the current footprint."""
+        layer = self[key]
+        if radiance.ndim != 2 or radiance.shape[1] != 3:
+            raise GraphicsError(f"layer {key}: radiance of shape {radiance.shape}, expected (p, 3)")
+        self.check_sample_count(key, layer.i_object, len(radiance))
+        if len(radiance) != layer.accumulator.n_samples:
+            replacement = Accumulator(self._memory, len(radiance))
+            layer.accumulator.release()
+            layer.accumulator = replacement
+        layer.accumulator.write(radiance)
+        layer.footprint = self.footprint
+        layer.mean = _finite_mean(radiance)
+        self.dirty.add(layer.i_object)
+
+    def exchange(self, key: str, accumulator: Accumulator, footprint: FootprintTextures | None) -> None:
+        """Show another accumulator; the old one belongs to the caller."""
+        layer = self[key]
+        layer.accumulator, layer.footprint = accumulator, footprint
+        self.dirty.add(layer.i_object)
+
+    def set_gain(self, key: str, gain: Sequence[float]) -> None:
+        layer = self[key]
+        red, green, blue = (float(value) for value in gain)
+        if layer.gain != (red, green, blue):
+            layer.gain = (red, green, blue)
+            self.dirty.add(layer.i_object)
+
+    def set_visible(self, key: str, visible: bool) -> None:
+        layer = self[key]
+        if layer.visible != visible:
+            layer.visible = visible
+            self.dirty.add(layer.i_object)
+
+    def set_view_curve(self, key: str, curve: NDArray[np.floating] | None) -> None:
+        layer = self[key]
+        if curve is not None and np.shape(curve) != (VIEW_CURVE_SIZE, 3):
+            raise GraphicsError(f"layer {key}: view curve of shape {np.shape(curve)}, expected ({VIEW_CURVE_SIZE}, 3)")
+        texels = None if curve is None else np.array(curve, dtype=np.float32).reshape(1, VIEW_CURVE_SIZE, 3)
+        if texels is not None and layer.view_curve is not None:
+            layer.view_curve.write(texels, alignment=1)
+        else:
+            made = None if texels is None else self._memory.texture((VIEW_CURVE_SIZE, 1), 3, "f4", texels)
+            self._memory.release(layer.view_curve)
+            layer.view_curve = made
+        self.dirty.add(layer.i_object)
+
+    def set_footprint(self, rows: NDArray[np.integer] | None, weights: NDArray[np.floating] | None) -> None:
+        """The footprint of the pictures to come; None is one sample a pixel."""
+        if rows is None or weights is None:
+            self.footprint = None
+            return
+        self.footprint = self._compositor.make_footprint(rows, weights)
+        self._footprints.append(self.footprint)
+
+    def release_unused_footprints(self, also_used: Iterable[FootprintTextures | None] = ()) -> None:
+        """Free the footprints that neither a layer nor `also_used` needs."""
+        used = [self.footprint, *also_used, *(layer.footprint for layer in self._layers.values())]
+        for footprint in [f for f in self._footprints if not any(f is other for other in used)]:
+            self._compositor.release_footprint(footprint)
+            self._footprints.remove(footprint)
+
+    def check_sample_count(self, key: str, i_object: int, n_samples: int) -> None:
+        """Raises GraphicsError unless the current footprint finds all its samples among so many."""
+        n_pixels = self._compositor.object_size(i_object)
+        if self.footprint is None and n_samples != n_pixels:
+            raise GraphicsError(f"layer {key}: {n_samples} samples without a footprint, expected {n_pixels}")
+        if self.footprint is not None and n_samples < self.footprint.n_samples_needed[i_object]:
+            needed = self.footprint.n_samples_needed[i_object]
+            raise GraphicsError(f"layer {key}: {n_samples} samples, the footprint needs {needed}")
+
+    def mean_radiance(self) -> float:
+        """Mean of the visible layers over the pixels that see a surface and over the channels, without f_o."""
+        total = 0.0
+        for layer in self._layers.values():
+            if layer.visible:
+                size = self._compositor.object_size(layer.i_object)
+                total += size * float(np.mean(np.abs(layer.gain) * layer.mean))
+        return total / max(1, self._compositor.frame.n_pixels)
+
+    def release(self) -> None:
+        for key in self.keys:
+            self.remove(key)
+        self.footprint = None
+        self.release_unused_footprints()
+
+
+def _finite_mean(radiance: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Mean of |radiance| (3,) over the samples, 0 for what is no number."""
+    if not len(radiance):
+        return np.zeros(3)
+    finite = np.where(np.isfinite(radiance), np.abs(radiance), 0.0)
+    return finite.mean(axis=0, dtype=np.float64)

@@ -1,0 +1,422 @@
+"""The renderer of Placement mode: what the window calls each frame.
+
+A picture is the sum of layers, each with an accumulator B at its samples. The selected layer also has its transport on
+the GPU, and its curve is followed by increments; the others stand as the worker computed them.
+
+In a frame the window calls ``upload`` (a slice of a transport under way), ``wanted`` (the curve of now), ``update`` (as
+many terms as the time allows) and ``composite`` (the display texture). No call waits for the GPU, except the read-backs
+and one measurement of a term's cost after each new transport. Every failure is a GraphicsError and leaves the old
+picture.
+
+Order of the worker's answers: a layer's radiance before its transport. A radiance that arrives while a transport is
+active makes that transport stale: increments go on from the new picture, but nothing is rebuilt from the old one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from ui.gl.accumulate import TermSum
+from ui.gl.composite import Compositor, FootprintTextures
+from ui.gl.context import GraphicsError
+from ui.gl.layers import LayerStack
+from ui.gl.passes import Box, Passes
+from ui.gl.picture_frame import PictureFrame
+from ui.gl.refine import Refiner
+from ui.gl.textures import TextureMemory
+from ui.gl.tonemap import Display, DisplayView
+from ui.gl.transport import Precision, TransportUpload
+
+
+@dataclass(frozen=True)
+class UpdateReport:
+    """What an update did.
+
+    applied: terms added; remaining: terms that still differ; image_error: what those amount to, relative to the mean
+    radiance; exact: nothing is left to add or to tidy.
+    """
+
+    applied: int = 0
+    remaining: int = 0
+    image_error: float = 0.0
+    exact: bool = True
+
+
+@dataclass(eq=False)
+class _Arriving:
+    """A transport on its way to the GPU, with the footprint its samples belong to."""
+
+    key: str
+    upload: TransportUpload
+    footprint: FootprintTextures | None
+
+
+@dataclass(eq=False)
+class _Active:
+    """The transport at work."""
+
+    key: str
+    refiner: Refiner
+    footprint: FootprintTextures | None
+
+
+@dataclass(eq=False)
+class _Picture:
+    """All that belongs to one frame; the boxes are what must be drawn again."""
+
+    compositor: Compositor
+    display: Display
+    layers: LayerStack
+    linear_box: Box | None
+    display_box: Box | None = None
+    view: DisplayView | None = None
+    backdrop_is_stale: bool = True
+    rotation_degrees: float = 0.0
+    intensity: float = 1.0
+
+
+class PlacementRenderer:
+    """All GL state of Placement mode in one context. `memory_limit` in bytes refuses textures beyond it."""
+
+    def __init__(self, context: moderngl.Context, memory_limit: int | None = None) -> None:
+        self.context = context
+        self.memory = TextureMemory(context, memory_limit)
+        self._passes = Passes(context)
+        self._terms = TermSum(self._passes, self.memory)
+        self._picture: _Picture | None = None
+        self._wanted: dict[str, NDArray[np.float64]] = {}
+        self._arriving: _Arriving | None = None
+        self._active: _Active | None = None
+
+    # ------------------------------------------------------------------------------------------------ the view
+
+    def set_frame(self, frame: PictureFrame) -> None:
+        """Start a new picture; layers, transports, footprint, environment and snapshot of the old one are dropped."""
+        compositor = Compositor(self._passes, self.memory, frame)
+        try:
+            display = Display(self._passes, self.memory, frame)
+        except GraphicsError:
+            compositor.release()
+            raise
+        self._release_picture()
+        layers = LayerStack(self.memory, compositor)
+        self._picture = _Picture(compositor, display, layers, linear_box=compositor.picture_box)
+
+    @property
+    def frame(self) -> PictureFrame | None:
+        return None if self._picture is None else self._picture.compositor.frame
+
+    def set_environment(
+        self, radiance: NDArray[np.floating] | None, rotation_degrees: float = 0.0, intensity: float = 1.0
+    ) -> None:
+        """The lat-long map (H,W,3) behind the surfaces; None is black. It lights nothing here."""
+        self._shown().compositor.set_environment(radiance)
+        self.turn_environment(rotation_degrees, intensity)
+
+    def turn_environment(self, rotation_degrees: float, intensity: float = 1.0) -> None:
+        """Rotation and intensity of the map that is there."""
+        picture = self._shown()
+        picture.rotation_degrees, picture.intensity = float(rotation_degrees), float(intensity)
+        picture.backdrop_is_stale = True
+
+    def set_footprint(self, rows: NDArray[np.integer] | None, weights: NDArray[np.floating] | None = None) -> None:
+        """Which samples stand for each pixel in the pictures set from now on; None: one sample a pixel.
+
+        rows (P,4) index the samples of the pixel's own object, from 0; weights (P,4) sum to 1.
+        """
+        self._shown().layers.set_footprint(rows, weights)
+        self._release_unused_footprints()
+
+    # ------------------------------------------------------------------------------------------------ the layers
+
+    def set_layer(self, key: str, i_object: int, n_samples: int) -> None:
+        """Add a layer, black; an old one of that key loses its picture and transport."""
+        self._shown().layers.put(key, i_object, n_samples)
+        self._drop_transport_of(key)
+        self._release_unused_footprints()
+
+    def set_layer_radiance(
+        self, key: str, radiance: NDArray[np.floating], coefficients: NDArray[np.floating] | None = None
+    ) -> None:
+        """Replace a layer's picture by radiance (p,3) at the samples of the current footprint.
+
+        coefficients (J,3), Daub4 domain: the edited curve that the radiance was contracted with. None when unknown:
+        an active transport then waits for its successor.
+        """
+        picture = self._shown()
+        n_before = picture.layers[key].accumulator.n_samples
+        picture.layers.set_radiance(key, radiance)
+        if self._active is not None and self._active.key == key:
+            if len(radiance) == n_before:
+                self._active.refiner.start_from(coefficients)
+            else:
+                self._release_active()
+        self._release_unused_footprints()
+
+    def remove_layer(self, key: str) -> None:
+        """Take a layer out of the picture."""
+        self._shown().layers.remove(key)
+        self._drop_transport_of(key)
+        self._wanted.pop(key, None)
+        self._release_unused_footprints()
+
+    @property
+    def layer_keys(self) -> tuple[str, ...]:
+        return () if self._picture is None else self._picture.layers.keys
+
+    def set_layer_gain(self, key: str, gain: Sequence[float]) -> None:
+        """f_q, one factor a channel."""
+        self._shown().layers.set_gain(key, gain)
+
+    def set_layer_visible(self, key: str, visible: bool) -> None:
+        self._shown().layers.set_visible(key, visible)
+
+    def set_view_curve(self, key: str, curve: NDArray[np.floating] | None) -> None:
+        """f_o (256,3) at angles θ_o from 0 to π/2 inclusive, linear between; None is 1 everywhere."""
+        self._shown().layers.set_view_curve(key, curve)
+
+    # --------------------------------------------------------------------------------------------- the transport
+
+    def begin_transport(
+        self,
+        key: str,
+        transport: NDArray[np.floating],
+        norms: NDArray[np.floating],
+        scale: NDArray[np.floating] | None = None,
+        precision: Precision = "half",
+    ) -> None:
+        """Start to upload a layer's transport (J,p,3), true values transport·scale, in the Daub4 domain.
+
+        norms (J,3) are the lengths ‖T_k‖ of the true values over the p samples; scale (J,) or (J,3), None is 1.
+        The active transport and the picture stay until ``upload`` is done; another one under way is given up.
+        """
+        layers = self._shown().layers
+        self.cancel_transport()
+        upload = TransportUpload(self.memory, transport, norms, scale, precision)
+        self._arriving = _Arriving(key, upload, layers.footprint)
+        try:
+            layers.check_sample_count(key, layers[key].i_object, upload.target.n_samples)
+        except GraphicsError:
+            self.cancel_transport()
+            raise
+
+    def upload(self, time_budget_s: float) -> bool:
+        """Go on with the upload for about this long; True when none is under way any more."""
+        if self._arriving is None:
+            return True
+        try:
+            if not self._arriving.upload.advance(time_budget_s):
+                return False
+            self._activate(self._arriving)
+        except GraphicsError:
+            self.cancel_transport()
+            raise
+        self._arriving = None
+        self._release_unused_footprints()
+        return True
+
+    @property
+    def upload_fraction(self) -> float | None:
+        """How much of the transport under way is there; None when there is none."""
+        return None if self._arriving is None else self._arriving.upload.fraction
+
+    @property
+    def transport_key(self) -> str | None:
+        """The layer whose transport is active."""
+        return None if self._active is None else self._active.key
+
+    def cancel_transport(self) -> None:
+        """Give up an upload under way; the active transport stays."""
+        if self._arriving is not None:
+            self._arriving.upload.target.release()
+            self._arriving = None
+
+    def wanted(self, key: str, coefficients: NDArray[np.floating]) -> None:
+        """The curve (J,3), Daub4 domain, that the layer should show; kept for its transport where that is not there.
+
+        Raises GraphicsError on numbers that are not finite; a number of bands that the active transport does not have
+        waits for the next one.
+        """
+        values = np.array(coefficients, dtype=np.float64)
+        if values.ndim != 2 or values.shape[1] != 3 or not np.isfinite(values).all():
+            raise GraphicsError(f"layer {key}: coefficients of shape {values.shape}, expected (J, 3), all finite")
+        if self._active is not None and self._active.key == key and self._active.refiner.fits(values):
+            self._active.refiner.want(values)
+        self._wanted[key] = values
+
+    def update(self, max_coefficients: int | None = None, budget_s: float | None = None) -> UpdateReport:
+        """Move the picture towards what is wanted: at most so many terms, and as many as fit into `budget_s`.
+
+        With neither, all. A rebuild that drift makes due may take 128 terms, whatever is allowed.
+        """
+        active = self._active
+        if active is None or active.key not in self._wanted:
+            return UpdateReport()
+        layers, refiner = self._shown().layers, active.refiner
+        layer = layers[active.key]
+        done, accumulator = refiner.step(layer.accumulator, refiner.term_limit(max_coefficients, budget_s))
+        if done.swapped:
+            layers.exchange(active.key, accumulator, active.footprint)
+            self._release_unused_footprints()
+        if done.swapped or done.shown_changed:
+            layers.dirty.add(layer.i_object)
+            layer.mean = refiner.mean_radiance()
+        return UpdateReport(done.applied, len(refiner.state.pending()), self.image_error(), refiner.is_exact)
+
+    def rebase(self) -> bool:
+        """Let the coming updates sum the edited layer from zero; False when its transport is stale or missing."""
+        return self._active is not None and self._active.refiner.request_rebuild()
+
+    def image_error(self) -> float:
+        """sqrt(Σ_k |Δc_k|²‖T_k‖² / values) / mean radiance, over the pixels that see a surface.
+
+        An estimate: the T_k are not orthogonal over the picture, and f_o is left out.
+        """
+        if self._active is None or self._active.key not in self._wanted:
+            return 0.0
+        picture, refiner = self._shown(), self._active.refiner
+        layer = picture.layers[self._active.key]
+        pixels_per_sample = picture.compositor.object_size(layer.i_object) / max(1, refiner.transport.n_samples)
+        missing = refiner.state.remaining_effect() * max(map(abs, layer.gain)) * pixels_per_sample**0.5
+        missing /= max(1, 3 * picture.compositor.frame.n_pixels) ** 0.5
+        mean = picture.layers.mean_radiance()
+        return missing / mean if missing > 0.0 and mean > 0.0 else 0.0
+
+    def _activate(self, arrived: _Arriving) -> None:
+        refiner = Refiner(self.memory, self._terms, arrived.upload.target, arrived.upload.norms)
+        wanted = self._wanted.get(arrived.key)
+        if wanted is not None and refiner.fits(wanted):
+            try:
+                refiner.want(wanted)
+            except GraphicsError:
+                refiner.release_spare()
+                raise
+        else:
+            self._wanted.pop(arrived.key, None)
+        self._release_active()
+        self._active = _Active(arrived.key, refiner, arrived.footprint)
+
+    # ----------------------------------------------------------------------------------------------- the picture
+
+    def composite(self, view: DisplayView) -> moderngl.Texture:
+        """The display picture, RGBA8, sRGB encoded, row 0 the top; only what changed is drawn again.
+
+        Framebuffer, viewport and blending are changed: bind your own again afterwards.
+        """
+        self._draw_linear()
+        picture = self._shown()
+        if view != picture.view:
+            picture.display_box = picture.compositor.picture_box
+        if picture.display_box is not None:
+            picture.display.draw(picture.compositor.linear, view, picture.display_box)
+        picture.display_box, picture.view = None, view
+        return picture.display.texture
+
+    def snapshot_compare(self) -> None:
+        """Keep the linear picture of now as B of the A/B comparison."""
+        self._draw_linear()
+        picture = self._shown()
+        picture.display.take_snapshot(picture.compositor.linear_target)
+        picture.display_box = picture.compositor.picture_box
+
+    def drop_compare(self) -> None:
+        """End the comparison."""
+        picture = self._shown()
+        picture.display.drop_snapshot()
+        picture.display_box = picture.compositor.picture_box
+
+    def linear_image(self) -> NDArray[np.float32]:
+        """The linear picture (H,W,3), without silhouette smoothing; waits for the GPU."""
+        self._draw_linear()
+        return self._shown().compositor.read_linear()
+
+    def display_image(self) -> NDArray[np.uint8]:
+        """The last display picture (H,W,3), sRGB; waits for the GPU."""
+        return self._shown().display.read()
+
+    def layer_radiance(self, key: str) -> NDArray[np.float32]:
+        """The radiance (p,3) of one layer as it stands in its accumulator; waits for the GPU."""
+        return self._shown().layers[key].accumulator.read()
+
+    def count_not_finite(self) -> int:
+        """Pixels that are shown black because their radiance is no number; waits for the GPU."""
+        self._draw_linear()
+        return self._shown().compositor.count_not_finite()
+
+    def object_at(self, x: int, y: int) -> int:
+        """The object at a pixel, column x and row y from the top; −1 where there is none."""
+        frame = self._shown().compositor.frame
+        inside = 0 <= x < frame.width and 0 <= y < frame.height
+        return int(frame.object_image[y, x]) if inside else -1
+
+    @property
+    def memory_bytes(self) -> int:
+        """Bytes of all textures."""
+        return self.memory.bytes_in_use
+
+    def release(self) -> None:
+        """Free all GL objects of this renderer."""
+        self._release_picture()
+        self._terms.release()
+        self._passes.release()
+
+    def _draw_linear(self) -> None:
+        """Bring the linear picture up to date."""
+        picture = self._shown()
+        compositor, layers = picture.compositor, picture.layers
+        if picture.backdrop_is_stale:
+            compositor.draw_backdrop(picture.rotation_degrees, picture.intensity)
+            picture.backdrop_is_stale, picture.linear_box = False, compositor.picture_box
+        for i_object in sorted(layers.dirty):
+            compositor.shade(i_object, layers.of_object(i_object))
+            picture.linear_box = _union(picture.linear_box, compositor.frame.object_box(i_object))
+        layers.dirty.clear()
+        if picture.linear_box is not None:
+            compositor.composite(picture.linear_box)
+        picture.display_box = _union(picture.display_box, picture.linear_box)
+        picture.linear_box = None
+
+    def _shown(self) -> _Picture:
+        if self._picture is None:
+            raise GraphicsError("no picture yet: set_frame comes first")
+        return self._picture
+
+    def _drop_transport_of(self, key: str) -> None:
+        if self._active is not None and self._active.key == key:
+            self._release_active()
+        if self._arriving is not None and self._arriving.key == key:
+            self.cancel_transport()
+
+    def _release_active(self) -> None:
+        if self._active is not None:
+            self._active.refiner.release()
+            self._active = None
+
+    def _release_unused_footprints(self) -> None:
+        others = [work.footprint for work in (self._active, self._arriving) if work is not None]
+        self._shown().layers.release_unused_footprints(others)
+
+    def _release_picture(self) -> None:
+        self.cancel_transport()
+        self._release_active()
+        self._wanted.clear()
+        if self._picture is not None:
+            self._picture.layers.release()
+            self._picture.display.release()
+            self._picture.compositor.release()
+            self._picture = None
+
+
+def _union(a: Box | None, b: Box | None) -> Box | None:
+    """The smallest box around both; None and boxes without area are empty."""
+    boxes = [box for box in (a, b) if box is not None and box[2] > 0 and box[3] > 0]
+    if len(boxes) < 2:
+        return boxes[0] if boxes else None
+    left, top = min(box[0] for box in boxes), min(box[1] for box in boxes)
+    right, bottom = max(box[0] + box[2] for box in boxes), max(box[1] + box[3] for box in boxes)
+    return left, top, right - left, bottom - top

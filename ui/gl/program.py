@@ -1,0 +1,70 @@
+"""Shaders from the ``shaders`` folder: includes, compile-time switches, programs made once.
+
+``#include "common/x.glsl"`` is relative to the folder and taken once; switches become ``#define`` lines after
+``#version``. ``#line`` keeps the compiler's line numbers those of the file.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+import moderngl
+
+from ui.gl.context import GraphicsError
+
+SHADER_FOLDER = Path(__file__).resolve().parents[2] / "shaders"
+_INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$')
+
+
+def load_shader(name: str, defines: Mapping[str, int] | None = None, folder: Path = SHADER_FOLDER) -> str:
+    """The source of ``folder/name`` with its includes and switches in place; GraphicsError when one is missing."""
+    lines = _expanded(name, folder, set()).splitlines()
+    if not lines or not lines[0].startswith("#version"):
+        raise GraphicsError(f"shader {name}: the first line must be #version")
+    switches = [f"#define {key} {value}" for key, value in (defines or {}).items()]
+    return "\n".join([lines[0], *switches, "#line 2", *lines[1:], ""])
+
+
+def _expanded(name: str, folder: Path, seen: set[str]) -> str:
+    seen.add(name)
+    try:
+        text = (folder / name).read_text(encoding="utf-8")
+    except OSError as failure:
+        raise GraphicsError(f"shader {name} cannot be read: {failure}") from failure
+    out: list[str] = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        found = _INCLUDE.match(line)
+        if found is None:
+            out.append(line)
+        elif found[1] not in seen:
+            out += ["#line 1", _expanded(found[1], folder, seen), f"#line {number + 1}"]
+    return "\n".join(out)
+
+
+class ProgramCache:
+    """Programs of one context, each compiled when it is first asked for."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._programs: dict[tuple[str, str, tuple[tuple[str, int], ...]], moderngl.Program] = {}
+
+    def get(self, vertex: str, fragment: str, **defines: int) -> moderngl.Program:
+        """The program of two shader files; raises GraphicsError with the compiler's own words."""
+        key = (vertex, fragment, tuple(sorted(defines.items())))
+        if key not in self._programs:
+            self._programs[key] = self._compiled(vertex, fragment, defines)
+        return self._programs[key]
+
+    def _compiled(self, vertex: str, fragment: str, defines: Mapping[str, int]) -> moderngl.Program:
+        sources = load_shader(vertex), load_shader(fragment, defines)
+        try:
+            return self._context.program(vertex_shader=sources[0], fragment_shader=sources[1])
+        except moderngl.Error as failure:
+            raise GraphicsError(f"shader {vertex} with {fragment} {dict(defines)}: {failure}") from failure
+
+    def release(self) -> None:
+        for program in self._programs.values():
+            program.release()
+        self._programs.clear()

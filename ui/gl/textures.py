@@ -1,0 +1,106 @@
+"""Textures and their memory, every allocation checked.
+
+moderngl returns an object also when OpenGL could not allocate; only the context's error flag tells, so it is drained
+before and read after. Sizes beyond the driver's limits are refused before the driver sees them, and a limit of our own
+refuses what would push a machine into swapping.
+"""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from ui.gl.context import GraphicsError
+
+BYTES_PER_COMPONENT = {"f1": 1, "f2": 2, "f4": 4, "i4": 4, "u4": 4}
+
+
+class TextureMemory:
+    """Allocates the textures of one context and counts their bytes; `limit` in bytes, None for the driver's own."""
+
+    def __init__(self, context: moderngl.Context, limit: int | None = None) -> None:
+        self.context = context
+        self.limit = limit
+        self.bytes_in_use = 0
+
+    def texture(
+        self, size: tuple[int, int], components: int, dtype: str, data: NDArray[np.generic] | None = None
+    ) -> moderngl.Texture:
+        """A 2D texture, nearest filtering, clamped; raises GraphicsError when it does not fit."""
+        limit = self.context.info["GL_MAX_TEXTURE_SIZE"]
+        self._refuse_above("texture", size, (limit, limit))
+        n_bytes = size[0] * size[1] * components * BYTES_PER_COMPONENT[dtype]
+        self._refuse_beyond_limit(n_bytes)
+        _drain_errors(self.context)
+        raw = None if data is None else np.ascontiguousarray(data)
+        made = self._attempt(lambda: self.context.texture(size, components, raw, dtype=dtype, alignment=1), n_bytes)
+        _sample_nearest(made)
+        return made
+
+    def texture_array(self, size: tuple[int, int, int], components: int, dtype: str) -> moderngl.TextureArray:
+        """An empty 2D array texture of (width, height, layers); raises GraphicsError when it does not fit."""
+        side, layers = self.context.info["GL_MAX_TEXTURE_SIZE"], self.context.info["GL_MAX_ARRAY_TEXTURE_LAYERS"]
+        self._refuse_above("array texture", size, (side, side, layers))
+        n_bytes = size[0] * size[1] * size[2] * components * BYTES_PER_COMPONENT[dtype]
+        self._refuse_beyond_limit(n_bytes)
+        _drain_errors(self.context)
+        made = self._attempt(lambda: self.context.texture_array(size, components, dtype=dtype, alignment=1), n_bytes)
+        _sample_nearest(made)
+        return made
+
+    def release(self, texture: moderngl.Texture | moderngl.TextureArray | None) -> None:
+        if texture is None:
+            return
+        self.bytes_in_use -= texture_bytes(texture)
+        texture.release()
+
+    def _attempt(self, make, n_bytes: int):  # type: ignore[no-untyped-def]  # moderngl has no types
+        try:
+            made = make()
+        except moderngl.Error as failure:
+            raise GraphicsError(f"{_mib(n_bytes)} MiB of texture refused: {failure}") from failure
+        error = self.context.error
+        if error != "GL_NO_ERROR":
+            made.release()
+            _drain_errors(self.context)
+            raise GraphicsError(f"no room for {_mib(n_bytes)} MiB of texture ({error}); the old picture stays")
+        self.bytes_in_use += n_bytes
+        return made
+
+    def _refuse_above(self, what: str, size: tuple[int, ...], limits: tuple[int, ...]) -> None:
+        if any(n < 1 or n > limit for n, limit in zip(size, limits, strict=True)):
+            raise GraphicsError(f"{what} of {size} texels, expected 1 to {limits}; the old picture stays")
+
+    def _refuse_beyond_limit(self, n_bytes: int) -> None:
+        if self.limit is not None and self.bytes_in_use + n_bytes > self.limit:
+            raise GraphicsError(
+                f"{_mib(n_bytes)} MiB of texture beside {_mib(self.bytes_in_use)} MiB in use exceed the limit of "
+                f"{_mib(self.limit)} MiB; the old picture stays"
+            )
+
+
+def texture_bytes(texture: moderngl.Texture | moderngl.TextureArray) -> int:
+    """Bytes of the texels, without the driver's own padding."""
+    layers = getattr(texture, "layers", 1)
+    return texture.width * texture.height * layers * texture.components * BYTES_PER_COMPONENT[texture.dtype]
+
+
+def read_texture(texture: moderngl.Texture, dtype: type[np.generic]) -> NDArray[np.generic]:
+    """All texels (height, width, components), row 0 first."""
+    raw = np.frombuffer(texture.read(alignment=1), dtype=dtype)
+    return raw.reshape(texture.height, texture.width, texture.components)
+
+
+def _sample_nearest(texture: moderngl.Texture | moderngl.TextureArray) -> None:
+    texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+    texture.repeat_x = texture.repeat_y = False
+
+
+def _drain_errors(context: moderngl.Context) -> None:
+    while context.error != "GL_NO_ERROR":
+        pass
+
+
+def _mib(n_bytes: int) -> int:
+    return -(-n_bytes // 2**20)

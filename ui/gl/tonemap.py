@@ -1,0 +1,181 @@
+"""From the linear picture to the screen: exposure, tone mapping, sRGB, silhouettes, outlines, A/B.
+
+Silhouettes and outlines are short lists of points drawn over the picture: looking at each pixel's neighbours in a
+full-screen shader costs more than the rest of the frame on a software rasterizer, and hardly any pixel needs it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from ui.gl.context import GraphicsError
+from ui.gl.passes import Box, Passes
+from ui.gl.picture_frame import PictureFrame
+from ui.gl.textures import TextureMemory, read_texture
+
+ToneMapping = Literal["filmic", "linear", "false_colour"]
+
+_SWITCHES = {"filmic": "TONE_FILMIC", "linear": "TONE_LINEAR", "false_colour": "TONE_FALSE_COLOUR"}
+SELECTION_COLOUR = (1.0, 0.62, 0.12)
+HOVER_COLOUR = (0.82, 0.82, 0.82)
+DIVIDER_COLOUR = (0.95, 0.95, 0.95, 1.0)
+
+
+@dataclass(frozen=True)
+class DisplayView:
+    """How the linear picture is shown.
+
+    exposure in stops; selected and hovered are object indices, outlined; compare_divider in [0, 1] is where the
+    snapshot (left) meets the picture (right), None shows the picture alone; antialias draws smooth silhouettes.
+    """
+
+    exposure: float = 0.0
+    tone_mapping: ToneMapping = "filmic"
+    selected: int | None = None
+    hovered: int | None = None
+    compare_divider: float | None = None
+    antialias: bool = True
+
+
+class Display:
+    """The display picture of one frame, RGBA8 and sRGB encoded, and the snapshot for A/B."""
+
+    def __init__(self, passes: Passes, memory: TextureMemory, frame: PictureFrame) -> None:
+        self._passes, self._memory, self._frame = passes, memory, frame
+        self._size = (frame.width, frame.height)
+        self.texture = memory.texture(self._size, 4, "f1")
+        self._target = memory.context.framebuffer([self.texture])
+        self._target.clear(alpha=1.0)
+        self._snapshot: moderngl.Texture | None = None
+        self._snapshot_target: moderngl.Framebuffer | None = None
+        self._edges = self._edge_points()
+        self._edge_arrays: dict[str, moderngl.VertexArray] = {}
+        self._outlines: dict[int, tuple[moderngl.Buffer, moderngl.VertexArray]] = {}
+
+    @property
+    def has_snapshot(self) -> bool:
+        return self._snapshot is not None
+
+    def take_snapshot(self, linear: moderngl.Framebuffer) -> None:
+        """Keep a copy of the linear picture as B."""
+        if self._snapshot is None:
+            self._snapshot = self._memory.texture(self._size, 4, "f4")
+            self._snapshot_target = self._memory.context.framebuffer([self._snapshot])
+        assert self._snapshot_target is not None
+        linear.viewport = self._snapshot_target.viewport = (0, 0, *self._size)
+        self._memory.context.copy_framebuffer(self._snapshot_target, linear)
+
+    def drop_snapshot(self) -> None:
+        if self._snapshot_target is not None:
+            self._snapshot_target.release()
+        self._memory.release(self._snapshot)
+        self._snapshot = self._snapshot_target = None
+
+    def draw(self, linear: moderngl.Texture, view: DisplayView, box: Box) -> None:
+        """Redraw `box` of the display picture, and all silhouettes and outlines."""
+        for region, source in self._regions(linear, view, box):
+            self._tone_map(source, view, region)
+        if view.antialias and self._edges is not None:
+            for region, source in self._regions(linear, view, (0, 0, *self._size)):
+                self._smooth_edges(source, view, region)
+        for i_object, colour in ((view.hovered, HOVER_COLOUR), (view.selected, SELECTION_COLOUR)):
+            if i_object is not None and 0 <= i_object < self._frame.n_objects:
+                self._outline(i_object, colour)
+        if view.compare_divider is not None and self.has_snapshot:
+            x = min(self._divider_column(view), self._size[0] - 1)
+            self._target.clear(*DIVIDER_COLOUR, viewport=(x, 0, 1, self._size[1]))
+
+    def read(self) -> NDArray[np.uint8]:
+        """The display picture (H,W,3), sRGB; waits for the GPU."""
+        return read_texture(self.texture, np.uint8)[..., :3].astype(np.uint8)
+
+    def _regions(
+        self, linear: moderngl.Texture, view: DisplayView, box: Box
+    ) -> list[tuple[Box, moderngl.Texture]]:
+        """Which part of `box` shows which picture: the snapshot left of the divider, the picture right of it."""
+        if view.compare_divider is None or self._snapshot is None:
+            return [(box, linear)]
+        x, y, width, height = box
+        split = min(max(self._divider_column(view), x), x + width)
+        parts = [((x, y, split - x, height), self._snapshot), ((split, y, x + width - split, height), linear)]
+        return [(region, source) for region, source in parts if region[2] > 0]
+
+    def _divider_column(self, view: DisplayView) -> int:
+        return round(min(max(view.compare_divider or 0.0, 0.0), 1.0) * self._size[0])
+
+    def _tone_map(self, source: moderngl.Texture, view: DisplayView, region: Box) -> None:
+        program = self._passes.full_screen("placement/display.frag.glsl", **_switches(view.tone_mapping))
+        self._passes.draw(
+            program, self._target, region, {"linear_picture": source}, exposure=_exposure_factor(view.exposure)
+        )
+
+    def _smooth_edges(self, source: moderngl.Texture, view: DisplayView, region: Box) -> None:
+        array = self._edge_array(view.tone_mapping)
+        uniforms = {"picture_size": self._size, "exposure": _exposure_factor(view.exposure)}
+        self._passes.draw_points(array, self._target, {"linear_picture": source}, scissor=region, **uniforms)
+
+    def _outline(self, i_object: int, colour: tuple[float, float, float]) -> None:
+        if i_object not in self._outlines:
+            self._outlines[i_object] = self._outline_points(i_object)
+        array = self._outlines[i_object][1]
+        self._passes.draw_points(array, self._target, {}, picture_size=self._size, outline_colour=colour)
+
+    def _outline_points(self, i_object: int) -> tuple[moderngl.Buffer, moderngl.VertexArray]:
+        pixels = outline_pixels(self._frame.object_image == i_object)
+        context = self._memory.context
+        buffer = context.buffer(pixels) if pixels.size else context.buffer(reserve=4)
+        array = context.vertex_array(self._passes.points("outline"), [(buffer, "1i", "pixel")])
+        array.vertices = pixels.size
+        return buffer, array
+
+    def _edge_points(self) -> moderngl.Buffer | None:
+        frame = self._frame
+        if not frame.edge_pixels.size:
+            return None
+        table = np.zeros(frame.edge_pixels.size, dtype=[("pixel", "i4"), ("neighbour", "i4"), ("weight", "f4")])
+        table["pixel"], table["neighbour"] = frame.edge_pixels, frame.edge_neighbours
+        table["weight"] = frame.edge_weights
+        return self._memory.context.buffer(table.tobytes())
+
+    def _edge_array(self, tone_mapping: ToneMapping) -> moderngl.VertexArray:
+        if tone_mapping not in self._edge_arrays:
+            program = self._passes.points("edge", **_switches(tone_mapping))
+            content = [(self._edges, "1i 1i 1f", "pixel", "neighbour", "weight")]
+            self._edge_arrays[tone_mapping] = self._memory.context.vertex_array(program, content)
+        return self._edge_arrays[tone_mapping]
+
+    def release(self) -> None:
+        self.drop_snapshot()
+        for buffer, array in self._outlines.values():
+            array.release()
+            buffer.release()
+        for array in self._edge_arrays.values():
+            array.release()
+        if self._edges is not None:
+            self._edges.release()
+        self._target.release()
+        self._memory.release(self.texture)
+
+
+def outline_pixels(mask: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """Row-major indices of the two-pixel outline of a mask (H,W): its border and the pixels just outside of it."""
+    padded = np.pad(mask, 1)
+    neighbours = np.stack([padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:]])
+    inner = mask & ~neighbours.all(axis=0)
+    outer = ~mask & neighbours.any(axis=0)
+    return np.flatnonzero(inner | outer).astype(np.int32)
+
+
+def _switches(tone_mapping: ToneMapping) -> dict[str, int]:
+    if tone_mapping not in _SWITCHES:
+        raise GraphicsError(f"tone mapping {tone_mapping!r}, expected one of {', '.join(_SWITCHES)}")
+    return {name: int(name == _SWITCHES[tone_mapping]) for name in _SWITCHES.values()}
+
+
+def _exposure_factor(stops: float) -> float:
+    return float(2.0 ** min(max(stops, -64.0), 64.0))
