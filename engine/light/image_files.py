@@ -45,16 +45,20 @@ def read_radiance_image(file: Path) -> NDArray[np.float32]:
 def _check_regular_file(file: Path) -> bytes:
     """Refuse what is missing, not a regular file, empty or too large; returns the first bytes."""
     try:
-        descriptor = os.open(file, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+        opened = open(file, "rb", opener=_open_without_waiting)
     except (OSError, ValueError) as error:
         raise LoadError(file, "file", str(error), "a readable file") from None
-    with os.fdopen(descriptor, "rb") as opened:
+    with opened:
         status = os.fstat(opened.fileno())
         if not stat.S_ISREG(status.st_mode):
             raise LoadError(file, "file", "not a regular file", "a regular file")
         if not 0 < status.st_size <= MAX_FILE_BYTES:
             raise LoadError(file, "file size", f"{status.st_size} bytes", f"1 to {MAX_FILE_BYTES} bytes")
         return opened.read(16)
+
+
+def _open_without_waiting(file: str, flags: int) -> int:
+    return os.open(file, flags | getattr(os, "O_NONBLOCK", 0))  # a pipe nobody writes to would never open otherwise
 
 
 def _check_size(file: Path, width: int, height: int) -> None:
@@ -64,6 +68,7 @@ def _check_size(file: Path, width: int, height: int) -> None:
 
 
 def _read_exr(file: Path) -> NDArray[np.float32]:
+    _check_exr_compression(file)
     _check_exr_header(file, _open_exr(file, header_only=True).header)
     channels = _open_exr(file, header_only=False).channels
     planes = [channels[name].pixels for name in "RGB"]
@@ -113,6 +118,17 @@ def _silenced_library() -> Iterator[list[str]]:
             lines.extend(sink.read(10_000).decode(errors="replace").splitlines())
 
 
+def _check_exr_compression(file: Path) -> None:
+    """Read the raw compression byte: the library takes one it does not know for ZIP, without a word."""
+    import OpenEXR
+
+    with open(file, "rb") as opened:
+        _, found, value = opened.read(65_536).partition(b"compression\0compression\0\1\0\0\0")
+    n_known = int(OpenEXR.NUM_COMPRESSION_METHODS)
+    if found and value and value[0] >= n_known:
+        raise LoadError(file, "OpenEXR compression", value[0], f"0 to {n_known - 1}")
+
+
 def _check_exr_header(file: Path, header: dict[str, Any]) -> None:
     kind = str(header.get("type", "scanlineimage")).rsplit(".", maxsplit=1)[-1]
     if kind not in ("scanlineimage", "tiledimage"):
@@ -126,7 +142,10 @@ def _check_exr_header(file: Path, header: dict[str, Any]) -> None:
         raise LoadError(file, "data window", f"{width} x {height}", f"the display window, {display[0]} x {display[1]}")
     if str(header.get("envmap", "")).endswith("CUBE"):
         raise LoadError(file, "envmap", "cube", "a lat-long or an angular map")
-    channels = {channel.name: channel for channel in header["channels"]}
+    try:
+        channels = {channel.name: channel for channel in header["channels"]}
+    except UnicodeDecodeError as error:
+        raise LoadError(file, "channel name", error.object, "text") from None
     if not {"R", "G", "B"} <= channels.keys():
         raise LoadError(file, "channels", ", ".join(sorted(channels)), "R, G and B")
     sampling = {(channels[name].xSampling, channels[name].ySampling) for name in "RGB"}
