@@ -14,13 +14,14 @@ from types import TracebackType
 from typing import Self
 
 from app.jobs.channel import ChannelClosed, ChannelError
-from app.jobs.messages import Failed, Heartbeat, Request, Response, Shutdown, WorkerRestarted, stamped
+from app.jobs.messages import Cancel, Failed, Heartbeat, Request, Response, Shutdown, WorkerRestarted, stamped
 from app.jobs.process import WorkerProcess
 from app.jobs.shared_arrays import BlockError, Method, OutOfMemory
 from app.jobs.standing import Standing
 
 TASKS = "app.jobs.tasks:Tasks"
 _MAX_CRASHES = 3  # in succession on one request
+_START_TIMEOUT = 30.0  # seconds for the first sign of life: a cold disk, a busy machine
 _GRACE = 0.5  # seconds for a worker to end by itself
 
 
@@ -73,8 +74,10 @@ class Client:
         self._due: list[Response] = []
         self._dying: list[WorkerProcess] = []
         self._process: WorkerProcess | None = None
+        self._posted: set[int] = set()  # numbers of the requests that this worker was sent
         self._closed = False
         self._hopeless = False  # the worker has said that it cannot start
+        self._spoken = False  # whether this worker has given a sign of life
         self._beat = Heartbeat("starting")
         self._polled = self._heard = time.monotonic()
         self._start()
@@ -104,8 +107,10 @@ class Client:
         self._standing.add(request)
         if self._process is None:
             self._start()
-        else:
+            return request.id
+        if isinstance(request, Cancel):
             self._post(request)
+        self._post_standing()
         return request.id
 
     def poll(self, budget_s: float = 0.004) -> list[Response]:
@@ -160,13 +165,19 @@ class Client:
         process.channel.flush()
         while (message := process.channel.receive(deadline)) is not None:
             self._heard = self._polled
+            self._spoken = True
             self._take(message, responses)
             if time.monotonic() >= deadline:
                 return
         if process.channel.wait(0):
             self._heard = self._polled
-        elif self._polled - self._heard > self._hang_timeout:
-            self._replace(f"it did not answer for {self._hang_timeout:g} s", responses)
+        elif self._polled - self._heard > self._patience:
+            self._replace(f"it did not answer for {self._patience:g} s", responses)
+
+    @property
+    def _patience(self) -> float:
+        """Seconds of silence after which the worker counts as hung."""
+        return self._hang_timeout if self._spoken else max(self._hang_timeout, _START_TIMEOUT)
 
     def _take(self, message: object, responses: list[Response]) -> None:
         if isinstance(message, Heartbeat):
@@ -178,6 +189,8 @@ class Client:
         elif isinstance(message, Response) and self._standing.is_current(message):
             self._standing.settle(message)
             responses.append(message)
+            if isinstance(message, Failed):
+                self._post_standing()  # the scene that stands again may be one that this worker has not opened
 
     def _replace(self, reason: str, responses: list[Response]) -> None:
         """Put a new worker in the place of one that died or hangs, unless that would never end."""
@@ -199,15 +212,22 @@ class Client:
 
     def _start(self) -> None:
         self._beat = Heartbeat("starting")
-        self._hopeless = False
+        self._hopeless = self._spoken = False
         self._heard = self._polled = time.monotonic()
         try:
             self._process = WorkerProcess(*self._command)
         except OSError as error:
             self._due.append(Failed(f"the worker could not be started: {error.strerror}"))
             return
+        self._posted.clear()
+        self._post_standing()
+
+    def _post_standing(self) -> None:
+        """Send the standing requests that this worker has not been sent."""
         for request in self._standing.requests():
-            self._post(request)
+            if request.id not in self._posted:
+                self._posted.add(request.id)
+                self._post(request)
 
     def _post(self, request: Request) -> None:
         assert self._process is not None

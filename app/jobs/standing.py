@@ -41,10 +41,11 @@ class Standing:
         """Give up the request of this number and what was built on it."""
         for kind, request in list(self._requests.items()):
             if request.id == id:
+                self._clear_from(kind)
                 if request is self._opened:
                     self._opened = None
-                self._clear_from(kind)
-                self._fall_back()
+                if kind is OpenScene:
+                    self._fall_back()
 
     def requests(self) -> list[Request]:
         """In the order in which a new worker needs them."""
@@ -55,7 +56,7 @@ class Standing:
             self._requests.pop(later, None)
 
     def _fall_back(self) -> None:
-        """Let the last opened scene stand, where no other does or the other did not open."""
+        """Let the scene that was opened last stand, and none that is not open."""
         self._requests.pop(OpenScene, None)
         if self._opened is not None:
             self._requests[OpenScene] = self._opened

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from app.jobs import channel
+from app.jobs.cache import Store
 from app.jobs.messages import (
     ComputeTransport,
     Contract,
@@ -34,6 +36,13 @@ def picture(index: int, n_pixels: int = 4096) -> np.ndarray:
 def compute(text: str, **numbers: int) -> ComputeTransport:
     """A request whose `selected` tells FaultyTasks what to do."""
     return ComputeTransport(None, (), text, None, 8, 64, **numbers)
+
+
+class Unimportable:
+    """Handlers that cannot be made."""
+
+    def __init__(self) -> None:
+        raise RuntimeError("no such library")
 
 
 class FaultyTasks:
@@ -70,6 +79,29 @@ class FaultyTasks:
         finally:
             if argument:
                 Path(argument).write_text("closed")
+
+    def tiles(self, argument: str) -> Iterator[Response | None]:
+        """Eight tiles that are kept; tells of each one that it had to compute, slowly after the third."""
+        with Store().open_tiles(argument, 8) as tiles:
+            for index in sorted(set(range(8)) - tiles.complete_tiles):
+                tiles.append_tile(index, {"v": np.full(100, index)})
+                yield Progress("tiles", index / 8)
+                if index == 2:
+                    time.sleep(60)
+        yield StageDone("tiles", True, 0.0)
+
+    def flood(self, argument: str) -> Iterator[Response | None]:
+        """Long texts, so that the socket is full in the middle of a message."""
+        while True:
+            yield Progress("flood", 0.0, None, "x" * 50_000)
+
+    def damaged(self, argument: str) -> Iterator[Response | None]:
+        """A block that is not what its message announces, the first time (the file `argument` remembers)."""
+        if not Path(argument).exists():
+            Path(argument).touch()
+            good = channel.create_block
+            channel.create_block = lambda buffers, generation, method: good(buffers, generation + 1, method)
+        yield LayerPicture("ball.0", "preview", picture(1), ())
 
     def sleep(self, argument: str) -> Iterator[Response | None]:
         """One step that is much too long."""

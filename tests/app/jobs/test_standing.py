@@ -1,0 +1,75 @@
+"""Which requests stand: their answers count, and a new worker is given them again."""
+
+from app.jobs.messages import Cancel, Contract, Failed, OpenScene, Progress, SceneOpened
+from app.jobs.standing import Standing
+from tests.app.jobs.faulty_tasks import compute
+
+
+def contract(id: int) -> Contract:
+    return Contract("ball.0", "A", (), id=id)
+
+
+def ids(standing: Standing) -> list[int]:
+    return [request.id for request in standing.requests()]
+
+
+def standing_at(*requests: object) -> Standing:
+    standing = Standing()
+    for request in requests:
+        standing.add(request)  # type: ignore[arg-type]
+    return standing
+
+
+SCENE, LIGHT = OpenScene("open", id=1), compute("pictures 1", id=2)
+
+
+def test_newest_of_each_kind_stands_in_the_order_a_worker_needs() -> None:
+    assert ids(standing_at(SCENE, LIGHT, contract(3))) == [1, 2, 3]
+
+
+def test_newer_request_replaces_its_kind_and_what_was_built_on_it() -> None:
+    assert ids(standing_at(SCENE, LIGHT, contract(3), contract(4))) == [1, 2, 4]
+    assert ids(standing_at(SCENE, LIGHT, contract(3), compute("", id=4))) == [1, 4]
+    assert ids(standing_at(SCENE, LIGHT, contract(3), OpenScene("open", id=4))) == [4]
+
+
+def test_answers_to_what_stands_are_current_and_others_stale() -> None:
+    standing = standing_at(SCENE, LIGHT, compute("", id=3))
+    assert not standing.is_current(Progress("a", 0.5, id=2))
+    assert standing.is_current(Progress("a", 0.5, id=3))
+    assert standing.is_current(Progress("a", 0.5, id=1))
+
+
+def test_cancel_leaves_an_opened_scene() -> None:
+    standing = standing_at(SCENE, LIGHT)
+    standing.settle(SceneOpened("{}", id=1))
+    standing.add(Cancel())
+    assert ids(standing) == [1]
+
+
+def test_cancel_gives_up_a_scene_that_is_not_open_yet() -> None:
+    assert ids(standing_at(SCENE, LIGHT, Cancel())) == []
+
+
+def test_scene_that_fails_leaves_the_one_before() -> None:
+    standing = standing_at(SCENE)
+    standing.settle(SceneOpened("{}", id=1))
+    standing.add(OpenScene("no such file", id=5))
+    standing.add(compute("", id=6))
+    standing.settle(Failed("no such file", id=5))
+    assert ids(standing) == [1]  # the transport was asked of the scene that failed
+
+
+def test_failed_request_stands_no_longer() -> None:
+    standing = standing_at(SCENE, LIGHT, contract(3))
+    standing.settle(Failed("", id=3))
+    assert ids(standing) == [1, 2]
+    standing.settle(Failed("", id=2))
+    assert ids(standing) == [1]
+
+
+def test_opened_scene_that_is_given_up_does_not_come_back() -> None:
+    standing = standing_at(SCENE)
+    standing.settle(SceneOpened("{}", id=1))
+    standing.drop(1)
+    assert ids(standing) == []
