@@ -37,17 +37,20 @@ HALF_PI = math.pi / 2
 ALL_CHANNELS: Channels = (True, True, True)
 # Values of a curve are held within this, so that any stack of operators stays finite in single precision.
 VALUE_LIMIT = 1e18
+LARGEST_NUMBER = 1e12
 # An amplification in x never squeezes or stretches by more than this.
 SMALLEST_STRETCH = 1e-3
 
 
 class OperatorError(ValueError):
-    """An operator whose regions are out of order, or whose numbers are not finite."""
+    """An operator or table that cannot be: regions out of order, numbers that are not finite."""
 
 
 @dataclass(frozen=True)
 class Operator:
     """One edit. Angles in radians; `baseline` is a value for axis "y" and an angle for axis "x".
+
+    Raises OperatorError for regions out of order and for numbers that are not finite or beyond 1e12.
 
     >>> Operator("translate", "y", 0.1, 0.2, 0.3, 0.4, magnitude=1.5)  # doctest: +ELLIPSIS
     Operator(kind='translate', axis='y', a=0.1, ...)
@@ -67,8 +70,8 @@ class Operator:
     def __post_init__(self) -> None:
         if self.kind not in ("translate", "amplify") or self.axis not in ("x", "y"):
             raise OperatorError(f"kind, axis = {self.kind}, {self.axis}, expected translate|amplify and x|y")
-        if not all(map(math.isfinite, (*self.regions, self.magnitude, self.baseline))):
-            raise OperatorError(f"regions, magnitude, baseline of {self.kind}-{self.axis} must be finite numbers")
+        if not all(abs(v) <= LARGEST_NUMBER for v in (*self.regions, self.magnitude, self.baseline)):
+            raise OperatorError(f"numbers of {self.kind}-{self.axis} must be finite and within {LARGEST_NUMBER:g}")
         if not self.a <= self.b <= self.c <= self.d:
             raise OperatorError(f"regions = {self.regions}, expected a <= b <= c <= d")
         if self.kind == "amplify" and self.axis == "x" and self.magnitude <= 0.0:
@@ -125,8 +128,8 @@ class Tabulated:
     def __post_init__(self) -> None:
         if len(self.gammas) != len(self.values) or not self.gammas:
             raise OperatorError(f"{len(self.gammas)} angles for {len(self.values)} values, expected as many")
-        if any(len(value) != 3 for value in self.values) or not np.isfinite(_table(self)[1]).all():
-            raise OperatorError("values of a tabulated curve must be triples of finite numbers")
+        if any(len(value) != 3 for value in self.values) or not (abs(_table(self)[1]) <= VALUE_LIMIT).all():
+            raise OperatorError(f"values of a tabulated curve must be triples of numbers within {VALUE_LIMIT:g}")
         gammas = _table(self)[0]
         if not np.isfinite(gammas).all() or (np.diff(gammas) < 0).any():
             raise OperatorError("angles of a tabulated curve must be finite and not decrease")

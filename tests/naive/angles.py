@@ -1,0 +1,25 @@
+"""Slow, obvious twin of the compiled angles: textbook formulas with arccos, in extended precision."""
+
+import numpy as np
+
+from engine.material import kinds
+
+
+def angle(kind, exponent, wi, wo):
+    """The angle of `kind` between unit directions (N, 3) in the local frame; `exponent` is n_u of the ratio."""
+    wi, wo = wi.astype(np.longdouble), wo.astype(np.longdouble)
+    half = wi + wo
+    half /= np.linalg.norm(half, axis=1, keepdims=True)
+    cos2_phi = half[:, 0] ** 2 / (half[:, 0] ** 2 + half[:, 1] ** 2)
+    mirrored = wi * np.array([-1, -1, 1])
+    cosine = {
+        kinds.THETA_I: wi[:, 2],
+        kinds.THETA_O: wo[:, 2],
+        kinds.THETA_R: (mirrored * wo).sum(axis=1),
+        kinds.THETA_H: half[:, 2],
+        kinds.THETA_D: (wi * half).sum(axis=1),
+        kinds.GAMMA_ALPHA: half[:, 2] ** cos2_phi,
+        kinds.GAMMA_BETA: half[:, 2] ** (1 - cos2_phi),
+        kinds.GAMMA_RATIO: half[:, 2] ** (exponent * (1 - cos2_phi)),
+    }[kind]
+    return np.arccos(np.clip(cosine, -1, 1)).astype(float)
