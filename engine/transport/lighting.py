@@ -1,0 +1,137 @@
+"""Light as the projection wants it: a cut of sky triangles and a set of patches, with what visibility asks of each.
+
+Sky lights coarser than the visibility level see the fraction of their visible descendants (softer, truer than one ray);
+lights finer than it get directions of their own, traced once for this cut. Measured on the reference tea tray with
+4,000 lights: 2.5 % error with the level-4 bits alone, 0.9 % with own rays for the 800 finest lights, 0.9 % with the whole
+sphere at level 5, which costs four times the rays.
+
+Radiance is divided by `unit`, the light's mean radiance, so that transport has the same range whatever the light's
+unit; the picture is multiplied back.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from engine.light.emitters import EmitterPatches
+from engine.light.lights import TriangleLights
+from engine.sphere.geodesic import geodesic
+from engine.transport.visibility import VISIBILITY_LEVEL, Targets
+
+FLOOD_NEIGHBOURS = 6
+
+
+@dataclass(frozen=True)
+class SkyLights:
+    """M triangle lights as plain arrays, see `_projection_kernels.project_tile`."""
+
+    directions: np.ndarray
+    corners: np.ndarray
+    sizes: np.ndarray
+    centres: np.ndarray
+    power: np.ndarray
+    first: np.ndarray
+    count: np.ndarray
+    fine: np.ndarray
+
+
+@dataclass(frozen=True)
+class PatchLights:
+    """M patches of area emitters as plain arrays."""
+
+    points: np.ndarray
+    corners: np.ndarray
+    centres: np.ndarray
+    radiance: np.ndarray
+
+
+@dataclass(frozen=True)
+class Lighting:
+    """All light of a scene in units of `unit` (radiance), and the targets whose visibility it needs."""
+
+    sky: SkyLights
+    patches: PatchLights
+    unit: float
+    fine_targets: Targets
+    patch_targets: Targets
+
+
+def prepare_lighting(sky: TriangleLights | None, patches: EmitterPatches | None, level: int = VISIBILITY_LEVEL) -> Lighting:
+    """Gather sky and patches; either may be missing, both missing is a dark scene."""
+    unit = _mean_radiance(sky, patches)
+    sky_lights, fine_targets = _sky(sky, unit, level)
+    patch_lights, patch_targets = _patches(patches, unit)
+    return Lighting(sky_lights, patch_lights, unit, fine_targets, patch_targets)
+
+
+def _mean_radiance(sky: TriangleLights | None, patches: EmitterPatches | None) -> float:
+    total = 0.0
+    if sky is not None:
+        total += float(np.mean(np.sum(sky.power, axis=0, dtype=np.float64))) / (4 * np.pi)
+    if patches is not None and len(patches.radiance):
+        total += float(np.mean(patches.radiance, dtype=np.float64))
+    return total if total > 0.0 else 1.0
+
+
+def _sky(sky: TriangleLights | None, unit: float, level: int) -> tuple[SkyLights, Targets]:
+    if sky is None:
+        sky_power, sky_centre = np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32)
+        corners, vertices = np.zeros((0, 3), np.int32), np.zeros((0, 3), np.float32)
+        light_level, index = np.zeros(0, np.int64), np.zeros(0, np.int64)
+    else:
+        sky_power, sky_centre, corners, vertices = sky.power, sky.centre, sky.corners, sky.vertices
+        light_level, index = sky.level.astype(np.int64), sky.index.astype(np.int64)
+    coarse = np.maximum(level - light_level, 0)
+    finer = np.maximum(light_level - level, 0)
+    first = (index << (2 * coarse)) >> (2 * finer)
+    is_fine = light_level > level
+    fine = np.where(is_fine, np.cumsum(is_fine) - 1, -1)
+    lights = SkyLights(
+        np.ascontiguousarray(vertices, np.float32),
+        np.ascontiguousarray(corners, np.int32),
+        longest_edges(vertices[corners]),
+        np.ascontiguousarray(sky_centre, np.float32),
+        np.asarray(sky_power / unit, np.float32),
+        first,
+        (4**coarse).astype(np.int64),
+        fine.astype(np.int64),
+    )
+    directions = np.ascontiguousarray(sky_centre[is_fine], np.float32)
+    return lights, Targets(
+        directions, np.zeros_like(directions), nearest_neighbours(directions), parents=first[is_fine].astype(np.int32)
+    )
+
+
+def _patches(patches: EmitterPatches | None, unit: float) -> tuple[PatchLights, Targets]:
+    if patches is None:
+        none = np.zeros((0, 3), np.float32)
+        return PatchLights(none, np.zeros((0, 3), np.int32), none, none), Targets(none, none, nearest_neighbours(none), True)
+    points, corners = np.unique(patches.corners.reshape(-1, 3), axis=0, return_inverse=True)
+    lights = PatchLights(
+        np.ascontiguousarray(points, np.float32),
+        np.ascontiguousarray(corners.reshape(-1, 3), np.int32),
+        np.ascontiguousarray(patches.centre, np.float32),
+        np.asarray(patches.radiance / unit, np.float32),
+    )
+    normals = np.ascontiguousarray(patches.normal, np.float32)
+    return lights, Targets(lights.centres, normals, nearest_neighbours(lights.centres), True)
+
+
+def longest_edges(triangles: np.ndarray) -> np.ndarray:
+    """Longest edge (M,) of triangles (M, 3, 3); on the unit sphere close to its angle."""
+    edges = np.roll(triangles, -1, axis=1) - triangles
+    return np.linalg.norm(edges, axis=2).max(axis=1, initial=0.0).astype(np.float32)
+
+
+def nearest_neighbours(points: np.ndarray) -> np.ndarray:
+    """(D, 6) int32 indices of the nearest other points, -1 where there are fewer."""
+    n_points = len(points)
+    neighbours = np.full((n_points, FLOOD_NEIGHBOURS), -1, np.int32)
+    k = min(FLOOD_NEIGHBOURS, n_points - 1)
+    if k > 0:
+        _, found = cKDTree(points).query(points, k + 1)
+        neighbours[:, :k] = found[:, 1:]
+    return neighbours
+
+

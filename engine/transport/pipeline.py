@@ -1,0 +1,107 @@
+"""The precomputation of one picture: hits, visibility, light, transport, coarse to fine.
+
+`Placement` holds what outlives every edit (rays, hits, the sphere's visibility). Its long methods are generators that
+yield the fraction done, so that whoever drives them can show progress, answer other questions, or stop.
+"""
+
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from engine.light.emitters import EmitterPatches, emitter_patches
+from engine.light.environment import Environment
+from engine.light.lights import cut_lights
+from engine.scene.hits import PrimaryHits, trace_primary
+from engine.scene.load import Scene
+from engine.scene.raycaster import RayCaster
+from engine.transport.bandstore import BandTile
+from engine.transport.footprint import lattice_rows
+from engine.transport.lighting import prepare_lighting
+from engine.transport.projection import LayerShape, VisibleLight, project_layer
+from engine.transport.visibility import (
+    VISIBILITY_LEVEL,
+    Visibility,
+    coherent_visibility,
+    empty_visibility,
+    evaluate_rows,
+    refine_visibility,
+    sphere_targets,
+)
+
+
+@dataclass(frozen=True)
+class Quality:
+    """How finely a stage computes: every `stride`-th pixel, sky lights, patches of emitters, deepest sky triangle."""
+
+    name: str
+    stride: int
+    n_lights: int
+    n_patches: int
+    max_level: int = 6
+
+
+COARSE = Quality("coarse", 4, 400, 32)
+PREVIEW = Quality("preview", 1, 400, 32)
+FINAL = Quality("final", 1, 4000, 256)
+# While a light is dragged nothing is traced: the brightest regions make do with the sphere's own bits.
+DRAG = Quality("drag", 8, 400, 16, VISIBILITY_LEVEL)
+
+
+@dataclass(frozen=True)
+class SkyState:
+    """The distant light: an environment (or none), turned by `rotation` degrees, times `intensity`."""
+
+    environment: Environment | None
+    rotation: float = 0.0
+    intensity: float = 1.0
+
+
+class Placement:
+    """One scene seen from one camera."""
+
+    def __init__(self, scene: Scene, resolution: tuple[int, int] | None = None) -> None:
+        self.scene = scene
+        self.caster = RayCaster(scene.vertices, scene.triangles)
+        self.hits: PrimaryHits = trace_primary(scene, self.caster, resolution)
+        self.sphere: Visibility = empty_visibility(self.hits, sphere_targets(VISIBILITY_LEVEL))
+
+    def rows_of(self, i_object: int, stride: int = 1) -> np.ndarray:
+        """Rows of one object's points on the lattice of a stage, ascending."""
+        begin, end = self.hits.object_ranges[i_object]
+        rows = lattice_rows(self.hits, stride)
+        return rows[(rows >= begin) & (rows < end)]
+
+    def see_sphere(self, stride: int) -> Iterator[float]:
+        """Complete the sphere's visibility on a lattice."""
+        yield from self._see(self.sphere, stride)
+
+    def light(self, sky: SkyState, quality: Quality) -> Generator[float, None, VisibleLight]:
+        """Cut the light of a stage and see everything in it; the sphere's visibility must reach the stage's stride."""
+        cut = None
+        if sky.environment is not None:
+            cut = cut_lights(sky.environment, quality.n_lights, sky.rotation, quality.max_level)
+            cut = replace(cut, power=(cut.power * np.float32(sky.intensity)).astype(np.float32))
+        lighting = prepare_lighting(cut, self.patches(quality.n_patches))
+        fine = empty_visibility(self.hits, lighting.fine_targets)
+        patches = empty_visibility(self.hits, lighting.patch_targets)
+        yield from refine_visibility(self.hits, self.caster, fine, self.sphere, lattice_rows(self.hits, quality.stride))
+        yield from self._see(patches, quality.stride)
+        return VisibleLight(lighting, self.sphere, fine, patches)
+
+    def patches(self, n_patches: int) -> EmitterPatches | None:
+        """The scene's emitters cut into about n_patches, or None where nothing shines."""
+        shining = self.scene.emitters[self.scene.object_of_triangle]
+        if not shining.any():
+            return None
+        triangles = self.scene.vertices[self.scene.triangles[shining]]
+        return emitter_patches(triangles, self.scene.emission[self.scene.object_of_triangle[shining]], n_patches)
+
+    def project(self, i_object: int, light: VisibleLight, layer: LayerShape, stride: int) -> Iterator[BandTile]:
+        """Transport tiles of one layer of one object on a lattice."""
+        yield from project_layer(self.hits, self.rows_of(i_object, stride), light, layer)
+
+    def _see(self, visibility: Visibility, stride: int) -> Iterator[float]:
+        yield from coherent_visibility(self.hits, self.caster, visibility, stride)
+        evaluate_rows(self.hits, self.caster, visibility, lattice_rows(self.hits, stride))
+

@@ -1,0 +1,67 @@
+"""From light and visibility to the band transport of a layer, tile by tile [BenArtzi07, ch. 4]."""
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from engine.material import MODELS
+from engine.scene.hits import PrimaryHits
+from engine.transport import _projection_kernels as kernels
+from engine.transport.bandstore import BandTile
+from engine.transport.lighting import Lighting
+from engine.transport.visibility import Visibility
+
+TILE = 256
+TRIM = 1e-4
+
+
+@dataclass(frozen=True)
+class LayerShape:
+    """What the transport of a layer depends on: its model, the fixed part's parameters, bands (J, K); K = 1: one curve."""
+
+    model: str
+    quotient_parameters: tuple[float, ...]
+    bands: tuple[int, int]
+
+
+@dataclass(frozen=True)
+class VisibleLight:
+    """A lighting with the visibility of everything in it: sphere bits, fine sky lights, patches."""
+
+    lighting: Lighting
+    sphere: Visibility
+    fine: Visibility
+    patches: Visibility
+
+
+def project_layer(hits: PrimaryHits, rows: np.ndarray, light: VisibleLight, layer: LayerShape) -> Iterator[BandTile]:
+    """Transport of one layer at the given rows of `hits`; yields tiles of 256 points in order, two at a time."""
+    tiles = [(begin, rows[begin : begin + TILE]) for begin in range(0, len(rows), TILE)]
+    with ThreadPoolExecutor(2) as pool:
+        for pair in (tiles[i : i + 2] for i in range(0, len(tiles), 2)):
+            yield from pool.map(lambda tile: project_points(hits, tile[1], light, layer, tile[0]), pair)
+
+
+def project_points(hits: PrimaryHits, rows: np.ndarray, light: VisibleLight, layer: LayerShape, begin: int) -> BandTile:
+    """One tile; `begin` is the index of its first point among the layer's points."""
+    n_a, n_b = layer.bands
+    n_points = len(rows)
+    model = MODELS[layer.model]
+    kind_a = model.factors[0].gamma
+    kind_b = model.factors[1].gamma if len(model.factors) > 1 else kind_a
+    scale, start = np.empty(n_points, np.float32), np.empty(n_points, np.int64)
+    runs = (n_points, n_a) if n_b > 1 else (0, 0)
+    first, count = np.zeros(runs, np.uint8), np.zeros(runs, np.uint8)
+    values = np.empty(n_points * n_a * n_b, np.uint32)
+    sky, patches = light.lighting.sky, light.lighting.patches
+    n_values = kernels.project_tile(
+        rows, hits.position, hits.tangent, hits.normal, hits.wo,
+        sky.directions, sky.corners, sky.sizes, sky.centres, sky.power, sky.first, sky.count, sky.fine,
+        light.sphere.bits, light.fine.bits,
+        patches.points, patches.corners, patches.centres, patches.radiance, light.patches.bits,
+        np.asarray(layer.quotient_parameters, np.float64), model.kind, kind_a, kind_b, n_a, n_b, np.float32(TRIM),
+        scale, first, count, start, values,
+    )  # fmt: skip
+    return BandTile(begin, scale, first, count, start, values[:n_values].copy())

@@ -1,0 +1,263 @@
+"""Which targets each visible point sees: one bit a target, packed [BenArtzi07, ch. 8].
+
+Targets are directions (triangles of the geodesic sphere) or points (patches of an area light). Geometry alone decides,
+so the answer outlives every edit of material and of light.
+
+`coherent_visibility` evaluates the picture coarse to fine (16, 8, 4, 2, 1; square then diamond steps). A point whose four
+evaluated neighbours on the same object agree is predicted; where they disagree a ray is traced, and where the answer
+contradicts the guess, the neighbouring targets that now disagree are traced too (OPT). Two changes to the thesis, both
+measured on the reference tea tray: neighbours must face alike (0.8 in cosine), and flooding goes on in the last step,
+which costs a quarter more rays and leaves 0.005 % of the answers wrong in place of 0.03 %, with no point badly wrong.
+All points of a block go to Embree as one batch a round; the bit work between rounds is compiled.
+`brute_force_visibility` traces everything: the oracle, and the yardstick for speed.
+
+Where a silhouette leaves a point with two or three informers, the thesis traces every ray. Here their guess is kept and
+its boundary is traced as well.
+"""
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from engine.scene.hits import PrimaryHits
+from engine.scene.raycaster import RayCaster
+from engine.sphere.geodesic import geodesic
+from engine.transport import _visibility_kernels as kernels
+
+COARSEST_STEP = 16
+BLOCK = 1024
+ALIKE_COSINE = 0.8
+VISIBILITY_LEVEL = 4
+
+Guess = Callable[[np.ndarray, np.ndarray, np.ndarray], None]
+
+
+@dataclass(frozen=True)
+class Targets:
+    """What visibility is asked of: D directions, or D points with a front side.
+
+    positions (D, 3) float32 unit directions or world points; normals (D, 3) float32 of points (zero for directions);
+    neighbours (D, N) int32, -1 padded: where flooding goes; parents (D,) int32: the triangle of the visibility level
+    that a finer direction lies in.
+    """
+
+    positions: np.ndarray
+    normals: np.ndarray
+    neighbours: np.ndarray
+    finite: bool = False
+    parents: np.ndarray | None = None
+
+    @property
+    def n_words(self) -> int:
+        return (len(self.positions) + 63) // 64
+
+
+def sphere_targets(level: int) -> Targets:
+    """The triangle centres of one geodesic level, flooding across edges and vertices."""
+    sphere = geodesic(level)
+    centres = np.ascontiguousarray(sphere.centres, np.float32)
+    return Targets(centres, np.zeros_like(centres), sphere.vertex_neighbours)
+
+
+@dataclass
+class RayCount:
+    """How many shadow rays were asked of Embree, and how many brute force would ask."""
+
+    traced: int = 0
+    possible: int = 0
+
+
+@dataclass
+class Visibility:
+    """Packed bits of P points: bits (P, words) uint64; `done` (P,) says which rows are evaluated."""
+
+    targets: Targets
+    bits: np.ndarray
+    done: np.ndarray
+    rays: RayCount = field(default_factory=RayCount)
+
+    def unpacked(self, rows: np.ndarray) -> np.ndarray:
+        """(len(rows), D) bool."""
+        octets = np.ascontiguousarray(self.bits[rows]).view(np.uint8)
+        return np.unpackbits(octets, axis=1, bitorder="little")[:, : len(self.targets.positions)].astype(bool)
+
+
+def empty_visibility(hits: PrimaryHits, targets: Targets) -> Visibility:
+    n_points = len(hits.pixel)
+    return Visibility(targets, np.zeros((n_points, targets.n_words), np.uint64), np.zeros(n_points, bool))
+
+
+@dataclass(frozen=True)
+class GridStep:
+    """One step towards a lattice of `stride` pixels: rows to evaluate, and the rows (B, 4) that inform each (-1: none)."""
+
+    stride: int
+    rows: np.ndarray
+    informers: np.ndarray
+
+
+def grid_steps(hits: PrimaryHits, until: int = 1) -> Iterator[GridStep]:
+    """Square and diamond steps over the pixels that show a surface, down to a lattice of every `until`-th pixel.
+
+    [BenArtzi07, fig. 8.4]; until: a power of two, 1 to 16.
+    """
+    width, height = hits.resolution
+    row_of_pixel = np.full(width * height, -1, np.int32)
+    row_of_pixel[hits.pixel] = np.arange(len(hits.pixel), dtype=np.int32)
+    row_of_pixel = row_of_pixel.reshape(height, width)
+    step = COARSEST_STEP
+    yield _grid_step(hits, row_of_pixel, (0, 0, step, step), (), step)
+    while step > until:
+        half = step // 2
+        diagonal = ((-half, -half), (-half, half), (half, -half), (half, half))
+        yield _grid_step(hits, row_of_pixel, (half, half, step, step), diagonal, half)
+        axis = ((-half, 0), (half, 0), (0, -half), (0, half))
+        first = _grid_step(hits, row_of_pixel, (0, half, step, step), axis, half)
+        second = _grid_step(hits, row_of_pixel, (half, 0, step, step), axis, half)
+        yield GridStep(
+            half,
+            np.concatenate([first.rows, second.rows]),
+            np.concatenate([first.informers, second.informers]),
+        )
+        step = half
+
+
+def _grid_step(hits, row_of_pixel, lattice, offsets, stride) -> GridStep:
+    y0, x0, dy, dx = lattice
+    height, width = row_of_pixel.shape
+    y, x = np.meshgrid(np.arange(y0, height, dy), np.arange(x0, width, dx), indexing="ij")
+    y, x = y.ravel(), x.ravel()
+    rows = row_of_pixel[y, x]
+    y, x, rows = y[rows >= 0], x[rows >= 0], rows[rows >= 0]
+    informers = np.full((len(rows), 4), -1, np.int32)
+    for k, (oy, ox) in enumerate(offsets):
+        ny, nx = y + oy, x + ox
+        inside = (ny >= 0) & (ny < height) & (nx >= 0) & (nx < width)
+        found = np.where(inside, row_of_pixel[ny % height, nx % width], -1)
+        informers[:, k] = np.where((found >= 0) & _alike(hits, found, rows), found, -1)
+    return GridStep(stride, rows, informers)
+
+
+def _alike(hits: PrimaryHits, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Whether points a can inform points b: on one object, and facing nearly the same way."""
+    objects = hits.object_image.ravel()[hits.pixel]
+    facing = np.einsum("ij,ij->i", hits.normal[a], hits.normal[b])
+    return (objects[a] == objects[b]) & (facing > ALIKE_COSINE)
+
+
+def coherent_visibility(
+    hits: PrimaryHits, caster: RayCaster, visibility: Visibility, until: int = 1
+) -> Iterator[float]:
+    """Fill `visibility` coarse to fine, down to every `until`-th pixel; yields the fraction of all points that is done.
+
+    Between two yields at most eight blocks of 1,024 points are evaluated. Rows already done are kept, so a call
+    continues where an earlier one stopped. Nothing to see (no targets) is done at once.
+    """
+    if len(visibility.targets.positions) == 0:
+        visibility.done[:] = True
+        return
+    n_done, n_points = int(visibility.done.sum()), max(1, len(hits.pixel))
+    neighbours = visibility.targets.neighbours
+
+    def informed(rows: np.ndarray, informers: np.ndarray) -> Guess:
+        return lambda rows, horizon, todo: kernels.predict(rows, informers, visibility.bits, horizon, neighbours, todo)
+
+    with ThreadPoolExecutor(2) as pool:
+        for step in grid_steps(hits, until):
+            fresh = ~visibility.done[step.rows]
+            rows, informers = step.rows[fresh], step.informers[fresh]
+            blocks = [slice(i, i + BLOCK) for i in range(0, len(rows), BLOCK)]
+            for group in (blocks[i : i + 8] for i in range(0, len(blocks), 8)):
+                jobs = [(rows[block], informers[block]) for block in group]
+                for count in pool.map(lambda job: _evaluate_block(hits, caster, visibility, job[0], informed(*job)), jobs):
+                    visibility.rays.traced += count[0]
+                    visibility.rays.possible += count[1]
+                for job in jobs:
+                    visibility.done[job[0]] = True
+                    n_done += len(job[0])
+                yield n_done / n_points
+
+
+def refine_visibility(
+    hits: PrimaryHits, caster: RayCaster, visibility: Visibility, sphere: Visibility, rows: np.ndarray
+) -> Iterator[float]:
+    """Fill `visibility` of directions finer than `sphere` at rows where that is done; yields the fraction done.
+
+    The angular coherence of one point is the better guess here: a cluster of bright lights is so small that the points
+    around a thin shadow agree on all of it, and nothing would tell that they are wrong.
+    """
+    neighbours = geodesic(VISIBILITY_LEVEL).vertex_neighbours
+    rows = rows[~visibility.done[rows]]
+
+    def guess(block: np.ndarray, horizon: np.ndarray, todo: np.ndarray) -> None:
+        parents = visibility.targets.parents
+        kernels.predict_from_sphere(block, sphere.bits, parents, neighbours, visibility.bits, horizon, todo)
+
+    with ThreadPoolExecutor(2) as pool:
+        for begin in range(0, len(rows), 8 * BLOCK):
+            blocks = [rows[i : i + BLOCK] for i in range(begin, min(begin + 8 * BLOCK, len(rows)), BLOCK)]
+            for count in pool.map(lambda block: _evaluate_block(hits, caster, visibility, block, guess), blocks):
+                visibility.rays.traced += count[0]
+                visibility.rays.possible += count[1]
+            yield min(1.0, (begin + 8 * BLOCK) / len(rows))
+    visibility.done[rows] = True
+
+
+def _evaluate_block(hits, caster, visibility, rows, guess) -> tuple[int, int]:
+    """Evaluate one block of points; returns (rays traced, rays brute force would trace).
+
+    guess(rows, horizon, todo) fills the bits of the rows and marks in todo what must be traced.
+    """
+    targets, bits = visibility.targets, visibility.bits
+    horizon = np.empty((len(rows), targets.n_words), np.uint64)
+    todo = np.zeros_like(horizon)
+    traced = np.zeros_like(horizon)
+    kernels.horizon_bits(
+        rows, hits.position, hits.normal, targets.positions, targets.normals, targets.finite, horizon
+    )
+    guess(rows, horizon, todo)
+    n_traced, uncertain = 0, True
+    while n_rays := kernels.count_bits(todo):
+        n_traced += n_rays
+        block, target, blocked = _trace(hits, caster, targets, rows, todo, n_rays)
+        kernels.apply_answers(
+            rows, block, target, blocked, uncertain, bits, horizon, targets.neighbours, traced, todo
+        )
+        uncertain = False
+    return n_traced, int(kernels.count_bits(horizon))
+
+
+def _trace(hits, caster, targets, rows, todo, n_rays):
+    block, target = np.empty(n_rays, np.int32), np.empty(n_rays, np.int32)
+    origin, direction = np.empty((n_rays, 3), np.float32), np.empty((n_rays, 3), np.float32)
+    distance = np.empty(n_rays if targets.finite else 0, np.float32)
+    kernels.list_rays(
+        rows, todo, hits.position, hits.offset_position, targets.positions, targets.finite,
+        block, target, origin, direction, distance,
+    )  # fmt: skip
+    blocked = caster.occluded(origin, direction, distance if targets.finite else None)
+    return block, target, blocked
+
+
+def evaluate_rows(hits: PrimaryHits, caster: RayCaster, visibility: Visibility, rows: np.ndarray) -> None:
+    """Trace every target above the horizon of those rows that are not done yet."""
+    rows = rows[~visibility.done[rows]]
+
+    def everything(block: np.ndarray, horizon: np.ndarray, todo: np.ndarray) -> None:
+        visibility.bits[block] = 0
+        todo[:] = horizon
+
+    for i in range(0, len(rows), BLOCK):
+        traced, possible = _evaluate_block(hits, caster, visibility, rows[i : i + BLOCK], everything)
+        visibility.rays.traced += traced
+        visibility.rays.possible += possible
+    visibility.done[rows] = True
+
+
+def brute_force_visibility(hits: PrimaryHits, caster: RayCaster, targets: Targets, rows: np.ndarray) -> Visibility:
+    """Trace every target above the horizon of the given rows (the others stay unevaluated)."""
+    visibility = empty_visibility(hits, targets)
+    evaluate_rows(hits, caster, visibility, rows)
+    return visibility
