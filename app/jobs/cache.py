@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
+import platformdirs
 from numpy.typing import NDArray
 
 from app.atomic import replacing, sweep_temporaries
@@ -37,8 +38,6 @@ def cache_folder() -> Path:
     configured = os.environ.get(CACHE_VARIABLE)
     if configured:
         return Path(configured)
-    import platformdirs
-
     return Path(platformdirs.user_cache_dir("insitu", appauthor=False))
 
 
@@ -73,9 +72,12 @@ class Store:
             arrays = _read_entry(path, key)
         except FileNotFoundError:
             return None
-        except (RecordError, OSError) as error:
+        except RecordError as error:
             self._notes.append(f"cache entry {path.name} was not usable ({error}); it is computed again")
             _remove(path)
+            return None
+        except OSError as error:  # no memory to map it, no right to read it: it may be sound
+            self._notes.append(f"cache entry {path.name} cannot be read ({error.strerror}); it is computed again")
             return None
         _touch(path)
         return arrays

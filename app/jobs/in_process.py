@@ -14,6 +14,7 @@ class InProcessClient:
     """Looks like `client.Client`; `poll` itself does the work, one step at least, until its budget is used up."""
 
     alive = True
+    pid: int | None = None
 
     def __init__(self, handlers: Handlers) -> None:
         self._schedule = Schedule(handlers)

@@ -102,6 +102,20 @@ def test_entry_under_a_wrong_hash_is_a_miss(tmp_path: Path) -> None:
     assert "'k'" in store.take_notes()[0]
 
 
+def test_entry_that_cannot_be_read_now_is_a_miss_and_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    store = Store(tmp_path)
+    store.put("k", arrays(2.0))
+
+    def no_memory(*_: object, **__: object) -> None:
+        raise OSError(12, "Cannot allocate memory")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("mmap.mmap", no_memory)
+        assert store.get("k") is None
+    assert "cannot be read (Cannot allocate memory)" in store.take_notes()[0]
+    assert store.get("k") is not None
+
+
 def test_full_disk_is_a_note_and_the_old_entry_stays(tmp_path: Path) -> None:
     with small_disk(tmp_path / "disk", 1 << 20) as folder:
         store = Store(folder)

@@ -151,7 +151,7 @@ def test_constructing_sending_and_polling_do_not_wait() -> None:
         client.send(OpenScene("sleep 5"))
         for _ in range(10):
             assert client.poll() == []
-        assert time.monotonic() - start < 0.1  # while the worker itself takes longer to import
+        assert time.monotonic() - start < 0.5  # and not the worker's five seconds
 
 
 def test_poll_keeps_to_its_budget_under_a_flood(client: Client) -> None:

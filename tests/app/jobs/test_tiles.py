@@ -129,7 +129,7 @@ tiles = Store(Path(sys.argv[1])).open_tiles("k", 8)
 for index in range(8):
     if index == 5:
         print("five", flush=True)
-    tiles.append_tile(index, {"visibility": np.full(3000 if index < 5 else 30_000_000, index, np.uint64)})
+    tiles.append_tile(index, {"visibility": np.full(3000 if index < 5 else 10_000_000, index, np.uint64)})
 """
 
 
@@ -137,7 +137,7 @@ def test_killed_writer_leaves_its_complete_tiles(tmp_path: Path) -> None:
     writer = subprocess.Popen([sys.executable, "-c", WRITER, str(tmp_path)], stdout=subprocess.PIPE)
     with writer:
         assert writer.stdout is not None
-        writer.stdout.readline()  # now it is within the sixth tile, of 240 MB
+        writer.stdout.readline()  # now it is within the sixth tile, of 80 MB
         writer.send_signal(signal.SIGKILL)
     with Store(tmp_path).open_tiles("k", 8) as tiles:
         assert tiles.complete_tiles == {0, 1, 2, 3, 4}
