@@ -39,11 +39,12 @@ def horizon_bits(rows, position, normal, targets, target_normals, finite, out):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def predict(rows, informers, bits, horizon, boundary_neighbours, todo):
+def predict(rows, informers, bits, horizon, sentinels, boundary_neighbours, todo):
     """Guess each point's bits from its evaluated neighbours and mark in `todo` what must be traced.
 
     informers (B, 4) rows of neighbours on the same object, -1 where there is none. Unanimous: predicted.
     Disagreement: traced. With fewer than four informers the guess is weaker, so its boundary is traced too.
+    sentinels (words,) are traced always.
     """
     n_words = bits.shape[1]
     for b in range(rows.shape[0]):
@@ -66,7 +67,7 @@ def predict(rows, informers, bits, horizon, boundary_neighbours, todo):
                     everyone &= word
                     anyone |= word
             bits[r, w] = everyone & horizon[b, w]
-            todo[b, w] = (everyone ^ anyone) & horizon[b, w]
+            todo[b, w] = ((everyone ^ anyone) | sentinels[w]) & horizon[b, w]
         if n_informers < 4:
             _mark_boundary(b, r, bits, horizon, boundary_neighbours, todo)
 

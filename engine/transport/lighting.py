@@ -20,6 +20,7 @@ from engine.sphere.geodesic import geodesic
 from engine.transport.visibility import VISIBILITY_LEVEL, Targets
 
 FLOOD_NEIGHBOURS = 6
+PATCH_SENTINELS = 8
 
 
 @dataclass(frozen=True)
@@ -115,7 +116,8 @@ def _patches(patches: EmitterPatches | None, unit: float) -> tuple[PatchLights, 
         np.asarray(patches.radiance / unit, np.float32),
     )
     normals = np.ascontiguousarray(patches.normal, np.float32)
-    return lights, Targets(lights.centres, normals, nearest_neighbours(lights.centres), True)
+    neighbours = nearest_neighbours(lights.centres)
+    return lights, Targets(lights.centres, normals, neighbours, finite=True, sentinel_step=PATCH_SENTINELS)
 
 
 def longest_edges(triangles: np.ndarray) -> np.ndarray:

@@ -72,14 +72,11 @@ class Placement:
         rows = lattice_rows(self.hits, stride)
         return rows[(rows >= begin) & (rows < end)]
 
-    def see_sphere(self, stride: int) -> Iterator[float]:
-        """Complete the sphere's visibility on a lattice."""
-        yield from self._see(self.sphere, stride)
-
     def light(self, sky: SkyState, quality: Quality) -> Generator[float, None, VisibleLight]:
-        """Cut the light of a stage and see everything in it; the sphere's visibility must reach the stage's stride."""
+        """Cut the light of a stage and see everything in it."""
         cut = None
         if sky.environment is not None:
+            yield from self._see(self.sphere, quality.stride)
             cut = cut_lights(sky.environment, quality.n_lights, sky.rotation, quality.max_level)
             cut = replace(cut, power=(cut.power * np.float32(sky.intensity)).astype(np.float32))
         lighting = prepare_lighting(cut, self.patches(quality.n_patches))

@@ -40,7 +40,8 @@ class Targets:
 
     positions (D, 3) float32 unit directions or world points; normals (D, 3) float32 of points (zero for directions);
     neighbours (D, N) int32, -1 padded: where flooding goes; parents (D,) int32: the triangle of the visibility level
-    that a finer direction lies in.
+    that a finer direction lies in. Every `sentinel_step`-th target is traced whatever the guess says (0: none): a patch
+    of light is small, and the points around a thin shadow can agree on all of it.
     """
 
     positions: np.ndarray
@@ -48,10 +49,18 @@ class Targets:
     neighbours: np.ndarray
     finite: bool = False
     parents: np.ndarray | None = None
+    sentinel_step: int = 0
 
     @property
     def n_words(self) -> int:
         return (len(self.positions) + 63) // 64
+
+    def sentinels(self) -> np.ndarray:
+        """Packed bits (words,) of the targets that are always traced."""
+        marked = np.zeros(64 * self.n_words, np.uint8)
+        if self.sentinel_step:
+            marked[: len(self.positions) : self.sentinel_step] = 1
+        return np.packbits(marked, bitorder="little").view(np.uint64)
 
 
 def sphere_targets(level: int) -> Targets:
@@ -159,10 +168,12 @@ def coherent_visibility(
         visibility.done[:] = True
         return
     n_done, n_points = int(visibility.done.sum()), max(1, len(hits.pixel))
-    neighbours = visibility.targets.neighbours
+    neighbours, sentinels = visibility.targets.neighbours, visibility.targets.sentinels()
 
     def informed(rows: np.ndarray, informers: np.ndarray) -> Guess:
-        return lambda rows, horizon, todo: kernels.predict(rows, informers, visibility.bits, horizon, neighbours, todo)
+        return lambda rows, horizon, todo: kernels.predict(
+            rows, informers, visibility.bits, horizon, sentinels, neighbours, todo
+        )
 
     with ThreadPoolExecutor(2) as pool:
         for step in grid_steps(hits, until):
