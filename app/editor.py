@@ -10,7 +10,6 @@ did: a refused command comes back as one line of text.
 
 from __future__ import annotations
 
-import os
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -33,7 +32,9 @@ from app.jobs.messages import (
     StageDone,
     WorkerRestarted,
 )
+from app.journal import Journal, Recovery
 from app.negotiator import Negotiator
+from app.paths import full_path
 from app.picture import (
     Array,
     Curves,
@@ -43,7 +44,9 @@ from app.picture import (
     SceneFrame,
     TransportReady,
 )
-from app.status import PictureState, RenderReport, Status, resident_megabytes
+from app.session import SUFFIX, Session, fit_session, load_session
+from app.session_keeper import SessionKeeper
+from app.status import Gauges, RenderReport, Status
 from app.view_state import OpenPanel, SetView, ViewCommand, ViewState
 from engine.errors import InsituError
 from engine.scene.description import SceneDescription
@@ -51,7 +54,6 @@ from engine.scene.description import SceneDescription
 __all__ = ["Editor", "RenderReport", "Status", "WorkerClient"]
 
 POLL_SECONDS = 0.004
-MEMORY_SECONDS = 1.0
 
 
 class WorkerClient(Protocol):
@@ -72,36 +74,39 @@ class WorkerClient(Protocol):
 
 @dataclass(frozen=True)
 class Opening:
-    """A scene that the worker was asked to open."""
+    """A scene that the worker was asked to open, and the session or journal that asked for it."""
 
     id: int
     source: str
+    session: Session | None = None
+    session_path: Path | None = None
+    recovery: Recovery | None = None
 
 
 class Editor:
     """The controller of one window.
 
     client: the worker; source: the scene (or session) to open at once; resolution: (width, height) in place of the
-    scene's own.
+    scene's own; journal: where unsaved edits are kept, None for nowhere (pictures without a person).
     """
 
-    def __init__(self, client: WorkerClient, source: str, *, resolution: tuple[int, int] | None = None) -> None:
+    def __init__(
+        self,
+        client: WorkerClient,
+        source: str,
+        *,
+        resolution: tuple[int, int] | None = None,
+        journal: Journal | None = None,
+    ) -> None:
         self.history = History(Document(source))
         self.view = ViewState()
         self.curves = Curves()
         self.resolution = resolution
         self._client = client
+        self._keeper = SessionKeeper(journal)
         self._negotiator = Negotiator(client.send, self.curves)
         self._opening: Opening | None = None
-        self._progress: Progress | None = None
-        self._report = RenderReport()
-        self._has_picture = False
-        self._notes: tuple[str, ...] = ()
-        self._transport_mb = 0.0
-        self._memory_mb = 0.0
-        self._memory_at = float("-inf")
-        self._message = ""
-        self._is_error = False
+        self._gauges = Gauges()
         self.open(source)
 
     # ------------------------------------------------------------------------------------------------------- document
@@ -166,22 +171,59 @@ class Editor:
             return self._refuse(str(error))
         if selected != self.view.selected:
             self.view = replace(self.view, selected=selected, operator=None, curve_zoom=None)
-            self._report = replace(self._report, exact=False)
+            self._gauges.picture_changed()
         return None
 
     def notify(self, text: str, is_error: bool = False) -> None:
         """Put one line into ``status.message``."""
-        self._message, self._is_error = text, is_error
+        self._gauges.message, self._gauges.is_error = text, is_error
 
     # ---------------------------------------------------------------------------------------------------------- files
 
+    @property
+    def unsaved(self) -> bool:
+        """Whether there are edits that no session file has."""
+        return self.scene_is_open and self._keeper.unsaved(self.document)
+
+    @property
+    def session_path(self) -> Path | None:
+        """Where the session was saved last, or opened from."""
+        return self._keeper.path
+
     def open(self, source: str) -> str | None:
-        """Open a scene (built-in name or file); what is open stays until the new one is there."""
-        source = _full_path(source)
-        self._negotiator.scene_closed()
-        self._opening = Opening(self._client.send(OpenScene(source, self.resolution)), source)
-        self._progress = None
+        """Open a scene (built-in name or file) or a session; what is open stays until the new one is there.
+
+        None, or one line that says why it cannot be opened.
+        """
+        try:
+            opening = self._opening_of(source)
+        except InsituError as error:
+            return self._refuse(str(error))
+        self._open(opening)
         return None
+
+    def save(self, path: Path | None = None) -> str | None:
+        """Save the session, to ``path`` or where it was saved last; None, or one line that says why not."""
+        try:
+            path = self._keeper.save(path, self.document, self.view)
+        except InsituError as error:
+            return self._refuse(str(error))
+        self.notify(f"saved {path}")
+        return None
+
+    def recover(self, recovery: Recovery) -> str | None:
+        """Open what an editor that ended early left behind; None, or one line that says why it cannot be."""
+        try:
+            session = recovery.load()
+        except InsituError as error:
+            return self._refuse(str(error))
+        self._open(Opening(0, session.document.source, session, recovery.session_path, recovery))
+        return None
+
+    def close(self) -> None:
+        """End the worker; what is unsaved stays in the journal, to be offered at the next start."""
+        self._client.close()
+        self._keeper.close(self.document, self.view)
 
     def cancel_work(self) -> None:
         """Stop the worker; what it has delivered stays on screen."""
@@ -190,16 +232,12 @@ class Editor:
         if self._opening is not None:
             self._opening = None
             self._negotiator.scene_opened(is_new=False)
-        self._progress = None
+        self._gauges.progress = None
         self.notify("stopped; the picture stays a preview until the light or a roughness changes")
 
     def resume_work(self) -> None:
         """Ask again for what was stopped or failed."""
         self._negotiator.resume()
-
-    def close(self) -> None:
-        """End the worker."""
-        self._client.close()
 
     # -------------------------------------------------------------------------------------------------------- picture
 
@@ -211,9 +249,8 @@ class Editor:
             events += self._take(response)
         if self.scene_is_open:
             self._negotiator.update(now, self.document, self.view.selected, self.view.n_lights, self.history.dragging)
-        if now - self._memory_at >= MEMORY_SECONDS:
-            self._memory_at = now
-            self._memory_mb = resident_megabytes(os.getpid(), self._client.pid)
+            self._keep(now)
+        self._gauges.measure_memory(now, self._client.pid)
         return events
 
     def wanted_coefficients(self, key: str) -> dict[str, Array]:
@@ -230,7 +267,7 @@ class Editor:
 
     def report_rendering(self, report: RenderReport) -> None:
         """What the renderer reached in the frame just drawn, for the present document and selection."""
-        self._report = report
+        self._gauges.report = report
         selected = self.view.selected
         if report.exact and selected is not None and selected.factor is not None:
             wanted = self.wanted_coefficients(selected.key)
@@ -240,26 +277,7 @@ class Editor:
     @property
     def status(self) -> Status:
         """The truth about what is on screen."""
-        progress = self._progress or Progress("", 0.0)
-        return Status(
-            worker_alive=self._client.alive,
-            stage=progress.stage,
-            fraction=progress.fraction,
-            seconds_left=progress.seconds_left,
-            text=progress.text,
-            picture=self._picture_state(),
-            shown_coefficients=self._report.shown_coefficients,
-            wanted_coefficients=self._report.wanted_coefficients,
-            image_error=self._report.image_error,
-            frame_ms=self._report.frame_ms,
-            memory_mb=self._memory_mb,
-            transport_mb=self._transport_mb,
-            light_note=self._light_note(),
-            material_note=self._material_note(),
-            message=self._message,
-            is_error=self._is_error,
-            notes=self._notes,
-        )
+        return self._gauges.status(self._negotiator, self._client.alive, self._opening is not None)
 
     # -------------------------------------------------------------------------------------------------------- answers
 
@@ -269,7 +287,7 @@ class Editor:
             case SceneOpened():
                 return self._take_scene(response)
             case Progress():
-                self._progress = response
+                self._gauges.progress = response
             case Failed():
                 self._take_failure(response)
             case WorkerRestarted():
@@ -284,11 +302,11 @@ class Editor:
                 return [FootprintChanged(response.rows, response.weights, response.stage)]
             case LayerPicture():
                 made_with = self._negotiator.took_picture(response, self.document)
-                self._has_picture = True
-                self._report = replace(self._report, exact=False)
+                self._gauges.has_picture = True
+                self._gauges.picture_changed()
                 return [LayerRadiance(response.key, response.stage, response.radiance, made_with)]
             case LayerTransport() if self._negotiator.took_transport(response, self.view.selected):
-                self._report = replace(self._report, exact=False)
+                self._gauges.picture_changed()
                 return [_transport_ready(response)]
             case StageDone():
                 self._take_stage(response)
@@ -302,21 +320,36 @@ class Editor:
         try:
             document = document_from_description(opening.source, description)
         except InsituError as error:
-            self.notify(str(error), True)
+            self._take_failure(Failed(str(error), id=response.id))
             return []
-        self._opening, self._progress = None, None
-        self.history = History(document)
-        self.view = replace(self.view, selected=None, hovered=None, compare=None, operator=None, curve_zoom=None)
-        self._notes = response.notes
-        self._has_picture = False
-        self._report = RenderReport()
+        self._opening = None
+        self._gauges = Gauges(notes=response.notes, memory_mb=self._gauges.memory_mb)
         self._negotiator.scene_opened()
+        self.view = replace(self.view, selected=None, hovered=None, compare=None, operator=None, curve_zoom=None)
+        self.history = History(document)
+        self._keeper.opened(document)
         self.select(_first_choice(document))
         self.notify(f"opened {description.name}")
+        if opening.session is not None:
+            self._restore(opening, opening.session)
         return [SceneFrame(opening.source, description, response.arrays, response.notes)]
 
+    def _restore(self, opening: Opening, session: Session) -> None:
+        """Put a session's document and view in the place of the scene's, where they fit."""
+        file = str(opening.session_path or opening.source)
+        try:
+            document = fit_session(session, self.document, file)
+        except InsituError as error:
+            self.notify(f"opened the scene without its session: {error}", True)
+            return
+        self.history = History(document)
+        selected = session.view.selected or self.view.selected
+        self.view = replace(session.view, selected=selected, panels=self.view.panels)
+        self._keeper.opened(document, opening.session_path, opening.recovery)
+        self.notify("recovered what was not saved" if opening.recovery else f"opened {file}")
+
     def _take_failure(self, response: Failed) -> None:
-        self._progress = None
+        self._gauges.progress = None
         self._negotiator.took_failure(response)
         if self._opening is not None and response.id == self._opening.id:
             self._opening = None
@@ -327,14 +360,32 @@ class Editor:
     def _take_stage(self, response: StageDone) -> None:
         self._negotiator.took_stage(response)
         if response.transport_bytes:
-            self._transport_mb = response.transport_bytes / 1e6
+            self._gauges.transport_mb = response.transport_bytes / 1e6
         if response.exact:
-            self._progress = None
+            self._gauges.progress = None
 
     # ----------------------------------------------------------------------------------------------------------- parts
 
+    def _opening_of(self, source: str) -> Opening:
+        path = Path(source)
+        if path.suffix != SUFFIX:
+            return Opening(0, full_path(source))
+        session = load_session(path)
+        return Opening(0, session.document.source, session, path.resolve())
+
+    def _open(self, opening: Opening) -> None:
+        self._negotiator.scene_closed()
+        id = self._client.send(OpenScene(opening.source, self.resolution))
+        self._opening = replace(opening, id=id)
+        self._gauges.progress = None
+
+    def _keep(self, now: float) -> None:
+        problem = self._keeper.keep(now, self.document, self.view)
+        if problem and problem != self._gauges.message:
+            self.notify(problem, True)
+
     def _document_changed(self) -> None:
-        self._report = replace(self._report, exact=False)
+        self._gauges.picture_changed()
         selected = self.view.selected
         if selected is not None and selected.factor is not None:
             model = self.document.layer(selected.key).model
@@ -364,31 +415,6 @@ class Editor:
         factor = target.name if target.kind == "factor" else layers[index].model.factors[0].name
         return Selection(target.object, index, factor)
 
-    def _picture_state(self) -> PictureState:
-        if not self._has_picture:
-            return "waiting"
-        if self._opening is not None or self._negotiator.running or not self._negotiator.transport_is_current:
-            return "preview"
-        if not self._negotiator.delivered_final:
-            return "preview"
-        return "exact" if self._negotiator.finished and self._report.exact else "refining"
-
-    def _light_note(self) -> str:
-        talk = self._negotiator
-        if not self._has_picture or talk.asked_rotation is None:
-            return ""
-        asked = f"{talk.asked_rotation:.1f}°"
-        if talk.drag_quality:
-            return f"quick picture for {asked}; the exact one follows when you let go"
-        if not talk.light_is_current:
-            return f"shown for {asked}; the new light follows when the hand rests"
-        return f"being refined for {asked}" if talk.running else f"exact for {asked}"
-
-    def _material_note(self) -> str:
-        if not self._has_picture or self._negotiator.quotient_is_current:
-            return ""
-        return "the curve is shown at once; self-shadowing follows when the hand rests"
-
 
 def _transport_ready(response: LayerTransport) -> TransportReady:
     return TransportReady(
@@ -406,9 +432,3 @@ def _first_choice(document: Document) -> str | None:
     with_layers = [state for state in document.objects if state.layers and not state.emits]
     editable = [state for state in with_layers if state.editable]
     return next((state.name for state in editable or with_layers), None)
-
-
-def _full_path(source: str) -> str:
-    """A file's absolute path; the name of a built-in scene as it is."""
-    path = Path(source)
-    return str(path.resolve()) if path.suffix or path.exists() else source

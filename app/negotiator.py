@@ -354,7 +354,9 @@ class Negotiator:
         return True
 
     def took_stage(self, response: StageDone) -> None:
-        """Note the end of a stage of the transport."""
+        """Note the end of a stage: of what did not come with it, the worker may not know, and is asked again."""
+        if self._curve is None or self._curve.stage != response.stage:
+            self._asked_curve = None
         if response.id == self._transport_id and response.exact:
             self._running, self._exact = False, not self._drag_quality
 

@@ -34,3 +34,13 @@ def journal_directory() -> Path:
 def layout_file() -> Path:
     """The file in which the window remembers its panels."""
     return state_directory() / "layout.ini"
+
+
+def is_file_name(source: str) -> bool:
+    """Whether a scene or an environment is a file: names of built-in ones have no ending."""
+    return Path(source).suffix != ""
+
+
+def full_path(source: str, folder: Path | None = None) -> str:
+    """A file's absolute path, from ``folder`` or where we are; the name of a built-in one as it is."""
+    return str(((folder or Path()) / source).resolve()) if is_file_name(source) else source

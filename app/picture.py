@@ -17,6 +17,7 @@ from app.document import Document
 from engine.curve.operators import HALF_PI
 from engine.material import kinds
 from engine.material.layer import Layer
+from engine.material.model import Model
 from engine.scene.description import SceneDescription
 
 Array = NDArray[np.float64]
@@ -138,7 +139,18 @@ class Curves:
 
 
 def _same_curve(before: Layer, layer: Layer, factor: str) -> bool:
+    """Whether two layers agree in all that makes this curve: model, operators, and the parameters that drive it."""
+    if before.model is not layer.model:
+        return False
     if not factor:
-        return before.model is layer.model
-    same_model = before.model is layer.model and before.parameters == layer.parameters
-    return same_model and before.operators(factor) == layer.operators(factor)
+        return True
+    part = _part_of(layer.model, factor)
+    driving = [parameter.name for parameter in layer.model.parameters if part in parameter.drives]
+    old, new = before.values, layer.values
+    return before.operators(factor) == layer.operators(factor) and all(old[name] == new[name] for name in driving)
+
+
+def _part_of(model: Model, factor: str) -> str:
+    """Which curve of [BenArtzi07, eq. 3.1] a factor is: "A", "B" or "o"."""
+    names = [each.name for each in model.factors]
+    return "AB"[names.index(factor)] if factor in names else "o"

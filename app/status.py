@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import os
 import resource
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
+from app.jobs.messages import Progress
+from app.negotiator import Negotiator
+
 PictureState = Literal["waiting", "preview", "refining", "exact"]
+MEMORY_SECONDS = 1.0
 _PAGE = os.sysconf("SC_PAGE_SIZE")
 
 
@@ -57,6 +62,78 @@ class RenderReport:
     image_error: float | None = None
     frame_ms: float = 0.0
     exact: bool = False
+
+
+@dataclass
+class Gauges:
+    """What a ``Status`` is read from, as far as it is not in the document or the talk with the worker."""
+
+    message: str = ""
+    is_error: bool = False
+    progress: Progress | None = None
+    report: RenderReport = field(default_factory=RenderReport)
+    has_picture: bool = False
+    notes: tuple[str, ...] = ()
+    transport_mb: float = 0.0
+    memory_mb: float = 0.0
+    _memory_at: float = -math.inf
+
+    def picture_changed(self) -> None:
+        """Something the picture is made of changed: until the renderer reports again, it is not exact."""
+        self.report = replace(self.report, exact=False)
+
+    def measure_memory(self, now: float, worker: int | None) -> None:
+        """Once a second: what the window and the worker hold."""
+        if now - self._memory_at >= MEMORY_SECONDS:
+            self._memory_at = now
+            self.memory_mb = resident_megabytes(os.getpid(), worker)
+
+    def status(self, talk: Negotiator, worker_alive: bool, opening: bool) -> Status:
+        """All gauges at this moment."""
+        progress, report = self.progress or Progress("", 0.0), self.report
+        return Status(
+            worker_alive=worker_alive,
+            stage=progress.stage,
+            fraction=progress.fraction,
+            seconds_left=progress.seconds_left,
+            text=progress.text,
+            picture=self._picture_state(talk, opening),
+            shown_coefficients=report.shown_coefficients,
+            wanted_coefficients=report.wanted_coefficients,
+            image_error=report.image_error,
+            frame_ms=report.frame_ms,
+            memory_mb=self.memory_mb,
+            transport_mb=self.transport_mb,
+            light_note=_light_note(talk) if self.has_picture else "",
+            material_note=_material_note(talk) if self.has_picture else "",
+            message=self.message,
+            is_error=self.is_error,
+            notes=self.notes,
+        )
+
+    def _picture_state(self, talk: Negotiator, opening: bool) -> PictureState:
+        if not self.has_picture:
+            return "waiting"
+        if opening or not talk.transport_is_current or not talk.delivered_final:
+            return "preview"
+        return "exact" if talk.finished and self.report.exact else "refining"
+
+
+def _light_note(talk: Negotiator) -> str:
+    """What light the picture shows, in words."""
+    if talk.asked_rotation is None:
+        return ""
+    asked = f"{talk.asked_rotation:.1f}°"
+    if talk.drag_quality:
+        return f"quick picture for {asked}; the exact one follows when you let go"
+    if not talk.light_is_current:
+        return f"shown for {asked}; the new light follows when the hand rests"
+    return f"exact for {asked}" if talk.delivered_final else f"being refined for {asked}"
+
+
+def _material_note(talk: Negotiator) -> str:
+    """What of the materials the picture does not show yet, in words."""
+    return "" if talk.quotient_is_current else "the curve is shown at once; self-shadowing follows when the hand rests"
 
 
 def resident_megabytes(*pids: int | None) -> float:

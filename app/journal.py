@@ -1,0 +1,174 @@
+"""The autosave journal: unsaved edits, on disk within a second, found again after any end of the program.
+
+Nothing here depends on the program ending well: a lost X server ends it inside Xlib, where no exit handler runs. Each
+editor has a journal file of its own, replaced as a whole (``app.atomic``) by a thread of its own, so that a slow disk
+never stops a frame. A lock held on a file beside it says that its editor lives; the kernel drops the lock with the
+process, so a journal that can be locked is one to recover. Rejected: process numbers, which are used again.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import itertools
+import os
+import queue
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO
+
+from app.atomic import write_atomically
+from app.document import Document
+from app.paths import journal_directory
+from app.session import SUFFIX, JournalRecord, Session, dump_session, load_session
+from app.view_state import ViewState
+from engine.errors import InsituError
+
+WRITE_SECONDS = 0.5
+STALE_LOCK_SECONDS = 86400.0
+_serial = itertools.count()
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """Unsaved edits that an editor left behind when it ended early. ``written_at`` in seconds since 1970."""
+
+    path: Path
+    scene: str
+    written_at: float
+    session_path: Path | None = None
+
+    def load(self) -> Session:
+        """The session as it was; LoadError when the journal has gone meanwhile."""
+        return load_session(self.path)
+
+    def discard(self) -> None:
+        """Delete the journal."""
+        for path in (self.path, _lock_path(self.path)):
+            with contextlib.suppress(OSError):
+                path.unlink()
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """What is to be on disk: a document with unsaved edits, or (None) no journal at all."""
+
+    document: Document | None
+    view: ViewState
+    session_path: Path | None
+
+
+class Journal:
+    """The journal of one running editor. ``problem`` is the last failure to write it, "" when there was none."""
+
+    def __init__(self, folder: Path | None = None) -> None:
+        folder = journal_directory() if folder is None else folder
+        self.path = folder / f"{os.getpid()}-{time.time_ns():x}-{next(_serial)}{SUFFIX}"
+        self.problem = ""
+        self.written: Document | None = None
+        self._lock = _locked(_lock_path(self.path))
+        self._noted: Document | None = None
+        self._noted_at = float("-inf")
+        self._entries: queue.SimpleQueue[_Entry | None] = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._write_all, name="journal", daemon=True)
+        self._thread.start()
+
+    def note(
+        self, now: float, document: Document, view: ViewState, unsaved: bool, session_path: Path | None = None
+    ) -> None:
+        """Once a frame: have the document written when it has changed, twice a second at most. Returns at once."""
+        wanted = document if unsaved else None
+        if wanted is self._noted or (wanted is not None and now - self._noted_at < WRITE_SECONDS):
+            return
+        self._noted, self._noted_at = wanted, now
+        self._entries.put(_Entry(wanted, view, session_path))
+
+    def close(self, keep: bool = False) -> None:
+        """End the thread after its last write; delete the journal unless ``keep``."""
+        if self._thread.is_alive():
+            self._entries.put(None)
+            self._thread.join()
+        self._lock.close()
+        if not keep:
+            Recovery(self.path, "", 0.0).discard()
+
+    def _write_all(self) -> None:
+        """The thread: write the newest entry each time there is one."""
+        while (entry := self._newest()) is not None:
+            try:
+                self._write(entry)
+                self.written, self.problem = entry.document, ""
+            except OSError as error:
+                self.problem = f"autosave failed: {self.path.parent}: {error.strerror or error}"
+
+    def _newest(self) -> _Entry | None:
+        entry = self._entries.get()
+        with contextlib.suppress(queue.Empty):
+            while entry is not None:
+                later = self._entries.get_nowait()
+                if later is None:  # the end: this entry is the last to write
+                    self._entries.put(None)
+                    break
+                entry = later
+        return entry
+
+    def _write(self, entry: _Entry) -> None:
+        if entry.document is None:
+            self.path.unlink(missing_ok=True)
+            return
+        session_path = None if entry.session_path is None else str(entry.session_path)
+        record = JournalRecord(written_at=time.time(), session_path=session_path)
+        write_atomically(self.path, dump_session(entry.document, entry.view, journal=record).encode())
+
+
+def recoverable_sessions(folder: Path | None = None) -> list[Recovery]:
+    """The journals of editors that no longer live, newest first; damaged ones are left out."""
+    folder = journal_directory() if folder is None else folder
+    _sweep_locks(folder)
+    found = [recovery for path in folder.glob(f"*{SUFFIX}") if (recovery := _recovery(path)) is not None]
+    return sorted(found, key=lambda recovery: recovery.written_at, reverse=True)
+
+
+def _recovery(path: Path) -> Recovery | None:
+    if _owner_lives(_lock_path(path)):
+        return None
+    try:
+        session = load_session(path)
+    except InsituError:
+        return None
+    journal = session.journal or JournalRecord(written_at=path.stat().st_mtime)
+    saved_as = None if journal.session_path is None else Path(journal.session_path)
+    return Recovery(path, session.document.source, journal.written_at, saved_as)
+
+
+def _sweep_locks(folder: Path) -> None:
+    """Delete what editors that ended early, with nothing unsaved, left behind."""
+    for lock in folder.glob("*.lock"):
+        with contextlib.suppress(OSError):
+            is_old = time.time() - lock.stat().st_mtime > STALE_LOCK_SECONDS
+            if is_old and not lock.with_suffix(SUFFIX).exists() and not _owner_lives(lock):
+                lock.unlink()
+
+
+def _lock_path(path: Path) -> Path:
+    return path.with_suffix(".lock")
+
+
+def _locked(path: Path) -> IO[bytes]:
+    """The open, locked file; the lock lasts until it is closed or the process ends."""
+    file = open(path, "wb")
+    fcntl.flock(file, fcntl.LOCK_EX)
+    return file
+
+
+def _owner_lives(path: Path) -> bool:
+    try:
+        with open(path, "rb") as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except FileNotFoundError:
+        return False
+    except OSError:
+        return True
+    return False

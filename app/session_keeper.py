@@ -1,0 +1,60 @@
+"""Which edits are safe on disk: the session's file, the journal of what is not saved, and what was recovered."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from app.document import Document
+from app.journal import Journal, Recovery
+from app.session import SUFFIX, save_session
+from app.view_state import ViewState
+from engine.errors import InsituError
+
+
+class SessionKeeper:
+    """``path`` is where the session was saved last, None before. ``journal`` None keeps no journal."""
+
+    def __init__(self, journal: Journal | None = None) -> None:
+        self.path: Path | None = None
+        self._journal = journal
+        self._saved: Document | None = None
+        self._recovery: Recovery | None = None
+
+    def opened(self, document: Document, path: Path | None = None, recovery: Recovery | None = None) -> None:
+        """Another document was opened: a scene's, a session's (``path``), or a recovered one, which no file has."""
+        self.path, self._recovery = path, recovery
+        self._saved = document if recovery is None else None
+
+    def unsaved(self, document: Document) -> bool:
+        """Whether the document has edits that no session file has."""
+        return document is not self._saved and document != self._saved
+
+    def save(self, path: Path | None, document: Document, view: ViewState) -> Path:
+        """Save to ``path``, or where it was saved last; the path. Raises InsituError that says why not."""
+        path = path or self.path
+        if path is None:
+            raise InsituError(f"a session needs a name that ends in {SUFFIX}")
+        self.path = save_session(path, document, view)
+        self._saved = document
+        return self.path
+
+    def keep(self, now: float, document: Document, view: ViewState) -> str:
+        """Once a frame: have unsaved edits written to the journal; "" or one line on why that failed.
+
+        The journal they were recovered from goes once ours has them.
+        """
+        if self._journal is None:
+            return ""
+        self._journal.note(now, document, view, self.unsaved(document), self.path)
+        if self._recovery is not None and self._journal.written is not None:
+            self._recovery.discard()
+            self._recovery = None
+        return self._journal.problem
+
+    def close(self, document: Document, view: ViewState) -> None:
+        """Write what is unsaved a last time; it is offered at the next start. Without such edits the journal goes."""
+        if self._journal is not None:
+            unsaved = bool(document.objects) and self.unsaved(document)
+            self._journal.note(math.inf, document, view, unsaved, self.path)
+            self._journal.close(keep=unsaved)

@@ -1,0 +1,323 @@
+"""The editor's decisions: what it asks of the worker, when, what it tells the renderer, and what it says about it."""
+
+import numpy as np
+import pytest
+
+from app.commands import AddOperator, SetIntensity, SetParameter, SetRotation, SetVisible
+from app.editor import Editor, RenderReport
+from app.jobs.messages import Cancel, ComputeTransport, Contract, Failed, OpenScene, WorkerRestarted
+from app.negotiator import DRAG_QUALITY, N_LIGHTS_PREVIEW
+from app.picture import LayerRadiance, SceneFrame, TransportReady
+from engine.curve.operators import Operator
+from tests.app.fake_worker import FakeClient
+
+LIFT = Operator("translate", "y", 0.1, 0.2, 0.3, 0.4, magnitude=1.0)
+EXACT = RenderReport(128, 128, 0.0, 5.0, True)
+
+
+@pytest.fixture
+def editor(client: FakeClient) -> Editor:
+    """An editor at time 0 with its scene open and its first transport asked for."""
+    editor = Editor(client, "shelf")
+    client.open_scene()
+    editor.tick(0.0)
+    return editor
+
+
+@pytest.fixture
+def settled(editor: Editor, client: FakeClient) -> Editor:
+    """The editor at time 1 with all of the final picture delivered."""
+    client.finish_stage("final", exact=True)
+    editor.tick(1.0)
+    client.requests.clear()
+    return editor
+
+
+def computed(client: FakeClient) -> list[ComputeTransport]:
+    return client.sent(ComputeTransport)
+
+
+def test_opening_asks_for_all_layers_at_once(client: FakeClient) -> None:
+    editor = Editor(client, "shelf")
+    assert [type(request) for request in client.requests] == [OpenScene]
+    assert editor.status.picture == "waiting"
+    client.open_scene()
+    events = editor.tick(0.0)
+    assert [type(event) for event in events] == [SceneFrame]
+    assert editor.view.selected == ("pot", 1, "theta_h")  # the topmost layer of the first editable object
+    (work,) = computed(client)
+    assert [layer.key for layer in work.layers] == ["pot.0", "pot.1", "floor.0"]  # the lamp shines: no layers
+    assert (work.selected, work.factor) == ("pot.1", "theta_h")
+    assert (work.n_lights_preview, work.n_lights_final) == (N_LIGHTS_PREVIEW, 4000)
+    assert work.light.rotation == 30.0
+    assert work.layers[1].bands == (128, 16)
+    assert [c.shape for c in work.layers[1].coefficients] == [(128, 3), (16, 3)]
+
+
+def test_stages_go_from_preview_to_exact(editor: Editor, client: FakeClient) -> None:
+    client.finish_stage("coarse", exact=False)
+    events = editor.tick(0.1)
+    kinds = [type(event) for event in events]
+    assert kinds.count(LayerRadiance) == 3 and kinds.count(TransportReady) == 1
+    assert editor.status.picture == "preview"
+    client.finish_stage("final", exact=True)
+    editor.tick(0.2)
+    assert editor.status.picture == "refining"  # the renderer has not yet said that it shows all coefficients
+    editor.report_rendering(EXACT)
+    assert editor.status.picture == "exact"
+    assert editor.status.transport_mb == 2.0
+    assert client.sent(Contract) == []  # all was delivered with the stage
+
+
+def test_curve_edits_of_the_selected_layer_ask_for_nothing(settled: Editor, client: FakeClient) -> None:
+    before = settled.wanted_coefficients("pot.1")["theta_h"]
+    settled.report_rendering(EXACT)
+    settled.do(AddOperator("pot.1", "theta_h", LIFT))
+    assert settled.status.picture == "refining"
+    settled.tick(5.0)
+    assert client.requests == []
+    raised = settled.wanted_coefficients("pot.1")["theta_h"] - before
+    # the bands wholly within [b, c] rise by the magnitude, those outside [a, d] not at all
+    edges = np.linspace(0.0, np.pi / 2, 129)
+    full = (edges[:-1] >= 0.2) & (edges[1:] <= 0.3)
+    outside = (edges[1:] <= 0.1) | (edges[:-1] >= 0.4)
+    assert full.any() and np.allclose(raised[full], 1.0, atol=1e-9)
+    assert outside.any() and np.abs(raised[outside]).max() < 1e-9
+
+
+def test_coefficients_are_computed_once(settled: Editor) -> None:
+    first = settled.wanted_coefficients("pot.1")
+    settled.do(SetParameter("pot.1", "scale", 2.0))
+    again = settled.wanted_coefficients("pot.1")
+    assert all(again[name] is first[name] for name in first)  # the scale is in no curve
+    assert settled.layer_gain("pot.1").tolist() == [2.0, 2.0, 2.0]
+    assert not first["theta_h"].flags.writeable
+
+
+def test_switching_the_curve_contracts_the_other(settled: Editor, client: FakeClient) -> None:
+    settled.select("pot.1.theta_d")
+    settled.tick(1.1)
+    (request,) = client.sent(Contract)
+    assert (request.key, request.factor) == ("pot.1", "theta_d")
+    assert [name for name, _ in request.coefficients] == ["theta_h", "theta_d"]
+    settled.report_rendering(EXACT)
+    assert settled.status.picture == "refining"
+    client.contract("final")
+    events = settled.tick(1.2)
+    assert [type(event) for event in events] == [LayerRadiance, TransportReady]
+    settled.tick(1.3)
+    settled.report_rendering(EXACT)
+    assert settled.status.picture == "exact"
+    assert len(client.sent(Contract)) == 1
+
+
+def test_the_other_curve_is_contracted_again_one_at_a_time(settled: Editor, client: FakeClient) -> None:
+    for step in range(5):  # eta drives θ_d, while θ_h is selected
+        settled.do(SetParameter("pot.1", "eta", 1.5 + 0.1 * step))
+        settled.tick(1.1 + 0.01 * step)
+    assert len(client.sent(Contract)) == 1
+    client.contract("final")
+    settled.tick(1.2)
+    requests = client.sent(Contract)
+    assert len(requests) == 2 and computed(client) == []
+    wanted = settled.wanted_coefficients("pot.1")["theta_d"]
+    assert np.array_equal(dict(requests[1].coefficients)["theta_d"], wanted)
+
+
+def test_answers_for_what_is_no_longer_selected_are_not_shown(settled: Editor, client: FakeClient) -> None:
+    settled.select("pot.1.theta_d")
+    settled.tick(1.1)
+    client.contract("final")
+    settled.select("floor.0")
+    events = settled.tick(1.2)
+    assert TransportReady not in [type(event) for event in events]
+    assert [(r.key, r.factor) for r in client.sent(Contract)] == [("pot.1", "theta_d"), ("floor.0", "theta_i")]
+
+
+def test_roughness_is_asked_for_when_the_hand_rests(settled: Editor, client: FakeClient) -> None:
+    settled.begin_drag()
+    settled.do(SetParameter("pot.1", "alpha", 0.3))
+    settled.tick(2.0)
+    settled.tick(2.2)
+    assert computed(client) == []
+    assert "self-shadowing" in settled.status.material_note
+    settled.tick(2.26)  # a quarter of a second without a change
+    assert len(computed(client)) == 1
+    settled.do(SetParameter("pot.1", "alpha", 0.4))
+    settled.tick(2.3)
+    assert len(computed(client)) == 1
+    settled.end_drag()
+    settled.tick(2.31)  # let go
+    assert len(computed(client)) == 2
+    assert settled.status.material_note == ""
+    assert computed(client)[-1].layers[1].quotient_parameters[1] == 0.4
+
+
+def test_turning_asks_for_quick_pictures_one_at_a_time(settled: Editor, client: FakeClient) -> None:
+    settled.begin_drag()
+    for degrees in (31.0, 32.0, 33.0):
+        settled.do(SetRotation(degrees))
+        settled.tick(2.0 + 0.01 * degrees)
+    (quick,) = computed(client)
+    assert quick.n_lights_final == DRAG_QUALITY and quick.light.rotation == 31.0
+    assert settled.status.light_note == "quick picture for 31.0°; the exact one follows when you let go"
+    client.finish_stage("drag", exact=True)
+    settled.tick(2.4)
+    assert [request.light.rotation for request in computed(client)] == [31.0, 33.0]
+    assert settled.status.picture == "preview"
+    client.finish_stage("drag", exact=True)
+    settled.end_drag()
+    settled.tick(2.5)
+    assert computed(client)[-1].n_lights_final == 4000 and computed(client)[-1].light.rotation == 33.0
+    client.finish_stage("final", exact=True)
+    settled.tick(3.0)
+    settled.report_rendering(EXACT)
+    assert settled.status.picture == "exact" and settled.status.light_note == "exact for 33.0°"
+
+
+def test_answers_to_an_older_light_are_dropped(settled: Editor, client: FakeClient) -> None:
+    settled.do(SetRotation(90.0))
+    settled.tick(2.0)
+    settled.tick(2.3)
+    older = computed(client)[-1]
+    settled.do(SetRotation(180.0))
+    settled.tick(2.4)
+    settled.tick(2.7)
+    client.requests.append(older)  # the older request is answered after the newer was sent
+    client.finish_stage("coarse", exact=False)
+    assert settled.tick(2.8) == []
+
+
+def test_undo_of_another_layer_asks_for_its_picture_alone(settled: Editor, client: FakeClient) -> None:
+    settled.do(AddOperator("pot.1", "theta_h", LIFT))
+    settled.report_rendering(EXACT)
+    settled.select("floor.0")
+    settled.tick(1.1)
+    client.contract("final")
+    settled.tick(1.2)
+    client.requests.clear()
+    assert settled.undo() == "pot.1 theta_h Translate Y"
+    settled.tick(1.3)
+    (request,) = client.sent(Contract)
+    assert request.key == "pot.1"
+    assert np.array_equal(dict(request.coefficients)["theta_h"], settled.wanted_coefficients("pot.1")["theta_h"])
+    client.contract("final")
+    events = settled.tick(1.4)
+    assert [type(event) for event in events] == [LayerRadiance]
+    settled.tick(1.5)
+    settled.report_rendering(EXACT)
+    assert settled.status.picture == "exact"
+    assert len(client.requests) == 1  # the floor's transport is still there: it is not asked for again
+
+
+def test_a_layer_rendered_exactly_is_not_asked_for_when_left(settled: Editor, client: FakeClient) -> None:
+    settled.do(AddOperator("pot.1", "theta_h", LIFT))
+    settled.report_rendering(EXACT)
+    settled.select("floor.0")
+    settled.tick(1.1)
+    client.contract("final")
+    settled.tick(1.2)
+    settled.tick(1.3)
+    assert [request.key for request in client.sent(Contract)] == ["floor.0"]
+
+
+def test_a_layer_left_in_mid_refinement_is_asked_for(settled: Editor, client: FakeClient) -> None:
+    settled.do(AddOperator("pot.1", "theta_h", LIFT))
+    settled.select("floor.0")
+    settled.tick(1.1)
+    client.contract("final")
+    settled.tick(1.2)
+    assert [request.key for request in client.sent(Contract)] == ["floor.0", "pot.1"]
+
+
+def test_visibility_and_intensity_cost_nothing(settled: Editor, client: FakeClient) -> None:
+    settled.do(SetVisible("pot.0", False))
+    settled.do(SetIntensity(3.0))
+    settled.tick(9.0)
+    settled.tick(10.0)
+    assert client.requests == []
+
+
+def test_view_factors_are_applied_in_image_space(settled: Editor, client: FakeClient) -> None:
+    settled.select("floor.0.theta_o")
+    settled.do(AddOperator("floor.0", "theta_o", LIFT))
+    settled.tick(1.1)
+    assert client.requests == []
+    curve = settled.view_curve("floor.0")
+    assert curve.shape == (256, 3) and curve[-1].tolist() == [1.0, 1.0, 1.0]
+    angle = np.linspace(0.0, np.pi / 2, 256)
+    assert np.allclose(curve[(angle > 0.2) & (angle < 0.3)], 2.0)  # 1 as generated, lifted by 1
+
+
+def test_a_stage_without_the_selected_curve_is_asked_for_it_once(editor: Editor, client: FakeClient) -> None:
+    client.finish_stage("coarse", exact=False)
+    editor.tick(0.1)
+    editor.select("pot.1.theta_d")
+    editor.tick(0.2)
+    client.contract("coarse")
+    editor.tick(0.3)
+    assert len(client.sent(Contract)) == 1
+    client.finish_stage("final", exact=True)  # brings θ_h, which is no longer selected
+    editor.tick(0.4)
+    editor.tick(0.5)
+    assert [request.factor for request in client.sent(Contract)] == ["theta_d", "theta_d"]
+    client.contract("final")
+    editor.tick(0.6)
+    editor.report_rendering(EXACT)
+    assert editor.status.picture == "exact"
+
+
+def test_a_crash_is_told_and_loses_nothing(settled: Editor, client: FakeClient) -> None:
+    settled.do(SetParameter("pot.1", "scale", 2.0))
+    before = settled.document
+    client.answer(OpenScene("shelf"), WorkerRestarted("signal 9"))
+    settled.tick(1.5)
+    assert settled.document is before
+    assert "signal 9" in settled.status.message and settled.status.is_error
+
+
+def test_a_scene_that_fails_to_open_leaves_the_one_before(settled: Editor, client: FakeClient) -> None:
+    before = settled.document
+    settled.open("nowhere.toml")
+    client.answer(client.sent(OpenScene)[-1], Failed("nowhere.toml: file = No such file"))
+    settled.tick(1.5)
+    assert settled.document is before and "nowhere.toml" in settled.status.message
+    settled.report_rendering(EXACT)
+    assert settled.status.picture == "exact"
+    settled.do(SetRotation(5.0))
+    settled.tick(1.6)
+    settled.tick(2.0)
+    assert len(computed(client)) == 1  # and editing goes on
+
+
+def test_work_can_be_stopped_and_resumed(editor: Editor, client: FakeClient) -> None:
+    client.finish_stage("coarse", exact=False)
+    editor.tick(0.1)
+    editor.cancel_work()
+    editor.tick(1.0)
+    assert isinstance(client.requests[-1], Cancel) and editor.status.picture == "preview"
+    editor.resume_work()
+    editor.tick(1.1)
+    assert isinstance(client.requests[-1], ComputeTransport)
+
+
+def test_refusals_are_lines_and_change_nothing(settled: Editor) -> None:
+    before = settled.document
+    for command in (SetParameter("pot.1", "alpha", 7.0), SetParameter("pot.9", "alpha", 0.1), SetIntensity(np.nan)):
+        line = settled.do(command)
+        assert line and "\n" not in line and settled.status.message == line
+    assert settled.select("pot.1.theta_x") is not None
+    assert settled.document is before and settled.undo() is None
+
+
+def test_a_drag_is_one_step(settled: Editor) -> None:
+    before = settled.document
+    settled.begin_drag()
+    for degrees in range(31, 61):
+        settled.do(SetRotation(float(degrees)))
+    settled.end_drag()
+    assert settled.document.light.rotation == 60.0
+    assert settled.undo() == "rotate the environment"
+    assert settled.document is before  # the very value: bit by bit
+    assert settled.redo() == "rotate the environment"
+    assert settled.document.light.rotation == 60.0
