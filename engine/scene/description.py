@@ -74,7 +74,7 @@ Pixels = Annotated[int, Field(ge=1, le=MAX_RESOLUTION, strict=True)]
 Name = Annotated[str, PlainValidator(_name)]
 Text = Annotated[str, Field(min_length=1, max_length=4096, strict=True)]
 ParameterValue = bool | float | str | tuple[float, ...]
-Parameter = Annotated[ParameterValue, PlainValidator(_parameter)]
+Parameter = Annotated[Any, PlainValidator(_parameter)]  # a ParameterValue; "Any" serializes as what it is
 
 
 class _Description(BaseModel):

@@ -24,13 +24,18 @@ def read_regular_file(path: Path, max_bytes: int) -> bytes:
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise LoadError(path, "file", reason, "a readable file") from None
-    with os.fdopen(descriptor, "rb") as file:
-        status = os.fstat(file.fileno())
+    try:
+        status = os.fstat(descriptor)
         if not stat.S_ISREG(status.st_mode):
             raise LoadError(path, "file", _kind(status.st_mode), "a regular file")
         if status.st_size > max_bytes:
             raise LoadError(path, "size", f"{status.st_size} bytes", f"at most {max_bytes} bytes")
-        data = file.read(max_bytes + 1)
+        with os.fdopen(descriptor, "rb", closefd=False) as file:
+            data = file.read(max_bytes + 1)
+    except OSError as error:
+        raise LoadError(path, "file", error.strerror or str(error), "a readable file") from None
+    finally:
+        os.close(descriptor)
     if len(data) > max_bytes:
         raise LoadError(path, "size", f"more than {max_bytes} bytes", f"at most {max_bytes} bytes")
     return data

@@ -19,6 +19,7 @@ from engine.scene.files import read_regular_file, resolve_inside
 from engine.scene.glb import Fields, parse_glb
 from engine.scene.gltf_materials import PartMaterial, read_material
 from engine.scene.mesh import MAX_MESH_BYTES, Mesh, join_meshes, place_mesh, validate_mesh
+from engine.scene.transform import check_transform
 
 MAX_DEPTH = 256
 MAX_COUNT = 2**31 - 1
@@ -181,6 +182,8 @@ def _finite(matrix: npt.NDArray[np.float64], node: Fields) -> npt.NDArray[np.flo
     """The matrix if its entries are of a usable size and it is affine."""
     if not (np.abs(matrix) <= 1e9).all() or np.abs(matrix[3] - (0, 0, 0, 1)).max() > 1e-6:
         raise node.error("transform", matrix.reshape(-1).tolist(), "an affine matrix with entries up to 1e+09")
+    if check_transform((*matrix.reshape(-1)[:12].tolist(), 0.0, 0.0, 0.0, 1.0)):
+        raise node.error("transform", "a matrix that flattens", "an invertible matrix")
     return matrix
 
 

@@ -70,7 +70,8 @@ def conductor_index(f0: float, tint: float) -> tuple[float, float]:
     f0 = min(max(f0, 0.0), _BRIGHTEST)
     root = math.sqrt(f0)
     eta = tint * (1 - f0) / (1 + f0) + (1 - tint) * (1 + root) / (1 - root)
-    return eta, math.sqrt(max(0.0, ((eta + 1) ** 2 * f0 - (eta - 1) ** 2) / (1 - f0)))
+    squared = ((eta + 1) ** 2 * f0 - (eta - 1) ** 2) / (1 - f0)
+    return eta, math.sqrt(squared) if squared > 1e-12 else 0.0  # rounding leaves a dielectric about 1e-16
 
 
 def _unit(value: float, fields: Fields, key: str) -> float:

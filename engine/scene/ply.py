@@ -242,6 +242,9 @@ def _read_ascii(data: bytes, start: int, elements: list[_Element], file: Path) -
 def _ascii_rows(rows: list[tuple[int, list[bytes]]], element: _Element, file: Path) -> dict:
     """The columns of lines with one number a property."""
     width = len(element.properties)
+    table = _fast_table(rows)
+    if table is not None and table.shape[1] == width:
+        return {(element.name, p.name): table[:, i] for i, p in enumerate(element.properties)}
     table = np.empty((len(rows), width))
     for i, (number, words) in enumerate(rows):
         if len(words) != width:
@@ -252,6 +255,9 @@ def _ascii_rows(rows: list[tuple[int, list[bytes]]], element: _Element, file: Pa
 
 def _ascii_lists(rows: list[tuple[int, list[bytes]]], element: _Element, file: Path) -> dict:
     """The columns of lines that hold lists."""
+    table = _fast_table(rows)
+    if table is not None and len(element.properties) == 1 and (table[:, 0] == table.shape[1] - 1).all():
+        return {(element.name, element.properties[0].name): _Lists(table[:, 0].astype(np.int64), table[:, 1:].ravel())}
     counts: dict[str, list[int]] = {p.name: [] for p in element.properties}
     values: dict[str, list[float]] = {p.name: [] for p in element.properties}
     for number, words in rows:
@@ -270,6 +276,18 @@ def _ascii_lists(rows: list[tuple[int, list[bytes]]], element: _Element, file: P
             raise LoadError(file, f"line {number}", _join(words), f"{at} numbers")
     return {(element.name, p.name): _Lists(np.array(counts[p.name], np.int64), np.array(values[p.name], np.float64))
             for p in element.properties}
+
+
+def _fast_table(rows: list[tuple[int, list[bytes]]]) -> npt.NDArray[np.float64] | None:
+    """All lines as one table if they are numbers and as many on each, else None: then go line by line."""
+    width = len(rows[0][1]) if rows else 0
+    if not width or any(len(words) != width for _, words in rows):
+        return None
+    flat = [word for _, words in rows for word in words]
+    try:
+        return None if any(b"_" in word for word in flat) else np.array(flat).astype(np.float64).reshape(-1, width)
+    except ValueError:
+        return None
 
 
 def _numbers(words: list[bytes], number: int, file: Path) -> list[float]:

@@ -94,9 +94,9 @@ class RayCaster:
 
         def trace(part: slice) -> None:
             found = self._scene.run(*self._local(origins, directions, part), output=True)
-            missed = found["primID"] < 0
             hits.triangle[part], hits.u[part], hits.v[part] = found["primID"], found["u"], found["v"]
-            hits.distance[part] = np.where(missed, np.float32(np.inf), found["tfar"] * np.float32(1 / self._scale))
+            hits.distance[part] = np.inf
+            np.divide(found["tfar"], self._scale, out=hits.distance[part], where=found["primID"] >= 0)
 
         self._split(n, trace)
         return hits
@@ -109,7 +109,7 @@ class RayCaster:
         return (np.asarray(points, np.float64) + self._offset * np.asarray(geometric_normals)).astype(np.float32)
 
     def _local(self, origins: Floats, directions: Floats, part: slice) -> tuple[Floats, Floats]:
-        """A slice of the rays in the tree's frame: origins moved and scaled, directions scaled so that t stays."""
+        """A slice of the rays in the tree's frame: origins moved and scaled, so that distances scale too."""
         if self._identity:
             return origins[part], directions[part]
         moved = (origins[part] - self._centre) * self._scale
@@ -117,7 +117,9 @@ class RayCaster:
 
     def _limits(self, limits: Floats | None, part: slice) -> Floats | None:
         """A private copy of a slice of the distances (the library writes into it)."""
-        return None if limits is None else np.minimum(limits[part] * np.float32(self._scale), _FARTHEST)
+        if limits is None:
+            return None
+        return np.minimum(limits[part].astype(np.float64) * self._scale, _FARTHEST).astype(np.float32)
 
     def _split(self, n_rays: int, trace: Callable[[slice], None]) -> None:
         """Trace all rays in chunks, over the threads when there are enough of them."""

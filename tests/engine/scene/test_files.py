@@ -1,0 +1,61 @@
+import os
+import socket
+
+import pytest
+
+from engine.errors import LoadError
+from engine.scene.files import read_regular_file, resolve_inside
+
+
+def test_reads_a_regular_file_up_to_its_cap(tmp_path):
+    path = tmp_path / "a"
+    path.write_bytes(b"12345")
+    assert read_regular_file(path, 5) == b"12345"
+    with pytest.raises(LoadError, match="size = 5 bytes, expected at most 4 bytes"):
+        read_regular_file(path, 4)
+
+
+def test_whatever_would_block_or_flood_is_refused_at_once(tmp_path):
+    os.mkfifo(tmp_path / "pipe")  # opening it for reading would wait for a writer for ever
+    with pytest.raises(LoadError, match="file = a named pipe, expected a regular file"):
+        read_regular_file(tmp_path / "pipe", 10)
+    with pytest.raises(LoadError, match="file = a folder, expected a regular file"):
+        read_regular_file(tmp_path, 10)
+    with pytest.raises(LoadError, match="file = a device, expected a regular file"):
+        read_regular_file("/dev/zero", 10)
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(tmp_path / "s"))
+        with pytest.raises(LoadError, match="expected a readable file"):
+            read_regular_file(tmp_path / "s", 10)
+    with pytest.raises(LoadError, match="No such file"):
+        read_regular_file(tmp_path / "absent", 10)
+    with pytest.raises(LoadError, match="null byte"):
+        read_regular_file(tmp_path / "a\0b", 10)
+
+
+def test_paths_stay_inside_the_folder(tmp_path):
+    (tmp_path / "scene" / "meshes").mkdir(parents=True)
+    folder = tmp_path / "scene"
+    inside = resolve_inside(folder, "meshes/../meshes/a.ply", folder / "s.toml", "mesh")
+    assert inside == (folder / "meshes" / "a.ply").resolve()  # dots that stay inside are harmless
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["../a.ply", "meshes/../../a.ply", "/etc/passwd", "http://x.org/a.ply", "file:a.ply", "C:/a.ply", "a\\b", ""],
+)
+def test_paths_out_of_the_folder_are_refused(tmp_path, name):
+    with pytest.raises(LoadError, match="s.toml: mesh = .*expected a relative path to a file inside"):
+        resolve_inside(tmp_path, name, tmp_path / "s.toml", "mesh")
+
+
+def test_links_out_of_the_folder_and_loops_of_links_are_refused(tmp_path):
+    folder = tmp_path / "scene"
+    folder.mkdir()
+    (tmp_path / "secret.ply").write_text("x")
+    (folder / "link.ply").symlink_to(tmp_path / "secret.ply")
+    (folder / "loop").symlink_to(folder / "loop")
+    with pytest.raises(LoadError, match=r"link.ply \(outside the scene folder\)"):
+        resolve_inside(folder, "link.ply", folder / "s.toml", "mesh")
+    with pytest.raises(LoadError):
+        read_regular_file(resolve_inside(folder, "loop", folder / "s.toml", "mesh"), 10)

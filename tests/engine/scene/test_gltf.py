@@ -1,0 +1,286 @@
+import copy
+import struct
+
+import numpy as np
+import pytest
+
+from engine.errors import LoadError
+from engine.scene.gltf import read_glb
+from engine.scene.load import load_scene
+
+
+def spoil(tree: dict, path: str, value: object) -> dict:
+    """A copy of the tree with the value at a dotted path replaced, or removed for None."""
+    tree = copy.deepcopy(tree)
+    *way, last = (int(key) if key.isdigit() else key for key in path.split("."))
+    node = tree
+    for key in way:
+        node = node[key]
+    if value is None:
+        del node[last]
+    else:
+        node[last] = value
+    return tree
+
+
+def test_one_triangle(triangle_glb, glb_file):
+    model = read_glb(glb_file(*triangle_glb))
+    (part,) = model.parts
+    assert part.mesh.vertices.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+    assert part.mesh.triangles.tolist() == [[0, 1, 2]]
+    assert part.layers[0].model == "lambert"  # no material: plain grey
+    assert model.notes == ()
+
+
+def test_without_indices_corners_come_in_order(triangle_glb, glb_file):
+    tree, binary = triangle_glb
+    del tree["meshes"][0]["primitives"][0]["indices"]
+    assert read_glb(glb_file(tree, binary)).parts[0].mesh.triangles.tolist() == [[0, 1, 2]]
+
+
+def test_interleaved_attributes_are_read_at_their_stride(triangle_glb, glb_file):
+    tree, binary = triangle_glb
+    rows = np.zeros((3, 6), "<f4")
+    rows[:, :3] = np.frombuffer(binary, "<f4", 9).reshape(3, 3)
+    rows[:, 5] = 2.0  # a normal along +Z, not unit
+    tree["bufferViews"][0] |= {"byteLength": 72, "byteStride": 24}
+    tree["bufferViews"][1]["byteOffset"] = 72
+    tree["buffers"][0]["byteLength"] = 78
+    tree["accessors"].append({"bufferView": 0, "byteOffset": 12, "componentType": 5126, "count": 3, "type": "VEC3"})
+    tree["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = 2
+    mesh = read_glb(glb_file(tree, rows.tobytes() + binary[36:])).parts[0].mesh
+    assert mesh.vertices.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+    assert mesh.normals is not None and mesh.normals.tolist() == [[0, 0, 1]] * 3
+
+
+def test_nodes_place_meshes_and_instances_repeat_them(triangle_glb, glb_file):
+    tree, binary = triangle_glb
+    half = float(np.sqrt(0.5))
+    tree["nodes"] = [
+        {"children": [1, 2], "translation": [0, 0, 5]},
+        {"mesh": 0, "rotation": [0, 0, half, half], "scale": [2, 2, 2]},  # a quarter turn about Z, twice the size
+        {"mesh": 0, "matrix": [-1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 7, 0, 0, 1]},  # mirrored, moved by 7 along X
+    ]
+    mesh = read_glb(glb_file(tree, binary)).parts[0].mesh
+    assert np.allclose(mesh.vertices[:3], [[0, 0, 5], [0, 2, 5], [-2, 0, 5]])
+    assert np.allclose(mesh.vertices[3:], [[7, 0, 5], [6, 0, 5], [7, 1, 5]])
+    corners = mesh.vertices[mesh.triangles[1]]
+    # the mirrored triangle still faces +Z, because its winding was turned with it
+    assert np.cross(corners[1] - corners[0], corners[2] - corners[0])[2] > 0
+
+
+def test_points_and_lines_are_left_out_with_a_note(triangle_glb, glb_file):
+    tree, binary = triangle_glb
+    tree["meshes"][0]["primitives"].append({"attributes": {"POSITION": 0}, "mode": 1})
+    assert read_glb(glb_file(tree, binary)).notes == ("1 primitives of points or lines left out",)
+    with pytest.raises(LoadError, match="faces = 0, expected at least one mesh of triangles"):
+        read_glb(glb_file(spoil(tree, "meshes.0.primitives.0.mode", 0), binary))
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "line"),
+    [
+        ("asset.version", "1.0", "asset: version = 1.0, expected 2.0"),
+        ("asset", None, "asset: version = nothing, expected 2.0"),
+        ("asset", 3, "asset = 3, expected an object"),
+        ("extensionsRequired", ["KHR_draco_mesh_compression"], "extensionsRequired = KHR_draco_mesh_compression"),
+        ("extensionsRequired", 3, "extensionsRequired = 3, expected a list"),
+        ("buffers.0.uri", "../../x.bin", "buffers 0: uri = ../../x.bin (outside the scene folder)"),
+        ("buffers.0.uri", "/etc/passwd", "buffers 0: uri = /etc/passwd, expected a relative path"),
+        ("buffers.0.uri", "http://x.org/a", "buffers 0: uri = http://x.org/a, expected a relative path"),
+        ("buffers.0.uri", "other.bin", "buffers 0: uri = other.bin, expected none: the file's own binary chunk"),
+        ("buffers.0.uri", "data:;base64,AAAA", "buffers 0: uri = data:;base64,AAAA, expected none"),
+        ("images", [{"uri": "../a.png"}], "images 0: uri = ../a.png (outside the scene folder)"),
+        ("buffers.0.byteLength", 10**9, "buffers 0: byteLength = 1000000000 in a binary chunk truncated at byte 44"),
+        ("buffers", [{"byteLength": 42}] * 2, "buffers 1: byteLength = a second buffer"),
+        ("accessors.0.count", 10**9, "accessors 0: count = 1000000000, expected an integer from 1 to 3"),
+        ("accessors.0.count", 10**10, "accessors 0: count = 10000000000, expected an integer from 1 to 3"),
+        ("accessors.0.count", -1, "accessors 0: count = -1, expected an integer from 1 to 3"),
+        ("accessors.0.count", 0, "accessors 0: count = 0, expected an integer from 1 to 3"),
+        ("accessors.0.count", 4, "accessors 0: count = 4, expected an integer from 1 to 3"),
+        ("accessors.0.count", 3.0, "accessors 0: count = 3.0, expected an integer"),
+        ("accessors.0.count", None, "accessors 0: count = nothing, expected an integer"),
+        ("accessors.0.byteOffset", 10**12, "accessors 0: byteOffset = 1000000000000, expected an integer from 0 to 36"),
+        ("accessors.0.byteOffset", 30, "accessors 0: count = 3, expected an integer from 1 to 0"),
+        ("accessors.0.type", "VEC2", "accessors 0: type = VEC2, expected VEC3 for POSITION"),
+        ("accessors.0.componentType", 5123, "accessors 0: componentType = 5123, expected one of 5126 for POSITION"),
+        ("accessors.1.componentType", 5126, "accessors 1: componentType = 5126, expected one of 5121, 5123, 5125"),
+        ("accessors.0.sparse", {"count": 1}, "accessors 0: sparse = a sparse accessor"),
+        ("accessors.0.bufferView", None, "accessors 0: sparse = a sparse accessor"),
+        ("accessors.0.bufferView", 9, "accessors 0: bufferView = 9, expected an integer from 0 to 1"),
+        ("bufferViews.0.byteStride", 0, "bufferViews 0: byteStride = 0, expected an integer from 12 to 252"),
+        ("bufferViews.0.byteStride", 8, "bufferViews 0: byteStride = 8, expected an integer from 12 to 252"),
+        ("bufferViews.0.byteOffset", 10**12, "bufferViews 0: byteOffset = 1000000000000, expected"),
+        ("bufferViews.0.byteLength", 100, "bufferViews 0: byteLength = 100, expected an integer from 1 to 44"),
+        ("bufferViews.0.buffer", 1, "bufferViews 0: buffer = 1, expected an integer from 0 to 0"),
+        ("meshes.0.primitives.0.attributes", {}, "attributes: POSITION = nothing, expected an accessor of positions"),
+        ("meshes.0.primitives.0.attributes", [], "attributes = [], expected an object"),
+        ("meshes.0.primitives.0.attributes.POSITION", 7, "POSITION = 7, expected an integer from 0 to 1"),
+        ("meshes.0.primitives.0.mode", 5, "mode = 5, expected 4 (triangles; no strips, no fans)"),
+        ("meshes.0.primitives.0.material", 0, "material = 0, expected an integer from -1 to -1"),
+        ("meshes.0.primitives.0", 3, "meshes 0: primitives 0 = 3, expected an object"),
+        ("meshes.0.primitives", 3, "meshes 0: primitives = 3, expected a list"),
+        ("nodes.0.mesh", 5, "nodes 0: mesh = 5, expected an integer from 0 to 0"),
+        ("nodes.0.children", [0], "nodes 0: parents = 0 and 0, expected one parent"),
+        ("nodes.0.children", [7], "nodes 0: children = [7], expected a list of indices"),
+        ("nodes", [{"children": [1]}, {"children": [2]}, {"children": [1]}], "nodes 1: parents = 0 and 2"),
+        ("nodes", [{"children": [1]}, {"children": [0]}], "nodes 0 = a root below nodes 1"),
+        ("nodes.0.matrix", [1] * 15, "nodes 0: matrix = [1, 1"),
+        ("nodes.0.matrix", [float("nan")] * 16, "nodes 0: matrix = [nan"),
+        ("nodes.0.matrix", [1e30] + [0] * 14 + [1], "nodes 0: transform = [1e+30"),
+        ("nodes.0.matrix", [0] * 15 + [1], "nodes 0: transform = a matrix that flattens"),
+        ("nodes.0.scale", [1, 0, 1], "nodes 0: transform = a matrix that flattens"),
+        ("nodes.0.rotation", [0, 0, 0, 0], "nodes 0: rotation = [0.0, 0.0, 0.0, 0.0], expected a unit quaternion"),
+        ("nodes.0.translation", [10**400, 0, 0], "nodes 0: translation = [1000"),
+        ("scene", 3, "scene = 3, expected an integer from 0 to 0"),
+        ("scenes.0.nodes", [4], "scenes 0: nodes = [4], expected a list of indices"),
+        ("materials", [{"pbrMetallicRoughness": {"metallicFactor": 2}}], "metallicFactor = 2.0, expected numbers"),
+        ("materials", [{"pbrMetallicRoughness": {"baseColorFactor": [1]}}], "baseColorFactor = [1], expected 4 finite"),
+    ],
+)
+def test_each_lie_in_the_json_is_named(triangle_glb, glb_file, path, value, line):
+    tree, binary = triangle_glb
+    with pytest.raises(LoadError) as caught:
+        read_glb(glb_file(spoil(tree, path, value), binary))
+    text = str(caught.value)
+    assert line in text and text.endswith("; nothing was changed") and "\n" not in text
+
+
+def test_indices_out_of_range_and_vertices_that_are_no_numbers(triangle_glb, glb_file):
+    tree, binary = triangle_glb
+    with pytest.raises(LoadError, match="meshes 0: primitives 0: index 2 = 9, expected an index from 0 to 2"):
+        read_glb(glb_file(tree, binary[:40] + b"\x09\x00"))
+    with pytest.raises(LoadError, match=r"primitives 0: vertex 1 = \[nan, 0.0, 0.0\], expected finite"):
+        read_glb(glb_file(tree, binary[:12] + struct.pack("<f", float("nan")) + binary[16:]))
+    with pytest.raises(LoadError, match="indices = 2 corners, expected a multiple of 3"):
+        read_glb(glb_file(spoil(tree, "accessors.1.count", 2), binary))
+
+
+@pytest.mark.parametrize(
+    ("data", "line"),
+    [
+        (b"", "size = truncated at byte 0, expected a header of 12 bytes"),
+        (b"glTF", "size = truncated at byte 4, expected a header of 12 bytes"),
+        (b"glXF" + struct.pack("<II", 2, 12), "magic = glXF, expected glTF"),
+        (b"PK\x03\x04" + b"\0" * 20, "magic = PK"),
+        (b"glTF" + struct.pack("<II", 1, 12), "container version = 1, expected GLB 2"),
+        (b"glTF" + struct.pack("<II", 2, 12), "chunk at byte 12 = truncated at byte 12"),
+        (b"glTF" + struct.pack("<IIII", 2, 20, 0xFFFFFFF0, 0x4E4F534A), "corrupt chunk at byte 12: length = 429496"),
+        (b"glTF" + struct.pack("<IIII", 2, 20, 0, 0x004E4942), "first chunk = 0x4e4942, expected JSON"),
+        (b"glTF" + struct.pack("<IIII", 2, 20, 0, 0x4E4F534A), "JSON = "),
+        (b"glTF" + struct.pack("<II", 2, 11) + b"\0" * 20, "size = 32 bytes, expected 11 bytes"),
+    ],
+)
+def test_broken_containers_are_named(mesh_file, data, line):
+    with pytest.raises(LoadError) as caught:
+        read_glb(mesh_file("bad.glb", data))
+    assert line in str(caught.value)
+
+
+def test_every_cut_of_a_file_is_refused(triangle_glb, glb_file, mesh_file):
+    whole = glb_file(*triangle_glb).read_bytes()
+    for end in range(0, len(whole), 7):
+        with pytest.raises(LoadError, match="truncated at byte"):
+            read_glb(mesh_file("cut.glb", whole[:end]))
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        (b"[" * 200_000, "JSON = too deep"),
+        (b'{"a":' * 200_000, "JSON = too deep"),
+        (b"[]", "JSON root = list, expected an object"),
+        (b"3", "JSON root = int, expected an object"),
+        (b"{", "JSON = "),
+        (b"\xff\xfe", "JSON = "),
+    ],
+)
+def test_json_that_is_none_or_too_much(glb_file, text, line):
+    with pytest.raises(LoadError) as caught:
+        read_glb(glb_file(None, text=text))
+    assert line in str(caught.value)
+
+
+def test_twenty_thousand_nested_nodes_are_too_deep(triangle_glb, glb_file):
+    tree, binary = triangle_glb
+    tree["nodes"] = [{"children": [k + 1]} for k in range(20_000)] + [{"mesh": 0}]
+    with pytest.raises(LoadError, match="depth = too deep, expected a tree of at most 256 levels"):
+        read_glb(glb_file(tree, binary))
+
+
+def test_instances_do_not_multiply_without_bound(triangle_glb, glb_file, monkeypatch):
+    monkeypatch.setattr("engine.scene.gltf.MAX_VERTICES", 300)
+    tree, binary = triangle_glb
+    tree["nodes"] = [{"mesh": 0}] * 101
+    tree["scenes"] = [{"nodes": list(range(101))}]
+    with pytest.raises(LoadError, match="vertices of all nodes = 303, expected at most 300"):
+        read_glb(glb_file(tree, binary))  # a small file could ask for terabytes
+
+
+def test_pictures_are_never_decoded(triangle_glb, glb_file):
+    tree, binary = triangle_glb
+    tree["images"] = [{"uri": "data:image/png;base64," + "A" * 1000}, {"bufferView": 0, "mimeType": "image/png"}]
+    tree["textures"] = [{"source": 0}]
+    tree["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0}}]
+    tree["meshes"][0]["primitives"][0]["material"] = 0
+    assert "textures are not read" in read_glb(glb_file(tree, binary)).notes[0]  # no image library is even imported
+
+
+def test_random_damage_ends_in_a_model_or_one_error(triangle_glb, glb_file):
+    rng = np.random.default_rng(2)
+    whole = bytearray(glb_file(*triangle_glb).read_bytes())
+    path, outcomes = glb_file(*triangle_glb), set()
+    for _ in range(500):
+        data = bytearray(whole)
+        for at in rng.integers(20, len(data), 2):
+            data[at] = rng.integers(0, 256)
+        path.write_bytes(bytes(data))
+        try:
+            outcomes.add(type(read_glb(path)).__name__)
+        except LoadError as error:
+            outcomes.add(type(error).__name__)
+    assert outcomes == {"GlbModel", "LoadError"}  # never another exception
+
+
+@pytest.mark.parametrize(("name", "n_triangles"), [("CesiumMan", 4672), ("Fox", 576)])
+def test_agrees_with_an_independent_reader(shared_data, name, n_triangles):
+    trimesh = pytest.importorskip("trimesh")
+    path = shared_data / "glb" / f"{name}.glb"
+    (part,) = read_glb(path).parts
+    theirs = trimesh.load(path, process=False).to_mesh()
+    assert len(part.mesh.triangles) == n_triangles
+    assert np.allclose(part.mesh.vertices[part.mesh.triangles], theirs.vertices[theirs.faces], atol=1e-6)
+
+
+def two_materials(tree: dict) -> dict:
+    """The tree with the triangle twice, in a metal and in a shining dielectric."""
+    tree = copy.deepcopy(tree)
+    metal = {"baseColorFactor": [1, 0.5, 0, 1], "metallicFactor": 1, "roughnessFactor": 0.5}
+    tree["materials"] = [{"pbrMetallicRoughness": metal},
+                         {"emissiveFactor": [1, 1, 0], "pbrMetallicRoughness": {"metallicFactor": 0}}]
+    primitive = tree["meshes"][0]["primitives"][0]
+    tree["meshes"][0]["primitives"] = [primitive | {"material": 0}, primitive | {"material": 1}]
+    return tree
+
+
+def test_a_scene_object_becomes_one_object_a_material(triangle_glb, glb_file, scene_file):
+    tree, binary = triangle_glb
+    glb_file(two_materials(tree), binary)
+    scene = load_scene(scene_file('[[object]]\nname = "toy"\nmesh = "model.glb"\n'))
+    first, second = scene.description.objects
+    assert (first.name, first.part, second.name, second.part) == ("toy 1", 0, "toy 2", 1)
+    assert [layer.model for layer in first.layers] == ["rough_conductor"]  # a metal has no diffuse part
+    assert first.layers[0].parameters["alpha"] == 0.25  # roughness²
+    assert second.emits and scene.emitters.tolist() == [False, True]
+
+
+def test_parts_are_chosen_and_own_layers_win(triangle_glb, glb_file, scene_file):
+    tree, binary = triangle_glb
+    glb_file(two_materials(tree), binary)
+    one = load_scene(scene_file('[[object]]\nname = "toy"\nmesh = "model.glb"\npart = 0\n'))
+    assert len(one.triangles) == 1 and one.description.objects[0].name == "toy"
+    layer = 'layer = [{ model = "lambert", albedo = 0.2 }]'
+    own = load_scene(scene_file(f'[[object]]\nname = "toy"\nmesh = "model.glb"\n{layer}\n'))
+    assert len(own.triangles) == 2 and own.description.objects[0].layers[0].model == "lambert"
+    with pytest.raises(LoadError, match="object 'toy': part = 2, expected a part from 0 to 1"):
+        load_scene(scene_file('[[object]]\nname = "toy"\nmesh = "model.glb"\npart = 2\n'))

@@ -1,0 +1,181 @@
+import numpy as np
+import pytest
+
+from engine.scene.hits import PrimaryHits, trace_primary
+from engine.scene.load import Scene, load_scene
+from engine.scene.raycaster import RayCaster
+
+
+def trace(path, resolution=None) -> tuple[Scene, PrimaryHits]:
+    scene = load_scene(path, resolution)
+    return scene, trace_primary(scene, RayCaster(scene.vertices, scene.triangles), resolution)
+
+
+def camera(position, target=(0, 0, 0), size=(64, 48), fov=40) -> str:
+    return f"[camera]\nposition = {list(position)}\ntarget = {list(target)}\nfov_y = {fov}\nresolution = {list(size)}\n"
+
+
+SPHERE = '[[object]]\nname = "ball"\nprimitive = "sphere"\n'
+ALL = ("position", "offset_position", "normal", "geometric_normal", "tangent", "wo")
+UNIT = ("normal", "geometric_normal", "tangent", "wo")
+
+
+def check_invariants(scene: Scene, hits: PrimaryHits) -> None:
+    """What holds for every picture."""
+    width, height = hits.resolution
+    for name in ALL:
+        array = getattr(hits, name)
+        assert array.shape == (len(hits.pixel), 3) and array.dtype == np.float32 and np.isfinite(array).all(), name
+    for name in UNIT:
+        assert np.abs(np.linalg.norm(getattr(hits, name), axis=1) - 1).max(initial=0) < 1e-5, name
+    facing = np.einsum("pk,pk->p", hits.normal, hits.wo), np.einsum("pk,pk->p", hits.geometric_normal, hits.wo)
+    assert min(f.min(initial=0) for f in facing) > -1e-6
+    assert np.abs(np.einsum("pk,pk->p", hits.normal, hits.tangent)).max(initial=0) < 1e-5
+    ids = hits.object_image.reshape(-1)[hits.pixel]
+    for k, (start, end) in enumerate(hits.object_ranges):
+        assert (ids[start:end] == k).all() and (np.diff(hits.pixel[start:end]) > 0).all()
+    assert hits.object_ranges[-1, 1] == len(hits.pixel)
+    assert hits.object_image.shape == (height, width) and hits.ray_directions.shape == (height, width, 3)
+    assert ((hits.edge_weights > 0) & (hits.edge_weights <= 1)).all()
+    flat = hits.object_image.reshape(-1)
+    assert (flat[hits.edge_pixels] != flat[hits.edge_neighbours]).all()
+
+
+def test_a_sphere_has_its_true_normals(scene_file):
+    scene, hits = trace(scene_file(SPHERE, camera((0, 0, 3))))
+    check_invariants(scene, hits)
+    # a sphere of radius ½ at the origin: n = p / |p|, up to the tessellation's sagitta
+    assert np.abs(hits.normal - hits.position / np.linalg.norm(hits.position, axis=1, keepdims=True)).max() < 2e-3
+    assert np.abs(np.linalg.norm(hits.position, axis=1) - 0.5).max() < 1e-3
+    # it fills a disc: tan of its half angle is 0.5/√(9 − 0.25), the picture's half height tan 20°
+    share = np.pi * (0.5 / np.sqrt(8.75) / np.tan(np.radians(20)) * 24) ** 2 / (64 * 48)
+    assert len(hits.pixel) / (64 * 48) == pytest.approx(share, rel=0.02)
+    assert (hits.object_image == -1).sum() == 64 * 48 - len(hits.pixel)
+
+
+def test_flat_objects_show_their_faces(scene_file):
+    _, hits = trace(scene_file(SPHERE + "smooth = false\n", camera((0, 0, 3))))
+    assert np.array_equal(hits.normal, hits.geometric_normal)
+
+
+def test_both_sides_reflect(scene_file):
+    card = '[[object]]\nname = "card"\nprimitive = "quad"\n'
+    _, front = trace(scene_file(card, camera((0, 0, 3))))
+    _, back = trace(scene_file(card, camera((0, 0, -3))))
+    assert len(front.pixel) == len(back.pixel) > 0
+    assert np.allclose(front.normal, [0, 0, 1]) and np.allclose(back.normal, [0, 0, -1])  # each toward its eye
+    assert (back.offset_position[:, 2] < back.position[:, 2]).all()  # lifted to the eye's side
+
+
+def test_a_leaning_normal_is_turned_by_its_own_sign(scene_file, mesh_file):
+    head = "ply\nformat ascii 1.0\nelement vertex 3\n" + "".join(
+        f"property float {n}\n" for n in ("x", "y", "z", "nx", "ny", "nz"))
+    text = head + "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    # the face looks along +Z, its vertex normals along +X: from the left the eye sees the front, but n·wo < 0
+    mesh_file("t.ply", text + "-1 -1 0 1 0 0.01\n1 -1 0 1 0 0.01\n0 1 0 1 0 0.01\n3 0 1 2\n")
+    scene, hits = trace(scene_file('[[object]]\nname = "t"\nmesh = "t.ply"\n', camera((-3, 0, 0.5))))
+    check_invariants(scene, hits)
+    assert (hits.geometric_normal[:, 2] > 0.99).all()
+    assert (hits.normal[:, 0] < -0.99).all()  # the shading frame is turned to the eye, and finite
+
+
+def test_vertex_normals_that_cancel_fall_back_to_the_face(scene_file, mesh_file):
+    head = "ply\nformat ascii 1.0\nelement vertex 3\n" + "".join(
+        f"property float {n}\n" for n in ("x", "y", "z", "nx", "ny", "nz"))
+    text = head + "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    # three normals at 120° in the plane: their mean at the centroid is zero
+    mesh_file("t.ply", text + "-1 -1 0 1 0 0\n1 -1 0 -0.5 0.866025 0\n0 1 0 -0.5 -0.866025 0\n3 0 1 2\n")
+    path = scene_file('[[object]]\nname = "t"\nmesh = "t.ply"\n', camera((0, -1 / 3, 3), (0, -1 / 3, 0), (1, 1), 1))
+    scene, hits = trace(path)
+    check_invariants(scene, hits)
+    assert hits.normal[0] == pytest.approx([0, 0, 1])
+
+
+def test_tangents_run_across_the_objects_axis(scene_file):
+    _, hits = trace(scene_file(SPHERE, camera((0, 0, 3))))
+    # on a sphere Y × n is horizontal, east for an eye on +Z
+    assert np.abs(hits.tangent[:, 1]).max() < 1e-6
+    middle = np.abs(hits.normal[:, 0]) < 0.1
+    assert (hits.tangent[middle, 0] > 0.9).all()
+    # a quarter turn about Z takes the object's Y to world −X: tangents lose their X part
+    turned = SPHERE + "transform = [0,1,0,0, -1,0,0,0, 0,0,1,0, 0,0,0,1]\n"
+    _, hits = trace(scene_file(turned, camera((0, 0, 3))))
+    assert np.abs(hits.tangent[:, 0]).max() < 1e-6
+
+
+def test_where_the_axis_is_the_normal_the_tangent_is_the_x_axis(scene_file):
+    lying = '[[object]]\nname = "card"\nprimitive = "quad"\ntransform = [1,0,0,0, 0,0,1,0, 0,1,0,0, 0,0,0,1]\n'
+    # the card's Y axis becomes world Z and its normal world −Y … seen from above it is turned up: t = Y × n
+    _, hits = trace(scene_file(lying, camera((0, 3, 0.1))))
+    assert np.allclose(np.abs(hits.tangent), [1, 0, 0], atol=1e-6)
+    floor = '[[object]]\nname = "box"\nprimitive = "cube"\n'
+    _, hits = trace(scene_file(floor, camera((0, 3, 0.001))))
+    assert np.allclose(hits.tangent, [1, 0, 0], atol=1e-6)  # on the top n = Y: the X axis
+
+
+LAMP = '[[object]]\nname = "lamp"\nprimitive = "quad"\nemission = [3, 2, 1]\n'
+
+
+def test_emitters_are_pictures_that_shine_from_their_front(scene_file):
+    scene, front = trace(scene_file(LAMP, camera((0, 0, 3))))
+    check_invariants(scene, front)
+    assert len(front.pixel) == 0 and front.object_image[24, 32] == 0
+    assert front.emission_image[24, 32].tolist() == [3, 2, 1] and front.emission_image[0, 0].tolist() == [0, 0, 0]
+    _, back = trace(scene_file(LAMP, camera((0, 0, -3))))
+    assert back.object_image[24, 32] == 0 and not back.emission_image.any()  # dark from behind
+
+
+def test_points_are_sorted_by_object(scene_file):
+    far = '[[object]]\nname = "far"\nprimitive = "quad"\ntransform = [9,0,0,0, 0,9,0,0, 0,0,1,-2, 0,0,0,1]\n'
+    scene, hits = trace(scene_file(far + SPHERE + LAMP.replace("0, 0,1]", "0, 0,1]"), camera((0, 0, 3))))
+    check_invariants(scene, hits)
+    counts = hits.object_ranges[:, 1] - hits.object_ranges[:, 0]
+    assert counts[0] > 0 and counts[1] >= 0 and counts[2] == 0  # a lamp has no shading points
+    assert counts.sum() == len(hits.pixel)
+
+
+def test_edge_coverage_of_a_half_covered_pixel(scene_file):
+    half = '[[object]]\nname = "half"\nprimitive = "quad"\ntransform = [10,0,0,5, 0,10,0,0, 0,0,1,0, 0,0,0,1]\n'
+    # a card that covers x > 0, seen straight on with odd width: the edge runs through the middle of column 4
+    path = scene_file(half, camera((0.001, 0, 3), (0.001, 0, 0), (9, 7)))
+    scene, hits = trace(path)
+    check_invariants(scene, hits)
+    column = hits.edge_pixels % 9
+    middle = hits.edge_weights[(column == 4)]
+    assert set(middle.tolist()) == {0.5}  # two of four rays pass beside it
+    assert (hits.edge_neighbours[column == 4] % 9 == 3).all()  # what they see is what the left neighbour sees
+
+
+def test_resolution_and_scale_do_not_change_what_is_seen(scene_file):
+    path = scene_file(SPHERE, camera((0, 0, 3)))
+    _, small = trace(path)
+    _, large = trace(path, (128, 96))
+    assert large.resolution == (128, 96)
+    assert len(large.pixel) == pytest.approx(4 * len(small.pixel), rel=0.02)
+
+
+@pytest.mark.parametrize("scale", [1e-4, 1.0, 1e5])
+def test_a_scene_may_be_tiny_huge_or_far_away(scene_file, scale):
+    far = 1000 * scale
+    ball = SPHERE + f"transform = [{scale},0,0,{far}, 0,{scale},0,0, 0,0,{scale},0, 0,0,0,1]\n"
+    scene, hits = trace(scene_file(ball, camera((far, 0, 3 * scale), (far, 0, 0))))
+    check_invariants(scene, hits)
+    _, plain = trace(scene_file(SPHERE, camera((0, 0, 3))))
+    assert np.array_equal(hits.object_image, plain.object_image)  # a thousand diameters from the origin: the same
+    assert np.abs(hits.position / scale - plain.position).max() < 1e-4
+    assert scene.origin[0] == pytest.approx(far)
+
+
+@pytest.mark.parametrize(("name", "n_objects"), [("teatray", 3), ("bunny", 4), ("cornell", 8)])
+def test_the_reference_scenes(shared_reference, name, n_objects):
+    image = pytest.importorskip("PIL.Image")
+    scene, hits = trace(shared_reference / f"{name}.toml")
+    check_invariants(scene, hits)
+    assert len(hits.object_ranges) == n_objects and scene.notes == ()
+    with image.open(shared_reference / f"{name}_mask.png") as mask:
+        counted = np.array(mask.convert("L")) > 127
+    seen = np.zeros(counted.size, bool)
+    seen[hits.pixel] = True
+    assert not (counted.reshape(-1) & ~seen).any()  # every pixel the references count has a shading point
+    if name == "cornell":
+        assert hits.emission_image.max() == pytest.approx(18.4)  # its lamp is seen from the front

@@ -1,0 +1,84 @@
+import os
+
+import numpy as np
+import pytest
+
+from engine.errors import LoadError
+from engine.scene.mesh import read_mesh
+
+SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+
+
+def test_polygons_comments_groups_and_negative_indices(mesh_file):
+    text = "# a square\no thing\ng side\ns off\nusemtl red\nvt 0 0\n" + SQUARE + "f 1 2 3 4 # all\nf -4 -2 -1\nl 1 2\n"
+    mesh = read_mesh(mesh_file("a.obj", text))
+    assert mesh.triangles.tolist() == [[0, 1, 2], [0, 2, 3], [0, 2, 3]]  # −4 counts from the last vertex: the first
+    assert mesh.normals is None
+
+
+def test_lines_go_on_after_a_backslash_and_carriage_returns_are_blanks(mesh_file):
+    mesh = read_mesh(mesh_file("a.obj", SQUARE.replace("\n", "\r\n") + "f 1 2 \\\r\n 3\r\n"))
+    assert mesh.triangles.tolist() == [[0, 1, 2]]
+
+
+def test_corners_split_by_normal_but_not_by_texture_coordinate(mesh_file):
+    text = SQUARE + "vn 0 0 1\nvn 1 0 0\nvt 0 0\nvt 1 1\nf 1/1/1 2/1/1 3/1/1\nf 1/2/1 3/2/2 4//1\n"
+    mesh = read_mesh(mesh_file("a.obj", text))
+    # vertex 3 has two normals and becomes two vertices; vertex 1 has two texture coordinates and stays one
+    assert len(mesh.vertices) == 5
+    corners = mesh.triangles[1]
+    assert mesh.normals is not None and mesh.normals[corners].tolist() == [[0, 0, 1], [1, 0, 0], [0, 0, 1]]
+    assert mesh.vertices[corners].tolist() == [[0, 0, 0], [1, 1, 0], [0, 1, 0]]
+
+
+def test_normals_count_only_if_every_corner_has_one(mesh_file):
+    mesh = read_mesh(mesh_file("a.obj", SQUARE + "vn 0 0 1\nf 1//1 2//1 3//1\nf 1 3 4\n"))
+    assert mesh.normals is None
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("", "faces = 0, expected at least one line f"),
+        (SQUARE, "faces = 0, expected at least one line f"),
+        (SQUARE + "f 0 1 2\n", "line 5 = 0, expected indices from 1"),
+        (SQUARE + "f 1 2 30000\n", "line 5: v index = 30000, expected an index from 1 to 4"),
+        (SQUARE + "f 1 2 100000000000000000000\n", "line 5 = 100000000000000000000, expected indices"),
+        (SQUARE + "f 1 2 1e20\n", "line 5 = 1e20, expected indices from 1"),
+        (SQUARE + "f 1 2 -5\n", "line 5 = -5, expected v indices from -4 to -1"),
+        (SQUARE + "f 1 2 \u0663\n", "line 5 = \u0663, expected indices"),
+        (SQUARE + "f 1//1 2//1 3//1\n", "line 5: vn index = 1, expected an index from 1 to 0"),
+        (SQUARE + "f 1/1/1/1 2 3\n", "line 5 = 1/1/1/1, expected v, v/vt"),
+        (SQUARE + "f 1 2\n", "line 5 = f 1 2, expected at least 3 corners"),
+        ("v 0 0 nan\n" + SQUARE + "f 1 2 3\n", "vertex 0 = [0.0, 0.0, nan], expected finite"),
+        ("v 0 0\n", "line 1 = v 0 0, expected 3 numbers after v"),
+        ("v 0 0 x\n", "line 1 = v 0 0 x, expected 3 numbers after v"),
+        ("v 0 0 1_0\n", "line 1 = v 0 0 1_0, expected 3 numbers"),
+        ("\n\nlorem ipsum dolor\n", "line 3 = lorem ipsum dolor, expected v, vn, vt, f"),
+        ("v 0 0 0\0", "byte 7 = binary data"),
+        (SQUARE + "f 1 2 3 \\", "line 5 = \\, expected a line after"),
+        ("mtllib /etc/passwd\n", "line 1: mtllib = /etc/passwd, expected a relative path"),
+        ("mtllib ../../x.mtl\n", "line 1: mtllib = ../../x.mtl (outside the scene folder)"),
+        ("curv 0 1 2\n", "line 1 = curv 0 1 2"),
+    ],
+)
+def test_broken_files_are_named_by_line_and_value(mesh_file, text, line):
+    with pytest.raises(LoadError) as caught:
+        read_mesh(mesh_file("bad.obj", text))
+    assert line in str(caught.value) and "bad.obj: " in str(caught.value)
+
+
+def test_a_material_library_is_never_opened(tmp_path, mesh_file):
+    os.mkfifo(tmp_path / "pipe.mtl")  # opening it would hang
+    mesh = read_mesh(mesh_file("a.obj", "mtllib pipe.mtl\n" + SQUARE + "f 1 2 3\n"))
+    assert len(mesh.triangles) == 1
+    (tmp_path / "out.mtl").symlink_to("/etc/passwd")
+    with pytest.raises(LoadError, match="outside the scene folder"):
+        read_mesh(mesh_file("a.obj", "mtllib out.mtl\n" + SQUARE + "f 1 2 3\n"))
+
+
+def test_agrees_with_an_independent_reader(shared_data):
+    trimesh = pytest.importorskip("trimesh")
+    path = shared_data / "meshes" / "teapot.obj"
+    ours, theirs = read_mesh(path), trimesh.load(path, process=False)
+    assert np.array_equal(ours.vertices[ours.triangles], theirs.vertices[theirs.faces])

@@ -1,0 +1,156 @@
+import struct
+
+import numpy as np
+import pytest
+
+from engine.errors import LoadError
+from engine.scene.mesh import read_mesh
+
+POSITIONS = "property float x\nproperty float y\nproperty float z\n"
+FACES = "property list uchar int vertex_indices\n"
+
+
+def header(kind: str, n_vertices: object = 4, n_faces: object = 1, vertex: str = POSITIONS, face: str = FACES) -> str:
+    return (f"ply\nformat {kind} 1.0\ncomment made here\nelement vertex {n_vertices}\n{vertex}"
+            f"element face {n_faces}\n{face}end_header\n")
+
+
+CORNERS = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0))
+ASCII_CORNERS = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n"
+
+
+def binary(order: str, faces: bytes, **counts) -> bytes:
+    kind = "binary_little_endian" if order == "<" else "binary_big_endian"
+    body = b"".join(struct.pack(order + "3f", *corner) for corner in CORNERS)
+    return header(kind, **counts).encode() + body + faces
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_binary_files_of_both_byte_orders(mesh_file, order):
+    mesh = read_mesh(mesh_file("a.ply", binary(order, struct.pack(order + "B4i", 4, 0, 1, 2, 3))))
+    assert mesh.vertices.tolist() == [list(c) for c in CORNERS]
+    assert mesh.triangles.tolist() == [[0, 1, 2], [0, 2, 3]]  # a quad is a fan of two
+    assert mesh.normals is None
+
+
+def test_polygons_of_different_size_in_binary(mesh_file):
+    faces = struct.pack("<B3i", 3, 0, 1, 2) + struct.pack("<B4i", 4, 0, 1, 2, 3) + struct.pack("<B3i", 3, 1, 2, 3)
+    mesh = read_mesh(mesh_file("a.ply", binary("<", faces, n_faces=3)))
+    assert mesh.triangles.tolist() == [[0, 1, 2], [0, 1, 2], [0, 2, 3], [1, 2, 3]]  # in the order of the file
+
+
+def test_ascii_with_normals_colours_and_other_elements(mesh_file):
+    vertex = POSITIONS + "property float nx\nproperty float ny\nproperty float nz\nproperty uchar red\n"
+    text = (header("ascii", 3, 1, vertex).replace("end_header", "element edge 1\nproperty int a\nend_header")
+            + "0 0 0 0 0 2 255\r\n1 0 0 0 0 2 255\n\n0 1 0 0 0 2 0\n3 0 1 2\n7\n")
+    mesh = read_mesh(mesh_file("a.ply", text))
+    assert mesh.normals is not None and mesh.normals[1].tolist() == [0, 0, 2]  # as in the file, not yet unit
+    assert mesh.triangles.tolist() == [[0, 1, 2]]
+
+
+def test_ascii_polygons_of_different_size(mesh_file):
+    mesh = read_mesh(mesh_file("a.ply", header("ascii", 4, 2) + ASCII_CORNERS + "4 0 1 2 3\n3 1 2 3\n"))
+    assert mesh.triangles.tolist() == [[0, 1, 2], [0, 2, 3], [1, 2, 3]]
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("", "first line = , expected ply"),
+        ("plyx\n", "first line = plyx"),
+        ("PK\x03\x04", "first line = "),
+        ("ply\nformat ascii 1.0\n", "header = no end_header"),
+        ("ply\nelement vertex 3\nend_header\n", "header = no format"),
+        (header("ascii_2"), "line 2 = format ascii_2 1.0"),
+        (header("ascii", -1), "line 4: count = -1, expected a number from 0"),
+        (header("ascii", 10**12), "line 4: count = 1000000000000, expected a number from 0"),
+        (header("ascii", "x"), "line 4: count = x"),
+        (header("ascii", 10**9) + ASCII_CORNERS, "rows in the body = 4, expected 1000000001 rows"),
+        (header("ascii", 4, 1) + ASCII_CORNERS, "rows in the body = 4, expected 5 rows"),
+        (header("ascii", 4, 1) + ASCII_CORNERS + "3 0 1 2\n3 0 1 2\n", "rows in the body = 6, expected 5 rows"),
+        (header("ascii", 4, 1) + "0 0 0\n1 0\n1 1 0\n0 1 0\n3 0 1 2\n", "line 12 = 1 0, expected 3 numbers"),
+        (header("ascii", 4, 1) + "0 0 0\n1 0 x\n1 1 0\n0 1 0\n3 0 1 2\n", "line 12 = 1 0 x, expected numbers"),
+        (header("ascii", 4, 1) + "0 0 0\n1 0 1_0\n1 1 0\n0 1 0\n3 0 1 2\n", "line 12 = 1 0 1_0, expected numbers"),
+        (header("ascii", 4, 1) + "0 0 0\n1 0 nan\n1 1 0\n0 1 0\n3 0 1 2\n", "vertex 1 = [1.0, 0.0, nan], expected"),
+        (header("ascii", 4, 1) + "0 0 0\n1 0 1e999\n1 1 0\n0 1 0\n3 0 1 2\n", "vertex 1 = [1.0, 0.0, inf], expected"),
+        (header("ascii", 4, 1) + ASCII_CORNERS + "3 0 1 4\n", "face 0 = 4, expected indices from 0 to 3"),
+        (header("ascii", 4, 1) + ASCII_CORNERS + "3 0 1 -1\n", "face 0 = -1, expected indices from 0 to 3"),
+        (header("ascii", 4, 1) + ASCII_CORNERS + "3 0 1 1e20\n", "face 0 = 1e+20, expected indices"),
+        (header("ascii", 4, 1) + ASCII_CORNERS + "3 0 1 1.5\n", "face 0 = 1.5, expected indices"),
+        (header("ascii", 4, 1) + ASCII_CORNERS + "3 0 1 nan\n", "face 0 = nan, expected indices"),
+        (header("ascii", 4, 1) + ASCII_CORNERS + "2 0 1\n", "face 0 = 2 vertices, expected at least 3"),
+        (header("ascii", 4, 1) + ASCII_CORNERS + "-3 0 1 2\n", "line 15 = -3 0 1 2, expected a list length"),
+        (header("ascii", 4, 1) + ASCII_CORNERS + "1000000000 0 1 2\n", "line 15 = 1000000000 0 1 2, expected a list"),
+        (header("ascii", 4, 1) + ASCII_CORNERS + "3 0 1 2 3\n", "line 15 = 3 0 1 2 3, expected 4 numbers"),
+        (header("ascii", 4, 0) + ASCII_CORNERS, "faces = 0, expected at least one face"),
+        (header("ascii", 0, 1) + "3 0 1 2\n", "face 0 = 0, expected indices from 0 to -1"),
+        (header("ascii", 4, 1, "property float x\nproperty float y\n"), "rows in the body = 0"),
+        (header("ascii", 1, 0, "property float x\nproperty float y\n") + "0 0\n", "element vertex = missing"),
+        (header("ascii", 4, 1, face="property int vertex_indices\n") + ASCII_CORNERS + "3\n", "element face = no list"),
+        (header("ascii", 4, 1, face="property list float int vertex_indices\n"), "line 9 = property list float int"),
+    ],
+)
+def test_broken_ascii_files_are_named_by_line_and_value(mesh_file, text, line):
+    with pytest.raises(LoadError) as caught:
+        read_mesh(mesh_file("bad.ply", text))
+    assert line in str(caught.value) and "bad.ply: " in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("data", "line"),
+    [
+        (binary("<", b""), "element face = 1 rows, truncated at byte"),
+        (binary("<", struct.pack("<B2i", 3, 0, 1)), "of its first row = 3, expected a length that fits"),
+        (binary("<", b"", n_vertices=10**9), "element vertex = 1000000000 rows, truncated at byte"),
+        (binary("<", struct.pack("<B3i", 3, 0, 1, 2), n_faces=2 * 10**9), "truncated at byte"),
+        (binary("<", struct.pack("<B3i", 3, 0, 1, 2) + b"more"), "bytes, as the header counts"),
+        (binary("<", struct.pack("<B3i", 255, 0, 1, 2)), "a length that fits the file"),
+        (binary("<", struct.pack("<B3i", 3, 0, 1, 4)), "face 0 = 4, expected indices from 0 to 3"),
+        (binary("<", struct.pack("<B3i", 3, 0, 1, -2)), "face 0 = -2, expected indices from 0 to 3"),
+        (header("binary_little_endian", 3, 1).encode() + struct.pack("<9f", *[0] * 4, float("nan"), *[0] * 4)
+         + struct.pack("<B3i", 3, 0, 1, 2), "vertex 1 = [0.0, nan, 0.0], expected finite"),
+    ],
+)
+def test_broken_binary_files_are_named(mesh_file, data, line):
+    with pytest.raises(LoadError) as caught:
+        read_mesh(mesh_file("bad.ply", data))
+    assert line in str(caught.value)
+
+
+def test_every_cut_of_a_binary_file_is_refused(mesh_file):
+    whole = binary("<", struct.pack("<B4i", 4, 0, 1, 2, 3) + struct.pack("<B3i", 3, 0, 1, 2), n_faces=2)
+    assert len(read_mesh(mesh_file("a.ply", whole)).triangles) == 3
+    for end in range(len(whole)):
+        with pytest.raises(LoadError):
+            read_mesh(mesh_file("a.ply", whole[:end]))
+
+
+def test_random_damage_ends_in_a_mesh_or_one_error(mesh_file):
+    rng = np.random.default_rng(1)
+    whole = binary("<", struct.pack("<B4i", 4, 0, 1, 2, 3))
+    outcomes = set()
+    for _ in range(400):
+        data = bytearray(whole)
+        for at in rng.integers(0, len(data), 3):
+            data[at] = rng.integers(0, 256)
+        try:
+            mesh = read_mesh(mesh_file("a.ply", bytes(data)))
+            assert np.isfinite(mesh.vertices).all() and mesh.triangles.max() < len(mesh.vertices)
+            outcomes.add("mesh")
+        except LoadError:
+            outcomes.add("error")
+    assert outcomes == {"mesh", "error"}  # never another exception
+
+
+def test_other_types_are_refused_by_name(mesh_file):
+    for name in ("a.zip", "a.ply.bz2", "a.stl", "a"):
+        with pytest.raises(LoadError, match="expected a mesh of type .ply, .obj or .glb"):
+            read_mesh(mesh_file(name, b"PK\x03\x04"))
+
+
+def test_agrees_with_an_independent_reader(shared_data):
+    trimesh = pytest.importorskip("trimesh")
+    path = shared_data / "meshes" / "dragon_res3.ply"
+    ours, theirs = read_mesh(path), trimesh.load(path, process=False)
+    assert np.array_equal(ours.triangles, theirs.faces)
+    assert np.abs(ours.vertices - theirs.vertices).max() < 1e-7  # they round ASCII numbers to float32
