@@ -44,8 +44,8 @@ def test_cosine(n_bands):
 @pytest.mark.parametrize("alpha", [1e-4, 1e-3, 0.02, 0.3, 1.0])
 @pytest.mark.parametrize("n_bands", SIZES)
 def test_spike(n_bands, alpha):
-    # D = alpha^2 / (pi (alpha^2 cos^2 + sin^2)^2); with t = tan its integral is that of
-    # alpha^2 (1 + t^2) / (pi (alpha^2 + t^2)^2) dt, that is (arctan(t/a) (1 + a^2)/a + t (1 - a^2)/(a^2 + t^2)) / (2 pi).
+    # D = a^2 / (pi (a^2 cos^2 + sin^2)^2) with a = alpha; by t = tan its integral is that of
+    # a^2 (1 + t^2) / (pi (a^2 + t^2)^2) dt, that is (arctan(t/a) (1 + a^2)/a + t (1 - a^2)/(a^2 + t^2)) / (2 pi).
     def antiderivative(gamma):
         t = np.tan(np.minimum(gamma, HALF_PI - 1e-15))
         first = np.arctan(t / alpha) * (1.0 + alpha**2) / alpha

@@ -59,7 +59,7 @@ def test_single_precision_stays_single():
 
 
 def test_dropping_coefficients_costs_their_energy():
-    # Parseval: the squared error of keeping the largest K equals the squares of those dropped, so it never rises with K.
+    # Parseval: the squared error of keeping the largest K is the squares of those dropped, so it never rises with K.
     curve = np.exp(-(np.linspace(0.0, 4.0, 128) ** 2))
     coefficients = forward(curve)
     order = np.argsort(-np.abs(coefficients))

@@ -1,0 +1,92 @@
+"""Layers are values: edits sit on generated curves, survive parameters, and go into band coefficients."""
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+from engine.curve.operators import Operator
+from engine.material import MODELS, ParameterError, make_layer
+
+GAMMA = np.linspace(0.0, math.pi / 2, 101)
+LIFT = Operator("translate", "y", 0.2, 0.4, 0.6, 0.8, magnitude=2.0)
+SINK = Operator("translate", "y", 0.2, 0.4, 0.6, 0.8, magnitude=-1e9)
+
+
+@pytest.fixture
+def copper():
+    return make_layer(MODELS["rough_conductor"], {"alpha": 0.15}, "copper")
+
+
+def test_a_layer_is_a_value(copper):
+    # Equal, hashable, picklable, and unchanged by edits.
+    edited = copper.with_operators("theta_h", [LIFT])
+    assert copper.edits == () and edited.edits == (("theta_h", (LIFT,)),)
+    assert edited == copper.with_operators("theta_h", [LIFT]) and hash(edited) == hash(
+        pickle.loads(pickle.dumps(edited))
+    )
+    assert edited.with_operators("theta_h", []) == copper
+    assert copper.replace(visible=False) != copper
+
+
+def test_edits_survive_parameters(copper):
+    # The operator sits on whatever alpha generates.
+    for alpha in (0.1, 0.5):
+        layer = copper.with_operators("theta_h", [LIFT]).with_parameter("alpha", alpha)
+        difference = layer.curve("theta_h")(GAMMA) - layer.generated("theta_h")(GAMMA)
+        inside = (GAMMA >= 0.4) & (GAMMA <= 0.6)
+        assert difference[inside] == pytest.approx(np.full((inside.sum(), 3), 2.0))
+
+
+def test_order_of_edits_does_not_show(copper):
+    # Two documents with the same edits are the same document, whatever was edited first.
+    one = copper.with_operators("theta_h", [LIFT]).with_operators("theta_d", [SINK])
+    other = copper.with_operators("theta_d", [SINK]).with_operators("theta_h", [LIFT])
+    assert one == other
+    assert one.operators("theta_d") == (SINK,)
+
+
+def test_curves_do_not_fall_below_zero(copper):
+    layer = copper.with_operators("theta_h", [SINK])
+    assert (layer.curve("theta_h")(GAMMA) >= 0.0).all()
+    # But what an edit took away another brings back: the clamp is on the final curve alone.
+    back = Operator("translate", "y", 0.2, 0.4, 0.6, 0.8, magnitude=1e9)
+    restored = copper.with_operators("theta_h", [SINK, back])
+    assert restored.curve("theta_h")(GAMMA) == pytest.approx(copper.curve("theta_h")(GAMMA), rel=1e-6, abs=1e-6)
+
+
+def test_coefficients(copper):
+    # The integral of GGX's D over theta is (1 + alpha^2) / (4 alpha), for each channel.
+    coefficients = copper.coefficients("theta_h", 128)
+    assert coefficients.shape == (128, 3)
+    total = coefficients.sum(axis=0) * (math.pi / 2) / 128
+    assert total == pytest.approx(np.full(3, (1.0 + 0.15**2) / 0.6), rel=1e-9)
+
+
+def test_view_curve_of_lambert():
+    layer = make_layer(MODELS["lambert"], {"albedo": [0.7, 0.6, 0.5]})
+    assert layer.name == "lambert"
+    assert (layer.curve("theta_o")(GAMMA) == 1.0).all()
+    assert layer.scale().tolist() == [0.7, 0.6, 0.5]
+
+
+def test_unknown_curves_and_values_are_refused(copper):
+    with pytest.raises(ParameterError, match="theta_h, theta_d"):
+        copper.curve("theta_r")
+    with pytest.raises(ParameterError, match="theta_h, theta_d"):
+        copper.with_operators("theta_o", [LIFT])
+    with pytest.raises(ParameterError, match="alpha = 0.0"):
+        copper.with_parameter("alpha", 0.0)
+    with pytest.raises(ParameterError):
+        make_layer(MODELS["lambert"], {"alpha": 0.3})
+
+
+@pytest.mark.parametrize("alpha", [1e-4, 1.0])
+@pytest.mark.parametrize("n_bands", [1, 8, 512])
+def test_extreme_edits_stay_finite(copper, alpha, n_bands):
+    # The largest step on the sharpest spike, on steps of zero width.
+    stack = [Operator("amplify", "y", 0.0, 0.0, 0.3, 0.3, magnitude=1e12)] * 4
+    layer = copper.with_parameter("alpha", alpha).with_operators("theta_h", stack)
+    coefficients = layer.coefficients("theta_h", n_bands).astype(np.float32)
+    assert np.isfinite(coefficients).all() and (coefficients >= 0.0).all()
