@@ -111,12 +111,17 @@ def smooth_normals(vertices: npt.NDArray[np.floating], triangles: Indices) -> Fl
 
 def normalize(vectors: Floats, fallback: tuple[float, float, float] | Floats) -> Floats:
     """Vectors (N, 3) at unit length; those shorter than 1e-12 of the longest become the fallback."""
-    scale = np.abs(vectors).max(axis=1, keepdims=True) if len(vectors) else np.zeros((0, 1))
-    short = scale[:, 0] <= 1e-12 * scale.max(initial=0.0)
+    scale = np.abs(vectors).max(axis=1, keepdims=True)
     shrunk = vectors / np.where(scale > 0, scale, 1.0)  # squares neither overflow nor underflow
     length = np.linalg.norm(shrunk, axis=1, keepdims=True)
     unit = shrunk / np.where(length > 0, length, 1.0)
-    return np.where(short[:, None], np.asarray(fallback, np.float64), unit)
+    return np.where(_are_short(vectors)[:, None], np.asarray(fallback, np.float64), unit)
+
+
+def _are_short(vectors: Floats) -> npt.NDArray[np.bool_]:
+    """Which vectors (N, 3) have no length beside the longest, and so no direction."""
+    scale = np.abs(vectors).max(axis=1)
+    return scale <= 1e-12 * scale.max(initial=0.0)
 
 
 def place_mesh(mesh: Mesh, matrix: npt.NDArray[np.float64]) -> Mesh:
@@ -130,11 +135,11 @@ def place_mesh(mesh: Mesh, matrix: npt.NDArray[np.float64]) -> Mesh:
     cofactor = np.cross(linear[[1, 2, 0]], linear[[2, 0, 1]])
     mirrored = np.dot(linear[0], cofactor[0]) < 0.0
     triangles = mesh.triangles[:, ::-1] if mirrored else mesh.triangles
-    own = smooth_normals(vertices, triangles)
     if mesh.normals is None:
-        return Mesh(vertices, triangles, own)
-    cofactor = cofactor / np.abs(cofactor).max() * (-1.0 if mirrored else 1.0)
-    return Mesh(vertices, triangles, normalize(mesh.normals @ cofactor.T, fallback=own))
+        return Mesh(vertices, triangles, smooth_normals(vertices, triangles))
+    turned = mesh.normals @ (cofactor / np.abs(cofactor).max() * (-1.0 if mirrored else 1.0)).T
+    fallback = smooth_normals(vertices, triangles) if _are_short(turned).any() else np.array([0.0, 1.0, 0.0])
+    return Mesh(vertices, triangles, normalize(turned, fallback))
 
 
 def join_meshes(meshes: list[Mesh]) -> Mesh:

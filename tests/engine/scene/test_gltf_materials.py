@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from engine.material import MODELS, validate_parameters
 from engine.scene.gltf_materials import conductor_index, metallic_roughness_layers
 
 
@@ -30,3 +31,12 @@ def test_metal_has_no_diffuse_layer_and_plastic_has_both():
     assert plastic[0].parameters["albedo"] == pytest.approx((0.864, 0.576, 0.192))
     assert plastic[1].parameters["k"] == (0.0, 0.0, 0.0)
     assert plastic[1].parameters["alpha"] == 0.01  # a mirror is kept just rough enough to be sampled
+
+
+@pytest.mark.parametrize("metallic", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("roughness", [0.0, 1.0])
+@pytest.mark.parametrize("base", [(0.0, 0.0, 0.0), (1.0, 0.5, 0.0), (1.0, 1.0, 1.0)])
+def test_every_material_is_within_the_models_ranges(base, roughness, metallic):
+    for layer in metallic_roughness_layers(base, metallic, roughness):
+        accepted = validate_parameters(MODELS[layer.model], layer.parameters, "model.glb")
+        assert set(layer.parameters) <= set(accepted)  # otherwise the call has raised

@@ -1,8 +1,14 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from engine.errors import LoadError
+from engine.scene.description import parse_description
 from engine.scene.hits import PrimaryHits, trace_primary
-from engine.scene.load import Scene, load_scene
+from engine.scene.load import Scene, build_scene, load_scene
 from engine.scene.raycaster import RayCaster
 
 
@@ -164,6 +170,24 @@ def test_a_scene_may_be_tiny_huge_or_far_away(scene_file, scale):
     assert np.array_equal(hits.object_image, plain.object_image)  # a thousand diameters from the origin: the same
     assert np.abs(hits.position / scale - plain.position).max() < 1e-4
     assert scene.origin[0] == pytest.approx(far)
+
+
+NUMBERS = st.floats(-1e9, 1e9, allow_nan=False) | st.floats(-3, 3, allow_nan=False) | st.sampled_from([0.0, 1.0, 1e-9])
+
+
+@settings(max_examples=150, deadline=None, derandomize=True)
+@given(st.sampled_from(["quad", "cube", "sphere"]), st.lists(NUMBERS, min_size=12, max_size=12),
+       st.tuples(NUMBERS, NUMBERS, NUMBERS), st.booleans())
+def test_no_placement_gives_a_number_that_is_none(primitive, entries, position, smooth):
+    """Whatever the matrix and the eye: one line that says why not, or finite unit vectors."""
+    target = [entries[3], entries[7], entries[11]]
+    tree = {"version": 1, "camera": {"position": position, "target": target, "resolution": [8, 6]},
+            "object": [{"name": "a", "primitive": primitive, "transform": [*entries, 0, 0, 0, 1], "smooth": smooth}]}
+    try:
+        scene = build_scene(parse_description(tree, "f"), Path("f"))
+    except LoadError:
+        return
+    check_invariants(scene, trace_primary(scene, RayCaster(scene.vertices, scene.triangles)))
 
 
 @pytest.mark.parametrize(("name", "n_objects"), [("teatray", 3), ("bunny", 4), ("cornell", 8)])
