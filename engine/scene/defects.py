@@ -33,7 +33,8 @@ def count_defects(mesh: Mesh) -> Defects:
     """Zero-area, sliver, duplicate and inconsistently wound faces of a placed mesh.
 
     A sliver is lower than 1e-5 of its longest edge. Two faces that share an edge should run along it in opposite
-    directions; a face is counted as flipped when it runs along an edge in a direction already taken.
+    directions; where two do not, both are counted as flipped (nobody knows which one is). A third face at an edge is
+    no fault of winding.
     """
     vertices, triangles = mesh.vertices.astype(np.float32), mesh.triangles
     _, solid = face_normals(vertices, triangles)
@@ -66,7 +67,10 @@ def _repeats(keys: npt.NDArray) -> npt.NDArray[np.bool_]:
 
 
 def _count_flipped(triangles: npt.NDArray[np.int64], n_vertices: int) -> int:
-    """Faces with a directed edge that an earlier face has too."""
+    """Faces at an edge that two faces more run along one way than the other."""
     directed = np.stack([triangles, triangles[:, (1, 2, 0)]], axis=2).reshape(-1, 2)
-    repeats = _repeats(_keys(directed, n_vertices)) if len(directed) else np.zeros(0, bool)
-    return int(repeats.reshape(-1, 3).any(axis=1).sum())
+    edges = _keys(np.sort(directed, axis=1), n_vertices)
+    _, edge, uses = np.unique(edges, return_inverse=True, return_counts=True)
+    forward = np.bincount(edge, directed[:, 0] < directed[:, 1], len(uses))
+    against = (np.abs(2 * forward - uses) >= 2)[edge].reshape(-1, 3)
+    return int(against.any(axis=1).sum())
