@@ -73,6 +73,8 @@ class Environment:
         d = np.asarray(directions, dtype=np.float64)
         if d.ndim != 2 or d.shape[1] != 3:
             raise ValueError(f"directions have shape {d.shape}, expected (N, 3)")
+        if not np.isfinite(d).all():
+            raise ValueError("directions hold values that are not finite")
         height, width, _ = self.radiance.shape
         theta = np.arctan2(np.hypot(d[:, 0], d[:, 2]), d[:, 1])
         phi = np.arctan2(d[:, 0], -d[:, 2]) + math.radians(rotation % 360.0)

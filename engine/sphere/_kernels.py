@@ -69,7 +69,7 @@ def solid_angle_from(px: float, py: float, pz: float, corners: Floats) -> float:
     """Signed solid angle of the triangle corners (3, 3) seen from p: positive where its normal points towards p.
 
     tan(Omega / 2) = -a.(b x c) / (|a||b||c| + (a.b)|c| + (b.c)|a| + (c.a)|b|), a, b, c from p  [VanOosterom83].
-    From a point on a corner or an edge the answer is finite (0 or the half plane's share), never NaN.
+    From within the plane of the triangle, its corners and edges included, it is 0.
     """
     ax, ay, az = corners[0, 0] - px, corners[0, 1] - py, corners[0, 2] - pz
     bx, by, bz = corners[1, 0] - px, corners[1, 1] - py, corners[1, 2] - pz
@@ -78,6 +78,8 @@ def solid_angle_from(px: float, py: float, pz: float, corners: Floats) -> float:
     lb = math.sqrt(bx * bx + by * by + bz * bz)
     lc = math.sqrt(cx * cx + cy * cy + cz * cz)
     volume = ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
+    if volume == 0.0:
+        return 0.0
     ab = ax * bx + ay * by + az * bz
     bc = bx * cx + by * cy + bz * cz
     ca = cx * ax + cy * ay + cz * az

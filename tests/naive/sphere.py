@@ -8,7 +8,7 @@ from engine.sphere.geodesic import geodesic
 
 
 def holds(directions: NDArray[np.float64], corners: NDArray[np.float64], slack: float = 0.0) -> NDArray[np.bool_]:
-    """(N, T): whether a spherical triangle (T, 3, 3) holds a direction (N, 3): left of all three edges, taken one by one."""
+    """(N, T): whether triangle corners (T, 3, 3) hold directions (N, 3), that is, left of all three edges."""
     inside = np.ones((len(directions), len(corners)), bool)
     for k in range(3):
         normals = np.cross(corners[:, k], corners[:, (k + 1) % 3])

@@ -101,9 +101,7 @@ def test_tiled_mip_mapped_exr(shared_data: Path) -> None:
 
 
 @pytest.mark.parametrize("compression", [OpenEXR.NO_COMPRESSION, OpenEXR.ZIP_COMPRESSION, OpenEXR.PIZ_COMPRESSION])
-def test_exr_cut_anywhere_is_refused(
-    tmp_path: Path, compression: object, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_exr_cut_anywhere_is_refused(tmp_path: Path, compression: object, capfd: pytest.CaptureFixture[str]) -> None:
     whole = write_rgb(tmp_path / "a.exr", gradient(), compression=compression).read_bytes()
     cuts = [1, 4, 8, 100, 300, *range(340, len(whole), max(1, len(whole) // 40)), len(whole) - 1]
     for length in cuts:
@@ -172,7 +170,7 @@ def test_deep_exr_is_refused(tmp_path: Path) -> None:
         deep[index] = np.ones(2, np.float16)
     path = write_exr(
         tmp_path / "deep.exr",
-        {name: deep for name in "RGB"},
+        dict.fromkeys("RGB", deep),
         type=OpenEXR.deepscanline,
         compression=OpenEXR.ZIPS_COMPRESSION,
     )
@@ -264,7 +262,16 @@ def test_hdr_with_bad_runs_is_refused(tmp_path: Path, pixels: bytes, what: str) 
 
 @pytest.mark.parametrize(
     "size",
-    [b"", b"24 40", b"-Y 24", b"+X 40 -Y 24", b"-Y -24 +X 40", b"-Y 24 +X 1e3", b"-Y 24 +X 40 5", b"-Y 99999999999 +X 1"],
+    [
+        b"",
+        b"24 40",
+        b"-Y 24",
+        b"+X 40 -Y 24",
+        b"-Y -24 +X 40",
+        b"-Y 24 +X 1e3",
+        b"-Y 24 +X 40 5",
+        b"-Y 99999999999 +X 1",
+    ],
 )
 def test_hdr_with_a_bad_size_line_is_refused(tmp_path: Path, size: bytes) -> None:
     assert "size line" in refusal(write_hdr(tmp_path / "a.hdr", bytes(5000), size))

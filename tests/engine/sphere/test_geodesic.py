@@ -74,13 +74,9 @@ def test_children_are_contiguous_and_in_place(level: int) -> None:
         np.testing.assert_array_equal(child.triangles[k::4, k], parent.triangles[:, k])
     assert (child.triangles[3::4] >= len(parent.vertices)).all()
     # Together they cover the parent: same solid angle, same first moment.
-    np.testing.assert_allclose(
-        child.solid_angles.reshape(-1, 4).sum(axis=1), parent.solid_angles, rtol=1e-10
-    )
+    np.testing.assert_allclose(child.solid_angles.reshape(-1, 4).sum(axis=1), parent.solid_angles, rtol=1e-10)
     moments = triangle_first_moments(child.vertices[child.triangles]).reshape(-1, 4, 3).sum(axis=1)
-    np.testing.assert_allclose(
-        moments, triangle_first_moments(parent.vertices[parent.triangles]), rtol=0, atol=1e-14
-    )
+    np.testing.assert_allclose(moments, triangle_first_moments(parent.vertices[parent.triangles]), rtol=0, atol=1e-14)
 
 
 def test_vertices_keep_their_numbers() -> None:

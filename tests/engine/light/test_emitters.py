@@ -1,0 +1,164 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from engine.light.emitters import emitter_patches, patch_solid_angles
+
+SQUARE = np.array(
+    [[[-0.5, 1.0, -0.5], [0.5, 1.0, -0.5], [0.5, 1.0, 0.5]], [[-0.5, 1.0, -0.5], [0.5, 1.0, 0.5], [-0.5, 1.0, 0.5]]]
+)
+"""A unit square at height 1, shining down on the origin (counter-clockwise seen from below)."""
+WHITE = np.ones((2, 3))
+
+
+def irradiance(triangles: np.ndarray, n_patches: int, point: np.ndarray, normal: np.ndarray) -> float:
+    """Solid angle times cosine at the patches' centres, for radiance 1."""
+    patches = emitter_patches(triangles, np.ones((len(triangles), 3)), n_patches)
+    to_light = patches.centre - point
+    cosines = to_light @ normal / np.linalg.norm(to_light, axis=1)
+    return float((patch_solid_angles(patches, point[None])[0] * np.maximum(cosines, 0.0)).sum())
+
+
+def test_square_shines_down() -> None:
+    patches = emitter_patches(SQUARE, WHITE, 2)
+    np.testing.assert_allclose(patches.normal, [[0.0, -1.0, 0.0]] * 2, atol=1e-7)
+    np.testing.assert_allclose(patches.area, 0.5)
+
+
+@pytest.mark.parametrize("n_patches", [2, 3, 17, 64, 500])
+def test_splitting_keeps_area_and_orientation(n_patches: int) -> None:
+    patches = emitter_patches(SQUARE, [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], n_patches)
+    assert len(patches) == n_patches
+    assert patches.area.sum(dtype=float) == pytest.approx(1.0, rel=1e-6)
+    np.testing.assert_allclose(patches.normal, np.tile([0.0, -1.0, 0.0], (n_patches, 1)), atol=1e-6)
+    # Flux pi * sum(L A): half a square of each radiance, whatever the number of patches.
+    np.testing.assert_allclose((patches.radiance * patches.area[:, None]).sum(axis=0), [2.5, 3.5, 4.5], rtol=1e-6)
+    # Halving the largest first leaves areas within a factor of two.
+    assert patches.area.max() <= 2.0 * patches.area.min() * (1.0 + 1e-5)
+    np.testing.assert_allclose(patches.centre, patches.corners.mean(axis=1), atol=1e-6)
+
+
+def test_large_and_small_triangles_get_patches_by_area() -> None:
+    small = SQUARE[:1] * 0.1 + np.array([5.0, 0.0, 0.0])
+    patches = emitter_patches(np.concatenate([SQUARE, small]), np.eye(3), 100)
+    counts = (patches.radiance > 0.0).sum(axis=0)
+    # The small one has 0.005 of the 1.005 square metres: it stays whole.
+    assert counts[2] == 1 and abs(int(counts[0]) - int(counts[1])) <= 2
+
+
+def test_splitting_keeps_triangles_well_shaped() -> None:
+    corners = emitter_patches(SQUARE, WHITE, 256).corners.astype(float)
+    edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    # Bisecting the longest edge of a right isosceles triangle gives right isosceles triangles for ever.
+    np.testing.assert_allclose(edges.max(axis=1) / edges.min(axis=1), np.sqrt(2.0), rtol=1e-4)
+
+
+def test_solid_angle_of_a_cube_face() -> None:
+    # From the centre of a cube each face covers 4 pi / 6.
+    face = SQUARE * np.array([2.0, 1.0, 2.0])
+    for n_patches in (2, 5, 100):
+        angles = patch_solid_angles(emitter_patches(face, WHITE, n_patches), np.zeros((1, 3)))
+        assert angles.sum(dtype=float) == pytest.approx(4.0 * np.pi / 6.0, rel=1e-6)
+
+
+def test_irradiance_below_a_unit_square() -> None:
+    # Closed form: E = 0.752275 L straight below a unit square at height 1.
+    up = np.array([0.0, 1.0, 0.0])
+    assert irradiance(SQUARE, 1000, np.zeros(3), up) == pytest.approx(0.752275, rel=1e-4)
+
+
+@pytest.mark.parametrize(("upright", "expected", "tolerance"), [(False, 0.199825, 5e-4), (True, 0.200044, 1e-2)])
+def test_form_factor_of_unit_squares(upright: bool, expected: float, tolerance: float) -> None:
+    # Parallel squares at distance 1: F = 0.199825. Perpendicular ones with a common edge: F = 0.200044; there the
+    # points by the edge see the lowest patches at grazing angles, where one cosine for a whole patch errs most.
+    place = (np.arange(20) + 0.5) / 20 - 0.5
+    x, z = np.meshgrid(place, place)
+    points = np.stack([x.ravel(), np.zeros(400), z.ravel()], axis=1)
+    light = SQUARE
+    if upright:
+        light = np.stack([SQUARE[..., 0], SQUARE[..., 2] + 0.5, np.full((2, 3), -0.5)], axis=2)
+    patches = emitter_patches(light, WHITE, 4000)
+    if upright:
+        assert patches.normal[0, 2] == pytest.approx(1.0)
+    to_light = patches.centre[None] - points[:, None]
+    cosines = np.maximum(to_light[..., 1] / np.linalg.norm(to_light, axis=2), 0.0)
+    mean_irradiance = (patch_solid_angles(patches, points) * cosines).sum(axis=1).mean()
+    assert mean_irradiance / np.pi == pytest.approx(expected, rel=tolerance)
+
+
+def test_patches_are_dark_from_behind_and_from_their_plane() -> None:
+    patches = emitter_patches(SQUARE, WHITE, 8)
+    inside_plane = [[0.1, 1.0, 0.2], [0.5, 1.0, 0.5], [9.0, 1.0, 0.0], [0.0, 1.0, 0.0]]
+    angles = patch_solid_angles(patches, np.array([[0.0, 2.0, 0.0], [3.0, 1.5, 0.0], *inside_plane]))
+    np.testing.assert_allclose(angles, 0.0, atol=1e-6)
+
+
+def test_just_below_a_patch_it_fills_half_the_sphere() -> None:
+    angles = patch_solid_angles(emitter_patches(SQUARE, WHITE, 2), np.array([[0.1, 1.0 - 1e-7, -0.2]]))
+    assert angles.sum() == pytest.approx(2.0 * np.pi, abs=1e-4)
+
+
+@given(
+    st.lists(st.floats(-2.0, 2.0), min_size=3, max_size=3),
+    st.integers(1, 60),
+)
+def test_solid_angles_do_not_depend_on_the_splitting(point: list[float], n_patches: int) -> None:
+    place = np.array([point])
+    whole = patch_solid_angles(emitter_patches(SQUARE, WHITE, 2), place).sum(dtype=float)
+    split = patch_solid_angles(emitter_patches(SQUARE, WHITE, n_patches), place).sum(dtype=float)
+    # Patches are stored in single precision: from very near their plane 1e-7 of a metre is an angle.
+    distance = abs(point[1] - 1.0)
+    assert np.isfinite(split) and 0.0 <= split <= 2.0 * np.pi + 1e-5
+    if distance > 1e-3:
+        assert split == pytest.approx(whole, abs=1e-3)
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e6])
+def test_solid_angle_has_no_scale(scale: float) -> None:
+    angles = patch_solid_angles(emitter_patches(SQUARE * scale, WHITE, 30), np.zeros((1, 3)))
+    # Below its centre, a unit square at height 1 covers 4 asin(1/5).
+    assert angles.sum(dtype=float) == pytest.approx(4.0 * np.arcsin(0.2), rel=1e-5)
+
+
+def test_degenerate_and_dark_triangles_are_left_out() -> None:
+    flat = np.array([[[0.0, 0, 0], [1, 0, 0], [2, 0, 0]], [[1.0, 1, 1]] * 3])
+    triangles = np.concatenate([SQUARE, flat, SQUARE + 7.0])
+    radiance = np.concatenate([WHITE, WHITE, np.zeros((2, 3))])
+    patches = emitter_patches(triangles, radiance, 10)
+    assert len(patches) == 10
+    assert patches.area.sum(dtype=float) == pytest.approx(1.0, rel=1e-6)
+    assert np.isfinite(patches.normal).all()
+
+
+def test_nothing_shines() -> None:
+    for triangles in (np.zeros((0, 3, 3)), SQUARE):
+        patches = emitter_patches(triangles, np.zeros((len(triangles), 3)), 10)
+        assert len(patches) == 0 and patches.corners.shape == (0, 3, 3)
+        assert patch_solid_angles(patches, np.zeros((4, 3))).shape == (4, 0)
+
+
+def test_more_triangles_than_patches_stay_as_they_are() -> None:
+    patches = emitter_patches(np.tile(SQUARE, (20, 1, 1)), np.ones((40, 3)), 5)
+    assert len(patches) == 40
+
+
+@pytest.mark.parametrize(
+    ("triangles", "radiance", "n_patches"),
+    [
+        (SQUARE[0], WHITE, 4),
+        (SQUARE, WHITE[:1], 4),
+        (SQUARE * np.nan, WHITE, 4),
+        (SQUARE, -WHITE, 4),
+        (SQUARE, WHITE * np.inf, 4),
+        (SQUARE, WHITE, 0),
+    ],
+)
+def test_bad_emitters_are_refused(triangles: np.ndarray, radiance: np.ndarray, n_patches: int) -> None:
+    with pytest.raises(ValueError, match="triangles|emitters|n_patches"):
+        emitter_patches(triangles, radiance, n_patches)
+
+
+def test_bad_points_are_refused() -> None:
+    with pytest.raises(ValueError, match="points have shape"):
+        patch_solid_angles(emitter_patches(SQUARE, WHITE, 4), np.zeros(3))
