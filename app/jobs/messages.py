@@ -103,6 +103,14 @@ class SceneOpened(Response):
     arrays: dict[str, NDArray[np.generic]] = field(default_factory=dict)
 
 
+@dataclass(frozen=True, eq=False)
+class SkyImage(Response):
+    """The environment that lights the scene, for the background: radiance (H,W,3), black where there is none."""
+
+    radiance: NDArray[np.floating]
+    notes: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True)
 class Progress(Response):
     """How far a stage is: `fraction` in [0, 1], `seconds_left` None while unknown."""

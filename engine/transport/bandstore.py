@@ -13,7 +13,7 @@ Compared on a 512×512 teapot on a tray: float32 matrices need 12 bytes an entry
 and BRDF are not), which is why they are kept as bands and transformed to wavelets on the way out.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -54,7 +54,8 @@ class BandStore:
 
     @property
     def n_bytes(self) -> int:
-        return sum(tile.n_bytes for tile in self.tiles)
+        values = {id(tile.values): tile.values.nbytes for tile in self.tiles}
+        return sum(values.values()) + sum(tile.n_bytes - tile.values.nbytes for tile in self.tiles)
 
     def contract(self, factor: int, dormant: np.ndarray, wavelet: bool) -> np.ndarray:
         """Transport of one factor with the other at rest: T = c_Bᵀ U or U c_A [BenArtzi07, eq. 4.16].
@@ -88,10 +89,30 @@ class BandStore:
         )  # fmt: skip
         return out
 
-    def _each_tile(self, work) -> None:
+    def _each_tile(self, work: Callable[[BandTile], None]) -> None:
         with ThreadPoolExecutor(2) as pool:
             for _ in pool.map(work, self.tiles):
                 pass
+
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """The whole store as five arrays, for a file; `store_from_arrays` reads it back."""
+        offsets = np.cumsum([0] + [len(tile.values) for tile in self.tiles])
+        joined = {name: np.concatenate([tile.arrays()[name] for tile in self.tiles]) for name in ("scale", "first", "count")}
+        starts = [tile.start + offset for tile, offset in zip(self.tiles, offsets, strict=False)]
+        return joined | {"start": np.concatenate(starts), "values": np.concatenate([tile.values for tile in self.tiles])}
+
+
+def store_from_arrays(bands: tuple[int, int], arrays: Mapping[str, np.ndarray], chunk: int = 2048) -> BandStore:
+    """The store that `BandStore.arrays` wrote; tiles of `chunk` points share its values."""
+    scale, start, values = (np.array(arrays[name]) for name in ("scale", "start", "values"))
+    runs = (len(scale), bands[0] if bands[1] > 1 else 0)
+    first, count = (np.array(arrays[name]).reshape(runs) for name in ("first", "count"))
+    tiles = [
+        BandTile(i, scale[i : i + chunk], first[i : i + chunk], count[i : i + chunk], start[i : i + chunk], values)
+        for i in range(0, len(scale), chunk)
+    ]
+    return BandStore(bands, tuple(tiles))
 
 
 def join_tiles(bands: tuple[int, int], tiles: Iterable[BandTile]) -> BandStore:

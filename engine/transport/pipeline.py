@@ -15,10 +15,9 @@ from engine.light.lights import cut_lights
 from engine.scene.hits import PrimaryHits, trace_primary
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
-from engine.transport.bandstore import BandTile
-from engine.transport.footprint import lattice_rows
+from engine.transport.footprint import footprint, lattice_rows
 from engine.transport.lighting import prepare_lighting
-from engine.transport.projection import LayerShape, VisibleLight, project_layer
+from engine.transport.projection import VisibleLight
 from engine.transport.visibility import (
     VISIBILITY_LEVEL,
     Visibility,
@@ -50,11 +49,11 @@ DRAG = Quality("drag", 8, 400, 16, VISIBILITY_LEVEL)
 
 @dataclass(frozen=True)
 class SkyState:
-    """The distant light: an environment (or none), turned by `rotation` degrees, times `intensity`."""
+    """The distant light: an environment (or none), turned by `rotation` degrees, times `scale`."""
 
     environment: Environment | None
     rotation: float = 0.0
-    intensity: float = 1.0
+    scale: float = 1.0
 
 
 class Placement:
@@ -65,12 +64,26 @@ class Placement:
         self.caster = RayCaster(scene.vertices, scene.triangles)
         self.hits: PrimaryHits = trace_primary(scene, self.caster, resolution)
         self.sphere: Visibility = empty_visibility(self.hits, sphere_targets(VISIBILITY_LEVEL))
+        self._rows: dict[int, np.ndarray] = {}
+        self._footprints: dict[int, tuple[np.ndarray, np.ndarray]] = {}
 
     def rows_of(self, i_object: int, stride: int = 1) -> np.ndarray:
         """Rows of one object's points on the lattice of a stage, ascending."""
         begin, end = self.hits.object_ranges[i_object]
-        rows = lattice_rows(self.hits, stride)
+        rows = self.rows(stride)
         return rows[(rows >= begin) & (rows < end)]
+
+    def rows(self, stride: int) -> np.ndarray:
+        """Rows of all points on the lattice of a stage, ascending."""
+        if stride not in self._rows:
+            self._rows[stride] = lattice_rows(self.hits, stride)
+        return self._rows[stride]
+
+    def footprint(self, stride: int) -> tuple[np.ndarray, np.ndarray]:
+        """Which samples of a lattice stand for each point, see `footprint`."""
+        if stride not in self._footprints:
+            self._footprints[stride] = footprint(self.hits, self.rows(stride), stride)
+        return self._footprints[stride]
 
     def light(self, sky: SkyState, quality: Quality) -> Generator[float, None, VisibleLight]:
         """Cut the light of a stage and see everything in it."""
@@ -78,11 +91,11 @@ class Placement:
         if sky.environment is not None:
             yield from self._see(self.sphere, quality.stride)
             cut = cut_lights(sky.environment, quality.n_lights, sky.rotation, quality.max_level)
-            cut = replace(cut, power=(cut.power * np.float32(sky.intensity)).astype(np.float32))
+            cut = replace(cut, power=(cut.power * np.float32(sky.scale)).astype(np.float32))
         lighting = prepare_lighting(cut, self.patches(quality.n_patches))
         fine = empty_visibility(self.hits, lighting.fine_targets)
         patches = empty_visibility(self.hits, lighting.patch_targets)
-        yield from refine_visibility(self.hits, self.caster, fine, self.sphere, lattice_rows(self.hits, quality.stride))
+        yield from refine_visibility(self.hits, self.caster, fine, self.sphere, self.rows(quality.stride))
         yield from self._see(patches, quality.stride)
         return VisibleLight(lighting, self.sphere, fine, patches)
 
@@ -94,11 +107,7 @@ class Placement:
         triangles = self.scene.vertices[self.scene.triangles[shining]]
         return emitter_patches(triangles, self.scene.emission[self.scene.object_of_triangle[shining]], n_patches)
 
-    def project(self, i_object: int, light: VisibleLight, layer: LayerShape, stride: int) -> Iterator[BandTile]:
-        """Transport tiles of one layer of one object on a lattice."""
-        yield from project_layer(self.hits, self.rows_of(i_object, stride), light, layer)
-
     def _see(self, visibility: Visibility, stride: int) -> Iterator[float]:
         yield from coherent_visibility(self.hits, self.caster, visibility, stride)
-        evaluate_rows(self.hits, self.caster, visibility, lattice_rows(self.hits, stride))
+        evaluate_rows(self.hits, self.caster, visibility, self.rows(stride))
 

@@ -36,9 +36,16 @@ class VisibleLight:
     patches: Visibility
 
 
-def project_layer(hits: PrimaryHits, rows: np.ndarray, light: VisibleLight, layer: LayerShape) -> Iterator[BandTile]:
-    """Transport of one layer at the given rows of `hits`; yields tiles of 256 points in order, two at a time."""
-    tiles = [(begin, rows[begin : begin + TILE]) for begin in range(0, len(rows), TILE)]
+def project_layer(
+    hits: PrimaryHits, rows: np.ndarray, light: VisibleLight, layer: LayerShape, skip: frozenset[int] = frozenset()
+) -> Iterator[BandTile]:
+    """Transport of one layer at the given rows of `hits`; yields tiles of 256 points in order, two at a time.
+
+    skip: indices of tiles that the caller has already.
+    """
+    tiles = [
+        (begin, rows[begin : begin + TILE]) for i, begin in enumerate(range(0, len(rows), TILE)) if i not in skip
+    ]
     with ThreadPoolExecutor(2) as pool:
         for pair in (tiles[i : i + 2] for i in range(0, len(tiles), 2)):
             yield from pool.map(lambda tile: project_points(hits, tile[1], light, layer, tile[0]), pair)
@@ -52,7 +59,7 @@ def project_points(hits: PrimaryHits, rows: np.ndarray, light: VisibleLight, lay
     kind_a = model.factors[0].gamma
     kind_b = model.factors[1].gamma if len(model.factors) > 1 else kind_a
     scale, start = np.empty(n_points, np.float32), np.empty(n_points, np.int64)
-    runs = (n_points, n_a) if n_b > 1 else (0, 0)
+    runs = (n_points, n_a if n_b > 1 else 0)
     first, count = np.zeros(runs, np.uint8), np.zeros(runs, np.uint8)
     values = np.empty(n_points * n_a * n_b, np.uint32)
     sky, patches = light.lighting.sky, light.lighting.patches

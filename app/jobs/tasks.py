@@ -1,0 +1,353 @@
+"""What the worker does with each request: the engine's generators, told as messages.
+
+A transport runs through stages, each a whole picture: *coarse* (every fourth pixel, 400 lights) within a second or two,
+*preview* (every pixel, 400 lights), *final* (4,000 lights). A light on the move gets one *drag* stage instead (every
+eighth pixel, nothing traced). Within a stage the selected layer comes first. What a stage has replaced is dropped.
+
+Visibility and final transport are kept on disk, transport tile by tile, so that a scene seen before opens at once and a
+worker that died goes on where it was.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from app.document import CONSTANT_ENVIRONMENT, SCENE_ENVIRONMENT, LightState
+from app.jobs.cache import Store, content_key
+from app.jobs.messages import (
+    ComputeTransport,
+    Contract,
+    Footprint,
+    LayerPicture,
+    LayerTransport,
+    LayerWork,
+    OpenScene,
+    Progress,
+    Request,
+    Response,
+    SceneOpened,
+    SkyImage,
+    StageDone,
+)
+from engine.errors import InsituError
+from engine.light.environment import Environment, constant_environment, downsampled, load_environment
+from engine.scene.builtin import builtin_environments, builtin_scenes
+from engine.scene.load import Scene, load_scene
+from engine.transport.bandstore import BandStore, BandTile, join_tiles, store_from_arrays
+from engine.transport.pipeline import COARSE, DRAG, FINAL, PREVIEW, Placement, Quality, SkyState
+from engine.transport.projection import TILE, LayerShape, VisibleLight, project_layer
+
+# Raised when anything that changes the numbers in a cached array changes.
+CACHE_VERSION = 1
+BACKGROUND_HEIGHT = 1024
+DRAG_ENVIRONMENT_HEIGHT = 128
+
+Steps = Generator[Response | None, None, None]
+
+
+@dataclass(frozen=True, eq=False)
+class LayerData:
+    """The newest transport of a layer: what it was asked with, its stage, bands, and the unit of its radiance."""
+
+    work: LayerWork
+    stage: str
+    store: BandStore
+    unit: float
+
+
+class Tasks:
+    """The worker's state: one open scene, its newest transport, and the cache."""
+
+    def __init__(self, store: Store | None = None) -> None:
+        self._cache = store or Store()
+        self._placement: Placement | None = None
+        self._scene_key = ""
+        self._layers: dict[str, LayerData] = {}
+        self._selected: tuple[str, str] | None = None
+        self._environments: dict[tuple[str, str], Environment] = {}
+        self._sky_shown: object = None
+
+    # ------------------------------------------------------------------------------------------------- requests
+
+    def handle(self, request: Request) -> Iterator[Response | None]:
+        """The answers to OpenScene and ComputeTransport, step by step."""
+        match request:
+            case OpenScene():
+                yield from self._open(request)
+            case ComputeTransport():
+                yield from self._compute(request)
+
+    def quick(self, request: Contract) -> Iterator[Response | None]:
+        """One layer's transport along one curve ("curve switching", [BenArtzi07, eq. 4.16]) and its picture."""
+        self._selected = (request.key, request.factor)
+        data = self._layers.get(request.key)
+        if data is None:
+            return
+        given = dict(request.coefficients)
+        work = replace(data.work, coefficients=tuple(np.asarray(given[name]) for name in data.work.factors))
+        data = replace(data, work=work)
+        self._layers[request.key] = data
+        yield _picture(data)
+        yield _transport(data, request.factor)
+
+    # --------------------------------------------------------------------------------------------------- scenes
+
+    def _open(self, request: OpenScene) -> Steps:
+        yield Progress("scene", 0.0, text="reading the scene")
+        path = builtin_scenes().get(request.source) or Path(request.source)
+        scene = load_scene(path, request.resolution)
+        yield Progress("scene", 0.5, text="tracing what the camera sees")
+        placement = Placement(scene)
+        if not len(placement.hits.pixel):
+            raise InsituError(f"{path}: camera = sees no surface, expected an object in view; nothing was changed")
+        self._placement, self._layers, self._selected, self._sky_shown = placement, {}, None, None
+        self._scene_key = _scene_key(scene)
+        self._recall_visibility(placement)
+        description = scene.description.model_dump_json(by_alias=True)
+        yield SceneOpened(description, scene.notes + self._cache.take_notes(), _frame_arrays(placement))
+
+    def _recall_visibility(self, placement: Placement) -> None:
+        kept = self._cache.get(content_key("visibility", self._scene_key))
+        if kept is not None and kept["bits"].shape == placement.sphere.bits.shape:
+            placement.sphere.bits[:] = kept["bits"]
+            placement.sphere.done[:] = True
+
+    # ------------------------------------------------------------------------------------------------ transport
+
+    def _compute(self, request: ComputeTransport) -> Steps:
+        placement = self._placement
+        if placement is None:
+            raise InsituError("no scene is open")
+        if request.selected and request.factor:
+            self._selected = (request.selected, request.factor)
+        sky = self._sky(placement.scene, request.light)
+        if (image := self._sky_image(sky, request.light)) is not None:
+            yield image
+        for quality, exact in _stages(request):
+            started = time.monotonic()
+            yield from self._stage(placement, request, sky, quality)
+            n_bytes = sum(data.store.n_bytes for data in self._layers.values())
+            yield StageDone(quality.name, exact, time.monotonic() - started, n_bytes)
+
+    def _stage(self, placement: Placement, request: ComputeTransport, sky: SkyState, quality: Quality) -> Steps:
+        clock = _Clock(quality.name)
+        if quality is DRAG and sky.environment is not None:
+            sky = replace(sky, environment=downsampled(sky.environment, DRAG_ENVIRONMENT_HEIGHT))
+        key = self._light_key(placement, sky, quality) if quality.stride == 1 and quality.n_lights > PREVIEW.n_lights else ""
+        light = yield from self._see(placement, sky, quality, clock)
+        yield self._footprint(placement, quality)
+        works = sorted(request.layers, key=lambda work: self._selected is None or work.key != self._selected[0])
+        total = sum(len(placement.rows_of(_object_index(placement, work), quality.stride)) for work in works) or 1
+        done = 0
+        for work in works:
+            rows = placement.rows_of(_object_index(placement, work), quality.stride)
+            store = yield from self._project(placement, rows, work, light, key, clock, done, total)
+            done += len(rows)
+            work = self._newest(work)
+            data = LayerData(work, quality.name, store, light.lighting.unit)
+            self._layers[work.key] = data
+            yield _picture(data)
+            if self._selected is not None and work.key == self._selected[0]:
+                yield _transport(data, self._selected[1])
+
+    def _see(
+        self, placement: Placement, sky: SkyState, quality: Quality, clock: _Clock
+    ) -> Generator[Response | None, None, VisibleLight]:
+        was_done = bool(placement.sphere.done.all())
+        steps = placement.light(sky, quality)
+        while True:
+            try:
+                fraction = next(steps)
+            except StopIteration as end:
+                if not was_done and placement.sphere.done.all():
+                    self._cache.put(content_key("visibility", self._scene_key), {"bits": placement.sphere.bits})
+                return end.value  # type: ignore[no-any-return]
+            yield clock.progress(0.3 * fraction, "shadows")
+
+    def _project(
+        self, placement: Placement, rows: np.ndarray, work: LayerWork, light: VisibleLight, light_key: str,
+        clock: _Clock, done: int, total: int,
+    ) -> Generator[Response | None, None, BandStore]:  # fmt: skip
+        shape = _shape(work)
+        if not light_key:
+            tiles: list[BandTile] = []
+            for tile in project_layer(placement.hits, rows, light, shape):
+                tiles.append(tile)
+                yield clock.progress(0.3 + 0.7 * (done + tile.begin) / total, work.key)
+            return join_tiles(shape.bands, tiles)
+        key = content_key("transport", light_key, work.key, work.model, work.quotient_parameters, work.bands)
+        if (kept := self._cache.get(key)) is not None:
+            return store_from_arrays(shape.bands, kept)
+        n_tiles = -(-len(rows) // TILE)
+        with self._cache.open_tiles(key, n_tiles) as resumed:
+            tiles = [_tile_from(i * TILE, resumed.tile(i)) for i in sorted(resumed.complete_tiles)]
+            for tile in project_layer(placement.hits, rows, light, shape, resumed.complete_tiles):
+                tiles.append(tile)
+                resumed.append_tile(tile.begin // TILE, tile.arrays())
+                yield clock.progress(0.3 + 0.7 * (done + tile.begin) / total, work.key)
+            store = join_tiles(shape.bands, tiles)
+            if self._cache.put(key, store.arrays()):
+                resumed.finish()
+        return store
+
+    def _newest(self, work: LayerWork) -> LayerWork:
+        """The work with the coefficients asked for last: a Contract may have come since the request."""
+        known = self._layers.get(work.key)
+        return work if known is None or known.work.bands != work.bands else replace(work, coefficients=known.work.coefficients)
+
+    def _footprint(self, placement: Placement, quality: Quality) -> Footprint:
+        if quality.stride == 1:
+            return Footprint(np.zeros((0, 4), np.int32), np.zeros((0, 4), np.float32), quality.name)
+        return Footprint(*placement.footprint(quality.stride), quality.name)
+
+    def _light_key(self, placement: Placement, sky: SkyState, quality: Quality) -> str:
+        radiance = None if sky.environment is None else sky.environment.radiance
+        return content_key(
+            CACHE_VERSION, self._scene_key, radiance, sky.rotation, sky.scale, quality.n_lights, quality.n_patches,
+            quality.max_level,
+        )  # fmt: skip
+
+    # ---------------------------------------------------------------------------------------------------- light
+
+    def _sky(self, scene: Scene, light: LightState) -> SkyState:
+        """The distant light of a document."""
+        if light.environment == CONSTANT_ENVIRONMENT:
+            return SkyState(constant_environment(light.radiance or (1.0, 1.0, 1.0)), light.rotation)
+        if light.environment != SCENE_ENVIRONMENT:
+            path = builtin_environments().get(light.environment) or Path(light.environment)
+            return SkyState(self._environment(path, light.mapping), light.rotation)
+        described = scene.description.environment
+        if described is None:
+            return SkyState(None)
+        if scene.environment_path is None:
+            return SkyState(constant_environment(described.radiance or (0.0, 0.0, 0.0)), light.rotation, described.scale)
+        return SkyState(self._environment(scene.environment_path, described.mapping), light.rotation, described.scale)
+
+    def _environment(self, path: Path, mapping: str) -> Environment:
+        key = (str(path), mapping)
+        if key not in self._environments:
+            self._environments = {key: load_environment(path, mapping)}  # type: ignore[arg-type]
+        return self._environments[key]
+
+    def _sky_image(self, sky: SkyState, light: LightState) -> SkyImage | None:
+        """The background, when it is not the one that was sent last."""
+        shown = (light.environment, light.mapping, light.radiance)
+        if shown == self._sky_shown:
+            return None
+        self._sky_shown = shown
+        if sky.environment is None:
+            return SkyImage(np.zeros((1, 2, 3), np.float32))
+        environment = sky.environment
+        if environment.radiance.shape[0] > BACKGROUND_HEIGHT:
+            environment = downsampled(environment, BACKGROUND_HEIGHT)
+        return SkyImage(environment.radiance * np.float32(sky.scale), sky.environment.notes)
+
+
+class _Clock:
+    """Turns a stage's fraction into Progress with the time left."""
+
+    def __init__(self, stage: str) -> None:
+        self._stage, self._started, self._told = stage, time.monotonic(), 0.0
+
+    def progress(self, fraction: float, text: str) -> Progress | None:
+        """At most twenty a second; the time left is known once two percent are done."""
+        now = time.monotonic()
+        if now - self._told < 0.05:
+            return None
+        self._told = now
+        left = (now - self._started) * (1 - fraction) / fraction if fraction > 0.02 else None
+        return Progress(self._stage, min(fraction, 1.0), left, text)
+
+
+def _stages(request: ComputeTransport) -> list[tuple[Quality, bool]]:
+    """The stages of a request and whether each is the last."""
+    if request.n_lights_final == 0:
+        return [(DRAG, True)]
+    coarse = replace(COARSE, n_lights=request.n_lights_preview)
+    preview = replace(PREVIEW, n_lights=request.n_lights_preview)
+    if request.n_lights_final <= request.n_lights_preview:
+        return [(coarse, False), (preview, True)]
+    return [(coarse, False), (preview, False), (replace(FINAL, n_lights=request.n_lights_final), True)]
+
+
+def _shape(work: LayerWork) -> LayerShape:
+    bands = (work.bands[0], work.bands[1] if len(work.bands) > 1 else 1)
+    return LayerShape(work.model, work.quotient_parameters, bands)
+
+
+def _object_index(placement: Placement, work: LayerWork) -> int:
+    name = work.key.rpartition(".")[0]
+    return [described.name for described in placement.scene.description.objects].index(name)
+
+
+def _tile_from(begin: int, arrays: dict[str, np.ndarray]) -> BandTile:
+    """A tile from disk; copied, because kernels are compiled for arrays that can be written."""
+    return BandTile(begin, **{name: np.array(array) for name, array in arrays.items()})
+
+
+def _dormant(work: LayerWork, factor: int) -> np.ndarray:
+    """Coefficients of the curve that rests while `factor` (0 or 1) is edited; (1, 3) ones where there is no other."""
+    return work.coefficients[1 - factor] if len(work.factors) > 1 else np.ones((1, 3))
+
+
+def _picture(data: LayerData) -> LayerPicture:
+    radiance = data.store.radiance(data.work.coefficients[0], _dormant(data.work, 0)) * np.float32(data.unit)
+    return LayerPicture(data.work.key, data.stage, radiance, data.work.coefficients)
+
+
+def _transport(data: LayerData, factor: str) -> LayerTransport:
+    """Transport along one curve as half floats, each plane scaled by its largest value."""
+    index = data.work.factors.index(factor)
+    transport = data.store.contract(index, _dormant(data.work, index), wavelet=True)
+    half, norms, scale = half_planes(transport, data.unit)
+    return LayerTransport(data.work.key, factor, data.stage, half, norms, scale)
+
+
+def half_planes(transport: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Planes (J, P, 3) as half floats, the norms (J, 3) of unit · transport, and the scale (J,) of each plane.
+
+    One scale a plane: the planes span many orders of magnitude, and half floats only nine.
+    """
+    n_planes = len(transport)
+    norms, scale = np.zeros((n_planes, 3)), np.ones(n_planes)
+    half = np.empty(transport.shape, np.float16)
+    for j, plane in enumerate(transport):
+        norms[j] = np.sqrt(np.einsum("pc,pc->c", plane, plane, dtype=np.float64)) * unit
+        largest = float(np.abs(plane).max(initial=0.0))
+        if largest > 0.0:
+            scale[j] = largest * unit
+            half[j] = plane * np.float32(1.0 / largest)
+        else:
+            half[j] = 0
+    return half, norms, scale
+
+
+def _scene_key(scene: Scene) -> str:
+    camera = scene.description.camera.model_dump_json()
+    return content_key(
+        CACHE_VERSION, camera, scene.resolution, scene.vertices, scene.normals, scene.triangles, scene.object_of_triangle,
+        scene.smooth, scene.emission,
+    )  # fmt: skip
+
+
+def _frame_arrays(placement: Placement) -> dict[str, np.ndarray]:
+    """What the window needs of the primary hits."""
+    hits = placement.hits
+    cos_o = np.clip(np.einsum("pc,pc->p", hits.normal, hits.wo), 0.0, 1.0)
+    return {
+        "resolution": np.array(hits.resolution),
+        "pixel": hits.pixel,
+        "object_ranges": hits.object_ranges,
+        "object_image": hits.object_image,
+        "theta_o": np.arccos(cos_o).astype(np.float32),
+        "emission_image": hits.emission_image,
+        "ray_directions": hits.ray_directions,
+        "edge_pixels": hits.edge_pixels,
+        "edge_neighbours": hits.edge_neighbours,
+        "edge_weights": hits.edge_weights,
+    }
