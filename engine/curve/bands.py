@@ -24,7 +24,7 @@ HALF_PI = math.pi / 2
 FINEST_GRADE = 2e-5
 MOST_ROUNDS = 16
 # By which two rules may disagree; the better one is then far closer than that.
-RELATIVE_TOLERANCE = 1e-6
+RELATIVE_TOLERANCE = 1e-5
 # Share of the largest value below which a band need not be right to its own size.
 ABSOLUTE_TOLERANCE = 1e-10
 

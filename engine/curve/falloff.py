@@ -23,7 +23,7 @@ def smooth_step(t: Array) -> Array:
     e(t) / (e(t) + e(1 - t)) with e(t) = exp(-1/t), written as (1 - tanh((1/t - 1/(1-t)) / 2)) / 2, which
     neither overflows nor divides by zero.
     """
-    inside = np.clip(t, 1e-3, 1.0 - 1e-3)
+    inside = np.minimum(np.maximum(t, 1e-3), 1.0 - 1e-3)
     return np.asarray(0.5 - 0.5 * np.tanh(0.5 / inside - 0.5 / (1.0 - inside)))
 
 

@@ -151,11 +151,12 @@ def _table(table: Tabulated) -> tuple[Array, Array]:
 def strength(operator: Operator, x: Array) -> Array:
     """How strongly the operator acts at x: 1 on [b, c], exactly 0 outside [a, d], smooth between [eq. 9.2]."""
     a, b, c, d = operator.regions
-    weight = np.ones_like(x)
+    t = np.ones_like(x)
     if b - a > STEP_WIDTH:
-        weight = smooth_step((x - a) / (b - a))
+        np.divide(x - a, b - a, out=t)
     if d - c > STEP_WIDTH:
-        weight = np.where(x > c, smooth_step((d - x) / (d - c)), weight)
+        t = np.minimum(t, (d - x) / (d - c))
+    weight = smooth_step(t)
     weight[(x < a) | (x > d)] = 0.0
     return weight
 
@@ -168,7 +169,7 @@ def shift(operator: Operator, x: Array) -> Array:
         moved = x - operator.magnitude * weight
     else:
         moved = operator.baseline + (x - operator.baseline) * (1.0 + (1.0 / operator.magnitude - 1.0) * weight)
-    return np.where(weight > 0.0, np.clip(moved, 0.0, HALF_PI), x)
+    return np.where(weight > 0.0, np.minimum(np.maximum(moved, 0.0), HALF_PI), x)
 
 
 def combine(operator: Operator, x: Array, values: Array) -> Array:
@@ -179,7 +180,7 @@ def combine(operator: Operator, x: Array, values: Array) -> Array:
         changed = values + operator.magnitude * weight
     else:
         changed = values + (values - operator.baseline) * ((operator.magnitude - 1.0) * weight)
-    return np.where(weight > 0.0, np.clip(changed, -VALUE_LIMIT, VALUE_LIMIT), values)
+    return np.minimum(np.maximum(changed, -VALUE_LIMIT), VALUE_LIMIT)
 
 
 @lru_cache(maxsize=256)

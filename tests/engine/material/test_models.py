@@ -75,9 +75,9 @@ def test_head_on_albedo_of_phong(exponent):
 
 
 def test_equivalent_albedo_of_blinn():
-    # (1/pi) of the double integral of rho cos cos, for the PBRT form with exponent 0 and F = 1. [BenArtzi07, 5.2.4] finds
-    # 0.56, a finer quadrature 0.552. Head-on G = min(1, 2 cos): (1/2) (integral of sin up to 60 degrees and of 2 cos sin
-    # beyond) = (1/2) (1/2 + 1/4) = 0.375.
+    # (1/pi) of the double integral of rho cos cos, for the PBRT form with exponent 0 and F = 1. [BenArtzi07, 5.2.4]
+    # finds 0.56, a finer quadrature 0.552. Head-on G = min(1, 2 cos): (1/2) (integral of sin up to 60 degrees and of
+    # 2 cos sin beyond) = (1/2) (1/2 + 1/4) = 0.375.
     layer = make_layer(MODELS["blinn_phong"], {"exponent": 0.0, "scale": 1.0, "reflectance": 1.0})
     cosines = np.sqrt((np.arange(12) + 0.5) / 12)
     albedos = [directional_albedo(layer, math.acos(c), n=120)[0] for c in cosines]
