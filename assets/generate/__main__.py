@@ -1,0 +1,48 @@
+"""`python -m assets.generate [NAME ...]`: write the meshes of all scenes and all environments, or those named."""
+
+import sys
+from pathlib import Path
+
+from .environments import ENVIRONMENTS
+from .mesh import check, save_ply
+from .panorama import save_exr
+from .scenes import LIT_BY, SCENES
+
+ASSETS = Path(__file__).resolve().parents[1]
+
+
+def generate(names: list[str], folder: Path = ASSETS) -> list[Path]:
+    """Write the named assets into `folder`, each mesh checked first; returns what was written."""
+    written = []
+    for name, meshes in SCENES.items():
+        if name in names:
+            target = folder / "scenes" / name
+            target.mkdir(parents=True, exist_ok=True)
+            for part, mesh in meshes().items():
+                check(mesh)
+                save_ply(mesh, target / f"{part}.ply")
+                written.append(target / f"{part}.ply")
+    for name, picture in ENVIRONMENTS.items():
+        if name in names:
+            target = folder / "environments"
+            image = picture()
+            scenes = [folder / "scenes" / scene for scene, environment in LIT_BY.items() if environment == name]
+            for place in [target, *scenes]:
+                place.mkdir(parents=True, exist_ok=True)
+                save_exr(image, place / f"{name}.exr")
+                written.append(place / f"{name}.exr")
+    return written
+
+
+def main() -> None:
+    known = [*SCENES, *ENVIRONMENTS]
+    names = sys.argv[1:] or known
+    unknown = sorted(set(names) - set(known))
+    if unknown:
+        sys.exit(f"unknown: {', '.join(unknown)}; known: {', '.join(known)}")
+    for path in generate(names):
+        print(f"{path.stat().st_size / 1024:8.0f} KiB  {path.relative_to(ASSETS)}")
+
+
+if __name__ == "__main__":
+    main()

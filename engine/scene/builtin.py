@@ -1,0 +1,20 @@
+"""The scenes and environments that come with the program: names and where their files stand.
+
+They lie in `assets/` beside the `engine` package, in a checkout and in an installed copy alike.
+"""
+
+from pathlib import Path
+
+ASSETS = Path(__file__).resolve().parents[2] / "assets"
+DEFAULT_SCENE = "teatray"
+
+
+def builtin_scenes() -> dict[str, Path]:
+    """Name -> scene.toml, the default scene first, the others by name."""
+    found = {path.parent.name: path for path in sorted((ASSETS / "scenes").glob("*/scene.toml"))}
+    return {name: found[name] for name in sorted(found, key=lambda name: (name != DEFAULT_SCENE, name))}
+
+
+def builtin_environments() -> dict[str, Path]:
+    """Name -> lat-long EXR, by name."""
+    return {path.stem: path for path in sorted((ASSETS / "environments").glob("*.exr"))}

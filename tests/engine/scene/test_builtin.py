@@ -1,0 +1,40 @@
+"""The built-in scenes and environments load, and show what they are for."""
+
+import numpy as np
+import pytest
+
+from engine.light.environment import load_environment
+from engine.material import MODELS, validate_parameters
+from engine.scene.builtin import builtin_environments, builtin_scenes
+from engine.scene.description import load_description
+from engine.scene.load import load_scene
+
+
+def test_names() -> None:
+    assert list(builtin_scenes()) == ["teatray", "cornell", "dominoes", "earrings", "plant", "shapes"]  # default first
+    assert list(builtin_environments()) == ["hall", "sky", "studio"]
+
+
+@pytest.mark.parametrize("name", builtin_scenes())
+def test_scene_loads_without_a_complaint(name: str) -> None:
+    scene = load_scene(builtin_scenes()[name])
+    assert scene.description.name == name
+    assert scene.notes == ()
+    # Nothing of it is wasted: every object has faces.
+    assert np.array_equal(np.unique(scene.object_of_triangle), np.arange(len(scene.description.objects)))
+
+
+@pytest.mark.parametrize("name", builtin_scenes())
+def test_layers_are_of_known_models_with_valid_parameters(name: str) -> None:
+    path = builtin_scenes()[name]
+    for item in load_description(path).objects:
+        for i, layer in enumerate(item.layers):
+            assert layer.model in MODELS
+            validate_parameters(MODELS[layer.model], layer.parameters, f"{path}: {item.name}.{i}")
+
+
+@pytest.mark.parametrize("name", builtin_environments())
+def test_environment_loads_without_a_complaint(name: str) -> None:
+    environment = load_environment(builtin_environments()[name])
+    assert environment.radiance.shape == (256, 512, 3)
+    assert environment.notes == ()
