@@ -1,0 +1,27 @@
+"""Where samples lie: the packed order, its inverse and the addresses agree."""
+
+import numpy as np
+import pytest
+
+from ui.gl.sample_layout import SAMPLES_PER_ROW, pack_samples, row_count, sample_addresses, unpack_samples
+
+
+@pytest.mark.parametrize("n_samples", [0, 1, 8, 1023, 1024, 1025, 5000])
+def test_unpacking_undoes_packing(n_samples: int) -> None:
+    values = np.arange(3 * n_samples, dtype=np.float32).reshape(n_samples, 3)
+    texels = pack_samples(values, 4)
+    # Rows of 1,024 samples, at least one: 5000 samples take 5 rows. Padding is 0 and the fourth component too.
+    assert texels.shape == (max(1, -(-n_samples // 1024)), 1024, 4) and row_count(n_samples) == len(texels)
+    np.testing.assert_array_equal(unpack_samples(texels, n_samples)[:, :3], values)
+    assert texels.sum() == values.sum()
+
+
+def test_addresses_point_at_the_packed_samples() -> None:
+    values = np.arange(1, 3001, dtype=np.float32)[:, None]
+    flat = pack_samples(values, 1).ravel()
+    np.testing.assert_array_equal(flat[sample_addresses(np.arange(3000))], values[:, 0])
+
+
+def test_a_known_address() -> None:
+    # Sample 1024 + 8*5 + 3: row 1, group 5, lane 3, so column 3*128 + 5.
+    assert sample_addresses(np.array([1024 + 43])) == [SAMPLES_PER_ROW + 389]

@@ -1,0 +1,125 @@
+"""Tone mapping, sRGB, silhouettes, outlines and A/B on the display picture."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tests.naive import pictures as naive
+from tests.ui.gl.pictures import frame_of, full_frame
+from ui.gl.context import GraphicsError
+from ui.gl.placement import PlacementRenderer
+from ui.gl.tonemap import HOVER_COLOUR, SELECTION_COLOUR, DisplayView, outline_pixels
+
+
+def _show(renderer: PlacementRenderer, radiance: np.ndarray) -> None:
+    """One row of pixels with these radiances (p,3)."""
+    renderer.set_frame(full_frame(len(radiance)))
+    renderer.set_layer("ball.0", 0, len(radiance))
+    renderer.set_layer_radiance("ball.0", radiance.astype(np.float32))
+
+
+def _displayed(renderer: PlacementRenderer, view: DisplayView) -> np.ndarray:
+    renderer.composite(view)
+    return renderer.display_image()
+
+
+RADIANCES = np.concatenate([[-1.0, 0.0], np.geomspace(1e-4, 100.0, 60)])
+
+
+@pytest.mark.parametrize("exposure", [0.0, -2.0, 3.5])
+@pytest.mark.parametrize("tone_mapping", ["linear", "filmic"])
+def test_display_values_follow_the_formulas(renderer: PlacementRenderer, tone_mapping: str, exposure: float) -> None:
+    _show(renderer, np.repeat(RADIANCES[:, None], 3, axis=1))
+    image = _displayed(renderer, DisplayView(exposure=exposure, tone_mapping=tone_mapping))
+    exposed = [value * 2.0**exposure for value in RADIANCES]
+    curve = naive.filmic if tone_mapping == "filmic" else lambda value: min(max(value, 0.0), 1.0)
+    expected = [round(255 * naive.encode_srgb(curve(value))) for value in exposed]
+    # One step of 255 for the rounding of the rasterizer's power function.
+    assert np.abs(image[0, :, 1].astype(int) - expected).max() <= 1
+
+
+def test_middle_grey_in_srgb(renderer: PlacementRenderer) -> None:
+    # Linear 0.2140411 is sRGB one half, 127.5: 127 or 128.
+    _show(renderer, np.full((1, 3), 0.2140411))
+    assert _displayed(renderer, DisplayView(tone_mapping="linear"))[0, 0, 0] in (127, 128)
+
+
+def test_false_colour_tells_stops_apart(renderer: PlacementRenderer) -> None:
+    stops = np.arange(-8.0, 8.0) + 0.75  # the bright half of each stop
+    _show(renderer, np.repeat(2.0**stops[:, None], 3, axis=1))
+    image = _displayed(renderer, DisplayView(tone_mapping="false_colour"))[0].astype(float)
+    luminance = image @ [0.2126, 0.7152, 0.0722]
+    # Lightness of viridis grows all the way, from dark blue (68, 1, 84) to yellow (253, 231, 37); 7.75 is near its end.
+    assert np.all(np.diff(luminance) > 0)
+    np.testing.assert_allclose(image[-1], [253, 231, 37], atol=12)
+    # The lower half of a stop is 0.85 times as light as its upper half, but for the map's own slope.
+    renderer.set_layer_radiance("ball.0", np.repeat(2.0 ** (stops - 0.5)[:, None], 3, axis=1))
+    darker = _displayed(renderer, DisplayView(tone_mapping="false_colour"))[0].astype(float)
+    assert np.all(darker.sum(axis=1) < image.sum(axis=1))
+
+
+def test_false_colour_looks_at_luminance(renderer: PlacementRenderer) -> None:
+    # A green of luminance 1 looks as a grey of 1 does.
+    _show(renderer, np.array([[0, 1 / 0.7152, 0], [1, 1, 1]]) * 1.2)
+    image = _displayed(renderer, DisplayView(tone_mapping="false_colour"))
+    np.testing.assert_allclose(image[0, 0].astype(int), image[0, 1].astype(int), atol=1)
+
+
+def test_an_unknown_tone_mapping_is_refused(renderer: PlacementRenderer) -> None:
+    _show(renderer, np.ones((1, 3)))
+    with pytest.raises(GraphicsError, match="expected one of filmic, linear, false_colour"):
+        renderer.composite(DisplayView(tone_mapping="sepia"))  # type: ignore[arg-type]
+
+
+def test_silhouettes_are_mixed_by_coverage(renderer: PlacementRenderer) -> None:
+    frame = dataclasses.replace(
+        full_frame(4),
+        edge_pixels=np.array([1]),
+        edge_neighbours=np.array([2]),
+        edge_weights=np.array([0.25], dtype=np.float32),
+    )
+    renderer.set_frame(frame)
+    renderer.set_layer("ball.0", 0, 4)
+    renderer.set_layer_radiance("ball.0", np.array([[0.0] * 3, [0.0] * 3, [1.0] * 3, [1.0] * 3], dtype=np.float32))
+    view = DisplayView(tone_mapping="linear")
+    # A quarter of pixel 1 shows its white neighbour: 0.25 · 255 = 64; the linear picture is left alone.
+    np.testing.assert_allclose(_displayed(renderer, view)[0, :, 0].astype(int), [0, 64, 255, 255], atol=1)
+    plain = dataclasses.replace(view, antialias=False)
+    np.testing.assert_array_equal(_displayed(renderer, plain)[0, :, 0], [0, 0, 255, 255])
+    np.testing.assert_array_equal(renderer.linear_image()[0, :, 0], [0, 0, 1, 1])
+
+
+def test_outlines_surround_the_selected_and_the_hovered_object(renderer: PlacementRenderer) -> None:
+    image = np.full((12, 20), -1)
+    image[3:8, 2:8] = 0
+    image[3:8, 11:17] = 1
+    renderer.set_frame(frame_of(image))
+    shown = _displayed(renderer, DisplayView(selected=0, hovered=1))
+    for i_object, colour in ((0, SELECTION_COLOUR), (1, HOVER_COLOUR)):
+        found = np.all(np.abs(shown.astype(int) - np.round(255 * np.array(colour))) <= 1, axis=-1)
+        expected = np.zeros(image.size, dtype=bool)
+        expected[outline_pixels(image == i_object)] = True
+        np.testing.assert_array_equal(found, expected.reshape(image.shape))
+    assert not _displayed(renderer, DisplayView()).any()
+
+
+def test_the_outline_of_one_pixel_is_a_cross() -> None:
+    mask = np.zeros((3, 4), dtype=bool)
+    mask[1, 1] = True
+    # Itself (5) and its neighbours above (1), left (4), right (6), below (9), row-major in rows of four.
+    np.testing.assert_array_equal(outline_pixels(mask), [1, 4, 5, 6, 9])
+
+
+def test_the_divider_shows_the_snapshot_left_and_the_picture_right(renderer: PlacementRenderer) -> None:
+    _show(renderer, np.full((10, 3), 1.0))
+    renderer.snapshot_compare()
+    renderer.set_layer_gain("ball.0", (0.0, 0.0, 0.0))
+    view = DisplayView(tone_mapping="linear", compare_divider=0.4)
+    shown = _displayed(renderer, view)[0, :, 0].astype(int)
+    # Four pixels of B, white; the divider, 0.95 · 255 = 242; then A, black.
+    np.testing.assert_allclose(shown, [255] * 4 + [242] + [0] * 5, atol=1)
+    np.testing.assert_array_equal(renderer.linear_image(), 0)
+    assert (_displayed(renderer, dataclasses.replace(view, compare_divider=1.0))[0, :9, 0] == 255).all()
+    renderer.drop_compare()
+    assert not _displayed(renderer, view).any()

@@ -1,0 +1,144 @@
+"""A worker that answers at once with made-up arrays, so that the window's tests need no transport.
+
+The scene: a "teapot" with a diffuse base and a glossy coat, a "tray", a fixed "wall" and a "lamp" that shines, seen as
+four upright stripes of a picture 48 x 32.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from app.jobs.messages import (
+    ComputeTransport,
+    Contract,
+    Footprint,
+    LayerPicture,
+    LayerTransport,
+    OpenScene,
+    Progress,
+    Request,
+    Response,
+    SceneOpened,
+    StageDone,
+)
+from engine.curve.wavelet import forward
+from engine.scene.description import SceneDescription
+
+WIDTH, HEIGHT = 48, 32
+STRIPES = ("teapot", "tray", "wall", "lamp")
+SCENE = {
+    "version": 1,
+    "name": "stand-in",
+    "camera": {"position": [0.0, 1.0, 4.0], "target": [0.0, 0.5, 0.0], "fov_y": 40.0, "resolution": [WIDTH, HEIGHT]},
+    "environment": {"radiance": [0.5, 0.6, 0.8]},
+    "object": [
+        {
+            "name": "teapot",
+            "primitive": "sphere",
+            "editable": True,
+            "layers": [
+                {"model": "lambert", "name": "base", "albedo": [0.35, 0.12, 0.08]},
+                {"model": "rough_conductor", "name": "coat", "distribution": "ggx", "alpha": 0.2},
+            ],
+        },
+        {"name": "tray", "primitive": "cube", "editable": True, "layers": [{"model": "rough_conductor"}]},
+        {"name": "wall", "primitive": "quad", "editable": False, "layers": [{"model": "lambert"}]},
+        {"name": "lamp", "primitive": "quad", "emission": [5.0, 5.0, 4.0], "layers": [{"model": "lambert"}]},
+    ],
+}
+
+
+def scene_arrays() -> dict[str, np.ndarray]:
+    """Primary hits of the four stripes; the lamp is an emitter and has no shaded pixels."""
+    column = np.broadcast_to(np.arange(WIDTH) * len(STRIPES) // WIDTH, (HEIGHT, WIDTH))
+    pixels = [np.flatnonzero(column == i) for i in range(3)]
+    ends = np.cumsum([0, *map(len, pixels), 0])
+    emission = np.zeros((HEIGHT, WIDTH, 3), np.float32)
+    emission[column == 3] = (5.0, 5.0, 4.0)
+    directions = np.zeros((HEIGHT, WIDTH, 3), np.float32)
+    directions[..., 2] = -1.0
+    return {
+        "object_image": column.astype(np.int16),
+        "pixel": np.concatenate(pixels).astype(np.int32),
+        "object_ranges": np.stack([ends[:-1], ends[1:]], axis=1).astype(np.int32),
+        "theta_o": np.full(int(ends[3]), 0.4, np.float32),
+        "emission_image": emission,
+        "ray_directions": directions,
+    }
+
+
+def transport_of(key: str, n_bands: int) -> np.ndarray:
+    """(J,p,3) in the domain of bands: each pixel sees all bands, by amounts of its own."""
+    index = STRIPES.index(key.partition(".")[0])
+    n_samples = int(np.diff(scene_arrays()["object_ranges"][index])[0])
+    generator = np.random.default_rng(index)
+    return generator.uniform(0.2, 1.0, (n_bands, n_samples, 3)) / n_bands
+
+
+class StandInClient:
+    """Answers requests in the next poll; what was asked is in `requests`."""
+
+    def __init__(self) -> None:
+        self.requests: list[Request] = []
+        self.closed = False
+        self._due: list[Response] = []
+
+    @property
+    def alive(self) -> bool:
+        return True
+
+    @property
+    def pid(self) -> int | None:
+        return None
+
+    def send(self, request: Request) -> int:
+        number = len(self.requests) + 1
+        request = replace(request, id=number)
+        self.requests.append(request)
+        self._due += [replace(r, id=number, revision=request.revision) for r in self._answers(request)]
+        return number
+
+    def say(self, response: Response) -> None:
+        """Put an answer of the test's own into the next poll."""
+        self._due.append(response)
+
+    def poll(self, budget_s: float = 0.0) -> list[Response]:
+        answers, self._due = self._due, []
+        return answers
+
+    def close(self) -> None:
+        self.closed = True
+
+    def _answers(self, request: Request) -> Iterator[Response]:
+        if isinstance(request, OpenScene):
+            yield SceneOpened(SceneDescription.model_validate(SCENE).model_dump_json(by_alias=True), (), scene_arrays())
+        elif isinstance(request, ComputeTransport):
+            yield from self._compute(request)
+        elif isinstance(request, Contract):
+            yield self._transport(request.key, request.factor, dict(request.coefficients))
+
+    def _compute(self, request: ComputeTransport) -> Iterator[Response]:
+        arrays = scene_arrays()
+        n = len(arrays["pixel"])
+        rows = np.concatenate([np.arange(stop - start) for start, stop in arrays["object_ranges"]])
+        weights = np.zeros((n, 4), np.float32)
+        weights[:, 0] = 1.0
+        yield Progress("transport", 0.5, 1.0)
+        yield Footprint(np.repeat(rows[:, None], 4, axis=1).astype(np.int32), weights, "final")
+        for layer in request.layers:
+            contracted = transport_of(layer.key, layer.bands[0])
+            radiance = np.einsum("jpc,jc->pc", contracted, layer.coefficients[0]).astype(np.float32)
+            yield LayerPicture(layer.key, "final", radiance, layer.coefficients)
+            if layer.key == request.selected and request.factor is not None:
+                made_with = dict(zip(layer.factors, layer.coefficients, strict=True))
+                yield self._transport(layer.key, request.factor, made_with)
+        yield StageDone("final", True, 0.1, 1_000_000)
+
+    def _transport(self, key: str, factor: str, coefficients: dict[str, np.ndarray]) -> LayerTransport:
+        bands = transport_of(key, len(coefficients[factor]))
+        waves = forward(bands)
+        norms = np.sqrt(np.sum(waves**2, axis=1))
+        return LayerTransport(key, factor, "final", waves.astype(np.float32), norms, np.ones((len(bands), 3)))

@@ -1,0 +1,152 @@
+"""Carries out what panels ask for: edits and view on the editor, the window's own state as a new value.
+
+The only place where an action becomes a change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
+from pathlib import Path
+
+from app.commands import SetEnvironment
+from app.editor import Editor
+from app.journal import Recovery
+from app.session import SUFFIX
+from ui.environment_loader import looks_angular
+from ui.panels.actions import (
+    Action,
+    AskFile,
+    BeginDrag,
+    CancelWork,
+    EndDrag,
+    Hold,
+    OpenFile,
+    Quit,
+    Recover,
+    Redo,
+    ResetLayout,
+    SaveSession,
+    Screenshot,
+    Select,
+    SetPanel,
+    Undo,
+)
+from ui.panels.state import FileQuestion, PanelState
+
+ENVIRONMENT_ENDINGS = (".exr", ".hdr", ".pic")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The window's state after a frame's actions, and what only the window itself can do."""
+
+    state: PanelState
+    reset_layout: bool = False
+    screenshot: Path | None = None
+    quit: bool = False
+
+
+class Actor:
+    """Carries actions out on one editor. `recovery` is the journal that the recovery strip offers, if any."""
+
+    def __init__(self, editor: Editor) -> None:
+        self._editor = editor
+        self._folder = Path.cwd()
+        self.recovery: Recovery | None = None
+
+    def perform(self, actions: Sequence[Action], state: PanelState, now: float) -> Outcome:
+        """All actions of one frame, in order; `now` in seconds of the window's clock."""
+        outcome = Outcome(state)
+        for action in actions:
+            outcome = self._perform(action, outcome)
+        return outcome
+
+    def _perform(self, action: Action, outcome: Outcome) -> Outcome:
+        state = outcome.state
+        match action:
+            case Hold():
+                return replace(outcome, state=replace(state, grip=action.grip))
+            case SetPanel():
+                return replace(outcome, state=replace(state, **action.changes))
+            case AskFile():
+                question = FileQuestion(action.purpose, self._folder)
+                return replace(outcome, state=replace(state, question=question))
+            case Screenshot():
+                return replace(outcome, screenshot=action.path or picture_name(Path.cwd(), datetime.now()))
+            case ResetLayout():
+                return replace(outcome, reset_layout=True)
+            case Quit():
+                return replace(outcome, quit=True)
+            case Recover():
+                self._recover(action.accept)
+                return replace(outcome, state=replace(state, journal=None))
+            case SaveSession():
+                return self._save(action.path, outcome)
+            case _:
+                self._edit(action)
+                return outcome
+
+    def _edit(self, action: Action) -> None:
+        editor = self._editor
+        match action:
+            case BeginDrag():
+                editor.begin_drag(action.label)
+            case EndDrag():
+                editor.end_drag()
+            case Undo():
+                editor.undo()
+            case Redo():
+                editor.redo()
+            case Select():
+                editor.select(action.path)
+            case OpenFile():
+                self.open(action.path)
+            case CancelWork():
+                editor.cancel_work()
+            case _:
+                editor.do(action)
+
+    def open(self, path: str) -> None:
+        """Open a scene or session, or light the scene by an environment; anything else is refused in one line."""
+        suffix = Path(path).suffix.lower()
+        if suffix:
+            self._folder = Path(path).resolve().parent
+        if suffix in ENVIRONMENT_ENDINGS:
+            file = Path(path).resolve()
+            self._editor.do(SetEnvironment(str(file), "angular" if looks_angular(file) else "latlong"))
+        elif suffix in ("", ".toml", SUFFIX):
+            self._editor.open(path)
+        else:
+            self._editor.notify(f"{path}: expected a scene (.toml), a session ({SUFFIX}) or light (.exr, .hdr)", True)
+
+    def _save(self, path: Path | None, outcome: Outcome) -> Outcome:
+        if path is None and self._editor.session_path is None:
+            question = FileQuestion("save_session", self._folder, suggested_name(self._editor.document.source))
+            return replace(outcome, state=replace(outcome.state, question=question))
+        if path is not None:
+            self._folder = path.resolve().parent
+        self._editor.save(path)
+        return outcome
+
+    def _recover(self, accept: bool) -> None:
+        recovery, self.recovery = self.recovery, None
+        if recovery is None:
+            return
+        if accept:
+            self._editor.recover(recovery)
+        else:
+            recovery.discard()
+
+
+def suggested_name(source: str) -> str:
+    """A session's name for a scene: its file's or, for a scene.toml, its folder's name."""
+    path = Path(source)
+    stem = path.parent.name if path.name == "scene.toml" else path.stem
+    return f"{stem or 'session'}{SUFFIX}"
+
+
+def picture_name(folder: Path, moment: datetime) -> Path:
+    """Where a picture of the window goes when nobody named it."""
+    return folder / f"insitu-{moment:%Y-%m-%d-%H%M%S}.png"

@@ -1,0 +1,164 @@
+"""The window without a display: the same frames in a framebuffer, the same events as a mouse and a keyboard make.
+
+`insitu screenshot` and the tests run this. A hand moves in steps, one frame each, because what a drag does may depend
+on the frames between.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import moderngl
+import numpy as np
+from imgui_bundle import imgui
+from numpy.typing import NDArray
+from PIL import Image
+
+from app.editor import Editor
+from ui.gl.context import create_headless_context
+from ui.shell import FrameResult, Shell
+
+FRAME_SECONDS = 1.0 / 60.0
+DRAG_STEPS = 12
+DEFAULT_SIZE = (1280, 800)
+
+
+class HeadlessWindow:
+    """A window of `size` framebuffer pixels at `scale`, with a clock of its own that each frame moves on."""
+
+    def __init__(
+        self,
+        editor: Editor,
+        *,
+        size: tuple[int, int] = DEFAULT_SIZE,
+        scale: float = 1.0,
+        context: moderngl.Context | None = None,
+        layout_file: Path | None = None,
+    ) -> None:
+        self.context = context or create_headless_context()
+        self.size = size
+        self._texture = self.context.texture(size, 4)
+        self._target = self.context.framebuffer([self._texture])
+        self.shell = Shell(self.context, editor, scale=scale, layout_file=layout_file, clock=self._now)
+        self._time = 0.0
+
+    def _now(self) -> float:
+        return getattr(self, "_time", 0.0)
+
+    def frame(self) -> FrameResult:
+        """Draw one frame; a picture that was asked for by a button is saved."""
+        self._time += FRAME_SECONDS
+        result = self.shell.frame(self._target, self.size, self._time)
+        if result.screenshot is not None:
+            self.save(result.screenshot)
+        return result
+
+    def frames(self, count: int) -> None:
+        """Draw several frames."""
+        for _ in range(count):
+            self.frame()
+
+    def run_until(self, done: Callable[[], bool], timeout: float) -> bool:
+        """Draw frames until `done()`, at most `timeout` seconds of real time; whether it came to be."""
+        end = time.monotonic() + timeout
+        while not done():
+            if time.monotonic() > end:
+                return False
+            if not self.frame().busy:
+                time.sleep(0.005)
+        return True
+
+    # ------------------------------------------------------------------------------------------------------ the hand
+
+    def move(self, x: float, y: float) -> None:
+        """Move the mouse there, in framebuffer pixels."""
+        self.shell.note_input()
+        self.shell.io.add_mouse_pos_event(x, y)
+        self.frame()
+
+    def press(self, button: int = 0) -> None:
+        """Press a mouse button: 0 left, 1 right, 2 middle."""
+        self.shell.io.add_mouse_button_event(button, True)
+        self.frame()
+
+    def release(self, button: int = 0) -> None:
+        """Let the button go."""
+        self.shell.io.add_mouse_button_event(button, False)
+        self.frame()
+        self.frame()
+
+    def click(self, x: float, y: float, button: int = 0) -> None:
+        """Press and release at a place."""
+        self.move(x, y)
+        self.frame()
+        self.press(button)
+        self.release(button)
+
+    def wheel(self, amount: float) -> None:
+        """Turn the wheel, positive away from the hand."""
+        self.shell.io.add_mouse_wheel_event(0.0, amount)
+        self.frames(2)
+
+    def drag(
+        self, start: tuple[float, float], end: tuple[float, float], *, button: int = 0, steps: int = DRAG_STEPS
+    ) -> None:
+        """Press at `start`, move to `end` in steps, let go."""
+        self.move(*start)
+        self.frame()
+        self.press(button)
+        for step in range(1, steps + 1):
+            share = step / steps
+            self.move(start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1]))
+        self.release(button)
+
+    def drag_handle(self, name: str, by: tuple[float, float], *, steps: int = DRAG_STEPS) -> None:
+        """Drag a named handle by so many pixels; KeyError lists the handles there are."""
+        self.frame()
+        x, y = self.shell.handle_position(name)
+        self.drag((x, y), (x + by[0], y + by[1]), steps=steps)
+
+    def click_handle(self, name: str) -> None:
+        """Click a named control."""
+        self.frame()
+        self.click(*self.shell.handle_position(name))
+
+    def key(self, key: imgui.Key, *modifiers: imgui.Key) -> None:
+        """Press and release a key together with modifiers (`imgui.Key.mod_ctrl`, ...)."""
+        self.shell.note_input()
+        for part in (*modifiers, key):
+            self.shell.io.add_key_event(part, True)
+        self.frame()
+        for part in (key, *modifiers):
+            self.shell.io.add_key_event(part, False)
+        self.frame()
+        self.frame()
+
+    def hold(self, key: imgui.Key, down: bool) -> None:
+        """Hold a modifier down, or let it go."""
+        self.shell.io.add_key_event(key, down)
+        self.frame()
+
+    def type(self, text: str) -> None:
+        """Type characters."""
+        self.shell.io.add_input_characters_utf8(text)
+        self.frames(2)
+
+    # ----------------------------------------------------------------------------------------------------- the picture
+
+    def pixels(self) -> NDArray[np.uint8]:
+        """The window's pixels (H,W,3), row 0 at the top."""
+        data = np.frombuffer(self._target.read(components=3, alignment=1), dtype=np.uint8)
+        return data.reshape(self.size[1], self.size[0], 3)[::-1].copy()
+
+    def save(self, file: Path) -> None:
+        """Write the window's pixels to a PNG."""
+        file.parent.mkdir(parents=True, exist_ok=True)
+        Image.fromarray(self.pixels()).save(file)
+
+    def close(self) -> None:
+        """Free what was made here; a context that was handed in stays."""
+        self.shell.close()
+        self._target.release()
+        self._texture.release()

@@ -1,0 +1,116 @@
+"""What panels ask for beyond edits. Panels draw and return values; `ui.shell` alone carries them out.
+
+A panel returns, in order, document commands (`app.commands`), view commands (`app.view_state`) and the window
+actions of this module.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from app.commands import EditCommand
+from app.view_state import OpenPanel, SetView
+from ui.panels.state import Grip
+
+
+@dataclass(frozen=True)
+class BeginDrag:
+    """A hand took hold of something that edits the document: all until `EndDrag` is one step of the history."""
+
+    label: str | None = None
+
+
+@dataclass(frozen=True)
+class EndDrag:
+    """The hand let go."""
+
+
+@dataclass(frozen=True)
+class Hold:
+    """Keep what a gesture needs while it lasts; None when it ends."""
+
+    grip: Grip | None
+
+
+@dataclass(frozen=True)
+class Undo:
+    """One step back in the history."""
+
+
+@dataclass(frozen=True)
+class Redo:
+    """One step forward in the history."""
+
+
+@dataclass(frozen=True)
+class Select:
+    """Select by path: an object, a layer "teapot.0", or a curve "teapot.0.theta_h"; None selects nothing."""
+
+    path: str | None
+
+
+@dataclass(frozen=True)
+class SetPanel:
+    """Change fields of the window's own state (`ui.panels.state.PanelState`)."""
+
+    changes: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class OpenFile:
+    """Open a scene, a session or an environment, told apart by its ending."""
+
+    path: str
+
+
+@dataclass(frozen=True)
+class AskFile:
+    """Ask for a file name without stopping the picture."""
+
+    purpose: str
+
+
+@dataclass(frozen=True)
+class SaveSession:
+    """Save the session to `path`, or where it was saved last; asks for a name the first time."""
+
+    path: Path | None = None
+
+
+@dataclass(frozen=True)
+class Screenshot:
+    """Write the window's picture, interface and all, to a PNG; None names it by the time of day."""
+
+    path: Path | None = None
+
+
+@dataclass(frozen=True)
+class Recover:
+    """Take back (True) or throw away (False) what a journal kept when the program last ended early."""
+
+    accept: bool
+
+
+@dataclass(frozen=True)
+class ResetLayout:
+    """Dock all panels where they are by default."""
+
+
+@dataclass(frozen=True)
+class CancelWork:
+    """Stop the precomputation under way; what has been computed stays on screen."""
+
+
+@dataclass(frozen=True)
+class Quit:
+    """Close the window; unsaved edits stay in the journal."""
+
+
+WindowAction = (
+    BeginDrag | EndDrag | Hold | Undo | Redo | Select | SetPanel | OpenFile | AskFile | SaveSession | Screenshot
+    | Recover | ResetLayout | CancelWork | Quit
+)  # fmt: skip
+Action = EditCommand | SetView | OpenPanel | WindowAction

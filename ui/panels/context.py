@@ -1,0 +1,103 @@
+"""What a panel is given: the document, how it is looked at, the truth about the picture, and where handles are noted.
+
+Everything is read-only but `Handles`, the noticeboard on which a panel writes where on screen it drew what can be
+dragged, so that scripts and tests take hold by name ("curve.b") through the same mouse events as a hand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from imgui_bundle import ImVec2, imgui
+
+from app.document import Document
+from app.status import Status
+from app.view_state import ViewState
+from ui.panels.state import PanelState
+from ui.theme import Theme
+
+
+class Handles:
+    """Screen positions (framebuffer pixels) of what was drawn last, by name."""
+
+    def __init__(self) -> None:
+        self._positions: dict[str, tuple[float, float]] = {}
+        self._drawn: dict[str, tuple[float, float]] = {}
+
+    def note(self, name: str, x: float, y: float) -> None:
+        """Remember where the handle `name` is in this frame."""
+        self._drawn[name] = (x, y)
+
+    def note_item(self, name: str) -> None:
+        """Remember the centre of the widget drawn last as the handle `name`."""
+        low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+        self.note(name, 0.5 * (low.x + high.x), 0.5 * (low.y + high.y))
+
+    def begin_frame(self) -> None:
+        """Forget what the coming frame may no longer draw; positions stay readable until it ends."""
+        self._drawn = {}
+
+    def end_frame(self) -> None:
+        """Make this frame's positions the ones that are read."""
+        self._positions = self._drawn
+
+    def position(self, name: str) -> tuple[float, float]:
+        """Where the handle is; KeyError that lists the handles on screen when it is not there."""
+        if name not in self._positions:
+            raise KeyError(f"no handle {name!r} on screen; there is: {', '.join(self.names())}")
+        return self._positions[name]
+
+    def names(self) -> list[str]:
+        """Names of all handles on screen, sorted."""
+        return sorted(self._positions)
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A texture that panels may draw: `reference` for imgui, size in texels. `flipped` when row 0 is the bottom."""
+
+    reference: imgui.ImTextureRef
+    width: int
+    height: int
+    flipped: bool = False
+
+    def corners(self) -> tuple[ImVec2, ImVec2]:
+        """Texture coordinates of the picture's upper left and lower right."""
+        return (ImVec2(0, 1), ImVec2(1, 0)) if self.flipped else (ImVec2(0, 0), ImVec2(1, 1))
+
+
+def nothing_there(column: int, row: int) -> str | None:
+    """What is at a pixel before there is a picture."""
+    return None
+
+
+@dataclass(frozen=True)
+class PanelContext:
+    """Read by every panel. `picture` is the scene, `environment` the thumbnail; None until there is one.
+
+    `undo_label` and `redo_label` name what would be undone or redone. `object_at` tells the object's name at a pixel
+    (column, row) of the picture. `heading` is where the camera looks, degrees clockwise from -Z seen from above.
+    `now` is seconds of the window's clock, `frame_times` the last frames in milliseconds.
+    """
+
+    document: Document
+    view: ViewState
+    status: Status
+    state: PanelState
+    theme: Theme
+    handles: Handles = field(default_factory=Handles)
+    picture: Picture | None = None
+    environment: Picture | None = None
+    undo_label: str | None = None
+    redo_label: str | None = None
+    object_at: Callable[[int, int], str | None] = nothing_there
+    heading: float = 0.0
+    frame_times: tuple[float, ...] = ()
+    environments: tuple[str, ...] = ()
+    scenes: tuple[str, ...] = ()
+    now: float = 0.0
+
+    def px(self, size: float) -> float:
+        """A design size in framebuffer pixels."""
+        return self.theme.px(size)

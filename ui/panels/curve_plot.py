@@ -1,0 +1,286 @@
+"""Draws the curve and its handles: grid, generated curve (thin, dashed), edited curve per channel, regions, knob.
+
+Own drawing on imgui's draw list (rejected: a plotting library's plot, whose own panning and picking fight with handles
+that must feel like objects). `Frame` says where everything stands; the drawing functions take it and return nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from imgui_bundle import ImVec2, imgui
+
+from engine.curve.operators import Operator, strength
+from ui import theme as look
+from ui.panels.context import PanelContext
+from ui.panels.curve_gestures import END_NAMES, Hand, Knob, Regions
+from ui.panels.plot_axes import Axis, angle_ticks, value_ticks
+from ui.panels.widgets import rich_text
+
+Point = ImVec2 | tuple[int | float, int | float] | list[int | float]
+
+LEFT_GUTTER = 46.0
+FLAG_STRIP = 22.0
+BOTTOM_GUTTER = 20.0
+RIGHT_GUTTER = 10.0
+FLAG = 16.0
+STRIPS = 24
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The plot's axes in screen pixels; the flag strip lies above the plot."""
+
+    x: Axis
+    y: Axis
+
+    @property
+    def corner(self) -> ImVec2:
+        """Upper left of the plot's ground."""
+        return ImVec2(self.x.start, self.y.end)
+
+    @property
+    def end(self) -> ImVec2:
+        """Lower right of the plot's ground."""
+        return ImVec2(self.x.end, self.y.start)
+
+    def contains(self, x: float, y: float) -> bool:
+        """Whether a screen position lies on the plot's ground."""
+        return self.x.start <= x <= self.x.end and self.y.end <= y <= self.y.start
+
+
+def layout(
+    context: PanelContext,
+    corner: ImVec2,
+    size: ImVec2,
+    x_range: tuple[float, float],
+    y_range: tuple[float, float],
+    log_y: bool,
+) -> Frame:
+    """Axes of a plot that fills `size` from `corner`, with room for labels and flags."""
+    left, right = corner.x + context.px(LEFT_GUTTER), corner.x + size.x - context.px(RIGHT_GUTTER)
+    top, bottom = corner.y + context.px(FLAG_STRIP), corner.y + size.y - context.px(BOTTOM_GUTTER)
+    return Frame(Axis(*x_range, left, max(right, left + 20)), Axis(*y_range, max(bottom, top + 20), top, log_y))
+
+
+def draw_ground(context: PanelContext, frame: Frame, title: str, variable: str) -> None:
+    """Well, grid and labelled axes. `title` stands in the upper right, the variable at the end of the x axis."""
+    draw = imgui.get_window_draw_list()
+    draw.add_rect_filled(frame.corner, frame.end, look.pack(look.WELL), context.px(4))
+    imgui.push_font(None, look.SMALL_SIZE)
+    _draw_angle_grid(context, draw, frame)
+    _draw_value_grid(context, draw, frame)
+    extent = imgui.calc_text_size(title)
+    place = ImVec2(frame.x.end - extent.x - context.px(9), frame.y.end + context.px(6))
+    draw.add_text(place, look.pack(look.TEXT_FAINT), title)
+    imgui.pop_font()
+    place = ImVec2(frame.x.start - context.px(28), frame.y.start + context.px(3))
+    rich_text(draw, place, look.pack(look.TEXT), variable)
+
+
+def _draw_angle_grid(context: PanelContext, draw: imgui.ImDrawList, frame: Frame) -> None:
+    for tick in angle_ticks(frame.x, context.px(52)):
+        x = round(frame.x.to_pixel(tick.value)) + 0.5
+        if frame.x.start + 1 < x < frame.x.end - 1:
+            draw.add_line(ImVec2(x, frame.y.end), ImVec2(x, frame.y.start), look.pack(look.GRID), 1.0)
+        width = imgui.calc_text_size(tick.label).x
+        left = min(x - 0.5 * width, frame.x.end + context.px(RIGHT_GUTTER) - width)
+        draw.add_text(ImVec2(round(left), frame.y.start + context.px(4)), look.pack(look.TEXT_SOFT), tick.label)
+
+
+def _draw_value_grid(context: PanelContext, draw: imgui.ImDrawList, frame: Frame) -> None:
+    for tick in value_ticks(frame.y, context.px(30)):
+        y = round(frame.y.to_pixel(tick.value)) + 0.5
+        strong = tick.value == 0.0 and not frame.y.logarithmic
+        if frame.y.end + 1 < y < frame.y.start - 1:
+            ink = look.GRID_STRONG if strong else look.GRID if tick.label else look.grey(32)
+            draw.add_line(ImVec2(frame.x.start, y), ImVec2(frame.x.end, y), look.pack(ink), 1.0)
+        if not tick.label:
+            continue
+        extent = imgui.calc_text_size(tick.label)
+        top = min(max(y - 0.5 * extent.y, frame.y.end - context.px(3)), frame.y.start - extent.y + context.px(3))
+        draw.add_text(
+            ImVec2(round(frame.x.start - context.px(7) - extent.x), round(top)), look.pack(look.TEXT_SOFT), tick.label
+        )
+
+
+def sample_angles(frame: Frame, features: tuple[float, ...]) -> np.ndarray:
+    """(N,) angles at which to evaluate the curve: one each screen pixel, and beside every sharp feature."""
+    low, high = frame.x.low, frame.x.high
+    even = np.linspace(low, high, max(2, round((frame.x.end - frame.x.start) / 1.5)))
+    sharp = np.array([f for f in features if low < f < high])
+    return np.unique(np.concatenate([even, sharp, np.clip(sharp - 1e-9, low, high), np.clip(sharp + 1e-9, low, high)]))
+
+
+def draw_generated(frame: Frame, gamma: np.ndarray, values: np.ndarray, scale: float) -> None:
+    """The curve that the parameters generate: thin, dashed, one line for each channel that differs."""
+    for channel in distinct_channels(values):
+        points = _points(frame, gamma, values[:, channel])
+        _dashed(imgui.get_window_draw_list(), points, look.pack(look.with_alpha(look.TEXT, 0.42)), 1.0 * scale, scale)
+
+
+def draw_curve(frame: Frame, gamma: np.ndarray, values: np.ndarray, channels: tuple[bool, ...], scale: float) -> None:
+    """The edited curve: one white line where the channels agree, else three coloured ones, those not edited dimmed."""
+    draw = imgui.get_window_draw_list()
+    shown = distinct_channels(values)
+    if len(shown) == 1:
+        ink = look.grey(235) if all(channels) else look.CHANNELS[channels.index(True)]
+        draw.add_polyline(_points(frame, gamma, values[:, 0]), look.pack(ink), 2.0 * scale, 0)
+        return
+    for channel in sorted(shown, key=lambda c: channels[c]):
+        alpha = 1.0 if channels[channel] else 0.35
+        colour = look.pack(look.with_alpha(look.CHANNELS[channel], alpha))
+        draw.add_polyline(_points(frame, gamma, values[:, channel]), colour, 2.0 * scale, 0)
+
+
+def distinct_channels(values: np.ndarray) -> list[int]:
+    """[0] where the three columns agree to within a thousandth of the largest value, else [0, 1, 2]."""
+    largest = float(np.abs(values).max(initial=0.0))
+    same = bool(np.abs(values - values[:, :1]).max(initial=0.0) <= 1e-3 * largest)
+    return [0] if same else [0, 1, 2]
+
+
+def draw_regions(context: PanelContext, frame: Frame, hand: Hand, held: str | None, hovered: str | None) -> None:
+    """The falloff shaded as strong as the operator acts, and a bar at each of a, b, c, d."""
+    draw = imgui.get_window_draw_list()
+    draw.push_clip_rect(frame.corner, frame.end, True)
+    _shade(draw, frame, hand.first)
+    for name, angle in zip(END_NAMES, hand.regions, strict=True):
+        x = round(frame.x.to_pixel(angle)) + 0.5
+        active = name in (held, hovered)
+        ink = look.with_alpha(look.ACCENT, 0.95 if active else 0.6 if name in "bc" else 0.38)
+        draw.add_line(ImVec2(x, frame.y.end), ImVec2(x, frame.y.start), look.pack(ink), context.px(2 if active else 1))
+    draw.pop_clip_rect()
+
+
+def _shade(draw: imgui.ImDrawList, frame: Frame, operator: Operator) -> None:
+    a, b, c, d = operator.regions
+    edges = np.unique(np.concatenate([np.linspace(a, b, STRIPS), np.linspace(c, d, STRIPS)]))
+    weights = strength(operator, edges)
+    pixels = np.clip(frame.x.to_pixels(edges), frame.x.start, frame.x.end)
+    for k in range(len(edges) - 1):
+        left = look.pack(look.with_alpha(look.ACCENT, 0.15 * float(weights[k])))
+        right = look.pack(look.with_alpha(look.ACCENT, 0.15 * float(weights[k + 1])))
+        draw.add_rect_filled_multi_color(
+            ImVec2(pixels[k], frame.y.end), ImVec2(pixels[k + 1], frame.y.start), left, right, right, left
+        )
+
+
+def flag_places(frame: Frame, regions: Regions, width: float) -> tuple[float, float, float, float]:
+    """Centres of the four flags: at their bars, pushed apart just so far that none covers another."""
+    places = [frame.x.to_pixel(angle) for angle in regions]
+    for _ in range(24):
+        moved = False
+        for k in range(3):
+            overlap = width - (places[k + 1] - places[k])
+            if overlap > 1e-3:
+                places[k] -= 0.5 * overlap
+                places[k + 1] += 0.5 * overlap
+                moved = True
+        if not moved:
+            break
+    low, high = frame.x.start + 0.5 * width, frame.x.end - 0.5 * width
+    for k in range(4):
+        places[k] = max(places[k], low + k * width)
+    for k in range(3, -1, -1):
+        places[k] = min(places[k], high - (3 - k) * width)
+    return places[0], places[1], places[2], places[3]
+
+
+def draw_flags(
+    context: PanelContext, frame: Frame, regions: Regions, places: tuple[float, ...], held: str | None, hot: str | None
+) -> None:
+    """The strip above the plot: a band for the region and a lettered flag on each end, led to its bar."""
+    draw = imgui.get_window_draw_list()
+    top, base = frame.y.end - context.px(FLAG_STRIP - 2), frame.y.end
+    size = context.px(FLAG)
+    middle = top + 0.5 * size
+    band = look.with_alpha(look.ACCENT, 0.55 if "region" in (held, hot) else 0.28)
+    half = context.px(2)
+    draw.add_rect_filled(ImVec2(places[0], middle - half), ImVec2(places[3], middle + half), look.pack(band), half)
+    draw.add_rect_filled(
+        ImVec2(places[1], middle - 2 * half), ImVec2(places[2], middle + 2 * half), look.pack(band), half
+    )
+    for name, angle, place in zip(END_NAMES, regions, places, strict=True):
+        active = name in (held, hot)
+        bar = min(max(frame.x.to_pixel(angle), frame.x.start), frame.x.end)
+        ink = look.pack(look.ACCENT if active or name in "bc" else look.with_alpha(look.ACCENT, 0.75))
+        draw.add_line(ImVec2(place, top + size), ImVec2(bar, base), ink, context.px(1))
+        _flag(context, draw, ImVec2(place - 0.5 * size, top), size, name, active)
+
+
+def _flag(context: PanelContext, draw: imgui.ImDrawList, corner: ImVec2, size: float, name: str, active: bool) -> None:
+    end = ImVec2(corner.x + size, corner.y + size)
+    core = name in "bc"
+    ground = look.ACCENT if active or core else look.grey(40)
+    draw.add_rect_filled(corner, end, look.pack(ground), context.px(4))
+    if not (active or core):
+        draw.add_rect(corner, end, look.pack(look.with_alpha(look.ACCENT, 0.75)), context.px(4))
+    imgui.push_font(context.theme.fonts.bold, look.SMALL_SIZE - 1)
+    extent = imgui.calc_text_size(name)
+    ink = look.grey(18) if active or core else look.ACCENT
+    draw.add_text(
+        ImVec2(round(corner.x + 0.5 * (size - extent.x)), round(corner.y + 0.5 * (size - extent.y)) - 1),
+        look.pack(ink),
+        name,
+    )
+    imgui.pop_font()
+
+
+def knob_place(context: PanelContext, frame: Frame, knob: Knob) -> tuple[float, float]:
+    """Screen position of the knob, held inside the plot so that it can always be grasped."""
+    inset = context.px(9)
+    x = min(max(frame.x.to_pixel(knob.x), frame.x.start + inset), frame.x.end - inset)
+    y = min(max(frame.y.to_pixel(knob.y), frame.y.end + inset), frame.y.start - inset)
+    return x, y
+
+
+def draw_knob(context: PanelContext, frame: Frame, hand: Hand, knob: Knob, active: bool) -> None:
+    """The magnitude handle: a ring with arrows along the axes it acts on, tied to where the curve was."""
+    draw = imgui.get_window_draw_list()
+    x, y = knob_place(context, frame, knob)
+    anchor_x = frame.x.to_pixel(knob.anchor[0])
+    anchor_y = min(max(frame.y.to_pixel(knob.anchor[1]), frame.y.end), frame.y.start)
+    faint = look.pack(look.with_alpha(look.ACCENT, 0.6))
+    draw.add_line(ImVec2(anchor_x, anchor_y), ImVec2(x, y), faint, context.px(1))
+    draw.add_circle_filled(ImVec2(anchor_x, anchor_y), context.px(2.6), faint)
+    axes: set[str] = {operator.axis for operator in hand.operators}
+    ink = look.pack(look.ACCENT)
+    radius = context.px(7.5 if active else 6.5)
+    for dx, dy in _arrow_directions(axes):
+        _arrow(draw, x + dx * (radius + context.px(4)), y + dy * (radius + context.px(4)), dx, dy, context.px(4), ink)
+    draw.add_circle_filled(ImVec2(x, y), radius, look.pack(look.ACCENT if active else look.grey(24)))
+    draw.add_circle(ImVec2(x, y), radius, ink, 0, context.px(2))
+    if not active:
+        draw.add_circle_filled(ImVec2(x, y), context.px(2), ink)
+
+
+def _arrow_directions(axes: set[str]) -> list[tuple[float, float]]:
+    across = [(-1.0, 0.0), (1.0, 0.0)] if "x" in axes else []
+    return across + ([(0.0, -1.0), (0.0, 1.0)] if "y" in axes else [])
+
+
+def _arrow(draw: imgui.ImDrawList, x: float, y: float, dx: float, dy: float, size: float, ink: int) -> None:
+    tip = ImVec2(x + dx * size, y + dy * size)
+    left, right = ImVec2(x - dy * size, y + dx * size), ImVec2(x + dy * size, y - dx * size)
+    draw.add_triangle_filled(tip, left, right, ink)
+
+
+def _points(frame: Frame, gamma: np.ndarray, values: np.ndarray) -> list[Point]:
+    across = frame.x.to_pixels(gamma)
+    room = 4.0 * abs(frame.y.start - frame.y.end)
+    down = np.clip(frame.y.to_pixels(values), frame.y.end - room, frame.y.start + room)
+    return list(zip(across.tolist(), down.tolist(), strict=True))
+
+
+def _dashed(draw: imgui.ImDrawList, points: list[Point], ink: int, thickness: float, scale: float) -> None:
+    """Dashes of 6 and gaps of 4 pixels along the line's length."""
+    on, off = 6.0 * scale, 4.0 * scale
+    places = np.array(points)
+    lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(places, axis=0).T))])
+    phase = np.mod(lengths, on + off) < on
+    breaks = np.flatnonzero(np.diff(phase.astype(np.int8))) + 1
+    for run in np.split(np.arange(len(points)), breaks):
+        if phase[run[0]] and len(run) > 1:
+            draw.add_polyline([points[k] for k in run], ink, thickness, 0)

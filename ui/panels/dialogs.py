@@ -1,0 +1,135 @@
+"""Asking for a file inside the window: a small browser that never stops the picture.
+
+Own drawing (rejected: the desktop's dialogs, which need a helper program that is often missing, and which a script or
+a test cannot reach).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from imgui_bundle import ImVec2, imgui
+
+from ui import theme as look
+from ui.panels import widgets
+from ui.panels.actions import Action, OpenFile, SaveSession, SetPanel
+from ui.panels.context import PanelContext
+from ui.panels.state import FileQuestion
+
+TITLES = {
+    "open_scene": "Open a scene or a session",
+    "open_environment": "Open an environment",
+    "save_session": "Save the session",
+}
+ENDINGS = {
+    "open_scene": (".toml", ".insitu"),
+    "open_environment": (".exr", ".hdr"),
+    "save_session": (".insitu",),
+}
+MOST_ENTRIES = 2000
+WIDTH, HEIGHT = 560.0, 420.0
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A line of the browser."""
+
+    path: Path
+    is_folder: bool
+
+
+def entries(folder: Path, endings: tuple[str, ...]) -> list[Entry]:
+    """Folders, then files with one of the endings, by name; hidden ones left out. Empty where not readable."""
+    try:
+        found = [Entry(p, p.is_dir()) for p in sorted(folder.iterdir())[:MOST_ENTRIES] if not p.name.startswith(".")]
+    except OSError:
+        return []
+    shown = [e for e in found if e.is_folder or e.path.suffix.lower() in endings]
+    return sorted(shown, key=lambda e: (not e.is_folder, e.path.name.lower()))
+
+
+def draw(context: PanelContext) -> list[Action]:
+    """The browser while there is a question, nothing otherwise."""
+    question = context.state.question
+    if question is None:
+        return []
+    viewport = imgui.get_main_viewport()
+    imgui.set_next_window_pos(viewport.get_work_center(), imgui.Cond_.appearing, ImVec2(0.5, 0.5))
+    imgui.set_next_window_size(ImVec2(context.px(WIDTH), context.px(HEIGHT)), imgui.Cond_.appearing)
+    flags = imgui.WindowFlags_.no_docking | imgui.WindowFlags_.no_collapse | imgui.WindowFlags_.no_saved_settings
+    imgui.push_style_color(imgui.Col_.window_bg, look.pack(look.grey(44)))
+    imgui.push_style_var(imgui.StyleVar_.window_border_size, 1.0)
+    visible, is_open = imgui.begin(f"{TITLES[question.purpose]}###files", True, flags)
+    actions = _contents(context, question) if visible else []
+    imgui.end()
+    imgui.pop_style_var()
+    imgui.pop_style_color()
+    if not is_open or (imgui.is_key_pressed(imgui.Key.escape) and not imgui.get_io().want_text_input):
+        return [SetPanel({"question": None})]
+    return actions
+
+
+def _contents(context: PanelContext, question: FileQuestion) -> list[Action]:
+    actions = _folder_line(context, question)
+    footer = imgui.get_frame_height_with_spacing() + context.px(6)
+    corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
+    end = ImVec2(corner.x + room.x, corner.y + room.y - footer)
+    imgui.get_window_draw_list().add_rect_filled(corner, end, look.pack(look.WELL), context.px(4))
+    if imgui.begin_child("entries", ImVec2(0, -footer)):
+        for entry in entries(question.folder, ENDINGS[question.purpose]):
+            actions += _entry(context, question, entry)
+    imgui.end_child()
+    return actions + _name_line(context, question)
+
+
+def _folder_line(context: PanelContext, question: FileQuestion) -> list[Action]:
+    actions: list[Action] = []
+    parent = question.folder.parent
+    hint = "The folder above."
+    if widgets.text_button(context, "files.up", "Up", hint, enabled=parent != question.folder):
+        actions.append(_asked(replace(question, folder=parent)))
+    imgui.same_line()
+    imgui.set_next_item_width(-1.0)
+    changed, typed = imgui.input_text("##folder", str(question.folder), imgui.InputTextFlags_.enter_returns_true)
+    widgets.tooltip("The folder shown; type another and press Enter.")
+    if changed and Path(typed).expanduser().is_dir():
+        actions.append(_asked(replace(question, folder=Path(typed).expanduser())))
+    return actions
+
+
+def _entry(context: PanelContext, question: FileQuestion, entry: Entry) -> list[Action]:
+    text = f"  {entry.path.name}/" if entry.is_folder else f"  {entry.path.name}"
+    pressed, _ = imgui.selectable(text, entry.path.name == question.name, imgui.SelectableFlags_.allow_double_click)
+    if not pressed:
+        return []
+    if entry.is_folder:
+        return [_asked(replace(question, folder=entry.path))] if imgui.is_mouse_double_clicked(0) else []
+    if imgui.is_mouse_double_clicked(0):
+        return answer(question, entry.path)
+    return [_asked(replace(question, name=entry.path.name))]
+
+
+def _name_line(context: PanelContext, question: FileQuestion) -> list[Action]:
+    verb = "Save" if question.purpose.startswith("save") else "Open"
+    width = imgui.calc_text_size(verb).x + 2 * imgui.get_style().frame_padding.x
+    imgui.set_next_item_width(imgui.get_content_region_avail().x - width - imgui.get_style().item_spacing.x)
+    changed, typed = imgui.input_text("##name", question.name)
+    widgets.tooltip("The file's name.")
+    confirmed = imgui.is_item_deactivated_after_edit() and imgui.is_key_pressed(imgui.Key.enter)
+    imgui.same_line()
+    pressed = widgets.text_button(context, "files.confirm", verb, f"{verb} this file.", enabled=bool(question.name))
+    if pressed or confirmed:
+        return answer(question, question.folder / typed)
+    return [_asked(replace(question, name=typed))] if changed else []
+
+
+def answer(question: FileQuestion, path: Path) -> list[Action]:
+    """What the person decided, and the browser closed. A session's name gets its ending."""
+    if question.purpose == "save_session":
+        return [SaveSession(path if path.suffix else path.with_suffix(".insitu")), SetPanel({"question": None})]
+    return [OpenFile(str(path)), SetPanel({"question": None})]
+
+
+def _asked(question: FileQuestion) -> Action:
+    return SetPanel({"question": question})

@@ -1,0 +1,187 @@
+"""Shortcuts: one table that the keyboard, the menus and the overlay under `?` all read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from imgui_bundle import ImVec2, imgui
+
+from app.commands import MuteOperator, RemoveOperator
+from app.document import Selection
+from app.view_state import SetView, Tool
+from engine.curve.operators import Operator
+from ui import theme as look
+from ui.panels.actions import Action, AskFile, Quit, Redo, SaveSession, Screenshot, Select, Undo
+from ui.panels.context import PanelContext
+
+CTRL, SHIFT = int(imgui.Key.mod_ctrl), int(imgui.Key.mod_shift)
+Key = imgui.Key
+
+
+@dataclass(frozen=True)
+class Shortcut:
+    """`chord` for imgui (None: a mouse gesture, listed only), the words for it, and the name of what it does."""
+
+    group: str
+    keys: str
+    text: str
+    name: str = ""
+    chord: int | None = None
+
+
+SHORTCUTS = (
+    Shortcut("File", "Ctrl O", "Open a scene or session", "open", CTRL | int(Key.o)),
+    Shortcut("File", "Ctrl S", "Save the session", "save", CTRL | int(Key.s)),
+    Shortcut("File", "Ctrl Shift S", "Save the session under a new name", "save_as", CTRL | SHIFT | int(Key.s)),
+    Shortcut("File", "F12", "Save a picture of the window", "screenshot", int(Key.f12)),
+    Shortcut("File", "Ctrl Q", "Quit; unsaved edits stay in the journal", "quit", CTRL | int(Key.q)),
+    Shortcut("Edit", "Ctrl Z", "Undo; one drag is one step", "undo", CTRL | int(Key.z)),
+    Shortcut("Edit", "Ctrl Y", "Redo (also Ctrl Shift Z)", "redo", CTRL | int(Key.y)),
+    Shortcut("", "", "", "redo", CTRL | SHIFT | int(Key.z)),
+    Shortcut("Edit", "Esc", "Let go of operator, then of selection", "deselect", int(Key.escape)),
+    Shortcut("Picture", "Click", "Select the object"),
+    Shortcut("Picture", "Shift drag", "Turn the light around the scene"),
+    Shortcut("Picture", "C", "Compare: remember this picture as A, show A | B", "compare", int(Key.c)),
+    Shortcut("Picture", "F", "Fit the picture, or show it pixel for pixel", "fit", int(Key.f)),
+    Shortcut("Picture", "[  ]", "Exposure down, up by a third of a stop", "darker", int(Key.left_bracket)),
+    Shortcut("", "", "", "brighter", int(Key.right_bracket)),
+    Shortcut("Curve", "Drag a b c d", "Where the edit begins, holds and ends"),
+    Shortcut("Curve", "Drag the ring", "How strong the edit is"),
+    Shortcut("Curve", "Drag the curve", "Pull it there: a new operator"),
+    Shortcut("Curve", "T   A", "Translate, amplify", "translate", int(Key.t)),
+    Shortcut("", "", "", "amplify", int(Key.a)),
+    Shortcut("Curve", "X   Y   D", "Along the angle, in height, diagonal", "axis_x", int(Key.x)),
+    Shortcut("", "", "", "axis_y", int(Key.y)),
+    Shortcut("", "", "", "axis_xy", int(Key.d)),
+    Shortcut("Curve", "L", "Logarithmic height", "log", int(Key.l)),
+    Shortcut("Curve", "M", "Mute the operator", "mute", int(Key.m)),
+    Shortcut("Curve", "Delete", "Delete the operator", "delete", int(Key.delete)),
+    Shortcut("Curve", "Wheel", "Zoom the angle; with Shift the height"),
+    Shortcut("Curve", "Middle drag", "Pan; double click shows all"),
+    Shortcut("Help", "?", "This list", "help", SHIFT | int(Key.slash)),
+    Shortcut("", "", "", "help", int(Key.f1)),
+)
+
+
+def keyboard(context: PanelContext) -> list[Action]:
+    """What the keys pressed in this frame ask for; none while a person types into a field."""
+    if imgui.get_io().want_text_input:
+        return []
+    actions: list[Action] = []
+    for shortcut in SHORTCUTS:
+        if shortcut.chord is not None and imgui.is_key_chord_pressed(shortcut.chord):
+            actions += perform(context, shortcut.name)
+    return actions
+
+
+def keys_of(name: str) -> str:
+    """The keys written beside a menu entry."""
+    return next((s.keys for s in SHORTCUTS if s.name == name and s.keys), "")
+
+
+def perform(context: PanelContext, name: str) -> list[Action]:
+    """The actions of a named shortcut in the present state."""
+    view = context.view
+    simple: dict[str, list[Action]] = {
+        "open": [AskFile("open_scene")],
+        "save": [SaveSession()],
+        "save_as": [AskFile("save_session")],
+        "screenshot": [Screenshot()],
+        "quit": [Quit()],
+        "undo": [Undo()],
+        "redo": [Redo()],
+        "compare": [SetView.of(compare=None if view.compare is not None else context.document)],
+        "fit": [SetView.of(fit=not view.fit)],
+        "darker": [SetView.of(exposure=view.exposure - 1.0 / 3.0)],
+        "brighter": [SetView.of(exposure=view.exposure + 1.0 / 3.0)],
+        "log": [SetView.of(log_y=not view.log_y, curve_zoom=None)],
+        "help": [SetView.of(show_shortcuts=not view.show_shortcuts)],
+        "deselect": _deselect(context),
+    }
+    if name in simple:
+        return simple[name]
+    if name in ("translate", "amplify") or name.startswith("axis_"):
+        return [SetView.of(active_tool=_tool(view.active_tool, name), operator=None)]
+    return _on_operator(context, name)
+
+
+def _deselect(context: PanelContext) -> list[Action]:
+    if context.view.show_shortcuts:
+        return [SetView.of(show_shortcuts=False)]
+    if context.view.operator is not None:
+        return [SetView.of(operator=None)]
+    return [Select(None)]
+
+
+def _tool(tool: Tool, change: str) -> str:
+    kind, _, axes = tool.partition("_")
+    return f"{kind}_{change[5:]}" if change.startswith("axis_") else f"{change}_{axes}"
+
+
+def _on_operator(context: PanelContext, name: str) -> list[Action]:
+    """Mute or delete the selected operator; of a diagonal pair each half is a row of its own."""
+    selected, index = context.view.selected, context.view.operator
+    if not isinstance(selected, Selection) or selected.factor is None or index is None:
+        return []
+    operators = context.document.layer(selected.key).operators(selected.factor)
+    if index >= len(operators):
+        return []
+    if name == "delete":
+        return [RemoveOperator(selected.key, selected.factor, index), SetView.of(operator=None)]
+    operator = operators[index]
+    muted = isinstance(operator, Operator) and operator.muted
+    return [MuteOperator(selected.key, selected.factor, index, not muted)]
+
+
+def draw(context: PanelContext) -> list[Action]:
+    """The overlay that lists all shortcuts; closes at the next click or key."""
+    if not context.view.show_shortcuts:
+        return []
+    viewport = imgui.get_main_viewport()
+    imgui.set_next_window_pos(viewport.get_work_center(), imgui.Cond_.always, ImVec2(0.5, 0.5))
+    flags = (
+        imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_docking | imgui.WindowFlags_.always_auto_resize
+        | imgui.WindowFlags_.no_saved_settings | imgui.WindowFlags_.no_move
+    )  # fmt: skip
+    imgui.push_style_color(imgui.Col_.window_bg, look.pack(look.grey(40, 0.985)))
+    imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(context.px(28), context.px(22)))
+    imgui.push_style_var(imgui.StyleVar_.window_border_size, 1.0)
+    imgui.begin("Shortcuts###shortcuts", None, flags)
+    context.theme.push_bold()
+    imgui.text_unformatted("Shortcuts")
+    imgui.pop_font()
+    imgui.dummy(ImVec2(1, context.px(4)))
+    _columns(context)
+    focused = imgui.is_window_hovered(imgui.HoveredFlags_.allow_when_blocked_by_popup)
+    imgui.end()
+    imgui.pop_style_var(2)
+    imgui.pop_style_color()
+    if imgui.is_mouse_clicked(0) and not focused:
+        return [SetView.of(show_shortcuts=False)]
+    return []
+
+
+def _columns(context: PanelContext) -> None:
+    imgui.begin_group()
+    for group in ("File", "Edit", "Help"):
+        _group(context, group)
+    imgui.end_group()
+    imgui.same_line(0.0, context.px(40))
+    imgui.begin_group()
+    for group in ("Picture", "Curve"):
+        _group(context, group)
+    imgui.end_group()
+
+
+def _group(context: PanelContext, group: str) -> None:
+    imgui.push_style_color(imgui.Col_.text, look.pack(look.ACCENT))
+    imgui.text_unformatted(group)
+    imgui.pop_style_color()
+    start = imgui.get_cursor_pos_x()
+    for shortcut in (s for s in SHORTCUTS if s.group == group):
+        imgui.text_unformatted(shortcut.keys)
+        imgui.same_line(start + context.px(108))
+        imgui.push_style_color(imgui.Col_.text, look.pack(look.TEXT_SOFT))
+        imgui.text_unformatted(shortcut.text)
+        imgui.pop_style_color()
+    imgui.dummy(ImVec2(1, context.px(6)))

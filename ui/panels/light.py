@@ -1,0 +1,238 @@
+"""The light: the environment's picture as the scene stands in it, a wheel that turns it, its strength.
+
+The picture is drawn in the world's frame: its middle is -Z, and it scrolls as the environment turns. The marker shows
+where the camera looks, so what is left of it lights the scene from the picture's left.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from imgui_bundle import ImVec2, imgui
+
+from app.commands import SetEnvironment, SetIntensity, SetRotation
+from app.document import CONSTANT_ENVIRONMENT, SCENE_ENVIRONMENT
+from ui import theme as look
+from ui.panels import widgets
+from ui.panels.actions import Action, AskFile, BeginDrag, EndDrag, Hold
+from ui.panels.context import PanelContext, Picture
+from ui.panels.state import Grip
+
+WHEEL = 82.0
+FULL_TURN = 360.0
+LEAST_INTENSITY, LARGEST_INTENSITY = 0.01, 100.0
+
+
+def draw(context: PanelContext) -> list[Action]:
+    """The whole panel, inside its window."""
+    actions: list[Action] = []
+    gap = context.px(12)
+    wheel = context.px(WHEEL)
+    room = imgui.get_content_region_avail().x
+    width = room - wheel - gap
+    height = min(0.5 * width, wheel)
+    start = imgui.get_cursor_pos_y()
+    imgui.set_cursor_pos_y(start + 0.5 * (wheel - height))
+    actions += _thumbnail(context, 2.0 * height if 2.0 * height < width else width, height)
+    imgui.same_line(0.0, gap)
+    imgui.set_cursor_pos_y(start)
+    actions += _wheel(context, wheel)
+    actions += _environment(context)
+    actions += _rotation(context)
+    actions += _intensity(context)
+    if context.status.light_note:
+        note = context.status.light_note
+        widgets.caption(note[0].upper() + note[1:])
+    return actions
+
+
+def environment_label(environment: str) -> str:
+    """An environment's name as a person reads it."""
+    if environment == SCENE_ENVIRONMENT:
+        return "As in the scene"
+    if environment == CONSTANT_ENVIRONMENT:
+        return "Even white"
+    path = Path(environment)
+    return path.name if path.suffix else environment.replace("_", " ").replace("-", " ").capitalize()
+
+
+def _environment(context: PanelContext) -> list[Action]:
+    actions: list[Action] = []
+    light = context.document.light
+    widgets.label(context, "Environment")
+    if imgui.begin_combo("##environment", environment_label(light.environment)):
+        for name in (SCENE_ENVIRONMENT, *context.environments):
+            pressed, _ = imgui.selectable(environment_label(name), name == light.environment)
+            if pressed:
+                actions.append(SetEnvironment(name))
+        pressed, _ = imgui.selectable(
+            environment_label(CONSTANT_ENVIRONMENT), light.environment == CONSTANT_ENVIRONMENT
+        )
+        if pressed:
+            actions.append(SetEnvironment(CONSTANT_ENVIRONMENT, radiance=(1.0, 1.0, 1.0)))
+        imgui.separator()
+        pressed, _ = imgui.selectable("Open a file…", False)
+        if pressed:
+            actions.append(AskFile("open_environment"))
+        imgui.end_combo()
+    context.handles.note_item("light.environment")
+    widgets.tooltip("What lights the scene. EXR and HDR files may also be dropped on the window.")
+    return actions
+
+
+def _rotation(context: PanelContext) -> list[Action]:
+    widgets.label(context, "Rotation")
+    hand, degrees = widgets.slider(
+        context, "rotation", context.document.light.rotation, 0.0, FULL_TURN, "%.1f°", handle="light.rotation"
+    )
+    widgets.tooltip(
+        "Turns the light around the scene, counter-clockwise from above. So does Shift-drag in the picture."
+    )
+    return _edits(hand, SetRotation(degrees), "rotate the environment")
+
+
+def _intensity(context: PanelContext) -> list[Action]:
+    widgets.label(context, "Intensity")
+    value = context.document.light.intensity
+    hand, moved = widgets.slider(
+        context, "intensity", value, LEAST_INTENSITY, LARGEST_INTENSITY, "× %.3g", True, handle="light.intensity"
+    )
+    widgets.tooltip("Multiplies all light in the scene. Costs nothing: the picture is only scaled.")
+    return _edits(hand, SetIntensity(moved), "light intensity")
+
+
+def _edits(hand: widgets.Touch, command: Action, label: str) -> list[Action]:
+    actions: list[Action] = []
+    if hand.began:
+        actions.append(BeginDrag(label))
+    if hand.changed:
+        actions.append(command)
+    if hand.ended:
+        actions.append(EndDrag())
+    return actions
+
+
+def _thumbnail(context: PanelContext, width: float, height: float) -> list[Action]:
+    corner = imgui.get_cursor_screen_pos()
+    imgui.invisible_button("thumbnail", ImVec2(width, height))
+    context.handles.note_item("light.picture")
+    widgets.tooltip("The environment around the scene, -Z in the middle. Drag sideways to turn it. "
+                    "The mark shows where the camera looks.")  # fmt: skip
+    if imgui.is_item_hovered():
+        imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
+    actions = _scroll(context, "light.picture", width)
+    draw_list = imgui.get_window_draw_list()
+    end = ImVec2(corner.x + width, corner.y + height)
+    draw_list.add_rect_filled(corner, end, look.pack(look.WELL), context.px(3))
+    if context.environment is not None:
+        _scrolled(draw_list, context.environment, corner, end, context.document.light.rotation / FULL_TURN)
+    else:
+        _even(context, draw_list, corner, end)
+    _marker(context, draw_list, corner, width, height)
+    return actions
+
+
+def _scroll(context: PanelContext, handle: str, width: float) -> list[Action]:
+    grip = context.state.grip
+    mouse = imgui.get_mouse_pos()
+    if imgui.is_item_activated():
+        return [BeginDrag("rotate the environment"), Hold(_grip(handle, mouse.x, context.document.light.rotation))]
+    if grip is None or grip.handle != handle:
+        return []
+    if imgui.is_item_deactivated():
+        return [EndDrag(), Hold(None)]
+    return [SetRotation(grip.offset[1] - FULL_TURN * (mouse.x - grip.offset[0]) / width)]
+
+
+def _grip(handle: str, x: float, y: float) -> Grip:
+    return Grip(handle, (x, y), (), None, False, (0.0, 0.0, 0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
+
+
+def _scrolled(draw_list: imgui.ImDrawList, picture: Picture, corner: ImVec2, end: ImVec2, shift: float) -> None:
+    """The environment with column `shift` of its width at the left edge, in the two parts the seam cuts it into."""
+    upper, lower = picture.corners()
+    shift = shift % 1.0
+    seam = corner.x + (1.0 - shift) * (end.x - corner.x)
+    draw_list.add_image(picture.reference, corner, ImVec2(seam, end.y), ImVec2(shift, upper.y), ImVec2(1.0, lower.y))
+    if shift > 0.0:
+        draw_list.add_image(
+            picture.reference, ImVec2(seam, corner.y), end, ImVec2(0.0, upper.y), ImVec2(shift, lower.y)
+        )
+
+
+def _even(context: PanelContext, draw_list: imgui.ImDrawList, corner: ImVec2, end: ImVec2) -> None:
+    constant = context.document.light.environment == CONSTANT_ENVIRONMENT
+    text = "even light" if constant else "no environment"
+    extent = imgui.calc_text_size(text)
+    place = ImVec2(0.5 * (corner.x + end.x - extent.x), 0.5 * (corner.y + end.y - extent.y))
+    draw_list.add_text(place, look.pack(look.TEXT_FAINT), text)
+
+
+def _marker(context: PanelContext, draw_list: imgui.ImDrawList, corner: ImVec2, width: float, height: float) -> None:
+    """A line at the camera's heading, with a triangle at its foot."""
+    x = round(corner.x + ((context.heading / FULL_TURN + 0.5) % 1.0) * width) + 0.5
+    size = context.px(5)
+    draw_list.add_line(ImVec2(x, corner.y), ImVec2(x, corner.y + height), look.pack(look.grey(0, 0.5)), context.px(3))
+    draw_list.add_line(ImVec2(x, corner.y), ImVec2(x, corner.y + height), look.pack(look.ACCENT), context.px(1))
+    foot = corner.y + height
+    points = (ImVec2(x, foot - size), ImVec2(x + size, foot + 1), ImVec2(x - size, foot + 1))
+    draw_list.add_triangle_filled(*points, look.pack(look.ACCENT))
+
+
+def _wheel(context: PanelContext, size: float) -> list[Action]:
+    """A compass seen from above; its knob stands at the rotation."""
+    corner = imgui.get_cursor_screen_pos()
+    imgui.invisible_button("wheel", ImVec2(size, size))
+    widgets.tooltip("Turn the light around the scene, seen from above; up is -Z. Hold Shift for whole 15° steps.")
+    centre = ImVec2(corner.x + 0.5 * size, corner.y + 0.5 * size)
+    radius = 0.5 * size - context.px(7)
+    rotation = context.document.light.rotation
+    knob = ImVec2(
+        centre.x - radius * math.sin(math.radians(rotation)), centre.y - radius * math.cos(math.radians(rotation))
+    )
+    context.handles.note("light.wheel", knob.x, knob.y)
+    actions = _turn(context, centre)
+    active = imgui.is_item_active() or imgui.is_item_hovered()
+    draw_list = imgui.get_window_draw_list()
+    draw_list.add_circle_filled(centre, radius, look.pack(look.WELL), 64)
+    draw_list.add_circle(centre, radius, look.pack(look.grey(84)), 64, context.px(2))
+    for quarter in range(4):
+        angle = 0.5 * math.pi * quarter
+        inner, outer = radius - context.px(8), radius - context.px(4)
+        draw_list.add_line(ImVec2(centre.x + inner * math.sin(angle), centre.y - inner * math.cos(angle)),
+                           ImVec2(centre.x + outer * math.sin(angle), centre.y - outer * math.cos(angle)),
+                           look.pack(look.TEXT_FAINT), context.px(1))  # fmt: skip
+    _swept(context, draw_list, centre, radius, rotation)
+    draw_list.add_circle_filled(knob, context.px(6.5 if active else 5.5), look.pack(look.ACCENT))
+    draw_list.add_circle(knob, context.px(6.5 if active else 5.5), look.pack(look.grey(20)), 0, context.px(1.5))
+    text = f"{rotation:.0f}°"
+    extent = imgui.calc_text_size(text)
+    place = ImVec2(round(centre.x - 0.5 * extent.x + context.px(1.5)), round(centre.y - 0.5 * extent.y))
+    draw_list.add_text(place, look.pack(look.TEXT), text)
+    return actions
+
+
+def _swept(context: PanelContext, draw_list: imgui.ImDrawList, centre: ImVec2, radius: float, rotation: float) -> None:
+    """The arc from up to the knob, counter-clockwise."""
+    if rotation < 0.5:
+        return
+    start = -0.5 * math.pi
+    draw_list.path_arc_to(centre, radius, start, start - math.radians(rotation), 64)
+    draw_list.path_stroke(look.pack(look.with_alpha(look.ACCENT, 0.6)), context.px(2), 0)
+
+
+def _turn(context: PanelContext, centre: ImVec2) -> list[Action]:
+    grip, mouse = context.state.grip, imgui.get_mouse_pos()
+    angle = math.degrees(math.atan2(centre.x - mouse.x, centre.y - mouse.y))
+    if imgui.is_item_activated():
+        rotation = context.document.light.rotation
+        return [BeginDrag("rotate the environment"), Hold(_grip("light.wheel", angle, rotation))]
+    if grip is None or grip.handle != "light.wheel":
+        return []
+    if imgui.is_item_deactivated():
+        return [EndDrag(), Hold(None)]
+    turned = grip.offset[1] + angle - grip.offset[0]
+    if imgui.get_io().key_shift:
+        turned = 15.0 * round(turned / 15.0)
+    return [SetRotation(turned)]

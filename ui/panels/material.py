@@ -1,0 +1,202 @@
+"""The selected layer's model and parameters; every control is built from the model's parameter table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from imgui_bundle import ImVec2, ImVec4, imgui
+
+from app.commands import SetModel, SetParameter
+from engine.material import MODELS, Layer, Parameter
+from ui import theme as look
+from ui.panels import widgets
+from ui.panels.actions import Action, BeginDrag, EndDrag
+from ui.panels.context import PanelContext
+from ui.theme import Icon
+
+RGB = tuple[float, float, float]
+
+
+def draw(context: PanelContext) -> list[Action]:
+    """The whole panel, inside its window."""
+    selection = context.view.selected
+    if selection is None:
+        imgui.text_disabled("Nothing selected")
+        widgets.caption("Click an object in the picture, or a layer in the list.")
+        return []
+    layer = context.document.layer(selection.key)
+    state = context.document.object(selection.object)
+    editable = state.editable and not context.document.is_frozen(selection.key)
+    actions: list[Action] = []
+    _heading(context, selection.object, layer, editable)
+    imgui.begin_disabled(not editable)
+    actions += _model(context, selection.key, layer)
+    for parameter in layer.model.parameters:
+        actions += _parameter(context, selection.key, layer, parameter)
+    imgui.end_disabled()
+    if context.status.material_note:
+        widgets.caption(context.status.material_note)
+    return actions
+
+
+def _heading(context: PanelContext, name: str, layer: Layer, editable: bool) -> None:
+    context.theme.push_bold()
+    imgui.text_unformatted(name)
+    imgui.pop_font()
+    if layer.name:
+        imgui.same_line()
+        imgui.text_disabled(f"/  {layer.name}")
+    if not editable:
+        imgui.same_line()
+        imgui.text_disabled(Icon.FROZEN)
+        widgets.tooltip("Frozen or fixed: thaw it, or make it editable, in the object list.")
+
+
+def _model(context: PanelContext, key: str, layer: Layer) -> list[Action]:
+    actions: list[Action] = []
+    widgets.label(context, "Model")
+    if imgui.begin_combo("##model", layer.model.label):
+        for model in MODELS.values():
+            pressed, _ = imgui.selectable(model.label, model is layer.model)
+            widgets.tooltip(model.tooltip)
+            if pressed and model is not layer.model:
+                actions.append(SetModel(key, model.name))
+        imgui.end_combo()
+    context.handles.note_item("material.model")
+    widgets.tooltip(
+        f"{layer.model.tooltip} Another model starts from its own defaults; edits of curves that both have stay."
+    )
+    return actions
+
+
+def _parameter(context: PanelContext, key: str, layer: Layer, parameter: Parameter) -> list[Action]:
+    widgets.label(context, parameter.label)
+    value = layer.values[parameter.name]
+    imgui.push_id(parameter.name)
+    if isinstance(value, str):
+        actions = _choice(context, key, parameter, value)
+    elif isinstance(value, tuple):
+        actions = _colour(context, key, parameter, value)
+    else:
+        actions = _scalar(context, key, parameter, value)
+    imgui.pop_id()
+    return actions
+
+
+def _hint(parameter: Parameter) -> str:
+    later = " Self-shadowing follows when the hand rests." if "quotient" in parameter.drives else ""
+    return f"{parameter.tooltip}{later}"
+
+
+def _choice(context: PanelContext, key: str, parameter: Parameter, value: str) -> list[Action]:
+    actions: list[Action] = []
+    if imgui.begin_combo("##choice", choice_label(value)):
+        for choice in parameter.choices:
+            pressed, _ = imgui.selectable(choice_label(choice), choice == value)
+            if pressed and choice != value:
+                actions.append(SetParameter(key, parameter.name, choice))
+        imgui.end_combo()
+    context.handles.note_item(f"material.{parameter.name}")
+    widgets.tooltip(_hint(parameter))
+    return actions
+
+
+def choice_label(choice: str) -> str:
+    """A choice as a person reads it; short ones are names by their initials."""
+    return choice.upper() if len(choice) <= 3 else choice.capitalize()
+
+
+def _scalar(context: PanelContext, key: str, parameter: Parameter, value: float) -> list[Action]:
+    text = number_format(parameter)
+    hand, moved = widgets.slider(
+        context, parameter.name, value, parameter.minimum, parameter.maximum, text, parameter.logarithmic,
+        handle=f"material.{parameter.name}",
+    )  # fmt: skip
+    widgets.tooltip(_hint(parameter))
+    return _edits(hand, key, parameter, moved)
+
+
+def number_format(parameter: Parameter) -> str:
+    """A format with as many digits as the range asks for, and the unit."""
+    digits = "%.4g" if parameter.logarithmic else "%.3f" if parameter.maximum <= 10.0 else "%.4g"
+    return f"{digits} {parameter.unit}".rstrip().replace(" °", "°")
+
+
+def _edits(hand: widgets.Touch, key: str, parameter: Parameter, value: float | RGB) -> list[Action]:
+    """One drag of a control as one step of the history."""
+    actions: list[Action] = []
+    if hand.began:
+        actions.append(BeginDrag(f"{key} {parameter.label.lower()}"))
+    if hand.changed:
+        actions.append(SetParameter(key, parameter.name, value))
+    if hand.ended:
+        actions.append(EndDrag())
+    return actions
+
+
+def _colour(context: PanelContext, key: str, parameter: Parameter, value: RGB) -> list[Action]:
+    """Three numbers with red, green and blue marks; a swatch with a colour wheel where they are reflectances."""
+    actions: list[Action] = []
+    height, gap = imgui.get_frame_height(), context.px(4)
+    swatch = parameter.maximum <= 1.0
+    room = imgui.get_content_region_avail().x - (height + gap if swatch else 0.0)
+    width = (room - 2 * gap) / 3.0
+    for channel in range(3):
+        imgui.set_next_item_width(width)
+        corner = imgui.get_cursor_screen_pos()
+        imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(context.px(4), imgui.get_style().frame_padding.y))
+        speed = (parameter.maximum - parameter.minimum) / 400.0
+        changed, moved = imgui.drag_float(f"##{channel}", value[channel], min(speed, 0.02), parameter.minimum,
+                                          parameter.maximum, "%.3f", imgui.SliderFlags_.always_clamp)  # fmt: skip
+        imgui.pop_style_var()
+        context.handles.note_item(f"material.{parameter.name}.{'rgb'[channel]}")
+        widgets.tooltip(f"{_hint(parameter)} Drag sideways, or double-click to type.")
+        _mark(context, corner, width, height, look.CHANNELS[channel])
+        colour = (*value[:channel], moved, *value[channel + 1 :])
+        actions += _edits(widgets.touch(changed), key, parameter, (colour[0], colour[1], colour[2]))
+        if channel < 2 or swatch:
+            imgui.same_line(0.0, gap)
+    return actions + (_swatch(context, key, parameter, value) if swatch else [])
+
+
+def _mark(context: PanelContext, corner: ImVec2, width: float, height: float, colour: look.Colour) -> None:
+    inset, line = context.px(4), context.px(2)
+    imgui.get_window_draw_list().add_rect_filled(
+        ImVec2(corner.x + inset, corner.y + height - line),
+        ImVec2(corner.x + width - inset, corner.y + height),
+        look.pack(look.with_alpha(colour, 0.75)),
+    )
+
+
+def _swatch(context: PanelContext, key: str, parameter: Parameter, value: RGB) -> list[Action]:
+    shown = [encode_srgb(v) for v in value]
+    if imgui.color_button("##swatch", ImVec4(shown[0], shown[1], shown[2], 1.0), imgui.ColorEditFlags_.no_tooltip):
+        imgui.open_popup("picker")
+    context.handles.note_item(f"material.{parameter.name}.swatch")
+    widgets.tooltip(f"{parameter.tooltip} Click for a colour wheel.")
+    actions: list[Action] = []
+    if imgui.begin_popup("picker"):
+        flags = imgui.ColorEditFlags_.picker_hue_wheel | imgui.ColorEditFlags_.no_side_preview
+        imgui.set_next_item_width(context.px(190))
+        changed, picked = imgui.color_picker3("##wheel", shown, flags)
+        colour = decode_srgb(picked)
+        if changed:
+            low, high = parameter.minimum, parameter.maximum
+            red, green, blue = (min(max(v, low), high) for v in colour)
+            actions += _edits(widgets.touch(True), key, parameter, (red, green, blue))
+        else:
+            actions += _edits(widgets.touch(False), key, parameter, value)
+        imgui.end_popup()
+    return actions
+
+
+def encode_srgb(value: float) -> float:
+    """Linear [0, 1] as the screen shows it (IEC 61966-2-1)."""
+    value = min(max(value, 0.0), 1.0)
+    return 12.92 * value if value <= 0.0031308 else 1.055 * value ** (1 / 2.4) - 0.055
+
+
+def decode_srgb(colour: Sequence[float]) -> RGB:
+    """A colour off the screen, linear."""
+    red, green, blue = (v / 12.92 if v <= 0.04045 else ((v + 0.055) / 1.055) ** 2.4 for v in colour)
+    return red, green, blue

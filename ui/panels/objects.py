@@ -1,0 +1,179 @@
+"""The list of objects and their layers: selection, visibility, freezing, and which layers carry edits."""
+
+from __future__ import annotations
+
+from imgui_bundle import ImVec2, ImVec4, imgui
+
+from app.commands import SetEditable, SetFrozen, SetVisible
+from app.document import ObjectState, layer_key
+from engine.material.layer import Layer
+from ui import theme as look
+from ui.panels import widgets
+from ui.panels.actions import Action, Select
+from ui.panels.context import PanelContext
+from ui.theme import Icon
+
+BUTTONS = 3
+
+
+def draw(context: PanelContext) -> list[Action]:
+    """The whole panel, inside its window."""
+    actions: list[Action] = []
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(0, context.px(1)))
+    for state in context.document.objects:
+        actions += _object(context, state)
+    imgui.pop_style_var()
+    return actions
+
+
+def _object(context: PanelContext, state: ObjectState) -> list[Action]:
+    selected = context.view.selected
+    chosen = selected is not None and selected.object == state.name
+    actions: list[Action] = []
+    imgui.push_id(state.name)
+    hovered = context.view.hovered == state.name
+    open_id = imgui.get_id("open")
+    storage = imgui.get_state_storage()
+    is_open = storage.get_bool(open_id, chosen or state.editable)
+    corner, width, inside = _ground(context, chosen and len(state.layers) < 2, hovered)
+    if len(state.layers) > 1:
+        if _arrow(context, is_open):
+            storage.set_bool(open_id, not is_open)
+    else:
+        imgui.dummy(ImVec2(context.px(18), imgui.get_frame_height()))
+    imgui.same_line()
+    actions += _name(context, state.name, state.name, _object_icon(state), corner, width, not state.visible)
+    actions += _object_buttons(context, state, inside)
+    if is_open and len(state.layers) > 1:
+        for index, layer in enumerate(state.layers):
+            actions += _layer(context, state, index, layer)
+    imgui.pop_id()
+    return actions
+
+
+def _object_icon(state: ObjectState) -> str:
+    return Icon.EMITTER if state.emits else ""
+
+
+def _arrow(context: PanelContext, is_open: bool) -> bool:
+    size = ImVec2(context.px(18), imgui.get_frame_height())
+    corner = imgui.get_cursor_screen_pos()
+    pressed = imgui.invisible_button("arrow", size)
+    x, y, half = corner.x + 0.5 * size.x, corner.y + 0.5 * size.y, context.px(3.5)
+    ink = look.pack(look.TEXT if imgui.is_item_hovered() else look.TEXT_SOFT)
+    draw = imgui.get_window_draw_list()
+    if is_open:
+        points = (ImVec2(x - half, y - 0.6 * half), ImVec2(x + half, y - 0.6 * half), ImVec2(x, y + 0.8 * half))
+    else:
+        points = (ImVec2(x - 0.6 * half, y - half), ImVec2(x + 0.8 * half, y), ImVec2(x - 0.6 * half, y + half))
+    draw.add_triangle_filled(*points, ink)
+    widgets.tooltip("Show or hide the layers of this object.")
+    return pressed
+
+
+def _ground(context: PanelContext, chosen: bool, hovered: bool) -> tuple[ImVec2, float, bool]:
+    """Row background; (corner, width, whether the mouse is on the row)."""
+    corner, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
+    end = ImVec2(corner.x + width, corner.y + imgui.get_frame_height())
+    inside = imgui.is_mouse_hovering_rect(corner, end) and imgui.is_window_hovered(
+        imgui.HoveredFlags_.allow_when_blocked_by_active_item
+    )
+    draw = imgui.get_window_draw_list()
+    if chosen or inside or hovered:
+        draw.add_rect_filled(corner, end, look.pack(look.grey(62 if chosen else 46)), context.px(4))
+    if chosen:
+        bar = ImVec2(corner.x + context.px(2), end.y - context.px(4))
+        draw.add_rect_filled(ImVec2(corner.x, corner.y + context.px(4)), bar, look.pack(look.ACCENT))
+    return corner, width, inside
+
+
+def _name(
+    context: PanelContext, path: str, text: str, icon: str, corner: ImVec2, width: float, faint: bool
+) -> list[Action]:
+    height = imgui.get_frame_height()
+    place = imgui.get_cursor_screen_pos()
+    room = corner.x + width - BUTTONS * height - place.x
+    imgui.set_next_item_allow_overlap()
+    pressed = imgui.invisible_button("name", ImVec2(max(room, 1.0), height))
+    context.handles.note_item(f"objects.{path}")
+    widgets.tooltip(f"{path}: select it to see its curves and parameters; its outline shows in the picture.")
+    ink = look.TEXT_FAINT if faint else look.TEXT
+    draw = imgui.get_window_draw_list()
+    y = place.y + imgui.get_style().frame_padding.y
+    draw.push_clip_rect(place, ImVec2(place.x + room, place.y + height), True)
+    draw.add_text(ImVec2(place.x, y), look.pack(ink), text)
+    if icon:
+        after = place.x + imgui.calc_text_size(text).x + context.px(7)
+        draw.add_text(ImVec2(after, y), look.pack(look.TEXT_SOFT), icon)
+    draw.pop_clip_rect()
+    return [Select(path)] if pressed else []
+
+
+def _object_buttons(context: PanelContext, state: ObjectState, inside: bool) -> list[Action]:
+    actions: list[Action] = []
+    if _toggle(context, f"visible.{state.name}", Icon.VISIBLE, Icon.HIDDEN, state.visible, inside,
+               "Show or hide this object's reflection in the picture; its shadow stays."):  # fmt: skip
+        actions.append(SetVisible(state.name, not state.visible))
+    if _toggle(context, f"frozen.{state.name}", Icon.FROZEN, Icon.FROZEN, not state.frozen, inside,
+               "Freeze: keeps this object's material as it is, safe from edits."):  # fmt: skip
+        actions.append(SetFrozen(state.name, not state.frozen))
+    if _toggle(context, f"editable.{state.name}", Icon.EDITABLE, Icon.LOCKED, state.editable, inside,
+               "Editable or fixed: a fixed object keeps its material and costs less."):  # fmt: skip
+        actions.append(SetEditable(state.name, not state.editable))
+    return actions
+
+
+def _layer(context: PanelContext, state: ObjectState, index: int, layer: Layer) -> list[Action]:
+    actions: list[Action] = []
+    path = layer_key(state.name, index)
+    selected = context.view.selected
+    chosen = selected is not None and selected.key == path
+    imgui.push_id(index)
+    corner, width, inside = _ground(context, chosen, False)
+    imgui.dummy(ImVec2(context.px(32), imgui.get_frame_height()))
+    imgui.same_line()
+    edited = Icon.CHANGED if layer.edits else ""
+    faint = not (layer.visible and state.visible)
+    actions += _name(context, path, layer.name or layer.model.label, "", corner, width, faint)
+    if edited:
+        _edited_mark(context, corner, width)
+    if _toggle(context, f"visible.{path}", Icon.VISIBLE, Icon.HIDDEN, layer.visible, inside,
+               "Show or hide this layer in the picture."):  # fmt: skip
+        actions.append(SetVisible(path, not layer.visible))
+    if _toggle(context, f"frozen.{path}", Icon.FROZEN, Icon.FROZEN, not layer.frozen, inside,
+               "Freeze: keeps this layer as it is, safe from edits."):  # fmt: skip
+        actions.append(SetFrozen(path, not layer.frozen))
+    imgui.new_line()
+    imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() - imgui.get_style().item_spacing.y)
+    imgui.pop_id()
+    return actions
+
+
+def _edited_mark(context: PanelContext, corner: ImVec2, width: float) -> None:
+    """A dot in the accent: this layer's curves carry operators."""
+    height = imgui.get_frame_height()
+    place = ImVec2(corner.x + context.px(23), corner.y + 0.5 * height)
+    imgui.get_window_draw_list().add_circle_filled(place, context.px(3), look.pack(look.ACCENT))
+
+
+def _toggle(
+    context: PanelContext, name: str, on_icon: str, off_icon: str, normal: bool, inside: bool, hint: str
+) -> bool:
+    """An icon that is quiet in its normal state (faint until the row is hovered) and plain otherwise."""
+    imgui.same_line()
+    height = imgui.get_frame_height()
+    corner = imgui.get_cursor_screen_pos()
+    pressed = imgui.invisible_button(name, ImVec2(height, height))
+    context.handles.note_item(f"button.{name}")
+    hovered = imgui.is_item_hovered()
+    widgets.tooltip(hint)
+    ink = look.TEXT if hovered else look.TEXT_SOFT if (inside and normal) else look.ACCENT
+    if normal and not inside and not hovered:
+        ink = look.grey(84)
+    icon = on_icon if normal else off_icon
+    imgui.push_font(None, look.SMALL_SIZE)
+    extent = imgui.calc_text_size(icon)
+    place = ImVec2(round(corner.x + 0.5 * (height - extent.x)), round(corner.y + 0.5 * (height - extent.y)))
+    imgui.get_window_draw_list().add_text(place, imgui.get_color_u32(ImVec4(*ink)), icon)
+    imgui.pop_font()
+    return pressed

@@ -1,0 +1,295 @@
+"""Right of the plot: which tool pulls, the operators of the curve in their order, and their numbers to type."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any, cast
+
+from imgui_bundle import ImVec2, imgui
+
+from app.commands import (
+    CollapseOperators,
+    CurveEdit,
+    MoveOperator,
+    MuteOperator,
+    RemoveOperator,
+    SetOperators,
+    operator_title,
+)
+from app.view_state import SetView, Tool
+from engine.curve.operators import HALF_PI, Operator, OperatorError
+from ui import theme as look
+from ui.panels import widgets
+from ui.panels.actions import Action
+from ui.panels.context import PanelContext
+from ui.panels.curve_gestures import END_NAMES, Hand, hand_of, is_pair, tool_of
+from ui.theme import Icon
+
+KINDS = ("translate", "amplify")
+AXES = ("x", "y", "xy")
+LIST_ROWS = 3.4
+
+
+def draw(
+    context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...], editable: bool
+) -> list[Action]:
+    """The column. A curve that may not be edited says so and shows its operators greyed."""
+    hand = hand_of(operators, context.view)
+    actions: list[Action] = []
+    if not editable:
+        widgets.caption(f"{Icon.FROZEN}  Frozen: thaw it in the object list to edit this curve.")
+    imgui.begin_disabled(not editable)
+    actions += _tools(context)
+    imgui.spacing()
+    actions += _list(context, key, factor, operators)
+    actions += _numbers(context, key, factor, operators, hand)
+    imgui.end_disabled()
+    return actions
+
+
+def _tools(context: PanelContext) -> list[Action]:
+    kind, _, axes = context.view.active_tool.partition("_")
+    actions: list[Action] = []
+    hints = ("Translate: pulling the curve moves that part of it.", "Amplify: pulling the curve stretches that part.")
+    choices = [(k.capitalize(), hint) for k, hint in zip(KINDS, hints, strict=True)]
+    half = 0.5 * (imgui.get_content_region_avail().x - 1.0)
+    pressed = widgets.segments(context, "curve.kind", choices, KINDS.index(kind), least=half / context.theme.scale)
+    if pressed is not None:
+        actions.append(SetView.of(active_tool=cast(Tool, f"{KINDS[pressed]}_{axes}"), operator=None))
+    across = (
+        (f"{Icon.HORIZONTAL} X", "Along the angle: a highlight gets wider, narrower or moves outwards."),
+        (f"{Icon.VERTICAL} Y", "In height: that part of the highlight gets brighter or darker."),
+        (f"{Icon.DIAGONAL} XY", "Both at once: two operators, Y below X, that move together."),
+    )
+    third = (imgui.get_content_region_avail().x - 2.0) / 3.0
+    pressed = widgets.segments(context, "curve.axis", across, AXES.index(axes), least=third / context.theme.scale)
+    if pressed is not None:
+        actions.append(SetView.of(active_tool=cast(Tool, f"{kind}_{AXES[pressed]}"), operator=None))
+    return actions
+
+
+def _list(context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...]) -> list[Action]:
+    actions: list[Action] = []
+    row = imgui.get_frame_height()
+    height = LIST_ROWS * row
+    corner, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
+    draw_list = imgui.get_window_draw_list()
+    draw_list.add_rect_filled(corner, ImVec2(corner.x + width, corner.y + height), look.pack(look.WELL), context.px(4))
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(0, 0))
+    if imgui.begin_child("list", ImVec2(0, height)):
+        if not operators:
+            _hint(context, width, height)
+        for index in range(len(operators) - 1, -1, -1):
+            actions += _row(context, key, factor, operators, index)
+    imgui.end_child()
+    imgui.pop_style_var()
+    return actions
+
+
+def _hint(context: PanelContext, width: float, height: float) -> None:
+    text = "Drag the ring or the curve\nto make the first operator."
+    imgui.push_font(None, look.SMALL_SIZE)
+    extent = imgui.calc_text_size(text)
+    imgui.set_cursor_pos(ImVec2(0.5 * (width - extent.x), 0.5 * (height - extent.y)))
+    imgui.text_disabled(text)
+    imgui.pop_font()
+
+
+def _row(context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...], index: int) -> list[Action]:
+    """One operator: mute, title, magnitude; under the mouse instead of the magnitude: up, down, delete."""
+    operator, actions = operators[index], list[Action]()
+    imgui.push_id(index)
+    height, width = imgui.get_frame_height(), imgui.get_content_region_avail().x
+    corner = imgui.get_cursor_screen_pos()
+    chosen = context.view.operator
+    selected = chosen is not None and (chosen == index or (chosen + 1 == index and is_pair(operators, chosen)))
+    inside = imgui.is_mouse_hovering_rect(corner, ImVec2(corner.x + width, corner.y + height))
+    inside = inside and imgui.is_window_hovered(imgui.HoveredFlags_.allow_when_blocked_by_active_item)
+    _row_ground(context, corner, width, height, selected, inside)
+    if widgets.icon_button(
+        context, f"mute.{index}", Icon.HIDDEN if operator.muted else Icon.VISIBLE,
+        "Switch this operator off or on, to see in the picture what it does.", lit=False,
+    ):  # fmt: skip
+        actions.append(MuteOperator(key, factor, index, not operator.muted))
+    imgui.same_line()
+    tail = 3 * height if inside else 0.0
+    imgui.set_next_item_allow_overlap()
+    if imgui.invisible_button("row", ImVec2(max(width - height - tail, 1.0), height)):
+        actions.append(_select(operators, index))
+    context.handles.note_item(f"curve.operator.{index}")
+    widgets.tooltip("Select this operator: its handles appear on the curve. The first in effect is the lowest.")
+    ink = look.TEXT_FAINT if operator.muted else look.TEXT
+    middle = corner.y + imgui.get_style().frame_padding.y
+    draw_list = imgui.get_window_draw_list()
+    draw_list.add_text(ImVec2(corner.x + height + context.px(4), middle), look.pack(ink), operator_title(operator))
+    if inside:
+        imgui.same_line()
+        actions += _row_buttons(context, key, factor, operators, index)
+    else:
+        text = magnitude_text(operator)
+        place = ImVec2(corner.x + width - imgui.calc_text_size(text).x - context.px(8), middle)
+        draw_list.add_text(place, look.pack(look.TEXT_SOFT), text)
+    imgui.pop_id()
+    return actions
+
+
+def _row_ground(
+    context: PanelContext, corner: ImVec2, width: float, height: float, selected: bool, inside: bool
+) -> None:
+    draw_list = imgui.get_window_draw_list()
+    end = ImVec2(corner.x + width, corner.y + height)
+    if selected or inside:
+        draw_list.add_rect_filled(corner, end, look.pack(look.grey(58 if selected else 40)), context.px(4))
+    if selected:
+        draw_list.add_rect_filled(
+            ImVec2(corner.x, corner.y + context.px(4)),
+            ImVec2(corner.x + context.px(2), end.y - context.px(4)),
+            look.pack(look.ACCENT),
+        )
+
+
+def _row_buttons(
+    context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...], index: int
+) -> list[Action]:
+    actions: list[Action] = []
+    up = "Apply later: the operators below it come first."
+    if widgets.icon_button(context, f"up.{index}", Icon.UP, up, enabled=index + 1 < len(operators)):
+        actions += [MoveOperator(key, factor, index, index + 1), SetView.of(operator=index + 1)]
+    imgui.same_line()
+    if widgets.icon_button(context, f"down.{index}", Icon.DOWN, "Apply earlier.", enabled=index > 0):
+        actions += [MoveOperator(key, factor, index, index - 1), SetView.of(operator=index - 1)]
+    imgui.same_line()
+    if widgets.icon_button(context, f"delete.{index}", Icon.DELETE, "Delete: its effect leaves the picture."):
+        actions += [RemoveOperator(key, factor, index), SetView.of(operator=None)]
+    return actions
+
+
+def _select(operators: tuple[CurveEdit, ...], index: int) -> Action:
+    """Selecting the X of a diagonal pair selects the pair; tool and regions follow the selection."""
+    start = index - 1 if index > 0 and is_pair(operators, index - 1) else index
+    operator = operators[start]
+    if not isinstance(operator, Operator):
+        return SetView.of(operator=start)
+    pair = is_pair(operators, start)
+    members = (operator, cast(Operator, operators[start + 1])) if pair else (operator,)
+    return SetView.of(operator=start, regions=operator.regions, active_tool=tool_of(Hand(members, start)))
+
+
+def magnitude_text(operator: CurveEdit) -> str:
+    """The magnitude as a person reads it: degrees along the angle, a signed value or a factor in height."""
+    if not isinstance(operator, Operator):
+        return f"{len(operator.gammas)} samples"
+    if operator.kind == "amplify":
+        return f"× {operator.magnitude:.3g}"
+    if operator.axis == "x":
+        return f"{math.degrees(operator.magnitude):+.3g}°"
+    return f"{operator.magnitude:+.3g}"
+
+
+def _numbers(
+    context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...], hand: Hand
+) -> list[Action]:
+    """a, b, c, d in degrees; magnitude and baseline of the operator in hand; collapse."""
+    actions = _region_fields(context, key, factor, operators, hand)
+    for offset, operator in enumerate(hand.operators):
+        actions += _magnitude_fields(context, key, factor, operators, hand, offset, operator)
+    hint = "Evaluate the edited curve into one table. The picture stays; sliders no longer change this curve."
+    if widgets.text_button(context, "curve.collapse", f"{Icon.COLLAPSE}  Collapse", hint, enabled=bool(operators)):
+        actions += [CollapseOperators(key, factor), SetView.of(operator=None)]
+    imgui.same_line()
+    hint = "Put the handles back on a new operator, leaving those in the list as they are."
+    if widgets.text_button(context, "curve.new", f"{Icon.ADD}  New", hint, enabled=hand.index is not None):
+        actions.append(SetView.of(operator=None))
+    return actions
+
+
+def _region_fields(
+    context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...], hand: Hand
+) -> list[Action]:
+    actions: list[Action] = []
+    gap = context.px(5)
+    width = (imgui.get_content_region_avail().x - 3 * gap) / 4
+    for k, name in enumerate(END_NAMES):
+        if k:
+            imgui.same_line(0.0, gap)
+        imgui.set_next_item_width(width)
+        imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(context.px(5), imgui.get_style().frame_padding.y))
+        hand_on, typed = widgets.number(context, name, math.degrees(hand.regions[k]), f"{name} %.1f°",
+                                        handle=f"curve.{name}.number")  # fmt: skip
+        imgui.pop_style_var()
+        widgets.tooltip(f"{name} in degrees, 0 to 90: where the edit {_REGION_WORDS[name]}. Enter applies it.")
+        if hand_on.changed:
+            actions += _with_region(key, factor, operators, hand, name, math.radians(min(max(typed, 0.0), 90.0)))
+    return actions
+
+
+_REGION_WORDS = {"a": "begins", "b": "reaches full strength", "c": "leaves full strength", "d": "ends"}
+
+
+def _with_region(
+    key: str, factor: str, operators: tuple[CurveEdit, ...], hand: Hand, name: str, to: float
+) -> list[Action]:
+    regions = hand.first.with_regions(**{name: min(to, HALF_PI)}).regions
+    changed = [dataclasses.replace(o, a=regions[0], b=regions[1], c=regions[2], d=regions[3]) for o in hand.operators]
+    return [*_replaced(key, factor, operators, hand, tuple(changed)), SetView.of(regions=regions)]
+
+
+def _magnitude_fields(
+    context: PanelContext,
+    key: str,
+    factor: str,
+    operators: tuple[CurveEdit, ...],
+    hand: Hand,
+    offset: int,
+    operator: Operator,
+) -> list[Action]:
+    degrees = operator.axis == "x" and operator.kind == "translate"
+    unit = math.radians(1.0) if degrees else 1.0
+    base_unit = math.radians(1.0) if operator.axis == "x" else 1.0
+    amplify = operator.kind == "amplify"
+    gap = context.px(5)
+    room = imgui.get_content_region_avail().x
+    imgui.set_next_item_width(0.5 * (room - gap) if amplify else room)
+    sign = "×" if amplify else "+"
+    text = f"{operator.axis.upper()} {sign} %.4g{'°' if degrees else ''}"
+    changed = operator
+    touch, typed = widgets.number(context, f"magnitude{offset}", operator.magnitude / unit, text,
+                                  handle=f"curve.magnitude.{operator.axis}.number")  # fmt: skip
+    widgets.tooltip("How strong the edit is. Along X it stops where the curve would fold over.")
+    if touch.changed:
+        changed = _checked(operator, magnitude=typed * unit)
+    if amplify:
+        imgui.same_line(0.0, gap)
+        imgui.set_next_item_width(-1.0)
+        suffix = "°" if operator.axis == "x" else ""
+        touch, typed = widgets.number(context, f"baseline{offset}", operator.baseline / base_unit,
+                                      f"base %.4g{suffix}")  # fmt: skip
+        widgets.tooltip("Where amplifying leaves the curve as it is: what lies here does not move.")
+        if touch.changed:
+            changed = _checked(changed, baseline=typed * base_unit)
+    if changed == operator:
+        return []
+    members = list(hand.operators)
+    members[offset] = changed
+    return _replaced(key, factor, operators, hand, tuple(members))
+
+
+def _checked(operator: Operator, **changes: Any) -> Operator:
+    """The operator with the typed numbers, or as it was where they make no legal operator."""
+    try:
+        return dataclasses.replace(operator, **changes).clamped()
+    except OperatorError:
+        return operator
+
+
+def _replaced(
+    key: str, factor: str, operators: tuple[CurveEdit, ...], hand: Hand, members: tuple[Operator, ...]
+) -> list[Action]:
+    """Put the changed operators in place; new ones with an effect go on top and are selected."""
+    if hand.index is not None:
+        rest = operators[hand.index + len(members) :]
+        return [SetOperators(key, factor, (*operators[: hand.index], *members, *rest))]
+    if all(operator.magnitude == operator.neutral for operator in members):
+        return []
+    return [SetOperators(key, factor, (*operators, *members)), SetView.of(operator=len(operators))]

@@ -1,0 +1,136 @@
+"""The axes of the curve plot: values to pixels and back, and where the labels stand.
+
+Angles are radians inside and degrees only in tick labels. Pure arithmetic: nothing here draws.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+HALF_PI = math.pi / 2.0
+ANGLE_STEPS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0)
+LARGEST_LOG_SPAN = 8.0
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Maps values [low, high] to pixels [start, end] (start may exceed end), linearly or by logarithm."""
+
+    low: float
+    high: float
+    start: float
+    end: float
+    logarithmic: bool = False
+
+    def to_pixel(self, value: float) -> float:
+        """Pixel of `value`; a logarithmic axis puts values at or below its floor on the floor."""
+        return self.start + (self._warp(value) - self._warp(self.low)) / self._span() * (self.end - self.start)
+
+    def to_pixels(self, values: np.ndarray) -> np.ndarray:
+        """`to_pixel` of an array, any shape, float64."""
+        warped = np.log10(np.maximum(values, self.low)) if self.logarithmic else np.asarray(values, dtype=np.float64)
+        return self.start + (warped - self._warp(self.low)) / self._span() * (self.end - self.start)
+
+    def to_value(self, pixel: float) -> float:
+        """Value at `pixel`, also beyond the axis' ends."""
+        warped = self._warp(self.low) + (pixel - self.start) / (self.end - self.start) * self._span()
+        return 10.0 ** min(max(warped, -300.0), 300.0) if self.logarithmic else warped
+
+    def _warp(self, value: float) -> float:
+        return math.log10(max(value, self.low)) if self.logarithmic else value
+
+    def _span(self) -> float:
+        return self._warp(self.high) - self._warp(self.low)
+
+
+@dataclass(frozen=True)
+class Tick:
+    """A grid line at `value`; `label` is empty for minor lines."""
+
+    value: float
+    label: str
+
+
+def angle_ticks(axis: Axis, smallest_gap: float) -> list[Tick]:
+    """Labelled ticks in whole steps of degrees, at least `smallest_gap` pixels apart."""
+    low, high = math.degrees(axis.low), math.degrees(axis.high)
+    pixels = abs(axis.end - axis.start)
+    step = next((s for s in ANGLE_STEPS if s / (high - low) * pixels >= smallest_gap), ANGLE_STEPS[-1])
+    first = math.ceil(low / step - 1e-9)
+    last = math.floor(high / step + 1e-9)
+    return [Tick(math.radians(k * step), f"{k * step:g}°") for k in range(first, last + 1)]
+
+
+def value_ticks(axis: Axis, smallest_gap: float) -> list[Tick]:
+    """Ticks of the vertical axis: 1-2-5 steps when linear, decades (with unlabelled 2…9) when logarithmic."""
+    return _decade_ticks(axis, smallest_gap) if axis.logarithmic else _linear_ticks(axis, smallest_gap)
+
+
+def _linear_ticks(axis: Axis, smallest_gap: float) -> list[Tick]:
+    span = axis.high - axis.low
+    least = span * smallest_gap / abs(axis.end - axis.start)
+    magnitude = 10.0 ** math.floor(math.log10(least))
+    step = next(magnitude * m for m in (1.0, 2.0, 5.0, 10.0) if magnitude * m >= least * (1 - 1e-9))
+    first, last = math.ceil(axis.low / step - 1e-9), math.floor(axis.high / step + 1e-9)
+    return [Tick(k * step, value_label(k * step, step)) for k in range(first, last + 1)]
+
+
+def _decade_ticks(axis: Axis, smallest_gap: float) -> list[Tick]:
+    first, last = math.floor(math.log10(axis.low) + 1e-9), math.ceil(math.log10(axis.high) - 1e-9)
+    gap = abs(axis.end - axis.start) / max(math.log10(axis.high / axis.low), 1e-9)
+    every = max(1, math.ceil(smallest_gap / gap))
+    ticks = []
+    for decade in range(first, last + 1):
+        label = value_label(10.0**decade, 10.0**decade) if decade % every == 0 else ""
+        ticks.append(Tick(10.0**decade, label))
+        if gap > 3 * smallest_gap / 2:
+            ticks += [Tick(m * 10.0**decade, "") for m in range(2, 10)]
+    return [tick for tick in ticks if axis.low * (1 - 1e-9) <= tick.value <= axis.high * (1 + 1e-9)]
+
+
+def value_label(value: float, step: float) -> str:
+    """A short number with the digits that `step` needs; powers of ten beyond four digits are written 1e6."""
+    if value == 0.0:
+        return "0"
+    if abs(value) >= 1e5 or abs(value) < 1e-3:
+        return f"{value:.3g}".replace("e+0", "e").replace("e-0", "e-").replace("e+", "e")
+    decimals = max(0, -math.floor(math.log10(abs(step)) + 1e-9))
+    return f"{value:.{decimals}f}"
+
+
+def nice_ceiling(value: float) -> float:
+    """The least 1, 1.5, 2, 3, 5, 7 × 10^k that is not below `value` (> 0)."""
+    magnitude = 10.0 ** math.floor(math.log10(value))
+    return next(m * magnitude for m in (1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0) if m * magnitude >= value * (1 - 1e-9))
+
+
+def value_range(values: np.ndarray, logarithmic: bool) -> tuple[float, float]:
+    """A calm range that shows all of `values`: from 0 (or the least negative) up, or at most eight decades.
+
+    The ends are rounded to few steps so that the axis stands still under small changes of the curve.
+    """
+    finite = values[np.isfinite(values)]
+    top = float(finite.max(initial=0.0))
+    if logarithmic:
+        positive = finite[finite > 0.0]
+        if positive.size == 0:
+            return 1e-3, 1.0
+        high = 10.0 ** math.ceil(math.log10(float(positive.max())) + 0.02)
+        low = 10.0 ** math.floor(math.log10(float(positive.min())) - 0.02)
+        return max(low, high * 10.0**-LARGEST_LOG_SPAN, 1e-280), high
+    bottom = float(finite.min(initial=0.0))
+    low = -nice_ceiling(-bottom * 1.05) if bottom < 0.0 else 0.0
+    if top <= 0.0:
+        return low, 1.0 if low == 0.0 else 0.0
+    return low, nice_ceiling(top * 1.06)
+
+
+def zoomed(low: float, high: float, centre: float, factor: float, limits: tuple[float, float]) -> tuple[float, float]:
+    """[low, high] scaled about `centre` by `factor` (< 1 zooms in), kept inside `limits`."""
+    span = min((high - low) * factor, limits[1] - limits[0])
+    share = (centre - low) / (high - low)
+    start = min(max(centre - share * span, limits[0]), limits[1] - span)
+    return start, start + span

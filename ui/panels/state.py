@@ -1,0 +1,59 @@
+"""What the window alone knows: which gesture is under way, which overlay is open, what it last told the person.
+
+Frozen values held by `ui.shell`; panels read them and ask for changes. Nothing here is part of a session.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from engine.curve.operators import Operator, Tabulated
+
+
+@dataclass(frozen=True)
+class Grip:
+    """A gesture on the curve, as it began: later mouse positions are measured against this.
+
+    `handle` is "a", "b", "c", "d", "region", "magnitude" or "pan"; `offset` (x, y) is where within the handle the
+    mouse took hold, pixels. `operators` is the curve's list at the start, `index` the one in hand (None: made by this
+    gesture), `pair` whether the next one in the list moves with it. The axes stand still meanwhile:
+    `x_range` radians, `y_range` curve values.
+    """
+
+    handle: str
+    offset: tuple[float, float]
+    operators: tuple[Operator | Tabulated, ...]
+    index: int | None
+    pair: bool
+    regions: tuple[float, float, float, float]
+    x_range: tuple[float, float]
+    y_range: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Notice:
+    """One line for the person, with the time it was shown (seconds of the window's clock)."""
+
+    text: str
+    shown_at: float
+    is_error: bool = False
+
+
+@dataclass(frozen=True)
+class FileQuestion:
+    """A file is being asked for: why ("open_scene", "open_environment", "save_session"), where, and the name so far."""
+
+    purpose: str
+    folder: Path
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class PanelState:
+    """The window's own state. `journal` says what recovery would bring back, None when there is nothing."""
+
+    grip: Grip | None = None
+    notice: Notice | None = None
+    question: FileQuestion | None = None
+    journal: str | None = None

@@ -1,0 +1,143 @@
+"""Speed against accuracy: what the picture costs and how far it is from exact, both measured, and what trades them."""
+
+from __future__ import annotations
+
+from imgui_bundle import ImVec2, imgui
+
+from app.status import Status
+from app.view_state import SetView
+from ui import theme as look
+from ui.panels import widgets
+from ui.panels.actions import Action, CancelWork
+from ui.panels.context import PanelContext
+from ui.theme import Icon
+
+LEAST_BUDGET, LARGEST_BUDGET = 2.0, 200.0
+LIGHT_CHOICES = (400, 1000, 4000, 10000)
+VALUE_COLUMN = 112.0
+
+
+def draw(context: PanelContext) -> list[Action]:
+    """The whole panel, inside its window."""
+    actions = _budget(context)
+    actions += _quality(context)
+    imgui.spacing()
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(imgui.get_style().item_spacing.x, context.px(3)))
+    for name, value, hint in figures(context.status):
+        _figure(context, name, value, hint)
+    imgui.pop_style_var()
+    actions += _work(context)
+    return actions
+
+
+def _budget(context: PanelContext) -> list[Action]:
+    widgets.label(context, "Frame time")
+    hand, moved = widgets.slider(
+        context, "budget", context.view.frame_budget_ms, LEAST_BUDGET, LARGEST_BUDGET, "%.0f ms", True,
+        handle="accuracy.frame_time",
+    )  # fmt: skip
+    widgets.tooltip("Time for each frame while a curve moves. Less is smoother and coarser until the hand rests; "
+                    "the resting picture is exact either way.")  # fmt: skip
+    return [SetView.of(frame_budget_ms=moved)] if hand.changed else []
+
+
+def _quality(context: PanelContext) -> list[Action]:
+    actions: list[Action] = []
+    widgets.label(context, "Lights")
+    hints = "Triangle lights that stand for the environment in the finished picture: more are truer and take longer."
+    choices = [(_short(n), hints) for n in LIGHT_CHOICES]
+    chosen = LIGHT_CHOICES.index(context.view.n_lights) if context.view.n_lights in LIGHT_CHOICES else -1
+    gap = 1.0
+    precision = context.px(2 * 40) + gap
+    width = (imgui.get_content_region_avail().x - precision - context.px(8) - 3 * gap) / 4
+    pressed = widgets.segments(context, "accuracy.lights", choices, chosen, least=max(width, 1.0) / context.theme.scale)
+    if pressed is not None:
+        actions.append(SetView.of(n_lights=LIGHT_CHOICES[pressed]))
+    imgui.same_line(0.0, context.px(8))
+    options = (
+        ("half", "Transport in half floats: half the graphics memory, errors of a thousandth."),
+        ("float", "Transport in full floats: twice the graphics memory, exact increments."),
+    )
+    chosen = 0 if context.view.precision == "half" else 1
+    pressed = widgets.segments(context, "accuracy.precision", options, chosen, least=40)
+    if pressed is not None:
+        actions.append(SetView.of(precision="half" if pressed == 0 else "float"))
+    return actions
+
+
+def _short(count: int) -> str:
+    return f"{count // 1000}k" if count >= 1000 else str(count)
+
+
+def figures(status: Status) -> list[tuple[str, str, str]]:
+    """(name, value, explanation) of every measured figure."""
+    error = "–" if status.image_error is None else f"{status.image_error:.2g}"
+    shown = f"{status.shown_coefficients} of {status.wanted_coefficients}" if status.wanted_coefficients else "–"
+    return [
+        ("Frame", f"{status.frame_ms:.1f} ms", "Time of the last frame that drew the picture."),
+        (
+            "Coefficients",
+            shown,
+            "Wavelet coefficients of the selected curve that the picture shows.",
+        ),
+        ("Image error", error, "What the missing coefficients would still change, relative to the picture's mean."),
+        (
+            "Transport",
+            f"{status.transport_mb:.0f} MB",
+            "Precomputed transport: lets a curve change redraw at once.",
+        ),
+        ("Memory", f"{status.memory_mb:.0f} MB", "Main memory of the window and the worker together."),
+    ]
+
+
+def _figure(context: PanelContext, name: str, value: str, hint: str) -> None:
+    start = imgui.get_cursor_pos_x()
+    imgui.push_style_color(imgui.Col_.text, look.pack(look.TEXT_SOFT))
+    imgui.text_unformatted(name)
+    imgui.pop_style_color()
+    widgets.tooltip(hint)
+    imgui.same_line(start)
+    widgets.align_right(imgui.calc_text_size(value).x)
+    imgui.text_unformatted(value)
+    widgets.tooltip(hint)
+
+
+def _work(context: PanelContext) -> list[Action]:
+    """What the worker does, with its progress, and a way to stop it."""
+    status = context.status
+    if not status.stage:
+        return []
+    button = imgui.get_frame_height()
+    corner = imgui.get_cursor_screen_pos()
+    room = imgui.get_content_region_avail().x
+    text = work_text(status)
+    imgui.align_text_to_frame_padding()
+    imgui.text_unformatted(text)
+    imgui.same_line()
+    widgets.align_right(button)
+    pressed = widgets.icon_button(context, "cancel", Icon.CLOSE, "Stop computing; the picture stays as it is.")
+    height = context.px(3)
+    top = corner.y + button
+    draw_list = imgui.get_window_draw_list()
+    draw_list.add_rect_filled(
+        ImVec2(corner.x, top), ImVec2(corner.x + room, top + height), look.pack(look.FRAME), height
+    )
+    if status.fraction > 0.0:
+        end = corner.x + max(height, room * min(status.fraction, 1.0))
+        draw_list.add_rect_filled(ImVec2(corner.x, top), ImVec2(end, top + height), look.pack(look.ACCENT), height)
+    return [CancelWork()] if pressed else []
+
+
+def work_text(status: Status) -> str:
+    """Stage, share done and time left, on one line: "transport 78 % · 12 s left"."""
+    parts = [f"{status.stage} {100.0 * status.fraction:.0f} %"]
+    if status.seconds_left is not None:
+        parts.append(f"{duration(status.seconds_left)} left")
+    return " · ".join(parts)
+
+
+def duration(seconds: float) -> str:
+    """Seconds as a person says them: "0.4 s", "12 s", "3 min"."""
+    if seconds < 10.0:
+        return f"{seconds:.1f} s"
+    return f"{seconds:.0f} s" if seconds < 120.0 else f"{seconds / 60.0:.0f} min"

@@ -1,0 +1,215 @@
+"""The picture, pixel for pixel or fitted: click selects, hover names, Shift-drag turns the light, a divider compares."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from imgui_bundle import ImVec2, imgui
+
+from app.commands import SetRotation
+from app.view_state import SetView
+from ui import theme as look
+from ui.panels import widgets
+from ui.panels.actions import Action, BeginDrag, EndDrag, Hold, Recover, Select
+from ui.panels.context import PanelContext, Picture
+from ui.panels.state import Grip
+from ui.theme import Icon
+
+DEGREES_PER_PIXEL = 0.5
+DIVIDER_REACH = 7.0
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Where the picture stands on screen: upper left corner, and screen pixels for each of the picture's."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+    scale: float
+
+    def pixel(self, x: float, y: float, picture: Picture) -> tuple[int, int] | None:
+        """(column, row) of the picture under a screen position; None beside it."""
+        column, row = int((x - self.x) // self.scale), int((y - self.y) // self.scale)
+        return (column, row) if 0 <= column < picture.width and 0 <= row < picture.height else None
+
+
+def place(corner: ImVec2, room: ImVec2, picture: Picture, fit: bool) -> Placed:
+    """Centre the picture in the room. Fitted: as large as its aspect allows; else one screen pixel for each pixel."""
+    scale = min(room.x / picture.width, room.y / picture.height) if fit else 1.0
+    width, height = picture.width * scale, picture.height * scale
+    x, y = corner.x + 0.5 * (room.x - width), corner.y + 0.5 * (room.y - height)
+    return Placed(round(x), round(y), round(width), round(height), scale)
+
+
+def draw(context: PanelContext) -> list[Action]:
+    """The whole panel, inside its window."""
+    corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
+    draw_list = imgui.get_window_draw_list()
+    end = ImVec2(corner.x + room.x, corner.y + room.y)
+    draw_list.add_rect_filled(corner, end, look.pack(look.BACKDROP))
+    if room.x < 8 or room.y < 8:
+        return []
+    imgui.invisible_button("picture", room)
+    context.handles.note_item("viewport.centre")
+    picture = context.picture
+    if picture is None:
+        _draw_waiting(context, corner, room)
+        return []
+    placed = place(corner, room, picture, context.view.fit)
+    draw_list.push_clip_rect(corner, end, True)
+    upper, lower = picture.corners()
+    far = ImVec2(placed.x + placed.width, placed.y + placed.height)
+    draw_list.add_image(picture.reference, ImVec2(placed.x, placed.y), far, upper, lower)
+    actions = _interact(context, picture, placed)
+    if context.view.compare is not None:
+        _draw_divider(context, placed)
+    draw_list.pop_clip_rect()
+    return actions
+
+
+def divider_x(context: PanelContext, placed: Placed) -> float:
+    """Screen column of the A/B divider."""
+    return placed.x + context.view.compare_divider * placed.width
+
+
+def _interact(context: PanelContext, picture: Picture, placed: Placed) -> list[Action]:
+    mouse = imgui.get_mouse_pos()
+    grip = context.state.grip
+    comparing = context.view.compare is not None
+    on_divider = comparing and abs(mouse.x - divider_x(context, placed)) <= context.px(DIVIDER_REACH)
+    if comparing:
+        context.handles.note("viewport.divider", divider_x(context, placed), placed.y + 0.5 * placed.height)
+    context.handles.note("viewport.corner", placed.x, placed.y)
+    actions: list[Action] = []
+    if imgui.is_item_hovered() and grip is None:
+        actions += _hover(context, picture, placed, on_divider)
+    elif context.view.hovered is not None and not imgui.is_item_active():
+        actions.append(SetView.of(hovered=None))
+    if imgui.is_item_activated():
+        actions += _take_hold(context, picture, placed, on_divider)
+    elif imgui.is_item_active() and grip is not None:
+        actions += _drag(context, placed, grip, mouse)
+    if imgui.is_item_deactivated() and grip is not None:
+        actions += [EndDrag(), Hold(None)]
+    return actions
+
+
+def _hover(context: PanelContext, picture: Picture, placed: Placed, on_divider: bool) -> list[Action]:
+    if on_divider:
+        imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
+        widgets.tooltip("Left: the picture as remembered (A). Right: as it is (B).")
+        return []
+    if imgui.get_io().key_shift:
+        imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
+        return []
+    mouse = imgui.get_mouse_pos()
+    pixel = placed.pixel(mouse.x, mouse.y, picture)
+    name = context.object_at(*pixel) if pixel else None
+    if name:
+        _draw_name(context, name, mouse)
+    return [SetView.of(hovered=name)] if name != context.view.hovered else []
+
+
+def _draw_name(context: PanelContext, name: str, mouse: ImVec2) -> None:
+    """The object's name beside the mouse: at once, without the wait of a tooltip."""
+    draw_list = imgui.get_foreground_draw_list()
+    extent = imgui.calc_text_size(name)
+    x, y = mouse.x + context.px(14), mouse.y + context.px(12)
+    pad = context.px(5)
+    ground = look.pack(look.grey(28, 0.92))
+    draw_list.add_rect_filled(ImVec2(x - pad, y - 0.6 * pad), ImVec2(x + extent.x + pad, y + extent.y + 0.6 * pad),
+                              ground, context.px(4))  # fmt: skip
+    draw_list.add_text(ImVec2(x, y), look.pack(look.TEXT), name)
+
+
+def _take_hold(context: PanelContext, picture: Picture, placed: Placed, on_divider: bool) -> list[Action]:
+    mouse = imgui.get_mouse_pos()
+    if on_divider:
+        return [Hold(_grip("divider", mouse.x - divider_x(context, placed), 0.0))]
+    if imgui.get_io().key_shift:
+        grip = _grip("rotation", mouse.x, context.document.light.rotation)
+        return [BeginDrag("rotate the environment"), Hold(grip)]
+    pixel = placed.pixel(mouse.x, mouse.y, picture)
+    return [Select(context.object_at(*pixel) if pixel else None)]
+
+
+def _grip(handle: str, x: float, y: float) -> Grip:
+    return Grip(handle, (x, y), (), None, False, (0.0, 0.0, 0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
+
+
+def _drag(context: PanelContext, placed: Placed, grip: Grip, mouse: ImVec2) -> list[Action]:
+    if grip.handle == "divider":
+        share = (mouse.x - grip.offset[0] - placed.x) / max(placed.width, 1.0)
+        return [SetView.of(compare_divider=share)]
+    if grip.handle == "rotation":
+        turn = (mouse.x - grip.offset[0]) / context.theme.scale * DEGREES_PER_PIXEL
+        return [SetRotation(grip.offset[1] - turn)]
+    return []
+
+
+def _draw_divider(context: PanelContext, placed: Placed) -> None:
+    draw_list = imgui.get_window_draw_list()
+    x = round(divider_x(context, placed)) + 0.5
+    top, bottom = placed.y, placed.y + placed.height
+    draw_list.add_line(ImVec2(x, top), ImVec2(x, bottom), look.pack(look.grey(0, 0.55)), context.px(3))
+    draw_list.add_line(ImVec2(x, top), ImVec2(x, bottom), look.pack(look.grey(240)), context.px(1))
+    middle = ImVec2(x, 0.5 * (top + bottom))
+    draw_list.add_circle_filled(middle, context.px(9), look.pack(look.grey(240)))
+    size = context.px(4)
+    for side in (-1.0, 1.0):
+        tip = ImVec2(middle.x + side * 1.5 * size, middle.y)
+        back = middle.x + side * 0.5 * size
+        draw_list.add_triangle_filled(tip, ImVec2(back, middle.y - 0.8 * size), ImVec2(back, middle.y + 0.8 * size),
+                                      look.pack(look.grey(40)))  # fmt: skip
+    for text, side in (("A", -1.0), ("B", 1.0)):
+        extent = imgui.calc_text_size(text)
+        spot = ImVec2(x + side * context.px(18) - 0.5 * extent.x, top + context.px(10))
+        pad = context.px(5)
+        far = ImVec2(spot.x + extent.x + pad, spot.y + extent.y + 2)
+        draw_list.add_rect_filled(ImVec2(spot.x - pad, spot.y - 2), far, look.pack(look.grey(20, 0.75)), context.px(4))
+        draw_list.add_text(spot, look.pack(look.TEXT), text)
+
+
+def _draw_waiting(context: PanelContext, corner: ImVec2, room: ImVec2) -> None:
+    text = context.status.stage or "Opening the scene…"
+    extent = imgui.calc_text_size(text)
+    place_x, place_y = corner.x + 0.5 * (room.x - extent.x), corner.y + 0.5 * room.y - extent.y
+    draw_list = imgui.get_window_draw_list()
+    draw_list.add_text(ImVec2(round(place_x), round(place_y)), look.pack(look.TEXT_SOFT), text)
+    width, height = context.px(220), context.px(3)
+    left, top = corner.x + 0.5 * (room.x - width), place_y + extent.y + context.px(12)
+    draw_list.add_rect_filled(ImVec2(left, top), ImVec2(left + width, top + height), look.pack(look.FRAME), height)
+    share = context.status.fraction or 0.0
+    if share > 0.0:
+        draw_list.add_rect_filled(
+            ImVec2(left, top), ImVec2(left + max(share * width, height), top + height), look.pack(look.ACCENT), height
+        )
+
+
+def draw_recovery(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[Action]:
+    """A strip over the picture that offers what a journal kept; the picture stays usable below it."""
+    if context.state.journal is None:
+        return []
+    actions: list[Action] = []
+    imgui.set_next_window_pos(
+        ImVec2(corner.x + 0.5 * room.x, corner.y + context.px(10)), imgui.Cond_.always, ImVec2(0.5, 0)
+    )
+    flags = (
+        imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_docking | imgui.WindowFlags_.always_auto_resize
+        | imgui.WindowFlags_.no_saved_settings | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_focus_on_appearing
+    )  # fmt: skip
+    imgui.push_style_color(imgui.Col_.window_bg, look.pack(look.grey(48, 0.97)))
+    if imgui.begin("Recovery###recovery", None, flags)[0]:
+        imgui.align_text_to_frame_padding()
+        imgui.text_unformatted(f"{Icon.WARNING}  {context.state.journal}")
+        imgui.same_line(0.0, context.px(14))
+        if widgets.text_button(context, "recover", "Bring back", "Open the edits that were not saved."):
+            actions.append(Recover(True))
+        imgui.same_line()
+        if widgets.text_button(context, "discard", "Discard", "Throw these edits away for good."):
+            actions.append(Recover(False))
+    imgui.end()
+    imgui.pop_style_color()
+    return actions

@@ -1,0 +1,270 @@
+"""The few controls that all panels share, so that labels, heights and tooltips are alike everywhere.
+
+Each draws one control and says what the hand did with it. None knows what it is used for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from imgui_bundle import ImVec2, ImVec4, imgui
+
+from ui import theme as look
+from ui.panels.context import PanelContext
+
+LABEL_WIDTH = 84.0
+
+
+@dataclass(frozen=True)
+class Touch:
+    """What a hand did with a control in this frame."""
+
+    changed: bool = False
+    began: bool = False
+    ended: bool = False
+
+
+def tooltip(text: str) -> None:
+    """Explain the control drawn last when the mouse rests on it, wrapped to a readable width."""
+    if text and imgui.begin_item_tooltip():
+        imgui.push_text_wrap_pos(imgui.get_font_size() * 22.0)
+        imgui.text_unformatted(text)
+        imgui.pop_text_wrap_pos()
+        imgui.end_tooltip()
+
+
+def label(context: PanelContext, text: str, width: float = LABEL_WIDTH) -> None:
+    """A soft label of fixed width, the control follows on the same line and fills the rest."""
+    start = imgui.get_cursor_pos_x()
+    imgui.align_text_to_frame_padding()
+    imgui.push_style_color(imgui.Col_.text, ImVec4(*look.TEXT_SOFT))
+    imgui.text_unformatted(text)
+    imgui.pop_style_color()
+    imgui.same_line(start + context.px(width))
+    imgui.set_next_item_width(-1.0)
+
+
+def caption(text: str) -> None:
+    """A line of small soft text."""
+    imgui.push_style_color(imgui.Col_.text, ImVec4(*look.TEXT_SOFT))
+    imgui.push_font(None, look.SMALL_SIZE)
+    imgui.push_text_wrap_pos(0.0)
+    imgui.text_unformatted(text)
+    imgui.pop_text_wrap_pos()
+    imgui.pop_font()
+    imgui.pop_style_color()
+
+
+def touch(changed: bool) -> Touch:
+    """The hand's doings with the control drawn last."""
+    return Touch(changed, imgui.is_item_activated(), imgui.is_item_deactivated())
+
+
+def slider(
+    context: PanelContext,
+    name: str,
+    value: float,
+    low: float,
+    high: float,
+    text: str = "%.3f",
+    logarithmic: bool = False,
+    handle: str | None = None,
+) -> tuple[Touch, float]:
+    """A horizontal slider filled up to its value; double-click or Ctrl-click types a number.
+
+    Returns the touch and the value, kept in [low, high]. `handle` names its grab for scripts.
+    """
+    corner = imgui.get_cursor_screen_pos()
+    width, height = imgui.calc_item_width(), imgui.get_frame_height()
+    share = slider_share(value, low, high, logarithmic)
+    _slider_ground(context, corner, width, height, share)
+    clear = ImVec4(0, 0, 0, 0)
+    for index in (imgui.Col_.frame_bg, imgui.Col_.frame_bg_hovered, imgui.Col_.frame_bg_active):
+        imgui.push_style_color(index, clear)
+    imgui.push_style_color(imgui.Col_.slider_grab, clear)
+    imgui.push_style_color(imgui.Col_.slider_grab_active, clear)
+    flags = imgui.SliderFlags_.always_clamp | imgui.SliderFlags_.no_round_to_format
+    if logarithmic:
+        flags |= imgui.SliderFlags_.logarithmic
+    changed, moved = imgui.slider_float(f"##{name}", value, low, high, text, flags)
+    imgui.pop_style_color(5)
+    hand = touch(changed)
+    if imgui.is_item_active():
+        _slider_mark(context, corner, width, height, share)
+    if handle:
+        context.handles.note(handle, corner.x + slider_inset(context) + share * slider_travel(context, width),
+                             corner.y + 0.5 * height)  # fmt: skip
+    return hand, moved
+
+
+def slider_share(value: float, low: float, high: float, logarithmic: bool) -> float:
+    """Where between the ends a value stands, 0 to 1."""
+    value = min(max(value, low), high)
+    if logarithmic and low > 0.0:
+        return math.log(value / low) / math.log(high / low)
+    return (value - low) / (high - low)
+
+
+def slider_inset(context: PanelContext) -> float:
+    """Pixels from a slider's edge to where its least value stands."""
+    return 2.0 + 0.5 * imgui.get_style().grab_min_size
+
+
+def slider_travel(context: PanelContext, width: float) -> float:
+    """Pixels from a slider's least to its largest value."""
+    return width - 4.0 - imgui.get_style().grab_min_size
+
+
+def _slider_ground(context: PanelContext, corner: ImVec2, width: float, height: float, share: float) -> None:
+    draw = imgui.get_window_draw_list()
+    rounding = imgui.get_style().frame_rounding
+    end = ImVec2(corner.x + width, corner.y + height)
+    hovered = imgui.is_mouse_hovering_rect(corner, end) and imgui.is_window_hovered()
+    draw.add_rect_filled(corner, end, look.pack(look.FRAME_HOVER if hovered else look.FRAME), rounding)
+    fill = corner.x + max(width * share, 2.0 * rounding) if share > 0.0 else corner.x
+    if fill > corner.x:
+        flags = imgui.ImDrawFlags_.round_all if share > 0.985 else imgui.ImDrawFlags_.round_left
+        draw.add_rect_filled(corner, ImVec2(fill, end.y), look.pack(look.grey(86 if hovered else 78)), rounding, flags)
+
+
+def _slider_mark(context: PanelContext, corner: ImVec2, width: float, height: float, share: float) -> None:
+    x = corner.x + slider_inset(context) + share * slider_travel(context, width)
+    line = context.px(2)
+    top, bottom = ImVec2(x - line / 2, corner.y + line), ImVec2(x + line / 2, corner.y + height - line)
+    imgui.get_window_draw_list().add_rect_filled(top, bottom, look.pack(look.ACCENT), 1.0)
+
+
+def number(context: PanelContext, name: str, value: float, text: str, handle: str | None = None) -> tuple[Touch, float]:
+    """A field to type a number; returns the number when the person confirms it (Enter or leaving the field)."""
+    _, typed = imgui.input_float(f"##{name}", value, 0.0, 0.0, text)
+    done = imgui.is_item_deactivated_after_edit()
+    if handle:
+        context.handles.note_item(handle)
+    return Touch(changed=done and math.isfinite(typed)), typed
+
+
+def icon_button(
+    context: PanelContext, name: str, icon: str, hint: str, enabled: bool = True, lit: bool = False
+) -> bool:
+    """A square button without ground until hovered; `lit` shows it switched on. Whether it was pressed."""
+    side = imgui.get_frame_height()
+    clear = ImVec4(0, 0, 0, 0)
+    ink = look.ACCENT if lit else look.TEXT_SOFT
+    imgui.begin_disabled(not enabled)
+    imgui.push_style_color(imgui.Col_.button, clear)
+    imgui.push_style_color(imgui.Col_.text, ImVec4(*ink))
+    imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(0, imgui.get_style().frame_padding.y))
+    pressed = imgui.button(f"{icon}##{name}", ImVec2(side, side))
+    imgui.pop_style_var()
+    imgui.pop_style_color(2)
+    imgui.end_disabled()
+    context.handles.note_item(f"button.{name}")
+    tooltip(hint)
+    return pressed
+
+
+def segments(
+    context: PanelContext,
+    name: str,
+    choices: Sequence[tuple[str, str]],
+    chosen: int,
+    inks: Sequence[look.Colour] | None = None,
+    least: float = 30.0,
+) -> int | None:
+    """A row of joined buttons, one of them on. `choices` are (text, tooltip). The index that was pressed, or None."""
+    pressed = None
+    draw = imgui.get_window_draw_list()
+    height = imgui.get_frame_height()
+    for index, (text, hint) in enumerate(choices):
+        if index:
+            imgui.same_line(0.0, 1.0)
+        width = max(rich_width(text) + context.px(16), context.px(least))
+        corner = imgui.get_cursor_screen_pos()
+        if imgui.invisible_button(f"{name}.{index}", ImVec2(width, height)):
+            pressed = index
+        context.handles.note_item(f"{name}.{index}")
+        _segment(draw, corner, ImVec2(width, height), text, index == chosen, _corners(index, len(choices)),
+                 inks[index] if inks else None)  # fmt: skip
+        tooltip(hint)
+    return pressed
+
+
+def _corners(index: int, count: int) -> int:
+    if count == 1:
+        return int(imgui.ImDrawFlags_.round_all)
+    if index == 0:
+        return int(imgui.ImDrawFlags_.round_left)
+    return int(imgui.ImDrawFlags_.round_right if index == count - 1 else imgui.ImDrawFlags_.round_none)
+
+
+def _segment(
+    draw: imgui.ImDrawList, corner: ImVec2, size: ImVec2, text: str, on: bool, corners: int, ink: look.Colour | None
+) -> None:
+    end = ImVec2(corner.x + size.x, corner.y + size.y)
+    ground = look.grey(88) if on else look.FRAME_HOVER if imgui.is_item_hovered() else look.FRAME
+    draw.add_rect_filled(corner, end, look.pack(ground), imgui.get_style().frame_rounding, corners)
+    colour = ink if ink and on else look.TEXT if on else look.TEXT_SOFT
+    place = ImVec2(
+        round(corner.x + 0.5 * (size.x - rich_width(text))), round(corner.y + 0.5 * (size.y - imgui.get_font_size()))
+    )
+    rich_text(draw, place, look.pack(colour), text)
+    if on:
+        line = max(1.0, round(size.y / 13.0))
+        draw.add_rect_filled(
+            ImVec2(corner.x + size.x * 0.25, end.y - line), ImVec2(end.x - size.x * 0.25, end.y), look.pack(look.ACCENT)
+        )
+
+
+def text_button(context: PanelContext, name: str, text: str, hint: str, enabled: bool = True) -> bool:
+    """A plain button with words. Whether it was pressed."""
+    imgui.begin_disabled(not enabled)
+    pressed = imgui.button(f"{text}##{name}")
+    imgui.end_disabled()
+    context.handles.note_item(f"button.{name}")
+    tooltip(hint)
+    return pressed
+
+
+def align_right(width: float) -> None:
+    """Move the cursor so that what follows, `width` pixels wide, ends at the right edge."""
+    imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + max(0.0, imgui.get_content_region_avail().x - width))
+
+
+def rich_text(draw: imgui.ImDrawList, place: ImVec2, colour: int, text: str) -> None:
+    """Text on one line; what follows an underscore is a subscript."""
+    body, _, subscript = text.partition("_")
+    draw.add_text(place, colour, body)
+    if subscript:
+        width, drop = imgui.calc_text_size(body).x, round(0.3 * imgui.get_font_size())
+        imgui.push_font(None, look.SMALL_SIZE - 1.5)
+        draw.add_text(ImVec2(place.x + width + 1, place.y + drop), colour, subscript)
+        imgui.pop_font()
+
+
+def rich_width(text: str) -> float:
+    """Pixels that `rich_text` covers."""
+    body, _, subscript = text.partition("_")
+    width = imgui.calc_text_size(body).x
+    if subscript:
+        imgui.push_font(None, look.SMALL_SIZE - 1.5)
+        width += 1 + imgui.calc_text_size(subscript).x
+        imgui.pop_font()
+    return width
+
+
+def rich_label(text: str, colour: look.Colour = look.TEXT) -> None:
+    """`rich_text` as an item of the layout, on a line of a frame's height."""
+    place = imgui.get_cursor_screen_pos()
+    place.y += imgui.get_style().frame_padding.y
+    rich_text(imgui.get_window_draw_list(), place, look.pack(colour), text)
+    imgui.dummy(ImVec2(rich_width(text), imgui.get_frame_height()))
+
+
+def angle_symbol(name: str) -> str:
+    """A curve's variable as `rich_text`: "theta_h" → "θ_h"."""
+    stem, _, suffix = name.partition("_")
+    letters = {"theta": "θ", "gamma": "γ", "phi": "φ"}
+    greek = {"alpha": "α", "beta": "β", "ratio": "r"}
+    return f"{letters.get(stem, stem)}_{greek.get(suffix, suffix)}"

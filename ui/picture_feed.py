@@ -1,0 +1,245 @@
+"""Brings the picture up to date, once a frame: the worker's answers to the renderer, the document's curves after them.
+
+    editor.tick ─► picture events ─► renderer (frame, footprint, layers, transport)
+    document ─► gains, view curves, visibility, curve coefficients ─► renderer.update ─► display texture
+    renderer's report ─► editor.report_rendering
+
+Everything slow is sliced: an upload under way takes part of the frame's time, coefficients the rest.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from pathlib import Path
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from app.document import layer_key
+from app.editor import Editor
+from app.picture import FootprintChanged, LayerRadiance, PictureEvent, SceneFrame, TransportReady
+from app.status import RenderReport
+from engine.curve.wavelet import forward
+from engine.scene.description import SceneDescription
+from ui.environment_loader import EnvironmentLoader, source_of
+from ui.gl.context import GraphicsError
+from ui.gl.picture_frame import PictureFrame
+from ui.gl.placement import PlacementRenderer
+from ui.gl.tonemap import DisplayView
+
+UPLOAD_SHARE = 0.5
+LEAST_INTENSITY = 1e-30
+
+
+class PictureFeed:
+    """Feeds one `PlacementRenderer`. `builtin` are the built-in environments by name."""
+
+    def __init__(self, renderer: PlacementRenderer, builtin: dict[str, Path]) -> None:
+        self.renderer = renderer
+        self._builtin = builtin
+        self._loader = EnvironmentLoader()
+        self._description: SceneDescription | None = None
+        self._folder = Path()
+        self._names: list[str] = []
+        self._view_curves: dict[str, NDArray[np.float64]] = {}
+        self._wanted: NDArray[np.float64] | None = None
+        self._compared: object = None
+        self._rotation: float | None = None
+        self._texture: moderngl.Texture | None = None
+        self._thumbnail: moderngl.Texture | None = None
+        self._exact_before = False
+        self._frame_ms = 0.0
+
+    @property
+    def picture(self) -> moderngl.Texture | None:
+        """The display picture, row 0 at the top; None before there is a scene."""
+        return self._texture
+
+    @property
+    def environment(self) -> moderngl.Texture | None:
+        """The environment's thumbnail, row 0 at the top."""
+        return self._thumbnail
+
+    @property
+    def heading(self) -> float:
+        """Where the camera looks, degrees clockwise from -Z seen from above."""
+        if self._description is None:
+            return 0.0
+        camera = self._description.camera
+        x, _, z = (t - p for t, p in zip(camera.target, camera.position, strict=True))
+        return math.degrees(math.atan2(x, -z))
+
+    def object_at(self, column: int, row: int) -> str | None:
+        """The name of what a pixel of the picture sees."""
+        if self.renderer.frame is None:
+            return None
+        index = self.renderer.object_at(column, row)
+        return self._names[index] if 0 <= index < len(self._names) else None
+
+    def advance(self, editor: Editor, now: float) -> bool:
+        """Take the worker's answers, follow the document, draw. Whether another frame would show more."""
+        started = time.perf_counter()
+        events = editor.tick(now)
+        try:
+            for event in events:
+                self._take(editor, event)
+            if self.renderer.frame is None:
+                return bool(events)
+            busy = self._follow(editor)
+        except GraphicsError as error:
+            editor.notify(str(error), True)
+            return False
+        if busy or events:
+            self._frame_ms = 1e3 * (time.perf_counter() - started)
+        return busy or bool(events)
+
+    def close(self) -> None:
+        """Free GL objects and let the loading thread end."""
+        self._loader.close()
+        if self._thumbnail is not None:
+            self._thumbnail.release()
+        self.renderer.release()
+
+    # ------------------------------------------------------------------------------------------ the worker's answers
+
+    def _take(self, editor: Editor, event: PictureEvent) -> None:
+        match event:
+            case SceneFrame():
+                self._take_scene(event)
+            case FootprintChanged():
+                self.renderer.set_footprint(event.rows, event.weights)
+            case LayerRadiance():
+                self._take_radiance(editor, event)
+            case TransportReady():
+                self.renderer.begin_transport(
+                    event.key, event.coefficients_first, event.norms, event.scale, editor.view.precision
+                )
+
+    def _take_scene(self, event: SceneFrame) -> None:
+        self.renderer.set_frame(picture_frame(event))
+        self._description = event.description
+        self._folder = Path(event.source).resolve().parent
+        self._names = [described.name for described in event.description.objects]
+        self._view_curves.clear()
+        self._wanted = self._compared = self._rotation = None
+        self._loader.forget()
+
+    def _take_radiance(self, editor: Editor, event: LayerRadiance) -> None:
+        renderer = self.renderer
+        if event.key not in renderer.layer_keys:
+            renderer.set_layer(event.key, self._names.index(event.key.rpartition(".")[0]), len(event.radiance))
+        selected = editor.view.selected
+        made_with = None
+        if selected is not None and selected.key == event.key and selected.factor is not None:
+            bands = event.coefficients.get(selected.factor)
+            made_with = None if bands is None else forward(bands)
+        renderer.set_layer_radiance(event.key, event.radiance, made_with)
+
+    # ---------------------------------------------------------------------------------------------------- each frame
+
+    def _follow(self, editor: Editor) -> bool:
+        """The document as it is now, in the picture. Whether there is more to come."""
+        self._follow_environment(editor)
+        self._follow_layers(editor)
+        self._follow_curve(editor)
+        self._follow_comparison(editor)
+        budget = 1e-3 * editor.view.frame_budget_ms
+        uploaded = self.renderer.upload(UPLOAD_SHARE * budget)
+        report = self.renderer.update(budget_s=budget if uploaded else (1.0 - UPLOAD_SHARE) * budget)
+        self._texture = self.renderer.composite(self._display_view(editor))
+        wanted = 0 if self._wanted is None else len(self._wanted)
+        exact = uploaded and report.exact
+        editor.report_rendering(
+            RenderReport(max(wanted - report.remaining, 0), wanted, report.image_error, self._frame_ms, exact)
+        )
+        changed = exact != self._exact_before
+        self._exact_before = exact
+        return not exact or changed or self._loader.loading
+
+    def _follow_environment(self, editor: Editor) -> None:
+        light = editor.document.light
+        scene = None if self._description is None else self._description.environment
+        self._loader.want(source_of(light, scene, self._folder, self._builtin))
+        done, image, problem = self._loader.take()
+        if problem:
+            editor.notify(problem, True)
+        if done and not problem:
+            self.renderer.set_environment(None if image is None else image.radiance, light.rotation)
+            self._show_thumbnail(None if image is None else image.thumbnail)
+            self._rotation = light.rotation
+        if light.rotation != self._rotation:
+            self.renderer.turn_environment(light.rotation)
+            self._rotation = light.rotation
+
+    def _show_thumbnail(self, pixels: NDArray[np.uint8] | None) -> None:
+        if self._thumbnail is not None:
+            self._thumbnail.release()
+            self._thumbnail = None
+        if pixels is not None:
+            alpha = np.full((*pixels.shape[:2], 1), 255, dtype=np.uint8)
+            size = (pixels.shape[1], pixels.shape[0])
+            data = np.concatenate([pixels, alpha], axis=2).tobytes()
+            self._thumbnail = self.renderer.context.texture(size, 4, data)
+
+    def _follow_layers(self, editor: Editor) -> None:
+        """Gains, view curves and visibility; each setter of the renderer is free where nothing changed."""
+        document, there = editor.document, self.renderer.layer_keys
+        for state in document.objects:
+            for index in range(len(state.layers)):
+                key = layer_key(state.name, index)
+                if key not in there:
+                    continue
+                self.renderer.set_layer_gain(key, editor.layer_gain(key).tolist())
+                self.renderer.set_layer_visible(key, document.is_visible(key))
+                curve = editor.view_curve(key)
+                if self._view_curves.get(key) is not curve:
+                    self._view_curves[key] = curve
+                    self.renderer.set_view_curve(key, curve)
+
+    def _follow_curve(self, editor: Editor) -> None:
+        selected = editor.view.selected
+        if selected is None or selected.factor is None or selected.key not in self.renderer.layer_keys:
+            self._wanted = None
+            return
+        coefficients = editor.wanted_coefficients(selected.key).get(selected.factor)
+        if coefficients is None:
+            self._wanted = None
+        elif self._wanted is None or coefficients is not self._wanted:
+            self.renderer.wanted(selected.key, forward(coefficients))
+            self._wanted = coefficients
+
+    def _follow_comparison(self, editor: Editor) -> None:
+        compared = editor.view.compare
+        if compared is self._compared:
+            return
+        if compared is None:
+            self.renderer.drop_compare()
+        elif self._compared is None:
+            self.renderer.snapshot_compare()
+        self._compared = compared
+
+    def _display_view(self, editor: Editor) -> DisplayView:
+        """Exposure takes the light's intensity along: it multiplies the finished picture."""
+        view = editor.view
+        intensity = max(editor.document.light.intensity, LEAST_INTENSITY)
+        return DisplayView(
+            exposure=view.exposure + math.log2(intensity),
+            tone_mapping=view.tone_mapping,
+            selected=self._index(view.selected.object if view.selected else None),
+            hovered=self._index(view.hovered),
+            compare_divider=view.compare_divider if view.compare is not None else None,
+        )
+
+    def _index(self, name: str | None) -> int | None:
+        return self._names.index(name) if name in self._names else None
+
+
+def picture_frame(event: SceneFrame) -> PictureFrame:
+    """The worker's primary hits as the renderer takes them."""
+    arrays = event.arrays
+    height, width = arrays["object_image"].shape
+    names = ("pixel", "object_ranges", "object_image", "theta_o", "emission_image", "ray_directions")
+    edges = {name: arrays[name] for name in ("edge_pixels", "edge_neighbours", "edge_weights") if name in arrays}
+    return PictureFrame(width, height, **{name: arrays[name] for name in names}, **edges)  # type: ignore[arg-type]

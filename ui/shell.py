@@ -1,0 +1,255 @@
+"""One frame of the window: the same code behind a GLFW window and in a framebuffer without a display.
+
+    events ─► panels (draw, return actions) ─► actions carried out ─► worker's answers, picture ─► pixels
+
+The order within a frame puts the hand first: what it did is in the document before the picture is brought up to date,
+so a drag and its picture are in the same frame.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Protocol
+
+import moderngl
+from imgui_bundle import ImVec2, imgui
+
+from app.editor import Editor
+from ui import layout, theme
+from ui.actor import Actor
+from ui.gl.interface import InterfaceRenderer
+from ui.panels import (
+    curve_editor,
+    dialogs,
+    light,
+    material,
+    menus,
+    objects,
+    status_bar,
+    tradeoff,
+    viewport,
+)
+from ui.panels import (
+    help as shortcuts,
+)
+from ui.panels.actions import Action
+from ui.panels.context import Handles, PanelContext, Picture
+from ui.panels.state import Notice, PanelState
+
+SETTLE_SECONDS = 0.9
+N_FRAME_TIMES = 60
+
+
+class PictureSource(Protocol):
+    """What the shell needs of `ui.picture_feed.PictureFeed`."""
+
+    @property
+    def picture(self) -> moderngl.Texture | None: ...
+
+    @property
+    def environment(self) -> moderngl.Texture | None: ...
+
+    @property
+    def heading(self) -> float: ...
+
+    def advance(self, editor: Editor, now: float) -> bool: ...
+
+    def object_at(self, column: int, row: int) -> str | None: ...
+
+
+@dataclass(frozen=True)
+class FrameResult:
+    """`busy`: another frame should follow at once; `redraw_in`: else after this many seconds, None when nothing is due.
+
+    `screenshot`: where the person asked this frame's pixels to be saved; `quit`: whether the window was asked to close.
+    """
+
+    busy: bool
+    redraw_in: float | None = None
+    screenshot: Path | None = None
+    quit: bool = False
+
+
+class Shell:
+    """Owns the imgui context, theme, layout and panel state. `source` makes the picture; None until GL is ready."""
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        editor: Editor,
+        *,
+        scale: float = 1.0,
+        layout_file: Path | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.editor = editor
+        self.source: PictureSource | None = None
+        self.state = PanelState()
+        self.handles = Handles()
+        self.actor = Actor(editor)
+        self._clock = clock
+        self._imgui = imgui.create_context()
+        imgui.set_current_context(self._imgui)
+        self._io = imgui.get_io()
+        self._io.config_flags |= imgui.ConfigFlags_.docking_enable | imgui.ConfigFlags_.nav_enable_keyboard
+        self._io.config_docking_always_tab_bar = False
+        self._io.config_windows_move_from_title_bar_only = True
+        self._io.config_input_text_cursor_blink = False
+        self._io.set_ini_filename("")
+        self.theme = theme.apply(scale)
+        self._layout_file = layout_file
+        self._rebuild_layout = not layout.load(layout_file, scale)
+        self._interface = InterfaceRenderer(context)
+        self._frame_times: deque[float] = deque(maxlen=N_FRAME_TIMES)
+        self._last_frame = clock()
+        self._last_input = clock()
+        self._seen_message = ""
+        self.environments: tuple[str, ...] = ()
+        self.scenes: tuple[str, ...] = ()
+
+    @property
+    def io(self) -> imgui.IO:
+        """Where mouse and keyboard events go in."""
+        imgui.set_current_context(self._imgui)
+        return self._io
+
+    def note_input(self) -> None:
+        """An event came in: tooltips and hover need frames for a little while."""
+        self._last_input = self._clock()
+
+    def handle_position(self, name: str) -> tuple[float, float]:
+        """Where the handle `name` was drawn, in framebuffer pixels; KeyError lists those there are."""
+        return self.handles.position(name)
+
+    def set_scale(self, scale: float) -> None:
+        """Follow the screen's scale (1 at 96 dpi); the default layout is built for it."""
+        if scale != self.theme.scale:
+            imgui.set_current_context(self._imgui)
+            self.theme = replace(self.theme, scale=scale)
+            theme.set_style(scale)
+            self._rebuild_layout = True
+
+    def frame(self, target: moderngl.Framebuffer, size: tuple[int, int], now: float | None = None) -> FrameResult:
+        """Take the events, bring the picture up to date and draw the window into `target`, `size` in pixels."""
+        started = self._clock()
+        now = started if now is None else now
+        imgui.set_current_context(self._imgui)
+        self._io.display_size = ImVec2(float(size[0]), float(size[1]))
+        self._io.delta_time = min(max(now - self._last_frame, 1e-4), 0.25)
+        self._last_frame = now
+        self._take_message(now)
+        imgui.new_frame()
+        self.handles.begin_frame()
+        actions = self._panels(self._context(now))
+        self.handles.end_frame()
+        imgui.render()
+        outcome = self.actor.perform(actions, self.state, now)
+        self.state = outcome.state
+        self._rebuild_layout = outcome.reset_layout
+        working = self.source.advance(self.editor, now) if self.source is not None else False
+        target.use()
+        target.clear(*theme.BACKDROP)
+        self._interface.render(target)
+        self._remember_layout()
+        self._frame_times.append(1e3 * (self._clock() - started))
+        return self._result(working or bool(actions), outcome.screenshot, outcome.quit)
+
+    def close(self) -> None:
+        """Remember the layout and free what was made here."""
+        imgui.set_current_context(self._imgui)
+        layout.save(self._layout_file, self.theme.scale)
+        self._interface.release()
+        imgui.destroy_context(self._imgui)
+
+    def _result(self, busy: bool, screenshot: Path | None, quit: bool) -> FrameResult:
+        since = self._clock() - self._last_input
+        redraw_in = 0.1 if since < SETTLE_SECONDS else None
+        return FrameResult(busy or since < 0.05, redraw_in, screenshot, quit)
+
+    def _take_message(self, now: float) -> None:
+        """Show what the editor has to say, once."""
+        status = self.editor.status
+        if status.message != self._seen_message:
+            self._seen_message = status.message
+            self.state = replace(self.state, notice=Notice(status.message, now, status.is_error))
+
+    def _context(self, now: float) -> PanelContext:
+        editor, source = self.editor, self.source
+        context = PanelContext(
+            document=editor.document,
+            view=editor.view,
+            status=editor.status,
+            state=self.state,
+            theme=self.theme,
+            handles=self.handles,
+            undo_label=editor.history.undo_label,
+            redo_label=editor.history.redo_label,
+            frame_times=tuple(self._frame_times),
+            environments=self.environments,
+            scenes=self.scenes,
+            now=now,
+        )
+        if source is None:
+            return context
+        return replace(
+            context,
+            picture=self._picture(source.picture),
+            environment=self._picture(source.environment),
+            heading=source.heading,
+            object_at=source.object_at,
+        )
+
+    def _picture(self, texture: moderngl.Texture | None) -> Picture | None:
+        if texture is None:
+            return None
+        return Picture(self._interface.register(texture), texture.width, texture.height)
+
+    def _panels(self, context: PanelContext) -> list[Action]:
+        actions = menus.draw(context)
+        actions += status_bar.draw(context)
+        layout.begin_dock_space(self.theme.scale, self._rebuild_layout)
+        self._rebuild_layout = False
+        actions += _window(context, layout.OBJECTS, objects.draw)
+        actions += _picture_window(context)
+        actions += _window(context, layout.CURVE, curve_editor.draw)
+        actions += _window(context, layout.MATERIAL, material.draw)
+        actions += _window(context, layout.LIGHT, light.draw)
+        actions += _window(context, layout.ACCURACY, tradeoff.draw)
+        actions += dialogs.draw(context)
+        actions += shortcuts.draw(context)
+        return actions + shortcuts.keyboard(context)
+
+    def _remember_layout(self) -> None:
+        if self._io.want_save_ini_settings:
+            layout.save(self._layout_file, self.theme.scale)
+            self._io.want_save_ini_settings = False
+
+
+def _window(
+    context: PanelContext, panel: layout.Panel, draw: Callable[[PanelContext], list[Action]], flags: int = 0
+) -> list[Action]:
+    """A dockable window around a panel; closing it is an action like any other."""
+    if not context.view.panel_open(panel.key):
+        return []
+    visible, is_open = imgui.begin(panel.window, True, flags | imgui.WindowFlags_.no_collapse)
+    actions = draw(context) if visible else []
+    imgui.end()
+    return actions if is_open else [*actions, layout.closed(panel)]
+
+
+def _picture_window(context: PanelContext) -> list[Action]:
+    imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(0, 0))
+    flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
+    actions = _window(context, layout.VIEWPORT, _picture_and_recovery, flags)
+    imgui.pop_style_var()
+    return actions
+
+
+def _picture_and_recovery(context: PanelContext) -> list[Action]:
+    corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
+    actions = viewport.draw(context)
+    return actions + viewport.draw_recovery(context, corner, room)
