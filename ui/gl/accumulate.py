@@ -33,8 +33,7 @@ class Accumulator:
         self.n_samples, self.rows = n_samples, row_count(n_samples)
         self._memory = memory
         self.texture = memory.texture((SAMPLES_PER_ROW, self.rows), 4, "f4")
-        self.framebuffer = memory.context.framebuffer([self.texture])
-        self.framebuffer.clear()
+        self.framebuffer = memory.framebuffer([self.texture])
 
     def write(self, radiance: NDArray[np.floating]) -> None:
         """Replace all by radiance (p,3)."""
@@ -45,7 +44,7 @@ class Accumulator:
         return unpack_samples(read_texture(self.texture, np.float32), self.n_samples)[:, :3].astype(np.float32)
 
     def release(self) -> None:
-        self.framebuffer.release()
+        self._memory.release_framebuffer(self.framebuffer)
         self._memory.release(self.texture)
 
 
@@ -64,7 +63,7 @@ class TermSum:
         self._release_lanes()
         for _ in range(GROUP_SIZE):
             self._lanes.append(self._memory.texture((GROUPS_PER_ROW, rows), 4, "f4"))
-        self._target = self._memory.context.framebuffer(self._lanes)
+        self._target = self._memory.framebuffer(self._lanes)
 
     def add(
         self,
@@ -104,9 +103,8 @@ class TermSum:
             self._passes.draw(program, accumulator.framebuffer, box, textures, add=add, first_column=column)
 
     def _release_lanes(self) -> None:
-        if self._target is not None:
-            self._target.release()
-            self._target = None
+        self._memory.release_framebuffer(self._target)
+        self._target = None
         for lane in self._lanes:
             self._memory.release(lane)
         self._lanes = []

@@ -61,7 +61,7 @@ class Compositor:
         self._environment: moderngl.Texture | None = None
         try:
             self._allocate()
-        except GraphicsError:
+        except Exception:
             self.release()
             raise
 
@@ -83,9 +83,7 @@ class Compositor:
         self.linear = self._keep(size, 4, "f4")
         self._mark = self._keep(size, 1, "f1")
         targets = (self.shaded, self.backdrop, self.linear, self._mark)
-        self._framebuffers = [self._memory.context.framebuffer([texture]) for texture in targets]
-        for framebuffer in self._framebuffers:
-            framebuffer.clear()
+        self._framebuffers = [self._memory.framebuffer([texture]) for texture in targets]
         self._shaded_target, self._backdrop_target, self.linear_target, self._mark_target = self._framebuffers
 
     def object_rows(self, i_object: int) -> tuple[int, int]:
@@ -100,7 +98,9 @@ class Compositor:
 
     def pack(self, values: NDArray[np.generic], dtype: type[np.generic]) -> NDArray[np.generic]:
         """Values (P,) or (P,n) of the pixels as texels (rows, 1024, n) in the layout of `shaded`."""
-        table = np.asarray(values, dtype=dtype).reshape(self.frame.n_pixels, -1)
+        table = np.asarray(values, dtype=dtype)
+        if table.ndim == 1:
+            table = table[:, None]
         texels = np.zeros((self._n_rows, SAMPLES_PER_ROW, table.shape[1]), dtype=dtype)
         for i_object, (start, stop) in enumerate(self.frame.object_ranges):
             first, n_rows = self.object_rows(i_object)
@@ -172,6 +172,7 @@ class Compositor:
         box = (0, first_row, SAMPLES_PER_ROW, n_rows)
         drawn = [layer for layer in layers if layer.visible]
         if not drawn:
+            self._shaded_target.use()
             self._shaded_target.clear(viewport=box)
         for i, layer in enumerate(drawn):
             self._shade_layer(layer, box, add=i > 0)
@@ -217,7 +218,7 @@ class Compositor:
 
     def release(self) -> None:
         for framebuffer in self._framebuffers:
-            framebuffer.release()
+            self._memory.release_framebuffer(framebuffer)
         for texture in self._textures:
             self._memory.release(texture)
         self._memory.release(self._environment)

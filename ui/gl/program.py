@@ -40,6 +40,8 @@ def _expanded(name: str, folder: Path, seen: set[str]) -> str:
             out.append(line)
         elif found[1] not in seen:
             out += ["#line 1", _expanded(found[1], folder, seen), f"#line {number + 1}"]
+        else:
+            out.append("")
     return "\n".join(out)
 
 

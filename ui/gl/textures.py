@@ -7,6 +7,8 @@ refuses what would push a machine into swapping.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +56,19 @@ class TextureMemory:
             return
         self.bytes_in_use -= texture_bytes(texture)
         texture.release()
+
+    def framebuffer(self, textures: Sequence[moderngl.Texture]) -> moderngl.Framebuffer:
+        """A framebuffer that draws into these textures, all black."""
+        made = self.context.framebuffer(list(textures))
+        made.use()
+        made.clear()
+        return made
+
+    def release_framebuffer(self, framebuffer: moderngl.Framebuffer | None) -> None:
+        """Free it and leave framebuffer 0 bound: moderngl would bind the last one again later, also a freed one."""
+        if framebuffer is not None:
+            self.context.detect_framebuffer(0).use()
+            framebuffer.release()
 
     def _attempt(self, make, n_bytes: int):  # type: ignore[no-untyped-def]  # moderngl has no types
         try:

@@ -49,8 +49,7 @@ class Display:
         self._passes, self._memory, self._frame = passes, memory, frame
         self._size = (frame.width, frame.height)
         self.texture = memory.texture(self._size, 4, "f1")
-        self._target = memory.context.framebuffer([self.texture])
-        self._target.clear(alpha=1.0)
+        self._target = memory.framebuffer([self.texture])
         self._snapshot: moderngl.Texture | None = None
         self._snapshot_target: moderngl.Framebuffer | None = None
         self._edges = self._edge_points()
@@ -65,14 +64,13 @@ class Display:
         """Keep a copy of the linear picture as B."""
         if self._snapshot is None:
             self._snapshot = self._memory.texture(self._size, 4, "f4")
-            self._snapshot_target = self._memory.context.framebuffer([self._snapshot])
+            self._snapshot_target = self._memory.framebuffer([self._snapshot])
         assert self._snapshot_target is not None
         linear.viewport = self._snapshot_target.viewport = (0, 0, *self._size)
         self._memory.context.copy_framebuffer(self._snapshot_target, linear)
 
     def drop_snapshot(self) -> None:
-        if self._snapshot_target is not None:
-            self._snapshot_target.release()
+        self._memory.release_framebuffer(self._snapshot_target)
         self._memory.release(self._snapshot)
         self._snapshot = self._snapshot_target = None
 
@@ -88,6 +86,7 @@ class Display:
                 self._outline(i_object, colour)
         if view.compare_divider is not None and self.has_snapshot:
             x = min(self._divider_column(view), self._size[0] - 1)
+            self._target.use()
             self._target.clear(*DIVIDER_COLOUR, viewport=(x, 0, 1, self._size[1]))
 
     def read(self) -> NDArray[np.uint8]:
@@ -158,7 +157,7 @@ class Display:
             array.release()
         if self._edges is not None:
             self._edges.release()
-        self._target.release()
+        self._memory.release_framebuffer(self._target)
         self._memory.release(self.texture)
 
 

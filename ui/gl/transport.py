@@ -3,8 +3,7 @@
 One coefficient is one layer of an array texture; its (p,3) numbers lie there as they come from the worker (see
 ``sample_layout``), so an upload copies and never rearranges. Half precision keeps numbers h with T = scale·h, one scale
 for each coefficient and channel: a scale for each pixel would zero the weak bands, none would overflow. Scales that
-are chosen here are powers of two that bring the largest number just below 2¹⁵. Numbers below 2⁻¹⁴ may become 0 on
-the GPU: 2⁻²⁹ of the largest.
+are chosen here are powers of two that bring the largest number to at most 2¹⁵. The shader decodes every half exactly.
 
 Reading one coefficient at a time leaves the choice of terms free; the packing is what makes it fast on a CPU. One layer
 of 60,000 samples, llvmpipe (Mesa 22.3, LLVM 15) on two cores of an AMD EPYC, best of 25 while others used the machine;

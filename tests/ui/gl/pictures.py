@@ -4,6 +4,7 @@ import numpy as np
 
 from ui.gl.picture_frame import PictureFrame
 from ui.gl.placement import PlacementRenderer
+from ui.gl.transport import Precision
 
 
 def frame_of(object_image: np.ndarray, emitters: tuple[int, ...] = (), seed: int = 5) -> PictureFrame:
@@ -13,8 +14,8 @@ def frame_of(object_image: np.ndarray, emitters: tuple[int, ...] = (), seed: int
     n_objects = int(object_image.max()) + 1
     flat = object_image.ravel()
     pixels = [np.flatnonzero(flat == i) if i not in emitters else np.zeros(0, int) for i in range(n_objects)]
-    ends = np.cumsum([len(p) for p in pixels])
-    ranges = np.stack([np.concatenate(([0], ends[:-1])), ends], axis=1)
+    ends = np.cumsum([0] + [len(p) for p in pixels])
+    ranges = np.stack([ends[:-1], ends[1:]], axis=1)
     emission = np.zeros((height, width, 3), dtype=np.float32)
     for i_object in emitters:
         emission[object_image == i_object] = (4.0, 3.0, 2.0)
@@ -23,7 +24,7 @@ def frame_of(object_image: np.ndarray, emitters: tuple[int, ...] = (), seed: int
     return PictureFrame(
         width=width,
         height=height,
-        pixel=np.concatenate(pixels).astype(np.int32),
+        pixel=np.concatenate([np.zeros(0, int), *pixels]).astype(np.int32),
         object_ranges=ranges.astype(np.int32),
         object_image=object_image.astype(np.int16),
         theta_o=rng.uniform(0, np.pi / 2, int(ends[-1])).astype(np.float32),
@@ -42,7 +43,7 @@ def norms_of(transport: np.ndarray) -> np.ndarray:
 
 
 def start_layer(
-    renderer: PlacementRenderer, transport: np.ndarray, coefficients: np.ndarray, precision: str = "float"
+    renderer: PlacementRenderer, transport: np.ndarray, coefficients: np.ndarray, precision: Precision = "float"
 ) -> None:
     """One object whose only layer, "ball.0", shows `transport` (J,p,3) under `coefficients` (J,3)."""
     renderer.set_frame(full_frame(transport.shape[1]))
