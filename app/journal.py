@@ -27,6 +27,7 @@ from app.view_state import ViewState
 from engine.errors import InsituError
 
 WRITE_SECONDS = 0.5
+RETRY_SECONDS = 5.0
 STALE_LOCK_SECONDS = 86400.0
 _serial = itertools.count()
 
@@ -80,7 +81,9 @@ class Journal:
     ) -> None:
         """Once a frame: have the document written when it has changed, twice a second at most. Returns at once."""
         wanted = document if unsaved else None
-        if wanted is self._noted or (wanted is not None and now - self._noted_at < WRITE_SECONDS):
+        since = now - self._noted_at
+        again = wanted is self._noted and not (self.problem and since >= RETRY_SECONDS)
+        if again or (wanted is not None and since < WRITE_SECONDS):
             return
         self._noted, self._noted_at = wanted, now
         self._entries.put(_Entry(wanted, view, session_path))

@@ -37,7 +37,7 @@ Triple = tuple[Number, Number, Number]
 
 
 class _Record(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
+    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class OperatorRecord(_Record):
@@ -285,4 +285,3 @@ def _written_path(source: str, folder: Path | None) -> str:
     path = Path(source).resolve()
     inside = folder is not None and path.is_relative_to(folder)
     return str(path.relative_to(folder)) if inside and folder is not None else str(path)
-

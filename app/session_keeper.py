@@ -47,9 +47,7 @@ class SessionKeeper:
         if self._journal is None:
             return ""
         self._journal.note(now, document, view, self.unsaved(document), self.path)
-        if self._recovery is not None and self._journal.written is not None:
-            self._recovery.discard()
-            self._recovery = None
+        self._drop_recovered(self._journal)
         return self._journal.problem
 
     def close(self, document: Document, view: ViewState) -> None:
@@ -58,3 +56,9 @@ class SessionKeeper:
             unsaved = bool(document.objects) and self.unsaved(document)
             self._journal.note(math.inf, document, view, unsaved, self.path)
             self._journal.close(keep=unsaved)
+            self._drop_recovered(self._journal)
+
+    def _drop_recovered(self, journal: Journal) -> None:
+        if self._recovery is not None and (journal.written is not None or self._saved is not None):
+            self._recovery.discard()
+            self._recovery = None

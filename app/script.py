@@ -1,0 +1,211 @@
+"""Scripts of edits for ``insitu screenshot --script``: a TOML list of ``[[step]]``, each one thing a hand would do.
+
+    [[step]]
+    select = "teapot.1.theta_h"
+    [[step]]
+    drag = { item = "curve.b", by = [40, -25] }
+    [[step]]
+    wait = "exact"
+
+A script is read and checked whole before its first step runs. Who owns the window carries the steps out, with the same
+mouse events and commands as a hand; here they are typed values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from app.toml_text import load_toml
+from engine.errors import LoadError
+from engine.scene.complaints import first_complaint
+from engine.scene.description import Number, Parameter, Text
+
+MAX_SCRIPT_BYTES = 2**20
+MAX_STEPS = 10_000
+MAX_PIXELS = 100_000.0
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class SetValues:
+    """Give what each path names (``"teapot.1.alpha"``, ``"light.rotation"``) a value."""
+
+    values: tuple[tuple[str, Any], ...]
+
+
+@dataclass(frozen=True)
+class SelectPath:
+    """Select an object, a layer or a curve."""
+
+    path: str
+
+
+@dataclass(frozen=True)
+class DragItem:
+    """Press on a named handle, move by so many pixels (right, down), release."""
+
+    item: str
+    by: Point
+
+
+@dataclass(frozen=True)
+class DragPoints:
+    """Press at a pixel of the window, move to another, release."""
+
+    start: Point
+    end: Point
+
+
+@dataclass(frozen=True)
+class Rotate:
+    """Turn the environment to so many degrees."""
+
+    degrees: float
+
+
+@dataclass(frozen=True)
+class UndoSteps:
+    """Undo so many times."""
+
+    count: int
+
+
+@dataclass(frozen=True)
+class RedoSteps:
+    """Redo so many times."""
+
+    count: int
+
+
+@dataclass(frozen=True)
+class WaitFor:
+    """Draw frames until the first shaded picture, or the exact one, is shown."""
+
+    picture: Literal["first", "exact"]
+
+
+@dataclass(frozen=True)
+class Capture:
+    """Write the window's picture to a PNG file (absolute path)."""
+
+    path: Path
+
+
+@dataclass(frozen=True)
+class AssertErrorBelow:
+    """Fail unless what is left to the exact picture is below this, relative RMS."""
+
+    bound: float
+
+
+Step = (
+    SetValues
+    | SelectPath
+    | DragItem
+    | DragPoints
+    | Rotate
+    | UndoSteps
+    | RedoSteps
+    | WaitFor
+    | Capture
+    | AssertErrorBelow
+)
+
+Pixel = Annotated[Number, Field(ge=-MAX_PIXELS, le=MAX_PIXELS)]
+Count = Annotated[int, Field(ge=1, le=1000, strict=True)]
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class DragRecord(_Record):
+    item: Text | None = None
+    by: tuple[Pixel, Pixel] | None = None
+    start: tuple[Pixel, Pixel] | None = Field(default=None, alias="from")
+    to: tuple[Pixel, Pixel] | None = None
+
+    @model_validator(mode="after")
+    def _is_one_kind(self) -> DragRecord:
+        given = {name for name in ("item", "by", "start", "to") if getattr(self, name) is not None}
+        if given not in ({"item", "by"}, {"start", "to"}):
+            raise ValueError("item and by, or from and to")
+        return self
+
+    def step(self) -> Step:
+        """The drag itself."""
+        if self.item is not None and self.by is not None:
+            return DragItem(self.item, self.by)
+        assert self.start is not None and self.to is not None
+        return DragPoints(self.start, self.to)
+
+
+class StepRecord(_Record):
+    """One step: exactly one of its keys."""
+
+    set: Annotated[dict[Text, Parameter], Field(min_length=1)] | None = None
+    select: Text | None = None
+    drag: DragRecord | None = None
+    rotate: Annotated[Number, Field(ge=-1e9, le=1e9)] | None = None
+    undo: Count | None = None
+    redo: Count | None = None
+    wait: Literal["first", "exact"] | None = None
+    capture: Text | None = None
+    assert_error_below: Annotated[Number, Field(gt=0.0)] | None = None
+
+    @model_validator(mode="after")
+    def _is_one_thing(self) -> StepRecord:
+        if len(self.model_fields_set) != 1:
+            raise ValueError(f"exactly one of {', '.join(type(self).model_fields)}")
+        return self
+
+    def step(self, folder: Path) -> Step:
+        """The step itself; files it writes are relative to ``folder``."""
+        (name,) = self.model_fields_set
+        return _STEPS[name](getattr(self, name), folder)
+
+
+_STEPS: dict[str, Callable[[Any, Path], Step]] = {
+    "set": lambda values, folder: SetValues(tuple(values.items())),
+    "select": lambda path, folder: SelectPath(path),
+    "drag": lambda drag, folder: drag.step(),
+    "rotate": lambda degrees, folder: Rotate(degrees),
+    "undo": lambda count, folder: UndoSteps(count),
+    "redo": lambda count, folder: RedoSteps(count),
+    "wait": lambda picture, folder: WaitFor(picture),
+    "capture": lambda name, folder: Capture((folder / name).resolve()),
+    "assert_error_below": lambda bound, folder: AssertErrorBelow(bound),
+}
+
+
+class ScriptRecord(_Record):
+    """A whole script."""
+
+    steps: Annotated[tuple[StepRecord, ...], Field(alias="step", min_length=1, max_length=MAX_STEPS)]
+
+
+def load_script(path: Path, folder: Path | None = None) -> tuple[Step, ...]:
+    """Read and check a script; pictures it captures go to ``folder`` (default: the script's own).
+
+    Raises LoadError that names the step and the key of the first thing wrong.
+    """
+    tree = load_toml(path, MAX_SCRIPT_BYTES)
+    return parse_script(tree, path, path.resolve().parent if folder is None else folder)
+
+
+def parse_script(tree: dict[str, Any], file: Path, folder: Path) -> tuple[Step, ...]:
+    """The steps of a script's tree."""
+    try:
+        record = ScriptRecord.model_validate(tree)
+    except ValidationError as error:
+        raise first_complaint(error, tree, file, ScriptRecord) from None
+    for number, step in enumerate(record.steps):
+        if step.capture is not None and Path(step.capture).suffix.lower() != ".png":
+            raise LoadError(file, f"step {number}: capture", step.capture, "a file name that ends in .png")
+    return tuple(step.step(folder) for step in record.steps)

@@ -1,0 +1,211 @@
+"""Unsaved edits are on disk within a second, and offered again after the editor's end, whatever ended it."""
+
+import subprocess
+import sys
+import textwrap
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from app.commands import SetIntensity, SetRotation
+from app.document import Document
+from app.editor import Editor
+from app.journal import RETRY_SECONDS, WRITE_SECONDS, Journal, recoverable_sessions
+from app.session import load_session, save_session
+from app.view_state import ViewState
+from tests.app.fake_worker import FakeClient
+from tests.app.limits import largest_file
+
+
+def opened(client: FakeClient, journal: Journal | None) -> Editor:
+    editor = Editor(client, "shelf", journal=journal)
+    client.open_scene()
+    editor.tick(0.0)
+    return editor
+
+
+def test_edits_are_written_soon_and_offered_after_the_end(document: Document, tmp_path: Path) -> None:
+    journal = Journal(tmp_path)
+    journal.note(10.0, document, ViewState(exposure=1.0), True, Path("/home/mine.insitu"))
+    assert recoverable_sessions(tmp_path) == []  # its editor lives
+    journal.close(keep=True)
+    (recovery,) = recoverable_sessions(tmp_path)
+    assert recovery.scene == "shelf" and recovery.session_path == Path("/home/mine.insitu")
+    session = recovery.load()
+    assert session.document == document and session.view.exposure == 1.0
+    recovery.discard()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_writing_is_at_most_half_a_second_behind(document: Document, tmp_path: Path) -> None:
+    journal = Journal(tmp_path)
+    later = SetRotation(1.0).apply(document)
+    journal.note(10.0, document, ViewState(), True)
+    journal.note(10.1, later, ViewState(), True)  # too soon after the first
+    journal.note(10.0 + WRITE_SECONDS, later, ViewState(), True)
+    journal.close(keep=True)
+    assert load_session(journal.path).document == later
+
+
+def test_nothing_unsaved_leaves_nothing(document: Document, tmp_path: Path) -> None:
+    journal = Journal(tmp_path)
+    journal.note(10.0, document, ViewState(), True)
+    journal.note(20.0, document, ViewState(), False)  # saved meanwhile
+    journal.close(keep=True)
+    assert not journal.path.exists()
+
+
+def test_a_clean_end_removes_the_journal(document: Document, tmp_path: Path) -> None:
+    journal = Journal(tmp_path)
+    journal.note(10.0, document, ViewState(), True)
+    journal.close()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_damaged_journals_are_not_offered(document: Document, tmp_path: Path) -> None:
+    save_session(tmp_path / "good.insitu", document, ViewState())
+    text = (tmp_path / "good.insitu").read_text()
+    (tmp_path / "bad.insitu").write_text(text[: len(text) // 2])
+    assert [recovery.path.name for recovery in recoverable_sessions(tmp_path)] == ["good.insitu"]
+
+
+def test_a_full_disk_is_told_and_tried_again(client: FakeClient, tmp_path: Path) -> None:
+    journal = Journal(tmp_path)
+    editor = opened(client, journal)
+    with largest_file(10):
+        editor.do(SetIntensity(2.0))
+        editor.tick(1.0)
+        wait_until(lambda: journal.problem != "")
+    assert "autosave failed" in journal.problem and not journal.path.exists()
+    editor.tick(1.1)
+    assert "autosave failed" in editor.status.message and editor.status.is_error
+    editor.tick(1.0 + RETRY_SECONDS)
+    editor.close()
+    assert journal.problem == "" and load_session(journal.path).document == editor.document
+
+
+def wait_until(is_so: Callable[[], bool]) -> None:
+    """Let the journal's thread work; ten seconds at most."""
+    deadline = time.monotonic() + 10.0
+    while not is_so() and time.monotonic() < deadline:
+        time.sleep(0.001)
+
+
+EDITOR = textwrap.dedent("""
+    import sys, time
+    from app.commands import SetIntensity
+    from app.editor import Editor
+    from app.journal import Journal
+    from tests.app.fake_worker import FakeClient
+
+    client = FakeClient()
+    editor = Editor(client, "shelf", journal=Journal())
+    client.open_scene()
+    editor.tick()
+    number = 0
+    while True:
+        number += 1
+        editor.do(SetIntensity(float(number)), "drag")
+        editor.tick()
+        print(number, flush=True)
+        time.sleep(0.01)
+""")
+
+
+def test_a_killed_editor_loses_less_than_a_second(state_folder: Path) -> None:
+    with subprocess.Popen([sys.executable, "-c", EDITOR], stdout=subprocess.PIPE, text=True) as running:
+        assert running.stdout is not None
+        numbers = [int(running.stdout.readline()) for _ in range(120)]
+        running.kill()  # SIGKILL: no handler, no atexit
+        numbers += [int(line) for line in running.stdout.read().split()]
+    (recovery,) = recoverable_sessions(state_folder / "journals")
+    # The edits came every 10 ms or slower, so that a second is at most 100 of them.
+    assert recovery.load().document.light.intensity >= numbers[-1] - 100
+
+
+def test_the_editor_recovers_and_then_keeps_its_own_journal(client: FakeClient, tmp_path: Path) -> None:
+    first = opened(client, Journal(tmp_path))
+    first.do(SetIntensity(7.0))
+    first.tick(1.0)
+    first.close()  # unsaved: the journal stays
+    assert client.closed
+    (recovery,) = recoverable_sessions(tmp_path)
+    journal = Journal(tmp_path)
+    second = opened(client, journal)
+    assert second.recover(recovery) is None
+    client.open_scene()
+    second.tick(2.0)
+    assert second.document == first.document and second.unsaved
+    assert second.undo() is None  # recovered edits are where it starts
+    assert recovery.path.exists()
+    second.close()
+    assert [found.path for found in recoverable_sessions(tmp_path)] == [journal.path]
+
+
+def test_recovered_edits_that_are_saved_need_no_journal(client: FakeClient, tmp_path: Path, state_folder: Path) -> None:
+    first = opened(client, Journal(tmp_path))
+    first.do(SetIntensity(7.0))
+    first.close()
+    (recovery,) = recoverable_sessions(tmp_path)
+    second = opened(client, Journal(tmp_path))
+    second.recover(recovery)
+    client.open_scene()
+    second.tick(2.0)
+    state_folder.mkdir()
+    second.save(state_folder / "mine")
+    second.tick(3.0)
+    assert not recovery.path.exists()
+    second.close()
+    assert recoverable_sessions(tmp_path) == []
+
+
+def test_saving_makes_the_journal_needless(client: FakeClient, tmp_path: Path) -> None:
+    journal = Journal(tmp_path)
+    editor = opened(client, journal)
+    assert not editor.unsaved
+    assert "needs a name" in (editor.save() or "")
+    editor.do(SetIntensity(2.0))
+    assert editor.unsaved
+    assert editor.save(tmp_path / "mine") is None
+    assert not editor.unsaved and editor.session_path == tmp_path / "mine.insitu"
+    editor.do(SetIntensity(3.0))
+    editor.undo()
+    assert not editor.unsaved  # back at what was saved
+    editor.close()
+    assert not journal.path.exists()
+
+
+def test_a_session_is_opened_with_its_scene(client: FakeClient, tmp_path: Path) -> None:
+    editor = opened(client, None)
+    editor.do(SetIntensity(5.0))
+    editor.select("pot.0")
+    editor.save(tmp_path / "mine")
+    again = Editor(client, str(tmp_path / "mine.insitu"))
+    client.open_scene()
+    again.tick(0.0)
+    assert again.document == editor.document and not again.unsaved
+    assert again.view.selected == ("pot", 0, "theta_i")
+    assert again.session_path == tmp_path / "mine.insitu"
+
+
+@pytest.mark.parametrize("content", ["version = 9", "version = 1"])
+def test_a_bad_session_leaves_all_as_it_is(client: FakeClient, tmp_path: Path, content: str) -> None:
+    editor = opened(client, None)
+    before, n_requests = editor.document, len(client.requests)
+    (tmp_path / "bad.insitu").write_text(content)
+    assert "nothing was changed" in (editor.open(str(tmp_path / "bad.insitu")) or "")
+    assert editor.document is before and len(client.requests) == n_requests
+
+
+def test_a_session_that_no_longer_fits_opens_the_scene_alone(client: FakeClient, tmp_path: Path) -> None:
+    editor = opened(client, None)
+    editor.save(tmp_path / "mine")
+    text = (tmp_path / "mine.insitu").read_text().replace('"lamp"', '"candle"')
+    (tmp_path / "mine.insitu").write_text(text)
+    again = Editor(client, str(tmp_path / "mine.insitu"))
+    client.open_scene()
+    again.tick(0.0)
+    assert again.scene_is_open and "without its session" in again.status.message
+    assert again.session_path is None  # a save would not overwrite what did not fit
