@@ -1,0 +1,6 @@
+"""One-dimensional curves: edited by operators, averaged over bands, transformed to wavelets.
+
+    curve --operators--> edited curve --bands--> band means (J, 3) --wavelet--> coefficients (J, 3)
+
+numpy only: the window's process loads this before it shows.
+"""

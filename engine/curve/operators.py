@@ -51,9 +51,6 @@ class Operator:
     """One edit. Angles in radians; `baseline` is a value for axis "y" and an angle for axis "x".
 
     Raises OperatorError for regions out of order and for numbers that are not finite or beyond 1e12.
-
-    >>> Operator("translate", "y", 0.1, 0.2, 0.3, 0.4, magnitude=1.5)  # doctest: +ELLIPSIS
-    Operator(kind='translate', axis='y', a=0.1, ...)
     """
 
     kind: Literal["translate", "amplify"]

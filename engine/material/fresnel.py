@@ -34,7 +34,7 @@ def conductor_fresnel(cosine: Array, eta: Array, k: Array) -> Array:
 
 
 def schlick_fresnel(cosine: Array, facing: Array | float) -> Array:
-    """facing + (1 - facing)(1 - cosine)^5, [BenArtzi07, eq. 3.10] after Schlick 1994; `facing` = 1 reflects all."""
+    """facing + (1 - facing)(1 - cosine)^5, [Schlick94; BenArtzi07, eq. 3.10]; `facing` = 1 reflects all."""
     return np.asarray(facing + (1.0 - facing) * np.clip(1.0 - cosine, 0.0, 1.0) ** 5)
 
 

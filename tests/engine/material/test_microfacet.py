@@ -74,7 +74,7 @@ def test_beckmann_ends():
 @pytest.mark.parametrize("theta_o", [0.0, 0.5, 1.2, 1.5, 1.57])
 def test_weak_white_furnace(alpha, theta_o):
     # With masking of the eye alone and no Fresnel all light comes back: the integral over the half vector of
-    # D(h) G1(o) max(o.h, 0) / cos_o is 1 for Smith's exact G1 [Walter07, sect. 5.1; Heitz14, eq. 84].
+    # D(h) G1(o) max(o.h, 0) / cos_o is 1 for Smith's exact G1 [Heitz14].
     theta, weight = over_half_angles(alpha)
     cos_o, sin_o = math.cos(theta_o), math.sin(theta_o)
     a, b = cos_o * np.cos(theta), sin_o * np.sin(theta)
