@@ -1,6 +1,7 @@
 """Compiled loops of the lights: light in geodesic triangles, RGBE scanlines, angular maps, solid angles of patches.
 
-Kernels never validate; the public functions beside them do.
+Kernels never validate; the public functions beside them do. `float()` and `int()` around single elements keep the
+arithmetic wide when the kernels run without the compiler, where NumPy's own rules hold.
 """
 
 from __future__ import annotations
@@ -96,7 +97,7 @@ def _walk_arc(
                 until_area = _area_from_peak(math.sin(until), math.cos(until), k, ny)
             cell = column % width
             for channel in range(3):
-                light = radiance[row, cell, channel]
+                light = float(radiance[row, cell, channel])
                 above = light_above[row, cell, channel] + light * row_edges[row, 0]
                 result[channel] += above * (until - psi) - light * (until_area - area)
             psi, area = until, until_area
@@ -154,7 +155,7 @@ def decode_rgbe(data: Bytes, position: int, pixels: Bytes) -> tuple[int, int, in
             return 1, row, position
         packed = data[position] == 2 and data[position + 1] == 2 and data[position + 2] < 128 and 8 <= width <= 32767
         if packed:
-            if 256 * data[position + 2] + data[position + 3] != width:
+            if 256 * int(data[position + 2]) + int(data[position + 3]) != width:
                 return 3, row, position
             position += 4
             for channel in range(4):
@@ -225,9 +226,9 @@ def resample_angular(angular: Image, n_sub: int, start: int, stop: int, latlong:
                     cosine = x / across if across > 0.0 else 1.0
                     sine = y / across if across > 0.0 else 0.0
                     u, v = angular_texel(cosine, sine, radius, size)
-                    red += sin_theta * angular[v, u, 0]
-                    green += sin_theta * angular[v, u, 1]
-                    blue += sin_theta * angular[v, u, 2]
+                    red += sin_theta * float(angular[v, u, 0])
+                    green += sin_theta * float(angular[v, u, 1])
+                    blue += sin_theta * float(angular[v, u, 2])
                     total += sin_theta
             latlong[row, column, 0] = red / total
             latlong[row, column, 1] = green / total
