@@ -44,8 +44,9 @@ _compile: dict[str, Any] = {
 def _arc(root: float, x: float) -> float:
     """arccos(x) = sqrt(1 - x) P(x) for x in [0, 1], given root = sqrt(1 - x): error 2e-11, relative where it is small.
 
-    The form of Abramowitz and Stegun's 4.4.46 with degree 11, interpolated at Chebyshev nodes; even and odd powers apart, which
-    halves the chain of dependent operations. With a `root` that did not cancel, small angles keep all their digits.
+    The form of Abramowitz and Stegun's 4.4.46 with degree 11, interpolated at Chebyshev nodes; even and odd powers
+    apart, which halves the chain of dependent operations. With a `root` that did not cancel, small angles keep all
+    their digits.
     """
     x2 = x * x
     even = ((((0.001000347753385237 * x2 + 0.007475125487796199) * x2 + 0.01777265605470764) * x2
