@@ -70,6 +70,7 @@ class Compositor:
         counts = frame.object_ranges[:, 1] - frame.object_ranges[:, 0]
         rows = [row_count(int(n)) if n else 0 for n in counts]
         self._first_rows = np.concatenate(([0], np.cumsum(rows))).astype(int)
+        self._object_boxes = [frame.object_box(i) for i in range(frame.n_objects)]
         self._n_rows = max(1, int(self._first_rows[-1]))
         emission = np.zeros((frame.height, frame.width, 4), dtype=np.float32)
         emission[..., :3] = frame.emission_image
@@ -90,6 +91,10 @@ class Compositor:
         """(first row, number of rows) of an object's pixels in sample layout."""
         first, last = self._first_rows[i_object : i_object + 2]
         return int(first), int(last - first)
+
+    def object_box(self, i_object: int) -> Box:
+        """The box of the picture that holds an object's pixels."""
+        return self._object_boxes[i_object]
 
     def object_size(self, i_object: int) -> int:
         """Pixels that see the object."""

@@ -54,6 +54,8 @@ class Refiner:
         self._memory, self._terms = memory, terms
         self._spare: Accumulator | None = Accumulator(memory, transport.n_samples)
         self._rebuild: _Rebuild | None = None
+        # A sum of nothing compiles the shaders now, so that the first real step measures what a term costs.
+        self._terms.add(transport, np.zeros(0, dtype=np.intp), np.zeros((0, 3), dtype=np.float32), self._spare)
 
     def fits(self, coefficients: NDArray[np.floating]) -> bool:
         """Whether there are as many coefficients as the transport has."""

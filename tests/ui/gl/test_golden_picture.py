@@ -8,11 +8,14 @@ import os
 from pathlib import Path
 
 import numpy as np
+import pytest
 from PIL import Image
 
 from ui.gl.picture_frame import PictureFrame
 from ui.gl.placement import PlacementRenderer
 from ui.gl.tonemap import DisplayView
+
+pytestmark = pytest.mark.gl
 
 GOLDEN = Path(__file__).resolve().parents[2] / "golden" / "placement_composite.png"
 WIDTH, HEIGHT = 96, 64

@@ -7,6 +7,8 @@ from tests.ui.gl.pictures import contracted, finish, norms_of, relative_error, s
 from ui.gl.context import GraphicsError
 from ui.gl.placement import PlacementRenderer
 
+pytestmark = pytest.mark.gl
+
 
 def _problem(n_bands: int, n_samples: int, seed: int = 1) -> tuple[np.ndarray, np.ndarray, np.random.Generator]:
     """Transport like a real one, coarse bands strong and fine ones weak, in numbers that halves hold exactly."""
@@ -76,6 +78,18 @@ def test_an_edit_and_its_inverse_restore_the_picture(renderer: PlacementRenderer
             renderer.update()
         finish(renderer)
         assert relative_error(renderer.layer_radiance("ball.0"), before) < 1e-6
+
+
+def test_a_time_budget_limits_the_terms_of_a_frame(renderer: PlacementRenderer) -> None:
+    transport, coefficients, rng = _problem(128, 4000)
+    start_layer(renderer, transport, coefficients)
+    coefficients += rng.normal(size=(128, 3))
+    renderer.wanted("ball.0", coefficients)
+    # A nanosecond is not enough for any term, and one is added all the same; an hour is enough for all.
+    assert renderer.update(budget_s=1e-9).applied == 1
+    assert renderer.update(budget_s=3600.0).remaining == 0
+    finish(renderer)
+    assert relative_error(renderer.layer_radiance("ball.0"), contracted(transport, coefficients)) < 1e-5
 
 
 @pytest.mark.slow

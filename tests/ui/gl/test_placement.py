@@ -2,13 +2,17 @@
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from tests.naive import pictures as naive
 from tests.ui.gl.pictures import frame_of, full_frame, norms_of
 from ui.gl.context import GraphicsError
 from ui.gl.picture_frame import PictureFrame
 from ui.gl.placement import PlacementRenderer
-from ui.gl.tonemap import DisplayView
+from ui.gl.tonemap import DisplayView, ToneMapping
+
+pytestmark = pytest.mark.gl
 
 RNG_SEED = 11
 
@@ -150,6 +154,29 @@ def test_no_nan_reaches_the_screen_and_each_is_counted(renderer: PlacementRender
             renderer.composite(DisplayView(exposure=exposure, tone_mapping=tone_mapping))
             assert renderer.display_image().shape == (1, 10, 3)
     assert not renderer.display_image()[0, 2].tolist() == renderer.display_image()[0, 0].tolist()
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], derandomize=True)
+@given(
+    radiance=st.floats(width=32, allow_nan=True, allow_infinity=True),
+    gain=st.floats(-1e30, 1e30),
+    exposure=st.floats(-1e3, 1e3),
+    tone_mapping=st.sampled_from(["filmic", "linear", "false_colour"]),
+)
+def test_whatever_the_numbers_the_linear_picture_is_finite(
+    renderer: PlacementRenderer, radiance: float, gain: float, exposure: float, tone_mapping: ToneMapping
+) -> None:
+    renderer.set_frame(full_frame(2))
+    renderer.set_layer("ball.0", 0, 2)
+    renderer.set_layer_radiance("ball.0", np.array([[radiance, 0, 0], [1, 1, 1]], dtype=np.float32))
+    renderer.set_layer_gain("ball.0", (gain, 1.0, 1.0))
+    renderer.composite(DisplayView(exposure=exposure, tone_mapping=tone_mapping))
+    image = renderer.linear_image()
+    assert np.isfinite(image).all()
+    # What is no number, or becomes none times the gain (beyond 3.4e38), is black and counted; pixel 1 is always fine.
+    is_bad = not np.isfinite(radiance) or abs(radiance * gain) > 3.5e38
+    assert renderer.count_not_finite() == int(is_bad) and image[0, 1].any()
+    assert not (is_bad and image[0, 0].any())
 
 
 def test_only_what_changed_is_drawn_and_the_rest_stays(renderer: PlacementRenderer) -> None:

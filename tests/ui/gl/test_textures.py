@@ -7,6 +7,8 @@ import pytest
 from ui.gl.context import GraphicsError
 from ui.gl.textures import TextureMemory, read_texture
 
+pytestmark = pytest.mark.gl
+
 
 def test_bytes_are_counted_and_given_back(context: moderngl.Context) -> None:
     memory = TextureMemory(context)

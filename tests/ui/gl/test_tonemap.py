@@ -11,6 +11,8 @@ from ui.gl.context import GraphicsError
 from ui.gl.placement import PlacementRenderer
 from ui.gl.tonemap import HOVER_COLOUR, SELECTION_COLOUR, DisplayView, outline_pixels
 
+pytestmark = pytest.mark.gl
+
 
 def _show(renderer: PlacementRenderer, radiance: np.ndarray) -> None:
     """One row of pixels with these radiances (p,3)."""
