@@ -29,6 +29,7 @@ from app.jobs.messages import (
     Request,
     Response,
     SceneOpened,
+    SkyImage,
     StageDone,
     WorkerRestarted,
 )
@@ -42,6 +43,7 @@ from app.picture import (
     LayerRadiance,
     PictureEvent,
     SceneFrame,
+    SkyChanged,
     TransportReady,
 )
 from app.session import SUFFIX, Session, fit_session, load_session
@@ -172,6 +174,7 @@ class Editor:
         if selected != self.view.selected:
             self.view = replace(self.view, selected=selected, operator=None, curve_zoom=None)
             self._gauges.picture_changed()
+            self._negotiator.edited()
         return None
 
     def notify(self, text: str, is_error: bool = False) -> None:
@@ -291,6 +294,7 @@ class Editor:
             case Failed():
                 self._take_failure(response)
             case WorkerRestarted():
+                self._negotiator.worker_restarted()
                 self.notify(f"the worker was started again ({response.reason}); your edits are untouched", True)
             case _ if response.revision == self._negotiator.revision and self._opening is None:
                 return self._take_picture(response)
@@ -298,6 +302,9 @@ class Editor:
 
     def _take_picture(self, response: Response) -> list[PictureEvent]:
         match response:
+            case SkyImage():
+                self._gauges.notes += response.notes
+                return [SkyChanged(response.radiance)]
             case Footprint():
                 return [FootprintChanged(response.rows, response.weights, response.stage)]
             case LayerPicture():
@@ -386,6 +393,7 @@ class Editor:
 
     def _document_changed(self) -> None:
         self._gauges.picture_changed()
+        self._negotiator.edited()
         selected = self.view.selected
         if selected is not None and selected.factor is not None:
             model = self.document.layer(selected.key).model

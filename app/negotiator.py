@@ -89,9 +89,10 @@ class LayerShown:
 
 @dataclass
 class CurveShown:
-    """The transport that was delivered last for the selected curve."""
+    """The transport that was delivered last for a selected curve."""
 
-    wish: CurveWish
+    key: str
+    factor: str
     stage: str
 
 
@@ -146,6 +147,10 @@ class Negotiator:
         if is_new:
             self._forget()
 
+    def edited(self) -> None:
+        """The document or the selection changed: until the next update it is not known whether anything is missing."""
+        self._complete = False
+
     def hand_released(self) -> None:
         """A drag ended: what waits for the hand to rest need wait no longer."""
         self._released = True
@@ -155,6 +160,11 @@ class Negotiator:
         self._running = False
         self._contraction = None
 
+    def worker_restarted(self) -> None:
+        """A new worker begins anew with what was asked; its first stages are no longer the final picture."""
+        self._running, self._exact = self._asked is not None, False
+        self._contraction, self._asked_curve, self._asked_pictures = None, None, {}
+
     def resume(self) -> None:
         """Ask once more for what was cancelled or failed."""
         self._asked = None
@@ -162,7 +172,7 @@ class Negotiator:
     def rendered(self, key: str, factor: str, coefficients: Array) -> None:
         """The renderer has stepped a layer's picture to these coefficients exactly."""
         shown = self._layers.get(key)
-        if shown is not None and self._curve is not None and self._curve.stage == shown.stage:
+        if shown is not None and self._curve == CurveShown(key, factor, shown.stage):
             shown.coefficients = {**shown.coefficients, factor: coefficients}
 
     # --------------------------------------------------------------------------------------------- what is to be told
@@ -291,11 +301,11 @@ class Negotiator:
         self._contraction = Contraction(id, curve, now)
 
     def _has(self, curve: CurveWish) -> bool:
-        """Whether the curve's transport has come, from the same stage as its layer's newest radiance."""
-        if self._curve is None or not curve.same(self._curve.wish):
-            return False
+        """Whether the curve's transport has come, in the stage and with the other curve of its layer's radiance."""
         shown = self._layers.get(curve.key)
-        return shown is None or shown.stage == self._curve.stage
+        if shown is None or self._curve != CurveShown(curve.key, curve.factor, shown.stage):
+            return False
+        return same_coefficients({name: shown.coefficients[name] for name in curve.others}, curve.others)
 
     def _transport_wish(self, document: Document, n_lights: int) -> TransportWish:
         if self._wish is not None and self._wish_made_of == (document, n_lights):
@@ -349,14 +359,12 @@ class Negotiator:
             self._contraction = None
         if selected is None or (selected.key, selected.factor) != (response.key, response.factor):
             return False
-        if self._asked_curve is not None and came.same_curve(self._asked_curve):
-            self._curve = CurveShown(self._asked_curve, response.stage)
+        self._curve = CurveShown(response.key, response.factor, response.stage)
         return True
 
     def took_stage(self, response: StageDone) -> None:
-        """Note the end of a stage: of what did not come with it, the worker may not know, and is asked again."""
-        if self._curve is None or self._curve.stage != response.stage:
-            self._asked_curve = None
+        """Note the end of a stage: what did not come with it, or came with older curves, is asked for again."""
+        self._asked_curve, self._asked_pictures = None, {}
         if response.id == self._transport_id and response.exact:
             self._running, self._exact = False, not self._drag_quality
 

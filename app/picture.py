@@ -48,8 +48,18 @@ class SceneFrame:
 
 
 @dataclass(frozen=True, eq=False)
+class SkyChanged:
+    """Another environment stands behind the scene: radiance (H,W,3), lat-long, not rotated, intensity 1."""
+
+    radiance: NDArray[np.floating]
+
+
+@dataclass(frozen=True, eq=False)
 class FootprintChanged:
-    """Which computed rows stand for each pixel while the picture is coarse: rows and weights (P,4)."""
+    """Which computed rows stand for each pixel while the picture is coarse: rows and weights (P,4).
+
+    No rows at all: every pixel has its own.
+    """
 
     rows: NDArray[np.integer]
     weights: NDArray[np.floating]
@@ -78,7 +88,7 @@ class TransportReady:
     scale: NDArray[np.floating]
 
 
-PictureEvent = SceneFrame | FootprintChanged | LayerRadiance | TransportReady
+PictureEvent = SceneFrame | SkyChanged | FootprintChanged | LayerRadiance | TransportReady
 
 
 def band_counts(layer: Layer, most: int = MOST_BANDS) -> dict[str, int]:
