@@ -126,6 +126,7 @@ class Negotiator:
         self._exact = False
         self._complete = False
         self._released = False
+        self._last_curve: CurveWish | None = None
         self._forget_answers()
 
     def _forget_answers(self) -> None:
@@ -267,6 +268,7 @@ class Negotiator:
             self._contraction = None
         outdated = self._outdated_layers(document, None if curve is None else curve.key)
         has_curve = curve is None or self._has(curve)
+        self._last_curve = curve
         self._complete = has_curve and not outdated and self._contraction is None
         if curve is not None and not has_curve and not curve.same(self._asked_curve):
             if self._contraction is None or not curve.same_curve(self._contraction.wish):
@@ -348,8 +350,6 @@ class Negotiator:
         values = [np.asarray(made_with, dtype=np.float64) for made_with in response.coefficients]
         coefficients = dict(zip(names, values, strict=True))
         self._layers[response.key] = LayerShown(response.stage, coefficients)
-        if response.id == self._transport_id:
-            self._asked_pictures.pop(response.key, None)
         return coefficients
 
     def took_transport(self, response: LayerTransport, selected: Selection | None) -> bool:
@@ -364,7 +364,9 @@ class Negotiator:
 
     def took_stage(self, response: StageDone) -> None:
         """Note the end of a stage: what did not come with it, or came with older curves, is asked for again."""
-        self._asked_curve, self._asked_pictures = None, {}
+        if self._last_curve is None or not self._has(self._last_curve):
+            self._asked_curve = None
+        self._asked_pictures = {}
         if response.id == self._transport_id and response.exact:
             self._running, self._exact = False, not self._drag_quality
 

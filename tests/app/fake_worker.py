@@ -90,3 +90,66 @@ class FakeClient:
 def transport(key: str, factor: str, stage: str) -> LayerTransport:
     """A curve's transport for four pixels, all zero."""
     return LayerTransport(key, factor, stage, np.zeros((8, 4, 3)), np.ones((8, 3)), np.ones(8))
+
+
+class ServingClient(FakeClient):
+    """A worker that answers by itself, in bits: each poll brings a few of the answers that are due.
+
+    As the real one does, it drops what a newer request replaces, notes a Contract that comes too early, and makes the
+    layers of a stage with the newest coefficients it knows.
+    """
+
+    def __init__(self, seed: int) -> None:
+        super().__init__()
+        self._random = np.random.default_rng(seed)
+        self._answers: dict[type[Request], list[Response]] = {}
+        self._made: dict[str, LayerPicture] = {}
+        self._selected: tuple[str, str] | None = None
+
+    def send(self, request: Request) -> int:
+        id = super().send(request)
+        sent = self.requests[-1]
+        if isinstance(sent, OpenScene):
+            text = parse_description(SCENE, "scene.toml").model_dump_json(by_alias=True)
+            self._answers = {OpenScene: [stamped(SceneOpened(text), id, sent.revision)]}
+        elif isinstance(sent, ComputeTransport):
+            if sent.selected is not None and sent.factor is not None:
+                self._selected = (sent.selected, sent.factor)
+            stages = ["drag"] if sent.n_lights_final == 0 else ["coarse", "final"]
+            self._answers = {ComputeTransport: [a for stage in stages for a in self._stage(sent, stage, stages[-1])]}
+        elif isinstance(sent, Contract):
+            self._selected = (sent.key, sent.factor)
+            self._answers[Contract] = self._contraction(sent)
+        return id
+
+    def poll(self, budget_s: float = 0.0) -> list[Response]:
+        taken: list[Response] = []
+        for due in self._answers.values():
+            n = int(self._random.integers(0, 3))
+            taken, due[:n] = taken + due[:n], []
+        for response in taken:
+            if isinstance(response, LayerPicture):
+                self._made[response.key] = response
+        return taken
+
+    @property
+    def idle(self) -> bool:
+        """Whether all that was asked has been answered."""
+        return not any(self._answers.values())
+
+    def _stage(self, request: ComputeTransport, stage: str, last: str) -> list[Response]:
+        answers: list[Response] = []
+        for layer in request.layers:
+            answers.append(LayerPicture(layer.key, stage, np.zeros((4, 3)), layer.coefficients))
+            if self._selected is not None and layer.key == self._selected[0]:
+                answers.append(transport(layer.key, self._selected[1], stage))
+        answers.append(StageDone(stage, stage == last, 0.1))
+        return [stamped(answer, request.id, request.revision) for answer in answers]
+
+    def _contraction(self, request: Contract) -> list[Response]:
+        if request.key not in self._made:
+            return []
+        values = tuple(values for _, values in request.coefficients)
+        picture = LayerPicture(request.key, self._made[request.key].stage, np.zeros((4, 3)), values)
+        answers: list[Response] = [picture, transport(request.key, request.factor, picture.stage)]
+        return [stamped(answer, request.id, request.revision) for answer in answers]

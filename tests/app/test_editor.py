@@ -5,11 +5,20 @@ import pytest
 
 from app.commands import AddOperator, SetIntensity, SetParameter, SetRotation, SetVisible
 from app.editor import Editor, RenderReport
-from app.jobs.messages import Cancel, ComputeTransport, Contract, Failed, OpenScene, WorkerRestarted
+from app.jobs.messages import (
+    Cancel,
+    ComputeTransport,
+    Contract,
+    Failed,
+    LayerPicture,
+    OpenScene,
+    SkyImage,
+    WorkerRestarted,
+)
 from app.negotiator import DRAG_QUALITY, N_LIGHTS_PREVIEW
-from app.picture import LayerRadiance, SceneFrame, TransportReady
+from app.picture import LayerRadiance, SceneFrame, SkyChanged, TransportReady
 from engine.curve.operators import Operator
-from tests.app.fake_worker import FakeClient
+from tests.app.fake_worker import FakeClient, transport
 
 LIFT = Operator("translate", "y", 0.1, 0.2, 0.3, 0.4, magnitude=1.0)
 EXACT = RenderReport(128, 128, 0.0, 5.0, True)
@@ -265,6 +274,49 @@ def test_a_stage_without_the_selected_curve_is_asked_for_it_once(editor: Editor,
     editor.tick(0.6)
     editor.report_rendering(EXACT)
     assert editor.status.picture == "exact"
+
+
+def test_a_stage_that_comes_in_pieces_is_not_asked_for(editor: Editor, client: FakeClient) -> None:
+    client.finish_stage("coarse", exact=False)
+    editor.tick(0.1)
+    (work,) = computed(client)
+    layer = work.layers[1]
+    client.answer(work, LayerPicture("pot.1", "final", np.zeros((4, 3)), layer.coefficients))
+    editor.tick(0.2)  # the transport is still on its way
+    client.answer(work, transport("pot.1", "theta_h", "final"))
+    editor.tick(0.3)
+    assert client.sent(Contract) == []
+
+
+def test_a_stage_made_with_older_curves_is_put_right(editor: Editor, client: FakeClient) -> None:
+    editor.do(SetParameter("pot.1", "eta", 1.9))  # drives θ_d, while the stage is computed with the old one
+    editor.tick(0.1)
+    client.contract("none")  # the worker had nothing yet, and answers later
+    client.finish_stage("final", exact=True)
+    editor.tick(0.2)
+    assert editor.status.picture == "refining"
+    (_, request) = client.sent(Contract)
+    assert request.key == "pot.1"
+    client.contract("final")
+    editor.tick(0.3)
+    editor.report_rendering(EXACT)
+    assert editor.status.picture == "exact"
+
+
+def test_a_new_worker_begins_with_a_preview(settled: Editor, client: FakeClient) -> None:
+    settled.report_rendering(EXACT)
+    assert settled.status.picture == "exact"
+    client.answer(OpenScene("shelf"), WorkerRestarted("signal 9"))
+    settled.tick(1.5)
+    settled.report_rendering(EXACT)
+    assert settled.status.picture == "preview"
+
+
+def test_the_sky_is_handed_on(editor: Editor, client: FakeClient) -> None:
+    client.answer(computed(client)[0], SkyImage(np.ones((2, 4, 3)), ("3 negative pixels set to 0",)))
+    (event,) = editor.tick(0.1)
+    assert isinstance(event, SkyChanged) and event.radiance.shape == (2, 4, 3)
+    assert editor.status.notes == ("a note", "3 negative pixels set to 0")
 
 
 def test_a_crash_is_told_and_loses_nothing(settled: Editor, client: FakeClient) -> None:

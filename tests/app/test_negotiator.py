@@ -1,0 +1,125 @@
+"""Whatever a person does, and however the answers come in, the talk with the worker ends with the right picture."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from app.commands import AddOperator, ResetCurve, SetEnvironment, SetIntensity, SetModel, SetParameter, SetRotation
+from app.document import LightState
+from app.editor import Editor, RenderReport
+from app.jobs.messages import ComputeTransport, Contract
+from app.negotiator import TransportWish, same_coefficients
+from app.picture import LayerRadiance, TransportReady
+from engine.curve.operators import Operator
+from tests.app.fake_worker import ServingClient
+
+LIFT = Operator("translate", "y", 0.1, 0.2, 0.3, 0.4, magnitude=1.0)
+ACTIONS: dict[str, Any] = {
+    "edit": lambda editor: editor.do(AddOperator("pot.1", "theta_h", LIFT)),
+    "edit other curve": lambda editor: editor.do(AddOperator("pot.1", "theta_d", LIFT)),
+    "edit other object": lambda editor: editor.do(AddOperator("floor.0", "theta_i", LIFT)),
+    "reset": lambda editor: editor.do(ResetCurve("pot.1", "theta_h")),
+    "roughness": lambda editor: editor.do(SetParameter("pot.1", "alpha", 0.4)),
+    "index": lambda editor: editor.do(SetParameter("pot.1", "eta", 1.7)),
+    "model": lambda editor: editor.do(SetModel("pot.0", "phong")),
+    "turn": lambda editor: editor.do(SetRotation(editor.document.light.rotation + 10.0)),
+    "sky": lambda editor: editor.do(SetEnvironment("studio")),
+    "dim": lambda editor: editor.do(SetIntensity(0.5)),
+    "undo": lambda editor: editor.undo(),
+    "redo": lambda editor: editor.redo(),
+    "take hold": lambda editor: editor.begin_drag(),
+    "let go": lambda editor: editor.end_drag(),
+    "select θh": lambda editor: editor.select("pot.1.theta_h"),
+    "select θd": lambda editor: editor.select("pot.1.theta_d"),
+    "select θo": lambda editor: editor.select("floor.0.theta_o"),
+    "select floor": lambda editor: editor.select("floor"),
+    "select nothing": lambda editor: editor.select(None),
+    "rest": lambda editor: None,
+}
+
+
+class Renderer:
+    """Keeps what a renderer would show: radiance is exact for its coefficients, the selected curve is stepped."""
+
+    def __init__(self, editor: Editor) -> None:
+        self.editor = editor
+        self.shown: dict[str, dict[str, Any]] = {}
+        self.curve: tuple[str, str] | None = None
+
+    def frame(self, now: float) -> None:
+        for event in self.editor.tick(now):
+            if isinstance(event, LayerRadiance):
+                self.shown[event.key] = dict(event.coefficients)
+            elif isinstance(event, TransportReady):
+                self.curve = (event.key, event.factor)
+        selected = self.editor.view.selected
+        mine = selected is not None and self.curve == (selected.key, selected.factor)
+        if mine and selected is not None and selected.factor is not None and selected.key in self.shown:
+            wanted = self.editor.wanted_coefficients(selected.key)
+            self.shown[selected.key][selected.factor] = wanted[selected.factor]
+        self.editor.report_rendering(RenderReport(exact=True))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.lists(st.sampled_from(sorted(ACTIONS)), max_size=25), st.floats(0.001, 0.3))
+def test_the_picture_comes_right(seed: int, actions: list[str], step: float) -> None:
+    client = ServingClient(seed)
+    editor = Editor(client, "shelf")
+    renderer = Renderer(editor)
+    now = 0.0
+    for action in ["rest", "rest", *actions]:
+        ACTIONS[action](editor)
+        now += step
+        renderer.frame(now)
+    editor.end_drag()
+    for _ in range(400):
+        now += 0.3
+        renderer.frame(now)
+        if editor.status.picture == "exact":
+            break
+    assert editor.status.picture == "exact"
+    for key, _ in editor.document.layers():
+        assert same_coefficients(renderer.shown[key], editor.wanted_coefficients(key)), key
+    n_requests = len(client.requests)
+    for _ in range(20):
+        now += 0.3
+        renderer.frame(now)
+    assert client.idle and len(client.requests) == n_requests  # and then it is quiet
+    last = client.sent(ComputeTransport)[-1]
+    assert last.light.rotation == editor.document.light.rotation and last.n_lights_final > 0
+
+
+def test_a_long_drag_does_not_flood_the_worker() -> None:
+    client = ServingClient(1)
+    editor = Editor(client, "shelf")
+    renderer = Renderer(editor)
+    for frame in range(100):
+        renderer.frame(0.3 * frame)
+    client.requests.clear()
+    editor.begin_drag()
+    for frame in range(200):  # the index drives the curve that is not selected
+        editor.do(SetParameter("pot.1", "eta", 1.0 + 0.001 * frame))
+        renderer.frame(100.0 + 0.016 * frame)
+    editor.end_drag()
+    # A contraction's answers take two frames at least in this worker: at most one was asked for each.
+    assert 10 < len(client.sent(Contract)) <= 100 and client.sent(ComputeTransport) == []
+
+
+def test_only_a_turn_is_a_turn() -> None:
+    wish = TransportWish(LightState(rotation=1.0), (), 4000)
+    assert replace(wish, light=LightState(rotation=2.0)).turned_from(wish)
+    assert not wish.turned_from(wish)
+    assert not replace(wish, light=LightState("studio", rotation=2.0)).turned_from(wish)
+    assert not replace(wish, light=LightState(rotation=2.0), n_lights=400).turned_from(wish)
+
+
+def test_coefficients_are_the_same_to_a_millionth() -> None:
+    one = {"theta_h": np.array([[1.0, 2.0, 0.0]])}
+    assert same_coefficients(one, {"theta_h": one["theta_h"].astype(np.float32).astype(np.float64)})
+    assert not same_coefficients(one, {"theta_h": np.array([[1.0, 2.001, 0.0]])})
+    assert not same_coefficients(one, {"theta_h": np.array([[1.0, 2.0, 1e-9]])})
+    assert not same_coefficients(one, {"theta_h": one["theta_h"], "theta_d": one["theta_h"]})
+    assert not same_coefficients(one, {"theta_h": np.ones((2, 3))})
