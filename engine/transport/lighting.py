@@ -25,13 +25,13 @@ PATCH_SENTINELS = 8
 
 @dataclass(frozen=True)
 class SkyLights:
-    """M triangle lights as plain arrays, see `_projection_kernels.project_tile`."""
+    """M triangle lights as plain arrays, see `_projection_kernels.project_tile`: directions (3, N), colours (M, 3)."""
 
     directions: np.ndarray
     corners: np.ndarray
     sizes: np.ndarray
     centres: np.ndarray
-    power: np.ndarray
+    colours: np.ndarray
     first: np.ndarray
     count: np.ndarray
     fine: np.ndarray
@@ -39,7 +39,7 @@ class SkyLights:
 
 @dataclass(frozen=True)
 class PatchLights:
-    """M patches of area emitters as plain arrays."""
+    """M patches of area emitters as plain arrays: points and centres (3, N)."""
 
     points: np.ndarray
     corners: np.ndarray
@@ -89,10 +89,10 @@ def _sky(sky: TriangleLights | None, unit: float, level: int) -> tuple[SkyLights
     is_fine = light_level > level
     fine = np.where(is_fine, np.cumsum(is_fine) - 1, -1)
     lights = SkyLights(
-        np.ascontiguousarray(vertices, np.float32),
+        np.ascontiguousarray(vertices.T, np.float32),
         np.ascontiguousarray(corners, np.int32),
         longest_edges(vertices[corners]),
-        np.ascontiguousarray(sky_centre, np.float32),
+        np.ascontiguousarray(sky_centre.T, np.float32),
         np.asarray(sky_power / unit, np.float32),
         first,
         (4**coarse).astype(np.int64),
@@ -107,17 +107,18 @@ def _sky(sky: TriangleLights | None, unit: float, level: int) -> tuple[SkyLights
 def _patches(patches: EmitterPatches | None, unit: float) -> tuple[PatchLights, Targets]:
     if patches is None:
         none = np.zeros((0, 3), np.float32)
-        return PatchLights(none, np.zeros((0, 3), np.int32), none, none), Targets(none, none, nearest_neighbours(none), True)
+        return PatchLights(none.T, np.zeros((0, 3), np.int32), none.T, none), Targets(none, none, nearest_neighbours(none), True)
     points, corners = np.unique(patches.corners.reshape(-1, 3), axis=0, return_inverse=True)
     lights = PatchLights(
-        np.ascontiguousarray(points, np.float32),
+        np.ascontiguousarray(points.T, np.float32),
         np.ascontiguousarray(corners.reshape(-1, 3), np.int32),
-        np.ascontiguousarray(patches.centre, np.float32),
+        np.ascontiguousarray(patches.centre.T, np.float32),
         np.asarray(patches.radiance / unit, np.float32),
     )
     normals = np.ascontiguousarray(patches.normal, np.float32)
-    neighbours = nearest_neighbours(lights.centres)
-    return lights, Targets(lights.centres, normals, neighbours, finite=True, sentinel_step=PATCH_SENTINELS)
+    centres = np.ascontiguousarray(patches.centre, np.float32)
+    neighbours = nearest_neighbours(centres)
+    return lights, Targets(centres, normals, neighbours, finite=True, sentinel_step=PATCH_SENTINELS)
 
 
 def longest_edges(triangles: np.ndarray) -> np.ndarray:

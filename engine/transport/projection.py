@@ -65,7 +65,7 @@ def project_points(hits: PrimaryHits, rows: np.ndarray, light: VisibleLight, lay
     sky, patches = light.lighting.sky, light.lighting.patches
     n_values = kernels.project_tile(
         rows, hits.position, hits.tangent, hits.normal, hits.wo,
-        sky.directions, sky.corners, sky.sizes, sky.centres, sky.power, sky.first, sky.count, sky.fine,
+        sky.directions, sky.corners, sky.sizes, sky.centres, sky.colours, sky.first, sky.count, sky.fine,
         light.sphere.bits, light.fine.bits,
         patches.points, patches.corners, patches.centres, patches.radiance, light.patches.bits,
         np.asarray(layer.quotient_parameters, np.float64), model.kind, kind_a, kind_b, n_a, n_b, np.float32(TRIM),
