@@ -61,7 +61,8 @@ def test_a_session_comes_back_equal(edited: Document, tmp_path: Path) -> None:
 def test_any_number_comes_back_to_the_last_bit(
     regions: list[float], magnitude: float, rotation: float, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    document = AddOperator("pot.1", "theta_h", Operator("translate", "y", *regions, magnitude)).apply(SMALL)
+    a, b, c, d = regions
+    document = AddOperator("pot.1", "theta_h", Operator("translate", "y", a, b, c, d, magnitude)).apply(SMALL)
     document = replace(document, light=replace(document.light, rotation=rotation))
     path = save_session(tmp_path_factory.mktemp("s") / "s.insitu", document, ViewState())
     assert load_session(path).document == document
