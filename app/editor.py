@@ -308,7 +308,7 @@ class Editor:
             case Footprint():
                 return [FootprintChanged(response.rows, response.weights, response.stage)]
             case LayerPicture():
-                made_with = self._negotiator.took_picture(response, self.document)
+                made_with = self._negotiator.took_picture(response)
                 self._gauges.has_picture = True
                 self._gauges.picture_changed()
                 return [LayerRadiance(response.key, response.stage, response.radiance, made_with)]
@@ -329,6 +329,7 @@ class Editor:
         except InsituError as error:
             self._take_failure(Failed(str(error), id=response.id))
             return []
+        left_unsaved = self._keeper.leave(self.document, self.view)
         self._opening = None
         self._gauges = Gauges(notes=response.notes, memory_mb=self._gauges.memory_mb)
         self._negotiator.scene_opened()
@@ -336,7 +337,8 @@ class Editor:
         self.history = History(document)
         self._keeper.opened(document)
         self.select(_first_choice(document))
-        self.notify(f"opened {description.name}")
+        kept = "; the unsaved edits before it can be recovered at the next start" if left_unsaved else ""
+        self.notify(f"opened {description.name}{kept}")
         if opening.session is not None:
             self._restore(opening, opening.session)
         return [SceneFrame(opening.source, description, response.arrays, response.notes)]

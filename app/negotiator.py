@@ -271,6 +271,8 @@ class Negotiator:
         self._last_curve = curve
         self._complete = has_curve and not outdated and self._contraction is None
         if curve is not None and not has_curve and not curve.same(self._asked_curve):
+            if not self._can_contract(curve.key, self._curves.coefficients(document, curve.key)):
+                return
             if self._contraction is None or not curve.same_curve(self._contraction.wish):
                 self._contract(curve, document, now)
         elif self._contraction is None:
@@ -290,7 +292,8 @@ class Negotiator:
     def _ask_picture(self, now: float, document: Document, outdated: Mapping[str, Coefficients]) -> None:
         """Ask for the radiance of the first outdated layer that was not asked for yet."""
         for key, wanted in outdated.items():
-            if not same_coefficients(self._asked_pictures.get(key, {}), wanted):
+            asked = same_coefficients(self._asked_pictures.get(key, {}), wanted)
+            if not asked and self._can_contract(key, wanted):
                 self._asked_pictures[key] = wanted
                 factor, *others = wanted
                 self._contract(CurveWish(key, factor, {name: wanted[name] for name in others}), document, now)
@@ -301,6 +304,16 @@ class Negotiator:
         self._asked_curve = curve
         id = self._send(Contract(curve.key, curve.factor, wanted, revision=self.revision))
         self._contraction = Contraction(id, curve, now)
+
+    def _asked_shape(self, key: str) -> LayerShape | None:
+        """What was asked of a layer: its model may have changed since."""
+        shapes = () if self._asked is None else self._asked.layers
+        return next((shape for shape in shapes if shape.key == key), None)
+
+    def _can_contract(self, key: str, wanted: Coefficients) -> bool:
+        """Whether the transport asked for is over the layer's present curves and bands."""
+        shape = self._asked_shape(key)
+        return shape is not None and {name: len(values) for name, values in wanted.items()} == dict(shape.bands)
 
     def _has(self, curve: CurveWish) -> bool:
         """Whether the curve's transport has come, in the stage and with the other curve of its layer's radiance."""
@@ -344,9 +357,10 @@ class Negotiator:
 
     # ------------------------------------------------------------------------------------------------------- answers
 
-    def took_picture(self, response: LayerPicture, document: Document) -> Coefficients:
+    def took_picture(self, response: LayerPicture) -> Coefficients:
         """Note a layer's radiance; the coefficients it was made with, by factor."""
-        names = [factor.name for factor in document.layer(response.key).model.factors]
+        shape = self._asked_shape(response.key)
+        names = [] if shape is None else [name for name, _ in shape.bands]
         values = [np.asarray(made_with, dtype=np.float64) for made_with in response.coefficients]
         coefficients = dict(zip(names, values, strict=True))
         self._layers[response.key] = LayerShown(response.stage, coefficients)

@@ -21,6 +21,16 @@ class SessionKeeper:
         self._saved: Document | None = None
         self._recovery: Recovery | None = None
 
+    def leave(self, document: Document, view: ViewState) -> bool:
+        """Another scene takes the document's place: unsaved edits stay in a journal to recover; whether there were."""
+        if self._journal is None or not document.objects or not self.unsaved(document):
+            return False
+        self._journal.note(math.inf, document, view, True, self.path)
+        self._journal.close(keep=True)
+        self._drop_recovered(self._journal)
+        self._journal = Journal(self._journal.path.parent)
+        return True
+
     def opened(self, document: Document, path: Path | None = None, recovery: Recovery | None = None) -> None:
         """Another document was opened: a scene's, a session's (``path``), or a recovered one, which no file has."""
         self.path, self._recovery = path, recovery

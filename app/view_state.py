@@ -1,8 +1,6 @@
 """How a person looks at the document: selection, exposure, comparison, curve zoom. Not undone, saved with a session.
 
-A frozen value like the document, changed by ``SetView`` commands alone, so panels stay functions of what they are
-given. What only one panel needs while the mouse is down (which handle it holds) stands here too: a frame is then
-fully determined by document, view and mouse.
+A frozen value like the document, changed by commands alone, so panels stay functions of what they are given.
 """
 
 from __future__ import annotations
@@ -53,7 +51,6 @@ class ViewState:
     active_tool: Tool = "translate_y"
     regions: tuple[float, float, float, float] = DEFAULT_REGIONS
     operator: int | None = None
-    drag_handle: str | None = None
     frame_budget_ms: float = 16.0
     precision: Precision = "half"
     n_lights: int = 4000

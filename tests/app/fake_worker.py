@@ -149,6 +149,9 @@ class ServingClient(FakeClient):
     def _contraction(self, request: Contract) -> list[Response]:
         if request.key not in self._made:
             return []
+        (work,) = (layer for layer in self.sent(ComputeTransport)[-1].layers if layer.key == request.key)
+        assert work.factors == tuple(name for name, _ in request.coefficients)
+        assert work.bands == tuple(len(values) for _, values in request.coefficients)
         values = tuple(values for _, values in request.coefficients)
         picture = LayerPicture(request.key, self._made[request.key].stage, np.zeros((4, 3)), values)
         answers: list[Response] = [picture, transport(request.key, request.factor, picture.stage)]

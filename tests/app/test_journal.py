@@ -161,6 +161,19 @@ def test_recovered_edits_that_are_saved_need_no_journal(client: FakeClient, tmp_
     assert recoverable_sessions(tmp_path) == []
 
 
+def test_unsaved_edits_outlive_the_opening_of_another_scene(client: FakeClient, tmp_path: Path) -> None:
+    editor = opened(client, Journal(tmp_path))
+    editor.do(SetIntensity(7.0))
+    editor.open("another")
+    client.open_scene()
+    editor.tick(1.0)
+    assert "can be recovered" in editor.status.message and not editor.unsaved
+    (recovery,) = recoverable_sessions(tmp_path)
+    assert recovery.load().document.light.intensity == 7.0
+    editor.close()
+    assert len(recoverable_sessions(tmp_path)) == 1
+
+
 def test_saving_makes_the_journal_needless(client: FakeClient, tmp_path: Path) -> None:
     journal = Journal(tmp_path)
     editor = opened(client, journal)
