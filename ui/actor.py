@@ -9,12 +9,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
+from typing import cast
 
-from app.commands import SetEnvironment
+from app.commands import EditCommand, SetEnvironment
 from app.editor import Editor
 from app.journal import Recovery
 from app.session import SUFFIX
-from ui.environment_loader import looks_angular
+from app.view_state import ViewCommand
 from ui.panels.actions import (
     Action,
     AskFile,
@@ -34,6 +35,7 @@ from ui.panels.actions import (
     Undo,
 )
 from ui.panels.state import FileQuestion, PanelState
+from ui.probe_file import looks_angular
 
 ENVIRONMENT_ENDINGS = (".exr", ".hdr", ".pic")
 
@@ -106,7 +108,7 @@ class Actor:
             case CancelWork():
                 editor.cancel_work()
             case _:
-                editor.do(action)
+                editor.do(cast(EditCommand | ViewCommand, action))
 
     def open(self, path: str) -> None:
         """Open a scene or session, or light the scene by an environment; anything else is refused in one line."""

@@ -18,7 +18,7 @@ from app.view_state import OpenPanel
 VERSION = 1
 LEFT_WIDTH = 216.0
 RIGHT_WIDTH = 306.0
-CURVE_SHARE = 0.455
+CURVE_SHARE = 0.45
 DOCK_SPACE = "insitu.dock"
 
 
@@ -62,8 +62,8 @@ def build_default(identity: int, size: ImVec2, scale: float) -> None:
     left, rest = _split(identity, imgui.Dir.left, min(LEFT_WIDTH * scale / size.x, 0.25))
     right, middle = _split(rest, imgui.Dir.right, min(RIGHT_WIDTH * scale / (size.x - LEFT_WIDTH * scale), 0.4))
     curve, picture = _split(middle, imgui.Dir.down, CURVE_SHARE)
-    accuracy, upper = _split(right, imgui.Dir.down, 0.298)
-    light, material = _split(upper, imgui.Dir.down, 0.485)
+    accuracy, upper = _split(right, imgui.Dir.down, 0.352)
+    light, material = _split(upper, imgui.Dir.down, 0.495)
     places = (left, picture, curve, material, light, accuracy)
     for panel, node in zip(PANELS, places, strict=True):
         builder.dock_builder_dock_window(panel.window, node)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import time
-from pathlib import Path
+from concurrent.futures import Future, ThreadPoolExecutor
 
 import moderngl
 import numpy as np
@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 
 from app.document import layer_key
 from app.editor import Editor
-from app.picture import FootprintChanged, LayerRadiance, PictureEvent, SceneFrame, TransportReady
+from app.picture import FootprintChanged, LayerRadiance, PictureEvent, SceneFrame, SkyChanged, TransportReady
 from app.status import RenderReport
 from engine.curve.wavelet import forward
+from engine.light.environment import Environment, tone_mapped_thumbnail
 from engine.scene.description import SceneDescription
-from ui.environment_loader import EnvironmentLoader, source_of
 from ui.gl.context import GraphicsError
 from ui.gl.picture_frame import PictureFrame
 from ui.gl.placement import PlacementRenderer
@@ -31,17 +31,17 @@ from ui.gl.tonemap import DisplayView
 
 UPLOAD_SHARE = 0.5
 LEAST_INTENSITY = 1e-30
+THUMBNAIL_WIDTH = 512
 
 
 class PictureFeed:
-    """Feeds one `PlacementRenderer`. `builtin` are the built-in environments by name."""
+    """Feeds one `PlacementRenderer`."""
 
-    def __init__(self, renderer: PlacementRenderer, builtin: dict[str, Path]) -> None:
+    def __init__(self, renderer: PlacementRenderer) -> None:
         self.renderer = renderer
-        self._builtin = builtin
-        self._loader = EnvironmentLoader()
+        self._threads = ThreadPoolExecutor(1, thread_name_prefix="thumbnail")
+        self._thumbnail_due: Future[NDArray[np.uint8]] | None = None
         self._description: SceneDescription | None = None
-        self._folder = Path()
         self._names: list[str] = []
         self._view_curves: dict[str, NDArray[np.float64]] = {}
         self._wanted: NDArray[np.float64] | None = None
@@ -97,7 +97,7 @@ class PictureFeed:
 
     def close(self) -> None:
         """Free GL objects and let the loading thread end."""
-        self._loader.close()
+        self._threads.shutdown(wait=False, cancel_futures=True)
         if self._thumbnail is not None:
             self._thumbnail.release()
         self.renderer.release()
@@ -108,8 +108,12 @@ class PictureFeed:
         match event:
             case SceneFrame():
                 self._take_scene(event)
+            case SkyChanged():
+                self.renderer.set_environment(event.radiance, editor.document.light.rotation)
+                self._thumbnail_due = self._threads.submit(_thumbnail, event.radiance)
             case FootprintChanged():
-                self.renderer.set_footprint(event.rows, event.weights)
+                own = len(event.rows) == 0
+                self.renderer.set_footprint(None if own else event.rows, None if own else event.weights)
             case LayerRadiance():
                 self._take_radiance(editor, event)
             case TransportReady():
@@ -120,11 +124,9 @@ class PictureFeed:
     def _take_scene(self, event: SceneFrame) -> None:
         self.renderer.set_frame(picture_frame(event))
         self._description = event.description
-        self._folder = Path(event.source).resolve().parent
         self._names = [described.name for described in event.description.objects]
         self._view_curves.clear()
         self._wanted = self._compared = self._rotation = None
-        self._loader.forget()
 
     def _take_radiance(self, editor: Editor, event: LayerRadiance) -> None:
         renderer = self.renderer
@@ -156,32 +158,24 @@ class PictureFeed:
         )
         changed = exact != self._exact_before
         self._exact_before = exact
-        return not exact or changed or self._loader.loading
+        return not exact or changed or self._thumbnail_due is not None
 
     def _follow_environment(self, editor: Editor) -> None:
-        light = editor.document.light
-        scene = None if self._description is None else self._description.environment
-        self._loader.want(source_of(light, scene, self._folder, self._builtin))
-        done, image, problem = self._loader.take()
-        if problem:
-            editor.notify(problem, True)
-        if done and not problem:
-            self.renderer.set_environment(None if image is None else image.radiance, light.rotation)
-            self._show_thumbnail(None if image is None else image.thumbnail)
-            self._rotation = light.rotation
-        if light.rotation != self._rotation:
-            self.renderer.turn_environment(light.rotation)
-            self._rotation = light.rotation
+        rotation = editor.document.light.rotation
+        if rotation != self._rotation:
+            self.renderer.turn_environment(rotation)
+            self._rotation = rotation
+        if self._thumbnail_due is not None and self._thumbnail_due.done():
+            self._show_thumbnail(self._thumbnail_due.result())
+            self._thumbnail_due = None
 
-    def _show_thumbnail(self, pixels: NDArray[np.uint8] | None) -> None:
+    def _show_thumbnail(self, pixels: NDArray[np.uint8]) -> None:
         if self._thumbnail is not None:
             self._thumbnail.release()
-            self._thumbnail = None
-        if pixels is not None:
-            alpha = np.full((*pixels.shape[:2], 1), 255, dtype=np.uint8)
-            size = (pixels.shape[1], pixels.shape[0])
-            data = np.concatenate([pixels, alpha], axis=2).tobytes()
-            self._thumbnail = self.renderer.context.texture(size, 4, data)
+        alpha = np.full((*pixels.shape[:2], 1), 255, dtype=np.uint8)
+        size = (pixels.shape[1], pixels.shape[0])
+        data = np.concatenate([pixels, alpha], axis=2).tobytes()
+        self._thumbnail = self.renderer.context.texture(size, 4, data)
 
     def _follow_layers(self, editor: Editor) -> None:
         """Gains, view curves and visibility; each setter of the renderer is free where nothing changed."""
@@ -243,3 +237,8 @@ def picture_frame(event: SceneFrame) -> PictureFrame:
     names = ("pixel", "object_ranges", "object_image", "theta_o", "emission_image", "ray_directions")
     edges = {name: arrays[name] for name in ("edge_pixels", "edge_neighbours", "edge_weights") if name in arrays}
     return PictureFrame(width, height, **{name: arrays[name] for name in names}, **edges)  # type: ignore[arg-type]
+
+
+def _thumbnail(radiance: NDArray[np.floating]) -> NDArray[np.uint8]:
+    """The environment as a panel shows it, (h,w,3) sRGB."""
+    return tone_mapped_thumbnail(Environment(np.asarray(radiance, np.float32), "thumbnail"), THUMBNAIL_WIDTH)

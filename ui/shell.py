@@ -12,6 +12,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from datetime import datetime
 from pathlib import Path
 from typing import Protocol
 
@@ -19,6 +20,8 @@ import moderngl
 from imgui_bundle import ImVec2, imgui
 
 from app.editor import Editor
+from app.journal import Recovery
+from app.status import Status
 from ui import layout, theme
 from ui.actor import Actor
 from ui.gl.interface import InterfaceRenderer
@@ -108,6 +111,8 @@ class Shell:
         self._last_frame = clock()
         self._last_input = clock()
         self._seen_message = ""
+        self._told: Status | None = None
+        self.inputs = 0
         self.environments: tuple[str, ...] = ()
         self.scenes: tuple[str, ...] = ()
 
@@ -119,7 +124,15 @@ class Shell:
 
     def note_input(self) -> None:
         """An event came in: tooltips and hover need frames for a little while."""
+        self.inputs += 1
         self._last_input = self._clock()
+
+    def offer_recovery(self, recovery: Recovery) -> None:
+        """Show a strip over the picture that offers what a journal kept."""
+        self.actor.recovery = recovery
+        written = datetime.fromtimestamp(recovery.written_at)
+        text = f"Edits of {Path(recovery.scene).stem} from {written:%H:%M} on {written:%d %B} were not saved."
+        self.state = replace(self.state, journal=text)
 
     def handle_position(self, name: str) -> tuple[float, float]:
         """Where the handle `name` was drawn, in framebuffer pixels; KeyError lists those there are."""
@@ -157,6 +170,13 @@ class Shell:
         self._remember_layout()
         self._frame_times.append(1e3 * (self._clock() - started))
         return self._result(working or bool(actions), outcome.screenshot, outcome.quit)
+
+    def idle(self, now: float) -> bool:
+        """Between frames: take the worker's answers. Whether there is something new to draw."""
+        working = self.source.advance(self.editor, now) if self.source is not None else False
+        telling = _telling(self.editor.status)
+        changed, self._told = telling != self._told, telling
+        return working or changed
 
     def close(self) -> None:
         """Remember the layout and free what was made here."""
@@ -227,6 +247,11 @@ class Shell:
         if self._io.want_save_ini_settings:
             layout.save(self._layout_file, self.theme.scale)
             self._io.want_save_ini_settings = False
+
+
+def _telling(status: Status) -> Status:
+    """What of the status is worth a frame of its own."""
+    return replace(status, frame_ms=0.0, memory_mb=0.0, seconds_left=None, fraction=round(status.fraction, 2))
 
 
 def _window(

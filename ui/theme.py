@@ -185,6 +185,9 @@ def _set_sizes(style: imgui.Style) -> None:
     style.tab_bar_border_size = 0
     style.tab_bar_overline_size = 2
     style.docking_separator_size = 3
+    style.docking_node_has_close_button = False
+    style.tab_close_button_min_width_selected = 0.0
+    style.tab_close_button_min_width_unselected = 0.0
     style.window_rounding = 6
     style.child_rounding = 4
     style.frame_rounding = 4

@@ -22,6 +22,7 @@ from app.jobs.messages import (
     Request,
     Response,
     SceneOpened,
+    SkyImage,
     StageDone,
 )
 from engine.curve.wavelet import forward
@@ -126,6 +127,7 @@ class StandInClient:
         rows = np.concatenate([np.arange(stop - start) for start, stop in arrays["object_ranges"]])
         weights = np.zeros((n, 4), np.float32)
         weights[:, 0] = 1.0
+        yield SkyImage(np.full((8, 16, 3), (0.5, 0.6, 0.8), np.float32))
         yield Progress("transport", 0.5, 1.0)
         yield Footprint(np.repeat(rows[:, None], 4, axis=1).astype(np.int32), weights, "final")
         for layer in request.layers:

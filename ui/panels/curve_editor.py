@@ -38,7 +38,7 @@ from ui.panels.curve_gestures import (
     with_regions,
 )
 from ui.panels.plot_axes import value_range, zoomed
-from ui.panels.state import Grip
+from ui.panels.state import CurveGrip
 from ui.theme import Icon
 
 SIDE_WIDTH = 222.0
@@ -163,8 +163,14 @@ def _plot(context: PanelContext, curves: Curves) -> list[Action]:
     return actions
 
 
+def _grip(context: PanelContext) -> CurveGrip | None:
+    """The gesture on the curve, when one is under way."""
+    grip = context.state.grip
+    return grip if isinstance(grip, CurveGrip) else None
+
+
 def _frame(context: PanelContext, curves: Curves, corner: ImVec2, room: ImVec2) -> plot.Frame:
-    grip, zoom = context.state.grip, context.view.curve_zoom
+    grip, zoom = _grip(context), context.view.curve_zoom
     if grip is not None:
         x_range, y_range = grip.x_range, grip.y_range
     elif zoom is not None:
@@ -182,7 +188,8 @@ def fitted_range(curves: Curves, log_y: bool) -> tuple[float, float]:
 
 
 def _draw_curves(context: PanelContext, curves: Curves, frame: plot.Frame, hand: Hand, hot: str | None) -> None:
-    held = context.state.grip.handle if context.state.grip else None
+    grip = _grip(context)
+    held = grip.handle if grip else None
     edited = apply_operators(curves.operators, curves.generated)
     gamma = plot.sample_angles(frame, (*edited.features, *getattr(curves.generated, "features", ())))
     draw_list = imgui.get_window_draw_list()
@@ -219,20 +226,20 @@ def _interact(context: PanelContext, curves: Curves, frame: plot.Frame, hand: Ha
     for name, place in handles.items():
         context.handles.note(f"curve.{name}", *place)
     context.handles.note("curve.plot", 0.5 * (frame.x.start + frame.x.end), 0.5 * (frame.y.start + frame.y.end))
-    mouse = imgui.get_mouse_pos()
+    mouse, grip = imgui.get_mouse_pos(), _grip(context)
     hot = None
-    if imgui.is_item_hovered() and context.state.grip is None:
+    if imgui.is_item_hovered() and grip is None:
         hot = _under_mouse(context, curves, frame, hand, handles, mouse)
         _show_cursor(hot, hand)
         _explain(hot, hand)
     actions: list[Action] = []
     if imgui.is_item_activated():
         actions += _take_hold(context, curves, frame, hand, hot, handles, mouse)
-    elif imgui.is_item_active() and context.state.grip is not None:
-        actions += _drag(context, curves, frame, hand, context.state.grip, mouse)
-    if imgui.is_item_deactivated() and context.state.grip is not None:
+    elif imgui.is_item_active() and grip is not None:
+        actions += _drag(context, curves, frame, hand, grip, mouse)
+    if imgui.is_item_deactivated() and grip is not None:
         actions += [EndDrag(), Hold(None)]
-    if imgui.is_item_hovered() and context.state.grip is None:
+    if imgui.is_item_hovered() and grip is None:
         actions += _zoom(context, frame, mouse)
     return hot, actions
 
@@ -314,7 +321,7 @@ def _take_hold(
     hot = "pan" if imgui.is_mouse_clicked(2) else hot
     if hot is None:
         return [SetView.of(operator=None)]
-    grip = Grip(
+    grip = CurveGrip(
         handle=hot,
         offset=(mouse.x, mouse.y),
         operators=curves.operators,
@@ -341,7 +348,7 @@ def _take_hold(
 
 
 def _drag(
-    context: PanelContext, curves: Curves, frame: plot.Frame, hand: Hand, grip: Grip, mouse: ImVec2
+    context: PanelContext, curves: Curves, frame: plot.Frame, hand: Hand, grip: CurveGrip, mouse: ImVec2
 ) -> list[Action]:
     if grip.handle == "pan":
         return _pan(frame, grip, mouse)
@@ -358,7 +365,7 @@ def _drag(
 
 
 def _drag_magnitude(
-    context: PanelContext, curves: Curves, frame: plot.Frame, hand: Hand, grip: Grip, mouse: ImVec2
+    context: PanelContext, curves: Curves, frame: plot.Frame, hand: Hand, grip: CurveGrip, mouse: ImVec2
 ) -> list[Action]:
     if grip.index is None:
         hand = Hand(fresh(context.view.active_tool, grip.regions, context.view.channels), None)
@@ -370,7 +377,7 @@ def _drag_magnitude(
     return [*actions, SetView.of(operator=index)] if context.view.operator != index else actions
 
 
-def _pan(frame: plot.Frame, grip: Grip, mouse: ImVec2) -> list[Action]:
+def _pan(frame: plot.Frame, grip: CurveGrip, mouse: ImVec2) -> list[Action]:
     dx = frame.x.to_value(mouse.x) - frame.x.to_value(grip.offset[0])
     shift = min(max(-dx, -grip.x_range[0]), HALF_PI - grip.x_range[1])
     x_range = (grip.x_range[0] + shift, grip.x_range[1] + shift)

@@ -2,8 +2,8 @@
 
 The knob is direct: it stands where the edited feature stands, and the magnitude is whatever puts the feature under
 the mouse. A diagonal tool keeps two operators, Y below X, that share regions and move together (`diagonal` order).
-Every function measures against the `Grip`, the gesture's beginning, so a drag that returns to its start undoes itself
-exactly (rejected: summing mouse steps, which drifts at clamps).
+Every function measures against the `CurveGrip`, the gesture's beginning, so a drag that returns to its start undoes
+itself exactly (rejected: summing mouse steps, which drifts at clamps).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from app.commands import CurveEdit
 from app.view_state import Tool, ViewState
 from engine.curve.operators import HALF_PI, Curve, Operator, apply_operators
-from ui.panels.state import Grip
+from ui.panels.state import CurveGrip
 
 Regions = tuple[float, float, float, float]
 END_NAMES = ("a", "b", "c", "d")
@@ -168,7 +168,7 @@ def _amplification(operator: Operator, start: float, end: float) -> float:
     return min(max((end - operator.baseline) / lever, 0.0), LARGEST_AMPLIFICATION)
 
 
-def drag_knob(grip: Grip, hand: Hand, generated: Curve, wanted: tuple[float, float]) -> tuple[CurveEdit, ...]:
+def drag_knob(grip: CurveGrip, hand: Hand, generated: Curve, wanted: tuple[float, float]) -> tuple[CurveEdit, ...]:
     """The curve's operators when the knob has been dragged to `wanted` (angle, value)."""
     at = len(grip.operators) if grip.index is None else grip.index
     below = apply_operators(grip.operators[:at], generated)
@@ -179,7 +179,7 @@ def drag_knob(grip: Grip, hand: Hand, generated: Curve, wanted: tuple[float, flo
     return (*grip.operators[:at], *changed, *rest)
 
 
-def drag_region(grip: Grip, to: float) -> Regions:
+def drag_region(grip: CurveGrip, to: float) -> Regions:
     """The regions when the handle held has been dragged to angle `to` (for "region": that far from the start)."""
     if grip.handle == "region":
         shift = min(max(to, -grip.regions[0]), HALF_PI - grip.regions[3])
@@ -190,7 +190,7 @@ def drag_region(grip: Grip, to: float) -> Regions:
     return held.regions
 
 
-def with_regions(grip: Grip, regions: Regions) -> tuple[CurveEdit, ...]:
+def with_regions(grip: CurveGrip, regions: Regions) -> tuple[CurveEdit, ...]:
     """The curve's operators when those in hand have new regions; X-magnitudes are held where they stay monotone."""
     if grip.index is None:
         return grip.operators

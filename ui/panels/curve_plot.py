@@ -25,7 +25,7 @@ FLAG_STRIP = 22.0
 BOTTOM_GUTTER = 20.0
 RIGHT_GUTTER = 10.0
 FLAG = 16.0
-STRIPS = 24
+STRIPS = 14
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ def draw_generated(frame: Frame, gamma: np.ndarray, values: np.ndarray, scale: f
     """The curve that the parameters generate: thin, dashed, one line for each channel that differs."""
     for channel in distinct_channels(values):
         points = _points(frame, gamma, values[:, channel])
-        _dashed(imgui.get_window_draw_list(), points, look.pack(look.with_alpha(look.TEXT, 0.42)), 1.0 * scale, scale)
+        _dashed(imgui.get_window_draw_list(), points, look.pack(look.with_alpha(look.TEXT, 0.55)), 1.0 * scale, scale)
 
 
 def draw_curve(frame: Frame, gamma: np.ndarray, values: np.ndarray, channels: tuple[bool, ...], scale: float) -> None:

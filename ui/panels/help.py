@@ -177,10 +177,9 @@ def _group(context: PanelContext, group: str) -> None:
     imgui.push_style_color(imgui.Col_.text, look.pack(look.ACCENT))
     imgui.text_unformatted(group)
     imgui.pop_style_color()
-    start = imgui.get_cursor_pos_x()
     for shortcut in (s for s in SHORTCUTS if s.group == group):
         imgui.text_unformatted(shortcut.keys)
-        imgui.same_line(start + context.px(108))
+        imgui.same_line(context.px(118))
         imgui.push_style_color(imgui.Col_.text, look.pack(look.TEXT_SOFT))
         imgui.text_unformatted(shortcut.text)
         imgui.pop_style_color()

@@ -96,7 +96,15 @@ def _intensity(context: PanelContext) -> list[Action]:
     widgets.label(context, "Intensity")
     value = context.document.light.intensity
     hand, moved = widgets.slider(
-        context, "intensity", value, LEAST_INTENSITY, LARGEST_INTENSITY, "× %.3g", True, handle="light.intensity"
+        context,
+        "intensity",
+        value,
+        LEAST_INTENSITY,
+        LARGEST_INTENSITY,
+        "× %.3g",
+        True,
+        handle="light.intensity",
+        origin=1.0,
     )
     widgets.tooltip("Multiplies all light in the scene. Costs nothing: the picture is only scaled.")
     return _edits(hand, SetIntensity(moved), "light intensity")
@@ -127,9 +135,9 @@ def _thumbnail(context: PanelContext, width: float, height: float) -> list[Actio
     draw_list.add_rect_filled(corner, end, look.pack(look.WELL), context.px(3))
     if context.environment is not None:
         _scrolled(draw_list, context.environment, corner, end, context.document.light.rotation / FULL_TURN)
+        _marker(context, draw_list, corner, width, height)
     else:
         _even(context, draw_list, corner, end)
-    _marker(context, draw_list, corner, width, height)
     return actions
 
 
@@ -137,16 +145,12 @@ def _scroll(context: PanelContext, handle: str, width: float) -> list[Action]:
     grip = context.state.grip
     mouse = imgui.get_mouse_pos()
     if imgui.is_item_activated():
-        return [BeginDrag("rotate the environment"), Hold(_grip(handle, mouse.x, context.document.light.rotation))]
+        return [BeginDrag("rotate the environment"), Hold(Grip(handle, (mouse.x, context.document.light.rotation)))]
     if grip is None or grip.handle != handle:
         return []
     if imgui.is_item_deactivated():
         return [EndDrag(), Hold(None)]
     return [SetRotation(grip.offset[1] - FULL_TURN * (mouse.x - grip.offset[0]) / width)]
-
-
-def _grip(handle: str, x: float, y: float) -> Grip:
-    return Grip(handle, (x, y), (), None, False, (0.0, 0.0, 0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
 
 
 def _scrolled(draw_list: imgui.ImDrawList, picture: Picture, corner: ImVec2, end: ImVec2, shift: float) -> None:
@@ -227,7 +231,7 @@ def _turn(context: PanelContext, centre: ImVec2) -> list[Action]:
     angle = math.degrees(math.atan2(centre.x - mouse.x, centre.y - mouse.y))
     if imgui.is_item_activated():
         rotation = context.document.light.rotation
-        return [BeginDrag("rotate the environment"), Hold(_grip("light.wheel", angle, rotation))]
+        return [BeginDrag("rotate the environment"), Hold(Grip("light.wheel", (angle, rotation)))]
     if grip is None or grip.handle != "light.wheel":
         return []
     if imgui.is_item_deactivated():

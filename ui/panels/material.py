@@ -15,6 +15,7 @@ from ui.panels.context import PanelContext
 from ui.theme import Icon
 
 RGB = tuple[float, float, float]
+LARGEST_LABEL = 136.0
 
 
 def draw(context: PanelContext) -> list[Action]:
@@ -28,11 +29,12 @@ def draw(context: PanelContext) -> list[Action]:
     state = context.document.object(selection.object)
     editable = state.editable and not context.document.is_frozen(selection.key)
     actions: list[Action] = []
+    width = _label_width(context, layer)
     _heading(context, selection.object, layer, editable)
     imgui.begin_disabled(not editable)
-    actions += _model(context, selection.key, layer)
+    actions += _model(context, selection.key, layer, width)
     for parameter in layer.model.parameters:
-        actions += _parameter(context, selection.key, layer, parameter)
+        actions += _parameter(context, selection.key, layer, parameter, width)
     imgui.end_disabled()
     if context.status.material_note:
         widgets.caption(context.status.material_note)
@@ -52,9 +54,15 @@ def _heading(context: PanelContext, name: str, layer: Layer, editable: bool) -> 
         widgets.tooltip("Frozen or fixed: thaw it, or make it editable, in the object list.")
 
 
-def _model(context: PanelContext, key: str, layer: Layer) -> list[Action]:
+def _label_width(context: PanelContext, layer: Layer) -> float:
+    """A column, at scale 1, in which the model's longest label fits, within limits."""
+    longest = max((imgui.calc_text_size(p.label).x for p in layer.model.parameters), default=0.0)
+    return min(max(longest / context.theme.scale + 10.0, widgets.LABEL_WIDTH), LARGEST_LABEL)
+
+
+def _model(context: PanelContext, key: str, layer: Layer, width: float) -> list[Action]:
     actions: list[Action] = []
-    widgets.label(context, "Model")
+    widgets.label(context, "Model", width)
     if imgui.begin_combo("##model", layer.model.label):
         for model in MODELS.values():
             pressed, _ = imgui.selectable(model.label, model is layer.model)
@@ -69,8 +77,8 @@ def _model(context: PanelContext, key: str, layer: Layer) -> list[Action]:
     return actions
 
 
-def _parameter(context: PanelContext, key: str, layer: Layer, parameter: Parameter) -> list[Action]:
-    widgets.label(context, parameter.label)
+def _parameter(context: PanelContext, key: str, layer: Layer, parameter: Parameter, width: float) -> list[Action]:
+    widgets.label(context, parameter.label, width)
     value = layer.values[parameter.name]
     imgui.push_id(parameter.name)
     if isinstance(value, str):

@@ -21,22 +21,21 @@ TONE_HINTS = {
     "linear": "Straight to the screen; bright light clips.",
     "false_colour": "Colours stand for brightness: for measuring by eye.",
 }
-EXPOSURE_WIDTH, TONE_WIDTH = 118.0, 108.0
+EXPOSURE_WIDTH, TONE_WIDTH, FIT_WIDTH, GAP = 118.0, 108.0, 42.0, 12.0
 LEAST_EXPOSURE, LARGEST_EXPOSURE = -8.0, 8.0
 
 
 def draw(context: PanelContext) -> list[Action]:
     """The whole bar."""
     actions: list[Action] = []
-    padding = imgui.get_style().frame_padding
-    imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(padding.x, context.px(7)))
+    padding = ImVec2(imgui.get_style().frame_padding.x, imgui.get_style().frame_padding.y)
+    imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(padding.x, context.px(9)))
     if imgui.begin_main_menu_bar():
         imgui.push_style_var(imgui.StyleVar_.frame_padding, padding)
         for title, entries in (("File", _file), ("Edit", _edit), ("View", _view), ("Help", _help)):
             if imgui.begin_menu(title):
                 actions += entries(context)
                 imgui.end_menu()
-        imgui.set_cursor_pos_y(0.5 * (imgui.get_window_height() - imgui.get_frame_height()))
         actions += _controls(context)
         imgui.pop_style_var()
         imgui.end_main_menu_bar()
@@ -105,9 +104,11 @@ def _help(context: PanelContext) -> list[Action]:
 def _controls(context: PanelContext) -> list[Action]:
     gap = imgui.get_style().item_spacing.x
     button = imgui.get_frame_height()
-    width = context.px(EXPOSURE_WIDTH + TONE_WIDTH + 90) + 6 * button + 6 * gap + context.px(40)
+    segments = 2 * context.px(FIT_WIDTH) + 1
+    width = context.px(EXPOSURE_WIDTH + TONE_WIDTH + 3 * GAP + 10) + segments + 5 * button + 2 * gap
     _title(context, width)
     imgui.set_cursor_pos_x(imgui.get_window_width() - width)
+    _centre()
     actions = _exposure(context)
     actions += _tone_mapping(context)
     actions += _fit(context)
@@ -120,21 +121,31 @@ def _controls(context: PanelContext) -> list[Action]:
     if widgets.icon_button(context, "undo", Icon.UNDO, _hint("Undo", context.undo_label, "Ctrl Z"),
                            enabled=context.undo_label is not None):  # fmt: skip
         actions.append(Undo())
-    imgui.same_line(0.0, 0.0)
+    _next(0.0)
     if widgets.icon_button(context, "redo", Icon.REDO, _hint("Redo", context.redo_label, "Ctrl Y"),
                            enabled=context.redo_label is not None):  # fmt: skip
         actions.append(Redo())
     _gap(context)
     if widgets.icon_button(context, "screenshot", Icon.CAMERA, "Save a picture of the whole window. (F12)"):
         actions.append(Screenshot())
-    imgui.same_line(0.0, 0.0)
+    _next(0.0)
     if widgets.icon_button(context, "help", Icon.HELP, "All shortcuts. (?)", lit=context.view.show_shortcuts):
         actions += perform(context, "help")
     return actions
 
 
 def _gap(context: PanelContext) -> None:
-    imgui.same_line(0.0, context.px(10))
+    _next(context.px(GAP))
+
+
+def _next(gap: float) -> None:
+    """Go on in the middle of the bar's height, `gap` pixels further."""
+    imgui.same_line(0.0, gap)
+    _centre()
+
+
+def _centre() -> None:
+    imgui.set_cursor_pos_y(round(0.5 * (imgui.get_window_height() - imgui.get_frame_height())))
 
 
 def _hint(verb: str, label: str | None, keys: str) -> str:
@@ -158,7 +169,14 @@ def _title(context: PanelContext, controls: float) -> None:
 def _exposure(context: PanelContext) -> list[Action]:
     imgui.set_next_item_width(context.px(EXPOSURE_WIDTH))
     hand, moved = widgets.slider(
-        context, "exposure", context.view.exposure, LEAST_EXPOSURE, LARGEST_EXPOSURE, "%+.2f EV", handle="view.exposure"
+        context,
+        "exposure",
+        context.view.exposure,
+        LEAST_EXPOSURE,
+        LARGEST_EXPOSURE,
+        "%+.2f EV",
+        handle="view.exposure",
+        origin=0.0,
     )
     widgets.tooltip("Exposure of the display in stops; the light in the scene stays. Right click for 0. ([ and ])")
     if imgui.is_item_clicked(1):
@@ -168,7 +186,7 @@ def _exposure(context: PanelContext) -> list[Action]:
 
 def _tone_mapping(context: PanelContext) -> list[Action]:
     actions: list[Action] = []
-    imgui.same_line()
+    _next(imgui.get_style().item_spacing.x)
     imgui.set_next_item_width(context.px(TONE_WIDTH))
     if imgui.begin_combo("##tone", TONE_LABELS[context.view.tone_mapping]):
         for mapping in TONE_MAPPINGS:
@@ -183,10 +201,10 @@ def _tone_mapping(context: PanelContext) -> list[Action]:
 
 
 def _fit(context: PanelContext) -> list[Action]:
-    imgui.same_line()
+    _next(imgui.get_style().item_spacing.x)
     choices = (
         ("Fit", "The picture as large as the panel allows. (F)"),
         ("1:1", "One pixel of the picture is one pixel of the screen. (F)"),
     )
-    pressed = widgets.segments(context, "view.fit", choices, 0 if context.view.fit else 1, least=40)
+    pressed = widgets.segments(context, "view.fit", choices, 0 if context.view.fit else 1, least=FIT_WIDTH)
     return [] if pressed is None else [SetView.of(fit=pressed == 0)]

@@ -143,8 +143,6 @@ def _layer(context: PanelContext, state: ObjectState, index: int, layer: Layer) 
     if _toggle(context, f"frozen.{path}", Icon.FROZEN, Icon.FROZEN, not layer.frozen, inside,
                "Freeze: keeps this layer as it is, safe from edits."):  # fmt: skip
         actions.append(SetFrozen(path, not layer.frozen))
-    imgui.new_line()
-    imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() - imgui.get_style().item_spacing.y)
     imgui.pop_id()
     return actions
 

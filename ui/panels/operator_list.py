@@ -28,7 +28,7 @@ from ui.theme import Icon
 
 KINDS = ("translate", "amplify")
 AXES = ("x", "y", "xy")
-LIST_ROWS = 3.4
+LEAST_ROWS = 2.0
 
 
 def draw(
@@ -42,7 +42,7 @@ def draw(
     imgui.begin_disabled(not editable)
     actions += _tools(context)
     imgui.spacing()
-    actions += _list(context, key, factor, operators)
+    actions += _list(context, key, factor, operators, hand)
     actions += _numbers(context, key, factor, operators, hand)
     imgui.end_disabled()
     return actions
@@ -69,10 +69,13 @@ def _tools(context: PanelContext) -> list[Action]:
     return actions
 
 
-def _list(context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...]) -> list[Action]:
+def _list(context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...], hand: Hand) -> list[Action]:
+    """The operators, the last to apply on top, in what height the numbers below leave."""
     actions: list[Action] = []
     row = imgui.get_frame_height()
-    height = LIST_ROWS * row
+    below = len(hand.operators) + 2
+    footer = below * imgui.get_frame_height_with_spacing() + 2 * imgui.get_style().item_spacing.y
+    height = max(imgui.get_content_region_avail().y - footer, LEAST_ROWS * row)
     corner, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
     draw_list = imgui.get_window_draw_list()
     draw_list.add_rect_filled(corner, ImVec2(corner.x + width, corner.y + height), look.pack(look.WELL), context.px(4))
@@ -84,6 +87,7 @@ def _list(context: PanelContext, key: str, factor: str, operators: tuple[CurveEd
             actions += _row(context, key, factor, operators, index)
     imgui.end_child()
     imgui.pop_style_var()
+    imgui.spacing()
     return actions
 
 

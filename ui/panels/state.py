@@ -13,16 +13,22 @@ from engine.curve.operators import Operator, Tabulated
 
 @dataclass(frozen=True)
 class Grip:
-    """A gesture on the curve, as it began: later mouse positions are measured against this.
-
-    `handle` is "a", "b", "c", "d", "region", "magnitude" or "pan"; `offset` (x, y) is where within the handle the
-    mouse took hold, pixels. `operators` is the curve's list at the start, `index` the one in hand (None: made by this
-    gesture), `pair` whether the next one in the list moves with it. The axes stand still meanwhile:
-    `x_range` radians, `y_range` curve values.
-    """
+    """A gesture as it began; later mouse positions are measured against this. `offset` (x, y): see who holds it."""
 
     handle: str
     offset: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class CurveGrip(Grip):
+    """A gesture on the curve.
+
+    `handle` is "a", "b", "c", "d", "region", "magnitude" or "pan"; `offset` is where within the handle the mouse took
+    hold, pixels (for "region" and "pan": where on screen). `operators` is the curve's list at the start, `index` the
+    one in hand (None: made by this gesture), `pair` whether the next one in the list moves with it. The axes stand
+    still meanwhile: `x_range` radians, `y_range` curve values.
+    """
+
     operators: tuple[Operator | Tabulated, ...]
     index: int | None
     pair: bool

@@ -44,25 +44,27 @@ def _budget(context: PanelContext) -> list[Action]:
 def _quality(context: PanelContext) -> list[Action]:
     actions: list[Action] = []
     widgets.label(context, "Lights")
-    hints = "Triangle lights that stand for the environment in the finished picture: more are truer and take longer."
-    choices = [(_short(n), hints) for n in LIGHT_CHOICES]
+    hint = "Triangle lights that stand for the environment in the finished picture: more are truer and take longer."
     chosen = LIGHT_CHOICES.index(context.view.n_lights) if context.view.n_lights in LIGHT_CHOICES else -1
-    gap = 1.0
-    precision = context.px(2 * 40) + gap
-    width = (imgui.get_content_region_avail().x - precision - context.px(8) - 3 * gap) / 4
-    pressed = widgets.segments(context, "accuracy.lights", choices, chosen, least=max(width, 1.0) / context.theme.scale)
+    choices = [(_short(n), hint) for n in LIGHT_CHOICES]
+    pressed = widgets.segments(context, "accuracy.lights", choices, chosen, least=_share(context, len(choices)))
     if pressed is not None:
         actions.append(SetView.of(n_lights=LIGHT_CHOICES[pressed]))
-    imgui.same_line(0.0, context.px(8))
+    widgets.label(context, "Transport")
     options = (
-        ("half", "Transport in half floats: half the graphics memory, errors of a thousandth."),
-        ("float", "Transport in full floats: twice the graphics memory, exact increments."),
+        ("Half", "Half floats on the graphics card: half the memory, errors of a thousandth."),
+        ("Float", "Full floats on the graphics card: twice the memory, increments without rounding."),
     )
     chosen = 0 if context.view.precision == "half" else 1
-    pressed = widgets.segments(context, "accuracy.precision", options, chosen, least=40)
+    pressed = widgets.segments(context, "accuracy.precision", options, chosen, least=_share(context, 2))
     if pressed is not None:
         actions.append(SetView.of(precision="half" if pressed == 0 else "float"))
     return actions
+
+
+def _share(context: PanelContext, count: int) -> float:
+    """The width, at scale 1, of each of `count` segments that fill the rest of the line."""
+    return max(imgui.get_content_region_avail().x - (count - 1), 1.0) / count / context.theme.scale
 
 
 def _short(count: int) -> str:

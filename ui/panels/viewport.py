@@ -1,4 +1,4 @@
-"""The picture, pixel for pixel or fitted: click selects, hover names, Shift-drag turns the light, a divider compares."""
+"""The picture, pixel for pixel or fitted: click selects, hover names, Shift-drag turns the light, A/B divider."""
 
 from __future__ import annotations
 
@@ -127,16 +127,12 @@ def _draw_name(context: PanelContext, name: str, mouse: ImVec2) -> None:
 def _take_hold(context: PanelContext, picture: Picture, placed: Placed, on_divider: bool) -> list[Action]:
     mouse = imgui.get_mouse_pos()
     if on_divider:
-        return [Hold(_grip("divider", mouse.x - divider_x(context, placed), 0.0))]
+        return [Hold(Grip("divider", (mouse.x - divider_x(context, placed), 0.0)))]
     if imgui.get_io().key_shift:
-        grip = _grip("rotation", mouse.x, context.document.light.rotation)
+        grip = Grip("rotation", (mouse.x, context.document.light.rotation))
         return [BeginDrag("rotate the environment"), Hold(grip)]
     pixel = placed.pixel(mouse.x, mouse.y, picture)
     return [Select(context.object_at(*pixel) if pixel else None)]
-
-
-def _grip(handle: str, x: float, y: float) -> Grip:
-    return Grip(handle, (x, y), (), None, False, (0.0, 0.0, 0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
 
 
 def _drag(context: PanelContext, placed: Placed, grip: Grip, mouse: ImVec2) -> list[Action]:
@@ -173,7 +169,8 @@ def _draw_divider(context: PanelContext, placed: Placed) -> None:
 
 
 def _draw_waiting(context: PanelContext, corner: ImVec2, room: ImVec2) -> None:
-    text = context.status.stage or "Opening the scene…"
+    status = context.status
+    text = f"{status.text or status.stage}…" if status.stage else "Starting to compute…"
     extent = imgui.calc_text_size(text)
     place_x, place_y = corner.x + 0.5 * (room.x - extent.x), corner.y + 0.5 * room.y - extent.y
     draw_list = imgui.get_window_draw_list()
@@ -200,7 +197,8 @@ def draw_recovery(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[A
         imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_docking | imgui.WindowFlags_.always_auto_resize
         | imgui.WindowFlags_.no_saved_settings | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_focus_on_appearing
     )  # fmt: skip
-    imgui.push_style_color(imgui.Col_.window_bg, look.pack(look.grey(48, 0.97)))
+    imgui.push_style_color(imgui.Col_.window_bg, look.pack(look.grey(30, 0.97)))
+    imgui.push_style_var(imgui.StyleVar_.window_border_size, 1.0)
     if imgui.begin("Recovery###recovery", None, flags)[0]:
         imgui.align_text_to_frame_padding()
         imgui.text_unformatted(f"{Icon.WARNING}  {context.state.journal}")
@@ -211,5 +209,6 @@ def draw_recovery(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[A
         if widgets.text_button(context, "discard", "Discard", "Throw these edits away for good."):
             actions.append(Recover(False))
     imgui.end()
+    imgui.pop_style_var()
     imgui.pop_style_color()
     return actions

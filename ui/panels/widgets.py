@@ -6,6 +6,7 @@ Each draws one control and says what the hand did with it. None knows what it is
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -71,15 +72,21 @@ def slider(
     text: str = "%.3f",
     logarithmic: bool = False,
     handle: str | None = None,
+    origin: float | None = None,
 ) -> tuple[Touch, float]:
-    """A horizontal slider filled up to its value; double-click or Ctrl-click types a number.
+    """A horizontal slider filled from `origin` (its least value where None) to its value.
+
+    Double-click or Ctrl-click types a number.
 
     Returns the touch and the value, kept in [low, high]. `handle` names its grab for scripts.
     """
     corner = imgui.get_cursor_screen_pos()
     width, height = imgui.calc_item_width(), imgui.get_frame_height()
-    share = slider_share(value, low, high, logarithmic)
-    _slider_ground(context, corner, width, height, share)
+    zero = slider_zero(text) if logarithmic and low <= 0.0 else low
+    share = slider_share(value, zero, high, logarithmic)
+    hovered = _slider_ground(corner, width, height)
+    start = 0.0 if origin is None else slider_share(origin, zero, high, logarithmic)
+    _slider_fill(corner, width, height, start, share, hovered)
     clear = ImVec4(0, 0, 0, 0)
     for index in (imgui.Col_.frame_bg, imgui.Col_.frame_bg_hovered, imgui.Col_.frame_bg_active):
         imgui.push_style_color(index, clear)
@@ -107,6 +114,12 @@ def slider_share(value: float, low: float, high: float, logarithmic: bool) -> fl
     return (value - low) / (high - low)
 
 
+def slider_zero(text: str) -> float:
+    """Where a logarithmic slider that starts at 0 puts its start: the least number that its format shows."""
+    digits = re.search(r"%\+?\.(\d+)", text)
+    return 10.0 ** -(int(digits.group(1)) if digits else 3)
+
+
 def slider_inset(context: PanelContext) -> float:
     """Pixels from a slider's edge to where its least value stands."""
     return 2.0 + 0.5 * imgui.get_style().grab_min_size
@@ -117,16 +130,31 @@ def slider_travel(context: PanelContext, width: float) -> float:
     return width - 4.0 - imgui.get_style().grab_min_size
 
 
-def _slider_ground(context: PanelContext, corner: ImVec2, width: float, height: float, share: float) -> None:
-    draw = imgui.get_window_draw_list()
-    rounding = imgui.get_style().frame_rounding
+def _slider_ground(corner: ImVec2, width: float, height: float) -> bool:
+    """The trough; whether the mouse is over it."""
     end = ImVec2(corner.x + width, corner.y + height)
     hovered = imgui.is_mouse_hovering_rect(corner, end) and imgui.is_window_hovered()
-    draw.add_rect_filled(corner, end, look.pack(look.FRAME_HOVER if hovered else look.FRAME), rounding)
-    fill = corner.x + max(width * share, 2.0 * rounding) if share > 0.0 else corner.x
-    if fill > corner.x:
-        flags = imgui.ImDrawFlags_.round_all if share > 0.985 else imgui.ImDrawFlags_.round_left
-        draw.add_rect_filled(corner, ImVec2(fill, end.y), look.pack(look.grey(86 if hovered else 78)), rounding, flags)
+    ground = look.FRAME_HOVER if hovered else look.FRAME
+    imgui.get_window_draw_list().add_rect_filled(corner, end, look.pack(ground), imgui.get_style().frame_rounding)
+    return hovered
+
+
+def _slider_fill(corner: ImVec2, width: float, height: float, start: float, share: float, hovered: bool) -> None:
+    """The trough's filled part, between two shares of its width."""
+    rounding = imgui.get_style().frame_rounding
+    low, high = sorted((start, share))
+    if high - low < 1e-4:
+        return
+    left, right = corner.x + low * width, corner.x + high * width
+    rounded = imgui.ImDrawFlags_
+    at_left, at_right = low * width < rounding, (1.0 - high) * width < rounding
+    flags = rounded.round_all if at_left and at_right else rounded.round_left if at_left else rounded.round_right
+    if not (at_left or at_right):
+        flags = rounded.round_none
+    place, end = ImVec2(left, corner.y), ImVec2(max(right, left + 1.0), corner.y + height)
+    imgui.get_window_draw_list().add_rect_filled(
+        place, end, look.pack(look.grey(86 if hovered else 78)), rounding, flags
+    )
 
 
 def _slider_mark(context: PanelContext, corner: ImVec2, width: float, height: float, share: float) -> None:
@@ -176,10 +204,11 @@ def segments(
     """A row of joined buttons, one of them on. `choices` are (text, tooltip). The index that was pressed, or None."""
     pressed = None
     draw = imgui.get_window_draw_list()
-    height = imgui.get_frame_height()
+    height, top = imgui.get_frame_height(), imgui.get_cursor_pos_y()
     for index, (text, hint) in enumerate(choices):
         if index:
             imgui.same_line(0.0, 1.0)
+            imgui.set_cursor_pos_y(top)
         width = max(rich_width(text) + context.px(16), context.px(least))
         corner = imgui.get_cursor_screen_pos()
         if imgui.invisible_button(f"{name}.{index}", ImVec2(width, height)):

@@ -49,7 +49,7 @@ def test_middle_grey_in_srgb(renderer: PlacementRenderer) -> None:
 
 def test_false_colour_tells_stops_apart(renderer: PlacementRenderer) -> None:
     stops = np.arange(-8.0, 8.0) + 0.75  # the bright half of each stop
-    _show(renderer, np.repeat(2.0**stops[:, None], 3, axis=1))
+    _show(renderer, np.repeat(2.0 ** stops[:, None], 3, axis=1))
     image = _displayed(renderer, DisplayView(tone_mapping="false_colour"))[0].astype(float)
     luminance = image @ [0.2126, 0.7152, 0.0722]
     # Lightness of viridis grows all the way, from dark blue (68, 1, 84) to yellow (253, 231, 37); 7.75 is near its end.

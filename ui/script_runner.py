@@ -1,0 +1,160 @@
+"""Runs scripts of edits, and takes pictures of the window, without a display (`insitu screenshot`).
+
+Drags are mouse events through the same frames as a hand's; `set`, `select`, `rotate`, `undo` and `redo` are the
+commands that panels return.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Literal
+
+from app.commands import SetRotation, set_path
+from app.editor import Editor, WorkerClient
+from app.jobs.client import Client
+from app.script import (
+    AssertErrorBelow,
+    Capture,
+    DragItem,
+    DragPoints,
+    RedoSteps,
+    Rotate,
+    SelectPath,
+    SetValues,
+    Step,
+    UndoSteps,
+    WaitFor,
+)
+from engine.errors import InsituError
+from engine.scene.builtin import builtin_environments, builtin_scenes
+from ui.gl.placement import PlacementRenderer
+from ui.headless import DEFAULT_SIZE, HeadlessWindow
+from ui.picture_feed import PictureFeed
+
+WAIT_SECONDS = 1800.0
+
+
+class ScriptError(InsituError):
+    """A step could not be carried out, or what it asserts is not so."""
+
+
+def take_screenshot(
+    source: str,
+    output: Path,
+    *,
+    steps: Sequence[Step] = (),
+    size: tuple[int, int] = DEFAULT_SIZE,
+    scale: float = 1.0,
+    resolution: tuple[int, int] | None = None,
+    wait: Literal["first", "exact"] = "exact",
+    client: WorkerClient | None = None,
+) -> None:
+    """Open a scene in a window without a display, run the steps, wait for the picture and save the window's pixels.
+
+    Raises InsituError: the scene cannot be opened, a step fails, or the picture does not come.
+    """
+    editor = Editor(client or Client(), source, resolution=resolution)
+    try:
+        window = HeadlessWindow(editor, size=size, scale=scale)
+        feed = PictureFeed(PlacementRenderer(window.context))
+        window.shell.environments = tuple(builtin_environments())
+        window.shell.scenes = tuple(builtin_scenes())
+        window.shell.source = feed
+        try:
+            wait_for_scene(window, editor)
+            run_steps(window, editor, steps)
+            wait_for_picture(window, editor, wait)
+            window.frames(3)
+            window.save(output)
+        finally:
+            feed.close()
+            window.close()
+    finally:
+        editor.close()
+
+
+def run_steps(window: HeadlessWindow, editor: Editor, steps: Sequence[Step]) -> None:
+    """Carry the steps out in order. Raises ScriptError that numbers the step, from 1."""
+    for number, step in enumerate(steps, 1):
+        try:
+            _run(window, editor, step)
+        except ScriptError as error:
+            raise ScriptError(f"step {number}: {error}") from error
+
+
+def wait_for_scene(window: HeadlessWindow, editor: Editor, timeout: float = WAIT_SECONDS) -> None:
+    """Until the worker has opened the scene; ScriptError with its words when it cannot."""
+    _wait(window, editor, lambda: editor.scene_is_open or editor.status.is_error, timeout)
+    if not editor.scene_is_open:
+        raise ScriptError(editor.status.message)
+
+
+def wait_for_picture(
+    window: HeadlessWindow, editor: Editor, picture: Literal["first", "exact"], timeout: float = WAIT_SECONDS
+) -> None:
+    """Until the first shaded, or the exact, picture is shown."""
+
+    def there() -> bool:
+        state = editor.status.picture
+        return state == "exact" if picture == "exact" else state != "waiting"
+
+    window.frames(2)
+    _wait(window, editor, there, timeout)
+
+
+def _wait(window: HeadlessWindow, editor: Editor, done: Callable[[], bool], timeout: float) -> None:
+    if not window.run_until(done, timeout):
+        raise ScriptError(f"the picture is still {editor.status.picture} after {timeout:.0f} s")
+
+
+def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
+    match step:
+        case SetValues():
+            for path, value in step.values:
+                _refused(editor.do(set_path(editor.document, path, value)))
+        case SelectPath():
+            _refused(editor.select(step.path))
+        case DragItem():
+            _drag_item(window, step)
+        case DragPoints():
+            window.drag(step.start, step.end)
+        case Rotate():
+            _refused(editor.do(SetRotation(step.degrees)))
+        case UndoSteps():
+            _repeat(editor.undo, step.count, "undo")
+        case RedoSteps():
+            _repeat(editor.redo, step.count, "redo")
+        case WaitFor():
+            wait_for_picture(window, editor, step.picture)
+        case Capture():
+            window.frames(3)
+            window.save(step.path)
+        case AssertErrorBelow():
+            _assert_error(editor, step.bound)
+    window.frames(2)
+
+
+def _drag_item(window: HeadlessWindow, step: DragItem) -> None:
+    window.frames(2)
+    try:
+        window.drag_handle(step.item, step.by)
+    except KeyError as error:
+        raise ScriptError(str(error.args[0])) from error
+
+
+def _repeat(move: Callable[[], str | None], count: int, name: str) -> None:
+    for _ in range(count):
+        if move() is None:
+            raise ScriptError(f"nothing to {name}")
+
+
+def _refused(line: str | None) -> None:
+    if line is not None:
+        raise ScriptError(line)
+
+
+def _assert_error(editor: Editor, bound: float) -> None:
+    error = editor.status.image_error
+    if error is None or not error < bound:
+        raise ScriptError(f"image error = {error}, expected below {bound:g}")

@@ -1,0 +1,292 @@
+"""The real window: GLFW around `ui.shell`, drawn when something changed and asleep otherwise.
+
+The order of a start: the worker begins to import, the window shows its first frame, and only then the renderer is made.
+While nothing happens the loop waits for events and looks at the worker's answers twenty times a second without drawing,
+so that the processors are the worker's.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import glfw
+from imgui_bundle import imgui
+from PIL import Image
+
+from app.editor import Editor, WorkerClient
+from app.jobs.client import Client
+from app.journal import Journal, Recovery, recoverable_sessions
+from app.paths import layout_file
+from engine.errors import InsituError
+from engine.scene.builtin import builtin_environments, builtin_scenes
+from ui.gl.context import REQUIRED_VERSION, GraphicsError, create_window_context
+from ui.gl.placement import PlacementRenderer
+from ui.glfw_keys import KEYS
+from ui.picture_feed import PictureFeed
+from ui.shell import FrameResult, Shell
+
+TITLE = "Insitu"
+WORKER_LOOK_SECONDS = 0.05
+NO_DISPLAY = (
+    "insitu: no display to open a window on ({reason}); without one, `insitu render SCENE -o OUT.exr` and "
+    "`insitu screenshot SCENE -o UI.png` work"
+)
+Cursor = imgui.MouseCursor_
+CURSORS = {
+    int(Cursor.arrow): glfw.ARROW_CURSOR,
+    int(Cursor.text_input): glfw.IBEAM_CURSOR,
+    int(Cursor.resize_ew): glfw.HRESIZE_CURSOR,
+    int(Cursor.resize_ns): glfw.VRESIZE_CURSOR,
+    int(Cursor.resize_all): glfw.CROSSHAIR_CURSOR,
+    int(Cursor.hand): glfw.HAND_CURSOR,
+}
+
+
+_clipboard: Any = glfw  # its stubs ask for a window, the library warns when given one
+
+
+class NoDisplay(InsituError):
+    """There is no screen to open a window on."""
+
+
+def run(
+    source: str,
+    *,
+    resolution: tuple[int, int] | None = None,
+    require: int = REQUIRED_VERSION,
+    client: WorkerClient | None = None,
+    on_frame: Callable[[Window], bool] | None = None,
+) -> int:
+    """Open the editor on a scene and stay until it is closed; the exit status: 0, 1 (no GL) or 2 (no display).
+
+    `on_frame` is asked after each frame whether to close (tests, measurements).
+    """
+    try:
+        handle = open_glfw_window(require)
+    except NoDisplay as error:
+        print(NO_DISPLAY.format(reason=error), file=sys.stderr)
+        return 2
+    except GraphicsError as error:
+        print(f"insitu: {error}", file=sys.stderr)
+        return 1
+    recoveries = recoverable_sessions()
+    editor = Editor(client or Client(), source, resolution=resolution, journal=Journal())
+    try:
+        window = Window(handle, editor, require, recoveries)
+        try:
+            window.loop(on_frame)
+        finally:
+            window.close()
+    except GraphicsError as error:
+        print(f"insitu: {error}", file=sys.stderr)
+        return 1
+    finally:
+        editor.close()
+        glfw.terminate()
+    return 0
+
+
+def open_glfw_window(require: int = REQUIRED_VERSION) -> Any:
+    """A window with a GL core context, current in this thread. Raises NoDisplay or GraphicsError."""
+    problems: list[str] = []
+    glfw.ERROR_REPORTING = "ignore"
+    glfw.set_error_callback(lambda code, text: problems.append(_text(text)))
+    if not glfw.init():
+        raise NoDisplay(problems[-1] if problems else "GLFW could not start")
+    _core_hints(require)
+    width, height = _first_size()
+    handle = glfw.create_window(width, height, TITLE, None, None)
+    if not handle:
+        reason = problems[-1] if problems else "no reason given"
+        found = _version_there_is()
+        glfw.terminate()
+        raise GraphicsError(
+            f"OpenGL {require // 100}.{require // 10 % 10} core is needed, found {found} ({reason}); install a newer "
+            "graphics driver or Mesa (Debian: libgl1-mesa-dri)"
+        )
+    glfw.make_context_current(handle)
+    glfw.swap_interval(1)
+    return handle
+
+
+def _text(value: Any) -> str:
+    """GLFW's words, which arrive as bytes."""
+    return value.decode(errors="replace") if isinstance(value, bytes) else str(value)
+
+
+def _core_hints(require: int) -> None:
+    glfw.default_window_hints()
+    glfw.window_hint(glfw.CONTEXT_VERSION_MAJOR, require // 100)
+    glfw.window_hint(glfw.CONTEXT_VERSION_MINOR, require // 10 % 10)
+    glfw.window_hint(glfw.OPENGL_PROFILE, glfw.OPENGL_CORE_PROFILE)
+    glfw.window_hint(glfw.OPENGL_FORWARD_COMPAT, True)
+    glfw.window_hint(glfw.SCALE_TO_MONITOR, True)
+
+
+def _first_size() -> tuple[int, int]:
+    """1440 x 900 where the screen has room for it, else most of the screen."""
+    monitor = glfw.get_primary_monitor()
+    if not monitor:
+        return 1440, 900
+    _, _, width, height = glfw.get_monitor_workarea(monitor)
+    return min(1440, max(width - 40, 640)), min(900, max(height - 60, 480))
+
+
+def _version_there_is() -> str:
+    """The OpenGL that this display does have, in words."""
+    glfw.default_window_hints()
+    glfw.window_hint(glfw.VISIBLE, False)
+    probe = glfw.create_window(64, 64, TITLE, None, None)
+    if not probe:
+        return "none"
+    major = glfw.get_window_attrib(probe, glfw.CONTEXT_VERSION_MAJOR)
+    minor = glfw.get_window_attrib(probe, glfw.CONTEXT_VERSION_MINOR)
+    glfw.destroy_window(probe)
+    return f"OpenGL {major}.{minor}"
+
+
+class Window:
+    """One GLFW window with its shell. `first_frame_at` is when its first frame was on screen (steady clock)."""
+
+    def __init__(self, handle: Any, editor: Editor, require: int, recoveries: list[Recovery]) -> None:
+        self.handle = handle
+        self.editor = editor
+        self.first_frame_at: float | None = None
+        self.longest_frame = 0.0
+        self._context = create_window_context(require)
+        self.shell = Shell(self._context, editor, scale=self._scale(), layout_file=layout_file())
+        self.shell.environments = tuple(builtin_environments())
+        self.shell.scenes = tuple(builtin_scenes())
+        if recoveries:
+            self.shell.offer_recovery(recoveries[0])
+        self._feed: PictureFeed | None = None
+        self._cursors = {shape: glfw.create_standard_cursor(shape) for shape in set(CURSORS.values())}
+        self._shown_cursor = -1
+        self._connect()
+
+    def loop(self, on_frame: Callable[[Window], bool] | None = None) -> None:
+        """Draw and wait until the window is closed."""
+        draw_at = 0.0
+        while not glfw.window_should_close(self.handle):
+            result = self._frame()
+            if result.quit or (on_frame is not None and on_frame(self)):
+                return
+            if self._feed is None:
+                self._make_renderer()
+                continue
+            if result.busy:
+                glfw.poll_events()
+                continue
+            draw_at = time.monotonic() + (result.redraw_in if result.redraw_in is not None else 1e9)
+            self._sleep(draw_at)
+
+    def close(self) -> None:
+        """Free GL objects and the window."""
+        if self._feed is not None:
+            self._feed.close()
+        self.shell.close()
+        for cursor in self._cursors.values():
+            glfw.destroy_cursor(cursor)
+        glfw.destroy_window(self.handle)
+
+    def _make_renderer(self) -> None:
+        self._feed = PictureFeed(PlacementRenderer(self._context))
+        self.shell.source = self._feed
+        glfw.poll_events()
+
+    def _frame(self) -> FrameResult:
+        started = time.monotonic()
+        size = glfw.get_framebuffer_size(self.handle)
+        result = self.shell.frame(self._context.screen, size)
+        if result.screenshot is not None:
+            self._save(result.screenshot, size)
+        self._show_cursor()
+        glfw.swap_buffers(self.handle)
+        self.longest_frame = max(self.longest_frame, time.monotonic() - started)
+        if self.first_frame_at is None:
+            self.first_frame_at = time.monotonic()
+        return result
+
+    def _sleep(self, draw_at: float) -> None:
+        """Until there is something to draw: an event, an answer of the worker, or a tooltip that is due."""
+        inputs = self.shell.inputs
+        while self.shell.inputs == inputs and not glfw.window_should_close(self.handle):
+            now = time.monotonic()
+            if now >= draw_at or self.shell.idle(now):
+                return
+            glfw.wait_events_timeout(max(min(WORKER_LOOK_SECONDS, draw_at - now), 0.001))
+
+    def _save(self, file: Path, size: tuple[int, int]) -> None:
+        data = self._context.screen.read(viewport=(0, 0, *size), components=3, alignment=1)
+        try:
+            Image.frombytes("RGB", size, data).transpose(Image.Transpose.FLIP_TOP_BOTTOM).save(file)
+        except OSError as error:
+            self.editor.notify(f"{file}: not saved, {error.strerror or error}", True)
+            return
+        self.editor.notify(f"saved {file}")
+
+    # ----------------------------------------------------------------------------------------------------------- events
+
+    def _connect(self) -> None:
+        """Hand GLFW's events to imgui."""
+        glfw.set_cursor_pos_callback(self.handle, self._on_move)
+        glfw.set_mouse_button_callback(self.handle, self._on_button)
+        glfw.set_scroll_callback(self.handle, self._on_scroll)
+        glfw.set_key_callback(self.handle, self._on_key)
+        glfw.set_char_callback(self.handle, self._on_char)
+        glfw.set_drop_callback(self.handle, self._on_drop)  # type: ignore[arg-type]
+        glfw.set_window_focus_callback(self.handle, self._on_focus)
+        glfw.set_window_refresh_callback(self.handle, lambda handle: self.shell.note_input())
+        glfw.set_framebuffer_size_callback(self.handle, lambda handle, width, height: self.shell.note_input())
+        glfw.set_window_content_scale_callback(self.handle, lambda handle, x, y: self.shell.set_scale(self._scale()))
+        platform = imgui.get_platform_io()
+        platform.platform_get_clipboard_text_fn = lambda context: _text(_clipboard.get_clipboard_string(None) or "")
+        platform.platform_set_clipboard_text_fn = lambda context, text: _clipboard.set_clipboard_string(None, text)
+
+    def _scale(self) -> float:
+        """Of the screen the window is on; 1 at 96 dpi."""
+        return float(max(glfw.get_window_content_scale(self.handle)))
+
+    def _on_move(self, handle: Any, x: float, y: float) -> None:
+        """Positions come in screen units; the shell works in framebuffer pixels."""
+        window, pixels = glfw.get_window_size(handle), glfw.get_framebuffer_size(handle)
+        if window[0] > 0 and window[1] > 0:
+            self.shell.note_input()
+            self.shell.io.add_mouse_pos_event(x * pixels[0] / window[0], y * pixels[1] / window[1])
+
+    def _on_button(self, handle: Any, button: int, action: int, modifiers: int) -> None:
+        if button < 3:
+            self.shell.note_input()
+            self.shell.io.add_mouse_button_event(button, action == glfw.PRESS)
+
+    def _on_scroll(self, handle: Any, x: float, y: float) -> None:
+        self.shell.note_input()
+        self.shell.io.add_mouse_wheel_event(x, y)
+
+    def _on_key(self, handle: Any, key: int, code: int, action: int, modifiers: int) -> None:
+        self.shell.note_input()
+        for part in KEYS.get(key, ()):
+            self.shell.io.add_key_event(part, action != glfw.RELEASE)
+
+    def _on_char(self, handle: Any, character: int) -> None:
+        self.shell.note_input()
+        self.shell.io.add_input_character(character)
+
+    def _on_drop(self, handle: Any, paths: list[str]) -> None:
+        self.shell.note_input()
+        for path in paths:
+            self.shell.actor.open(path)
+
+    def _on_focus(self, handle: Any, focused: int) -> None:
+        self.shell.note_input()
+        self.shell.io.add_focus_event(bool(focused))
+
+    def _show_cursor(self) -> None:
+        wanted = CURSORS.get(int(imgui.get_mouse_cursor()), glfw.ARROW_CURSOR)
+        if wanted != self._shown_cursor:
+            self._shown_cursor = wanted
+            glfw.set_cursor(self.handle, self._cursors[wanted])
