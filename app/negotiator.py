@@ -36,7 +36,7 @@ from app.jobs.messages import (
 from app.picture import Array, Coefficients, Curves
 
 REST_SECONDS = 0.25
-CONTRACT_PATIENCE = 1.0
+CONTRACT_PATIENCE = 3.0
 N_LIGHTS_PREVIEW = 400
 DRAG_QUALITY = 0  # as `n_lights_final`: stop after one quick picture, nothing finer follows
 
@@ -264,18 +264,16 @@ class Negotiator:
         self._transport_id = self._send(request)
 
     def _ask_contraction(self, now: float, document: Document, curve: CurveWish | None) -> None:
-        if self._contraction is not None and now - self._contraction.sent_at >= CONTRACT_PATIENCE:
-            self._contraction = None
         outdated = self._outdated_layers(document, None if curve is None else curve.key)
         has_curve = curve is None or self._has(curve)
         self._last_curve = curve
-        self._complete = has_curve and not outdated and self._contraction is None
+        self._complete = has_curve and not outdated and not self._waits(now)
         if curve is not None and not has_curve and not curve.same(self._asked_curve):
             if not self._can_contract(curve.key, self._curves.coefficients(document, curve.key)):
                 return
-            if self._contraction is None or not curve.same_curve(self._contraction.wish):
+            if not self._waits(now) or not curve.same_curve(self._contraction.wish if self._contraction else None):
                 self._contract(curve, document, now)
-        elif self._contraction is None:
+        elif not self._waits(now):
             self._ask_picture(now, document, outdated)
 
     def _outdated_layers(self, document: Document, selected_key: str | None) -> dict[str, Coefficients]:
@@ -299,7 +297,13 @@ class Negotiator:
                 self._contract(CurveWish(key, factor, {name: wanted[name] for name in others}), document, now)
                 return
 
+    def _waits(self, now: float) -> bool:
+        """Whether the answer to a contraction is still worth waiting for."""
+        return self._contraction is not None and now - self._contraction.sent_at < CONTRACT_PATIENCE
+
     def _contract(self, curve: CurveWish, document: Document, now: float) -> None:
+        if self._contraction is not None:  # it is replaced unanswered: what it was to bring is to be asked for again
+            self._asked_pictures.pop(self._contraction.wish.key, None)
         wanted = tuple(self._curves.coefficients(document, curve.key).items())
         self._asked_curve = curve
         id = self._send(Contract(curve.key, curve.factor, wanted, revision=self.revision))
@@ -372,6 +376,8 @@ class Negotiator:
         if self._contraction is not None and came.same_curve(self._contraction.wish):
             self._contraction = None
         if selected is None or (selected.key, selected.factor) != (response.key, response.factor):
+            if came.same_curve(self._asked_curve):  # not kept: selected again, it is asked for again
+                self._asked_curve = None
             return False
         self._curve = CurveShown(response.key, response.factor, response.stage)
         return True

@@ -104,6 +104,7 @@ class ServingClient(FakeClient):
         self._random = np.random.default_rng(seed)
         self._answers: dict[type[Request], list[Response]] = {}
         self._made: dict[str, LayerPicture] = {}
+        self._paused = False
         self._selected: tuple[str, str] | None = None
 
     def send(self, request: Request) -> int:
@@ -124,8 +125,10 @@ class ServingClient(FakeClient):
 
     def poll(self, budget_s: float = 0.0) -> list[Response]:
         taken: list[Response] = []
+        may_pause = not self._paused
         for due in self._answers.values():
-            n = int(self._random.integers(0, 3))
+            n = int(self._random.integers(0 if may_pause else 1, 3))
+            self._paused = n == 0
             taken, due[:n] = taken + due[:n], []
         for response in taken:
             if isinstance(response, LayerPicture):

@@ -64,7 +64,7 @@ class Renderer:
         self.editor.report_rendering(RenderReport(exact=True))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.lists(st.sampled_from(sorted(ACTIONS)), max_size=25), st.floats(0.001, 0.3))
 def test_the_picture_comes_right(seed: int, actions: list[str], step: float) -> None:
     client = ServingClient(seed)
@@ -105,9 +105,9 @@ def test_a_long_drag_does_not_flood_the_worker() -> None:
         editor.do(SetParameter("pot.1", "eta", 1.0 + 0.001 * frame))
         renderer.frame(100.0 + 0.016 * frame)
     editor.end_drag()
-    # A contraction's answers take two frames at least in this worker: at most one was asked for each.
+    # This worker's answers to a contraction take one to three frames: a new one is asked for only after them.
     during = client.requests[n_before:]
-    assert 10 < len(during) <= 100 and {type(request) for request in during} == {Contract}
+    assert 10 < len(during) <= 150 and {type(request) for request in during} == {Contract}
 
 
 def test_only_a_turn_is_a_turn() -> None:
