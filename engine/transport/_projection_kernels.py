@@ -3,20 +3,105 @@
 The loop runs over lights, not over bands: cost O(M) a point [BenArtzi07, code 1]. A light is a triangle; its share of
 a band follows from the parameter γ at its three corners alone (eq. 4.10). Near a pole of γ that is not linear, and the
 triangle is split in four until it is.
+
+Arguments come in groups (the named tuples below), which cost nothing in compiled code. Directions are stored axis by
+axis, (3, N), so that loops over them are vector loops.
 """
 
 import math
+from typing import NamedTuple
 
 import numba as nb
 import numpy as np
 
-from engine.material._kernels import gamma, quotient_cosine
-from engine.material.kinds import GGX, GRAZING, LAMBERT, ROUGH_ALPHA, ROUGH_CONDUCTOR, ROUGH_DISTRIBUTION
-from engine.material.kinds import THETA_D, THETA_H, THETA_I
+from engine.material._kernels import gamma
+from engine.transport._angle_kernels import HALF_PI, TINY, fill_gammas, slope, weigh
+from engine.transport._band_kernels import encode_bands
 
 _MAX_SPLIT = 3
-_HALF_PI = np.float32(math.pi / 2)
-_TINY = np.float32(1e-30)
+_CHILDREN = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
+
+
+class Sky(NamedTuple):
+    """M triangle lights over N corner directions: directions (3, N), corners (M, 3), sizes (M,) longest edge, radians,
+    centres (3, M), colours (M, 3) radiance times solid angle; first, count, fine (M,): see `list_visible`."""
+
+    directions: np.ndarray
+    corners: np.ndarray
+    sizes: np.ndarray
+    centres: np.ndarray
+    colours: np.ndarray
+    first: np.ndarray
+    count: np.ndarray
+    fine: np.ndarray
+
+
+class Patches(NamedTuple):
+    """M patches over N corner points: points (3, N), corners (M, 3), centres (3, M), radiance (M, 3)."""
+
+    points: np.ndarray
+    corners: np.ndarray
+    centres: np.ndarray
+    radiance: np.ndarray
+
+
+class Bits(NamedTuple):
+    """Packed visibility (P, words) of the sphere, of sky lights with bits of their own, and of patches."""
+
+    sphere: np.ndarray
+    fine: np.ndarray
+    patches: np.ndarray
+
+
+class Surface(NamedTuple):
+    """Shading points (P, 3): position, tangent, normal and the direction to the eye."""
+
+    position: np.ndarray
+    tangent: np.ndarray
+    normal: np.ndarray
+    wo: np.ndarray
+
+
+class Optics(NamedTuple):
+    """A layer: model and angle numbers, quotient parameters q (8,), bands (J, K), and how many bands γ may bend over a
+    light before it is split."""
+
+    model: int
+    q: np.ndarray
+    kind_a: int
+    kind_b: int
+    n_a: int
+    n_b: int
+    tolerance: np.float32
+
+
+class Encoded(NamedTuple):
+    """Where a tile's bands are written: see `bandstore`."""
+
+    scale: np.ndarray
+    first: np.ndarray
+    count: np.ndarray
+    start: np.ndarray
+    values: np.ndarray
+
+
+class _Scratch(NamedTuple):
+    """Room for one point."""
+
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    cx: np.ndarray
+    cy: np.ndarray
+    cz: np.ndarray
+    gammas_a: np.ndarray
+    gammas_b: np.ndarray
+    lights: np.ndarray
+    weights: np.ndarray
+    shares_a: np.ndarray
+    shares_b: np.ndarray
+    stack: np.ndarray
+    depths: np.ndarray
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -24,7 +109,7 @@ def share_below(t, low, middle, high):
     """Fraction of a triangle's area where γ < t, for low < t ≤ high and low ≤ middle ≤ high [BenArtzi07, eq. 4.10]."""
     if t <= middle:
         return (t - low) * (t - low) / ((middle - low) * (high - low))
-    return np.float32(1.0) - (high - t) * (high - t) / max((high - middle) * (high - low), _TINY)
+    return np.float32(1.0) - (high - t) * (high - t) / max((high - middle) * (high - low), TINY)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -47,13 +132,14 @@ def band_shares(a, b, c, n_bands, shares):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
-def _deposit(bands, weight, r, g, b, n_a, n_b, a0, a1, a2, b0, b1, b2, shares_a, shares_b):
+def _deposit(bands, weight, r, g, b, a0, a1, a2, b0, b1, b2, scratch):
     """bands[j, k] += weight · (r, g, b) · Δ_j · Δ_k for corner parameters in units of bands [BenArtzi07, eq. 4.15]."""
-    first_a, count_a = band_shares(a0, a1, a2, n_a, shares_a)
+    shares_a, shares_b = scratch.shares_a, scratch.shares_b
+    first_a, count_a = band_shares(a0, a1, a2, bands.shape[0], shares_a)
     first_b, count_b = 0, 1
     shares_b[0] = np.float32(1.0)
-    if n_b > 1:
-        first_b, count_b = band_shares(b0, b1, b2, n_b, shares_b)
+    if bands.shape[1] > 1:
+        first_b, count_b = band_shares(b0, b1, b2, bands.shape[1], shares_b)
     r, g, b = r * weight, g * weight, b * weight
     for j in range(count_a):
         share = shares_a[j]
@@ -66,14 +152,15 @@ def _deposit(bands, weight, r, g, b, n_a, n_b, a0, a1, a2, b0, b1, b2, shares_a,
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _is_curved(size, gamma0, gamma1, gamma2, scale):
-    """Whether γ, a cone near its pole, bends over a triangle by more than half a band and a seventh of the triangle.
+def _is_curved(size, gamma0, gamma1, gamma2, scale, tolerance):
+    """Whether γ, a cone near its pole, bends over a triangle by more than `tolerance` bands and as much of its size.
 
-    Over a triangle of extent s at distance r from the pole it leaves its chord by s²/8r.
+    Over a triangle of extent s at distance r from the pole it leaves its chord by s²/8r. A triangle far larger than a
+    band need not follow the band: there the bound is 0.3 · tolerance of the triangle.
     """
     bend = size * size * np.float32(0.125)
     nearest = min(gamma0, gamma1, gamma2)
-    return bend > nearest * max(np.float32(0.5) / scale, np.float32(0.15) * size)
+    return bend > nearest * tolerance * max(np.float32(1.0) / scale, np.float32(0.3) * size)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -85,176 +172,98 @@ def _midpoint(triangle, i, j, out, k):
     out[3 * k], out[3 * k + 1], out[3 * k + 2] = x * inverse, y * inverse, z * inverse
 
 
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _push_children(stack, depths, top, six):
+    """Replace the triangle stack[top] by its four quarters."""
+    for i in range(9):
+        six[i] = stack[top, i]
+    _midpoint(six, 0, 1, six, 3)
+    _midpoint(six, 1, 2, six, 4)
+    _midpoint(six, 2, 0, six, 5)
+    depth = depths[top] + 1
+    for child in range(4):
+        for corner in range(3):
+            v = _CHILDREN[child, corner]
+            for i in range(3):
+                stack[top + child, 3 * corner + i] = six[3 * v + i]
+        depths[top + child] = depth
+
+
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _deposit_split(bands, weight, red, green, blue, n_a, n_b, scale_a, scale_b, extent_a, extent_b, kind_a, kind_b, q, ox, oy, oz,
-                   stack, depths, shares_a, shares_b):
+def _deposit_split(bands, weight, r, g, b, size_a, size_b, scale_a, scale_b, optics, ox, oy, oz, scratch):
     """As `_deposit` for the triangle in stack[0] (nine numbers), split in four wherever γ is not linear over it."""
-    top = 0
-    depths[0] = 0
+    stack, depths = scratch.stack, scratch.depths
     six = np.empty(18, np.float32)
     ga, gb = np.zeros(3, np.float32), np.zeros(3, np.float32)
+    top = 0
+    depths[0] = 0
     while top >= 0:
-        depth = depths[top]
         for i in range(3):
             x, y, z = stack[top, 3 * i], stack[top, 3 * i + 1], stack[top, 3 * i + 2]
-            ga[i] = min(gamma(kind_a, q, x, y, z, ox, oy, oz), _HALF_PI)
-            if n_b > 1:
-                gb[i] = min(gamma(kind_b, q, x, y, z, ox, oy, oz), _HALF_PI)
-        shrink = np.float32(0.5) ** depth
-        curved = _is_curved(extent_a * shrink, ga[0], ga[1], ga[2], scale_a)
-        if n_b > 1:
-            curved = curved or _is_curved(extent_b * shrink, gb[0], gb[1], gb[2], scale_b)
-        if curved and depth < _MAX_SPLIT:
-            for i in range(9):
-                six[i] = stack[top, i]
-            _midpoint(six, 0, 1, six, 3)
-            _midpoint(six, 1, 2, six, 4)
-            _midpoint(six, 2, 0, six, 5)
-            for child in range(4):
-                for corner in range(3):
-                    v = _CHILDREN[child, corner]
-                    for i in range(3):
-                        stack[top + child, 3 * corner + i] = six[3 * v + i]
-                depths[top + child] = depth + 1
+            ga[i] = min(gamma(optics.kind_a, optics.q, x, y, z, ox, oy, oz), HALF_PI)
+            if optics.n_b > 1:
+                gb[i] = min(gamma(optics.kind_b, optics.q, x, y, z, ox, oy, oz), HALF_PI)
+        shrink = np.float32(0.5) ** depths[top]
+        curved = _is_curved(size_a * shrink, ga[0], ga[1], ga[2], scale_a, optics.tolerance)
+        if optics.n_b > 1:
+            curved = curved or _is_curved(size_b * shrink, gb[0], gb[1], gb[2], scale_b, optics.tolerance)
+        if curved and depths[top] < _MAX_SPLIT:
+            _push_children(stack, depths, top, six)
             top += 3
             continue
-        w = weight * np.float32(0.25) ** depth
-        _deposit(bands, w, red, green, blue, n_a, n_b, ga[0] * scale_a, ga[1] * scale_a, ga[2] * scale_a,
-                 gb[0] * scale_b, gb[1] * scale_b, gb[2] * scale_b, shares_a, shares_b)
+        w = weight * shrink * shrink
+        a0, a1, a2 = ga[0] * scale_a, ga[1] * scale_a, ga[2] * scale_a
+        _deposit(bands, w, r, g, b, a0, a1, a2, gb[0] * scale_b, gb[1] * scale_b, gb[2] * scale_b, scratch)
         top -= 1
 
 
-_CHILDREN = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
-def _arc(root, x):
-    """arccos x for x in [0, 1], given root = sqrt(1 - x) [Abramowitz64, 4.4.45], error 7e-5."""
-    p = np.float32(-0.0187293) * x + np.float32(0.0742610)
-    p = p * x - np.float32(0.2121144)
-    return root * (p * x + np.float32(1.5707288))
-
-
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def fill_gammas(kind, q, x, y, z, ox, oy, oz, out):
-    """γ in [0, π/2] of each direction (x, y, z): `gamma` in single precision, in loops that the compiler vectorises.
-
-    Error 1e-4 rad, a hundredth of the narrowest band of a 128-band curve; the angle of a narrow lobe's tip keeps its
-    digits because 1 - cos is formed without cancellation.
-    """
-    one = np.float32(1.0)
-    if kind == THETA_I:
-        for v in range(x.shape[0]):
-            c = min(max(z[v], np.float32(0.0)), one)
-            flat2 = x[v] * x[v] + y[v] * y[v]
-            out[v] = _arc(np.sqrt(min(flat2 / (one + c), one)), c)
-    elif kind == THETA_H:
-        for v in range(x.shape[0]):
-            sx, sy, sz = x[v] + ox, y[v] + oy, max(z[v] + oz, np.float32(0.0))
-            flat2 = sx * sx + sy * sy
-            length = np.sqrt(flat2 + sz * sz + _TINY)
-            out[v] = _arc(np.sqrt(min(flat2 / (length * (length + sz)), one)), sz / length)
-    elif kind == THETA_D:
-        for v in range(x.shape[0]):
-            dx, dy, dz = x[v] - ox, y[v] - oy, z[v] - oz
-            sin2 = min(np.float32(0.25) * (dx * dx + dy * dy + dz * dz), one)
-            c = np.sqrt(one - sin2)
-            out[v] = _arc(np.sqrt(sin2 / (one + c)), c)
-    else:
-        for v in range(x.shape[0]):
-            out[v] = min(np.float32(gamma(kind, q, x[v], y[v], z[v], ox, oy, oz)), _HALF_PI)
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def weigh(model_kind, q, x, y, z, ox, oy, oz, weights):
-    """weights (n,) *= ρ_q cosθ of each direction (x, y, z): `quotient_cosine`, the common models in vector loops."""
-    if model_kind == LAMBERT:
-        for i in range(x.shape[0]):
-            weights[i] *= max(z[i], np.float32(0.0)) * np.float32(1.0 / math.pi)
-    elif model_kind == ROUGH_CONDUCTOR and q[ROUGH_DISTRIBUTION] == GGX and oz > GRAZING:
-        a2 = np.float32(q[ROUGH_ALPHA] * q[ROUGH_ALPHA])
-        rest = np.float32(1.0) - a2
-        masked = np.float32(1.0) / (oz + np.sqrt(a2 + rest * oz * oz))
-        for i in range(x.shape[0]):
-            c = max(z[i], np.float32(0.0))
-            weights[i] *= c * masked / (c + np.sqrt(a2 + rest * c * c))
-    else:
-        for i in range(x.shape[0]):
-            weights[i] *= np.float32(quotient_cosine(model_kind, q, x[i], y[i], z[i], ox, oy, oz))
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def slope(kind):
-    """How much γ can change with the light's direction: a bound of |dγ/dω| away from poles."""
-    return np.float32(0.5) if kind == THETA_H or kind == THETA_D else np.float32(1.0)
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def project_lights(bands, n_a, n_b, x, y, z, corners, sizes, lights, weights, cx, cy, cz, colours, q, model_kind,
-                   kind_a, kind_b, ox, oy, oz, gammas_a, gammas_b, shares_a, shares_b, stack, depths):
+def _project_lights(bands, corners, sizes, colours, n_directions, n_lights, optics, ox, oy, oz, scratch):
     """Add the listed lights to bands (J, K, 3): T_jk += V L ρ_q cosθ ΔΩ Δ_mj Δ_mk [BenArtzi07, eq. 4.15].
 
-    x, y, z (N,) corner directions in the local frame; corners (M, 3) index them; sizes (M,) longest edge in radians.
-    lights (n,) are the visible ones, with weights (n,) visible share and cx, cy, cz (n,) centre directions;
-    colours (M, 3) radiance times solid angle; (ox, oy, oz) the local eye direction; the rest is scratch.
+    scratch holds the local corner directions (x, y, z), the lights listed, their weights (visible share) and centre
+    directions (cx, cy, cz); (ox, oy, oz) is the local eye direction.
     """
-    scale_a, scale_b = np.float32(n_a) / _HALF_PI, np.float32(n_b) / _HALF_PI
-    fill_gammas(kind_a, q, x, y, z, ox, oy, oz, gammas_a)
-    if n_b > 1:
-        fill_gammas(kind_b, q, x, y, z, ox, oy, oz, gammas_b)
-    n = lights.shape[0]
-    weigh(model_kind, q, cx[:n], cy[:n], cz[:n], ox, oy, oz, weights)
-    slope_a, slope_b = slope(kind_a), slope(kind_b)
+    x, y, z, weights = scratch.x[:n_directions], scratch.y[:n_directions], scratch.z[:n_directions], scratch.weights
+    gammas_a, gammas_b, q, two = scratch.gammas_a, scratch.gammas_b, optics.q, optics.n_b > 1
+    scale_a, scale_b = np.float32(optics.n_a) / HALF_PI, np.float32(optics.n_b) / HALF_PI
+    fill_gammas(optics.kind_a, q, x, y, z, ox, oy, oz, gammas_a)
+    if two:
+        fill_gammas(optics.kind_b, q, x, y, z, ox, oy, oz, gammas_b)
+    weigh(optics.model, q, scratch.cx[:n_lights], scratch.cy[:n_lights], scratch.cz[:n_lights], ox, oy, oz, weights)
+    slope_a, slope_b = slope(optics.kind_a), slope(optics.kind_b)
     b0 = b1 = b2 = np.float32(0.0)
-    for i in range(n):
-        m = lights[i]
+    for i in range(n_lights):
         weight = weights[i]
         if not weight > 0.0:
             continue
+        m = scratch.lights[i]
         v0, v1, v2 = corners[m, 0], corners[m, 1], corners[m, 2]
+        r, g, b = colours[m, 0], colours[m, 1], colours[m, 2]
+        size_a, size_b = sizes[m] * slope_a, sizes[m] * slope_b
         a0, a1, a2 = gammas_a[v0], gammas_a[v1], gammas_a[v2]
-        curved = _is_curved(sizes[m] * slope_a, a0, a1, a2, scale_a)
-        if n_b > 1:
+        curved = _is_curved(size_a, a0, a1, a2, scale_a, optics.tolerance)
+        if two:
             b0, b1, b2 = gammas_b[v0], gammas_b[v1], gammas_b[v2]
-            curved = curved or _is_curved(sizes[m] * slope_b, b0, b1, b2, scale_b)
-        if not curved:
-            _deposit(bands, weight, colours[m, 0], colours[m, 1], colours[m, 2], n_a, n_b, a0 * scale_a, a1 * scale_a, a2 * scale_a,
-                     b0 * scale_b, b1 * scale_b, b2 * scale_b, shares_a, shares_b)
+            curved = curved or _is_curved(size_b, b0, b1, b2, scale_b, optics.tolerance)
+        if curved:
+            for corner in range(3):
+                v = corners[m, corner]
+                at = 3 * corner
+                scratch.stack[0, at], scratch.stack[0, at + 1], scratch.stack[0, at + 2] = x[v], y[v], z[v]
+            _deposit_split(bands, weight, r, g, b, size_a, size_b, scale_a, scale_b, optics, ox, oy, oz, scratch)
             continue
-        for corner in range(3):
-            v = corners[m, corner]
-            stack[0, 3 * corner], stack[0, 3 * corner + 1], stack[0, 3 * corner + 2] = x[v], y[v], z[v]
-        _deposit_split(bands, weight, colours[m, 0], colours[m, 1], colours[m, 2], n_a, n_b, scale_a, scale_b, sizes[m] * slope_a, sizes[m] * slope_b,
-                       kind_a, kind_b, q, ox, oy, oz, stack, depths, shares_a, shares_b)
+        a0, a1, a2 = a0 * scale_a, a1 * scale_a, a2 * scale_a
+        _deposit(bands, weight, r, g, b, a0, a1, a2, b0 * scale_b, b1 * scale_b, b2 * scale_b, scratch)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _count(word):
-    """Number of set bits."""
+def count_bits(word):
+    """Number of set bits of a uint64."""
     word = word - ((word >> np.uint64(1)) & np.uint64(0x5555555555555555))
     word = (word & np.uint64(0x3333333333333333)) + ((word >> np.uint64(2)) & np.uint64(0x3333333333333333))
     word = (word + (word >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
     return np.int64((word * np.uint64(0x0101010101010101)) >> np.uint64(56))
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def list_visible(words, fine_words, first_bit, n_bits, fine, lights, weights):
-    """List the lights a point sees and the share of each; returns their number.
-
-    Light m sees the share of set bits in [first_bit, first_bit + n_bits), a range of 1, 4, 16 or whole words; or, where
-    fine[m] ≥ 0, that bit of fine_words.
-    """
-    n = 0
-    for m in range(first_bit.shape[0]):
-        f = fine[m]
-        if f >= 0:
-            share = np.float32((fine_words[f >> 6] >> np.uint64(f & 63)) & np.uint64(1))
-        else:
-            share = _share(words, first_bit[m], n_bits[m])
-        lights[n] = m
-        weights[n] = share
-        n += share > np.float32(0.0)
-    return n
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -263,11 +272,31 @@ def _share(words, first, n):
         return np.float32((words[first >> 6] >> np.uint64(first & 63)) & np.uint64(1))
     if n < 64:
         part = (words[first >> 6] >> np.uint64(first & 63)) & ((np.uint64(1) << np.uint64(n)) - np.uint64(1))
-        return np.float32(_count(part)) / np.float32(n)
+        return np.float32(count_bits(part)) / np.float32(n)
     total = 0
     for w in range(first >> 6, (first + n) >> 6):
-        total += _count(words[w])
+        total += count_bits(words[w])
     return np.float32(total) / np.float32(n)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def list_visible(words, fine_words, first, count, fine, lights, weights):
+    """List the lights a point sees and the share of each; returns their number.
+
+    Light m sees the share of set bits in [first, first + count), a range of 1, 4, 16 or whole words; or, where
+    fine[m] ≥ 0, that bit of fine_words.
+    """
+    n = 0
+    for m in range(fine.shape[0]):
+        f = fine[m]
+        if f >= 0:
+            share = np.float32((fine_words[f >> 6] >> np.uint64(f & 63)) & np.uint64(1))
+        else:
+            share = _share(words, first[m], count[m])
+        lights[n] = m
+        weights[n] = share
+        n += share > np.float32(0.0)
+    return n
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
@@ -280,9 +309,9 @@ def to_local(vectors, frame, x, y, z):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def gather_local(vectors, listed, frame, x, y, z):
-    """As `to_local` for the listed columns alone."""
-    for i in range(listed.shape[0]):
+def gather_local(vectors, listed, n, frame, x, y, z):
+    """As `to_local` for the first n listed columns alone."""
+    for i in range(n):
         u, v, w = vectors[0, listed[i]], vectors[1, listed[i]], vectors[2, listed[i]]
         x[i] = frame[0, 0] * u + frame[0, 1] * v + frame[0, 2] * w
         y[i] = frame[1, 0] * u + frame[1, 1] * v + frame[1, 2] * w
@@ -290,92 +319,36 @@ def gather_local(vectors, listed, frame, x, y, z):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _towards(points, x, y, z, out):
-    """Unit vectors (3, N) from (x, y, z) to points (3, N)."""
+def _towards(points, place, out):
+    """Unit vectors (3, N) from a place (3,) to points (3, N)."""
     for v in range(points.shape[1]):
-        dx, dy, dz = points[0, v] - x, points[1, v] - y, points[2, v] - z
-        inverse = np.float32(1.0) / np.sqrt(max(dx * dx + dy * dy + dz * dz, _TINY))
+        dx, dy, dz = points[0, v] - place[0], points[1, v] - place[1], points[2, v] - place[2]
+        inverse = np.float32(1.0) / np.sqrt(max(dx * dx + dy * dy + dz * dz, TINY))
         out[0, v], out[1, v], out[2, v] = dx * inverse, dy * inverse, dz * inverse
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def patch_power(directions, corners, radiance, colours, sizes):
+def patch_colours(directions, corners, radiance, colours, sizes):
     """Radiance times solid angle [VanOosterom83] and angular size of patches with unit corner directions (3, N)."""
     for m in range(corners.shape[0]):
-        a, b, c = directions[:, corners[m, 0]], directions[:, corners[m, 1]], directions[:, corners[m, 2]]
-        ab = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-        bc = b[0] * c[0] + b[1] * c[1] + b[2] * c[2]
-        ca = c[0] * a[0] + c[1] * a[1] + c[2] * a[2]
+        i, j, k = corners[m, 0], corners[m, 1], corners[m, 2]
+        ax, ay, az = directions[0, i], directions[1, i], directions[2, i]
+        bx, by, bz = directions[0, j], directions[1, j], directions[2, j]
+        cx, cy, cz = directions[0, k], directions[1, k], directions[2, k]
         # The triple product through edge vectors: corners seen from afar are nearly parallel and would cancel.
-        ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-        vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-        triple = a[0] * (uy * vz - uz * vy) + a[1] * (uz * vx - ux * vz) + a[2] * (ux * vy - uy * vx)
-        solid_angle = np.float32(2.0) * np.arctan2(abs(triple), np.float32(1.0) + ab + bc + ca)
-        for i in range(3):
-            colours[m, i] = radiance[m, i] * solid_angle
-        wx, wy, wz = c[0] - b[0], c[1] - b[1], c[2] - b[2]
-        sizes[m] = np.sqrt(max(ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz, wx * wx + wy * wy + wz * wz))
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def project_tile(
-    rows, position, tangent, normal, wo,
-    sky_directions, sky_corners, sky_sizes, sky_centres, sky_colours, sky_first, sky_count, sky_fine, sky_bits, fine_bits,
-    patch_points, patch_corners, patch_centres, patch_radiance, patch_bits,
-    q, model_kind, kind_a, kind_b, n_a, n_b, trim,
-    scale, first, count, start, values,
-):
-    """Project all lights for one layer at the points `rows` and encode them; returns the number of values written.
-
-    Directions and points are (3, N), colours (M, 3). sky_first, sky_count, sky_fine as in `list_visible`; patches see
-    bit m of patch_bits. See `bandstore` for the encoding in (scale, first, count, start, values).
-    """
-    n_sky, n_patch = sky_corners.shape[0], patch_corners.shape[0]
-    n_lights, n_directions = max(n_sky, n_patch), max(sky_directions.shape[1], patch_points.shape[1])
-    x, y, z = np.empty(n_directions, np.float32), np.empty(n_directions, np.float32), np.empty(n_directions, np.float32)
-    cx, cy, cz = np.empty(n_lights, np.float32), np.empty(n_lights, np.float32), np.empty(n_lights, np.float32)
-    gammas_a, gammas_b = np.empty(n_directions, np.float32), np.empty(n_directions, np.float32)
-    lights, weights = np.empty(n_lights + 1, np.int64), np.empty(n_lights + 1, np.float32)
-    world, centre_world = np.empty((3, patch_points.shape[1]), np.float32), np.empty((3, n_patch), np.float32)
-    colours, sizes = np.zeros((n_patch, 3), np.float32), np.empty(n_patch, np.float32)
-    patch_bit, nothing = np.arange(n_patch), np.zeros(n_patch, np.int64)
-    shares_a, shares_b = np.empty(n_a + 1, np.float32), np.empty(n_b + 1, np.float32)
-    stack, depths = np.empty((3 * _MAX_SPLIT + 4, 9), np.float32), np.empty(3 * _MAX_SPLIT + 4, np.int64)
-    bands, frame = np.empty((n_a, n_b, 3), np.float32), np.empty((3, 3), np.float32)
-    written = 0
-    for i in range(rows.shape[0]):
-        r = rows[i]
-        _frame(tangent[r], normal[r], frame)
-        ox = frame[0, 0] * wo[r, 0] + frame[0, 1] * wo[r, 1] + frame[0, 2] * wo[r, 2]
-        oy = frame[1, 0] * wo[r, 0] + frame[1, 1] * wo[r, 1] + frame[1, 2] * wo[r, 2]
-        oz = frame[2, 0] * wo[r, 0] + frame[2, 1] * wo[r, 1] + frame[2, 2] * wo[r, 2]
-        bands[:] = np.float32(0.0)
-        if n_sky > 0:
-            n = list_visible(sky_bits[r], fine_bits[r], sky_first, sky_count, sky_fine, lights, weights)
-            to_local(sky_directions, frame, x, y, z)
-            gather_local(sky_centres, lights[:n], frame, cx, cy, cz)
-            k = sky_directions.shape[1]
-            project_lights(bands, n_a, n_b, x[:k], y[:k], z[:k], sky_corners, sky_sizes, lights[:n], weights, cx, cy, cz,
-                           sky_colours, q, model_kind, kind_a, kind_b, ox, oy, oz, gammas_a, gammas_b, shares_a, shares_b,
-                           stack, depths)
-        if n_patch > 0:
-            n = list_visible(patch_bits[r], patch_bits[r], nothing, nothing, patch_bit, lights, weights)
-            _towards(patch_points, position[r, 0], position[r, 1], position[r, 2], world)
-            _towards(patch_centres, position[r, 0], position[r, 1], position[r, 2], centre_world)
-            patch_power(world, patch_corners, patch_radiance, colours, sizes)
-            to_local(world, frame, x, y, z)
-            gather_local(centre_world, lights[:n], frame, cx, cy, cz)
-            k = patch_points.shape[1]
-            project_lights(bands, n_a, n_b, x[:k], y[:k], z[:k], patch_corners, sizes, lights[:n], weights, cx, cy, cz,
-                           colours, q, model_kind, kind_a, kind_b, ox, oy, oz, gammas_a, gammas_b, shares_a, shares_b,
-                           stack, depths)
-        start[i] = written
-        written = encode_bands(bands, trim, scale, first, count, i, values, written)
-    return written
+        ux, uy, uz, vx, vy, vz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
+        triple = ax * (uy * vz - uz * vy) + ay * (uz * vx - ux * vz) + az * (ux * vy - uy * vx)
+        cosines = (ax * bx + ay * by + az * bz) + (bx * cx + by * cy + bz * cz) + (cx * ax + cy * ay + cz * az)
+        solid_angle = np.float32(2.0) * math.atan2(abs(triple), np.float32(1.0) + cosines)
+        for channel in range(3):
+            colours[m, channel] = radiance[m, channel] * solid_angle
+        wx, wy, wz = cx - bx, cy - by, cz - bz
+        longest2 = max(ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz, wx * wx + wy * wy + wz * wz)
+        sizes[m] = np.sqrt(longest2)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _frame(tangent, normal, frame):
+def _set_frame(tangent, normal, frame):
     for axis in range(3):
         frame[0, axis] = tangent[axis]
         frame[2, axis] = normal[axis]
@@ -385,135 +358,51 @@ def _frame(tangent, normal, frame):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def encode_bands(bands, trim, scale, first, count, i, values, written):
-    """Append point i's bands to `values`; the ends of a row below trim · its maximum join the nearest kept entry."""
-    n_a, n_b = bands.shape[0], bands.shape[1]
-    largest = np.float32(0.0)
-    for j in range(n_a):
-        for k in range(n_b):
-            largest = max(largest, bands[j, k, 0], bands[j, k, 1], bands[j, k, 2])
-    scale[i] = largest
-    inverse = np.float32(1.0) / largest if largest > 0.0 else np.float32(0.0)
-    if n_b == 1:
-        for j in range(n_a):
-            values[written + j] = encode(bands[j, 0, 0] * inverse, bands[j, 0, 1] * inverse, bands[j, 0, 2] * inverse)
-        return written + n_a
-    for j in range(n_a):
-        row_largest = np.float32(0.0)
-        for k in range(n_b):
-            row_largest = max(row_largest, bands[j, k, 0], bands[j, k, 1], bands[j, k, 2])
-        low, high = 0, n_b
-        if row_largest > 0.0:
-            floor = trim * row_largest
-            while max(bands[j, low, 0], bands[j, low, 1], bands[j, low, 2]) <= floor:
-                for c in range(3):
-                    bands[j, low + 1, c] += bands[j, low, c]
-                low += 1
-            while max(bands[j, high - 1, 0], bands[j, high - 1, 1], bands[j, high - 1, 2]) <= floor and high - 1 > low:
-                for c in range(3):
-                    bands[j, high - 2, c] += bands[j, high - 1, c]
-                high -= 1
-        else:
-            high = 0
-        first[i, j] = low
-        count[i, j] = high - low
-        for k in range(low, high):
-            values[written] = encode(bands[j, k, 0] * inverse, bands[j, k, 1] * inverse, bands[j, k, 2] * inverse)
-            written += 1
+def _make_scratch(n_directions, n_lights, n_a, n_b):
+    depth = 3 * _MAX_SPLIT + 4
+    return _Scratch(
+        np.empty(n_directions, np.float32), np.empty(n_directions, np.float32), np.empty(n_directions, np.float32),
+        np.empty(n_lights, np.float32), np.empty(n_lights, np.float32), np.empty(n_lights, np.float32),
+        np.empty(n_directions, np.float32), np.empty(n_directions, np.float32),
+        np.empty(n_lights + 1, np.int64), np.empty(n_lights + 1, np.float32),
+        np.empty(n_a + 1, np.float32), np.empty(n_b + 1, np.float32),
+        np.empty((depth, 9), np.float32), np.empty(depth, np.int64),
+    )  # fmt: skip
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def project_tile(rows, surface, sky, patches, bits, optics, trim, encoded):
+    """Project all lights for one layer at the points `rows` and encode them; returns the number of values written."""
+    n_sky, n_patches = sky.corners.shape[0], patches.corners.shape[0]
+    n_sky_corners, n_patch_corners = sky.directions.shape[1], patches.points.shape[1]
+    s = _make_scratch(max(n_sky_corners, n_patch_corners), max(n_sky, n_patches), optics.n_a, optics.n_b)
+    corners_seen, centres_seen = np.empty((3, n_patch_corners), np.float32), np.empty((3, n_patches), np.float32)
+    colours, sizes = np.zeros((n_patches, 3), np.float32), np.empty(n_patches, np.float32)
+    own_bit = np.arange(n_patches)
+    bands, frame = np.empty((optics.n_a, optics.n_b, 3), np.float32), np.empty((3, 3), np.float32)
+    maxima = np.empty(optics.n_a, np.float32)
+    written = 0
+    for i in range(rows.shape[0]):
+        r = rows[i]
+        _set_frame(surface.tangent[r], surface.normal[r], frame)
+        wo = surface.wo[r]
+        ox = frame[0, 0] * wo[0] + frame[0, 1] * wo[1] + frame[0, 2] * wo[2]
+        oy = frame[1, 0] * wo[0] + frame[1, 1] * wo[1] + frame[1, 2] * wo[2]
+        oz = frame[2, 0] * wo[0] + frame[2, 1] * wo[1] + frame[2, 2] * wo[2]
+        bands[:] = np.float32(0.0)
+        if n_sky > 0:
+            n = list_visible(bits.sphere[r], bits.fine[r], sky.first, sky.count, sky.fine, s.lights, s.weights)
+            to_local(sky.directions, frame, s.x, s.y, s.z)
+            gather_local(sky.centres, s.lights, n, frame, s.cx, s.cy, s.cz)
+            _project_lights(bands, sky.corners, sky.sizes, sky.colours, n_sky_corners, n, optics, ox, oy, oz, s)
+        if n_patches > 0:
+            n = list_visible(bits.patches[r], bits.patches[r], own_bit, own_bit, own_bit, s.lights, s.weights)
+            _towards(patches.points, surface.position[r], corners_seen)
+            _towards(patches.centres, surface.position[r], centres_seen)
+            patch_colours(corners_seen, patches.corners, patches.radiance, colours, sizes)
+            to_local(corners_seen, frame, s.x, s.y, s.z)
+            gather_local(centres_seen, s.lights, n, frame, s.cx, s.cy, s.cz)
+            _project_lights(bands, patches.corners, sizes, colours, n_patch_corners, n, optics, ox, oy, oz, s)
+        encoded.start[i] = written
+        written = encode_bands(bands, trim, maxima, encoded, i, written)
     return written
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def encode(r, g, b):
-    """Three numbers in [0, 1] as nine-bit mantissas with one shared five-bit exponent (2^-30 … 2^1)."""
-    largest = max(r, g, b)
-    if not largest > np.float32(9.4e-13):
-        return np.uint32(0)
-    exponent = max(((np.float32(largest).view(np.int32) >> 23) & 255) - 126 + 30, 0)
-    unit = np.int32((127 + 39 - exponent) << 23).view(np.float32)
-    if largest * unit + np.float32(0.5) >= np.float32(512.0):
-        exponent += 1
-        unit *= np.float32(0.5)
-    red, green, blue = int(r * unit + np.float32(0.5)), int(g * unit + np.float32(0.5)), int(b * unit + np.float32(0.5))
-    return np.uint32(red | (green << 9) | (blue << 18) | (exponent << 27))
-
-
-UNITS = np.float32(2.0) ** (np.arange(32) - 39).astype(np.float32)
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def contract_tile(scale, first, count, start, values, n_a, n_b, coefficients, keep_a, wavelet, out, at, units):
-    """Contract the dormant factor; write the transport of the other, coefficient first, into out (J, P, 3) at column `at`.
-
-    keep_a: coefficients (K, 3) belong to factor B and out gets J rows, else coefficients (J, 3) and out gets K rows.
-    wavelet: store Daubechies-4 coefficients of the kept bands rather than the bands.
-    """
-    n_kept = n_a if keep_a else n_b
-    row, turned = np.empty((n_kept, 3), np.float32), np.empty((n_kept, 3), np.float32)
-    for i in range(scale.shape[0]):
-        row[:] = np.float32(0.0)
-        at_value = start[i]
-        for j in range(n_a):
-            low, n = 0, 1
-            if n_b > 1:
-                low, n = first[i, j], count[i, j]
-            for k in range(low, low + n):
-                value = values[at_value]
-                at_value += 1
-                unit = units[value >> np.uint32(27)]
-                r = np.float32(value & np.uint32(511)) * unit
-                g = np.float32((value >> np.uint32(9)) & np.uint32(511)) * unit
-                b = np.float32((value >> np.uint32(18)) & np.uint32(511)) * unit
-                kept, gone = (j, k) if keep_a else (k, j)
-                row[kept, 0] += r * coefficients[gone, 0]
-                row[kept, 1] += g * coefficients[gone, 1]
-                row[kept, 2] += b * coefficients[gone, 2]
-        if wavelet:
-            daubechies4(row, turned)
-        for j in range(n_kept):
-            for c in range(3):
-                out[j, at + i, c] = row[j, c] * scale[i]
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def radiance_tile(scale, first, count, start, values, n_a, n_b, c_a, c_b, out, at, units):
-    """out[at + i] = Σ_jk c_a[j] c_b[k] U_jk, summed in double precision: J·K terms of one sign."""
-    for i in range(scale.shape[0]):
-        red, green, blue = 0.0, 0.0, 0.0
-        at_value = start[i]
-        for j in range(n_a):
-            low, n = 0, 1
-            if n_b > 1:
-                low, n = first[i, j], count[i, j]
-            for k in range(low, low + n):
-                value = values[at_value]
-                at_value += 1
-                unit = units[value >> np.uint32(27)]
-                red += np.float32(value & np.uint32(511)) * unit * c_a[j, 0] * c_b[k, 0]
-                green += np.float32((value >> np.uint32(9)) & np.uint32(511)) * unit * c_a[j, 1] * c_b[k, 1]
-                blue += np.float32((value >> np.uint32(18)) & np.uint32(511)) * unit * c_a[j, 2] * c_b[k, 2]
-        out[at + i, 0], out[at + i, 1], out[at + i, 2] = red * scale[i], green * scale[i], blue * scale[i]
-
-
-D4 = np.array([0.4829629131445341, 0.8365163037378077, 0.2241438680420134, -0.1294095225512603]).astype(np.float32)
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def daubechies4(row, scratch):
-    """Orthonormal periodic Daubechies-4 transform along axis 0, in place: the fast form of `curve.wavelet`."""
-    n = row.shape[0]
-    while n > 1:
-        half = n // 2
-        for i in range(half):
-            for c in range(3):
-                low = np.float32(0.0)
-                high = np.float32(0.0)
-                for t in range(4):
-                    x = row[(2 * i + t) % n, c]
-                    low += D4[t] * x
-                    high += (D4[3 - t] if t % 2 == 0 else -D4[3 - t]) * x
-                scratch[i, c], scratch[half + i, c] = low, high
-        for i in range(n):
-            for c in range(3):
-                row[i, c] = scratch[i, c]
-        n = half

@@ -151,11 +151,13 @@ def count_bits(words):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def list_rays(rows, todo, position, lifted, targets, finite, ray_block, ray_target, ray_origin, ray_direction, ray_distance):
+def list_rays(
+    rows, todo, position, lifted, targets, finite, ray_block, ray_target, ray_origin, ray_direction, ray_distance
+):
     """Write one shadow ray for each set bit of `todo`; the arrays hold exactly as many.
 
-    `lifted` is the point raised off its surface towards the eye. Light that the shading normal faces but the surface does
-    not starts from the other side, as path tracers do: a smooth mesh must not shade itself along its facets.
+    `lifted` is the point raised off its surface towards the eye. Light that the shading normal faces but the surface
+    does not starts from the other side, as path tracers do: a smooth mesh must not shade itself along its facets.
     """
     n = 0
     for b in range(rows.shape[0]):

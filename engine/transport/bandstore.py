@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.transport import _projection_kernels as kernels
+from engine.transport import _band_kernels as kernels
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,13 @@ class BandTile:
         return sum(a.nbytes for a in (self.scale, self.first, self.count, self.start, self.values))
 
     def arrays(self) -> dict[str, np.ndarray]:
-        return {"scale": self.scale, "first": self.first, "count": self.count, "start": self.start, "values": self.values}
+        return {
+            "scale": self.scale,
+            "first": self.first,
+            "count": self.count,
+            "start": self.start,
+            "values": self.values,
+        }
 
 
 @dataclass(frozen=True)
@@ -94,13 +100,17 @@ class BandStore:
             for _ in pool.map(work, self.tiles):
                 pass
 
-
     def arrays(self) -> dict[str, np.ndarray]:
         """The whole store as five arrays, for a file; `store_from_arrays` reads it back."""
         offsets = np.cumsum([0] + [len(tile.values) for tile in self.tiles])
-        joined = {name: np.concatenate([tile.arrays()[name] for tile in self.tiles]) for name in ("scale", "first", "count")}
+        joined = {
+            name: np.concatenate([tile.arrays()[name] for tile in self.tiles]) for name in ("scale", "first", "count")
+        }
         starts = [tile.start + offset for tile, offset in zip(self.tiles, offsets, strict=False)]
-        return joined | {"start": np.concatenate(starts), "values": np.concatenate([tile.values for tile in self.tiles])}
+        return joined | {
+            "start": np.concatenate(starts),
+            "values": np.concatenate([tile.values for tile in self.tiles]),
+        }
 
 
 def store_from_arrays(bands: tuple[int, int], arrays: Mapping[str, np.ndarray], chunk: int = 2048) -> BandStore:

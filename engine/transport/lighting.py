@@ -1,9 +1,9 @@
 """Light as the projection wants it: a cut of sky triangles and a set of patches, with what visibility asks of each.
 
-Sky lights coarser than the visibility level see the fraction of their visible descendants (softer, truer than one ray);
-lights finer than it get directions of their own, traced once for this cut. Measured on the reference tea tray with
-4,000 lights: 2.5 % error with the level-4 bits alone, 0.9 % with own rays for the 800 finest lights, 0.9 % with the whole
-sphere at level 5, which costs four times the rays.
+Sky lights coarser than the visibility level see the fraction of their visible descendants (softer, truer than one
+ray); lights finer than it get directions of their own, traced once for this cut. Measured on the reference tea tray
+with 4,000 lights: 2.5 % error with the level-4 bits alone, 0.9 % with own rays for the 800 finest lights, 1.1 % with
+the whole sphere at level 5, which costs four times the rays.
 
 Radiance is divided by `unit`, the light's mean radiance, so that transport has the same range whatever the light's
 unit; the picture is multiplied back.
@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from engine.light.emitters import EmitterPatches
 from engine.light.lights import TriangleLights
-from engine.sphere.geodesic import geodesic
+from engine.transport._projection_kernels import Patches, Sky
 from engine.transport.visibility import VISIBILITY_LEVEL, Targets
 
 FLOOD_NEIGHBOURS = 6
@@ -24,46 +24,31 @@ PATCH_SENTINELS = 8
 
 
 @dataclass(frozen=True)
-class SkyLights:
-    """M triangle lights as plain arrays, see `_projection_kernels.project_tile`: directions (3, N), colours (M, 3)."""
-
-    directions: np.ndarray
-    corners: np.ndarray
-    sizes: np.ndarray
-    centres: np.ndarray
-    colours: np.ndarray
-    first: np.ndarray
-    count: np.ndarray
-    fine: np.ndarray
-
-
-@dataclass(frozen=True)
-class PatchLights:
-    """M patches of area emitters as plain arrays: points and centres (3, N)."""
-
-    points: np.ndarray
-    corners: np.ndarray
-    centres: np.ndarray
-    radiance: np.ndarray
-
-
-@dataclass(frozen=True)
 class Lighting:
-    """All light of a scene in units of `unit` (radiance), and the targets whose visibility it needs."""
+    """All light of a scene in units of `unit` (radiance), and the targets whose visibility it needs.
 
-    sky: SkyLights
-    patches: PatchLights
+    tolerance: how many bands γ may bend over a light before the light is split.
+    """
+
+    sky: Sky
+    patches: Patches
     unit: float
+    tolerance: float
     fine_targets: Targets
     patch_targets: Targets
 
 
-def prepare_lighting(sky: TriangleLights | None, patches: EmitterPatches | None, level: int = VISIBILITY_LEVEL) -> Lighting:
-    """Gather sky and patches; either may be missing, both missing is a dark scene."""
+def prepare_lighting(
+    sky: TriangleLights | None, patches: EmitterPatches | None, tolerance: float, own_rays: bool = False
+) -> Lighting:
+    """Gather sky and patches; either may be missing, both missing is a dark scene.
+
+    own_rays: trace every sky light by its centre, so that the sphere's visibility is not needed.
+    """
     unit = _mean_radiance(sky, patches)
-    sky_lights, fine_targets = _sky(sky, unit, level)
+    sky_lights, fine_targets = _sky(sky, unit, own_rays)
     patch_lights, patch_targets = _patches(patches, unit)
-    return Lighting(sky_lights, patch_lights, unit, fine_targets, patch_targets)
+    return Lighting(sky_lights, patch_lights, unit, tolerance, fine_targets, patch_targets)
 
 
 def _mean_radiance(sky: TriangleLights | None, patches: EmitterPatches | None) -> float:
@@ -75,7 +60,7 @@ def _mean_radiance(sky: TriangleLights | None, patches: EmitterPatches | None) -
     return total if total > 0.0 else 1.0
 
 
-def _sky(sky: TriangleLights | None, unit: float, level: int) -> tuple[SkyLights, Targets]:
+def _sky(sky: TriangleLights | None, unit: float, own_rays: bool) -> tuple[Sky, Targets]:
     if sky is None:
         sky_power, sky_centre = np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32)
         corners, vertices = np.zeros((0, 3), np.int32), np.zeros((0, 3), np.float32)
@@ -83,12 +68,12 @@ def _sky(sky: TriangleLights | None, unit: float, level: int) -> tuple[SkyLights
     else:
         sky_power, sky_centre, corners, vertices = sky.power, sky.centre, sky.corners, sky.vertices
         light_level, index = sky.level.astype(np.int64), sky.index.astype(np.int64)
-    coarse = np.maximum(level - light_level, 0)
-    finer = np.maximum(light_level - level, 0)
+    coarse = np.maximum(VISIBILITY_LEVEL - light_level, 0)
+    finer = np.maximum(light_level - VISIBILITY_LEVEL, 0)
     first = (index << (2 * coarse)) >> (2 * finer)
-    is_fine = light_level > level
+    is_fine = (light_level > VISIBILITY_LEVEL) | own_rays
     fine = np.where(is_fine, np.cumsum(is_fine) - 1, -1)
-    lights = SkyLights(
+    lights = Sky(
         np.ascontiguousarray(vertices.T, np.float32),
         np.ascontiguousarray(corners, np.int32),
         longest_edges(vertices[corners]),
@@ -99,17 +84,18 @@ def _sky(sky: TriangleLights | None, unit: float, level: int) -> tuple[SkyLights
         fine.astype(np.int64),
     )
     directions = np.ascontiguousarray(sky_centre[is_fine], np.float32)
-    return lights, Targets(
-        directions, np.zeros_like(directions), nearest_neighbours(directions), parents=first[is_fine].astype(np.int32)
-    )
+    parents = None if own_rays else first[is_fine].astype(np.int32)
+    return lights, Targets(directions, np.zeros_like(directions), nearest_neighbours(directions), parents=parents)
 
 
-def _patches(patches: EmitterPatches | None, unit: float) -> tuple[PatchLights, Targets]:
+def _patches(patches: EmitterPatches | None, unit: float) -> tuple[Patches, Targets]:
     if patches is None:
         none = np.zeros((0, 3), np.float32)
-        return PatchLights(none.T, np.zeros((0, 3), np.int32), none.T, none), Targets(none, none, nearest_neighbours(none), True)
+        return Patches(none.T, np.zeros((0, 3), np.int32), none.T, none), Targets(
+            none, none, nearest_neighbours(none), True
+        )
     points, corners = np.unique(patches.corners.reshape(-1, 3), axis=0, return_inverse=True)
-    lights = PatchLights(
+    lights = Patches(
         np.ascontiguousarray(points.T, np.float32),
         np.ascontiguousarray(corners.reshape(-1, 3), np.int32),
         np.ascontiguousarray(patches.centre.T, np.float32),
@@ -136,5 +122,3 @@ def nearest_neighbours(points: np.ndarray) -> np.ndarray:
         _, found = cKDTree(points).query(points, k + 1)
         neighbours[:, :k] = found[:, 1:]
     return neighbours
-
-

@@ -31,20 +31,26 @@ from engine.transport.visibility import (
 
 @dataclass(frozen=True)
 class Quality:
-    """How finely a stage computes: every `stride`-th pixel, sky lights, patches of emitters, deepest sky triangle."""
+    """How finely a stage computes.
+
+    Every `stride`-th pixel; sky lights; patches of emitters; deepest sky triangle; how many bands γ may bend over a
+    light. own_rays: while the sphere's visibility is not known, trace the lights of the cut alone.
+    """
 
     name: str
     stride: int
     n_lights: int
     n_patches: int
     max_level: int = 6
+    tolerance: float = 0.5
+    own_rays: bool = True
 
 
 COARSE = Quality("coarse", 4, 400, 32)
 PREVIEW = Quality("preview", 1, 400, 32)
-FINAL = Quality("final", 1, 4000, 256)
-# While a light is dragged nothing is traced: the brightest regions make do with the sphere's own bits.
-DRAG = Quality("drag", 8, 400, 16, VISIBILITY_LEVEL)
+FINAL = Quality("final", 1, 4000, 256, tolerance=0.1, own_rays=False)
+# While a light is dragged nothing new is traced: the brightest regions make do with the sphere's own bits.
+DRAG = Quality("drag", 8, 400, 16, VISIBILITY_LEVEL, own_rays=False)
 
 
 @dataclass(frozen=True)
@@ -87,15 +93,21 @@ class Placement:
 
     def light(self, sky: SkyState, quality: Quality) -> Generator[float, None, VisibleLight]:
         """Cut the light of a stage and see everything in it."""
+        rows = self.rows(quality.stride)
+        own_rays = quality.own_rays and not self.sphere.done[rows].all()
         cut = None
         if sky.environment is not None:
-            yield from self._see(self.sphere, quality.stride)
             cut = cut_lights(sky.environment, quality.n_lights, sky.rotation, quality.max_level)
             cut = replace(cut, power=(cut.power * np.float32(sky.scale)).astype(np.float32))
-        lighting = prepare_lighting(cut, self.patches(quality.n_patches))
+            if not own_rays:
+                yield from self._see(self.sphere, quality.stride)
+        lighting = prepare_lighting(cut, self.patches(quality.n_patches), quality.tolerance, own_rays)
         fine = empty_visibility(self.hits, lighting.fine_targets)
+        if own_rays:
+            yield from self._see(fine, quality.stride)
+        else:
+            yield from refine_visibility(self.hits, self.caster, fine, self.sphere, rows)
         patches = empty_visibility(self.hits, lighting.patch_targets)
-        yield from refine_visibility(self.hits, self.caster, fine, self.sphere, self.rows(quality.stride))
         yield from self._see(patches, quality.stride)
         return VisibleLight(lighting, self.sphere, fine, patches)
 
@@ -110,4 +122,3 @@ class Placement:
     def _see(self, visibility: Visibility, stride: int) -> Iterator[float]:
         yield from coherent_visibility(self.hits, self.caster, visibility, stride)
         evaluate_rows(self.hits, self.caster, visibility, self.rows(stride))
-

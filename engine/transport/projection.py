@@ -19,7 +19,7 @@ TRIM = 1e-4
 
 @dataclass(frozen=True)
 class LayerShape:
-    """What the transport of a layer depends on: its model, the fixed part's parameters, bands (J, K); K = 1: one curve."""
+    """What the transport of a layer depends on: model, parameters of the fixed part, bands (J, K); K = 1: one curve."""
 
     model: str
     quotient_parameters: tuple[float, ...]
@@ -43,9 +43,7 @@ def project_layer(
 
     skip: indices of tiles that the caller has already.
     """
-    tiles = [
-        (begin, rows[begin : begin + TILE]) for i, begin in enumerate(range(0, len(rows), TILE)) if i not in skip
-    ]
+    tiles = [(begin, rows[begin : begin + TILE]) for i, begin in enumerate(range(0, len(rows), TILE)) if i not in skip]
     with ThreadPoolExecutor(2) as pool:
         for pair in (tiles[i : i + 2] for i in range(0, len(tiles), 2)):
             yield from pool.map(lambda tile: project_points(hits, tile[1], light, layer, tile[0]), pair)
@@ -58,17 +56,18 @@ def project_points(hits: PrimaryHits, rows: np.ndarray, light: VisibleLight, lay
     model = MODELS[layer.model]
     kind_a = model.factors[0].gamma
     kind_b = model.factors[1].gamma if len(model.factors) > 1 else kind_a
-    scale, start = np.empty(n_points, np.float32), np.empty(n_points, np.int64)
-    runs = (n_points, n_a if n_b > 1 else 0)
-    first, count = np.zeros(runs, np.uint8), np.zeros(runs, np.uint8)
-    values = np.empty(n_points * n_a * n_b, np.uint32)
-    sky, patches = light.lighting.sky, light.lighting.patches
+    encoded = kernels.Encoded(
+        np.empty(n_points, np.float32),
+        np.zeros((n_points, n_a if n_b > 1 else 0), np.uint8),
+        np.zeros((n_points, n_a if n_b > 1 else 0), np.uint8),
+        np.empty(n_points, np.int64),
+        np.empty(n_points * n_a * n_b, np.uint32),
+    )
+    q = np.asarray(layer.quotient_parameters, np.float64)
+    optics = kernels.Optics(model.kind, q, kind_a, kind_b, n_a, n_b, np.float32(light.lighting.tolerance))
+    surface = kernels.Surface(hits.position, hits.tangent, hits.normal, hits.wo)
+    bits = kernels.Bits(light.sphere.bits, light.fine.bits, light.patches.bits)
     n_values = kernels.project_tile(
-        rows, hits.position, hits.tangent, hits.normal, hits.wo,
-        sky.directions, sky.corners, sky.sizes, sky.centres, sky.colours, sky.first, sky.count, sky.fine,
-        light.sphere.bits, light.fine.bits,
-        patches.points, patches.corners, patches.centres, patches.radiance, light.patches.bits,
-        np.asarray(layer.quotient_parameters, np.float64), model.kind, kind_a, kind_b, n_a, n_b, np.float32(TRIM),
-        scale, first, count, start, values,
-    )  # fmt: skip
-    return BandTile(begin, scale, first, count, start, values[:n_values].copy())
+        rows, surface, light.lighting.sky, light.lighting.patches, bits, optics, np.float32(TRIM), encoded
+    )
+    return BandTile(begin, *encoded[:-1], encoded.values[:n_values].copy())

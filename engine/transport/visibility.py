@@ -3,9 +3,9 @@
 Targets are directions (triangles of the geodesic sphere) or points (patches of an area light). Geometry alone decides,
 so the answer outlives every edit of material and of light.
 
-`coherent_visibility` evaluates the picture coarse to fine (16, 8, 4, 2, 1; square then diamond steps). A point whose four
-evaluated neighbours on the same object agree is predicted; where they disagree a ray is traced, and where the answer
-contradicts the guess, the neighbouring targets that now disagree are traced too (OPT). Two changes to the thesis, both
+`coherent_visibility` evaluates the picture coarse to fine (16, 8, 4, 2, 1; square then diamond steps). A point whose
+four evaluated neighbours on the same object agree is predicted; where they disagree a ray is traced, and where the
+answer contradicts the guess, the neighbouring targets that now disagree are traced too (OPT). Two changes to the thesis, both
 measured on the reference tea tray: neighbours must face alike (0.8 in cosine), and flooding goes on in the last step,
 which costs a quarter more rays and leaves 0.005 % of the answers wrong in place of 0.03 %, with no point badly wrong.
 All points of a block go to Embree as one batch a round; the bit work between rounds is compiled.
@@ -100,7 +100,7 @@ def empty_visibility(hits: PrimaryHits, targets: Targets) -> Visibility:
 
 @dataclass(frozen=True)
 class GridStep:
-    """One step towards a lattice of `stride` pixels: rows to evaluate, and the rows (B, 4) that inform each (-1: none)."""
+    """One step towards a lattice of `stride` pixels: rows (B,), and the rows (B, 4) that inform each (-1: none)."""
 
     stride: int
     rows: np.ndarray
@@ -182,7 +182,9 @@ def coherent_visibility(
             blocks = [slice(i, i + BLOCK) for i in range(0, len(rows), BLOCK)]
             for group in (blocks[i : i + 8] for i in range(0, len(blocks), 8)):
                 jobs = [(rows[block], informers[block]) for block in group]
-                for count in pool.map(lambda job: _evaluate_block(hits, caster, visibility, job[0], informed(*job)), jobs):
+                for count in pool.map(
+                    lambda job: _evaluate_block(hits, caster, visibility, job[0], informed(*job)), jobs
+                ):
                     visibility.rays.traced += count[0]
                     visibility.rays.possible += count[1]
                 for job in jobs:
@@ -225,17 +227,13 @@ def _evaluate_block(hits, caster, visibility, rows, guess) -> tuple[int, int]:
     horizon = np.empty((len(rows), targets.n_words), np.uint64)
     todo = np.zeros_like(horizon)
     traced = np.zeros_like(horizon)
-    kernels.horizon_bits(
-        rows, hits.position, hits.normal, targets.positions, targets.normals, targets.finite, horizon
-    )
+    kernels.horizon_bits(rows, hits.position, hits.normal, targets.positions, targets.normals, targets.finite, horizon)
     guess(rows, horizon, todo)
     n_traced, uncertain = 0, True
     while n_rays := kernels.count_bits(todo):
         n_traced += n_rays
         block, target, blocked = _trace(hits, caster, targets, rows, todo, n_rays)
-        kernels.apply_answers(
-            rows, block, target, blocked, uncertain, bits, horizon, targets.neighbours, traced, todo
-        )
+        kernels.apply_answers(rows, block, target, blocked, uncertain, bits, horizon, targets.neighbours, traced, todo)
         uncertain = False
     return n_traced, int(kernels.count_bits(horizon))
 

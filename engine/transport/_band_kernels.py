@@ -1,0 +1,144 @@
+"""Packing and contracting the bands of a point: see `bandstore` for the encoding."""
+
+import numba as nb
+import numpy as np
+
+UNITS = np.float32(2.0) ** (np.arange(32) - 39).astype(np.float32)
+D4 = np.array([0.4829629131445341, 0.8365163037378077, 0.2241438680420134, -0.1294095225512603]).astype(np.float32)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"nnan", "nsz"})
+def _row_maxima(bands, out):
+    """Largest entry of each row of bands (J, K, 3); out (J,)."""
+    for j in range(bands.shape[0]):
+        largest = np.float32(0.0)
+        for k in range(bands.shape[1]):
+            largest = max(largest, max(bands[j, k, 0], max(bands[j, k, 1], bands[j, k, 2])))
+        out[j] = largest
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def encode_bands(bands, trim, maxima, encoded, i, written):
+    """Append point i's bands to `values`; the ends of a row below trim · its maximum join the nearest kept entry."""
+    n_a, n_b = bands.shape[0], bands.shape[1]
+    values = encoded.values
+    _row_maxima(bands, maxima)
+    largest = np.float32(0.0)
+    for j in range(n_a):
+        largest = max(largest, maxima[j])
+    encoded.scale[i] = largest
+    inverse = np.float32(1.0) / largest if largest > 0.0 else np.float32(0.0)
+    if n_b == 1:
+        for j in range(n_a):
+            values[written + j] = encode(bands[j, 0, 0] * inverse, bands[j, 0, 1] * inverse, bands[j, 0, 2] * inverse)
+        return written + n_a
+    for j in range(n_a):
+        low, high = 0, n_b
+        if maxima[j] > 0.0:
+            floor = trim * maxima[j]
+            while max(bands[j, low, 0], bands[j, low, 1], bands[j, low, 2]) <= floor:
+                for c in range(3):
+                    bands[j, low + 1, c] += bands[j, low, c]
+                low += 1
+            while high - 1 > low and max(bands[j, high - 1, 0], bands[j, high - 1, 1], bands[j, high - 1, 2]) <= floor:
+                for c in range(3):
+                    bands[j, high - 2, c] += bands[j, high - 1, c]
+                high -= 1
+        else:
+            high = 0
+        encoded.first[i, j] = low
+        encoded.count[i, j] = high - low
+        for k in range(low, high):
+            values[written] = encode(bands[j, k, 0] * inverse, bands[j, k, 1] * inverse, bands[j, k, 2] * inverse)
+            written += 1
+    return written
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def encode(r, g, b):
+    """Three numbers in [0, 1] as nine-bit mantissas with one shared five-bit exponent (2^-30 … 2^1)."""
+    largest = max(r, g, b)
+    if not largest > np.float32(9.4e-13):
+        return np.uint32(0)
+    exponent = max(((np.float32(largest).view(np.int32) >> 23) & 255) - 126 + 30, 0)
+    unit = np.int32((127 + 39 - exponent) << 23).view(np.float32)
+    if largest * unit + np.float32(0.5) >= np.float32(512.0):
+        exponent += 1
+        unit *= np.float32(0.5)
+    red, green, blue = int(r * unit + np.float32(0.5)), int(g * unit + np.float32(0.5)), int(b * unit + np.float32(0.5))
+    return np.uint32(red | (green << 9) | (blue << 18) | (exponent << 27))
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def daubechies4(row, scratch):
+    """Orthonormal periodic Daubechies-4 transform along axis 0, in place: the fast form of `curve.wavelet`."""
+    n = row.shape[0]
+    while n > 1:
+        half = n // 2
+        for i in range(half):
+            for c in range(3):
+                low = np.float32(0.0)
+                high = np.float32(0.0)
+                for t in range(4):
+                    x = row[(2 * i + t) % n, c]
+                    low += D4[t] * x
+                    high += (D4[3 - t] if t % 2 == 0 else -D4[3 - t]) * x
+                scratch[i, c], scratch[half + i, c] = low, high
+        for i in range(n):
+            for c in range(3):
+                row[i, c] = scratch[i, c]
+        n = half
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def contract_tile(scale, first, count, start, values, n_a, n_b, coefficients, keep_a, wavelet, out, at, units):
+    """Contract the dormant factor; write the transport of the other into out (J, P, 3) from column `at` on.
+
+    keep_a: coefficients (K, 3) belong to factor B and out gets J rows, else coefficients (J, 3) and out gets K rows.
+    wavelet: store Daubechies-4 coefficients of the kept bands rather than the bands.
+    """
+    n_kept = n_a if keep_a else n_b
+    row, turned = np.empty((n_kept, 3), np.float32), np.empty((n_kept, 3), np.float32)
+    for i in range(scale.shape[0]):
+        row[:] = np.float32(0.0)
+        at_value = start[i]
+        for j in range(n_a):
+            low, n = 0, 1
+            if n_b > 1:
+                low, n = first[i, j], count[i, j]
+            for k in range(low, low + n):
+                value = values[at_value]
+                at_value += 1
+                unit = units[value >> np.uint32(27)]
+                r = np.float32(value & np.uint32(511)) * unit
+                g = np.float32((value >> np.uint32(9)) & np.uint32(511)) * unit
+                b = np.float32((value >> np.uint32(18)) & np.uint32(511)) * unit
+                kept, gone = (j, k) if keep_a else (k, j)
+                row[kept, 0] += r * coefficients[gone, 0]
+                row[kept, 1] += g * coefficients[gone, 1]
+                row[kept, 2] += b * coefficients[gone, 2]
+        if wavelet:
+            daubechies4(row, turned)
+        for j in range(n_kept):
+            for c in range(3):
+                out[j, at + i, c] = row[j, c] * scale[i]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def radiance_tile(scale, first, count, start, values, n_a, n_b, c_a, c_b, out, at, units):
+    """out[at + i] = Σ_jk c_a[j] c_b[k] U_jk, summed in double precision: J·K terms of one sign."""
+    for i in range(scale.shape[0]):
+        red, green, blue = 0.0, 0.0, 0.0
+        at_value = start[i]
+        for j in range(n_a):
+            low, n = 0, 1
+            if n_b > 1:
+                low, n = first[i, j], count[i, j]
+            for k in range(low, low + n):
+                value = values[at_value]
+                at_value += 1
+                unit = units[value >> np.uint32(27)]
+                red += np.float32(value & np.uint32(511)) * unit * c_a[j, 0] * c_b[k, 0]
+                green += np.float32((value >> np.uint32(9)) & np.uint32(511)) * unit * c_a[j, 1] * c_b[k, 1]
+                blue += np.float32((value >> np.uint32(18)) & np.uint32(511)) * unit * c_a[j, 2] * c_b[k, 2]
+        out[at + i, 0], out[at + i, 1], out[at + i, 2] = red * scale[i], green * scale[i], blue * scale[i]
