@@ -19,6 +19,7 @@ VERSION = 1
 LEFT_WIDTH = 216.0
 RIGHT_WIDTH = 306.0
 CURVE_SHARE = 0.45
+LIGHT_HEIGHT, ACCURACY_HEIGHT = 250.0, 252.0
 DOCK_SPACE = "insitu.dock"
 
 
@@ -62,8 +63,11 @@ def build_default(identity: int, size: ImVec2, scale: float) -> None:
     left, rest = _split(identity, imgui.Dir.left, min(LEFT_WIDTH * scale / size.x, 0.25))
     right, middle = _split(rest, imgui.Dir.right, min(RIGHT_WIDTH * scale / (size.x - LEFT_WIDTH * scale), 0.4))
     curve, picture = _split(middle, imgui.Dir.down, CURVE_SHARE)
-    accuracy, upper = _split(right, imgui.Dir.down, 0.352)
-    light, material = _split(upper, imgui.Dir.down, 0.495)
+    column = imgui.internal.dock_builder_get_node(right).size.y
+    accuracy, upper = _split(right, imgui.Dir.down, min(ACCURACY_HEIGHT * scale / column, 0.36))
+    light, material = _split(
+        upper, imgui.Dir.down, min(LIGHT_HEIGHT * scale / (column - ACCURACY_HEIGHT * scale), 0.54)
+    )
     places = (left, picture, curve, material, light, accuracy)
     for panel, node in zip(PANELS, places, strict=True):
         builder.dock_builder_dock_window(panel.window, node)

@@ -163,7 +163,7 @@ class Shell:
         outcome = self.actor.perform(actions, self.state, now)
         self.state = outcome.state
         self._rebuild_layout = outcome.reset_layout
-        working = self.source.advance(self.editor, now) if self.source is not None else False
+        working = self._advance(now)
         target.use()
         target.clear(*theme.BACKDROP)
         self._interface.render(target)
@@ -173,7 +173,7 @@ class Shell:
 
     def idle(self, now: float) -> bool:
         """Between frames: take the worker's answers. Whether there is something new to draw."""
-        working = self.source.advance(self.editor, now) if self.source is not None else False
+        working = self._advance(now)
         telling = _telling(self.editor.status)
         changed, self._told = telling != self._told, telling
         return working or changed
@@ -184,6 +184,18 @@ class Shell:
         layout.save(self._layout_file, self.theme.scale)
         self._interface.release()
         imgui.destroy_context(self._imgui)
+
+    def _advance(self, now: float) -> bool:
+        """Bring the picture up to date; textures that were replaced since the panels drew are drawn in their stead."""
+        source = self.source
+        if source is None:
+            return False
+        before = [(t.glo if t is not None else 0, t) for t in (source.picture, source.environment)]
+        working = source.advance(self.editor, now)
+        for (reference, old), new in zip(before, (source.picture, source.environment), strict=True):
+            if old is not None and old is not new:
+                self._interface.substitute(reference, new)
+        return working
 
     def _result(self, busy: bool, screenshot: Path | None, quit: bool) -> FrameResult:
         since = self._clock() - self._last_input
@@ -226,6 +238,7 @@ class Shell:
     def _picture(self, texture: moderngl.Texture | None) -> Picture | None:
         if texture is None:
             return None
+        texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
         return Picture(self._interface.register(texture), texture.width, texture.height)
 
     def _panels(self, context: PanelContext) -> list[Action]:

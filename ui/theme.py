@@ -171,7 +171,7 @@ def set_style(scale: float) -> None:
 def _set_sizes(style: imgui.Style) -> None:
     style.window_padding = ImVec2(12, 10)
     style.frame_padding = ImVec2(8, 4)
-    style.item_spacing = ImVec2(8, 7)
+    style.item_spacing = ImVec2(8, 5)
     style.item_inner_spacing = ImVec2(6, 5)
     style.cell_padding = ImVec2(4, 3)
     style.indent_spacing = 16

@@ -46,6 +46,13 @@ class InterfaceRenderer:
         self._textures[texture.glo] = texture
         return imgui.ImTextureRef(texture.glo)
 
+    def substitute(self, reference: int, texture: moderngl.Texture | None) -> None:
+        """Draw `texture` where panels of this frame asked for `reference`, which has been released meanwhile."""
+        if texture is None:
+            self._textures.pop(reference, None)
+        else:
+            self._textures[reference] = texture
+
     def render(self, target: moderngl.Framebuffer) -> None:
         """Draw what imgui.render() collected into `target`, which must be the size of imgui's display."""
         data = imgui.get_draw_data()

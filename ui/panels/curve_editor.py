@@ -225,6 +225,7 @@ def _interact(context: PanelContext, curves: Curves, frame: plot.Frame, hand: Ha
     handles = _handle_places(context, curves, frame, hand) if curves.editable else {}
     for name, place in handles.items():
         context.handles.note(f"curve.{name}", *place)
+    context.handles.note("curve.line", *_on_the_line(curves, frame))
     context.handles.note("curve.plot", 0.5 * (frame.x.start + frame.x.end), 0.5 * (frame.y.start + frame.y.end))
     mouse, grip = imgui.get_mouse_pos(), _grip(context)
     hot = None
@@ -234,7 +235,7 @@ def _interact(context: PanelContext, curves: Curves, frame: plot.Frame, hand: Ha
         _explain(hot, hand)
     actions: list[Action] = []
     if imgui.is_item_activated():
-        actions += _take_hold(context, curves, frame, hand, hot, handles, mouse)
+        actions += _take_hold(context, curves, frame, hand, hot, mouse)
     elif imgui.is_item_active() and grip is not None:
         actions += _drag(context, curves, frame, hand, grip, mouse)
     if imgui.is_item_deactivated() and grip is not None:
@@ -242,6 +243,13 @@ def _interact(context: PanelContext, curves: Curves, frame: plot.Frame, hand: Ha
     if imgui.is_item_hovered() and grip is None:
         actions += _zoom(context, frame, mouse)
     return hot, actions
+
+
+def _on_the_line(curves: Curves, frame: plot.Frame) -> tuple[float, float]:
+    """A place on the curve, a twentieth of the visible angle from the left, where a script can pull it."""
+    gamma = frame.x.low + 0.05 * (frame.x.high - frame.x.low)
+    value = float(apply_operators(curves.operators, curves.generated)(np.array([gamma])).max())
+    return frame.x.to_pixel(gamma), frame.y.to_pixel(value)
 
 
 def _handle_places(
@@ -313,7 +321,6 @@ def _take_hold(
     frame: plot.Frame,
     hand: Hand,
     hot: str | None,
-    handles: dict[str, tuple[float, float]],
     mouse: ImVec2,
 ) -> list[Action]:
     if imgui.is_mouse_double_clicked(0) and hot is None:
@@ -333,18 +340,18 @@ def _take_hold(
     )
     if hot == "pull":
         regions = regions_around(frame.x.to_value(mouse.x), frame.x.high - frame.x.low)
-        new = dataclasses.replace(grip, handle="magnitude", index=None, pair=False, regions=regions)
-        place = knob_of(Hand(fresh(context.view.active_tool, regions, context.view.channels), None),
-                        apply_operators(curves.operators, curves.generated))  # fmt: skip
-        at = plot.knob_place(context, frame, place)
-        new = dataclasses.replace(new, offset=(mouse.x - at[0], mouse.y - at[1]))
-        return [SetView.of(operator=None, regions=regions), BeginDrag(None), Hold(new)]
-    if hot != "region" and hot != "pan":
-        held = handles[hot]
-        from_bar = hot in END_NAMES and mouse.y >= frame.y.end
-        x = frame.x.to_pixel(hand.regions[END_NAMES.index(hot)]) if hot in END_NAMES else held[0]
-        grip = dataclasses.replace(grip, offset=(mouse.x - x, 0.0 if from_bar else mouse.y - held[1]))
-    return [BeginDrag(None), Hold(grip)]
+        grip = dataclasses.replace(grip, handle="magnitude", index=None, pair=False, regions=regions)
+        hand = Hand(fresh(context.view.active_tool, regions, context.view.channels), None)
+    if hot in ("pull", "magnitude"):
+        # Measured from where the feature truly is, which may lie off the plot, so that nothing jumps.
+        knob = _knob(curves, hand)
+        place = frame.x.to_pixel(knob.x), frame.y.to_pixel(knob.y)
+        grip = dataclasses.replace(grip, offset=(mouse.x - place[0], mouse.y - place[1]))
+    elif hot in END_NAMES:
+        place = frame.x.to_pixel(hand.regions[END_NAMES.index(hot)]), mouse.y
+        grip = dataclasses.replace(grip, offset=(mouse.x - place[0], 0.0))
+    actions: list[Action] = [SetView.of(operator=None, regions=grip.regions)] if hot == "pull" else []
+    return [*actions, BeginDrag(None), Hold(grip)]
 
 
 def _drag(

@@ -56,7 +56,7 @@ def _heading(context: PanelContext, name: str, layer: Layer, editable: bool) -> 
 
 def _label_width(context: PanelContext, layer: Layer) -> float:
     """A column, at scale 1, in which the model's longest label fits, within limits."""
-    longest = max((imgui.calc_text_size(p.label).x for p in layer.model.parameters), default=0.0)
+    longest = max((widgets.rich_width(widgets.subscripted(p.label)) for p in layer.model.parameters), default=0.0)
     return min(max(longest / context.theme.scale + 10.0, widgets.LABEL_WIDTH), LARGEST_LABEL)
 
 
@@ -134,7 +134,7 @@ def _edits(hand: widgets.Touch, key: str, parameter: Parameter, value: float | R
     """One drag of a control as one step of the history."""
     actions: list[Action] = []
     if hand.began:
-        actions.append(BeginDrag(f"{key} {parameter.label.lower()}"))
+        actions.append(BeginDrag(f"{key} {parameter.name.replace('_', ' ')}"))
     if hand.changed:
         actions.append(SetParameter(key, parameter.name, value))
     if hand.ended:

@@ -96,7 +96,8 @@ def value_label(value: float, step: float) -> str:
     if value == 0.0:
         return "0"
     if abs(value) >= 1e5 or abs(value) < 1e-3:
-        return f"{value:.3g}".replace("e+0", "e").replace("e-0", "e-").replace("e+", "e")
+        mantissa, _, exponent = f"{value:.2e}".partition("e")
+        return f"{mantissa.rstrip('0').rstrip('.')}e{int(exponent)}"
     decimals = max(0, -math.floor(math.log10(abs(step)) + 1e-9))
     return f"{value:.{decimals}f}"
 

@@ -84,11 +84,10 @@ def figures(status: Status) -> list[tuple[str, str, str]]:
         ),
         ("Image error", error, "What the missing coefficients would still change, relative to the picture's mean."),
         (
-            "Transport",
-            f"{status.transport_mb:.0f} MB",
-            "Precomputed transport: lets a curve change redraw at once.",
+            "Memory",
+            f"{status.memory_mb:.0f} MB, transport {status.transport_mb:.0f} MB",
+            "Main memory of window and worker together; precomputed transport, which lets a curve redraw at once.",
         ),
-        ("Memory", f"{status.memory_mb:.0f} MB", "Main memory of the window and the worker together."),
     ]
 
 

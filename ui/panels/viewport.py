@@ -199,6 +199,7 @@ def draw_recovery(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[A
     )  # fmt: skip
     imgui.push_style_color(imgui.Col_.window_bg, look.pack(look.grey(30, 0.97)))
     imgui.push_style_var(imgui.StyleVar_.window_border_size, 1.0)
+    imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(context.px(12), context.px(7)))
     if imgui.begin("Recovery###recovery", None, flags)[0]:
         imgui.align_text_to_frame_padding()
         imgui.text_unformatted(f"{Icon.WARNING}  {context.state.journal}")
@@ -209,6 +210,6 @@ def draw_recovery(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[A
         if widgets.text_button(context, "discard", "Discard", "Throw these edits away for good."):
             actions.append(Recover(False))
     imgui.end()
-    imgui.pop_style_var()
+    imgui.pop_style_var(2)
     imgui.pop_style_color()
     return actions

@@ -16,6 +16,7 @@ from ui import theme as look
 from ui.panels.context import PanelContext
 
 LABEL_WIDTH = 84.0
+SUBSCRIPTS, LETTERS = "ᵢᵣᵤᵥₐₑₒₓₕₖₗₘₙₚₛₜ", "iruvaeoxhklmnpst"
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ def tooltip(text: str) -> None:
     """Explain the control drawn last when the mouse rests on it, wrapped to a readable width."""
     if text and imgui.begin_item_tooltip():
         imgui.push_text_wrap_pos(imgui.get_font_size() * 22.0)
-        imgui.text_unformatted(text)
+        imgui.text_unformatted(subscripted(text))
         imgui.pop_text_wrap_pos()
         imgui.end_tooltip()
 
@@ -39,10 +40,7 @@ def tooltip(text: str) -> None:
 def label(context: PanelContext, text: str, width: float = LABEL_WIDTH) -> None:
     """A soft label of fixed width, the control follows on the same line and fills the rest."""
     start = imgui.get_cursor_pos_x()
-    imgui.align_text_to_frame_padding()
-    imgui.push_style_color(imgui.Col_.text, ImVec4(*look.TEXT_SOFT))
-    imgui.text_unformatted(text)
-    imgui.pop_style_color()
+    rich_label(subscripted(text), look.TEXT_SOFT)
     imgui.same_line(start + context.px(width))
     imgui.set_next_item_width(-1.0)
 
@@ -259,6 +257,12 @@ def text_button(context: PanelContext, name: str, text: str, hint: str, enabled:
 def align_right(width: float) -> None:
     """Move the cursor so that what follows, `width` pixels wide, ends at the right edge."""
     imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + max(0.0, imgui.get_content_region_avail().x - width))
+
+
+def subscripted(text: str) -> str:
+    """Text for `rich_text`: the font has no subscript letters, so they become letters after an underscore."""
+    marked = re.sub(f"([{SUBSCRIPTS}]+)", r"_\1", text)
+    return marked.translate(str.maketrans(SUBSCRIPTS, LETTERS))
 
 
 def rich_text(draw: imgui.ImDrawList, place: ImVec2, colour: int, text: str) -> None:

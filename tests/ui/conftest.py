@@ -1,0 +1,46 @@
+"""A window without a display over the stand-in worker."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import moderngl
+import pytest
+
+from app.editor import Editor
+from tests.ui.stand_in import StandInClient
+from ui.gl.context import create_headless_context
+from ui.gl.placement import PlacementRenderer
+from ui.headless import HeadlessWindow
+from ui.picture_feed import PictureFeed
+
+
+@pytest.fixture(scope="session")
+def context() -> Iterator[moderngl.Context]:
+    """One GL context for all windows of the run."""
+    context = create_headless_context()
+    yield context
+    context.release()
+
+
+@pytest.fixture
+def window(context: moderngl.Context) -> Iterator[HeadlessWindow]:
+    """The stand-in scene in a window of 1280 x 800, its teapot's coat selected and its picture exact."""
+    yield from opened(context, (1280, 800), 1.0)
+
+
+def opened(context: moderngl.Context, size: tuple[int, int], scale: float) -> Iterator[HeadlessWindow]:
+    """A window of any size and scale, closed after use."""
+    editor = Editor(StandInClient(), "stand-in")
+    window = HeadlessWindow(editor, size=size, scale=scale, context=context)
+    feed = PictureFeed(PlacementRenderer(context))
+    window.shell.source = feed
+    assert window.run_until(lambda: editor.status.picture == "exact", 30.0), editor.status
+    editor.select("teapot.1.theta_h")
+    window.frames(4)
+    assert context.error == "GL_NO_ERROR"
+    yield window
+    assert context.error == "GL_NO_ERROR"
+    feed.close()
+    window.close()
+    editor.close()

@@ -1,0 +1,138 @@
+"""What drags make of operators, without a window."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from app.view_state import TOOLS, ViewState
+from engine.curve.operators import Operator, apply_operators, diagonal
+from ui.panels.curve_gestures import (
+    HALF_PI,
+    Hand,
+    core,
+    drag_knob,
+    drag_region,
+    fresh,
+    hand_of,
+    is_pair,
+    knob_of,
+    regions_around,
+    tool_of,
+    with_regions,
+)
+from ui.panels.state import CurveGrip
+
+REGIONS = (0.2, 0.4, 0.6, 0.9)
+
+
+def lobe(gamma: np.ndarray) -> np.ndarray:
+    """A highlight, brightest in red."""
+    return np.exp(-4.0 * gamma[:, None]) * np.array([2.0, 1.0, 0.5])
+
+
+def grip(operators: tuple[Operator, ...] = (), index: int | None = None, **changes: object) -> CurveGrip:
+    start = CurveGrip("magnitude", (0.0, 0.0), operators, index, False, REGIONS, (0.0, HALF_PI), (0.0, 2.0))
+    return dataclasses.replace(start, **changes)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("tool", TOOLS)
+def test_each_tool_makes_neutral_operators_and_is_recognised(tool: str) -> None:
+    made = fresh(tool, REGIONS, (True, True, True))  # type: ignore[arg-type]
+    gamma = np.linspace(0.0, HALF_PI, 200)
+    np.testing.assert_allclose(apply_operators(made, lobe)(gamma), lobe(gamma), rtol=1e-12)
+    assert tool_of(Hand(made, None)) == tool
+    assert is_pair(made, 0) == tool.endswith("xy")
+
+
+def test_a_diagonal_drag_is_the_engines_diagonal() -> None:
+    hand = Hand(fresh("translate_xy", REGIONS, (True, True, True)), None)
+    x = core(REGIONS)
+    y = float(lobe(np.array([x]))[0, 0])
+    made = drag_knob(grip(), hand, lobe, (x + 0.05, y + 0.3))
+    expected = diagonal(REGIONS, 0.05, 0.3)
+    assert [o.axis for o in made if isinstance(o, Operator)] == [o.axis for o in expected]
+    for operator, wanted in zip(made, expected, strict=True):
+        assert isinstance(operator, Operator)
+        assert operator.magnitude == pytest.approx(wanted.magnitude)
+
+
+@given(st.sampled_from(TOOLS), st.floats(0.35, 0.65), st.floats(0.1, 1.5))
+def test_the_knob_stands_where_it_was_dragged(tool: str, x: float, y: float) -> None:
+    hand = Hand(fresh(tool, REGIONS, (True, True, True)), None)  # type: ignore[arg-type]
+    made = drag_knob(grip(), hand, lobe, (x, y))
+    members = tuple(o for o in made if isinstance(o, Operator))
+    knob = knob_of(Hand(members, 0), lobe)
+    if "y" in tool.partition("_")[2]:
+        assert knob.y == pytest.approx(y, rel=1e-9)
+    for operator in members:
+        # X stops where the curve would fold over; short of that it follows the mouse.
+        if operator.axis == "x" and operator == dataclasses.replace(operator, magnitude=operator.magnitude).clamped():
+            assert abs(knob.x - core(REGIONS)) <= abs(x - core(REGIONS)) + 1e-9
+
+
+def test_dragging_an_operator_below_others_keeps_those() -> None:
+    others = fresh("amplify_y", (1.0, 1.1, 1.2, 1.3), (True, True, True))
+    operators = (*fresh("translate_y", REGIONS, (True, True, True)), *others)
+    hand = Hand(operators[:1], 0)
+    made = drag_knob(grip(operators, 0), hand, lobe, (0.5, 1.0))
+    assert made[1:] == others
+    assert len(made) == 2
+
+
+@given(st.sampled_from("abcd"), st.floats(-1.0, 3.0))
+def test_region_ends_stay_ordered_and_in_range(name: str, to: float) -> None:
+    regions = drag_region(grip(handle=name), to)
+    assert list(regions) == sorted(regions)
+    assert 0.0 <= regions[0] and regions[3] <= HALF_PI
+    assert regions["abcd".index(name)] == pytest.approx(min(max(to, 0.0), HALF_PI))
+
+
+@given(st.floats(-2.0, 2.0))
+def test_the_region_moves_as_a_whole(shift: float) -> None:
+    regions = drag_region(grip(handle="region"), shift)
+    np.testing.assert_allclose(np.diff(regions), np.diff(REGIONS), atol=1e-12)
+    assert 0.0 <= regions[0] and regions[3] <= HALF_PI + 1e-12
+
+
+def test_new_regions_clamp_a_horizontal_magnitude() -> None:
+    (operator,) = fresh("translate_x", REGIONS, (True, True, True))
+    strong = dataclasses.replace(operator, magnitude=0.1)
+    (changed,) = with_regions(grip((strong,), 0), (0.39, 0.4, 0.6, 0.9))
+    assert isinstance(changed, Operator)
+    # A falloff of 0.01 lets the curve move by half of that before it folds over.
+    assert changed.magnitude == pytest.approx(0.005)
+
+
+@pytest.mark.parametrize("x", [0.0, 0.3, HALF_PI])
+def test_regions_around_a_place_hold_it(x: float) -> None:
+    a, b, c, d = regions_around(x, HALF_PI)
+    assert 0.0 <= a <= b <= x <= c <= d <= HALF_PI
+
+
+def test_a_selected_operator_is_in_hand() -> None:
+    pair = fresh("amplify_xy", REGIONS, (True, False, False))
+    single = fresh("translate_x", (0.0, 0.0, 0.1, 0.2), (True, True, True))
+    operators = (*single, *pair)
+    assert hand_of(operators, ViewState(operator=0)).operators == single
+    assert hand_of(operators, ViewState(operator=1)) == Hand(pair, 1)
+    # The upper half alone, once its partner is not the one selected, is an operator like any other.
+    assert hand_of(operators, ViewState(operator=2)).operators == pair[1:]
+    assert hand_of(operators, ViewState(operator=7)).index is None
+    assert hand_of((), ViewState(active_tool="translate_xy")).pair
+
+
+def test_amplifying_at_the_baseline_is_finite() -> None:
+    (operator,) = fresh("amplify_y", REGIONS, (True, True, True))
+    zero = Hand((operator,), None)
+    (made,) = drag_knob(grip(), zero, lambda gamma: np.zeros((len(gamma), 3)), (0.5, 1.0))
+    # Nothing times anything is nothing: the magnitude stays.
+    assert isinstance(made, Operator) and made.magnitude == 1.0
+    (flat,) = fresh("amplify_x", (0.0, 0.0, 0.02, 0.2), (True, True, True))
+    (wide,) = drag_knob(grip(regions=flat.regions), Hand((flat,), None), lobe, (0.1, 1.0))
+    assert isinstance(wide, Operator) and math.isfinite(wide.magnitude) and wide.magnitude >= 1.0

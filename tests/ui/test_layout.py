@@ -1,0 +1,132 @@
+"""Panels side by side: nothing overlaps, nothing is cut off, at several sizes and scales; the layout is remembered."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import moderngl
+import numpy as np
+import pytest
+from imgui_bundle import imgui
+
+from app.editor import Editor
+from app.jobs.messages import Progress
+from app.view_state import SetView
+from tests.ui.conftest import opened
+from tests.ui.stand_in import StandInClient
+from ui import layout
+from ui.headless import HeadlessWindow
+
+pytestmark = pytest.mark.gl
+
+SIZES = [((1280, 800), 1.0), ((1920, 1080), 1.0), ((2560, 1600), 2.0), ((1600, 1000), 1.25)]
+
+
+def rectangles(window: HeadlessWindow) -> dict[str, tuple[float, float, float, float]]:
+    """(left, top, right, bottom) of each panel on screen."""
+    window.shell.io  # noqa: B018  makes this window's imgui context current
+    found = {}
+    for panel in layout.PANELS:
+        each = imgui.internal.find_window_by_name(panel.window)
+        if each is not None and each.active:
+            found[panel.key] = (each.pos.x, each.pos.y, each.pos.x + each.size.x, each.pos.y + each.size.y)
+    return found
+
+
+@pytest.mark.parametrize(("size", "scale"), SIZES)
+def test_no_panel_overlaps_or_is_cut_off(context: moderngl.Context, size: tuple[int, int], scale: float) -> None:
+    for window in opened(context, size, scale):
+        client = window.shell.editor._client
+        assert isinstance(client, StandInClient)
+        # The longest contents: work under way and every figure known.
+        client.say(Progress("final", 0.3, 79.0, "teapot.1"))
+        window.frames(4)
+        places = rectangles(window)
+        assert set(places) == {panel.key for panel in layout.PANELS}
+        for one, two in itertools.combinations(places.values(), 2):
+            across = min(one[2], two[2]) - max(one[0], two[0])
+            down = min(one[3], two[3]) - max(one[1], two[1])
+            assert across <= 0 or down <= 0, (one, two)
+        for left, top, right, bottom in places.values():
+            assert left >= 0 and top >= 0 and right <= size[0] and bottom <= size[1]
+        for panel in layout.PANELS:
+            each = imgui.internal.find_window_by_name(panel.window)
+            assert not each.scrollbar_x and not each.scrollbar_y, f"{panel.title} does not fit"
+
+
+def test_labels_and_buttons_stay_inside_the_window(window: HeadlessWindow) -> None:
+    for name in window.shell.handles.names():
+        x, y = window.shell.handle_position(name)
+        assert 0 <= x <= 1280 and 0 <= y <= 800, name
+
+
+def test_surfaces_are_exact_greys(window: HeadlessWindow) -> None:
+    pixels = window.pixels()
+    x, y = (round(v) for v in window.shell.handle_position("objects.lamp"))
+    # An empty part of the object list, below the last row: colour beside the picture would tint it.
+    empty = pixels[y + 60, x]
+    assert empty[0] == empty[1] == empty[2] > 0
+
+
+def test_panels_close_and_come_back(window: HeadlessWindow) -> None:
+    editor = window.shell.editor
+    from app.view_state import OpenPanel
+
+    before = window.pixels()
+    editor.do(OpenPanel("light", False))
+    window.frames(4)
+    assert "light" not in rectangles(window)
+    editor.do(OpenPanel("light", True))
+    window.frames(4)
+    assert "light" in rectangles(window)
+    # Back in its old place: the right column looks as before, but for figures that differ from frame to frame.
+    column = np.s_[40:500, 980:]
+    assert np.abs(window.pixels()[column].astype(int) - before[column]).mean() < 2.0
+
+
+def test_the_layout_is_remembered(context: moderngl.Context, tmp_path: Path) -> None:
+    file = tmp_path / "layout.ini"
+
+    def window_with_layout() -> HeadlessWindow:
+        return HeadlessWindow(Editor(StandInClient(), "stand-in"), context=context, layout_file=file)
+
+    first = window_with_layout()
+    first.frames(4)
+    # The bar between picture and curve.
+    places = rectangles(first)
+    bar = (0.5 * (places["curve"][0] + places["curve"][2]), places["viewport"][3] + 1.0)
+    first.drag(bar, (bar[0], bar[1] - 80))
+    moved = rectangles(first)
+    assert moved["curve"][1] == pytest.approx(places["curve"][1] - 80, abs=2)
+    first.close()
+    second = window_with_layout()
+    second.frames(4)
+    assert rectangles(second)["curve"] == pytest.approx(moved["curve"], abs=1)
+    second.close()
+    # What was made for another scale, or is damaged, gives the default.
+    file.write_text("; insitu layout 1 scale 2.00\n[Window][x]\nPos=1,1\n")
+    third = window_with_layout()
+    third.frames(4)
+    assert rectangles(third)["curve"] == pytest.approx(places["curve"], abs=1)
+    third.close()
+
+
+def test_an_unwritable_layout_costs_nothing(context: moderngl.Context, tmp_path: Path) -> None:
+    file = tmp_path / "there-is-no-such-folder" / "layout.ini"
+    window = HeadlessWindow(Editor(StandInClient(), "stand-in"), context=context, layout_file=file)
+    window.frames(3)
+    window.close()
+    assert not file.exists()
+
+
+def test_shortcuts_overlay_opens_and_closes(window: HeadlessWindow) -> None:
+    editor = window.shell.editor
+    window.key(imgui.Key.slash, imgui.Key.mod_shift)
+    assert editor.view.show_shortcuts
+    window.key(imgui.Key.escape)
+    assert not editor.view.show_shortcuts
+    editor.do(SetView.of(show_shortcuts=True))
+    window.frames(2)
+    window.click(4, 400)
+    assert not editor.view.show_shortcuts
