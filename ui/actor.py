@@ -55,7 +55,7 @@ class Actor:
 
     def __init__(self, editor: Editor) -> None:
         self._editor = editor
-        self._folder = Path.cwd()
+        self._folder: Path | None = None
         self.recovery: Recovery | None = None
 
     def perform(self, actions: Sequence[Action], state: PanelState, now: float) -> Outcome:
@@ -73,7 +73,7 @@ class Actor:
             case SetPanel():
                 return replace(outcome, state=replace(state, **action.changes))
             case AskFile():
-                question = FileQuestion(action.purpose, self._folder)
+                question = FileQuestion(action.purpose, self._folder or Path.cwd())
                 return replace(outcome, state=replace(state, question=question))
             case Screenshot():
                 return replace(outcome, screenshot=action.path or picture_name(Path.cwd(), datetime.now()))
@@ -125,7 +125,9 @@ class Actor:
 
     def _save(self, path: Path | None, outcome: Outcome) -> Outcome:
         if path is None and self._editor.session_path is None:
-            question = FileQuestion("save_session", self._folder, suggested_name(self._editor.document.source))
+            question = FileQuestion(
+                "save_session", self._folder or Path.cwd(), suggested_name(self._editor.document.source)
+            )
             return replace(outcome, state=replace(outcome.state, question=question))
         if path is not None:
             self._folder = path.resolve().parent

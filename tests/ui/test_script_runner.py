@@ -1,0 +1,95 @@
+"""Scripts run through the window: the same events as a hand, and what is said when a step cannot be."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from app.script import load_script
+from engine.curve.operators import Operator
+from tests.ui.stand_in import StandInClient
+from ui.headless import HeadlessWindow
+from ui.script_runner import ScriptError, run_steps, take_screenshot
+
+pytestmark = pytest.mark.gl
+
+SCRIPT = """
+[[step]]
+select = "teapot.1.theta_h"
+[[step]]
+drag = { item = "curve.b", by = [-20, 0] }
+[[step]]
+drag = { item = "curve.magnitude", by = [0, -40] }
+[[step]]
+set = { "teapot.1.alpha" = 0.3 }
+[[step]]
+rotate = 45.0
+[[step]]
+wait = "exact"
+[[step]]
+assert_error_below = 0.01
+[[step]]
+capture = "edited.png"
+[[step]]
+undo = 3
+[[step]]
+capture = "undone.png"
+[[step]]
+redo = 1
+"""
+
+
+def write(folder: Path, text: str) -> Path:
+    file = folder / "edits.toml"
+    file.write_text(text)
+    return file
+
+
+def run(window: HeadlessWindow, folder: Path, text: str) -> None:
+    run_steps(window, window.shell.editor, load_script(write(folder, text)))
+
+
+def test_a_script_edits_captures_and_undoes(window: HeadlessWindow, tmp_path: Path) -> None:
+    run(window, tmp_path, SCRIPT)
+    document = window.shell.editor.document
+    (made,) = document.layer("teapot.1").operators("theta_h")
+    assert isinstance(made, Operator) and made.magnitude > 0.0
+    # Undo took back rotation, alpha and the ring; redo brought the ring's drag again.
+    assert document.light.rotation == 0.0
+    assert document.layer("teapot.1").values["alpha"] == 0.2
+    edited, undone = (np.asarray(Image.open(tmp_path / f"{name}.png"), dtype=int) for name in ("edited", "undone"))
+    assert edited.shape == undone.shape == (800, 1280, 3)
+    # The curve's plot differs by what was edited.
+    assert np.abs(edited[450:770, 230:730] - undone[450:770, 230:730]).max() > 100
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('[[step]]\ndrag = { item = "curve.nose", by = [1, 1] }', "step 1: no handle 'curve.nose'"),
+        ('[[step]]\nselect = "teapot.1.theta_x"', "step 1: there is no"),
+        ('[[step]]\nset = { "teapot.1.alpha" = 7.0 }', "alpha"),
+        ("[[step]]\nundo = 5", "step 1: nothing to undo"),
+        ("[[step]]\nassert_error_below = 1e-30", "step 1: image error"),
+    ],
+)
+def test_a_step_that_cannot_be_is_named(window: HeadlessWindow, tmp_path: Path, text: str, words: str) -> None:
+    before = window.shell.editor.document
+    with pytest.raises(ScriptError) as caught:
+        run(window, tmp_path, text)
+    assert words in str(caught.value)
+    assert window.shell.editor.document == before
+
+
+def test_a_screenshot_is_the_whole_window(tmp_path: Path) -> None:
+    output = tmp_path / "pictures" / "ui.png"
+    client = StandInClient()
+    take_screenshot("stand-in", output, size=(1000, 700), client=client)
+    image = np.asarray(Image.open(output))
+    assert image.shape == (700, 1000, 3)
+    # Something of everything: not one flat colour.
+    assert image.std() > 20.0
+    assert client.closed
