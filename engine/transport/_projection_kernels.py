@@ -96,6 +96,8 @@ class _Scratch(NamedTuple):
     cz: np.ndarray
     gammas_a: np.ndarray
     gammas_b: np.ndarray
+    centre_a: np.ndarray
+    centre_b: np.ndarray
     lights: np.ndarray
     weights: np.ndarray
     shares_a: np.ndarray
@@ -217,6 +219,18 @@ def _deposit_split(bands, weight, r, g, b, size_a, size_b, scale_a, scale_b, opt
         top -= 1
 
 
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
+def _about_centre(gamma0, gamma1, gamma2, centre, scale):
+    """Corner parameters in units of bands, moved so that their mean is γ at the light's centre of brightness.
+
+    This takes out the first-order error of both a light that is brighter on one side and a γ that bends: without it
+    lobes lose energy, for the chord of a cone lies above it.
+    """
+    shift = centre - (gamma0 + gamma1 + gamma2) * np.float32(1 / 3)
+    zero = np.float32(0.0)
+    return max(gamma0 + shift, zero) * scale, max(gamma1 + shift, zero) * scale, max(gamma2 + shift, zero) * scale
+
+
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def _project_lights(bands, corners, sizes, colours, n_directions, n_lights, optics, ox, oy, oz, scratch):
     """Add the listed lights to bands (J, K, 3): T_jk += V L ρ_q cosθ ΔΩ Δ_mj Δ_mk [BenArtzi07, eq. 4.15].
@@ -230,7 +244,11 @@ def _project_lights(bands, corners, sizes, colours, n_directions, n_lights, opti
     fill_gammas(optics.kind_a, q, x, y, z, ox, oy, oz, gammas_a)
     if two:
         fill_gammas(optics.kind_b, q, x, y, z, ox, oy, oz, gammas_b)
-    weigh(optics.model, q, scratch.cx[:n_lights], scratch.cy[:n_lights], scratch.cz[:n_lights], ox, oy, oz, weights)
+    cx, cy, cz = scratch.cx[:n_lights], scratch.cy[:n_lights], scratch.cz[:n_lights]
+    weigh(optics.model, q, cx, cy, cz, ox, oy, oz, weights)
+    fill_gammas(optics.kind_a, q, cx, cy, cz, ox, oy, oz, scratch.centre_a)
+    if two:
+        fill_gammas(optics.kind_b, q, cx, cy, cz, ox, oy, oz, scratch.centre_b)
     slope_a, slope_b = slope(optics.kind_a), slope(optics.kind_b)
     b0 = b1 = b2 = np.float32(0.0)
     for i in range(n_lights):
@@ -253,8 +271,10 @@ def _project_lights(bands, corners, sizes, colours, n_directions, n_lights, opti
                 scratch.stack[0, at], scratch.stack[0, at + 1], scratch.stack[0, at + 2] = x[v], y[v], z[v]
             _deposit_split(bands, weight, r, g, b, size_a, size_b, scale_a, scale_b, optics, ox, oy, oz, scratch)
             continue
-        a0, a1, a2 = a0 * scale_a, a1 * scale_a, a2 * scale_a
-        _deposit(bands, weight, r, g, b, a0, a1, a2, b0 * scale_b, b1 * scale_b, b2 * scale_b, scratch)
+        a0, a1, a2 = _about_centre(a0, a1, a2, scratch.centre_a[i], scale_a)
+        if two:
+            b0, b1, b2 = _about_centre(b0, b1, b2, scratch.centre_b[i], scale_b)
+        _deposit(bands, weight, r, g, b, a0, a1, a2, b0, b1, b2, scratch)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -364,6 +384,7 @@ def _make_scratch(n_directions, n_lights, n_a, n_b):
         np.empty(n_directions, np.float32), np.empty(n_directions, np.float32), np.empty(n_directions, np.float32),
         np.empty(n_lights, np.float32), np.empty(n_lights, np.float32), np.empty(n_lights, np.float32),
         np.empty(n_directions, np.float32), np.empty(n_directions, np.float32),
+        np.empty(n_lights, np.float32), np.empty(n_lights, np.float32),
         np.empty(n_lights + 1, np.int64), np.empty(n_lights + 1, np.float32),
         np.empty(n_a + 1, np.float32), np.empty(n_b + 1, np.float32),
         np.empty((depth, 9), np.float32), np.empty(depth, np.int64),

@@ -42,13 +42,13 @@ class Quality:
     n_lights: int
     n_patches: int
     max_level: int = 6
-    tolerance: float = 0.5
+    tolerance: float = 1.0
     own_rays: bool = True
 
 
 COARSE = Quality("coarse", 4, 400, 32)
 PREVIEW = Quality("preview", 1, 400, 32)
-FINAL = Quality("final", 1, 4000, 256, tolerance=0.1, own_rays=False)
+FINAL = Quality("final", 1, 4000, 256, tolerance=0.5, own_rays=False)
 # While a light is dragged nothing new is traced: the brightest regions make do with the sphere's own bits.
 DRAG = Quality("drag", 8, 400, 16, VISIBILITY_LEVEL, own_rays=False)
 
