@@ -68,6 +68,7 @@ class Tasks:
         self._placement: Placement | None = None
         self._scene_key = ""
         self._layers: dict[str, LayerData] = {}
+        self._contracted: dict[str, dict[str, np.ndarray]] = {}
         self._selected: tuple[str, str] | None = None
         self._environments: dict[tuple[str, str], Environment] = {}
         self._sky_shown: object = None
@@ -85,12 +86,11 @@ class Tasks:
     def quick(self, request: Contract) -> Iterator[Response | None]:
         """One layer's transport along one curve ("curve switching", [BenArtzi07, eq. 4.16]) and its picture."""
         self._selected = (request.key, request.factor)
+        self._contracted[request.key] = dict(request.coefficients)
         data = self._layers.get(request.key)
         if data is None:
             return
-        given = dict(request.coefficients)
-        work = replace(data.work, coefficients=tuple(np.asarray(given[name]) for name in data.work.factors))
-        data = replace(data, work=work)
+        data = replace(data, work=self._newest(data.work))
         self._layers[request.key] = data
         yield _picture(data)
         yield _transport(data, request.factor)
@@ -123,6 +123,7 @@ class Tasks:
         placement = self._placement
         if placement is None:
             raise InsituError("no scene is open")
+        self._contracted = {}
         if request.selected and request.factor:
             self._selected = (request.selected, request.factor)
         sky = self._sky(placement.scene, request.light)
@@ -138,7 +139,7 @@ class Tasks:
         clock = _Clock(quality.name)
         if quality is DRAG and sky.environment is not None:
             sky = replace(sky, environment=downsampled(sky.environment, DRAG_ENVIRONMENT_HEIGHT))
-        key = self._light_key(placement, sky, quality) if quality.stride == 1 and quality.n_lights > PREVIEW.n_lights else ""
+        key = self._light_key(sky, quality) if quality.name == FINAL.name else ""
         light = yield from self._see(placement, sky, quality, clock)
         yield self._footprint(placement, quality)
         works = sorted(request.layers, key=lambda work: self._selected is None or work.key != self._selected[0])
@@ -174,7 +175,7 @@ class Tasks:
         clock: _Clock, done: int, total: int,
     ) -> Generator[Response | None, None, BandStore]:  # fmt: skip
         shape = _shape(work)
-        if not light_key:
+        if not light_key or not len(rows):
             tiles: list[BandTile] = []
             for tile in project_layer(placement.hits, rows, light, shape):
                 tiles.append(tile)
@@ -197,15 +198,17 @@ class Tasks:
 
     def _newest(self, work: LayerWork) -> LayerWork:
         """The work with the coefficients asked for last: a Contract may have come since the request."""
-        known = self._layers.get(work.key)
-        return work if known is None or known.work.bands != work.bands else replace(work, coefficients=known.work.coefficients)
+        given = self._contracted.get(work.key)
+        if given is None or any(len(given[name]) != n for name, n in zip(work.factors, work.bands, strict=True)):
+            return work
+        return replace(work, coefficients=tuple(np.asarray(given[name]) for name in work.factors))
 
     def _footprint(self, placement: Placement, quality: Quality) -> Footprint:
         if quality.stride == 1:
             return Footprint(np.zeros((0, 4), np.int32), np.zeros((0, 4), np.float32), quality.name)
         return Footprint(*placement.footprint(quality.stride), quality.name)
 
-    def _light_key(self, placement: Placement, sky: SkyState, quality: Quality) -> str:
+    def _light_key(self, sky: SkyState, quality: Quality) -> str:
         radiance = None if sky.environment is None else sky.environment.radiance
         return content_key(
             CACHE_VERSION, self._scene_key, radiance, sky.rotation, sky.scale, quality.n_lights, quality.n_patches,
@@ -225,7 +228,8 @@ class Tasks:
         if described is None:
             return SkyState(None)
         if scene.environment_path is None:
-            return SkyState(constant_environment(described.radiance or (0.0, 0.0, 0.0)), light.rotation, described.scale)
+            radiance = described.radiance or (0.0, 0.0, 0.0)
+            return SkyState(constant_environment(radiance), light.rotation, described.scale)
         return SkyState(self._environment(scene.environment_path, described.mapping), light.rotation, described.scale)
 
     def _environment(self, path: Path, mapping: str) -> Environment:
@@ -330,8 +334,8 @@ def half_planes(transport: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndar
 def _scene_key(scene: Scene) -> str:
     camera = scene.description.camera.model_dump_json()
     return content_key(
-        CACHE_VERSION, camera, scene.resolution, scene.vertices, scene.normals, scene.triangles, scene.object_of_triangle,
-        scene.smooth, scene.emission,
+        CACHE_VERSION, camera, scene.resolution, scene.vertices, scene.normals, scene.triangles,
+        scene.object_of_triangle, scene.smooth, scene.emission,
     )  # fmt: skip
 
 

@@ -5,6 +5,10 @@ roughness 1e-4 is a hundred times narrower than a band. Gauss-Kronrod (3, 7) ove
 whose two answers disagree are halved and done again. The first partition is graded towards 0, where generated curves
 have their spikes, and split at the `features` a curve may carry (engine.curve.operators.EditedCurve), where edited
 ones jump. scipy.integrate.quad was rejected: one Python call a point, and scipy is slow to import.
+
+Over an angle from a pole (the half vector and the normal, say) the mean is taken by solid angle, with weight sin γ. In
+the first band the plain mean counts the pole too much: a GGX lobe of roughness 0.01 over 128 bands would reflect 1.28
+times its energy, one of 0.001 9.6 times; by solid angle both reflect what they should.
 """
 
 from __future__ import annotations
@@ -37,8 +41,10 @@ _GAUSS = 0.5 * np.array([0.0, 5.0 / 9.0, 0.0, 8.0 / 9.0, 0.0, 5.0 / 9.0, 0.0])
 _RULES = np.stack([_KRONROD, _GAUSS])
 
 
-def band_means(curve: Callable[[Array], Array], n_bands: int, domain: float = HALF_PI) -> Array:
-    """Mean of the curve over each of `n_bands` equal bands of [0, domain]: (J, 3).
+def band_means(
+    curve: Callable[[Array], Array], n_bands: int, domain: float = HALF_PI, by_solid_angle: bool = False
+) -> Array:
+    """Mean of the curve over each of `n_bands` equal bands of [0, domain], plain or with weight sin γ: (J, 3).
 
     curve: angles (N,) in radians to values (N, 3); an attribute `features`, if there is one, names angles where it
     may jump. Relative error below 1e-6 in bands above 1e-4 of the largest; at a jump nobody announced, about
@@ -48,10 +54,12 @@ def band_means(curve: Callable[[Array], Array], n_bands: int, domain: float = HA
     edges = _partition(n_bands, domain, getattr(curve, "features", ()))
     left, width = edges[:-1], np.diff(edges)
     band = np.minimum((left + 0.5 * width) * (n_bands / domain), n_bands - 1).astype(np.intp)
+    density = _densities(n_bands, domain, by_solid_angle)
+    weighted = (lambda g: curve(g) * np.sin(g)[:, None]) if by_solid_angle else curve
     means = np.zeros((n_bands, 3))
     near = means
     for _ in range(MOST_ROUNDS):
-        share, error = _integrate(curve, left, width, n_bands / domain)
+        share, error = _integrate(weighted, left, width, density[band])
         near = means.copy()
         _accumulate(near, band, share)
         tolerated = RELATIVE_TOLERANCE * np.abs(near) + ABSOLUTE_TOLERANCE * np.abs(near).max()
@@ -74,7 +82,16 @@ def _partition(n_bands: int, domain: float, features: tuple[float, ...]) -> Arra
     return np.unique(points)
 
 
-def _integrate(curve: Callable[[Array], Array], left: Array, width: Array, density: float) -> tuple[Array, Array]:
+def _densities(n_bands: int, domain: float, by_solid_angle: bool) -> Array:
+    """One over the integral of the weight over each band, (J,)."""
+    if not by_solid_angle:
+        return np.full(n_bands, n_bands / domain)
+    edges = np.arange(n_bands + 1) * (domain / n_bands)
+    middle, half = 0.5 * (edges[1:] + edges[:-1]), 0.5 * domain / n_bands
+    return 1.0 / (2.0 * np.sin(middle) * math.sin(half))
+
+
+def _integrate(curve: Callable[[Array], Array], left: Array, width: Array, density: Array) -> tuple[Array, Array]:
     """Each interval's share of its band's mean (I, 3), and how far the Gauss rule is from it."""
     nodes = left[:, None] + width[:, None] * (0.5 + 0.5 * _NODES)
     values = curve(nodes.ravel()).reshape(left.size, _NODES.size, 3)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from engine.curve.bands import band_means
 from engine.curve.operators import Edit, apply_operators
+from engine.material import kinds
 from engine.material.model import Model
 from engine.material.parameters import Value
 
@@ -85,7 +86,8 @@ class Layer:
 
     def coefficients(self, factor: str, n_bands: int) -> Array:
         """Band values of the curve, (J, 3) [BenArtzi07, eq. 4.17]. Raises BandCountError."""
-        return band_means(self.curve(factor), n_bands)
+        from_pole = self.model.factor(factor).gamma in (kinds.THETA_I, kinds.THETA_R, kinds.THETA_H)
+        return band_means(self.curve(factor), n_bands, by_solid_angle=from_pole)
 
     def scale(self) -> Array:
         """f_q, (3,)."""

@@ -5,7 +5,7 @@ so the answer outlives every edit of material and of light.
 
 `coherent_visibility` evaluates the picture coarse to fine (16, 8, 4, 2, 1; square then diamond steps). A point whose
 four evaluated neighbours on the same object agree is predicted; where they disagree a ray is traced, and where the
-answer contradicts the guess, the neighbouring targets that now disagree are traced too (OPT). Two changes to the thesis, both
+answer contradicts the guess, the neighbouring targets that now disagree are traced too (OPT). Two changes, both
 measured on the reference tea tray: neighbours must face alike (0.8 in cosine), and flooding goes on in the last step,
 which costs a quarter more rays and leaves 0.005 % of the answers wrong in place of 0.03 %, with no point badly wrong.
 All points of a block go to Embree as one batch a round; the bit work between rounds is compiled.

@@ -120,3 +120,22 @@ def test_operators_against_midpoints():
 def test_other_counts_are_refused():
     with pytest.raises(BandCountError, match="number of bands = 12"):
         band_means(grey(np.cos), 12)
+
+
+@pytest.mark.parametrize("alpha", [1e-4, 1e-2, 0.3])
+@pytest.mark.parametrize("n_bands", [1, 8, 128, 512])
+def test_solid_angle_keeps_the_energy_of_a_lobe(n_bands, alpha):
+    # Σ_j c_j (cos γ_j - cos γ_j+1) is the integral of D sinγ: with b² = 1 - α² it is (1/2 + α² artanh(b) / 2b) / π.
+    def lobe(gamma):
+        return np.repeat(ggx(np.cos(gamma), np.sin(gamma) ** 2, alpha)[:, None], 3, axis=1)
+
+    means = band_means(lobe, n_bands, by_solid_angle=True)
+    edges = np.linspace(0.0, math.pi / 2, n_bands + 1)
+    b = math.sqrt(1.0 - alpha**2)
+    expected = (0.5 + alpha**2 * math.atanh(b) / (2 * b)) / math.pi
+    assert (means * -np.diff(np.cos(edges))[:, None]).sum(axis=0) == pytest.approx(np.full(3, expected), rel=1e-5)
+
+
+def test_solid_angle_leaves_a_constant_alone():
+    means = band_means(lambda gamma: np.full((len(gamma), 3), 2.5), 64, by_solid_angle=True)
+    assert means == pytest.approx(np.full((64, 3), 2.5), rel=1e-12)

@@ -57,11 +57,14 @@ def test_curves_do_not_fall_below_zero(copper):
 
 
 def test_coefficients(copper):
-    # The integral of GGX's D over theta is (1 + alpha^2) / (4 alpha), for each channel.
+    # The half angle's bands are means by solid angle: with b² = 1 - α², the integral of D sinθ over θ is
+    # (1/2 + α² artanh(b) / 2b) / π for each channel, whatever J.
     coefficients = copper.coefficients("theta_h", 128)
     assert coefficients.shape == (128, 3)
-    total = coefficients.sum(axis=0) * (math.pi / 2) / 128
-    assert total == pytest.approx(np.full(3, (1.0 + 0.15**2) / 0.6), rel=1e-9)
+    edges = np.linspace(0.0, math.pi / 2, 129)
+    total = (coefficients * -np.diff(np.cos(edges))[:, None]).sum(axis=0)
+    b = math.sqrt(1.0 - 0.15**2)
+    assert total == pytest.approx(np.full(3, (0.5 + 0.15**2 * math.atanh(b) / (2 * b)) / math.pi), rel=1e-9)
 
 
 def test_view_curve_of_lambert():
