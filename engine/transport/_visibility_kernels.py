@@ -39,47 +39,58 @@ def horizon_bits(rows, position, normal, targets, target_normals, finite, out):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def predict(rows, informers, bits, horizon, sentinels, boundary_neighbours, todo):
+def predict(rows, informers, bits, horizon, sentinels, boundary_neighbours, todo, doubt):
     """Guess each point's bits from its evaluated neighbours and mark in `todo` what must be traced.
 
-    informers (B, 4) rows of neighbours on the same object, -1 where there is none. Unanimous: predicted.
-    Disagreement: traced. With fewer than four informers the guess is weaker, so its boundary is traced too.
-    sentinels (words,) are traced always.
+    informers (B, 4) rows of neighbours, -1 where there is none. The majority is the guess; what is not unanimous is
+    traced, and a tie is no guess at all (`doubt`). With fewer than four informers the guess is weaker, so its boundary
+    is traced too. sentinels (words,) are traced always.
     """
-    n_words = bits.shape[1]
     for b in range(rows.shape[0]):
         r = rows[b]
         n_informers = 0
         for i in range(4):
             if informers[b, i] >= 0:
                 n_informers += 1
-        if n_informers < 2:
-            for w in range(n_words):
-                bits[r, w] = np.uint64(0)
-                todo[b, w] = horizon[b, w]
-            continue
-        for w in range(n_words):
-            everyone = ~np.uint64(0)
-            anyone = np.uint64(0)
+        for w in range(bits.shape[1]):
+            ones, twos, fours = np.uint64(0), np.uint64(0), np.uint64(0)
             for i in range(4):
                 if informers[b, i] >= 0:
                     word = bits[informers[b, i], w]
-                    everyone &= word
-                    anyone |= word
-            bits[r, w] = everyone & horizon[b, w]
-            todo[b, w] = ((everyone ^ anyone) | sentinels[w]) & horizon[b, w]
-        if n_informers < 4:
+                    carry = ones & word
+                    ones ^= word
+                    fours |= twos & carry
+                    twos ^= carry
+            above = horizon[b, w]
+            if n_informers == 4:
+                bits[r, w] = (fours | (twos & ones)) & above
+                doubt[b, w] = twos & ~ones & above
+                todo[b, w] = ((ones | twos) | sentinels[w]) & above
+            elif n_informers == 3:
+                bits[r, w] = twos & above
+                doubt[b, w] = np.uint64(0)
+                todo[b, w] = ((ones ^ twos) | sentinels[w]) & above
+            elif n_informers == 2:
+                bits[r, w] = twos & above
+                doubt[b, w] = ones & above
+                todo[b, w] = (ones | sentinels[w]) & above
+            else:
+                bits[r, w] = np.uint64(0)
+                doubt[b, w] = np.uint64(0)
+                todo[b, w] = above
+        if n_informers == 2 or n_informers == 3:
             _mark_boundary(b, r, bits, horizon, boundary_neighbours, todo)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def predict_from_sphere(rows, sphere_bits, parents, sphere_neighbours, bits, horizon, todo):
+def predict_from_sphere(rows, sphere_bits, parents, sphere_neighbours, bits, horizon, todo, doubt):
     """Guess targets finer than the sphere from the triangle they lie in; trace where its surroundings do not agree."""
     for b in range(rows.shape[0]):
         r = rows[b]
         for w in range(bits.shape[1]):
             bits[r, w] = np.uint64(0)
             todo[b, w] = np.uint64(0)
+            doubt[b, w] = np.uint64(0)
         known, mixed, seen = -1, False, False
         for t in range(parents.shape[0]):
             parent = parents[t]
@@ -188,11 +199,11 @@ def list_rays(
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def apply_answers(rows, ray_block, ray_target, blocked, uncertain, bits, horizon, neighbours, traced, todo):
+def apply_answers(rows, ray_block, ray_target, blocked, doubt, bits, horizon, neighbours, traced, todo):
     """Store traced answers; where one contradicts the guess, ask its neighbours that now disagree (OPT flooding).
 
-    `uncertain` says that this round had no guess (the informers disagreed), so every answer counts as a contradiction
-    [BenArtzi07, 8.8.1]. On return `todo` holds the next round.
+    Where there was no guess (`doubt`) every answer counts as a contradiction [BenArtzi07, 8.8.1]. On return `todo` holds
+    the next round.
     """
     todo[:] = np.uint64(0)
     for i in range(ray_block.shape[0]):
@@ -204,7 +215,7 @@ def apply_answers(rows, ray_block, ray_target, blocked, uncertain, bits, horizon
         w = t >> 6
         bit = _ONE << np.uint64(t & 63)
         seen = not blocked[i]
-        contradicts = uncertain or (seen != ((bits[r, w] & bit) != np.uint64(0)))
+        contradicts = (doubt[b, w] & bit) != np.uint64(0) or (seen != ((bits[r, w] & bit) != np.uint64(0)))
         if seen:
             bits[r, w] |= bit
         else:
