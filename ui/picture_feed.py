@@ -30,6 +30,8 @@ from ui.gl.placement import PlacementRenderer
 from ui.gl.tonemap import DisplayView
 
 UPLOAD_SHARE = 0.5
+# Of the frame's time, what refinement gets however long the rest takes.
+LEAST_SHARE = 0.25
 LEAST_INTENSITY = 1e-30
 THUMBNAIL_WIDTH = 512
 
@@ -51,6 +53,8 @@ class PictureFeed:
         self._thumbnail: moderngl.Texture | None = None
         self._exact_before = False
         self._frame_ms = 0.0
+        self._spent_ms = 0.0
+        self._stepped = False
 
     @property
     def picture(self) -> moderngl.Texture | None:
@@ -78,22 +82,25 @@ class PictureFeed:
         index = self.renderer.object_at(column, row)
         return self._names[index] if 0 <= index < len(self._names) else None
 
-    def advance(self, editor: Editor, now: float) -> bool:
-        """Take the worker's answers, follow the document, draw. Whether another frame would show more."""
-        started = time.perf_counter()
+    def advance(self, editor: Editor, now: float, last_frame_ms: float) -> bool:
+        """Take the worker's answers, follow the document, draw. Whether another frame would show more.
+
+        `last_frame_ms` is what the last frame took in all: what it spent on other things is kept out of the budget.
+        """
+        if self._stepped:
+            self._frame_ms = last_frame_ms
         events = editor.tick(now)
         try:
             for event in events:
                 self._take(editor, event)
             if self.renderer.frame is None:
                 return bool(events)
-            busy = self._follow(editor)
+            busy = self._follow(editor, last_frame_ms)
         except GraphicsError as error:
             editor.notify(str(error), True)
             return False
-        if busy or events:
-            self._frame_ms = 1e3 * (time.perf_counter() - started)
-        return busy or bool(events)
+        self._stepped = busy or bool(events)
+        return self._stepped
 
     def close(self) -> None:
         """Free GL objects and let the loading thread end."""
@@ -141,15 +148,18 @@ class PictureFeed:
 
     # ---------------------------------------------------------------------------------------------------- each frame
 
-    def _follow(self, editor: Editor) -> bool:
+    def _follow(self, editor: Editor, last_frame_ms: float) -> bool:
         """The document as it is now, in the picture. Whether there is more to come."""
         self._follow_environment(editor)
         self._follow_layers(editor)
         self._follow_curve(editor)
         self._follow_comparison(editor)
-        budget = 1e-3 * editor.view.frame_budget_ms
+        allowed = editor.view.frame_budget_ms
+        budget = 1e-3 * max(allowed - (last_frame_ms - self._spent_ms), LEAST_SHARE * allowed)
+        started = time.perf_counter()
         uploaded = self.renderer.upload(UPLOAD_SHARE * budget)
         report = self.renderer.update(budget_s=budget if uploaded else (1.0 - UPLOAD_SHARE) * budget)
+        self._spent_ms = 1e3 * (time.perf_counter() - started)
         self._texture = self.renderer.composite(self._display_view(editor))
         wanted = 0 if self._wanted is None else len(self._wanted)
         exact = uploaded and report.exact

@@ -9,7 +9,6 @@ so a drag and its picture are in the same frame.
 from __future__ import annotations
 
 import time
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -44,7 +43,6 @@ from ui.panels.context import Handles, PanelContext, Picture
 from ui.panels.state import Notice, PanelState
 
 SETTLE_SECONDS = 0.9
-N_FRAME_TIMES = 60
 
 
 class PictureSource(Protocol):
@@ -59,7 +57,7 @@ class PictureSource(Protocol):
     @property
     def heading(self) -> float: ...
 
-    def advance(self, editor: Editor, now: float) -> bool: ...
+    def advance(self, editor: Editor, now: float, last_frame_ms: float) -> bool: ...
 
     def object_at(self, column: int, row: int) -> str | None: ...
 
@@ -107,7 +105,7 @@ class Shell:
         self._layout_file = layout_file
         self._rebuild_layout = not layout.load(layout_file, scale)
         self._interface = InterfaceRenderer(context)
-        self._frame_times: deque[float] = deque(maxlen=N_FRAME_TIMES)
+        self._frame_ms = 0.0
         self._last_frame = clock()
         self._last_input = clock()
         self._seen_message = ""
@@ -126,6 +124,10 @@ class Shell:
         """An event came in: tooltips and hover need frames for a little while."""
         self.inputs += 1
         self._last_input = self._clock()
+
+    def note_frame_time(self, milliseconds: float) -> None:
+        """How long the last frame took until it was on screen; the next one is planned by it, and panels show it."""
+        self._frame_ms = milliseconds
 
     def offer_recovery(self, recovery: Recovery) -> None:
         """Show a strip over the picture that offers what a journal kept."""
@@ -148,8 +150,7 @@ class Shell:
 
     def frame(self, target: moderngl.Framebuffer, size: tuple[int, int], now: float | None = None) -> FrameResult:
         """Take the events, bring the picture up to date and draw the window into `target`, `size` in pixels."""
-        started = self._clock()
-        now = started if now is None else now
+        now = self._clock() if now is None else now
         imgui.set_current_context(self._imgui)
         self._io.display_size = ImVec2(float(size[0]), float(size[1]))
         self._io.delta_time = min(max(now - self._last_frame, 1e-4), 0.25)
@@ -168,7 +169,6 @@ class Shell:
         target.clear(*theme.BACKDROP)
         self._interface.render(target)
         self._remember_layout()
-        self._frame_times.append(1e3 * (self._clock() - started))
         return self._result(working or bool(actions), outcome.screenshot, outcome.quit)
 
     def idle(self, now: float) -> bool:
@@ -191,7 +191,7 @@ class Shell:
         if source is None:
             return False
         before = [(t.glo if t is not None else 0, t) for t in (source.picture, source.environment)]
-        working = source.advance(self.editor, now)
+        working = source.advance(self.editor, now, self._frame_ms)
         for (reference, old), new in zip(before, (source.picture, source.environment), strict=True):
             if old is not None and old is not new:
                 self._interface.substitute(reference, new)
@@ -220,7 +220,6 @@ class Shell:
             handles=self.handles,
             undo_label=editor.history.undo_label,
             redo_label=editor.history.redo_label,
-            frame_times=tuple(self._frame_times),
             environments=self.environments,
             scenes=self.scenes,
             now=now,

@@ -85,14 +85,10 @@ class Icon:
     VERTICAL = "\uf338"
     DIAGONAL = "\uf0b2"
     WARNING = "\uf071"
-    OPEN = "\uf07c"
     CLOSE = "\uf00d"
     CHANGED = "\uf111"
-    PICTURE = "\uf03e"
     CLOCK = "\uf017"
     MEMORY = "\uf538"
-    CHECK = "\uf00c"
-    SPINNER = "\uf110"
 
 
 @dataclass
@@ -141,10 +137,6 @@ class Theme:
     def px(self, size: float) -> float:
         """`size` at scale 1, in framebuffer pixels, rounded."""
         return float(round(size * self.scale))
-
-    def push_small(self) -> None:
-        """Captions and axis labels. Ends with imgui.pop_font()."""
-        imgui.push_font(self.fonts.regular, SMALL_SIZE)
 
     def push_bold(self) -> None:
         """Headings. Ends with imgui.pop_font()."""

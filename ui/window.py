@@ -206,7 +206,9 @@ class Window:
             self._save(result.screenshot, size)
         self._show_cursor()
         glfw.swap_buffers(self.handle)
-        self.longest_frame = max(self.longest_frame, time.monotonic() - started)
+        took = time.monotonic() - started
+        self.longest_frame = max(self.longest_frame, took)
+        self.shell.note_frame_time(1e3 * took)
         if self.first_frame_at is None:
             self.first_frame_at = time.monotonic()
         return result

@@ -78,7 +78,7 @@ class PanelContext:
 
     `undo_label` and `redo_label` name what would be undone or redone. `object_at` tells the object's name at a pixel
     (column, row) of the picture. `heading` is where the camera looks, degrees clockwise from -Z seen from above.
-    `now` is seconds of the window's clock, `frame_times` the last frames in milliseconds.
+    `now` is seconds of the window's clock.
     """
 
     document: Document
@@ -93,7 +93,6 @@ class PanelContext:
     redo_label: str | None = None
     object_at: Callable[[int, int], str | None] = nothing_there
     heading: float = 0.0
-    frame_times: tuple[float, ...] = ()
     environments: tuple[str, ...] = ()
     scenes: tuple[str, ...] = ()
     now: float = 0.0

@@ -52,8 +52,11 @@ def _quality(context: PanelContext) -> list[Action]:
         actions.append(SetView.of(n_lights=LIGHT_CHOICES[pressed]))
     widgets.label(context, "Transport")
     options = (
-        ("Half", "Half floats on the graphics card: half the memory, errors of a thousandth."),
-        ("Float", "Full floats on the graphics card: twice the memory, increments without rounding."),
+        ("Half", "Half floats on the graphics card: half the memory, errors of a thousandth. From the next curve on."),
+        (
+            "Float",
+            "Full floats on the graphics card: twice the memory, increments without rounding. From the next curve on.",
+        ),
     )
     chosen = 0 if context.view.precision == "half" else 1
     pressed = widgets.segments(context, "accuracy.precision", options, chosen, least=_share(context, 2))

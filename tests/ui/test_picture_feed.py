@@ -1,0 +1,125 @@
+"""The worker's answers on their way to the screen."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from app.commands import SetEnvironment, SetIntensity, SetRotation, SetVisible
+from app.jobs.messages import ComputeTransport, SkyImage
+from app.view_state import SetView
+from tests.ui.stand_in import HEIGHT, WIDTH, StandInClient, scene_arrays, transport_of
+from ui.headless import HeadlessWindow
+from ui.picture_feed import PictureFeed
+
+pytestmark = pytest.mark.gl
+
+# Transport is held in half floats: 11 bits a coefficient, sums of 128 of them.
+HALF_FLOAT = 1e-3
+
+
+def feed(window: HeadlessWindow) -> PictureFeed:
+    source = window.shell.source
+    assert isinstance(source, PictureFeed)
+    return source
+
+
+def exact_picture(window: HeadlessWindow) -> np.ndarray:
+    editor = window.shell.editor
+    window.frames(2)
+    assert window.run_until(lambda: editor.status.picture == "exact", 30.0), editor.status
+    return feed(window).renderer.linear_image()
+
+
+def expected_picture(window: HeadlessWindow) -> np.ndarray:
+    """The sum over layers of f_q f_o Σ_j c_j T_j, straight from the stand-in's transport, and the lamp's emission."""
+    editor, arrays = window.shell.editor, scene_arrays()
+    image = np.array(arrays["emission_image"], dtype=np.float64)
+    flat = image.reshape(-1, 3)
+    names = [state.name for state in editor.document.objects]
+    for key, layer in editor.document.layers():
+        name = key.partition(".")[0]
+        if name == "lamp" or not editor.document.is_visible(key):
+            continue
+        start, stop = arrays["object_ranges"][names.index(name)]
+        curves = editor.wanted_coefficients(key)
+        first = next(iter(curves.values()))
+        radiance = np.einsum("jpc,jc->pc", transport_of(key, len(first)), first)
+        angles = np.linspace(0.0, np.pi / 2, 256)
+        view = editor.view_curve(key)
+        view_value = np.stack([np.interp(0.4, angles, view[:, channel]) for channel in range(3)])
+        flat[arrays["pixel"][start:stop]] += radiance * layer.scale() * view_value
+    return image
+
+
+def test_the_picture_is_the_sum_of_its_layers(window: HeadlessWindow) -> None:
+    shown = exact_picture(window)
+    assert shown.shape == (HEIGHT, WIDTH, 3)
+    np.testing.assert_allclose(shown, expected_picture(window), rtol=HALF_FLOAT, atol=1e-5)
+
+
+def test_the_picture_follows_a_dragged_curve(window: HeadlessWindow) -> None:
+    before = exact_picture(window)
+    window.drag_handle("curve.magnitude", (0, -60))
+    shown = exact_picture(window)
+    assert np.abs(shown - before).max() > 1e-3
+    np.testing.assert_allclose(shown, expected_picture(window), rtol=HALF_FLOAT, atol=1e-5)
+    # An edit of the curve asks the worker for nothing: the transport on the graphics card answers.
+    client = window.shell.editor._client
+    assert isinstance(client, StandInClient)
+    assert sum(isinstance(request, ComputeTransport) for request in client.requests) == 1
+
+
+def test_hidden_layers_leave_the_picture(window: HeadlessWindow) -> None:
+    window.shell.editor.do(SetVisible("teapot.0", False))
+    np.testing.assert_allclose(exact_picture(window), expected_picture(window), rtol=HALF_FLOAT, atol=1e-5)
+
+
+def test_intensity_and_exposure_act_alike(window: HeadlessWindow) -> None:
+    editor, renderer = window.shell.editor, feed(window).renderer
+    editor.do(SetIntensity(4.0))
+    window.frames(3)
+    brighter = renderer.display_image()
+    editor.do(SetIntensity(1.0))
+    editor.do(SetView.of(exposure=2.0))
+    window.frames(3)
+    # Four times the light is two stops.
+    np.testing.assert_array_equal(renderer.display_image(), brighter)
+
+
+def test_objects_are_found_by_pixel(window: HeadlessWindow) -> None:
+    found = [feed(window).object_at(column, 5) for column in (0, 13, 25, 47)]
+    assert found == ["teapot", "tray", "wall", "lamp"]
+    assert feed(window).object_at(-1, 0) is None
+    assert feed(window).object_at(WIDTH, 0) is None
+
+
+def test_the_camera_looks_along_minus_z(window: HeadlessWindow) -> None:
+    # The stand-in's camera stands on +Z and looks at the origin: straight ahead is the thumbnail's middle.
+    assert feed(window).heading == pytest.approx(0.0)
+
+
+def test_a_new_sky_gets_a_thumbnail(window: HeadlessWindow) -> None:
+    editor = window.shell.editor
+    old = feed(window).environment
+    editor.do(SetEnvironment("constant", radiance=(1.0, 0.2, 0.1)))
+    client = editor._client
+    assert isinstance(client, StandInClient)
+    assert window.run_until(lambda: len([r for r in client.requests if isinstance(r, ComputeTransport)]) > 1, 10.0)
+    revision = client.requests[-1].revision
+    client.say(SkyImage(np.full((4, 8, 3), (1.0, 0.2, 0.1), np.float32), revision=revision))
+    assert window.run_until(lambda: feed(window).environment is not old, 10.0)
+    thumbnail = feed(window).environment
+    assert thumbnail is not None
+    red, _, blue, alpha = thumbnail.read()[:4]
+    assert red > blue and alpha == 255
+    window.frames(3)
+
+
+def test_rotating_turns_the_background_at_once(window: HeadlessWindow) -> None:
+    editor = window.shell.editor
+    editor.do(SetRotation(90.0))
+    window.frame()
+    assert editor.document.light.rotation == 90.0
+    window.frames(3)
+    assert editor.status.frame_ms > 0.0
