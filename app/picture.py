@@ -15,26 +15,15 @@ from numpy.typing import NDArray
 
 from app.document import Document
 from engine.curve.operators import HALF_PI
-from engine.material import kinds
 from engine.material.layer import Layer
 from engine.material.model import Model
+from engine.plan import MOST_BANDS, band_counts
 from engine.scene.description import SceneDescription
 
 Array = NDArray[np.float64]
 Coefficients = Mapping[str, Array]
 
 N_VIEW_SAMPLES = 256
-MOST_BANDS = 128
-# Bands of a curve over each angle: highlights need many, what varies slowly few.
-N_BANDS = {
-    kinds.THETA_R: 128,
-    kinds.THETA_H: 128,
-    kinds.GAMMA_ALPHA: 128,
-    kinds.GAMMA_BETA: 128,
-    kinds.GAMMA_RATIO: 64,
-    kinds.THETA_D: 16,
-    kinds.THETA_I: 16,
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,11 +78,6 @@ class TransportReady:
 
 
 PictureEvent = SceneFrame | SkyChanged | FootprintChanged | LayerRadiance | TransportReady
-
-
-def band_counts(layer: Layer, most: int = MOST_BANDS) -> dict[str, int]:
-    """J of each of the layer's transport factors; ``most`` (a power of two) caps them."""
-    return {factor.name: min(N_BANDS[factor.gamma], most) for factor in layer.model.factors}
 
 
 class Curves:

@@ -8,7 +8,6 @@ import pytest
 from app.commands import SetModel, SetOperators, SetParameter
 from app.document import Document, ObjectState, all_factors
 from app.picture import MOST_BANDS, N_VIEW_SAMPLES, Curves, band_counts
-from engine.curve.bands import band_means
 from engine.curve.operators import Operator
 from engine.material import MODELS, make_layer
 from engine.material.model import Parameter
@@ -41,7 +40,7 @@ def test_cached_curves_are_those_of_the_document(name: str) -> None:
 def compare(curves: Curves, document: Document) -> None:
     layer = document.layer("pot.0")
     for name, values in curves.coefficients(document, "pot.0").items():
-        assert np.array_equal(values, band_means(layer.curve(name), values.shape[0])), name
+        assert np.array_equal(values, layer.coefficients(name, values.shape[0])), name
     assert np.array_equal(curves.view_curve(document, "pot.0"), Curves().view_curve(document, "pot.0"))
     assert np.array_equal(curves.gain(document, "pot.0"), layer.scale())
 
@@ -65,4 +64,4 @@ def test_the_cache_follows_a_change_of_model(document: Document) -> None:
     curves.coefficients(document, "pot.1")
     changed = SetModel("pot.1", "cook_torrance").apply(document)
     values = curves.coefficients(changed, "pot.1")["theta_h"]
-    assert np.array_equal(values, band_means(changed.layer("pot.1").curve("theta_h"), 128))
+    assert np.array_equal(values, changed.layer("pot.1").coefficients("theta_h", 128))

@@ -1,0 +1,269 @@
+"""What a scene requires, decided before any work: model only that.
+
+`plan_scene` gives every layer its bands, says whether the sphere's visibility is needed, and leaves the reason beside
+each choice; `engine.render.pilot` measures on a few hundred points what it will cost. Every line can be overruled.
+
+Bands follow the curve. A curve f is replaced by its band means f_J; what a picture sees of the difference is how far
+light moves between angles, so it is measured on the running integrals by solid angle [BenArtzi07, sect. 4.3 chooses J
+by hand],
+
+    d(J) = max over gamma of | int_0^gamma (f - f_J) sin | / int_0^(pi/2) f sin,
+
+and the least power of two with d(J) <= 0.005 is taken. d falls with J^2 while the bands are narrower than the curve's
+features. The largest pointwise difference was rejected: it never falls below half a step at an edge, however narrow
+the band. A curve that a person may bend, or has bent, gets no fewer bands than `EDITABLE_BANDS`, since nobody knows the
+next edit. This module is light to import: the window's process shares its table.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from engine.curve.bands import band_means
+from engine.curve.operators import HALF_PI
+from engine.errors import InsituError
+from engine.material import kinds
+from engine.material.layer import Layer
+
+if TYPE_CHECKING:
+    from engine.scene.load import Scene
+
+MOST_BANDS = 128
+# What can be stored: rows of factor A may be long, the runs of factor B are counted in bytes.
+MOST_BANDS_OVERRULED = (512, 128)
+# Bands of a curve that can be edited, over each angle: highlights need many, what varies slowly few.
+EDITABLE_BANDS = {
+    kinds.THETA_R: 128,
+    kinds.THETA_H: 128,
+    kinds.GAMMA_ALPHA: 64,
+    kinds.GAMMA_BETA: 64,
+    kinds.GAMMA_RATIO: 64,
+    kinds.THETA_D: 16,
+    kinds.THETA_I: 16,
+}
+BANDWIDTH_TOLERANCE = 0.005
+N_LIGHTS = 4000
+N_PATCHES = 256
+FEWEST_LIGHTS, MOST_LIGHTS = 20, 80_000
+# Tracing the lights of the cut costs less than the sphere's 5,120 directions up to about this many of them.
+SPHERE_PAYS_FROM = 1280
+N_FINE = 2048
+
+Precision = Literal["half", "float"]
+
+
+@dataclass(frozen=True)
+class LayerPlan:
+    """One layer: bands (J,) or (J, K) of its one or two factors, and why so many of each."""
+
+    key: str
+    model: str
+    editable: bool
+    factors: tuple[str, ...]
+    bands: tuple[int, ...]
+    reasons: tuple[str, ...]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Bands (J, K); K = 1 where there is one factor."""
+        return self.bands[0], self.bands[1] if len(self.bands) > 1 else 1
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What the plan will cost, extrapolated from `n_sampled` points a layer: an estimate, within about a factor of two.
+
+    seconds in all, of which `visibility_seconds` for shadows; disk and gpu in MiB (2^20 bytes), the GPU's for the
+    largest layer when it is selected.
+    """
+
+    seconds: float
+    visibility_seconds: float
+    disk_mib: float
+    gpu_mib: float
+    n_points: int
+    n_sampled: int
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What will be computed for one scene. `reasons` says why, by line; `overruled` which lines a person set."""
+
+    layers: tuple[LayerPlan, ...]
+    n_lights: int
+    n_patches: int
+    needs_sphere: bool
+    precision: Precision
+    bounces: int
+    reasons: Mapping[str, str]
+    overruled: frozenset[str] = frozenset()
+    cost: Cost | None = None
+
+    def layer(self, key: str) -> LayerPlan:
+        """The plan of one layer, which must be in it."""
+        return next(plan for plan in self.layers if plan.key == key)
+
+
+def band_counts(layer: Layer, most: int = MOST_BANDS) -> dict[str, int]:
+    """J of each of the transport factors of a layer that can be edited; ``most`` (a power of two) caps them."""
+    return {factor.name: min(EDITABLE_BANDS[factor.gamma], most) for factor in layer.model.factors}
+
+
+def curve_deviation(layer: Layer, factor: str, n_bands: int) -> float:
+    """d(J) of a layer's curve as the module's text defines it, over all channels; 0 where the curve is 0."""
+    return _deviation(_fine_means(layer, factor), layer.coefficients(factor, n_bands))
+
+
+def bandwidth(layer: Layer, factor: str, tolerance: float = BANDWIDTH_TOLERANCE, most: int = MOST_BANDS) -> int:
+    """The least power of two J, up to `most`, with d(J) <= tolerance."""
+    fine = _fine_means(layer, factor)
+    n_bands = 1
+    while n_bands < most and _deviation(fine, layer.coefficients(factor, n_bands)) > tolerance:
+        n_bands *= 2
+    return n_bands
+
+
+def plan_scene(
+    scene: Scene,
+    layers: Mapping[str, Layer],
+    *,
+    has_sky: bool,
+    editable: Collection[str] = (),
+    n_lights: int = N_LIGHTS,
+    overrides: Mapping[str, int | str] | None = None,
+) -> Plan:
+    """The plan for the layers by key ("object.index"); `editable` names the keys that a person will edit.
+
+    overrides: "lights", "patches", "sphere" (0 or 1), "precision" ("half", "float") or "KEY.FACTOR" (bands) to its
+    value. Raises InsituError for a line that is not in the plan or a value that cannot be.
+    """
+    has_emitters = bool(scene.emitters.any())
+    needs_sphere = has_sky and n_lights >= SPHERE_PAYS_FROM
+    plan = Plan(
+        layers=tuple(_plan_layer(key, layer, key in editable) for key, layer in layers.items()),
+        n_lights=n_lights if has_sky else 0,
+        n_patches=N_PATCHES if has_emitters else 0,
+        needs_sphere=needs_sphere,
+        precision="half",
+        bounces=1,
+        reasons={
+            "lights": "triangles cut from the sky where it is bright" if has_sky else "no sky",
+            "patches": "of the objects that shine" if has_emitters else "nothing shines",
+            "sphere": _sphere_reason(has_sky, needs_sphere),
+            "precision": "each coefficient's plane has its own scale, so half floats hold it to 0.05 %",
+            "bounces": "direct light; more needs global illumination, which is not there yet",
+        },
+    )
+    for line, value in (overrides or {}).items():
+        plan = _overrule(plan, line, value)
+    return plan
+
+
+def plan_lines(plan: Plan) -> Iterator[tuple[str, str, str]]:
+    """(line, value, reason) of all that is planned, as a person reads and may overrule it."""
+    for layer in plan.layers:
+        for factor, n_bands, reason in zip(layer.factors, layer.bands, layer.reasons, strict=True):
+            yield f"{layer.key}.{factor}", f"{n_bands} bands", reason
+    values = {
+        "lights": plan.n_lights,
+        "patches": plan.n_patches,
+        "sphere": "5,120 directions" if plan.needs_sphere else "not needed",
+        "precision": plan.precision,
+        "bounces": plan.bounces,
+    }
+    for line, value in values.items():
+        yield line, f"{value:,}" if isinstance(value, int) else value, plan.reasons[line]
+
+
+def _plan_layer(key: str, layer: Layer, editable: bool) -> LayerPlan:
+    bands, reasons = [], []
+    for factor in layer.model.factors:
+        needed = bandwidth(layer, factor.name)
+        edited = bool(layer.operators(factor.name))
+        floor = EDITABLE_BANDS[factor.gamma] if editable or edited else 1
+        bands.append(max(needed, floor))
+        if floor > needed:
+            reasons.append("room for edits" if editable else "it has been edited")
+        else:
+            deviation = curve_deviation(layer, factor.name, needed)
+            within = f"the curve's own bandwidth, {100 * deviation:.2f} % off"
+            reasons.append(within if deviation <= BANDWIDTH_TOLERANCE else f"the most there are, {within[11:]}")
+    names = tuple(factor.name for factor in layer.model.factors)
+    return LayerPlan(key, layer.model.name, editable, names, tuple(bands), tuple(reasons))
+
+
+def _sphere_reason(has_sky: bool, needs_sphere: bool) -> str:
+    if not has_sky:
+        return "no sky, so only emitters cast shadows"
+    if needs_sphere:
+        return "shadows outlive every change of the sky"
+    return f"fewer than {SPHERE_PAYS_FROM:,} lights are traced one by one"
+
+
+def _overrule(plan: Plan, line: str, value: int | str) -> Plan:
+    overruled = plan.overruled | {line}
+    if line in ("lights", "patches", "sphere", "precision"):
+        changed = _switch(plan, line, value)
+        return replace(changed, reasons={**plan.reasons, line: "overruled"}, overruled=overruled)
+    for index, layer in enumerate(plan.layers):
+        for place, factor in enumerate(layer.factors):
+            if line == f"{layer.key}.{factor}":
+                layers = (*plan.layers[:index], _with_bands(layer, place, line, value), *plan.layers[index + 1 :])
+                return replace(plan, layers=layers, overruled=overruled)
+    there = [name for name, _, _ in plan_lines(plan) if name != "bounces"]
+    raise InsituError(f"the plan has no line {line!r} to overrule; there is: {', '.join(there)}")
+
+
+def _switch(plan: Plan, line: str, value: int | str) -> Plan:
+    if line == "precision":
+        if value not in ("half", "float"):
+            raise _refused(line, value, "half or float")
+        return replace(plan, precision="half" if value == "half" else "float")
+    if not isinstance(value, int) or isinstance(value, bool):
+        raise _refused(line, value, "a whole number")
+    if line == "sphere":
+        if value not in (0, 1):
+            raise _refused(line, value, "0 or 1")
+        return replace(plan, needs_sphere=bool(value) and plan.n_lights > 0)
+    if not FEWEST_LIGHTS <= value <= MOST_LIGHTS:
+        raise _refused(line, value, f"{FEWEST_LIGHTS} to {MOST_LIGHTS:,}")
+    if line == "lights":
+        return replace(plan, n_lights=value if plan.n_lights else 0)
+    return replace(plan, n_patches=value if plan.n_patches else 0)
+
+
+def _with_bands(layer: LayerPlan, place: int, line: str, value: int | str) -> LayerPlan:
+    most = MOST_BANDS_OVERRULED[0] if len(layer.bands) == 1 else min(MOST_BANDS_OVERRULED)
+    if not isinstance(value, int) or not 1 <= value <= most or value & (value - 1):
+        raise _refused(line, value, f"a power of two from 1 to {most}")
+    bands = (*layer.bands[:place], value, *layer.bands[place + 1 :])
+    reasons = (*layer.reasons[:place], "overruled", *layer.reasons[place + 1 :])
+    return replace(layer, bands=bands, reasons=reasons)
+
+
+def _refused(line: str, value: int | str, expected: str) -> InsituError:
+    return InsituError(f"plan: {line} = {value}, expected {expected}")
+
+
+def _fine_means(layer: Layer, factor: str) -> np.ndarray:
+    """Means over many narrow bands, by solid angle, (N, 3): the curve itself, for this purpose."""
+    return band_means(layer.curve(factor), N_FINE, by_solid_angle=True)
+
+
+def _deviation(fine: np.ndarray, means: np.ndarray) -> float:
+    edges = np.cos(np.linspace(0.0, HALF_PI, len(fine) + 1))
+    weights = (edges[:-1] - edges[1:])[:, None]
+    total = (fine * weights).sum(axis=0)
+    lit = total > 0.0
+    if not lit.any():
+        return 0.0
+    running = np.cumsum((fine - np.repeat(means, len(fine) // len(means), axis=0)) * weights, axis=0)
+    # Scaled to the largest total before dividing: a channel that is all but black does not decide.
+    deviation = np.abs(running[:, lit]).max(axis=0) / np.maximum(total[lit], 1e-6 * total.max())
+    worst = float(deviation.max())
+    return worst if math.isfinite(worst) else 0.0
