@@ -12,7 +12,9 @@ by hand],
 and the least power of two with d(J) <= 0.005 is taken. d falls with J^2 while the bands are narrower than the curve's
 features. The largest pointwise difference was rejected: it never falls below half a step at an edge, however narrow
 the band. A curve that a person may bend, or has bent, gets no fewer bands than `EDITABLE_BANDS`, since nobody knows the
-next edit. This module is light to import: the window's process shares its table.
+next edit. Bands also set how finely a light is split before its cosine and quotient are taken, so a still is given the
+editor's bands: measured on three reference scenes with 4,000 lights, 0.57 to 0.98 % error against 0.67 to 1.22 % with
+each curve's own bandwidth, in the same time. This module is light to import: the window's process shares its table.
 """
 
 from __future__ import annotations

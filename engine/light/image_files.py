@@ -84,7 +84,7 @@ def _open_exr(file: Path, header_only: bool) -> Any:
 
     OpenEXR.setMaxImageSize(MAX_SIDE, MAX_SIDE)  # for the whole process; the library's own default is no limit
     parts, complaint = [], ""
-    with _silenced_library() as said:
+    with silenced_library() as said:
         try:
             parts = OpenEXR.File(str(file), separate_channels=True, header_only=header_only).parts
         except Exception as error:  # the library raises RuntimeError, ValueError, TypeError and its own
@@ -99,7 +99,7 @@ def _open_exr(file: Path, header_only: bool) -> Any:
 
 
 @contextmanager
-def _silenced_library() -> Iterator[list[str]]:
+def silenced_library() -> Iterator[list[str]]:
     """Keep the library's remarks out of the terminal: C++ on standard error, Python on standard output.
 
     The lines from standard error are in the list on leaving. Standard error is the whole process's, so that what other

@@ -9,9 +9,11 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from engine.curve.operators import HALF_PI
 from engine.light.emitters import EmitterPatches
 from engine.light.environment import Environment, triangle_integrals
 from engine.material.layer import Layer
+from engine.render import _kernels as kernels
 from engine.scene.hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.sphere.geodesic import geodesic
@@ -26,12 +28,34 @@ def local_frames(hits: PrimaryHits, rows: np.ndarray) -> np.ndarray:
 
 
 def evaluate_layers(layers: Sequence[Layer], wi: np.ndarray, wo: np.ndarray) -> np.ndarray:
-    """Σ layers ρ(ωi, ωo), (N, 3), of unedited or edited layers: quotient times curves where edits exist."""
+    """Σ over visible layers of ρ(ωi, ωo) cosθi, (N, 3), for local directions (N, 3)."""
     total = np.zeros((len(wi), 3))
     for layer in layers:
         if layer.visible:
-            total += layer.brdf(wi, wo)
+            total += evaluate_layer(layer, wi, wo)
     return total
+
+
+def evaluate_layer(layer: Layer, wi: np.ndarray, wo: np.ndarray) -> np.ndarray:
+    """ρ(ωi, ωo) cosθi of one layer, (N, 3): the model's own formula, or quotient times curves where edits exist."""
+    if not layer.edits:
+        return layer.model.brdf(layer.values, wi, wo) * np.maximum(wi[:, 2:3], 0.0)
+    return layer.scale() * evaluate_by_curves(layer, wi, wo)
+
+
+def evaluate_by_curves(layer: Layer, wi: np.ndarray, wo: np.ndarray) -> np.ndarray:
+    """ρ_q f_o f_A f_B cosθi of one layer, without f_q, (N, 3) [BenArtzi07, eq. 3.1]."""
+    wi, wo = np.ascontiguousarray(wi, np.float64), np.ascontiguousarray(wo, np.float64)
+    q = layer.quotient_parameters()
+    out = np.empty(len(wi))
+    kernels.quotient_cosines(layer.model.kind, q, wi, wo, out)
+    value = np.repeat(out[:, None], 3, axis=1)
+    view = layer.model.view_factor
+    for factor in (*layer.model.factors, *((view,) if view else ())):
+        angle = np.empty(len(wi))
+        kernels.curve_angles(factor.gamma, q, wi, wo, angle)
+        value *= layer.curve(factor.name)(np.clip(angle, 0.0, HALF_PI))
+    return value
 
 
 def integrate_direct(
@@ -76,7 +100,16 @@ def patch_samples(patches: EmitterPatches, point: np.ndarray) -> tuple[np.ndarra
     return wi, distance, patches.radiance * (area * facing / distance**2)[:, None]
 
 
-def _reflect(hits, row, frame, caster, layers, wi, power, distance) -> np.ndarray:
+def _reflect(
+    hits: PrimaryHits,
+    row: int,
+    frame: np.ndarray,
+    caster: RayCaster,
+    layers: Sequence[Layer],
+    wi: np.ndarray,
+    power: np.ndarray,
+    distance: np.ndarray | None,
+) -> np.ndarray:
     """Σ V ρ cosθ (L ΔΩ) at one point over samples wi (M, 3) with power (M, 3)."""
     local = wi @ frame.T
     geometric = wi @ hits.geometric_normal[row].astype(np.float64)
@@ -86,6 +119,5 @@ def _reflect(hits, row, frame, caster, layers, wi, power, distance) -> np.ndarra
     blocked = caster.occluded(origins, wi[above].astype(np.float32), reach)
     lit = np.flatnonzero(above)[~blocked]
     wo = np.tile(frame @ hits.wo[row].astype(np.float64), (len(lit), 1))
-    brdf = evaluate_layers(layers, local[lit], wo)
-    return (brdf * local[lit, 2:3] * power[lit]).sum(axis=0)
+    return (evaluate_layers(layers, local[lit], wo) * power[lit]).sum(axis=0)
 

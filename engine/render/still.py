@@ -1,0 +1,173 @@
+"""A finished picture without a window: the editor's own transport, contracted at once and put together.
+
+For every pixel that sees a reflecting object, over the layers of that object,
+
+    L = sum over layers of f_q f_o(theta_o) sum_jk c_j c_k U_jk        [BenArtzi07, eq. 3.1 and 4.16],
+
+for the others the emitter or the background they see. Transport is contracted tile by tile and never kept, so a still
+needs the memory of its visibility and no more. The reference picture goes the same way with `integrate_direct` in the
+place of transport.
+"""
+
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.light.emitters import EmitterPatches
+from engine.material.layer import Layer
+from engine.plan import Plan
+from engine.render.integrator import integrate_direct
+from engine.scene.hits import PrimaryHits
+from engine.transport.bandstore import BandStore, BandTile
+from engine.transport.pipeline import FINAL, Placement, Quality, SkyState
+from engine.transport.projection import LayerShape, VisibleLight, project_layer
+
+# What the shadows take of the time, for a progress bar that moves evenly.
+SHADOWS = 0.3
+REFERENCE_POINTS = 32
+REFERENCE_LEVEL = 6
+
+Picture = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class StillLayer:
+    """A visible layer of one object (its index in the scene) and the bands (J, K) it is computed with."""
+
+    i_object: int
+    layer: Layer
+    bands: tuple[int, int]
+
+
+@dataclass(frozen=True)
+class StillProgress:
+    """How far a picture is, in [0, 1], and what is at work."""
+
+    fraction: float
+    text: str
+
+
+def still_quality(plan: Plan) -> Quality:
+    """The stage that a plan asks for: every pixel, its lights and patches, the sphere where it is needed."""
+    n_lights, n_patches = plan.n_lights or FINAL.n_lights, plan.n_patches or FINAL.n_patches
+    return replace(FINAL, name="still", n_lights=n_lights, n_patches=n_patches, own_rays=not plan.needs_sphere)
+
+
+def render_still(
+    placement: Placement, layers: Sequence[StillLayer], sky: SkyState, quality: Quality = FINAL
+) -> Generator[StillProgress, None, Picture]:
+    """Linear radiance (H, W, 3) float32 of the scene with these layers under this sky.
+
+    quality: its stride must be 1. Emitters shine as the scene says.
+    """
+    if quality.stride != 1:
+        raise ValueError(f"stride = {quality.stride}, expected 1: a still has every pixel")
+    radiance = np.zeros((len(placement.hits.pixel), 3))
+    light = yield from _see(placement, sky, quality)
+    total = sum(len(placement.rows_of(each.i_object)) for each in layers) or 1
+    done = 0
+    for each in layers:
+        rows = placement.rows_of(each.i_object)
+        for tile in project_layer(placement.hits, rows, light, _shape(each)):
+            covered = rows[tile.begin : tile.begin + len(tile.scale)]
+            radiance[covered] += _contract(each, tile) * light.lighting.unit * _seen(placement.hits, covered, each)
+            done += len(covered)
+            yield StillProgress(SHADOWS + (1 - SHADOWS) * done / total, f"{each.layer.name} of object {each.i_object}")
+    return compose(placement, radiance, sky)
+
+
+def render_reference(
+    placement: Placement, layers_of: Mapping[int, Sequence[Layer]], sky: SkyState, n_patches: int, level: int
+) -> Generator[StillProgress, None, Picture]:
+    """The same picture by brute force: every pixel asks 20·4^level directions and `n_patches` patches. Slow."""
+    rows = np.arange(len(placement.hits.pixel))
+    radiance = np.zeros((len(rows), 3))
+    patches = placement.patches(n_patches)
+    blocks = [rows[i : i + REFERENCE_POINTS] for i in range(0, len(rows), REFERENCE_POINTS)]
+    work = _reference_work(placement, layers_of, sky, patches, level)
+    with ThreadPoolExecutor(2) as pool:
+        for i in range(0, len(blocks), 2):
+            pair = blocks[i : i + 2]
+            for block, found in zip(pair, pool.map(work, pair), strict=True):
+                radiance[block] = found
+            yield StillProgress((i + len(pair)) / len(blocks), "every direction of every pixel")
+    return compose(placement, radiance, sky)
+
+
+def compose(placement: Placement, radiance: NDArray[np.floating], sky: SkyState) -> Picture:
+    """Reflected radiance (P, 3) of the points, emitters and the background as one picture (H, W, 3) float32."""
+    hits = placement.hits
+    image = hits.emission_image.astype(np.float32)
+    behind = hits.object_image < 0
+    if sky.environment is not None and behind.any():
+        seen = sky.environment.evaluate(hits.ray_directions[behind], sky.rotation)
+        image[behind] = seen * np.float32(sky.scale)
+    image.reshape(-1, 3)[hits.pixel] += np.asarray(radiance, np.float32)
+    return image
+
+
+def finish(steps: Generator[StillProgress, None, Picture], report: Callable[[StillProgress], None]) -> Picture:
+    """Drive a picture to its end, telling `report` of every step."""
+    while True:
+        try:
+            report(next(steps))
+        except StopIteration as end:
+            picture: Picture = end.value
+            return picture
+
+
+def _see(placement: Placement, sky: SkyState, quality: Quality) -> Generator[StillProgress, None, VisibleLight]:
+    steps = placement.light(sky, quality)
+    while True:
+        try:
+            yield StillProgress(SHADOWS * min(next(steps), 1.0), "shadows")
+        except StopIteration as end:
+            light: VisibleLight = end.value
+            return light
+
+
+def _shape(each: StillLayer) -> LayerShape:
+    return LayerShape(each.layer.model.name, tuple(each.layer.quotient_parameters().tolist()), each.bands)
+
+
+def _contract(each: StillLayer, tile: BandTile) -> NDArray[np.float32]:
+    """A tile's radiance (p, 3) without f_q and f_o, in the light's units."""
+    factors = each.layer.model.factors
+    curves = [each.layer.coefficients(factor.name, n) for factor, n in zip(factors, each.bands, strict=False)]
+    return BandStore(each.bands, (replace(tile, begin=0),)).radiance(curves[0], (*curves, np.ones((1, 3)))[1])
+
+
+def _seen(hits: PrimaryHits, rows: NDArray[np.integer], each: StillLayer) -> NDArray[np.float64]:
+    """f_q f_o(theta_o), (p, 3)."""
+    view = each.layer.model.view_factor
+    if view is None:
+        return np.tile(each.layer.scale(), (len(rows), 1))
+    cosine = np.einsum("pc,pc->p", hits.normal[rows], hits.wo[rows], dtype=np.float64)
+    return each.layer.scale() * each.layer.curve(view.name)(np.arccos(np.clip(cosine, 0.0, 1.0)))
+
+
+def _reference_work(
+    placement: Placement, layers_of: Mapping[int, Sequence[Layer]], sky: SkyState, patches: EmitterPatches | None,
+    level: int,
+) -> Callable[[NDArray[np.integer]], NDArray[np.float64]]:  # fmt: skip
+    environment = sky.environment
+    if environment is not None and sky.scale != 1.0:
+        environment = replace(environment, radiance=environment.radiance * np.float32(sky.scale))
+    return lambda block: integrate_direct(
+        placement.hits, block, placement.caster, lambda i: layers_of.get(i, ()), environment, sky.rotation, patches,
+        level,
+    )  # fmt: skip
+
+
+def still_layers(
+    layers: Iterable[tuple[str, Layer]], object_names: Sequence[str], plan: Plan
+) -> tuple[StillLayer, ...]:
+    """The visible layers by key ("object.index") as a still wants them, with the plan's bands."""
+    indices = {name: index for index, name in enumerate(object_names)}
+    return tuple(
+        StillLayer(indices[key.rpartition(".")[0]], layer, plan.layer(key).shape) for key, layer in layers
+        if layer.visible
+    )  # fmt: skip
