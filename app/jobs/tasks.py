@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from app.document import CONSTANT_ENVIRONMENT, SCENE_ENVIRONMENT, LightState
+from app.document import LightState
 from app.jobs.cache import Store, content_key
 from app.jobs.messages import (
     ComputeTransport,
@@ -34,9 +34,10 @@ from app.jobs.messages import (
     SkyImage,
     StageDone,
 )
+from app.sky import sky_of
 from engine.errors import InsituError
-from engine.light.environment import Environment, constant_environment, downsampled, load_environment
-from engine.scene.builtin import builtin_environments, builtin_scenes
+from engine.light.environment import Environment, downsampled, load_environment
+from engine.scene.builtin import builtin_scenes
 from engine.scene.load import Scene, load_scene
 from engine.transport.bandstore import BandStore, BandTile, join_tiles, store_from_arrays
 from engine.transport.pipeline import COARSE, DRAG, FINAL, PREVIEW, Placement, Quality, SkyState
@@ -126,7 +127,7 @@ class Tasks:
         self._contracted = {}
         if request.selected and request.factor:
             self._selected = (request.selected, request.factor)
-        sky = self._sky(placement.scene, request.light)
+        sky = sky_of(placement.scene, request.light, self._environment)
         if (image := self._sky_image(sky, request.light)) is not None:
             yield image
         for quality, exact in _stages(request):
@@ -216,21 +217,6 @@ class Tasks:
         )  # fmt: skip
 
     # ---------------------------------------------------------------------------------------------------- light
-
-    def _sky(self, scene: Scene, light: LightState) -> SkyState:
-        """The distant light of a document."""
-        if light.environment == CONSTANT_ENVIRONMENT:
-            return SkyState(constant_environment(light.radiance or (1.0, 1.0, 1.0)), light.rotation)
-        if light.environment != SCENE_ENVIRONMENT:
-            path = builtin_environments().get(light.environment) or Path(light.environment)
-            return SkyState(self._environment(path, light.mapping), light.rotation)
-        described = scene.description.environment
-        if described is None:
-            return SkyState(None)
-        if scene.environment_path is None:
-            radiance = described.radiance or (0.0, 0.0, 0.0)
-            return SkyState(constant_environment(radiance), light.rotation, described.scale)
-        return SkyState(self._environment(scene.environment_path, described.mapping), light.rotation, described.scale)
 
     def _environment(self, path: Path, mapping: str) -> Environment:
         key = (str(path), mapping)
