@@ -336,7 +336,7 @@ class Negotiator:
                 key,
                 layer.model.name,
                 tuple(layer.quotient_parameters().tolist()),
-                tuple(self._curves.bands(layer).items()),
+                tuple(self._curves.bands(key, layer).items()),
             )
             for key, layer in document.layers()
             if key.rpartition(".")[0] not in emitters

@@ -89,16 +89,29 @@ class Curves:
 
     def __init__(self, most_bands: int = MOST_BANDS) -> None:
         self.most_bands = most_bands
-        self._cached: dict[tuple[str, str], tuple[Layer, Array]] = {}
+        self.forget()
 
-    def bands(self, layer: Layer) -> dict[str, int]:
-        """J of each of the layer's transport factors."""
-        return band_counts(layer, self.most_bands)
+    def forget(self) -> None:
+        """Another scene: its layers are planned anew."""
+        self._cached: dict[tuple[str, str], tuple[Layer, Array]] = {}
+        self._planned: dict[str, tuple[Model, dict[str, int]]] = {}
+
+    def bands(self, key: str, layer: Layer) -> dict[str, int]:
+        """J of each of the layer's transport factors.
+
+        Planned when the layer is first seen and kept while it is edited, so that transport outlives edits; a new model
+        is planned anew.
+        """
+        model, counts = self._planned.get(key, (None, {}))
+        if model is not layer.model:
+            counts = band_counts(layer, self.most_bands)
+            self._planned[key] = (layer.model, counts)
+        return counts
 
     def coefficients(self, document: Document, key: str) -> dict[str, Array]:
         """Band values of each transport factor of a layer, (J,3) by factor [BenArtzi07, eq. 4.17]."""
         layer = document.layer(key)
-        return {name: self._band_values(key, layer, name, n) for name, n in self.bands(layer).items()}
+        return {name: self._band_values(key, layer, name, n) for name, n in self.bands(key, layer).items()}
 
     def view_curve(self, document: Document, key: str) -> Array:
         """f_o at 256 angles from 0 to π/2, (256,3); ones for a layer whose model has no view factor."""

@@ -25,6 +25,7 @@ from engine.material.kinds import (
     THETA_D,
     THETA_H,
     THETA_I,
+    THETA_R,
 )
 
 HALF_PI = np.float32(math.pi / 2)
@@ -161,5 +162,10 @@ def weigh(model_kind, q, x, y, z, ox, oy, oz, weights):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def slope(kind):
-    """How much γ can change with the light's direction: a bound of |dγ/dω| away from poles."""
-    return np.float32(0.5) if kind == THETA_H or kind == THETA_D else np.float32(1.0)
+    """How much γ changes with the light's direction where it is a cone around a pole; 0 for angles that have none.
+
+    γ_α and γ_β vanish along lines, not at points: there a triangle's corners tell all but the crease itself.
+    """
+    if kind == THETA_H or kind == THETA_D:
+        return np.float32(0.5)
+    return np.float32(1.0) if kind == THETA_I or kind == THETA_R else np.float32(0.0)

@@ -100,7 +100,6 @@ class _Scratch(NamedTuple):
     centre_b: np.ndarray
     lights: np.ndarray
     weights: np.ndarray
-    shares_a: np.ndarray
     shares_b: np.ndarray
     stack: np.ndarray
     depths: np.ndarray
@@ -134,23 +133,52 @@ def band_shares(a, b, c, n_bands, shares):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
-def _deposit(bands, weight, r, g, b, a0, a1, a2, b0, b1, b2, scratch):
-    """bands[j, k] += weight · (r, g, b) · Δ_j · Δ_k for corner parameters in units of bands [BenArtzi07, eq. 4.15]."""
-    shares_a, shares_b = scratch.shares_a, scratch.shares_b
-    first_a, count_a = band_shares(a0, a1, a2, bands.shape[0], shares_a)
-    first_b, count_b = 0, 1
-    shares_b[0] = np.float32(1.0)
-    if bands.shape[1] > 1:
-        first_b, count_b = band_shares(b0, b1, b2, bands.shape[1], shares_b)
-    r, g, b = r * weight, g * weight, b * weight
-    for j in range(count_a):
-        share = shares_a[j]
-        at = first_a + j
-        for k in range(first_b, first_b + count_b):
-            w = share * shares_b[k - first_b]
-            bands[at, k, 0] += w * r
-            bands[at, k, 1] += w * g
-            bands[at, k, 2] += w * b
+def _add(bands, j, k, w, r, g, b):
+    bands[j, k, 0] += w * r
+    bands[j, k, 1] += w * g
+    bands[j, k, 2] += w * b
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
+def _deposit_one(bands, r, g, b, a0, a1, a2):
+    """bands[j, 0] += (r, g, b) · Δ_j for corner parameters in units of bands [BenArtzi07, eq. 4.11]."""
+    low, high = min(a0, a1, a2), max(a0, a1, a2)
+    first, last = min(int(low), bands.shape[0] - 1), min(int(high), bands.shape[0] - 1)
+    below = np.float32(0.0)
+    if first < last:
+        middle = max(min(a0, a1), min(max(a0, a1), a2))
+        for j in range(first, last):
+            upto = share_below(np.float32(j + 1), low, middle, high)
+            _add(bands, j, 0, upto - below, r, g, b)
+            below = upto
+    _add(bands, last, 0, np.float32(1.0) - below, r, g, b)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
+def _deposit_two(bands, r, g, b, a0, a1, a2, b0, b1, b2, shares_b):
+    """bands[j, k] += (r, g, b) · Δ_j · Δ_k for corner parameters in units of bands [BenArtzi07, eq. 4.15]."""
+    first_b, count_b = band_shares(b0, b1, b2, bands.shape[1], shares_b)
+    low, high = min(a0, a1, a2), max(a0, a1, a2)
+    first, last = min(int(low), bands.shape[0] - 1), min(int(high), bands.shape[0] - 1)
+    middle = max(min(a0, a1), min(max(a0, a1), a2))
+    below = np.float32(0.0)
+    for j in range(first, last + 1):
+        upto = np.float32(1.0)
+        if j < last:
+            upto = share_below(np.float32(j + 1), low, middle, high)
+        share = upto - below
+        below = upto
+        for k in range(count_b):
+            _add(bands, j, first_b + k, share * shares_b[k], r, g, b)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
+def _deposit(bands, weight, r, g, b, a0, a1, a2, b0, b1, b2, shares_b):
+    """Spread weight · (r, g, b) over the bands of one curve or two."""
+    if bands.shape[1] == 1:
+        _deposit_one(bands, r * weight, g * weight, b * weight, a0, a1, a2)
+    else:
+        _deposit_two(bands, r * weight, g * weight, b * weight, a0, a1, a2, b0, b1, b2, shares_b)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -215,7 +243,7 @@ def _deposit_split(bands, weight, r, g, b, size_a, size_b, scale_a, scale_b, opt
             continue
         w = weight * shrink * shrink
         a0, a1, a2 = ga[0] * scale_a, ga[1] * scale_a, ga[2] * scale_a
-        _deposit(bands, w, r, g, b, a0, a1, a2, gb[0] * scale_b, gb[1] * scale_b, gb[2] * scale_b, scratch)
+        _deposit(bands, w, r, g, b, a0, a1, a2, gb[0] * scale_b, gb[1] * scale_b, gb[2] * scale_b, scratch.shares_b)
         top -= 1
 
 
@@ -274,7 +302,7 @@ def _project_lights(bands, corners, sizes, colours, n_directions, n_lights, opti
         a0, a1, a2 = _about_centre(a0, a1, a2, scratch.centre_a[i], scale_a)
         if two:
             b0, b1, b2 = _about_centre(b0, b1, b2, scratch.centre_b[i], scale_b)
-        _deposit(bands, weight, r, g, b, a0, a1, a2, b0, b1, b2, scratch)
+        _deposit(bands, weight, r, g, b, a0, a1, a2, b0, b1, b2, scratch.shares_b)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -378,7 +406,7 @@ def _set_frame(tangent, normal, frame):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _make_scratch(n_directions, n_lights, n_a, n_b):
+def _make_scratch(n_directions, n_lights, n_b):
     depth = 3 * _MAX_SPLIT + 4
     return _Scratch(
         np.empty(n_directions, np.float32), np.empty(n_directions, np.float32), np.empty(n_directions, np.float32),
@@ -386,7 +414,7 @@ def _make_scratch(n_directions, n_lights, n_a, n_b):
         np.empty(n_directions, np.float32), np.empty(n_directions, np.float32),
         np.empty(n_lights, np.float32), np.empty(n_lights, np.float32),
         np.empty(n_lights + 1, np.int64), np.empty(n_lights + 1, np.float32),
-        np.empty(n_a + 1, np.float32), np.empty(n_b + 1, np.float32),
+        np.empty(n_b + 1, np.float32),
         np.empty((depth, 9), np.float32), np.empty(depth, np.int64),
     )  # fmt: skip
 
@@ -396,7 +424,7 @@ def project_tile(rows, surface, sky, patches, bits, optics, trim, encoded):
     """Project all lights for one layer at the points `rows` and encode them; returns the number of values written."""
     n_sky, n_patches = sky.corners.shape[0], patches.corners.shape[0]
     n_sky_corners, n_patch_corners = sky.directions.shape[1], patches.points.shape[1]
-    s = _make_scratch(max(n_sky_corners, n_patch_corners), max(n_sky, n_patches), optics.n_a, optics.n_b)
+    s = _make_scratch(max(n_sky_corners, n_patch_corners), max(n_sky, n_patches), optics.n_b)
     corners_seen, centres_seen = np.empty((3, n_patch_corners), np.float32), np.empty((3, n_patches), np.float32)
     colours, sizes = np.zeros((n_patches, 3), np.float32), np.empty(n_patches, np.float32)
     own_bit = np.arange(n_patches)

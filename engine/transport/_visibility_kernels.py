@@ -202,8 +202,8 @@ def list_rays(
 def apply_answers(rows, ray_block, ray_target, blocked, doubt, bits, horizon, neighbours, traced, todo):
     """Store traced answers; where one contradicts the guess, ask its neighbours that now disagree (OPT flooding).
 
-    Where there was no guess (`doubt`) every answer counts as a contradiction [BenArtzi07, 8.8.1]. On return `todo` holds
-    the next round.
+    Where there was no guess (`doubt`) every answer counts as a contradiction [BenArtzi07, 8.8.1]. On return `todo`
+    holds the next round.
     """
     todo[:] = np.uint64(0)
     for i in range(ray_block.shape[0]):

@@ -14,7 +14,7 @@ from engine.transport.lighting import Lighting
 from engine.transport.visibility import Visibility
 
 TILE = 256
-TRIM = 1e-4
+TRIM = 4e-3
 
 
 @dataclass(frozen=True)

@@ -202,7 +202,7 @@ def refine_visibility(
     The angular coherence of one point is the better guess here: a cluster of bright lights is so small that the points
     around a thin shadow agree on all of it, and nothing would tell that they are wrong.
     """
-    neighbours = geodesic(VISIBILITY_LEVEL).vertex_neighbours
+    neighbours = geodesic(VISIBILITY_LEVEL).neighbours
     rows = rows[~visibility.done[rows]]
 
     def guess(block: np.ndarray, horizon: np.ndarray, todo: np.ndarray, doubt: np.ndarray) -> None:
