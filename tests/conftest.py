@@ -6,6 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from app.kernel_cache import use_kernel_cache
+
+use_kernel_cache()
+
 ROOT = Path(__file__).resolve().parents[1]
 
 

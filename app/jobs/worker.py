@@ -28,6 +28,7 @@ from app.jobs.channel import Channel, ChannelClosed
 from app.jobs.messages import Failed, Heartbeat, Request, Shutdown
 from app.jobs.schedule import Handlers, Schedule
 from app.jobs.shared_arrays import OutOfMemory, sweep_dead_blocks
+from app.kernel_cache import use_kernel_cache
 from app.paths import state_directory
 
 _PR_SET_PDEATHSIG = 1
@@ -154,6 +155,7 @@ def serve(channel: Channel, options: Any) -> None:
 
 def main(argv: Sequence[str] | None = None) -> None:
     options = arguments(argv)
+    use_kernel_cache()
     die_with(options.parent)
     step_back()
     sweep_dead_blocks()

@@ -18,6 +18,7 @@ from app.jobs.messages import (
 from app.negotiator import DRAG_QUALITY, N_LIGHTS_PREVIEW
 from app.picture import LayerRadiance, SceneFrame, SkyChanged, TransportReady
 from engine.curve.operators import Operator
+from engine.plan import band_counts
 from tests.app.fake_worker import FakeClient, transport
 
 LIFT = Operator("translate", "y", 0.1, 0.2, 0.3, 0.4, magnitude=1.0)
@@ -59,8 +60,8 @@ def test_opening_asks_for_all_layers_at_once(client: FakeClient) -> None:
     assert (work.selected, work.factor) == ("pot.1", "theta_h")
     assert (work.n_lights_preview, work.n_lights_final) == (N_LIGHTS_PREVIEW, 4000)
     assert work.light.rotation == 30.0
-    assert work.layers[1].bands == (128, 16)
-    assert [c.shape for c in work.layers[1].coefficients] == [(128, 3), (16, 3)]
+    assert work.layers[1].bands == tuple(band_counts(editor.document.layer("pot.1")).values())
+    assert [c.shape for c in work.layers[1].coefficients] == [(n, 3) for n in band_counts(editor.document.layer("pot.1")).values()]
 
 
 def test_stages_go_from_preview_to_exact(editor: Editor, client: FakeClient) -> None:
@@ -87,7 +88,7 @@ def test_curve_edits_of_the_selected_layer_ask_for_nothing(settled: Editor, clie
     assert client.requests == []
     raised = settled.wanted_coefficients("pot.1")["theta_h"] - before
     # the bands wholly within [b, c] rise by the magnitude, those outside [a, d] not at all
-    edges = np.linspace(0.0, np.pi / 2, 129)
+    edges = np.linspace(0.0, np.pi / 2, len(raised) + 1)
     full = (edges[:-1] >= 0.2) & (edges[1:] <= 0.3)
     outside = (edges[1:] <= 0.1) | (edges[:-1] >= 0.4)
     assert full.any() and np.allclose(raised[full], 1.0, atol=1e-9)

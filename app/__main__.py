@@ -1,0 +1,71 @@
+"""`insitu` and `python -m app`: the composition root, the one place that knows both the program and its window.
+
+`insitu` and `insitu SCENE` go straight to the window: importing the command line's library would cost a tenth of the
+second and a half in which the window should be there.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from app.console import COMMANDS, guarded
+from app.kernel_cache import use_kernel_cache
+from app.project import find_source
+from app.script import Step
+
+
+class Desktop:
+    """The window's side; each part of it is imported when it is used."""
+
+    def open_window(self, source: str) -> int:
+        from ui.window import run
+
+        return run(source)
+
+    def take_screenshot(
+        self, source: str, output: Path, steps: Sequence[Step], size: tuple[int, int], scale: float,
+        resolution: tuple[int, int] | None,
+    ) -> None:  # fmt: skip
+        from ui.script_runner import take_screenshot
+
+        take_screenshot(source, output, steps=steps, size=size, scale=scale, resolution=resolution)
+
+    def describe_graphics(self) -> str:
+        from ui.gl.context import create_headless_context, describe_context
+
+        context = create_headless_context()
+        try:
+            return describe_context(context)
+        finally:
+            context.release()
+
+    def describe_display(self) -> str:
+        from ui.window import describe_display
+
+        return describe_display()
+
+
+def main() -> int:
+    """Run the program on its command line; the exit status: 0, 1 (the work failed), 2 (usage), 130 (Ctrl-C)."""
+    use_kernel_cache()
+    arguments = sys.argv[1:]
+    if _is_plain_start(arguments):
+        return guarded(lambda: Desktop().open_window(find_source(*arguments or [None])))
+    return guarded(lambda: _run_command(arguments))
+
+
+def _is_plain_start(arguments: Sequence[str]) -> bool:
+    """Whether there is nothing but perhaps a scene."""
+    return not arguments or (len(arguments) == 1 and arguments[0] not in COMMANDS and arguments[0][:1] != "-")
+
+
+def _run_command(arguments: Sequence[str]) -> int:
+    from app.cli import run
+
+    return run(arguments, Desktop())
+
+
+if __name__ == "__main__":
+    sys.exit(main())
