@@ -28,6 +28,7 @@ from ui.gl.placement import PlacementRenderer
 from ui.glfw_keys import KEYS
 from ui.picture_feed import PictureFeed
 from ui.shell import FrameResult, Shell
+from ui.start_times import start_times
 
 TITLE = "Insitu"
 WORKER_LOOK_SECONDS = 0.05
@@ -157,6 +158,7 @@ class Window:
         self.editor = editor
         self.first_frame_at: float | None = None
         self.longest_frame = 0.0
+        self._times = start_times()
         self._context = create_window_context(require)
         self.shell = Shell(self._context, editor, scale=self._scale(), layout_file=layout_file())
         self.shell.environments = tuple(builtin_environments())
@@ -211,6 +213,9 @@ class Window:
         self.shell.note_frame_time(1e3 * took)
         if self.first_frame_at is None:
             self.first_frame_at = time.monotonic()
+        if self._times is not None:
+            self._times.blocked(took, self.editor.scene_is_open)
+            self._times.frame_shown(self.editor.scene_is_open, self.editor.status)
         return result
 
     def _sleep(self, draw_at: float) -> None:
@@ -218,9 +223,16 @@ class Window:
         inputs = self.shell.inputs
         while self.shell.inputs == inputs and not glfw.window_should_close(self.handle):
             now = time.monotonic()
-            if now >= draw_at or self.shell.idle(now):
+            if now >= draw_at or self._look(now):
                 return
             glfw.wait_events_timeout(max(min(WORKER_LOOK_SECONDS, draw_at - now), 0.001))
+
+    def _look(self, now: float) -> bool:
+        """Take the worker's answers between frames; whether there is something new to draw."""
+        found = self.shell.idle(now)
+        if self._times is not None:
+            self._times.blocked(time.monotonic() - now, self.editor.scene_is_open)
+        return found
 
     def _save(self, file: Path, size: tuple[int, int]) -> None:
         data = self._context.screen.read(viewport=(0, 0, *size), components=3, alignment=1)

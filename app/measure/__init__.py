@@ -1,0 +1,319 @@
+"""`insitu measure`: speed against accuracy, measured and never assumed [DESIGN.md, 11].
+
+    subject ─► speed (against brute force) ─┐
+            ─► sweep (against the oracle) ──┼─► figures.json, sweep.csv, plots
+            ─► launches (window, renderer) ─┘
+
+`figures` names what was promised and its limits; `speed` and `accuracy` measure in this process, `launches` starts the
+window and the renderer's measurements as programs of their own, because nothing here may touch GL. What cannot be
+measured on a machine (no GL, no display) stands in the file with the reason, and the rest is measured all the same.
+"""
+
+from __future__ import annotations
+
+import statistics
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from app.measure.accuracy import REFERENCES, Errors, reference_errors, reference_folder
+from app.measure.figures import Figure, NotMeasured, not_measured, summary_lines, write_figures
+from app.measure.launches import Launch, Screen, launch, measure_renderer, open_screen
+from app.measure.machine import load_average, machine_facts
+from app.measure.plots import write_plots
+from app.measure.speed import (
+    RAW_RAYS,
+    Precomputed,
+    Ratio,
+    precompute,
+    precompute_ratios,
+    visibility_ratios,
+    wrong_answers,
+)
+from app.measure.subject import Subject, at_most, open_subject
+from app.measure.sweep import QUICK, Grid, run_sweep, write_csv
+from engine.scene.builtin import DEFAULT_SCENE
+from engine.transport.pipeline import FINAL, PREVIEW, Placement
+
+__all__ = ["FULL", "QUICKLY", "Effort", "run"]
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is measured: repetitions of what takes minutes, of launches and of frames; pictures' longest side.
+
+    n_wrong: points at which visibility is checked; windows: whether windows are opened.
+    """
+
+    name: str
+    repetitions: int = 3
+    launches: int = 5
+    cold_launches: int = 2
+    frames: int = 60
+    side: int = 4096
+    n_rays: int = RAW_RAYS
+    n_wrong: int = 3000
+    references: bool = True
+    timeout_s: float = 1800.0
+    grid: Grid = field(default_factory=Grid)
+
+
+FULL = Effort("full")
+QUICKLY = Effort("quick", 1, 1, 0, 10, 64, 200_000, 300, False, 300.0, QUICK)
+
+
+def run(
+    source: str = DEFAULT_SCENE,
+    output: Path = Path("out/measure"),
+    quick: bool = False,
+    report: Callable[[str], None] = print,
+    effort: Effort | None = None,
+) -> list[Figure]:
+    """Measure a scene (built-in name or file) into a folder: figures.json, sweep.csv and plots; the figures.
+
+    quick: tiny pictures and single repetitions, to see that all is well; such numbers say nothing about speed. report
+    is told what is at work and, in the end, every figure. Raises InsituError when the scene cannot be opened.
+    """
+    effort = effort or (QUICKLY if quick else FULL)
+    output.mkdir(parents=True, exist_ok=True)
+    facts = machine_facts()
+    subject = _open(source, effort.side)
+    with tempfile.TemporaryDirectory(prefix="insitu-measure-") as name:
+        figures, renderer = _measure(subject, effort, Path(name), report)
+    sweep_source = _open(source, effort.grid.side)
+    report(f"sweep at {_size(sweep_source)}")
+    swept = run_sweep(sweep_source, effort.grid, _frame_seconds(renderer))
+    figures += [
+        Figure("oracle_error", (swept.oracle_error,), "transport against our brute-force integrator, random points"),
+        Figure("oracle_mean", (abs(swept.oracle_mean),), "the same, means"),
+    ]
+    write_csv(output / "sweep.csv", swept.rows)
+    write_plots(output, swept.rows, f"{subject.scene.description.name} at {_size(sweep_source)}")
+    machine = facts | {"renderer": renderer.get("renderer"), "load_average_after": load_average()}
+    context = {"scene": source, "resolution": list(subject.scene.resolution), "effort": effort.name}
+    write_figures(output / "figures.json", figures, {"run": context, "machine": machine})
+    for line in summary_lines(figures):
+        report(line)
+    return figures
+
+
+def _measure(
+    subject: Subject, effort: Effort, scratch: Path, report: Callable[[str], None]
+) -> tuple[list[Figure], dict[str, Any]]:
+    """All figures but the sweep's, and what the renderer's measurements found."""
+    report("compiling kernels")
+    for quality in (PREVIEW, FINAL):
+        precompute(_open(subject.source, 24), quality)
+    report("precomputation against brute force")
+    figures = list(_precompute_figures(subject, effort))
+    report("visibility against brute force")
+    figures += _visibility_figures(subject, effort)
+    report("windows")
+    figures += _window_figures(subject, effort, scratch)
+    report("edits on the renderer")
+    edits, renderer = _edit_figures(subject, effort, scratch)
+    figures += edits
+    if effort.references:
+        report("pictures against path-traced references")
+        figures += _reference_figures()
+    return figures, renderer
+
+
+def _open(source: str, side: int) -> Subject:
+    """A scene in its own resolution, or scaled down to `side` pixels."""
+    subject = open_subject(source)
+    return replace(subject, scene=replace(subject.scene, resolution=at_most(subject.scene.resolution, side)))
+
+
+def _size(subject: Subject) -> str:
+    return "{} × {}".format(*subject.scene.resolution)
+
+
+# ------------------------------------------------------------------------------------------------------ precomputation
+
+
+def _precompute_figures(subject: Subject, effort: Effort) -> Iterator[Figure]:
+    ratios: list[Ratio] = []
+    for name, quality in (("precompute_ratio_400", PREVIEW), ("precompute_ratio_4000", FINAL)):
+        runs = [(ratio, _times(done)) for ratio, done in precompute_ratios(
+            subject, quality, effort.repetitions, effort.n_rays
+        )]  # fmt: skip
+        ratios += [ratio for ratio, _ in runs]
+        yield Figure(
+            name,
+            tuple(ratio.value for ratio, _ in runs),
+            f"stage {quality.name!r} at {_size(subject)}: visibility, light and projection of all layers from an "
+            "opened scene and an empty cache ÷ brute-force shadow rays at the raw rate, mean of before and after",
+            {"seconds": [ratio.seconds for ratio, _ in runs], "runs": [times for _, times in runs]},
+        )
+    yield Figure("brute_force_s", tuple(ratio.brute_force for ratio in ratios), "rays of 5,120 directions ÷ raw rate")
+    yield Figure("rays_per_s", tuple(ratio.rate for ratio in ratios), "raw Embree rate, all cores, prepared rays")
+    yield Figure(
+        "transport_mb",
+        (runs[-1][1]["store_bytes"] / 1e6,),
+        f"all layers as the worker keeps them, {FINAL.n_lights} lights",
+    )
+
+
+def _times(done: Precomputed) -> dict[str, float]:
+    return {
+        "light_and_visibility_s": done.light_seconds,
+        "projection_s": done.projection_seconds,
+        "rays": done.rays,
+        "store_bytes": done.store_bytes,
+    }
+
+
+def _visibility_figures(subject: Subject, effort: Effort) -> list[Figure]:
+    """On the built-in shapes and the reference bunny; the scene itself is told beside them."""
+    ratios: dict[str, list[Ratio]] = {}
+    wrong: dict[str, float] = {}
+    folder = reference_folder()
+    scenes = {"shapes": "shapes"} | ({} if folder is None else {"bunny": str(folder / "bunny.toml")})
+    for name, source in (scenes | {"this scene": subject.source}).items():
+        placement = Placement(_open(source, effort.side).scene)
+        ratios[name] = visibility_ratios(placement, effort.repetitions, effort.n_rays)
+        wrong[name] = wrong_answers(placement, effort.n_wrong)
+    parts = {name: [ratio.value for ratio in found] for name, found in ratios.items()}
+    medians = tuple(statistics.median(parts[name]) for name in scenes)
+    where = " and ".join(scenes)
+    return [
+        Figure(
+            "visibility_ratio",
+            medians,
+            f"coherent level-4 visibility of every pixel ÷ brute force, {where}: the larger median counts",
+            {"ratios": parts, "seconds": {name: [r.seconds for r in found] for name, found in ratios.items()}},
+        ),
+        Figure(
+            "visibility_wrong",
+            tuple(wrong[name] for name in scenes),
+            f"answers that differ from brute force at {effort.n_wrong} random points, {where}: the larger counts",
+            {"wrong": wrong},
+        ),
+    ]
+
+
+# ------------------------------------------------------------------------------------------------- window and renderer
+
+
+def _window_figures(subject: Subject, effort: Effort, scratch: Path) -> list[Figure]:
+    names = ("window_s", "first_picture_s", "worst_stall_ms", "exact_picture_s")
+    try:
+        with open_screen() as screen:
+            warm, whole = _warm_launches(screen, subject.source, effort, scratch)
+            cold = [
+                launch(
+                    screen, subject.source, scratch / f"cold{i}", "first_picture", effort.timeout_s,
+                    scratch / f"cold{i}" / "kernels",
+                )
+                for i in range(effort.cold_launches)
+            ]  # fmt: skip
+    except (NotMeasured, OSError) as error:
+        return [not_measured(name, str(error)) for name in (*names, "first_picture_cold_s")]
+    return _start_figures(screen, warm, whole, cold)
+
+
+def _warm_launches(
+    screen: Screen, source: str, effort: Effort, scratch: Path
+) -> tuple[list[Launch], Launch]:
+    """Launches with compiled kernels: some to the first picture, the last of them on to the exact one.
+
+    The first is not counted: it may have to compile what only the worker needs.
+    """
+    launch(screen, source, scratch / "unmeasured", "first_picture", effort.timeout_s)
+    warm = [
+        launch(screen, source, scratch / f"warm{i}", "first_picture", effort.timeout_s)
+        for i in range(effort.launches - 1)
+    ]
+    whole = launch(screen, source, scratch / "whole", "exact", effort.timeout_s)
+    return [*warm, whole], whole
+
+
+def _start_figures(screen: Screen, warm: list[Launch], whole: Launch, cold: list[Launch]) -> list[Figure]:
+    how = f"`python -m app SCENE` on {screen.name}, from before its launch, empty transport cache"
+    parts = {name: [each.milestones[name] for each in warm] for name in ("scene", "first_layer")}
+    figures = [
+        Figure(
+            "window_s",
+            tuple(each.milestones["first_frame"] for each in (*warm, *cold)),
+            f"{how}, to the first frame; the worst of all launches, with and without compiled kernels",
+        ),
+        Figure(
+            "first_picture_s",
+            tuple(each.milestones["first_picture"] for each in warm),
+            f"{how}, compiled kernels cached, to the first frame in which every layer is shaded",
+            parts,
+        ),
+        Figure(
+            "worst_stall_ms",
+            () if whole.longest_block_s is None else (1e3 * whole.longest_block_s,),
+            f"{how}: longest time the window's thread was busy without a look at its events, from the frame that "
+            "takes the opened scene until the picture is exact",
+        ),
+        Figure("exact_picture_s", (whole.milestones["exact"],), f"{how}, to the exact picture with all lights"),
+    ]
+    if cold:
+        how = f"{how}, no compiled kernels, to the first frame in which every layer is shaded"
+        figures.append(
+            Figure("first_picture_cold_s", tuple(each.milestones["first_picture"] for each in cold), how)
+        )
+    return figures
+
+
+def _edit_figures(subject: Subject, effort: Effort, scratch: Path) -> tuple[list[Figure], dict[str, Any]]:
+    names = ("edit_ms_30", "edit_ms_128", "exact_ms", "curve_switch_s")
+    try:
+        found = measure_renderer(
+            subject.source, subject.scene.resolution, FINAL.n_lights, effort.frames, scratch / "whole",
+            effort.timeout_s,
+        )  # fmt: skip
+    except NotMeasured as error:
+        return [not_measured(name, str(error)) for name in names], {}
+    how = f"{found['curve']}, {found['n_coefficients']} coefficients, {_size(subject)}, {found['renderer']}"
+    to_exact = "from an edit of the whole curve to the exact picture, K = 30 a frame, all frames drawn"
+    switches: dict[str, list[float]] = found["curve_switch_s"]
+    figures = [
+        Figure("edit_ms_30", tuple(found["edit_ms_30"]), f"curve change to finished frame (glFinish), K = 30: {how}"),
+        Figure("edit_ms_128", tuple(found["edit_ms_128"]), f"the same, every coefficient at once: {how}"),
+        Figure("exact_ms", tuple(found["exact_ms"]), f"{to_exact}: {how}"),
+        Figure(
+            "curve_switch_s",
+            tuple(statistics.median(seconds) for seconds in switches.values()),
+            "from the request to the worker until the transport is uploaded and the picture drawn from it; medians of "
+            f"{len(switches)} curves, the slowest counts",
+            {"curves": switches},
+        )
+        if switches
+        else not_measured("curve_switch_s", "the scene has one curve only"),
+    ]
+    return figures, found
+
+
+def _frame_seconds(renderer: dict[str, Any]) -> dict[Any, dict[int, float]]:
+    """Seconds of a frame by precision and number of coefficients."""
+    frames = renderer.get("frame_s", {})
+    return {precision: {int(k): s for k, s in seconds.items()} for precision, seconds in frames.items()}
+
+
+# ---------------------------------------------------------------------------------------------------------- references
+
+
+def _reference_figures() -> list[Figure]:
+    folder = reference_folder()
+    if folder is None:
+        absent = "../shared/reference is not beside this checkout"
+        return [not_measured(name, absent) for name in ("reference_error", "reference_mean")]
+    found: dict[str, Errors] = {}
+    for name in REFERENCES:
+        subject = open_subject(str(folder / f"{name}.toml"))
+        found[name] = reference_errors(subject, precompute(subject, FINAL), folder, name)
+    how = f"stage {FINAL.name!r} against path-traced pictures within their masks, {', '.join(found)}: the worst counts"
+    return [
+        Figure("reference_error", tuple(e.rmse for e in found.values()), how, {n: e.rmse for n, e in found.items()}),
+        Figure("reference_mean", tuple(np.abs([e.mean for e in found.values()]).tolist()), how,
+               {n: e.mean for n, e in found.items()}),
+    ]  # fmt: skip

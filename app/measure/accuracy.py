@@ -1,0 +1,129 @@
+"""How far a picture is from the truth: our brute-force oracle, and path-traced references where they are at hand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from app.measure.speed import LayerTransport, Precomputed
+from app.measure.subject import Subject
+from engine.light.environment import Environment
+from engine.light.image_files import read_radiance_image
+from engine.material.layer import Layer
+from engine.render.integrator import integrate_direct
+from engine.render.still import compose
+from engine.transport.pipeline import Placement
+
+CLAMP_PERCENTILE = 99.9
+ORACLE_PATCHES = 1024
+REFERENCES = ("teatray", "bunny", "cornell")
+
+Radiance = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Errors:
+    """relRMSE and the relative difference of means of a picture against the truth."""
+
+    rmse: float
+    mean: float
+
+
+def errors(ours: NDArray[np.floating], truth: NDArray[np.floating]) -> Errors:
+    """relRMSE = sqrt(mean((a-b)²)) / mean(b), both clamped at the truth's 99.9 percentile [DESIGN.md, 11].
+
+    Any equal shapes, linear RGB. A black truth counts differences as they are.
+    """
+    a, b = np.asarray(ours, np.float64), np.asarray(truth, np.float64)
+    top = np.percentile(b, CLAMP_PERCENTILE)
+    a, b = np.minimum(a, top), np.minimum(b, top)
+    mean = b.mean() or 1.0
+    return Errors(float(np.sqrt(np.mean((a - b) ** 2)) / mean), float((a.mean() - b.mean()) / mean))
+
+
+def seen_scale(placement: Placement, rows: NDArray[np.integer], layer: Layer) -> Radiance:
+    """f_q f_o(θ_o) of a layer, (p, 3)."""
+    view = layer.model.view_factor
+    if view is None:
+        return np.tile(layer.scale(), (len(rows), 1))
+    cosine = np.einsum("pc,pc->p", placement.hits.normal[rows], placement.hits.wo[rows], dtype=np.float64)
+    return layer.scale() * layer.curve(view.name)(np.arccos(np.clip(cosine, 0.0, 1.0)))
+
+
+def layer_coefficients(transport: LayerTransport, layer: Layer | None = None) -> tuple[NDArray, NDArray]:
+    """Band values (J, 3) and (K, 3) of a layer's curves; (1, 3) ones where there is no second curve."""
+    layer = layer or transport.layer
+    curves = [layer.coefficients(name, n) for name, n in transport.bands.items()]
+    return curves[0], (*curves, np.ones((1, 3)))[1]
+
+
+def reflected(done: Precomputed) -> Radiance:
+    """Radiance (P, 3) that all points reflect to the eye, from the transport of a stage."""
+    placement = done.placement
+    total = np.zeros((len(placement.hits.pixel), 3))
+    for transport in done.transports:
+        rows = placement.rows_of(transport.i_object)
+        picture = transport.store.radiance(*layer_coefficients(transport)) * done.light.lighting.unit
+        total[rows] += picture * seen_scale(placement, rows, transport.layer)
+    return total
+
+
+def oracle(
+    subject: Subject, placement: Placement, rows: NDArray[np.integer], level: int, layers: Sequence[Layer] | None = None
+) -> Radiance:
+    """Radiance (p, 3) at rows of the hits by brute force over 20·4^level directions and 1,024 patches.
+
+    layers: in the place of the subject's, in its order.
+    """
+    of_object: dict[int, list[Layer]] = {}
+    given = layers or [layer for _, layer in subject.layers]
+    for (i_object, _), layer in zip(subject.layers, given, strict=True):
+        of_object.setdefault(i_object, []).append(layer)
+    environment, patches = _scaled(subject), placement.patches(ORACLE_PATCHES)
+
+    def part(block: NDArray[np.integer]) -> Radiance:
+        return integrate_direct(
+            placement.hits, block, placement.caster, lambda i: of_object.get(i, ()), environment, subject.sky.rotation,
+            patches, level,
+        )  # fmt: skip
+
+    with ThreadPoolExecutor(2) as pool:
+        return np.concatenate(list(pool.map(part, np.array_split(rows, max(1, len(rows) // 16)))))
+
+
+def _scaled(subject: Subject) -> Environment | None:
+    environment = subject.sky.environment
+    if environment is None:
+        return None
+    return replace(environment, radiance=environment.radiance * np.float32(subject.sky.scale))
+
+
+def random_rows(placement: Placement, n_points: int, seed: int = 3) -> NDArray[np.integer]:
+    """Rows of random points of the picture, ascending."""
+    n_points = min(n_points, len(placement.hits.pixel))
+    return np.sort(np.random.default_rng(seed).choice(len(placement.hits.pixel), n_points, replace=False))
+
+
+# ---------------------------------------------------------------------------------------------------- the references
+
+
+def reference_folder() -> Path | None:
+    """The folder of path-traced references beside the checkout, if it is there."""
+    folder = Path(__file__).resolve().parents[3] / "shared" / "reference"
+    return folder if folder.is_dir() else None
+
+
+def reference_errors(subject: Subject, done: Precomputed, folder: Path, name: str) -> Errors:
+    """A stage's picture against NAME_1.exr over the pixels that NAME_mask.png marks."""
+    truth = read_radiance_image(folder / f"{name}_1.exr")
+    mask = np.asarray(Image.open(folder / f"{name}_mask.png").convert("L")) > 127
+    ours = compose(done.placement, reflected(done), subject.sky)
+    if ours.shape != truth.shape:
+        raise ValueError(f"{name}: picture {ours.shape} and reference {truth.shape}, expected equal shapes")
+    return errors(ours[mask], truth[mask])

@@ -1,0 +1,140 @@
+"""The named figures of `insitu measure`: what each is, its limit, and its values with their spread.
+
+A figure is made of samples, one a repetition; its value is their median, or the worst of them where the promise says
+"always". A figure that could not be measured stands there all the same, with the reason in place of the value.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import statistics
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from app.atomic import write_atomically
+from engine.errors import InsituError
+
+
+@dataclass(frozen=True)
+class Spec:
+    """What a figure is: its unit, the largest value that meets the promise (None: no promise), how samples combine."""
+
+    unit: str
+    limit: float | None = None
+    combine: Literal["median", "worst"] = "median"
+
+
+BRUTE = "of brute-force shadow rays"
+SPECS: Mapping[str, Spec] = {
+    "precompute_ratio_4000": Spec(BRUTE, 1.0),
+    "precompute_ratio_400": Spec(BRUTE, 0.15),
+    "visibility_ratio": Spec(BRUTE, 0.15, "worst"),
+    "visibility_wrong": Spec("of answers above the horizon", 2e-4, "worst"),
+    "edit_ms_30": Spec("ms", 33.0),
+    "edit_ms_128": Spec("ms", 100.0),
+    "exact_ms": Spec("ms", 300.0),
+    "curve_switch_s": Spec("s", 0.2, "worst"),
+    "window_s": Spec("s", 1.5, "worst"),
+    "first_picture_s": Spec("s", 3.0),
+    "worst_stall_ms": Spec("ms", 50.0, "worst"),
+    "transport_mb": Spec("MB", 250.0),
+    # Beside the promised names:
+    "first_picture_cold_s": Spec("s", 20.0),
+    "exact_picture_s": Spec("s"),
+    "brute_force_s": Spec("s"),
+    "rays_per_s": Spec("rays/s"),
+    "oracle_error": Spec("relRMSE", 0.005),
+    "oracle_mean": Spec("relative difference of means", 0.005),
+    "reference_error": Spec("relRMSE", 0.02, "worst"),
+    "reference_mean": Spec("relative difference of means", 0.005, "worst"),
+}
+PROMISED = tuple(SPECS)[:12]
+
+
+class NotMeasured(InsituError):
+    """A figure cannot be measured here; the message says why."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One measured number. samples: one a repetition, empty where it could not be measured; how: in words.
+
+    parts: what else belongs to it, by name (one scene each, the seconds it is made of, ...).
+    """
+
+    name: str
+    samples: tuple[float, ...]
+    how: str
+    parts: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.name not in SPECS:
+            raise ValueError(f"figure {self.name!r} has no entry in SPECS")
+        if not all(math.isfinite(sample) for sample in self.samples):
+            raise ValueError(f"{self.name}: samples {self.samples}, expected finite numbers")
+
+    @property
+    def spec(self) -> Spec:
+        return SPECS[self.name]
+
+    @property
+    def value(self) -> float | None:
+        """The samples as one number; None where there are none."""
+        if not self.samples:
+            return None
+        return max(self.samples) if self.spec.combine == "worst" else statistics.median(self.samples)
+
+    @property
+    def met(self) -> bool | None:
+        """Whether the limit is kept; None where there is no limit or no value."""
+        if self.value is None or self.spec.limit is None:
+            return None
+        return self.value <= self.spec.limit
+
+    def as_json(self) -> dict[str, Any]:
+        """The figure as it stands in figures.json."""
+        spread: dict[str, float | None] = {"min": None, "median": None, "max": None}
+        if self.samples:
+            spread = {
+                "min": min(self.samples),
+                "median": statistics.median(self.samples),
+                "max": max(self.samples),
+            }
+        return {
+            "value": self.value,
+            "limit": self.spec.limit,
+            "met": self.met,
+            "unit": self.spec.unit,
+            "spread": spread,
+            "repetitions": len(self.samples),
+            "how": self.how,
+            "parts": dict(self.parts),
+        }
+
+
+def not_measured(name: str, reason: str) -> Figure:
+    """A figure without a value."""
+    return Figure(name, (), f"not measured: {reason}")
+
+
+def write_figures(file: Path, figures: Sequence[Figure], facts: Mapping[str, Any]) -> None:
+    """Write figures by name, and the facts of the run and the machine beside them, as JSON."""
+    content = {figure.name: figure.as_json() for figure in figures} | dict(facts)
+    write_atomically(file, (json.dumps(content, indent=2, allow_nan=False) + "\n").encode())
+
+
+def summary_lines(figures: Sequence[Figure]) -> list[str]:
+    """One line a figure, for the terminal: value, spread, limit, whether it is kept."""
+    lines = []
+    for figure in figures:
+        if figure.value is None:
+            lines.append(f"{figure.name:22s} {figure.how}")
+            continue
+        limit = "" if figure.spec.limit is None else f"  limit {figure.spec.limit:g}"
+        verdict = {True: "  met", False: "  NOT met", None: ""}[figure.met]
+        spread = f"({min(figure.samples):.4g} to {max(figure.samples):.4g})"
+        lines.append(f"{figure.name:22s} {figure.value:10.4g} {figure.spec.unit} {spread}{limit}{verdict}")
+    return lines

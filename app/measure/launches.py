@@ -1,0 +1,168 @@
+"""Programs that are started to be measured: the window as a person starts it, and the renderer's own measurements.
+
+The window is opened under Xvfb where that is installed, else on the display there is, else without one (the same
+frames in a framebuffer). It writes its milestones to the file that `INSITU_TIMES` names, in times of the steady clock.
+Each launch gets folders of its own for state and cache, so that nothing is known of the scene; compiled kernels are
+there or not, as asked.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import select
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from app.measure.figures import NotMeasured
+
+Milestone = Literal["first_frame", "scene", "first_layer", "first_picture", "exact"]
+ROOT = Path(__file__).resolve().parents[2]
+RENDERER = "ui.measure_gl"
+SCREEN = "1440x900x24"
+LOOK_SECONDS = 0.02
+
+
+@dataclass(frozen=True)
+class Launch:
+    """One start: seconds after the launch of each milestone, and the longest block (s) of the window's thread."""
+
+    milestones: Mapping[str, float]
+    longest_block_s: float | None
+
+
+@dataclass(frozen=True)
+class Screen:
+    """Where windows open: the environment for them and the command in front of the scene; `name` in words."""
+
+    name: str
+    environment: Mapping[str, str]
+    command: tuple[str, ...]
+
+
+@contextlib.contextmanager
+def open_screen() -> Iterator[Screen]:
+    """Xvfb while the block lasts, or what there is in its place."""
+    program = (sys.executable, "-m", "app")
+    if shutil.which("Xvfb") is not None:
+        with _xvfb() as display:
+            yield Screen("Xvfb", {"DISPLAY": display}, program)
+    elif os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
+        yield Screen("the display", {}, program)
+    else:
+        yield Screen("a framebuffer without display", {}, (sys.executable, "-m", RENDERER, "--start"))
+
+
+@contextlib.contextmanager
+def _xvfb() -> Iterator[str]:
+    """A virtual display that is ready; its name."""
+    reading, writing = os.pipe()
+    command = ["Xvfb", "-displayfd", str(writing), "-screen", "0", SCREEN, "-nolisten", "tcp"]
+    server = subprocess.Popen(command, pass_fds=[writing], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    os.close(writing)
+    try:
+        with os.fdopen(reading) as pipe:
+            ready, _, _ = select.select([pipe], [], [], 20.0)
+            number = pipe.readline().strip() if ready else ""
+        if not number:
+            raise NotMeasured("Xvfb did not start")
+        yield f":{number}"
+    finally:
+        server.terminate()
+        server.wait()
+
+
+def launch(
+    screen: Screen, source: str, folder: Path, until: Milestone, timeout_s: float, kernels: Path | None = None
+) -> Launch:
+    """Start the program on a scene, wait for a milestone, end it.
+
+    folder: for the transport cache, state and the times, made when it is not there; kernels: where compiled kernels
+    are kept, None for their usual place. Raises NotMeasured when the program ends or is too slow.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / "times.json"
+    environment = {
+        **os.environ,
+        **screen.environment,
+        "INSITU_TIMES": str(file),
+        "INSITU_CACHE": str(folder / "cache"),
+        "INSITU_STATE": str(folder / "state"),
+    }
+    if kernels is not None:
+        environment["NUMBA_CACHE_DIR"] = str(kernels)
+    if screen.environment:
+        environment.pop("WAYLAND_DISPLAY", None)
+    with open(folder / "stderr.txt", "w+", encoding="utf-8") as words:
+        started = time.monotonic()
+        process = subprocess.Popen(
+            [*screen.command, source], cwd=ROOT, env=environment, stdout=subprocess.DEVNULL, stderr=words
+        )
+        try:
+            return _relative(_wait_for(process, file, until, started + timeout_s), started)
+        except NotMeasured as error:
+            words.seek(0)
+            said = words.read().strip().splitlines()
+            raise NotMeasured(f"{error}{': ' + said[-1] if said else ''}") from None
+        finally:
+            _end(process)
+
+
+def _wait_for(process: subprocess.Popen[bytes], file: Path, until: Milestone, deadline: float) -> dict[str, float]:
+    while True:
+        times = json.loads(file.read_text()) if file.exists() else {}
+        if until in times:
+            return dict(times)
+        if process.poll() is not None:
+            raise NotMeasured(f"the program ended with status {process.returncode} before {until}")
+        if time.monotonic() > deadline:
+            raise NotMeasured(f"{until} did not come in time")
+        time.sleep(LOOK_SECONDS)
+
+
+def _relative(times: dict[str, float], started: float) -> Launch:
+    block = times.pop("longest_block_s", None)
+    return Launch({name: at - started for name, at in times.items()}, block)
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    if process.poll() is None:
+        process.send_signal(signal.SIGTERM)
+        try:
+            process.wait(5.0)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+def measure_renderer(
+    source: str, resolution: tuple[int, int] | None, n_lights: int, repetitions: int, folder: Path, timeout_s: float
+) -> dict[str, Any]:
+    """What `python -m ui.measure_gl` finds; transport comes from the cache in `folder` where it is there.
+
+    Raises NotMeasured with its words.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    output = folder / "renderer.json"
+    command = [sys.executable, "-m", RENDERER, source, str(output), "--lights", str(n_lights)]
+    command += ["--repetitions", str(repetitions)]
+    if resolution is not None:
+        command += ["--resolution", str(resolution[0]), str(resolution[1])]
+    environment = {**os.environ, "INSITU_CACHE": str(folder / "cache"), "INSITU_STATE": str(folder / "state")}
+    try:
+        done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=timeout_s)
+    except subprocess.TimeoutExpired:
+        raise NotMeasured(f"the renderer's measurements took more than {timeout_s:.0f} s") from None
+    if done.returncode != 0:
+        said = done.stderr.strip().splitlines()
+        raise NotMeasured(said[-1] if said else f"{RENDERER} ended with status {done.returncode}")
+    found: dict[str, Any] = json.loads(output.read_text())
+    return found

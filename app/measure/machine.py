@@ -1,0 +1,60 @@
+"""On what machine, with what versions and under what load figures were measured."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import platform
+import re
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+PACKAGES = ("numpy", "scipy", "numba", "embreex", "trimesh", "OpenEXR", "moderngl", "glfw", "imgui-bundle")
+
+
+def usable_cores() -> int:
+    """Cores this process may run on."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def machine_facts() -> dict[str, Any]:
+    """CPU, cores, memory, system, versions, date (UTC) and load as they are now."""
+    return {
+        "cpu": _first_match(Path("/proc/cpuinfo"), r"model name\s*:\s*(.+)") or platform.processor(),
+        "cores": usable_cores(),
+        "ram_gib": _memory_gib(),
+        "system": platform.platform(),
+        "python": platform.python_version(),
+        "versions": {name: version for name in PACKAGES if (version := _version(name))},
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        "load_average": load_average(),
+    }
+
+
+def load_average() -> list[float] | None:
+    """Runnable processes over 1, 5 and 15 minutes; None where the system does not tell."""
+    try:
+        return list(os.getloadavg())
+    except OSError:
+        return None
+
+
+def _memory_gib() -> float | None:
+    kib = _first_match(Path("/proc/meminfo"), r"MemTotal:\s*(\d+)")
+    return None if kib is None else round(int(kib) / 2**20, 2)
+
+
+def _version(package: str) -> str | None:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+def _first_match(file: Path, pattern: str) -> str | None:
+    try:
+        found = re.search(pattern, file.read_text(encoding="utf-8", errors="replace"))
+    except OSError:
+        return None
+    return found.group(1).strip() if found else None

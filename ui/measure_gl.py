@@ -1,0 +1,264 @@
+"""Edits, curve switches and frames on the real renderer, timed: `python -m ui.measure_gl SCENE OUT.json`.
+
+A program of its own, started by `insitu measure`, so that GL and the worker begin fresh. The editor, the worker process
+and the renderer are the real ones; only the window around them is missing. Every time ends with glFinish.
+
+`python -m ui.measure_gl --start SCENE` is a start without a display: the window's frames in a framebuffer until the
+picture is exact, milestones to `INSITU_TIMES`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from app.commands import SetOperators
+from app.document import Selection
+from app.editor import Editor
+from app.jobs.client import Client
+from app.view_state import Precision, SetView
+from engine.curve.operators import HALF_PI, Operator
+from engine.curve.wavelet import forward
+from engine.errors import InsituError
+from ui.gl.context import create_headless_context, describe_context
+from ui.gl.placement import PlacementRenderer, UpdateReport
+from ui.gl.tonemap import DisplayView
+from ui.headless import HeadlessWindow
+from ui.picture_feed import PictureFeed
+from ui.start_times import start_times
+
+EXACT_SECONDS = 3600.0
+ALL_TERMS = (1, 2, 4, 8, 16, 32, 64, 128)
+TERMS_A_FRAME = 30
+WARM_UP = 5
+
+
+class Bench:
+    """An editor on a scene, its worker, and a renderer that follows, until the picture is exact."""
+
+    def __init__(self, source: str, resolution: tuple[int, int] | None, n_lights: int | None) -> None:
+        self.context = create_headless_context()
+        self.editor = Editor(Client(), source, resolution=resolution)
+        if n_lights is not None:
+            self.editor.do(SetView.of(n_lights=n_lights))
+        self.renderer = PlacementRenderer(self.context)
+        self.feed = PictureFeed(self.renderer)
+        self._frame_ms = 0.0
+        self.wait_until_exact()
+
+    def wait_until_exact(self) -> None:
+        """Frames until the picture is exact; raises InsituError when it does not come."""
+        end = time.monotonic() + EXACT_SECONDS
+        while not self.frame():
+            if self.editor.status.is_error or time.monotonic() > end:
+                raise InsituError(self.editor.status.message or "the picture does not become exact")
+
+    def frame(self) -> bool:
+        """One frame as the window draws it; whether the picture is exact."""
+        started = time.perf_counter()
+        busy = self.feed.advance(self.editor, time.monotonic(), self._frame_ms)
+        self.context.finish()
+        self._frame_ms = 1e3 * (time.perf_counter() - started)
+        if self.editor.status.picture == "exact":
+            return True
+        if not busy:
+            time.sleep(0.001)
+        return False
+
+    def switch(self, path: str) -> float:
+        """Select a curve; seconds until its transport is uploaded and the picture drawn from it."""
+        started = time.perf_counter()
+        refused = self.editor.select(path)
+        if refused is not None:
+            raise InsituError(refused)
+        self.wait_until_exact()
+        return time.perf_counter() - started
+
+    def edit(self, operators: tuple[Operator, ...], terms: int | None) -> UpdateReport:
+        """One edit of the selected curve and the frame that follows it, with so many coefficients."""
+        key, factor = self.selected
+        self.editor.do(SetOperators(key, factor, operators))
+        self.renderer.wanted(key, forward(self.editor.wanted_coefficients(key)[factor]))
+        return self.draw(terms)
+
+    def draw(self, terms: int | None) -> UpdateReport:
+        report = self.renderer.update(max_coefficients=terms)
+        self.renderer.composite(DisplayView())
+        self.context.finish()
+        return report
+
+    @property
+    def selected(self) -> tuple[str, str]:
+        """(layer key, factor) of the selected curve."""
+        selected = self.editor.view.selected
+        assert selected is not None and selected.factor is not None
+        return selected.key, selected.factor
+
+    def curves(self) -> list[tuple[str, int]]:
+        """(path, bands times samples) of every curve with transport, in the scene's order."""
+        found = []
+        for key, _ in self.editor.document.layers():
+            name, index = key.rpartition(".")[0], int(key.rpartition(".")[2])
+            if key not in self.renderer.layer_keys:
+                continue
+            n_samples = len(self.renderer.layer_radiance(key))
+            curves = self.editor.wanted_coefficients(key)
+            found += [(Selection(name, index, factor).path, len(c) * n_samples) for factor, c in curves.items()]
+        return found
+
+    def close(self) -> None:
+        self.feed.close()
+        self.editor.close()
+
+
+def random_edits(seed: int = 5) -> Iterator[tuple[Operator, ...]]:
+    """Edits that change a curve everywhere, and so every coefficient, each channel by itself."""
+    rng = np.random.default_rng(seed)
+    while True:
+        low, high = sorted(rng.uniform(0.0, HALF_PI, 2).tolist())
+        red_only = (True, False, False)
+        yield (
+            Operator("amplify", "y", 0.0, 0.0, HALF_PI, HALF_PI, float(rng.uniform(0.7, 1.4))),
+            Operator("translate", "x", 0.0, low, high, HALF_PI, float(rng.uniform(0.0, 0.05))),
+            Operator("amplify", "y", 0.0, low, high, HALF_PI, float(rng.uniform(0.8, 1.2)), 0.0, red_only),
+        )
+
+
+def measure(bench: Bench, repetitions: int) -> dict[str, Any]:
+    """All figures of the renderer."""
+    curves = bench.curves()
+    widest = max(curves, key=lambda curve: curve[1])[0]
+    switches = measure_switches(bench, [path for path, _ in curves], max(3, repetitions // 10))
+    bench.switch(widest)
+    found: dict[str, Any] = {
+        "renderer": describe_context(bench.context),
+        "curve": widest,
+        "n_coefficients": len(bench.editor.wanted_coefficients(bench.selected[0])[bench.selected[1]]),
+        "edit_ms_30": measure_edits(bench, TERMS_A_FRAME, repetitions),
+        "edit_ms_128": measure_edits(bench, None, repetitions),
+        "exact_ms": measure_exact(bench, max(3, repetitions // 3)),
+        "curve_switch_s": switches,
+        "texture_mib": bench.renderer.memory_bytes / 2**20,
+    }
+    found["frame_s"] = {"half": measure_terms(bench, repetitions)}
+    found["frame_s"]["float"] = measure_float(bench, widest, [path for path, _ in curves], repetitions)
+    return found
+
+
+def measure_edits(bench: Bench, terms: int | None, repetitions: int) -> list[float]:
+    """Milliseconds from a curve's change to the finished frame."""
+    edits = random_edits()
+    for _ in range(WARM_UP):
+        bench.edit(next(edits), terms)
+    return [1e3 * _timed(lambda: bench.edit(next(edits), terms)) for _ in range(repetitions)]
+
+
+def measure_exact(bench: Bench, repetitions: int) -> list[float]:
+    """Milliseconds from an edit of everything to the exact picture, 30 coefficients a frame, all frames drawn."""
+    edits = random_edits(6)
+
+    def refine() -> None:
+        report = bench.edit(next(edits), TERMS_A_FRAME)
+        while not report.exact:
+            report = bench.draw(TERMS_A_FRAME)
+
+    refine()
+    return [1e3 * _timed(refine) for _ in range(repetitions)]
+
+
+def measure_switches(bench: Bench, paths: list[str], rounds: int) -> dict[str, list[float]]:
+    """Seconds of switching to each curve from the one before it."""
+    seconds: dict[str, list[float]] = {path: [] for path in paths}
+    if len(paths) < 2:
+        return {}
+    for path in paths:
+        bench.switch(path)
+    for _ in range(rounds):
+        for path in paths:
+            seconds[path].append(bench.switch(path))
+    return seconds
+
+
+def measure_terms(bench: Bench, repetitions: int) -> dict[str, float]:
+    """Seconds of a frame by the number of coefficients, medians."""
+    n = len(bench.editor.wanted_coefficients(bench.selected[0])[bench.selected[1]])
+    counts = [k for k in ALL_TERMS if k <= n]
+    return {str(k): float(np.median(measure_edits(bench, k, max(5, repetitions // 3)))) / 1e3 for k in counts}
+
+
+def measure_float(bench: Bench, widest: str, paths: list[str], repetitions: int) -> dict[str, float]:
+    """The same with transport in single precision on the GPU."""
+    precision: Precision = "float"
+    bench.editor.do(SetView.of(precision=precision))
+    for other in (path for path in paths if path != widest):
+        bench.switch(other)
+        break
+    bench.switch(widest)
+    return measure_terms(bench, repetitions)
+
+
+def start(source: str) -> None:
+    """The frames of a window that opens, without a display, until the picture is exact."""
+    editor = Editor(Client(), source)
+    window = HeadlessWindow(editor)
+    times = start_times()
+    feed: PictureFeed | None = None
+    while editor.status.picture != "exact" and not editor.status.is_error:
+        began = time.monotonic()
+        busy = window.frame().busy
+        if times is not None:
+            times.blocked(time.monotonic() - began, editor.scene_is_open)
+            times.frame_shown(editor.scene_is_open, editor.status)
+        if feed is None:
+            feed = PictureFeed(PlacementRenderer(window.context))
+            window.shell.source = feed
+        elif not busy:
+            time.sleep(0.005)
+    if feed is not None:
+        feed.close()
+    window.close()
+    editor.close()
+
+
+def _timed(work: Any) -> float:
+    started = time.perf_counter()
+    work()
+    return time.perf_counter() - started
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command line; exit status 0, or 1 with one line on standard error."""
+    parser = argparse.ArgumentParser(prog="python -m ui.measure_gl", description=__doc__.splitlines()[0])
+    parser.add_argument("source")
+    parser.add_argument("output", nargs="?", type=Path)
+    parser.add_argument("--start", action="store_true")
+    parser.add_argument("--resolution", nargs=2, type=int)
+    parser.add_argument("--lights", type=int)
+    parser.add_argument("--repetitions", type=int, default=50)
+    given = parser.parse_args(arguments)
+    try:
+        if given.start:
+            start(given.source)
+            return 0
+        if given.output is None:
+            parser.error("OUT.json is missing")
+        bench = Bench(given.source, tuple(given.resolution) if given.resolution else None, given.lights)
+        try:
+            given.output.write_text(json.dumps(measure(bench, given.repetitions)))
+        finally:
+            bench.close()
+    except InsituError as error:
+        print(f"insitu: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,56 @@
+"""When a window showed what, and how long its thread was blocked: written to a file for `insitu measure`.
+
+The environment variable `INSITU_TIMES` names the file; without it nothing is written. Times are of the system's steady
+clock, which all processes of a machine share, so that whoever launched the program can subtract its own.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+from app.atomic import replacing
+from app.status import Status
+
+TIMES_VARIABLE = "INSITU_TIMES"
+
+
+class StartTimes:
+    """The milestones of one start, and the longest block while the worker streams.
+
+    first_frame; scene (opened); first_layer (something is shaded); first_picture (every layer is, if coarsely); exact.
+    """
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+        self._content: dict[str, float] = {}
+
+    def blocked(self, seconds: float, streaming: bool) -> None:
+        """The window's thread was busy for so long; it counts while the worker has a scene to stream."""
+        if streaming:
+            self._content["longest_block_s"] = max(self._content.get("longest_block_s", 0.0), seconds)
+
+    def frame_shown(self, scene_is_open: bool, status: Status) -> None:
+        """A frame is on screen: note what it is the first of."""
+        reached = {
+            "first_frame": True,
+            "scene": scene_is_open,
+            "first_layer": status.picture != "waiting",
+            "first_picture": status.picture != "waiting" and status.transport_mb > 0.0,
+            "exact": status.picture == "exact",
+        }
+        news = [name for name, is_so in reached.items() if is_so and name not in self._content]
+        if news:
+            now = time.monotonic()
+            self._content |= dict.fromkeys(news, now)
+            with replacing(self._file, durable=False) as file:
+                file.write(json.dumps(self._content).encode())
+
+
+def start_times(environment: Mapping[str, str] = os.environ) -> StartTimes | None:
+    """Where times are wanted, what notes them."""
+    file = environment.get(TIMES_VARIABLE)
+    return StartTimes(Path(file)) if file else None
