@@ -60,8 +60,9 @@ def test_opening_asks_for_all_layers_at_once(client: FakeClient) -> None:
     assert (work.selected, work.factor) == ("pot.1", "theta_h")
     assert (work.n_lights_preview, work.n_lights_final) == (N_LIGHTS_PREVIEW, 4000)
     assert work.light.rotation == 30.0
-    assert work.layers[1].bands == tuple(band_counts(editor.document.layer("pot.1")).values())
-    assert [c.shape for c in work.layers[1].coefficients] == [(n, 3) for n in band_counts(editor.document.layer("pot.1")).values()]
+    counts = tuple(band_counts(editor.document.layer("pot.1")).values())
+    assert work.layers[1].bands == counts
+    assert [c.shape for c in work.layers[1].coefficients] == [(n, 3) for n in counts]
 
 
 def test_stages_go_from_preview_to_exact(editor: Editor, client: FakeClient) -> None:
