@@ -6,7 +6,7 @@ For P points, J bands of factor A and K bands of factor B (K = 1 when the layer 
   points, suns and shadows, keep the same precision whatever the light's unit.
 - `first`, `count` (P, J) uint8: which k a row holds. A light spans few bands, so a row is one short run.
 - `start` (P,) int64: where the point's run begins in `values`; `values` (N,) uint32, nine bits a channel and a shared
-  five-bit exponent (relative error ≤ 2⁻¹⁰ of the entry's largest channel, random in sign).
+  five-bit exponent (error ≤ 2⁻⁹ of the entry's largest channel, random in sign).
 
 Compared on a 512×512 teapot on a tray: float32 matrices need 12 bytes an entry and every entry, half floats with a
 16-bit column index 8 bytes an entry; this needs 4 and two bytes a row. Entries are never negative (light, visibility

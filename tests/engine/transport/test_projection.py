@@ -1,0 +1,305 @@
+"""From light and visibility to bands: closed forms, the dense twin, and every knob at its ends."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from engine.light.emitters import emitter_patches
+from engine.light.environment import Environment, constant_environment
+from engine.material import MODELS
+from engine.material._kernels import gamma, quotient_cosine
+from engine.material.kinds import (
+    GAMMA_ALPHA,
+    GAMMA_BETA,
+    GAMMA_RATIO,
+    THETA_D,
+    THETA_H,
+    THETA_I,
+    THETA_O,
+    THETA_R,
+)
+from engine.material.layer import make_layer
+from engine.scene.primitives import sphere
+from engine.transport._angle_kernels import fill_gammas, weigh
+from engine.transport.projection import LayerShape, project_layer
+from tests.engine.transport.by_hand import bands_of, irradiance, light_of, points_at, project, square
+from tests.naive.transport import dense_transport
+
+UP = np.array([[0.0, 1.0, 0.0]])
+ORIGIN = np.zeros((1, 3))
+LEANING_EYE = np.array([[0.6, 0.8, 0.1]])
+ANGLES = (THETA_I, THETA_R, THETA_H, THETA_D, GAMMA_ALPHA, GAMMA_BETA, GAMMA_RATIO, THETA_O)
+# A model, parameters away from the defaults, and bands of one curve or two.
+LAYERS = [
+    ("lambert", {}, (16, 1)),
+    ("phong", {}, (32, 1)),
+    ("blinn_phong", {}, (64, 1)),
+    ("rough_conductor", {"alpha": 0.2}, (32, 8)),
+    ("rough_conductor", {"distribution": "beckmann", "alpha": 0.4}, (32, 8)),
+    ("cook_torrance", {}, (32, 8)),
+    ("ashikhmin_shirley", {}, (32, 32)),
+    ("ashikhmin_shirley_ratio", {}, (32, 1)),
+]
+
+
+def noise(seed: int = 0) -> Environment:
+    return Environment(np.random.default_rng(seed).random((16, 32, 3)) ** 4, "noise")
+
+
+def directions(n: int, seed: int) -> np.ndarray:
+    vectors = np.random.default_rng(seed).normal(size=(n, 3))
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+# ------------------------------------------------------------------------------------------------------ closed forms
+
+
+@pytest.mark.parametrize("normal", [(0, 1, 0), (1, 2, 3), (1, 0, 0), (0.3, -1, 0.2)])
+@pytest.mark.parametrize(("n_lights", "tolerance"), [(4000, 1e-3), (400, 4e-3)])
+def test_a_constant_sky_gives_pi_times_its_radiance(normal, n_lights, tolerance) -> None:
+    # E = π L. Over a triangle of 0.2 rad, as there are 400 of, the cosine at the centre is 0.3 % above the mean;
+    # triangles that the horizon cuts are there by halves.
+    hits = points_at(ORIGIN, np.array([normal]))
+    light = light_of(hits, constant_environment(3.0), n_lights=n_lights)
+    np.testing.assert_allclose(irradiance(hits, light)[0], 3.0 * np.pi, rtol=tolerance)
+
+
+def test_a_coloured_sky_keeps_its_colour() -> None:
+    # A channel that is a sixteenth of the largest keeps 16/512 of its own size: nine bits a channel, one exponent.
+    hits = points_at(ORIGIN, UP)
+    light = light_of(hits, constant_environment((16.0, 4.0, 1.0)))
+    difference = irradiance(hits, light)[0] / np.pi - [16.0, 4.0, 1.0]
+    assert np.abs(difference).max() < 16.0 / 512 + 16.0 * 5e-4
+
+
+def test_a_sphere_above_a_plane_hides_its_share_of_the_sky() -> None:
+    # The visible share of the irradiance is 1 − hR²/(h² + x²)^1.5 for a sphere of radius R ≤ h at height h.
+    radius, height = 0.5, 1.0
+    mesh = sphere()
+    blocker = (mesh.vertices * (2 * radius) + [0.0, height, 0.0])[mesh.triangles]
+    x = np.linspace(0.0, 2.0, 21)
+    hits = points_at(np.stack([x, 0 * x, 0.3 * x], axis=1), UP)
+    share = irradiance(hits, light_of(hits, constant_environment(1.0), blockers=blocker))[:, 0] / np.pi
+    expected = 1 - height * radius**2 / (height**2 + 1.09 * x**2) ** 1.5
+    # One bit a level-4 triangle: 400 of them hide behind the sphere, those on its outline by halves.
+    np.testing.assert_allclose(share, expected, atol=0.01)
+    assert share.mean() == pytest.approx(expected.mean(), abs=5e-4)
+
+
+def test_a_square_light_at_height_one() -> None:
+    # E = 0.752275 L below the middle of a unit square of light at height 1.
+    lamp = square((0, 1, 0), (1, 0, 0), (0, 0, 1))
+    hits = points_at(ORIGIN, UP)
+    light = light_of(hits, emitters=lamp, blockers=lamp)
+    np.testing.assert_allclose(irradiance(hits, light)[0], 0.752275, rtol=1e-3)
+
+
+def test_a_light_shines_from_its_front_only() -> None:
+    hits = points_at(ORIGIN, UP)
+    turned_away = square((0, 1, 0), (0, 0, 1), (1, 0, 0))
+    assert irradiance(hits, light_of(hits, emitters=turned_away)).max() == 0.0
+
+
+def form_factor(lamp: np.ndarray, n_patches: int) -> float:
+    """From the unit square [−½, ½]² of the plane y = 0 to the lamp, by 24 × 24 points."""
+    place = (np.arange(24) + 0.5) / 24 - 0.5
+    x, z = (values.ravel() for values in np.meshgrid(place, place))
+    hits = points_at(np.stack([x, 0 * x, z], axis=1), UP)
+    return float(irradiance(hits, light_of(hits, emitters=lamp, blockers=lamp, n_patches=n_patches)).mean() / np.pi)
+
+
+def test_parallel_unit_squares() -> None:
+    # The form factor of two parallel unit squares at distance 1 is 0.199825.
+    assert form_factor(square((0, 1, 0), (1, 0, 0), (0, 0, 1)), 256) == pytest.approx(0.199825, rel=1e-3)
+
+
+def test_perpendicular_unit_squares() -> None:
+    # The form factor of two unit squares with a common edge is 0.200044. Beside that edge a patch is as large as the
+    # distance to it, and its cosine at the centre too large: 4 % with 256 patches, 2 % with 1,024.
+    wall = square((-0.5, 0.5, 0), (0, 1, 0), (0, 0, 1))
+    coarse, fine = form_factor(wall, 64), form_factor(wall, 1024)
+    assert fine == pytest.approx(0.200044, rel=0.02)
+    assert abs(fine - 0.200044) < 0.3 * abs(coarse - 0.200044)
+
+
+# ------------------------------------------------------------------------------------------------ shares of triangles
+
+
+@pytest.mark.parametrize(("model", "parameters", "bands"), LAYERS)
+def test_bands_agree_with_the_dense_twin(model, parameters, bands) -> None:
+    layer = make_layer(MODELS[model], parameters)
+    hits = points_at(ORIGIN, np.array([[0.2, 1.0, 0.1]]), LEANING_EYE)
+    blocker = square((0.5, 0.5, 0), (0, 1, 0), (0, 0, 1))
+    light = light_of(hits, noise(), blockers=blocker, n_lights=1500)
+    found = bands_of(project(hits, light, layer, bands))[0]
+    shape = LayerShape(layer.model.name, tuple(layer.quotient_parameters().tolist()), bands)
+    expected = dense_transport(hits, 0, light, shape, n_samples=60)
+    # All the light arrives: what differs is single precision and nine bits a channel.
+    np.testing.assert_allclose(found.sum(axis=(0, 1)), expected.sum(axis=(0, 1)), rtol=5e-4)
+    # And in its bands: up to a band's edge there is the same light to 2 % of all, the more so the finer the lights;
+    # an angle is taken as linear over a light, and as seen from the light's centre of brightness.
+    for axis in (1, 0):
+        below, below_expected = (np.cumsum(u.sum(axis=axis), axis=0) for u in (found, expected))
+        assert np.abs(below - below_expected).max() < 0.015 * expected.sum(axis=(0, 1)).max()
+    assert np.abs(found - expected).sum() < 0.15 * expected.sum()
+
+
+def test_finer_lights_bring_the_bands_closer_to_the_dense_twin() -> None:
+    layer = make_layer(MODELS["rough_conductor"], {"alpha": 0.2})
+    shape = LayerShape("rough_conductor", tuple(layer.quotient_parameters().tolist()), (32, 1))
+    hits = points_at(ORIGIN, UP, LEANING_EYE)
+
+    def difference(n_lights: int) -> float:
+        light = light_of(hits, noise(), n_lights=n_lights)
+        expected = dense_transport(hits, 0, light, shape, n_samples=150)
+        found = bands_of(project(hits, light, layer, (32, 1)))[0]
+        return float(np.abs(found - expected).sum() / expected.sum())
+
+    assert difference(1600) < 0.6 * difference(200)
+
+
+@pytest.mark.parametrize(("model", "parameters", "bands"), LAYERS)
+@pytest.mark.parametrize("n_bands", [1, 2, 256])
+def test_shares_sum_to_one(model, parameters, bands, n_bands) -> None:
+    # However many bands, the light in them is all the light: also of the coarse triangle around the pole of γ, which
+    # every environment of 20 lights has.
+    layer = make_layer(MODELS[model], parameters)
+    hits = points_at(ORIGIN, UP, LEANING_EYE)
+    light = light_of(hits, noise(4), n_lights=20)
+    sky, q = light.lighting.sky, layer.quotient_parameters()
+    frame = np.stack([hits.tangent[0], np.cross(hits.normal[0], hits.tangent[0]), hits.normal[0]]).astype(float)
+    seen = light.sphere.unpacked(np.array([0]))[0].reshape(20, -1).mean(axis=1)
+    weights = [quotient_cosine(layer.model.kind, q, *(frame @ c), *(frame @ hits.wo[0])) for c in sky.centres.T]
+    expected = (np.array(weights) * seen) @ sky.colours
+    asked = (n_bands, 1) if bands[1] == 1 else (n_bands, min(n_bands, 64))
+    found = bands_of(project(hits, light, layer, asked))[0].sum(axis=(0, 1))
+    # An entry is off by 2⁻⁹ of its largest channel at most, and with one band there is but one entry.
+    np.testing.assert_allclose(found, expected, atol=expected.max() * (2**-9 + 1e-5), rtol=0)
+
+
+def test_a_lights_share_around_the_pole_is_that_of_the_disc() -> None:
+    # θ_i runs from the normal. Of a small constant sky around it, the part within angle γ is (1 − cos γ) of 2π sr, so
+    # 0 < E(γ)/π < 1 follows sin²γ; the twelve corners of the sphere are where five triangles meet, and one is up.
+    hits = points_at(ORIGIN, UP)
+    light = light_of(hits, constant_environment(1.0), n_lights=1280, tolerance=0.1)
+    bands = bands_of(project(hits, light, make_layer(MODELS["lambert"]), (32, 1)))[0, :, 0, 0] * light.lighting.unit
+    edges = np.arange(1, 33) * (np.pi / 64)
+    np.testing.assert_allclose(np.cumsum(bands), np.sin(edges) ** 2, atol=4e-3)
+
+
+# --------------------------------------------------------------------------------------------------- parity of kernels
+
+
+@pytest.mark.parametrize("kind", ANGLES)
+def test_single_precision_angles_agree_with_the_models_own(kind) -> None:
+    wi, wo = directions(400, 1), directions(12, 2)
+    wi[:, 2], wo[:, 2] = np.abs(wi[:, 2]), np.abs(wo[:, 2]) + 0.02
+    wo /= np.linalg.norm(wo, axis=1, keepdims=True)
+    q = np.array([0.04, 30.0, 0, 0, 0, 0, 0, 0.0])
+    for o in wo:
+        mirrored = o * [-1, -1, 1]
+        near = np.concatenate([wi, mirrored + 1e-3 * directions(100, 3)])  # also where a lobe has its tip
+        near[:, 2] = np.abs(near[:, 2])
+        near /= np.linalg.norm(near, axis=1, keepdims=True)
+        x, y, z = np.ascontiguousarray(near.T, np.float32)
+        found = np.empty(len(near), np.float32)
+        fill_gammas(kind, q, x, y, z, *o.astype(np.float32), found)
+        expected = np.minimum([gamma(kind, q, *i, *o) for i in near], np.pi / 2)
+        # The narrowest of 512 bands is 3e-3 wide. γ_r loses digits where the half vector has no part across.
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-3 if kind == GAMMA_RATIO else 3e-4)
+
+
+@pytest.mark.parametrize(("model", "parameters", "bands"), LAYERS)
+def test_single_precision_weights_agree_with_the_models_own(model, parameters, bands) -> None:
+    layer = make_layer(MODELS[model], parameters)
+    q, kind = layer.quotient_parameters(), layer.model.kind
+    wi, wo = directions(500, 5), directions(12, 6)
+    wo[:, 2] = np.abs(wo[:, 2])
+    for o in wo:
+        x, y, z = np.ascontiguousarray(wi.T, np.float32)
+        found = np.full(len(wi), 2.0, np.float32)
+        weigh(kind, q, x, y, z, *o.astype(np.float32), found)
+        expected = np.array([2 * quotient_cosine(kind, q, *i, *o) for i in wi])
+        np.testing.assert_allclose(found, expected, rtol=2e-3, atol=2e-4 * expected.max())
+        assert (found[wi[:, 2] <= 0] == 0).all()
+
+
+# -------------------------------------------------------------------------------------------------------- the extremes
+
+
+@pytest.mark.parametrize("exponent", [-8, -4, 4, 8])
+def test_transport_is_linear_in_the_lights_radiance(exponent) -> None:
+    layer = make_layer(MODELS["rough_conductor"], {"alpha": 0.2})
+    hits = points_at(ORIGIN, UP, LEANING_EYE)
+    ones_a, ones_b = np.ones((32, 3)), np.ones((8, 3))
+
+    def picture(scale: float) -> np.ndarray:
+        light = light_of(hits, Environment(noise().radiance * np.float32(scale), "scaled"), n_lights=400)
+        return project(hits, light, layer, (32, 8)).radiance(ones_a, ones_b).astype(float) * light.lighting.unit
+
+    np.testing.assert_allclose(picture(10.0**exponent), picture(1.0) * 10.0**exponent, rtol=1e-6)
+
+
+def test_a_black_map_gives_exactly_nothing() -> None:
+    hits = points_at(ORIGIN, UP, LEANING_EYE)
+    light = light_of(hits, constant_environment(0.0), n_lights=400)
+    for model, parameters, bands in LAYERS:
+        store = project(hits, light, make_layer(MODELS[model], parameters), bands)
+        assert not store.radiance(np.ones((bands[0], 3)), np.ones((bands[1], 3))).any()
+
+
+def test_no_light_at_all() -> None:
+    hits = points_at(ORIGIN, UP)
+    assert not irradiance(hits, light_of(hits)).any()
+
+
+def test_tiles_come_in_order_and_are_left_out_when_known() -> None:
+    x = np.linspace(0.0, 1.0, 600)
+    hits = points_at(np.stack([x, 0 * x, 0 * x], axis=1), UP)
+    light = light_of(hits, constant_environment(1.0), n_lights=20)
+    layer = LayerShape("lambert", (0.0,) * 8, (4, 1))
+    rows = np.arange(50, 600)
+    everything = list(project_layer(hits, rows, light, layer))
+    assert [(tile.begin, len(tile.scale)) for tile in everything] == [(0, 256), (256, 256), (512, 38)]
+    rest = list(project_layer(hits, rows, light, layer, skip=frozenset({1})))
+    assert [tile.begin for tile in rest] == [0, 512]
+    np.testing.assert_array_equal(rest[1].values, everything[2].values)
+
+
+@settings(deadline=None, max_examples=60, derandomize=True)
+@given(
+    model=st.sampled_from(sorted(MODELS)),
+    roughness=st.floats(1e-4, 1.0),
+    bands=st.tuples(st.sampled_from([1, 2, 16, 256]), st.sampled_from([1, 8, 128])),
+    lean=st.one_of(st.sampled_from([0.0, 1e-8, np.pi / 2 - 1e-4, np.pi / 2, 2.0]), st.floats(0.0, np.pi)),
+    turn=st.floats(0.0, 6.3),
+    radiance=st.sampled_from([0.0, 1e-30, 1e-8, 1.0, 1e8, 1e12]),
+    n_lights=st.sampled_from([20, 101, 400]),
+    distance=st.sampled_from([1e-3, 1.0, 1e4]),
+)
+def test_no_number_is_ever_odd(model, roughness, bands, lean, turn, radiance, n_lights, distance) -> None:
+    roughness_of = {"alpha": roughness, "sigma": roughness}
+    names = {parameter.name for parameter in MODELS[model].parameters}
+    layer = make_layer(MODELS[model], {name: value for name, value in roughness_of.items() if name in names})
+    if len(layer.model.factors) == 1:
+        bands = (bands[0], 1)
+    eye = np.array([[np.sin(lean) * np.cos(turn), np.cos(lean), np.sin(lean) * np.sin(turn)]])
+    hits = points_at(ORIGIN, UP, eye)
+    image = np.zeros((8, 16, 3), np.float32)
+    image[2, 3] = radiance
+    lamp = square((0, distance, 0), (1, 0, 0), (0, 0, 1))
+    light = light_of(hits, Environment(image, "one texel"), lamp, n_lights=n_lights, n_patches=8)
+    store = project(hits, light, layer, bands)
+    values = bands_of(store)
+    assert np.isfinite(values).all() and (values >= 0).all()
+    picture = store.radiance(np.full((bands[0], 3), 1e4), np.ones((bands[1], 3)))
+    assert np.isfinite(picture).all() and (picture >= 0).all()
+
+
+def test_patches_of_a_far_light_keep_their_power() -> None:
+    # A square of side 1 at distance 1e4: E = L·A/d², although its corners differ in the fifth digit only.
+    lamp = square((0, 1e4, 0), (1, 0, 0), (0, 0, 1))
+    hits = points_at(ORIGIN, UP)
+    assert len(emitter_patches(lamp, np.ones((2, 3)), 2).area) == 2
+    np.testing.assert_allclose(irradiance(hits, light_of(hits, emitters=lamp, n_patches=2))[0], 1e-8, rtol=2e-2)
