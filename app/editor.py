@@ -89,7 +89,8 @@ class Editor:
     """The controller of one window.
 
     client: the worker; source: the scene (or session) to open at once; resolution: (width, height) in place of the
-    scene's own; journal: where unsaved edits are kept, None for nowhere (pictures without a person).
+    scene's own; journal: where unsaved edits are kept, None for nowhere (pictures without a person);
+    curves: how many bands each curve gets, None for as many as planned.
     """
 
     def __init__(
@@ -99,10 +100,11 @@ class Editor:
         *,
         resolution: tuple[int, int] | None = None,
         journal: Journal | None = None,
+        curves: Curves | None = None,
     ) -> None:
         self.history = History(Document(source))
         self.view = ViewState()
-        self.curves = Curves()
+        self.curves = curves or Curves()
         self.resolution = resolution
         self._client = client
         self._keeper = SessionKeeper(journal)

@@ -10,6 +10,7 @@ picture is exact, milestones to `INSITU_TIMES`.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import sys
 import time
@@ -23,10 +24,12 @@ from app.commands import SetOperators
 from app.document import Selection
 from app.editor import Editor
 from app.jobs.client import Client
+from app.picture import Curves
 from app.view_state import Precision, SetView
 from engine.curve.operators import HALF_PI, Operator
 from engine.curve.wavelet import forward
 from engine.errors import InsituError
+from engine.material.layer import Layer
 from ui.gl.context import create_headless_context, describe_context
 from ui.gl.placement import PlacementRenderer, UpdateReport
 from ui.gl.tonemap import DisplayView
@@ -37,15 +40,18 @@ from ui.start_times import start_times
 EXACT_SECONDS = 3600.0
 ALL_TERMS = (1, 2, 4, 8, 16, 32, 64, 128)
 TERMS_A_FRAME = 30
+WIDE = 128
 WARM_UP = 5
 
 
 class Bench:
     """An editor on a scene, its worker, and a renderer that follows, until the picture is exact."""
 
-    def __init__(self, source: str, resolution: tuple[int, int] | None, n_lights: int | None) -> None:
+    def __init__(
+        self, source: str, resolution: tuple[int, int] | None, n_lights: int | None, curves: Curves | None = None
+    ) -> None:
         self.context = create_headless_context()
-        self.editor = Editor(Client(), source, resolution=resolution)
+        self.editor = Editor(Client(), source, resolution=resolution, curves=curves)
         if n_lights is not None:
             self.editor.do(SetView.of(n_lights=n_lights))
         self.renderer = PlacementRenderer(self.context)
@@ -101,16 +107,22 @@ class Bench:
         assert selected is not None and selected.factor is not None
         return selected.key, selected.factor
 
-    def curves(self) -> list[tuple[str, int]]:
-        """(path, bands times samples) of every curve with transport, in the scene's order."""
-        found = []
+    @property
+    def n_coefficients(self) -> int:
+        """Of the selected curve."""
+        key, factor = self.selected
+        return len(self.editor.wanted_coefficients(key)[factor])
+
+    def curves(self) -> dict[str, tuple[int, int, bool]]:
+        """(coefficients, samples, whether its layer's first) of every curve with transport, in the scene's order."""
+        found: dict[str, tuple[int, int, bool]] = {}
         for key, _ in self.editor.document.layers():
             name, index = key.rpartition(".")[0], int(key.rpartition(".")[2])
             if key not in self.renderer.layer_keys:
                 continue
             n_samples = len(self.renderer.layer_radiance(key))
-            curves = self.editor.wanted_coefficients(key)
-            found += [(Selection(name, index, factor).path, len(c) * n_samples) for factor, c in curves.items()]
+            for place, (factor, values) in enumerate(self.editor.wanted_coefficients(key).items()):
+                found[Selection(name, index, factor).path] = (len(values), n_samples, place == 0)
         return found
 
     def close(self) -> None:
@@ -131,25 +143,60 @@ def random_edits(seed: int = 5) -> Iterator[tuple[Operator, ...]]:
         )
 
 
-def measure(bench: Bench, repetitions: int) -> dict[str, Any]:
-    """All figures of the renderer."""
+class WideCurves(Curves):
+    """The planned bands, but 128 for one layer's first curve."""
+
+    def __init__(self, wide_key: str) -> None:
+        super().__init__()
+        self.wide_key = wide_key
+
+    def bands(self, key: str, layer: Layer) -> dict[str, int]:
+        counts = super().bands(key, layer)
+        return counts | {next(iter(counts)): WIDE} if key == self.wide_key else counts
+
+
+def measure_planned(bench: Bench, repetitions: int) -> dict[str, Any]:
+    """Figures with the bands that the editor plans.
+
+    Edits are of the curve with the most coefficients, of these of the one with the most samples.
+    """
     curves = bench.curves()
-    widest = max(curves, key=lambda curve: curve[1])[0]
-    switches = measure_switches(bench, [path for path, _ in curves], max(3, repetitions // 10))
+    widest = max((path for path in curves if curves[path][2]), key=lambda path: curves[path][:2])
+    switches = measure_switches(bench, list(curves), max(3, repetitions // 10))
     bench.switch(widest)
-    found: dict[str, Any] = {
+    return {
         "renderer": describe_context(bench.context),
         "curve": widest,
-        "n_coefficients": len(bench.editor.wanted_coefficients(bench.selected[0])[bench.selected[1]]),
+        "n_coefficients": curves[widest][0],
         "edit_ms_30": measure_edits(bench, TERMS_A_FRAME, repetitions),
-        "edit_ms_128": measure_edits(bench, None, repetitions),
         "exact_ms": measure_exact(bench, max(3, repetitions // 3)),
         "curve_switch_s": switches,
         "texture_mib": bench.renderer.memory_bytes / 2**20,
     }
+
+
+def measure_wide(bench: Bench, widest: str, repetitions: int) -> dict[str, Any]:
+    """Figures of that curve with 128 coefficients."""
+    bench.switch(widest)
+    found: dict[str, Any] = {
+        "n_wide": bench.n_coefficients,
+        "edit_ms_128": measure_edits(bench, None, repetitions),
+        "exact_wide_ms": measure_exact(bench, max(3, repetitions // 3)),
+    }
     found["frame_s"] = {"half": measure_terms(bench, repetitions)}
-    found["frame_s"]["float"] = measure_float(bench, widest, [path for path, _ in curves], repetitions)
+    found["frame_s"]["float"] = measure_float(bench, widest, repetitions)
     return found
+
+
+def measure(
+    source: str, resolution: tuple[int, int] | None, n_lights: int | None, repetitions: int
+) -> dict[str, Any]:
+    """All figures of the renderer."""
+    with contextlib.closing(Bench(source, resolution, n_lights)) as bench:
+        found = measure_planned(bench, repetitions)
+    wide = WideCurves(found["curve"].rpartition(".")[0])
+    with contextlib.closing(Bench(source, resolution, n_lights, wide)) as bench:
+        return found | measure_wide(bench, found["curve"], repetitions)
 
 
 def measure_edits(bench: Bench, terms: int | None, repetitions: int) -> list[float]:
@@ -188,19 +235,17 @@ def measure_switches(bench: Bench, paths: list[str], rounds: int) -> dict[str, l
 
 def measure_terms(bench: Bench, repetitions: int) -> dict[str, float]:
     """Seconds of a frame by the number of coefficients, medians."""
-    n = len(bench.editor.wanted_coefficients(bench.selected[0])[bench.selected[1]])
-    counts = [k for k in ALL_TERMS if k <= n]
+    counts = [k for k in ALL_TERMS if k <= bench.n_coefficients]
     return {str(k): float(np.median(measure_edits(bench, k, max(5, repetitions // 3)))) / 1e3 for k in counts}
 
 
-def measure_float(bench: Bench, widest: str, paths: list[str], repetitions: int) -> dict[str, float]:
+def measure_float(bench: Bench, widest: str, repetitions: int) -> dict[str, float]:
     """The same with transport in single precision on the GPU."""
     precision: Precision = "float"
     bench.editor.do(SetView.of(precision=precision))
-    for other in (path for path in paths if path != widest):
+    for other in [path for path in bench.curves() if path != widest][:1]:
         bench.switch(other)
-        break
-    bench.switch(widest)
+        bench.switch(widest)
     return measure_terms(bench, repetitions)
 
 
@@ -249,11 +294,8 @@ def main(arguments: list[str] | None = None) -> int:
             return 0
         if given.output is None:
             parser.error("OUT.json is missing")
-        bench = Bench(given.source, tuple(given.resolution) if given.resolution else None, given.lights)
-        try:
-            given.output.write_text(json.dumps(measure(bench, given.repetitions)))
-        finally:
-            bench.close()
+        resolution = tuple(given.resolution) if given.resolution else None
+        given.output.write_text(json.dumps(measure(given.source, resolution, given.lights, given.repetitions)))
     except InsituError as error:
         print(f"insitu: {error}", file=sys.stderr)
         return 1

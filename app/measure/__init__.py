@@ -276,10 +276,12 @@ def _edit_figures(subject: Subject, effort: Effort, scratch: Path) -> tuple[list
     how = f"{found['curve']}, {found['n_coefficients']} coefficients, {_size(subject)}, {found['renderer']}"
     to_exact = "from an edit of the whole curve to the exact picture, K = 30 a frame, all frames drawn"
     switches: dict[str, list[float]] = found["curve_switch_s"]
+    frame = "curve change to finished frame (glFinish)"
+    wide = f"all {found['n_wide']} at once, that curve with so many bands"
     figures = [
-        Figure("edit_ms_30", tuple(found["edit_ms_30"]), f"curve change to finished frame (glFinish), K = 30: {how}"),
-        Figure("edit_ms_128", tuple(found["edit_ms_128"]), f"the same, every coefficient at once: {how}"),
-        Figure("exact_ms", tuple(found["exact_ms"]), f"{to_exact}: {how}"),
+        Figure("edit_ms_30", tuple(found["edit_ms_30"]), f"{frame}, K = 30: {how}"),
+        Figure("edit_ms_128", tuple(found["edit_ms_128"]), f"{frame}, {wide}: {how}"),
+        Figure("exact_ms", tuple(found["exact_ms"]), f"{to_exact}: {how}", {"wide": found["exact_wide_ms"]}),
         Figure(
             "curve_switch_s",
             tuple(statistics.median(seconds) for seconds in switches.values()),

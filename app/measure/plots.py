@@ -12,11 +12,13 @@ matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
 
 from app.measure.sweep import Row, pareto_front
 
 SIZE = (8.0, 5.0)
 DPI = 150
+TICKS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
 INK, FRONT = "#333333", "#c0392b"
 COLOURS = ("#9db4c8", "#5f8fb4", "#2f6690", "#123a5c", "#0b2239")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
@@ -78,8 +80,10 @@ def _axes(title: str, cost: str) -> tuple[Figure, Axes]:
     axes.set_ylabel("error against brute force, relRMSE in %", color=INK)
     axes.set_xscale("log")
     axes.set_yscale("log")
-    axes.xaxis.set_major_formatter("{x:g}")
-    axes.yaxis.set_major_formatter("{x:g}")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(LogLocator(subs=TICKS))
+        axis.set_major_formatter("{x:.3g}")
+        axis.set_minor_locator(NullLocator())
     axes.grid(True, which="major", color="#e4e4e4", linewidth=0.8)
     axes.set_axisbelow(True)
     for side in ("top", "right"):

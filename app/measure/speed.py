@@ -20,7 +20,6 @@ import numpy as np
 
 from app.measure.subject import Subject, layer_bands, layer_shape
 from engine.material.layer import Layer
-from engine.plan import MOST_BANDS
 from engine.scene.hits import PrimaryHits
 from engine.transport.bandstore import BandStore, join_tiles
 from engine.transport.pipeline import Placement, Quality
@@ -151,15 +150,15 @@ class RawRate:
 # ----------------------------------------------------------------------------------------------------- what is timed
 
 
-def precompute(subject: Subject, quality: Quality, most_bands: int = MOST_BANDS) -> Precomputed:
+def precompute(subject: Subject, quality: Quality, most_bands: int | None = None) -> Precomputed:
     """One stage from an opened scene with nothing known of its shadows; opening it is not in the time."""
     return precompute_on(Placement(subject.scene), subject, quality, most_bands)
 
 
 def precompute_on(
-    placement: Placement, subject: Subject, quality: Quality, most_bands: int = MOST_BANDS
+    placement: Placement, subject: Subject, quality: Quality, most_bands: int | None = None
 ) -> Precomputed:
-    """One stage on a placement; visibility that it holds already is used."""
+    """One stage on a placement; visibility that it holds already is used. most_bands: see `layer_bands`."""
     started = time.perf_counter()
     light = result_of(placement.light(subject.sky, quality))
     lit = time.perf_counter()

@@ -6,15 +6,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from app.document import Document, document_from_description
-from engine.light.environment import constant_environment, load_environment
+from app.sky import sky_of
+from engine.material import kinds
 from engine.material.layer import Layer
-from engine.plan import EDITABLE_BANDS, MOST_BANDS, MOST_BANDS_OVERRULED
+from engine.plan import MOST_BANDS_OVERRULED, band_counts
 from engine.scene.builtin import builtin_scenes
 from engine.scene.load import Scene, load_scene
 from engine.transport.pipeline import SkyState
 from engine.transport.projection import LayerShape
 
 Bands = dict[str, int]
+SLOW_CURVES = (kinds.THETA_I, kinds.THETA_O, kinds.THETA_D)
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +27,11 @@ class Subject:
     scene: Scene
     document: Document
     sky: SkyState
+
+    @property
+    def most_bands(self) -> int:
+        """J of the curve that is planned with the most."""
+        return max((n for _, layer in self.layers for n in band_counts(layer).values()), default=1)
 
     @property
     def layers(self) -> tuple[tuple[int, Layer], ...]:
@@ -41,7 +48,8 @@ def open_subject(source: str, resolution: tuple[int, int] | None = None) -> Subj
     """Open a built-in scene or a scene file; `resolution` (width, height) replaces its own. Raises LoadError."""
     path = builtin_scenes().get(source) or Path(source)
     scene = load_scene(path, resolution)
-    return Subject(source, scene, document_from_description(source, scene.description), scene_sky(scene))
+    document = document_from_description(source, scene.description)
+    return Subject(source, scene, document, sky_of(scene, document.light))
 
 
 def at_most(resolution: tuple[int, int], side: int) -> tuple[int, int]:
@@ -53,24 +61,19 @@ def at_most(resolution: tuple[int, int], side: int) -> tuple[int, int]:
     return width, height
 
 
-def scene_sky(scene: Scene) -> SkyState:
-    """The distant light that the scene file describes."""
-    described = scene.description.environment
-    if described is None:
-        return SkyState(None)
-    if scene.environment_path is None:
-        environment = constant_environment(described.radiance or (0.0, 0.0, 0.0))
-    else:
-        environment = load_environment(scene.environment_path, described.mapping)
-    return SkyState(environment, described.rotation, described.scale)
+def layer_bands(layer: Layer, most: int | None = None) -> Bands:
+    """J of each of a layer's curves: as planned, or with `most` (a power of two) for the sharpest.
 
-
-def layer_bands(layer: Layer, most: int = MOST_BANDS) -> Bands:
-    """J of each of a layer's curves when sharp ones get `most` (a power of two); slow ones keep their few."""
+    Other curves of highlights are scaled with it, slow ones keep their few.
+    """
+    planned = band_counts(layer)
+    sharp = {factor.name: planned[factor.name] for factor in layer.model.factors if factor.gamma not in SLOW_CURVES}
+    if most is None:
+        return planned
     bands = {}
     for place, factor in enumerate(layer.model.factors):
-        usual = EDITABLE_BANDS[factor.gamma]
-        wanted = most * usual // MOST_BANDS if usual >= MOST_BANDS // 2 else min(usual, most)
+        usual = planned[factor.name]
+        wanted = most * usual // max(sharp.values()) if factor.name in sharp else min(usual, most)
         bands[factor.name] = max(1, min(wanted, MOST_BANDS_OVERRULED[place]))
     return bands
 

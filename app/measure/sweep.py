@@ -1,6 +1,6 @@
 """Speed against accuracy, knob by knob: one row a setting, error against our brute-force oracle.
 
-Precomputation: lights × bands × half or float, with coherent visibility; at the most bands also with visibility by
+Precomputation: lights × bands × half or float, with coherent visibility; at the planned bands also with visibility by
 brute force, and with the rays of the cut alone. The seconds of a row are those of shadows, light and projection, from
 nothing. Half floats are what the GPU holds (`app.jobs.tasks.half_planes`), contracted here as the GPU would.
 
@@ -58,10 +58,14 @@ class Grid:
     n_points: int = 400
     level: int = 6
 
+    def base_bands(self, subject: Subject) -> int:
+        """The planned number of bands, or what in the grid is nearest to it."""
+        return min(self.bands, key=lambda n: abs(math.log2(n / subject.most_bands)))
+
     @property
-    def base_bands(self) -> int:
-        """The editor's own number of bands, or the most there are."""
-        return 128 if 128 in self.bands else max(self.bands)
+    def edit_bands(self) -> int:
+        """Of the curve that is edited: as many as the most wavelets of a frame, as far as the grid has them."""
+        return min(self.bands, key=lambda n: abs(math.log2(n / max(self.wavelets))))
 
 
 QUICK = Grid((100, 400), (16, 128), (1, 8, 128), side=48, n_points=24, level=5)
@@ -113,14 +117,13 @@ def run_sweep(
     rows = random_rows(placement, grid.n_points)
     truth = oracle(subject, placement, rows, grid.level)
     precomputed: list[Row] = []
-    best = None
+    finest: dict[int, Precomputed] = {}
     for done, row in _precompute_rows(subject, grid, rows, truth):
         precomputed.append(row)
-        if row.visibility == "coherent" and (row.lights, row.bands) == (max(grid.lights), grid.base_bands):
-            best = done
-    assert best is not None
-    against = errors(reflected(best)[rows], truth)
-    edits = list(edit_rows(subject, best, grid, rows, frame_seconds or {}))
+        if row.visibility == "coherent" and row.lights == max(grid.lights):
+            finest[row.bands] = done
+    against = errors(reflected(finest[grid.base_bands(subject)])[rows], truth)
+    edits = list(edit_rows(subject, finest[grid.edit_bands], grid, rows, frame_seconds or {}))
     return SweepResult((*_marked(precomputed), *_marked(edits)), against.rmse, against.mean)
 
 
@@ -155,7 +158,7 @@ def _precompute_rows(
     for shadows in ("coherent", "brute", "cut"):
         sphere = _sphere(subject, shadows)
         for n_lights in grid.lights:
-            for most_bands in grid.bands if shadows == "coherent" else (grid.base_bands,):
+            for most_bands in grid.bands if shadows == "coherent" else (grid.base_bands(subject),):
                 yield from _setting(subject, shadows, sphere, n_lights, most_bands, rows, truth)
 
 
@@ -245,7 +248,7 @@ def gpu_planes(done: Precomputed, transport: LayerTransport, precision: Precisio
 
 
 def edited_layer(subject: Subject, done: Precomputed) -> int:
-    """Which layer the edit bends: the one with the most bands, of these the one with the most points."""
+    """Which layer's first curve the edit bends: the one with the most bands, of these the one with most points."""
     sizes = [(next(iter(t.bands.values())), t.store.n_points) for t in done.transports]
     return sizes.index(max(sizes))
 
