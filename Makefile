@@ -12,7 +12,7 @@ $(STAMP): pyproject.toml constraints.txt scripts/setup.sh scripts/install-librar
 	touch $(STAMP)
 
 run: setup
-	$(PYTHON) -m app $(ARGS)
+	@bash scripts/run.sh $(ARGS)
 
 test: setup
 	$(PYTHON) -m pytest $(ARGS)

@@ -42,7 +42,7 @@ class Desktop:
             context.release()
 
     def describe_display(self) -> str:
-        from ui.window import describe_display
+        from ui.display import describe_display
 
         return describe_display()
 
@@ -52,7 +52,7 @@ def main() -> int:
     use_kernel_cache()
     arguments = sys.argv[1:]
     if _is_plain_start(arguments):
-        return guarded(lambda: Desktop().open_window(find_source(*arguments or [None])))
+        return guarded(lambda: Desktop().open_window(find_source(arguments[0] if arguments else None)))
     return guarded(lambda: _run_command(arguments))
 
 

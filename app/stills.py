@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from app.atomic import replacing, write_atomically
 from app.project import Project
 from engine.errors import InsituError
+from engine.material.layer import Layer
 from engine.plan import N_LIGHTS, Plan, plan_scene
 from engine.render.image_files import png_bytes, write_exr
 from engine.render.still import (
@@ -22,7 +23,6 @@ from engine.render.still import (
     still_layers,
     still_quality,
 )
-from engine.scene.load import Scene
 from engine.transport.pipeline import Placement
 
 REFERENCE_PATCHES = 1024
@@ -53,18 +53,16 @@ def render_picture(
     if reference:
         steps = render_reference(placement, _layers_by_object(project), sky, REFERENCE_PATCHES, REFERENCE_LEVEL)
     else:
-        plan = plan_still(project, n_lights)
+        plan = plan_still(project, sky.environment is not None, n_lights)
         layers = still_layers(project.layers.items(), project.object_names, plan)
         steps = render_still(placement, layers, sky, still_quality(plan))
     return finish(steps, report) * np.float32(project.document.light.intensity)
 
 
-def plan_still(project: Project, n_lights: int = N_LIGHTS) -> Plan:
+def plan_still(project: Project, has_sky: bool, n_lights: int = N_LIGHTS) -> Plan:
     """The plan of a still: the bands that the editor would use, so that it is the editor's picture."""
     layers = project.layers
-    return plan_scene(
-        project.scene, layers, has_sky=_has_sky(project.scene, project), editable=layers.keys(), n_lights=n_lights
-    )
+    return plan_scene(project.scene, layers, has_sky=has_sky, editable=layers.keys(), n_lights=n_lights)
 
 
 def write_picture(path: Path, radiance: NDArray[np.float32]) -> None:
@@ -79,11 +77,7 @@ def write_picture(path: Path, radiance: NDArray[np.float32]) -> None:
         raise InsituError(f"{path}: not written, {error.strerror or error}; what was there is untouched") from error
 
 
-def _has_sky(scene: Scene, project: Project) -> bool:
-    return scene.description.environment is not None or project.document.light.environment != "scene"
-
-
-def _layers_by_object(project: Project) -> Mapping[int, tuple]:
+def _layers_by_object(project: Project) -> Mapping[int, tuple[Layer, ...]]:
     names = project.object_names
     layers = project.layers
     return {

@@ -12,6 +12,7 @@ place of transport.
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,7 @@ REFERENCE_POINTS = 32
 REFERENCE_LEVEL = 6
 
 Picture = NDArray[np.float32]
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -109,14 +111,14 @@ def compose(placement: Placement, radiance: NDArray[np.floating], sky: SkyState)
     return image
 
 
-def finish(steps: Generator[StillProgress, None, Picture], report: Callable[[StillProgress], None]) -> Picture:
-    """Drive a picture to its end, telling `report` of every step."""
+def finish(steps: Generator[StillProgress, None, Result], report: Callable[[StillProgress], None]) -> Result:
+    """Drive a long computation to its end, telling `report` of every step."""
     while True:
         try:
             report(next(steps))
         except StopIteration as end:
-            picture: Picture = end.value
-            return picture
+            result: Result = end.value
+            return result
 
 
 def _see(placement: Placement, sky: SkyState, quality: Quality) -> Generator[StillProgress, None, VisibleLight]:

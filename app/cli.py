@@ -1,0 +1,264 @@
+"""The command line: what each command takes, and nothing of how it is done.
+
+Exit status: 0; 1, the work failed and one line on standard error says why and what to do; 2, usage (and no display to
+open a window on); 130, Ctrl-C. Libraries of the engine are imported by the commands that need them, never before.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from app.console import FAILED, INTERRUPTED, USAGE, complain
+from app.frontend import Frontend
+from app.project import find_source, open_project, parse_assignment
+from engine.errors import InsituError
+from engine.plan import FEWEST_LIGHTS, MOST_LIGHTS, N_LIGHTS, Plan, plan_lines
+from engine.scene.builtin import DEFAULT_SCENE, builtin_scenes
+from engine.scene.description import MAX_RESOLUTION
+
+Report = Callable[[float, str], None]
+
+cli = typer.Typer(
+    name="insitu",
+    help="A desktop editor for materials and light in their final placement.",
+    epilog="`insitu` alone opens the editor; `insitu SCENE` opens it on a scene. SCENE is a scene.toml, a session, or "
+    f"one of: {', '.join(builtin_scenes())}.",
+    add_completion=False,
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def run(arguments: Sequence[str], frontend: Frontend) -> int:
+    """Carry out a command line; the exit status. Errors of the work itself are raised, see `console.guarded`."""
+    arguments = list(arguments)
+    command = typer.main.get_command(cli)
+    first = next((word for word in arguments if not word.startswith("-")), None)
+    if first is not None and first not in command.commands:  # type: ignore[attr-defined]
+        arguments.insert(0, "edit")
+    try:
+        status = command.main(arguments, "insitu", standalone_mode=False, obj=frontend)
+    except typer.Abort:
+        return INTERRUPTED
+    except Exception as error:
+        if not hasattr(error, "format_message"):  # not the library's word for a wrong command line
+            raise
+        complain(f"{error.format_message()} (insitu --help says what there is)")
+        return USAGE
+    return status if isinstance(status, int) else 0
+
+
+# ------------------------------------------------------------------------------------------------- what commands take
+
+
+def _resolution(value: tuple[int, int] | None) -> tuple[int, int] | None:
+    if value is not None and not all(1 <= side <= MAX_RESOLUTION for side in value):
+        raise typer.BadParameter(f"{value[0]} x {value[1]}, expected 1 to {MAX_RESOLUTION} pixels each way")
+    return value
+
+
+def _size(value: tuple[int, int]) -> tuple[int, int]:
+    if not (320 <= value[0] <= 8192 and 240 <= value[1] <= 8192):
+        raise typer.BadParameter(f"{value[0]} x {value[1]}, expected 320 x 240 to 8192 x 8192")
+    return value
+
+
+Scene = Annotated[str, typer.Argument(help="A scene file, a session, or a built-in scene's name.")]
+Values = Annotated[
+    list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="For example teapot.1.alpha=0.3.")
+]
+Resolution = Annotated[
+    tuple[int, int] | None,
+    typer.Option("--resolution", metavar="W H", callback=_resolution, help="In place of the scene's own."),
+]
+Lights = Annotated[
+    int, typer.Option("--lights", min=FEWEST_LIGHTS, max=MOST_LIGHTS, help="Triangles that the sky is cut into.")
+]
+Rotation = Annotated[float | None, typer.Option("--rotation", help="Of the environment, degrees about +Y.")]
+Bounces = Annotated[int, typer.Option("--bounces", min=1, help="Surface reflections between light and eye.")]
+
+
+def _assignments(values: list[str] | None, rotation: float | None = None) -> list[tuple[str, Any]]:
+    given = [parse_assignment(text) for text in values or ()]
+    return given if rotation is None else [*given, ("light.rotation", rotation)]
+
+
+# ---------------------------------------------------------------------------------------------------------- commands
+
+
+@cli.command(hidden=True)
+def edit(context: typer.Context, scene: Scene = DEFAULT_SCENE) -> int:
+    """Open the editor (what `insitu SCENE` does)."""
+    frontend: Frontend = context.obj
+    return frontend.open_window(find_source(scene))
+
+
+@cli.command()
+def render(
+    output: Annotated[Path, typer.Option("-o", "--output", help="OUT.exr (linear) or OUT.png (as on screen).")],
+    scene: Scene = DEFAULT_SCENE,
+    set_: Values = None,
+    bounces: Bounces = 1,
+    lights: Lights = N_LIGHTS,
+    resolution: Resolution = None,
+    rotation: Rotation = None,
+    reference: Annotated[
+        bool, typer.Option("--reference", help="By brute force instead of transport: slow, to compare with.")
+    ] = False,
+) -> int:
+    """Render a picture with the editor's engine, without a window."""
+    if bounces != 1:
+        raise InsituError(f"--bounces {bounces}: only direct light, --bounces 1, can be rendered yet")
+    from app.stills import check_output, render_picture, write_picture
+
+    check_output(output)
+    started = time.monotonic()
+    project = open_project(scene, resolution, _assignments(set_, rotation))
+    with _progress() as report:
+        picture = render_picture(
+            project, lambda step: report(step.fraction, step.text), n_lights=lights, reference=reference
+        )
+    write_picture(output, picture)
+    print(f"{output}: {picture.shape[1]} x {picture.shape[0]}, {time.monotonic() - started:.1f} s")
+    return 0
+
+
+@cli.command()
+def precompute(
+    scene: Scene = DEFAULT_SCENE, set_: Values = None, lights: Lights = N_LIGHTS, resolution: Resolution = None
+) -> int:
+    """Fill the cache, so that the editor opens the scene at once."""
+    from app.precompute import precompute as fill
+
+    started = time.monotonic()
+    project = open_project(scene, resolution, _assignments(set_))
+    with _progress() as report:
+        done = fill(project, lambda progress: report(progress.fraction, f"{progress.stage}: {progress.text}"), lights)
+    print(f"{scene}: {done.transport_bytes / 2**20:.0f} MiB of transport, {time.monotonic() - started:.1f} s")
+    return 0
+
+
+@cli.command()
+def screenshot(
+    context: typer.Context,
+    output: Annotated[Path, typer.Option("-o", "--output", help="UI.png; pictures of the script go beside it.")],
+    scene: Scene = DEFAULT_SCENE,
+    script: Annotated[Path | None, typer.Option("--script", help="A TOML list of edits to carry out first.")] = None,
+    size: Annotated[tuple[int, int], typer.Option("--size", metavar="W H", callback=_size)] = (1280, 800),
+    scale: Annotated[float, typer.Option("--scale", min=0.5, max=4.0, help="1 is 96 dots an inch.")] = 1.0,
+    resolution: Resolution = None,
+) -> int:
+    """Take a picture of the whole editor window; no display is needed."""
+    from app.script import load_script
+    from app.stills import check_output
+
+    check_output(output, (".png",))
+    steps = load_script(script, output.resolve().parent) if script is not None else ()
+    frontend: Frontend = context.obj
+    frontend.take_screenshot(find_source(scene), output, steps, size, scale, resolution)
+    print(f"{output}: {size[0]} x {size[1]}")
+    return 0
+
+
+@cli.command()
+def plan(
+    scene: Scene = DEFAULT_SCENE,
+    set_: Values = None,
+    overrule: Annotated[
+        list[str] | None, typer.Option("--overrule", metavar="LINE=VALUE", help="For example teapot.1.theta_h=64.")
+    ] = None,
+    lights: Lights = N_LIGHTS,
+    resolution: Resolution = None,
+) -> int:
+    """Say what the scene requires, why, and what it will cost."""
+    from app.planning import plan_project
+
+    project = open_project(scene, resolution, _assignments(set_))
+    with _progress() as report:
+        planned = plan_project(
+            project, lambda step: report(step.fraction, step.text), n_lights=lights,
+            overrides=dict(parse_assignment(text) for text in overrule or ()),
+        )  # fmt: skip
+    for line in describe_plan(planned):
+        print(line)
+    return 0
+
+
+@cli.command()
+def measure(
+    output: Annotated[Path, typer.Option("-o", "--output", help="The folder for figures, CSV and plots.")],
+    scene: Scene = DEFAULT_SCENE,
+    quick: Annotated[bool, typer.Option("--quick", help="Tiny pictures, to see that all works.")] = False,
+) -> int:
+    """Measure speed against accuracy on this machine: CSV, plots, figures.json."""
+    from app import measure as measuring
+
+    measuring.run(find_source(scene), output, quick)
+    return 0
+
+
+@cli.command()
+def doctor(context: typer.Context) -> int:
+    """Say what works here and how to mend the rest."""
+    from app.doctor import examine
+
+    marks = {"ok": "ok     ", "without": "without", "broken": "BROKEN "}
+    status = 0
+    for finding in examine(context.obj):
+        print(f"{marks[finding.state]} {finding.name}: {' '.join(finding.found.split())}", flush=True)
+        if finding.mend:
+            print(f"        to mend it: {finding.mend}")
+        if finding.state == "broken":
+            status = FAILED
+    return status
+
+
+# ------------------------------------------------------------------------------------------------ what a person reads
+
+
+def describe_plan(plan: Plan) -> Iterator[str]:
+    """A plan as aligned lines of text."""
+    lines = list(plan_lines(plan))
+    first, second = (max(len(line[i]) for line in lines) for i in (0, 1))
+    for name, value, reason in lines:
+        yield f"{name:<{first}}  {value:<{second}}  {reason}"
+    if plan.cost is not None:
+        cost = plan.cost
+        yield (
+            f"about {cost.seconds:.0f} s ({cost.visibility_seconds:.0f} s of them shadows), "
+            f"{cost.disk_mib:.0f} MiB on disk, {cost.gpu_mib:.0f} MiB on the GPU (largest layer selected)"
+        )
+        yield (
+            f"extrapolated from {cost.n_sampled:,} of {cost.n_points:,} points: time within about a factor of two, "
+            "memory within a tenth"
+        )
+
+
+@contextmanager
+def _progress() -> Iterator[Report]:
+    """A bar on standard error where a person looks at it; nothing otherwise."""
+    if not sys.stderr.isatty():
+        yield lambda fraction, text: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+    columns = (BarColumn(), TaskProgressColumn(), TimeRemainingColumn(), TextColumn("{task.description}", markup=False))
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("", total=1.0)
+
+        def report(fraction: float, text: str) -> None:
+            if fraction < progress.tasks[0].completed - 0.01:
+                progress.reset(task)  # another stage begins
+            progress.update(task, completed=fraction, description=text)
+
+        yield report

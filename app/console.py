@@ -1,0 +1,68 @@
+"""What the terminal gets to see: one line on standard error, an exit status, never a traceback.
+
+Light to import: the editor starts through it without the command line's own library.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+
+from app.paths import state_directory
+from engine.errors import InsituError
+
+FAILED, USAGE, INTERRUPTED = 1, 2, 130
+ERROR_FILE = "last-error.txt"
+
+COMMANDS = ("edit", "render", "precompute", "screenshot", "plan", "measure", "doctor")
+"""Words that are commands when they come first; a file of such a name is opened as ./render."""
+
+
+def guarded(work: Callable[[], int]) -> int:
+    """The exit status of `work`, whatever it raises: 0, 1 (failed: one line says why), 130 (Ctrl-C, quiet)."""
+    try:
+        return work()
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except InsituError as error:
+        complain(str(error))
+    except BrokenPipeError:
+        _forget_output()  # whoever read our output has seen enough
+    except MemoryError:
+        complain("there is not enough memory for this; try a smaller --resolution or fewer --lights")
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        complain(f"{where}{error.strerror or error}")
+    except Exception as error:  # a defect of ours: the person gets a line, we get the details
+        complain(f"internal error, {type(error).__name__}: {one_line(str(error))}{_kept(traceback.format_exc())}")
+    return FAILED
+
+
+def complain(line: str) -> None:
+    """One line on standard error."""
+    print(f"insitu: {one_line(line)}", file=sys.stderr)
+
+
+def one_line(text: str) -> str:
+    """The text without line breaks."""
+    return " ".join(text.split())
+
+
+def _kept(details: str) -> str:
+    """Write the details of a defect to a file; words that say where."""
+    try:
+        file = Path(state_directory()) / ERROR_FILE
+        file.write_text(details, encoding="utf-8")
+    except OSError:
+        return ""
+    return f" (details are in {file})"
+
+
+def _forget_output() -> None:
+    """Point standard output to nowhere, so that Python's own flush at exit does not complain again."""
+    descriptor = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(descriptor, sys.stdout.fileno())
+    os.close(descriptor)

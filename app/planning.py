@@ -1,0 +1,29 @@
+"""A project's plan with its cost: what `insitu plan` prints."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from app.project import Project
+from engine.plan import N_LIGHTS, Plan, plan_scene
+from engine.render.pilot import estimate_cost
+from engine.render.still import StillProgress, finish, still_layers
+from engine.transport.pipeline import Placement
+
+
+def plan_project(
+    project: Project,
+    report: Callable[[StillProgress], None],
+    *,
+    n_lights: int = N_LIGHTS,
+    overrides: Mapping[str, Any] | None = None,
+) -> Plan:
+    """What the project requires and what that will cost. Raises InsituError for what cannot be overruled."""
+    layers, sky = project.layers, project.sky
+    plan = plan_scene(
+        project.scene, layers, has_sky=sky.environment is not None, editable=project.editable, n_lights=n_lights,
+        overrides=overrides,
+    )  # fmt: skip
+    placement = Placement(project.scene)
+    return finish(estimate_cost(placement, still_layers(layers.items(), project.object_names, plan), sky, plan), report)

@@ -1,0 +1,53 @@
+"""Filling the cache: the worker's own computation in this process, for the transport that the editor will ask for.
+
+The talk is the editor's (`app.negotiator`), so that what is computed is what the editor looks up. Stopped half-way, it
+goes on from the last complete tile.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+from app.jobs.in_process import InProcessClient
+from app.jobs.messages import Failed, OpenScene, Progress, Response, SceneOpened, StageDone
+from app.jobs.tasks import Tasks
+from app.negotiator import Negotiator
+from app.picture import Curves
+from app.project import Project
+from engine.errors import InsituError
+
+STEP_SECONDS = 0.1
+
+Report = Callable[[Progress], None]
+Answer = TypeVar("Answer", bound=Response)
+
+
+def precompute(project: Project, report: Report, n_lights: int) -> StageDone:
+    """Compute all transport of a project into the cache; the last stage, with its bytes.
+
+    Raises InsituError when it cannot be computed.
+    """
+    client = InProcessClient(Tasks())
+    talk = Negotiator(client.send, Curves())
+    client.send(OpenScene(project.document.source, project.scene.resolution))
+    _until(client, SceneOpened, report)
+    talk.scene_opened()
+    talk.update(time.monotonic(), project.document, None, n_lights, False)
+    while not (stage := _until(client, StageDone, report)).exact:
+        pass
+    return stage
+
+
+def _until(client: InProcessClient, kind: type[Answer], report: Report) -> Answer:
+    """Work until there is such an answer, and no further: answers that came with it are kept by nobody."""
+    while client.wait(0.0):
+        for response in client.poll(budget_s=0.0):
+            if isinstance(response, Failed):
+                raise InsituError(response.line)
+            if isinstance(response, Progress):
+                report(response)
+            if isinstance(response, kind):
+                return response
+    raise InsituError("the computation ended without a result")
