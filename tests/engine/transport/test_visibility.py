@@ -1,0 +1,220 @@
+"""What each point sees: brute force against the twin, coherence against brute force, symmetry and bookkeeping."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine.light.emitters import emitter_patches
+from engine.scene.builtin import builtin_scenes
+from engine.scene.load import load_scene
+from engine.scene.raycaster import RayCaster
+from engine.sphere.geodesic import geodesic, locate
+from engine.transport.lighting import prepare_lighting
+from engine.transport.pipeline import Placement
+from engine.transport.visibility import (
+    Targets,
+    brute_force_visibility,
+    coherent_visibility,
+    empty_visibility,
+    evaluate_rows,
+    grid_steps,
+    refine_visibility,
+    sphere_targets,
+)
+from tests.engine.transport.by_hand import NOWHERE, caster_of, points_at, square
+from tests.naive.visibility import visible
+
+SCENE = """version = 1
+[camera]
+position = [0.3, 2.2, 3.1]
+target = [0, 0.3, 0]
+fov_y = 50
+resolution = [40, 33]
+[[object]]
+name = "ground"
+primitive = "quad"
+transform = [8,0,0,0, 0,0,8,0, 0,-8,0,0, 0,0,0,1]
+[[object]]
+name = "box"
+primitive = "cube"
+transform = [0.6,0,0.3,-0.4, 0,0.8,0,0.4, -0.3,0,0.6,0, 0,0,0,1]
+[[object]]
+name = "card"
+primitive = "quad"
+transform = [0.7,0,0,0.7, 0,0.7,0.1,0.5, 0,-0.1,0.7,0.3, 0,0,0,1]
+"""
+
+
+@pytest.fixture
+def placement(tmp_path: Path) -> Placement:
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE)
+    return Placement(load_scene(path))
+
+
+def all_rows(placement: Placement) -> np.ndarray:
+    return np.arange(len(placement.hits.pixel))
+
+
+def patches_above(n: int) -> Targets:
+    lamp = square((0, 2.5, 0), (1, 0, 0), (0, 0, 1))
+    return prepare_lighting(None, emitter_patches(lamp, np.ones((2, 3)), n), 1.0).patch_targets
+
+
+@pytest.mark.parametrize("targets", [sphere_targets(2), patches_above(40)], ids=["directions", "patches"])
+def test_brute_force_is_the_naive_answer(placement: Placement, targets: Targets) -> None:
+    rows = all_rows(placement)[::53]
+    found = brute_force_visibility(placement.hits, placement.caster, targets, rows).unpacked(rows)
+    scene = placement.scene
+    expected = np.array([visible(scene.vertices, scene.triangles, placement.hits, targets, row) for row in rows])
+    assert 0.2 < expected.mean() < 0.95
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_an_open_plane_sees_its_half_of_the_sphere() -> None:
+    # No triangle centre lies on the horizon of +Y: exactly half of 5,120 are above it.
+    hits = points_at([[0, 0, 0]], [[0, 1, 0]])
+    visibility = brute_force_visibility(hits, caster_of(), sphere_targets(4), np.array([0]))
+    np.testing.assert_array_equal(visibility.unpacked(np.array([0]))[0], geodesic(4).centres[:, 1] > 0)
+    assert (visibility.rays.traced, visibility.rays.possible) == (2560, 2560)
+
+
+def test_bits_beyond_the_last_target_stay_clear() -> None:
+    # 80 targets fill a word and a quarter.
+    hits = points_at([[0, 0, 0]], [[0, 1, 0]])
+    visibility = brute_force_visibility(hits, caster_of(), sphere_targets(1), np.array([0]))
+    assert visibility.bits.shape == (1, 2)
+    assert np.bitwise_count(visibility.bits).sum() == 40 and visibility.bits[0, 1] >> np.uint64(16) == 0
+
+
+def test_a_turn_by_a_fifth_maps_visibility_onto_itself() -> None:
+    # The icosahedron stands on a vertex, so a turn by 72° about Y maps the triangles of every level onto one another.
+    random = np.random.default_rng(6)
+    blockers = random.normal(size=(30, 1, 3)) + 0.4 * random.normal(size=(30, 3, 3))
+    position, normal = 0.3 * random.normal(size=(12, 3)), random.normal(size=(12, 3))
+    cosine, sine = np.cos(0.4 * np.pi), np.sin(0.4 * np.pi)
+    turn = np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]])
+    rows, targets = np.arange(12), sphere_targets(3)
+    image = locate(geodesic(3).centres @ turn.T, 3)
+    assert len(np.unique(image)) == 1280
+    before = brute_force_visibility(points_at(position, normal), caster_of(blockers), targets, rows).unpacked(rows)
+    turned = points_at(position @ turn.T, normal @ turn.T)
+    after = brute_force_visibility(turned, caster_of(blockers @ turn.T), targets, rows).unpacked(rows)
+    # Equal but for rays within rounding of an edge.
+    assert (after[:, image] != before).sum() <= 2 and 0.1 < before.mean() < 0.5
+
+
+# ----------------------------------------------------------------------------------------------------------- coherence
+
+
+def wrong_answers(scene: str | Path, resolution: tuple[int, int], every: int) -> tuple[float, float]:
+    """Share of wrong answers at every so many points, and share of the rays traced."""
+    placement = Placement(load_scene(scene, resolution))
+    found = empty_visibility(placement.hits, sphere_targets(4))
+    fractions = list(coherent_visibility(placement.hits, placement.caster, found))
+    assert found.done.all() and fractions == sorted(fractions) and fractions[-1] == pytest.approx(1.0)
+    rows = np.arange(0, len(placement.hits.pixel), every)
+    true = brute_force_visibility(placement.hits, placement.caster, sphere_targets(4), rows)
+    wrong = np.bitwise_count(found.bits[rows] ^ true.bits[rows]).sum()
+    return float(wrong / true.rays.possible), found.rays.traced / found.rays.possible
+
+
+def test_coherence_on_shapes() -> None:
+    # At most 2 answers in 10,000 are wrong, for 6 % of the rays: at half the pixels a side that the picture is made for,
+    # where neighbours are less alike.
+    wrong, traced = wrong_answers(builtin_scenes()["shapes"], (257, 257), 9)
+    assert wrong <= 2e-4 and traced < 0.06
+
+
+def test_coherence_on_the_bunny(shared_reference: Path) -> None:
+    wrong, traced = wrong_answers(shared_reference / "bunny.toml", (128, 128), 4)
+    assert wrong <= 2e-4 and traced < 0.1
+
+
+def test_every_pixel_has_its_turn_once(placement: Placement) -> None:
+    # Square and diamond steps from every 16th pixel to each; informers stand on the same object, not on others.
+    rows = np.concatenate([step.rows for step in grid_steps(placement.hits)])
+    np.testing.assert_array_equal(np.sort(rows), all_rows(placement))
+    objects = placement.hits.object_image.ravel()[placement.hits.pixel]
+    known = np.zeros(len(rows), bool)
+    for step in grid_steps(placement.hits):
+        there = step.informers >= 0
+        assert known[step.informers[there]].all()
+        assert (objects[step.informers] == objects[step.rows][:, None])[there].all()
+        known[step.rows] = True
+
+
+def test_a_lattice_is_a_part_of_the_picture_and_is_kept(placement: Placement) -> None:
+    found = empty_visibility(placement.hits, sphere_targets(3))
+    list(coherent_visibility(placement.hits, placement.caster, found, until=4))
+    width, _ = placement.hits.resolution
+    on_lattice = (placement.hits.pixel % width % 4 == 0) & (placement.hits.pixel // width % 4 == 0)
+    np.testing.assert_array_equal(found.done, on_lattice)
+    kept, traced = found.bits[found.done].copy(), found.rays.traced
+    list(coherent_visibility(placement.hits, placement.caster, found))
+    assert found.done.all() and found.rays.traced > traced
+    np.testing.assert_array_equal(found.bits[on_lattice], kept)
+    # Whole again: nothing more is asked.
+    traced = found.rays.traced
+    list(coherent_visibility(placement.hits, placement.caster, found))
+    evaluate_rows(placement.hits, placement.caster, found, all_rows(placement))
+    assert found.rays.traced == traced
+
+
+def test_interrupted_and_resumed_is_the_same(placement: Placement) -> None:
+    whole, parts = (empty_visibility(placement.hits, sphere_targets(3)) for _ in range(2))
+    list(coherent_visibility(placement.hits, placement.caster, whole))
+    for _ in range(4):
+        next(steps := coherent_visibility(placement.hits, placement.caster, parts), None)
+        steps.close()
+    list(coherent_visibility(placement.hits, placement.caster, parts))
+    np.testing.assert_array_equal(parts.bits, whole.bits)
+
+
+def test_no_targets_are_seen_at_once(placement: Placement) -> None:
+    nothing = prepare_lighting(None, None, 1.0).patch_targets
+    found = empty_visibility(placement.hits, nothing)
+    assert list(coherent_visibility(placement.hits, placement.caster, found)) == []
+    assert found.done.all() and found.rays.traced == 0
+
+
+def test_finer_directions_follow_the_sphere(placement: Placement) -> None:
+    # Directions finer than the bits are traced where the bits around them disagree, and taken from them elsewhere.
+    fine = geodesic(6)
+    chosen = np.arange(0, fine.n_triangles, 97)
+    centres = np.ascontiguousarray(fine.centres[chosen], np.float32)
+    none = np.full((len(chosen), 1), -1, np.int32)
+    targets = Targets(centres, np.zeros_like(centres), none, parents=(chosen // 16).astype(np.int32))
+    rows = all_rows(placement)[::3]
+    sphere = brute_force_visibility(placement.hits, placement.caster, sphere_targets(4), rows)
+    found = empty_visibility(placement.hits, targets)
+    list(refine_visibility(placement.hits, placement.caster, found, sphere, rows))
+    true = brute_force_visibility(placement.hits, placement.caster, targets, rows)
+    wrong = np.bitwise_count(found.bits[rows] ^ true.bits[rows]).sum() / true.rays.possible
+    assert wrong < 2e-3 and found.rays.traced < 0.35 * found.rays.possible
+    assert found.done[rows].all() and not found.done[1::3].any()
+
+
+def test_sentinels_find_what_the_points_around_miss() -> None:
+    # Every eighth patch is always asked, whatever the neighbours agree on.
+    targets = patches_above(40)
+    marked = targets.sentinels().view(np.uint8)
+    np.testing.assert_array_equal(np.flatnonzero(np.unpackbits(marked, bitorder="little")), [0, 8, 16, 24, 32])
+
+
+def test_a_caster_for_each_thread_is_not_needed() -> None:
+    # Two blocks at once use one caster; the answers are those of one thread.
+    hits = points_at(np.random.default_rng(2).random((3000, 3)), [[0, 1, 0]])
+    blockers = square((0.5, 1.5, 0.5), (1, 0, 0), (0, 0, 1))
+    rows = np.arange(3000)
+    answers: list[np.ndarray] = []
+    make: list[Callable[[], RayCaster]] = [
+        lambda: caster_of(blockers),
+        lambda: RayCaster(blockers.reshape(-1, 3), np.arange(6).reshape(2, 3), threads=1),
+    ]
+    for caster in make:
+        answers.append(brute_force_visibility(hits, caster(), sphere_targets(2), rows).bits)
+    np.testing.assert_array_equal(*answers)
+    assert (answers[0] != brute_force_visibility(hits, caster_of(NOWHERE), sphere_targets(2), rows).bits).any()
