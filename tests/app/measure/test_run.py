@@ -1,0 +1,89 @@
+"""`insitu measure` from end to end on a tiny scene, and the programs it launches."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+import app.measure as measuring
+from app.measure import Effort, run
+from app.measure.figures import PROMISED, SPECS, NotMeasured
+from app.measure.launches import Screen, launch, open_screen
+from app.measure.sweep import Grid
+
+EFFORT = Effort(
+    "test", 1, 1, 0, 6, 32, 20_000, 50, False, 60.0, Grid((50, 400), (16, 64), (1, 64), side=24, n_points=6, level=4)
+)
+pytestmark = pytest.mark.slow
+WINDOW = ("window_s", "first_picture_s", "worst_stall_ms")
+
+
+@contextlib.contextmanager
+def no_screen() -> Iterator[Screen]:
+    raise NotMeasured("no display in this test")
+    yield
+
+
+@pytest.fixture(scope="module")
+def measured(tiny_scene: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a whole measurement, without windows."""
+    folder = tmp_path_factory.mktemp("measured")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(measuring, "open_screen", no_screen)
+        run(tiny_scene, folder, report=lambda line: None, effort=EFFORT)
+    return folder
+
+
+def test_every_figure_is_there_and_finite(measured: Path) -> None:
+    content = json.loads((measured / "figures.json").read_text())
+    for name in PROMISED:
+        figure = content[name]
+        assert (figure["limit"], figure["unit"]) == (SPECS[name].limit, SPECS[name].unit)
+        assert figure["how"]
+        if name in WINDOW:
+            assert figure["value"] is None and "no display in this test" in figure["how"]
+            continue
+        assert math.isfinite(figure["value"]) and figure["value"] >= 0, name
+        assert figure["met"] is (figure["value"] <= figure["limit"])
+        spread = figure["spread"]
+        assert spread["min"] <= spread["median"] <= spread["max"]
+        assert figure["repetitions"] >= 1
+
+
+def test_the_machine_and_the_run_are_told(measured: Path) -> None:
+    content = json.loads((measured / "figures.json").read_text())
+    assert content["run"]["resolution"] == [32, 24]
+    machine = content["machine"]
+    assert machine["cores"] >= 1 and machine["ram_gib"] > 0 and machine["cpu"]
+    assert "OpenGL" in machine["renderer"]
+    assert {"numpy", "numba", "embreex"} <= set(machine["versions"])
+    assert len(machine["load_average"]) == len(machine["load_average_after"]) == 3
+
+
+def test_plots_are_pictures_of_a_readable_size(measured: Path) -> None:
+    for name in ("error_against_time", "error_against_memory", "error_against_frame_time"):
+        with Image.open(measured / f"{name}.png") as picture:
+            assert picture.width >= 1000 and picture.height >= 600
+            assert len(picture.convert("RGB").getcolors(1 << 24) or []) > 20  # not one blank sheet
+    assert (measured / "sweep.csv").read_text().startswith("study,lights,bands")
+
+
+@pytest.mark.window
+def test_a_launch_tells_its_milestones_in_order(tiny_scene: str, tmp_path: Path) -> None:
+    with open_screen() as screen:
+        found = launch(screen, tiny_scene, tmp_path, "first_picture", 60.0)
+    milestones = found.milestones
+    assert 0 < milestones["first_frame"] <= milestones["scene"] <= milestones["first_picture"] < 60.0
+    assert found.longest_block_s is not None and 0 < found.longest_block_s < 60.0
+
+
+def test_a_program_that_ends_early_is_told_with_its_last_words(tmp_path: Path) -> None:
+    screen = Screen("a test", {}, ("/bin/sh", "-c", "echo out of luck >&2; exit 3"))
+    with pytest.raises(NotMeasured, match="status 3 before exact: out of luck"):
+        launch(screen, "scene", tmp_path, "exact", 10.0)
