@@ -10,11 +10,11 @@ by hand],
     d(J) = max over gamma of | int_0^gamma (f - f_J) sin | / int_0^(pi/2) f sin,
 
 and the least power of two with d(J) <= 0.02 is taken (0.04 over the difference angle). d falls with J^2 while the
-bands are narrower than the curve's features. The largest pointwise difference was rejected: it never falls below half a step at an edge, however narrow
-the band. A curve that a person may bend, or has bent, gets no fewer bands than `EDITABLE_BANDS`, since nobody knows the
-next edit. Bands also set how finely a light is split before its cosine and quotient are taken, so a still is given the
-editor's bands: measured on three reference scenes with 4,000 lights, 0.57 to 0.98 % error against 0.67 to 1.22 % with
-each curve's own bandwidth, in the same time. This module is light to import: the window's process shares its table.
+bands are narrower than the curve's features. The largest pointwise difference was rejected: it never falls below half
+a step at an edge, however narrow the band. A curve that a person may bend, or has bent, gets no fewer bands than
+`EDITABLE_BANDS`, since nobody knows the next edit. Bands also set how finely a light is split before its cosine and quotient are taken, so a still is given the
+editor's: with 16 bands for a Lambert layer the reference bunny under 4,000 lights is off by 0.57 %, with one by 0.67 %,
+in the same time. This module is light to import: the window's process shares its table.
 """
 
 from __future__ import annotations
@@ -254,9 +254,10 @@ def _switch(plan: Plan, line: str, value: int | str) -> Plan:
 
 def _with_bands(layer: LayerPlan, place: int, line: str, value: int | str) -> LayerPlan:
     most = MOST_BANDS_OVERRULED[0] if len(layer.bands) == 1 else min(MOST_BANDS_OVERRULED)
-    if not isinstance(value, int) or not 1 <= value <= most or value & (value - 1):
+    whole = isinstance(value, int) and not isinstance(value, bool)
+    if not whole or not 1 <= int(value) <= most or int(value) & (int(value) - 1):
         raise _refused(line, value, f"a power of two from 1 to {most}")
-    bands = (*layer.bands[:place], value, *layer.bands[place + 1 :])
+    bands = (*layer.bands[:place], int(value), *layer.bands[place + 1 :])
     reasons = (*layer.reasons[:place], "overruled", *layer.reasons[place + 1 :])
     return replace(layer, bands=bands, reasons=reasons)
 

@@ -1,0 +1,206 @@
+"""What a scene requires: bands by the curve, lights, shadows, overruled lines, and a pilot's estimate."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from engine.curve.operators import Operator
+from engine.errors import InsituError
+from engine.material import MODELS, make_layer
+from engine.material.kinds import THETA_H
+from engine.material.layer import Layer
+from engine.plan import (
+    BANDWIDTH_TOLERANCE,
+    EDITABLE_BANDS,
+    MOST_BANDS,
+    Plan,
+    band_counts,
+    bandwidth,
+    curve_deviation,
+    plan_lines,
+    plan_scene,
+    tolerance_over,
+)
+from engine.scene.load import Scene, load_scene
+
+SCENE = """
+version = 1
+name = "two"
+[camera]
+position = [0, 1, 4]
+target = [0, 0, 0]
+resolution = [24, 20]
+[[object]]
+name = "ball"
+primitive = "sphere"
+layer = [{ model = "lambert" }, { model = "rough_conductor", alpha = 0.4 }]
+[[object]]
+name = "lamp"
+primitive = "quad"
+transform = [1, 0, 0, 0,  0, 1, 0, 3,  0, 0, 1, 0,  0, 0, 0, 1]
+emission = EMISSION
+"""
+
+
+def conductor(alpha: float) -> Layer:
+    return make_layer(MODELS["rough_conductor"], {"alpha": alpha})
+
+
+@pytest.fixture(params=["0.0", "5.0"], ids=["dark lamp", "lamp"])
+def scene(tmp_path: Path, request: pytest.FixtureRequest) -> Scene:
+    (tmp_path / "scene.toml").write_text(SCENE.replace("EMISSION", request.param))
+    return load_scene(tmp_path / "scene.toml")
+
+
+@pytest.fixture
+def layers() -> dict[str, Layer]:
+    return {"ball.0": make_layer(MODELS["lambert"]), "ball.1": conductor(0.4)}
+
+
+def test_a_constant_curve_needs_one_band() -> None:
+    # Lambert's curve is the albedo, the same at every angle: one mean holds all of it.
+    layer = make_layer(MODELS["lambert"], {"albedo": (0.8, 0.0, 0.1)})
+    assert bandwidth(layer, "theta_i") == 1
+    assert curve_deviation(layer, "theta_i", 1) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_black_curve_needs_one_band() -> None:
+    layer = make_layer(MODELS["lambert"], {"albedo": (0.0, 0.0, 0.0)})
+    assert bandwidth(layer, "theta_i") == 1
+
+
+def test_the_deviation_of_one_cosine_band_is_its_closed_form() -> None:
+    # Phong with exponent 1 is a multiple of cos, its mean by solid angle over [0, pi/2] half of that. The running
+    # integrals sin^2/2 and (1 - cos)/2 differ most where cos = 1/2: 3/8 - 1/4 = 1/8 of a total of 1/2.
+    layer = make_layer(MODELS["phong"], {"exponent": 1.0})
+    assert curve_deviation(layer, "theta_r", 1) == pytest.approx(0.25, rel=1e-4)
+
+
+def test_deviation_falls_with_the_square_of_the_bands() -> None:
+    # Twice as many bands are a quarter of the deviation once they are narrower than the lobe (0.3 rad).
+    deviations = [curve_deviation(conductor(0.3), "theta_h", n) for n in (32, 64, 128)]
+    assert deviations[0] / deviations[1] == pytest.approx(4.0, rel=0.15)
+    assert deviations[1] / deviations[2] == pytest.approx(4.0, rel=0.1)
+
+
+@settings(deadline=None, max_examples=6)
+@given(alpha=st.floats(1e-3, 1.0))
+def test_the_least_bandwidth_within_the_tolerance_is_taken(alpha: float) -> None:
+    layer = conductor(alpha)
+    n_bands = bandwidth(layer, "theta_h")
+    if n_bands < MOST_BANDS:
+        assert curve_deviation(layer, "theta_h", n_bands) <= BANDWIDTH_TOLERANCE
+    assert n_bands == 1 or curve_deviation(layer, "theta_h", n_bands // 2) > BANDWIDTH_TOLERANCE
+
+
+def test_sharper_lobes_need_more_bands() -> None:
+    counts = [bandwidth(conductor(alpha), "theta_h") for alpha in (1.0, 0.3, 0.1, 0.01)]
+    assert counts == sorted(counts) and counts[0] <= 16 and counts[-1] == MOST_BANDS
+
+
+@pytest.mark.parametrize("name", sorted(MODELS))
+def test_editable_layers_have_room_for_edits(name: str) -> None:
+    layer = make_layer(MODELS[name])
+    for factor in layer.model.factors:
+        needed = bandwidth(layer, factor.name, tolerance_over(factor))
+        assert band_counts(layer)[factor.name] == max(EDITABLE_BANDS[factor.gamma], needed)
+    assert max(band_counts(layer, most=8).values()) == 8
+
+
+def plan(scene: Scene, layers: dict[str, Layer], **settings: object) -> Plan:
+    return plan_scene(scene, layers, **{"has_sky": True, **settings})  # type: ignore[arg-type]
+
+
+def test_bands_follow_what_may_be_edited(scene: Scene, layers: dict[str, Layer]) -> None:
+    fixed = plan(scene, layers)
+    assert fixed.layer("ball.0").bands == (1,) and fixed.layer("ball.0").shape == (1, 1)
+    assert fixed.layer("ball.1").bands[0] == bandwidth(layers["ball.1"], "theta_h") < EDITABLE_BANDS[THETA_H]
+    free = plan(scene, layers, editable=("ball.0", "ball.1"))
+    assert free.layer("ball.0").bands == (16,)
+    assert free.layer("ball.1").bands == tuple(band_counts(layers["ball.1"]).values())
+    bent = layers["ball.0"].with_operators("theta_i", (Operator("amplify", "y", 0.1, 0.2, 0.3, 0.4, 1.01),))
+    # An edit is kept however little of the light it moves.
+    assert plan(scene, {**layers, "ball.0": bent}).layer("ball.0").bands == (16,)
+
+
+def test_light_and_shadow_follow_the_scene(scene: Scene, layers: dict[str, Layer]) -> None:
+    shines = bool(scene.emitters.any())
+    bright = plan(scene, layers)
+    assert bright.needs_sphere and bright.n_lights == 4000 and bool(bright.n_patches) == shines
+    dark = plan(scene, layers, has_sky=False)
+    # No sky: nothing is far enough away to need shadows in every direction.
+    assert not dark.needs_sphere and dark.n_lights == 0 and bool(dark.n_patches) == shines
+    assert not plan(scene, layers, n_lights=400).needs_sphere
+    assert bright.bounces == 1
+
+
+def test_every_line_can_be_overruled(scene: Scene, layers: dict[str, Layer]) -> None:
+    overrides: dict[str, int | str] = {
+        "ball.1.theta_h": 8, "ball.1.theta_d": 4, "lights": 100, "sphere": 0, "precision": "float",
+    }  # fmt: skip
+    changed = plan(scene, layers, overrides=overrides)
+    assert changed.layer("ball.1").bands == (8, 4)
+    assert (changed.n_lights, changed.needs_sphere, changed.precision) == (100, False, "float")
+    assert changed.overruled == set(overrides)
+    reasons = {name: reason for name, _, reason in plan_lines(changed)}
+    assert all(reasons[line] == "overruled" for line in overrides)
+    assert plan(scene, layers, overrides={"ball.0.theta_i": 512}).layer("ball.0").bands == (512,)
+
+
+@pytest.mark.parametrize(
+    ("line", "value", "said"),
+    [
+        ("ball.1.theta_h", 48, "power of two from 1 to 128"),
+        ("ball.1.theta_d", 256, "power of two from 1 to 128"),
+        ("ball.1.theta_h", True, "power of two"),
+        ("ball.1.theta_h", "many", "power of two"),
+        ("lights", 3, "20 to 80,000"),
+        ("sphere", 2, "0 or 1"),
+        ("precision", "quarter", "half or float"),
+        ("bounces", 2, "no line 'bounces' to overrule"),
+        ("ball.2.theta_h", 8, "there is: ball.0.theta_i, ball.1.theta_h"),
+    ],
+)
+def test_what_cannot_be_is_refused(
+    scene: Scene, layers: dict[str, Layer], line: str, value: int | str, said: str
+) -> None:
+    with pytest.raises(InsituError, match=said):
+        plan(scene, layers, overrides={line: value})
+
+
+def test_the_pilot_estimates_what_the_work_takes(scene: Scene, layers: dict[str, Layer]) -> None:
+    from engine.light.environment import constant_environment
+    from engine.render.pilot import estimate_cost
+    from engine.render.still import finish, still_layers
+    from engine.transport.bandstore import join_tiles
+    from engine.transport.pipeline import FINAL, Placement, SkyState
+    from engine.transport.projection import LayerShape, project_layer
+
+    placement, sky = Placement(scene), SkyState(constant_environment(1.0))
+    planned = plan(scene, layers, n_lights=FINAL.n_lights)
+    works = still_layers(layers.items(), ("ball", "lamp"), planned)
+    before = placement.sphere.done.copy()
+    cost = finish(estimate_cost(placement, works, sky, planned), lambda step: None).cost
+    assert cost is not None and np.array_equal(placement.sphere.done, before)
+    assert cost.seconds > cost.visibility_seconds > 0.0
+    # All points are sampled in so small a picture: bytes are those of the real transport, plus the sphere's bits.
+    steps = placement.light(sky, FINAL)
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            light = end.value
+            break
+    n_bytes = placement.sphere.bits.nbytes
+    for each in works:
+        shape = LayerShape(each.layer.model.name, tuple(each.layer.quotient_parameters().tolist()), each.bands)
+        tiles = project_layer(placement.hits, placement.rows_of(each.i_object), light, shape)
+        n_bytes += join_tiles(shape.bands, tiles).n_bytes
+    assert cost.disk_mib == pytest.approx(n_bytes / 2**20, rel=0.05)
+    n_points = len(placement.rows_of(0))
+    widest = max(planned.layer("ball.1").bands)
+    # Three half floats a coefficient of the widest curve, and 16 bytes for each layer's accumulator.
+    assert cost.gpu_mib == pytest.approx((widest * 3 * 2 + 2 * 16) * n_points / 2**20)
