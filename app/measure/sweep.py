@@ -55,7 +55,7 @@ class Grid:
     bands: tuple[int, ...] = (16, 32, 64, 128, 256)
     wavelets: tuple[int, ...] = (1, 2, 4, 8, 16, 32, 64, 128)
     side: int = 256
-    n_points: int = 400
+    n_points: int = 1000
     level: int = 6
 
     def base_bands(self, subject: Subject) -> int:
