@@ -60,9 +60,9 @@ def render_picture(
 
 
 def plan_still(project: Project, has_sky: bool, n_lights: int = N_LIGHTS) -> Plan:
-    """The plan of a still: the bands that the editor would use, so that it is the editor's picture."""
+    """The plan of a still."""
     layers = project.layers
-    return plan_scene(project.scene, layers, has_sky=has_sky, editable=layers.keys(), n_lights=n_lights)
+    return plan_scene(project.scene, layers, has_sky=has_sky, still=True, n_lights=n_lights)
 
 
 def write_picture(path: Path, radiance: NDArray[np.float32]) -> None:

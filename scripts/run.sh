@@ -12,4 +12,4 @@ if [ "$status" -ne 2 ] || [ "$#" -ne 0 ]; then
 fi
 echo "run: no display here; taking pictures of a scripted session in out/tour instead (a minute or two)"
 mkdir -p out/tour
-exec "$python" -m app screenshot teatray --resolution 384 384 --script assets/scripts/tour.toml -o out/tour/end.png
+exec "$python" -m app screenshot teatray --resolution 320 320 --script assets/scripts/tour.toml -o out/tour/end.png
