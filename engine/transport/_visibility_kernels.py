@@ -83,32 +83,41 @@ def predict(rows, informers, bits, horizon, sentinels, boundary_neighbours, todo
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def predict_from_sphere(rows, sphere_bits, parents, sphere_neighbours, bits, horizon, todo, doubt):
-    """Guess targets finer than the sphere from the triangle they lie in; trace where its surroundings do not agree."""
+def consult_sphere(rows, informers, sphere_bits, parents, sphere_neighbours, bits, horizon, todo):
+    """Check guesses for targets finer than the sphere against the triangle each lies in and those around it.
+
+    A guess that none of them shares is traced. Without informers the triangle is the guess, traced where its
+    surroundings do not agree. parents (D,), ascending runs of equal ones being quickest.
+    """
     for b in range(rows.shape[0]):
         r = rows[b]
-        for w in range(bits.shape[1]):
-            bits[r, w] = np.uint64(0)
-            todo[b, w] = np.uint64(0)
-            doubt[b, w] = np.uint64(0)
-        known, mixed, seen = -1, False, False
+        alone = 0
+        for i in range(4):
+            alone += informers[b, i] >= 0
+        known, some_see, some_do_not, parent_sees = -1, False, False, False
         for t in range(parents.shape[0]):
+            w = t >> 6
+            bit = _ONE << np.uint64(t & 63)
+            if not (horizon[b, w] & bit):
+                continue
             parent = parents[t]
             if parent != known:
                 known = parent
-                seen = _bit(sphere_bits[r], parent)
-                mixed = False
+                parent_sees = _bit(sphere_bits[r], parent)
+                some_see, some_do_not = parent_sees, not parent_sees
                 for k in range(sphere_neighbours.shape[1]):
                     m = sphere_neighbours[parent, k]
-                    if m >= 0 and _bit(sphere_bits[r], m) != seen:
-                        mixed = True
-            bit = _ONE << np.uint64(t & 63)
-            if not (horizon[b, t >> 6] & bit):
-                continue
-            if mixed:
-                todo[b, t >> 6] |= bit
-            if seen:
-                bits[r, t >> 6] |= bit
+                    if m >= 0:
+                        seen = _bit(sphere_bits[r], m)
+                        some_see, some_do_not = some_see or seen, some_do_not or not seen
+            if alone < 2:
+                todo[b, w] &= ~bit
+                if parent_sees:
+                    bits[r, w] |= bit
+                if some_see and some_do_not:
+                    todo[b, w] |= bit
+            elif not (some_see if bits[r, w] & bit else some_do_not):
+                todo[b, w] |= bit
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")

@@ -24,7 +24,6 @@ from engine.transport.visibility import (
     coherent_visibility,
     empty_visibility,
     evaluate_rows,
-    refine_visibility,
     sphere_targets,
 )
 
@@ -103,10 +102,7 @@ class Placement:
                 yield from self._see(self.sphere, quality.stride)
         lighting = prepare_lighting(cut, self.patches(quality.n_patches), quality.tolerance, own_rays)
         fine = empty_visibility(self.hits, lighting.fine_targets)
-        if own_rays:
-            yield from self._see(fine, quality.stride)
-        else:
-            yield from refine_visibility(self.hits, self.caster, fine, self.sphere, rows)
+        yield from self._see(fine, quality.stride, None if own_rays else self.sphere)
         patches = empty_visibility(self.hits, lighting.patch_targets)
         yield from self._see(patches, quality.stride)
         return VisibleLight(lighting, self.sphere, fine, patches)
@@ -119,6 +115,6 @@ class Placement:
         triangles = self.scene.vertices[self.scene.triangles[shining]]
         return emitter_patches(triangles, self.scene.emission[self.scene.object_of_triangle[shining]], n_patches)
 
-    def _see(self, visibility: Visibility, stride: int) -> Iterator[float]:
-        yield from coherent_visibility(self.hits, self.caster, visibility, stride)
+    def _see(self, visibility: Visibility, stride: int, sphere: Visibility | None = None) -> Iterator[float]:
+        yield from coherent_visibility(self.hits, self.caster, visibility, stride, sphere)
         evaluate_rows(self.hits, self.caster, visibility, self.rows(stride))

@@ -158,12 +158,15 @@ def _alike(hits: PrimaryHits, a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def coherent_visibility(
-    hits: PrimaryHits, caster: RayCaster, visibility: Visibility, until: int = 1
+    hits: PrimaryHits, caster: RayCaster, visibility: Visibility, until: int = 1, sphere: Visibility | None = None
 ) -> Iterator[float]:
     """Fill `visibility` coarse to fine, down to every `until`-th pixel; yields the fraction of all points that is done.
 
     Between two yields at most eight blocks of 1,024 points are evaluated. Rows already done are kept, so a call
     continues where an earlier one stopped. Nothing to see (no targets) is done at once.
+
+    sphere: for targets that have parents, the finished visibility of those. A cluster of bright lights is so small that
+    the points around a thin shadow can agree on all of it; the point's own coarser view then says that they are wrong.
     """
     if len(visibility.targets.positions) == 0:
         visibility.done[:] = True
@@ -171,10 +174,17 @@ def coherent_visibility(
     n_done, n_points = int(visibility.done.sum()), max(1, len(hits.pixel))
     neighbours, sentinels = visibility.targets.neighbours, visibility.targets.sentinels()
 
+    around = geodesic(VISIBILITY_LEVEL).neighbours
+
     def informed(rows: np.ndarray, informers: np.ndarray) -> Guess:
-        return lambda rows, horizon, todo, doubt: kernels.predict(
-            rows, informers, visibility.bits, horizon, sentinels, neighbours, todo, doubt
-        )
+        def guess(rows: np.ndarray, horizon: np.ndarray, todo: np.ndarray, doubt: np.ndarray) -> None:
+            bits = visibility.bits
+            kernels.predict(rows, informers, bits, horizon, sentinels, neighbours, todo, doubt)
+            if sphere is not None:
+                parents = visibility.targets.parents
+                kernels.consult_sphere(rows, informers, sphere.bits, parents, around, bits, horizon, todo)
+
+        return guess
 
     with ThreadPoolExecutor(2) as pool:
         for step in grid_steps(hits, until):
@@ -192,31 +202,6 @@ def coherent_visibility(
                     visibility.done[job[0]] = True
                     n_done += len(job[0])
                 yield n_done / n_points
-
-
-def refine_visibility(
-    hits: PrimaryHits, caster: RayCaster, visibility: Visibility, sphere: Visibility, rows: np.ndarray
-) -> Iterator[float]:
-    """Fill `visibility` of directions finer than `sphere` at rows where that is done; yields the fraction done.
-
-    The angular coherence of one point is the better guess here: a cluster of bright lights is so small that the points
-    around a thin shadow agree on all of it, and nothing would tell that they are wrong.
-    """
-    neighbours = geodesic(VISIBILITY_LEVEL).neighbours
-    rows = rows[~visibility.done[rows]]
-
-    def guess(block: np.ndarray, horizon: np.ndarray, todo: np.ndarray, doubt: np.ndarray) -> None:
-        parents = visibility.targets.parents
-        kernels.predict_from_sphere(block, sphere.bits, parents, neighbours, visibility.bits, horizon, todo, doubt)
-
-    with ThreadPoolExecutor(2) as pool:
-        for begin in range(0, len(rows), 8 * BLOCK):
-            blocks = [rows[i : i + BLOCK] for i in range(begin, min(begin + 8 * BLOCK, len(rows)), BLOCK)]
-            for count in pool.map(lambda block: _evaluate_block(hits, caster, visibility, block, guess), blocks):
-                visibility.rays.traced += count[0]
-                visibility.rays.possible += count[1]
-            yield min(1.0, (begin + 8 * BLOCK) / len(rows))
-    visibility.done[rows] = True
 
 
 def _evaluate_block(hits, caster, visibility, rows, guess) -> tuple[int, int]:
