@@ -1,0 +1,387 @@
+"""The worker's work on a tiny scene: what it says in which order, what it keeps, and that it goes on where it was."""
+
+import os
+import signal
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.document import LightState
+from app.jobs import tasks as tasks_module
+from app.jobs.cache import Store
+from app.jobs.client import Client
+from app.jobs.in_process import InProcessClient, run_in_process
+from app.jobs.messages import (
+    ComputeTransport,
+    Contract,
+    Failed,
+    Footprint,
+    LayerPicture,
+    LayerTransport,
+    LayerWork,
+    OpenScene,
+    Progress,
+    Response,
+    SceneOpened,
+    SkyImage,
+    StageDone,
+    WorkerRestarted,
+)
+from app.jobs.tasks import Tasks
+from engine.curve import wavelet
+from engine.material import MODELS
+from engine.material.layer import make_layer
+from engine.transport.bandstore import BandTile
+from engine.transport.projection import project_layer
+
+SCENE = """version = 1
+[camera]
+position = [0.4, 1.6, 2.6]
+target = [0, 0.3, 0]
+fov_y = 45
+resolution = [48, 48]
+[environment]
+radiance = [0.4, 0.5, 0.7]
+[[object]]
+name = "ground"
+primitive = "quad"
+transform = [5,0,0,0, 0,0,5,0, 0,-5,0,0, 0,0,0,1]
+layer = [{ model = "lambert" }]
+[[object]]
+name = "ball"
+primitive = "sphere"
+transform = [0.9,0,0,0, 0,0.9,0,0.5, 0,0,0.9,0, 0,0,0,1]
+layer = [{ model = "lambert" }, { model = "rough_conductor", alpha = 0.3 }]
+[[object]]
+name = "lamp"
+primitive = "quad"
+transform = [1,0,0,-1.2, 0,0,-1,2.4, 0,1,0,0, 0,0,0,1]
+emission = [6, 5, 4]
+"""
+PREVIEW_LIGHTS, FINAL_LIGHTS = 80, 480
+BANDS = {"lambert": (8,), "rough_conductor": (16, 4)}
+GLOSS = "ball.1"
+
+
+def work(key: str, model: str, **parameters: object) -> LayerWork:
+    layer = make_layer(MODELS[model], parameters)
+    names = tuple(factor.name for factor in layer.model.factors)
+    curves = tuple(layer.coefficients(name, n) for name, n in zip(names, BANDS[model], strict=True))
+    return LayerWork(key, model, tuple(layer.quotient_parameters().tolist()), names, BANDS[model], curves)
+
+
+def compute(selected: str | None = GLOSS, factor: str | None = "theta_h", **changes: object) -> ComputeTransport:
+    layers = (work("ground.0", "lambert"), work("ball.0", "lambert"), work(GLOSS, "rough_conductor", alpha=0.3))
+    request = ComputeTransport(LightState(), layers, selected, factor, PREVIEW_LIGHTS, FINAL_LIGHTS)
+    return replace(request, **changes)
+
+
+@pytest.fixture
+def source(tmp_path: Path) -> str:
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE)
+    return str(path)
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    return Store(tmp_path / "cache")
+
+
+def opened(source: str, store: Store) -> Tasks:
+    tasks = Tasks(store)
+    assert isinstance(run_in_process(tasks, OpenScene(source))[-1], SceneOpened)
+    return tasks
+
+
+def without_progress(answers: list[Response]) -> list[Response]:
+    return [answer for answer in answers if not isinstance(answer, Progress)]
+
+
+def pictures(answers: list[Response], stage: str = "final") -> dict[str, np.ndarray]:
+    return {a.key: np.array(a.radiance) for a in answers if isinstance(a, LayerPicture) and a.stage == stage}
+
+
+def assert_same_pictures(found: dict[str, np.ndarray], expected: dict[str, np.ndarray]) -> None:
+    assert set(found) == set(expected) == {"ground.0", "ball.0", GLOSS}
+    for key, picture in expected.items():
+        assert picture.max() > 0
+        np.testing.assert_array_equal(found[key], picture)
+
+
+# ----------------------------------------------------------------------------------------------------------- messages
+
+
+def test_an_opened_scene_tells_what_the_window_needs(source: str, store: Store) -> None:
+    answers = run_in_process(Tasks(store), OpenScene(source))
+    assert [type(answer) for answer in answers] == [Progress, Progress, SceneOpened]
+    arrays = answers[-1].arrays
+    n_points = len(arrays["pixel"])
+    assert tuple(arrays["resolution"]) == (48, 48) and arrays["object_image"].shape == (48, 48)
+    # The lamp shines and has no points; the other two share them all.
+    assert arrays["object_ranges"].tolist()[-1] == [n_points, n_points]
+    assert ((arrays["theta_o"] >= 0) & (arrays["theta_o"] <= np.float32(np.pi / 2))).all()
+    assert arrays["theta_o"].shape == (n_points,)
+
+
+def test_the_resolution_can_be_another(source: str, store: Store) -> None:
+    answers = run_in_process(Tasks(store), OpenScene(source, (20, 12)))
+    assert answers[-1].arrays["object_image"].shape == (12, 20)
+
+
+def test_stages_come_coarse_to_fine_with_the_selected_layer_first(source: str, store: Store) -> None:
+    tasks = opened(source, store)
+    answers = without_progress(run_in_process(tasks, compute()))
+    one_stage = [Footprint, LayerPicture, LayerTransport, LayerPicture, LayerPicture, StageDone]
+    assert [type(answer) for answer in answers] == [SkyImage, *3 * one_stage]
+    assert [(a.stage, a.exact) for a in answers if isinstance(a, StageDone)] == [
+        ("coarse", False), ("preview", False), ("final", True)
+    ]  # fmt: skip
+    keys = [a.key for a in answers if isinstance(a, LayerPicture)]
+    assert keys == 3 * [GLOSS, "ground.0", "ball.0"]
+    assert answers[-1].transport_bytes > 0
+    # A second request for the same light does not send the sky again.
+    assert not any(isinstance(a, SkyImage) for a in run_in_process(tasks, compute()))
+
+
+def test_a_coarse_stage_says_which_samples_stand_for_each_pixel(source: str, store: Store) -> None:
+    tasks = Tasks(store)
+    arrays = run_in_process(tasks, OpenScene(source))[-1].arrays
+    answers = run_in_process(tasks, compute(selected=None, factor=None))
+    assert not any(isinstance(answer, LayerTransport) for answer in answers)
+    footprints = {a.stage: a for a in answers if isinstance(a, Footprint)}
+    coarse = footprints["coarse"]
+    assert coarse.rows.shape == coarse.weights.shape == (len(arrays["pixel"]), 4)
+    assert not len(footprints["preview"].rows) and not len(footprints["final"].rows)
+    begin, end = arrays["object_ranges"][1]
+    n_samples = len(pictures(answers, "coarse")[GLOSS])
+    assert 0 < n_samples < (end - begin) / 8 and coarse.rows[begin:end].max() == n_samples - 1
+
+
+def test_progress_only_grows_within_a_stage(source: str, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    tasks = opened(source, store)
+    monkeypatch.setattr(tasks_module.time, "monotonic", iter(np.arange(0.0, 1e4, 0.1)).__next__)
+    told = [a for a in run_in_process(tasks, compute()) if isinstance(a, Progress)]
+    for stage in ("coarse", "preview", "final"):
+        fractions = [a.fraction for a in told if a.stage == stage]
+        assert fractions and fractions[-1] <= 1.0 and fractions[0] >= 0.0
+        layers = [a.fraction for a in told if a.stage == stage and a.text != "shadows"]
+        assert layers == sorted(layers)
+
+
+def test_a_light_on_the_move_gets_one_quick_stage(source: str, store: Store) -> None:
+    tasks = opened(source, store)
+    answers = without_progress(run_in_process(tasks, compute(n_lights_final=0)))
+    assert [(a.stage, a.exact) for a in answers if isinstance(a, StageDone)] == [("drag", True)]
+
+
+def test_a_preview_alone_is_exact_when_no_more_lights_are_asked_for(source: str, store: Store) -> None:
+    tasks = opened(source, store)
+    answers = run_in_process(tasks, compute(n_lights_final=PREVIEW_LIGHTS))
+    assert [(a.stage, a.exact) for a in answers if isinstance(a, StageDone)] == [("coarse", False), ("preview", True)]
+
+
+def test_transport_times_the_curve_is_the_picture(source: str, store: Store) -> None:
+    answers = run_in_process(opened(source, store), compute())
+    transport = [a for a in answers if isinstance(a, LayerTransport)][-1]
+    curve = wavelet.forward(work(GLOSS, "rough_conductor", alpha=0.3).coefficients[0])
+    planes = transport.coefficients_first.astype(np.float64) * np.asarray(transport.scale).reshape(-1, 1, 1)
+    picture = np.einsum("jpc,jc->pc", planes, curve)
+    expected = pictures(answers)[GLOSS]
+    # Half floats, scaled a plane: 2⁻¹¹ of each plane's largest value.
+    np.testing.assert_allclose(picture, expected, atol=3e-3 * expected.max())
+    norms = np.sqrt(np.einsum("jpc,jpc->jc", planes, planes))
+    np.testing.assert_allclose(transport.norms, norms, rtol=2e-3, atol=1e-3 * norms.max())
+
+
+# ------------------------------------------------------------------------------------------------------- contractions
+
+
+def contraction(factor: str, brighter: float = 1.0) -> Contract:
+    asked = work(GLOSS, "rough_conductor", alpha=0.3)
+    return Contract(GLOSS, factor, tuple(zip(asked.factors, (brighter * c for c in asked.coefficients), strict=True)))
+
+
+def test_a_curve_is_switched_after_the_transport(source: str, store: Store) -> None:
+    tasks = opened(source, store)
+    before = pictures(run_in_process(tasks, compute()))[GLOSS]
+    picture, transport = run_in_process(tasks, contraction("theta_d", 2.0))
+    # Both curves twice as high: four times the light.
+    np.testing.assert_allclose(picture.radiance, 4 * before, rtol=1e-6)
+    assert (transport.factor, len(transport.coefficients_first)) == ("theta_d", 4)
+
+
+def test_a_contraction_is_served_while_the_transport_is_computed(source: str, store: Store) -> None:
+    client = InProcessClient(opened(source, store))
+    client.send(compute())
+    answers: list[Response] = []
+    while not any(isinstance(a, StageDone) for a in answers):
+        answers += client.poll(0.0)
+    number = client.send(contraction("theta_d", 2.0))
+    rest = client.poll(float("inf"))
+    own = [a for a in rest if a.id == number]
+    assert [(type(a), a.stage) for a in own] == [(LayerPicture, "coarse"), (LayerTransport, "coarse")]
+    assert rest.index(own[0]) < 4
+    # The stages that follow use the new curves, and hand out the transport of the curve that is now selected.
+    later = [a for a in rest if isinstance(a, LayerTransport) and a.id != number]
+    assert [(a.stage, a.factor) for a in later] == [("preview", "theta_d"), ("final", "theta_d")]
+    expected = contraction("theta_d", 2.0).coefficients[0][1]
+    np.testing.assert_array_equal([a for a in rest if isinstance(a, LayerPicture)][-3].coefficients[0], expected)
+
+
+def test_a_contraction_before_its_transport_is_answered_by_it(source: str, store: Store) -> None:
+    client = InProcessClient(opened(source, store))
+    client.send(compute(selected="ground.0", factor="theta_i"))
+    while not any(isinstance(a, Progress | SkyImage) for a in client.poll(0.0)):
+        pass
+    client.send(contraction("theta_d"))
+    answers = client.poll(float("inf"))
+    first = next(a for a in answers if isinstance(a, LayerTransport))
+    assert (first.key, first.factor) == (GLOSS, "theta_d")
+
+
+# ---------------------------------------------------------------------------------------------------- cache and resume
+
+
+class Recorder:
+    """Stands in for `project_layer`: counts the tiles computed, and raises after so many."""
+
+    def __init__(self, fail_after: int | None = None) -> None:
+        self.n_tiles = 0
+        self.fail_after = fail_after
+
+    def __call__(self, hits, rows, light, layer, skip=frozenset()) -> Iterator[BandTile]:
+        for tile in project_layer(hits, rows, light, layer, skip):
+            if self.n_tiles == self.fail_after:
+                raise RuntimeError("the power went out")
+            self.n_tiles += 1
+            yield tile
+
+
+def tiles_of(*shown: np.ndarray) -> int:
+    """How many tiles of 256 points layers with these pictures have."""
+    return sum(-(-len(picture) // 256) for picture in shown)
+
+
+def test_what_was_computed_before_comes_from_the_cache(source: str, store: Store, monkeypatch) -> None:
+    answers = run_in_process(opened(source, store), compute())
+    expected = pictures(answers)
+    recorder = Recorder()
+    monkeypatch.setattr(tasks_module, "project_layer", recorder)
+    assert_same_pictures(pictures(run_in_process(opened(source, store), compute())), expected)
+    # Coarse and preview are computed again, the final stage is read.
+    assert recorder.n_tiles == tiles_of(*pictures(answers, "coarse").values()) + tiles_of(*expected.values())
+
+
+@pytest.mark.parametrize("n_kept", [0, 1, 4])
+def test_it_resumes_after_the_last_complete_tile(source: str, tmp_path: Path, monkeypatch, n_kept: int) -> None:
+    whole = Recorder()
+    monkeypatch.setattr(tasks_module, "project_layer", whole)
+    expected = pictures(run_in_process(opened(source, Store(tmp_path / "fresh")), compute()))
+    broken = Recorder(whole.n_tiles - tiles_of(*expected.values()) + n_kept)
+    monkeypatch.setattr(tasks_module, "project_layer", broken)
+    assert "the power went out" in failure(run_in_process(opened(source, Store(tmp_path / "cache")), compute()))
+    again = Recorder()
+    monkeypatch.setattr(tasks_module, "project_layer", again)
+    assert_same_pictures(pictures(run_in_process(opened(source, Store(tmp_path / "cache")), compute())), expected)
+    assert again.n_tiles == whole.n_tiles - n_kept
+
+
+def test_a_cancelled_transport_keeps_what_is_whole(source: str, store: Store, monkeypatch) -> None:
+    steps = opened(source, store).handle(compute())
+    final_pictures = (a for a in steps if isinstance(a, LayerPicture) and a.stage == "final")
+    assert next(final_pictures).key == GLOSS
+    steps.close()
+    recorder = Recorder()
+    monkeypatch.setattr(tasks_module, "project_layer", recorder)
+    answers = run_in_process(opened(source, store), compute())
+    coarse, final = pictures(answers, "coarse"), pictures(answers)
+    # The selected layer's final transport was there already; all else is computed.
+    everything = tiles_of(*coarse.values()) + 2 * tiles_of(*final.values())
+    assert recorder.n_tiles == everything - tiles_of(final[GLOSS])
+
+
+def test_a_damaged_cache_is_computed_again(source: str, store: Store, tmp_path: Path) -> None:
+    expected = pictures(run_in_process(opened(source, store), compute()))
+    for path in (tmp_path / "cache").iterdir():
+        data = bytearray(path.read_bytes())
+        data[len(data) // 2] ^= 1
+        path.write_bytes(data)
+    assert_same_pictures(pictures(run_in_process(opened(source, store), compute())), expected)
+
+
+# ----------------------------------------------------------------------------------------------------- what goes wrong
+
+
+def failure(answers: list[Response]) -> str:
+    assert isinstance(answers[-1], Failed) and "\n" not in answers[-1].line
+    return answers[-1].line
+
+
+def test_a_missing_environment_is_named(source: str, store: Store) -> None:
+    tasks = opened(source, store)
+    line = failure(run_in_process(tasks, compute(light=LightState("/nowhere/sky.exr"))))
+    assert "/nowhere/sky.exr" in line and "internal" not in line
+    # And the scene still stands.
+    assert isinstance(run_in_process(tasks, compute(n_lights_final=0))[-1], StageDone)
+
+
+def test_a_broken_environment_is_named(source: str, store: Store, tmp_path: Path) -> None:
+    path = tmp_path / "sky.exr"
+    path.write_bytes(b"not a picture")
+    line = failure(run_in_process(opened(source, store), compute(light=LightState(str(path)))))
+    assert "sky.exr" in line and "nothing was changed" in line
+
+
+def test_a_scene_that_is_not_there_is_named(store: Store) -> None:
+    line = failure(run_in_process(Tasks(store), OpenScene("/nowhere/scene.toml")))
+    assert "/nowhere/scene.toml" in line
+
+
+def test_a_camera_that_sees_nothing_is_refused(tmp_path: Path, store: Store) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE.replace("target = [0, 0.3, 0]", "target = [0.4, 9, 2.7]"))
+    assert "camera" in failure(run_in_process(Tasks(store), OpenScene(str(path))))
+
+
+def test_transport_without_a_scene_is_refused(store: Store) -> None:
+    assert failure(run_in_process(Tasks(store), compute())) == "no scene is open"
+
+
+def test_a_constant_sky_of_the_document_replaces_the_scenes(source: str, store: Store) -> None:
+    tasks = opened(source, store)
+    dark, bright = (
+        pictures(run_in_process(tasks, compute(light=LightState("constant", radiance=(v, v, v)))))["ground.0"]
+        for v in (0.0, 2.0)
+    )
+    assert (bright >= dark).all() and bright.mean() > dark.mean() + 0.5
+
+
+# ------------------------------------------------------------------------------------------------------- a real process
+
+
+def test_a_killed_worker_goes_on_to_the_same_pictures(source: str, tmp_path: Path, monkeypatch) -> None:
+    expected = pictures(run_in_process(opened(source, Store(tmp_path / "fresh")), compute()))
+    monkeypatch.setenv("INSITU_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("INSITU_STATE", str(tmp_path / "state"))
+    answers: list[Response] = []
+    killed = False
+    deadline = time.monotonic() + 120
+    with Client() as client:
+        client.send(OpenScene(source))
+        client.send(compute())
+        while not any(isinstance(a, StageDone) and a.exact for a in answers):
+            assert time.monotonic() < deadline
+            client.wait(0.05)
+            answers += client.poll()
+            if not killed and any(isinstance(a, StageDone) and a.stage == "preview" for a in answers):
+                os.kill(client.pid, signal.SIGKILL)
+                killed = True
+    assert any(isinstance(a, WorkerRestarted) for a in answers) and not any(isinstance(a, Failed) for a in answers)
+    # The scene is opened and the stages are gone through once more, to the last bit as if nothing had been.
+    assert sum(isinstance(a, SceneOpened) for a in answers) == 2
+    assert_same_pictures(pictures(answers), expected)
