@@ -47,7 +47,7 @@ def encode_bands(bands, trim, maxima, encoded, i, written):
         else:
             high = 0
         encoded.first[i, j] = low
-        encoded.count[i, j] = high - low
+        encoded.length[i, j] = high - low
         for k in range(low, high):
             values[written] = encode(bands[j, k, 0] * inverse, bands[j, k, 1] * inverse, bands[j, k, 2] * inverse)
             written += 1

@@ -24,7 +24,7 @@ _CHILDREN = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
 
 class Sky(NamedTuple):
     """M triangle lights over N corner directions: directions (3, N), corners (M, 3), sizes (M,) longest edge, radians,
-    centres (3, M), colours (M, 3) radiance times solid angle; first, count, fine (M,): see `list_visible`."""
+    centres (3, M), colours (M, 3) radiance times solid angle; first, n_bits, fine (M,): see `list_visible`."""
 
     directions: np.ndarray
     corners: np.ndarray
@@ -32,7 +32,7 @@ class Sky(NamedTuple):
     centres: np.ndarray
     colours: np.ndarray
     first: np.ndarray
-    count: np.ndarray
+    n_bits: np.ndarray
     fine: np.ndarray
 
 
@@ -80,7 +80,7 @@ class Encoded(NamedTuple):
 
     scale: np.ndarray
     first: np.ndarray
-    count: np.ndarray
+    length: np.ndarray
     start: np.ndarray
     values: np.ndarray
 
@@ -328,10 +328,10 @@ def _share(words, first, n):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def list_visible(words, fine_words, first, count, fine, lights, weights):
+def list_visible(words, fine_words, first, n_bits, fine, lights, weights):
     """List the lights a point sees and the share of each; returns their number.
 
-    Light m sees the share of set bits in [first, first + count), a range of 1, 4, 16 or whole words; or, where
+    Light m sees the share of set bits in [first, first + n_bits), a range of 1, 4, 16 or whole words; or, where
     fine[m] ≥ 0, that bit of fine_words.
     """
     n = 0
@@ -340,7 +340,7 @@ def list_visible(words, fine_words, first, count, fine, lights, weights):
         if f >= 0:
             share = np.float32((fine_words[f >> 6] >> np.uint64(f & 63)) & np.uint64(1))
         else:
-            share = _share(words, first[m], count[m])
+            share = _share(words, first[m], n_bits[m])
         lights[n] = m
         weights[n] = share
         n += share > np.float32(0.0)
@@ -440,7 +440,7 @@ def project_tile(rows, surface, sky, patches, bits, optics, trim, encoded):
         oz = frame[2, 0] * wo[0] + frame[2, 1] * wo[1] + frame[2, 2] * wo[2]
         bands[:] = np.float32(0.0)
         if n_sky > 0:
-            n = list_visible(bits.sphere[r], bits.fine[r], sky.first, sky.count, sky.fine, s.lights, s.weights)
+            n = list_visible(bits.sphere[r], bits.fine[r], sky.first, sky.n_bits, sky.fine, s.lights, s.weights)
             to_local(sky.directions, frame, s.x, s.y, s.z)
             gather_local(sky.centres, s.lights, n, frame, s.cx, s.cy, s.cz)
             _project_lights(bands, sky.corners, sky.sizes, sky.colours, n_sky_corners, n, optics, ox, oy, oz, s)

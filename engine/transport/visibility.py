@@ -16,7 +16,7 @@ Where a silhouette leaves a point with two or three informers, the thesis traces
 its boundary is traced as well.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
@@ -114,9 +114,8 @@ def grid_steps(hits: PrimaryHits, until: int = 1) -> Iterator[GridStep]:
     [BenArtzi07, fig. 8.4]; until: a power of two, 1 to 16.
     """
     width, height = hits.resolution
-    row_of_pixel = np.full(width * height, -1, np.int32)
-    row_of_pixel[hits.pixel] = np.arange(len(hits.pixel), dtype=np.int32)
-    row_of_pixel = row_of_pixel.reshape(height, width)
+    row_of_pixel = np.full((height, width), -1, np.int32)
+    row_of_pixel.flat[hits.pixel] = np.arange(len(hits.pixel), dtype=np.int32)
     step = COARSEST_STEP
     yield _grid_step(hits, row_of_pixel, (0, 0, step, step), (), step)
     while step > until:
@@ -134,11 +133,17 @@ def grid_steps(hits: PrimaryHits, until: int = 1) -> Iterator[GridStep]:
         step = half
 
 
-def _grid_step(hits, row_of_pixel, lattice, offsets, stride) -> GridStep:
+def _grid_step(
+    hits: PrimaryHits,
+    row_of_pixel: np.ndarray,
+    lattice: tuple[int, int, int, int],
+    offsets: Sequence[tuple[int, int]],
+    stride: int,
+) -> GridStep:
+    """The rows on a lattice (first row and column, their spacing), informed from pixels at the offsets."""
     y0, x0, dy, dx = lattice
     height, width = row_of_pixel.shape
-    y, x = np.meshgrid(np.arange(y0, height, dy), np.arange(x0, width, dx), indexing="ij")
-    y, x = y.ravel(), x.ravel()
+    y, x = (axis.ravel() for axis in np.mgrid[y0:height:dy, x0:width:dx])
     rows = row_of_pixel[y, x]
     y, x, rows = y[rows >= 0], x[rows >= 0], rows[rows >= 0]
     informers = np.full((len(rows), 4), -1, np.int32)
@@ -204,7 +209,9 @@ def coherent_visibility(
                 yield n_done / n_points
 
 
-def _evaluate_block(hits, caster, visibility, rows, guess) -> tuple[int, int]:
+def _evaluate_block(
+    hits: PrimaryHits, caster: RayCaster, visibility: Visibility, rows: np.ndarray, guess: Guess
+) -> tuple[int, int]:
     """Evaluate one block of points; returns (rays traced, rays brute force would trace).
 
     guess(rows, horizon, todo, doubt) fills the bits of the rows and marks in todo what must be traced.
@@ -224,7 +231,10 @@ def _evaluate_block(hits, caster, visibility, rows, guess) -> tuple[int, int]:
     return n_traced, int(kernels.count_bits(horizon))
 
 
-def _trace(hits, caster, targets, rows, todo, n_rays):
+def _trace(
+    hits: PrimaryHits, caster: RayCaster, targets: Targets, rows: np.ndarray, todo: np.ndarray, n_rays: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Trace the marked targets: (block row, target, blocked) of each ray."""
     block, target = np.empty(n_rays, np.int32), np.empty(n_rays, np.int32)
     origin, direction = np.empty((n_rays, 3), np.float32), np.empty((n_rays, 3), np.float32)
     distance = np.empty(n_rays if targets.finite else 0, np.float32)
