@@ -26,7 +26,7 @@ def dense_transport(hits, row, light: VisibleLight, layer: LayerShape, n_samples
     seen, fine_seen = light.sphere.unpacked(np.array([row]))[0], light.fine.unpacked(np.array([row]))[0]
     bands = np.zeros((n_a, n_b, 3))
     for m in range(len(sky.corners)):
-        below = seen[sky.first[m] : sky.first[m] + sky.count[m]]
+        below = seen[sky.first[m] : sky.first[m] + sky.n_bits[m]]
         share = float(fine_seen[sky.fine[m]]) if sky.fine[m] >= 0 else below.mean()
         weight = share * quotient_cosine(model.kind, q, *(frame @ sky.centres[:, m]), *wo)
         if weight == 0.0:
