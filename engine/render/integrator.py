@@ -18,8 +18,6 @@ from engine.scene.hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.sphere.geodesic import geodesic
 
-POINTS_AT_ONCE = 16
-
 
 def local_frames(hits: PrimaryHits, rows: np.ndarray) -> np.ndarray:
     """(p, 3, 3) float64 matrices whose rows are tangent, bitangent, normal: world to local."""
@@ -76,16 +74,14 @@ def integrate_direct(
     objects = hits.object_image.ravel()[hits.pixel]
     sky_directions = geodesic(level).centres
     sky_power = triangle_integrals(environment, rotation, level) if environment is not None else None
-    for begin in range(0, len(rows), POINTS_AT_ONCE):
-        for i in range(begin, min(begin + POINTS_AT_ONCE, len(rows))):
-            row = rows[i]
-            frame = local_frames(hits, rows[i : i + 1])[0]
-            layers = layers_of(int(objects[row]))
-            if sky_power is not None:
-                radiance[i] += _reflect(hits, row, frame, caster, layers, sky_directions, sky_power, None)
-            if patches is not None:
-                wi, distance, power = patch_samples(patches, hits.position[row].astype(np.float64))
-                radiance[i] += _reflect(hits, row, frame, caster, layers, wi, power, distance)
+    frames = local_frames(hits, rows)
+    for i, row in enumerate(rows):
+        layers = layers_of(int(objects[row]))
+        if sky_power is not None:
+            radiance[i] += _reflect(hits, row, frames[i], caster, layers, sky_directions, sky_power, None)
+        if patches is not None:
+            wi, distance, power = patch_samples(patches, hits.position[row].astype(np.float64))
+            radiance[i] += _reflect(hits, row, frames[i], caster, layers, wi, power, distance)
     return radiance
 
 
@@ -110,14 +106,17 @@ def _reflect(
     power: np.ndarray,
     distance: np.ndarray | None,
 ) -> np.ndarray:
-    """Σ V ρ cosθ (L ΔΩ) at one point over samples wi (M, 3) with power (M, 3)."""
+    """Σ V ρ cosθ (L ΔΩ) at one point over samples wi (M, 3) with power (M, 3).
+
+    As in path tracers, light that the shading normal faces but the surface does not starts from the other side.
+    """
     local = wi @ frame.T
-    geometric = wi @ hits.geometric_normal[row].astype(np.float64)
-    above = (local[:, 2] > 0) & (geometric > 0) & (power.max(axis=1) > 0)
-    origins = np.tile(hits.offset_position[row], (int(above.sum()), 1)).astype(np.float32)
+    above = np.flatnonzero((local[:, 2] > 0) & (power.max(axis=1) > 0))
+    towards = wi[above]
+    side = np.where(towards @ hits.geometric_normal[row].astype(np.float64) >= 0, 1.0, -1.0)
+    position, lift = hits.position[row].astype(np.float64), hits.offset_position[row].astype(np.float64)
+    origins = (position + side[:, None] * (lift - position)).astype(np.float32)
     reach = None if distance is None else (distance[above] * 0.9999).astype(np.float32)
-    blocked = caster.occluded(origins, wi[above].astype(np.float32), reach)
-    lit = np.flatnonzero(above)[~blocked]
+    lit = above[~caster.occluded(origins, towards.astype(np.float32), reach)]
     wo = np.tile(frame @ hits.wo[row].astype(np.float64), (len(lit), 1))
     return (evaluate_layers(layers, local[lit], wo) * power[lit]).sum(axis=0)
-
