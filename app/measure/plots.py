@@ -20,17 +20,18 @@ SIZE = (8.0, 5.0)
 DPI = 150
 TICKS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
 INK, FRONT = "#333333", "#c0392b"
-COLOURS = ("#9db4c8", "#5f8fb4", "#2f6690", "#123a5c", "#0b2239")
+COLOURS = ("#8aa7bf", "#5f8fb4", "#2f6690", "#123a5c", "#0b2239")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 
 
 def write_plots(folder: Path, rows: Sequence[Row], title: str) -> list[Path]:
     """Write the plots as PNG; the files."""
     precomputed = [row for row in rows if row.study == "precompute" and row.precision == "half"]
+    coherent = [row for row in precomputed if row.visibility == "coherent"]
     edits = [row for row in rows if row.study == "edit" and row.seconds is not None]
     files = [folder / "error_against_time.png", folder / "error_against_memory.png"]
     _save(files[0], _precompute_figure(precomputed, "time", f"{title}: precomputation"))
-    _save(files[1], _precompute_figure(precomputed, "memory", f"{title}: precomputation"))
+    _save(files[1], _precompute_figure(coherent, "memory", f"{title}: precomputation"))
     if edits:
         files.append(folder / "error_against_frame_time.png")
         _save(files[2], _edit_figure(edits, f"{title}: one frame after an edit"))
@@ -46,7 +47,7 @@ def _precompute_figure(rows: Sequence[Row], cost: str, title: str) -> Figure:
         colour = COLOURS[lights.index(row.lights) % len(COLOURS)]
         marker = MARKERS[bands.index(row.bands) % len(MARKERS)]
         face = colour if row.visibility == "coherent" else "white"
-        axes.plot(x, 100 * row.error, marker, color=colour, markerfacecolor=face, markersize=7, linestyle="none")
+        axes.plot(x, 100 * row.error, marker, color=colour, markerfacecolor=face, markersize=7, zorder=3)
         if row.visibility != "coherent":
             axes.annotate(row.visibility, (x, 100 * row.error), (6, 4), textcoords="offset points", fontsize=7)
     _draw_front(axes, costs, [row.error for row in rows])
@@ -61,13 +62,13 @@ def _precompute_figure(rows: Sequence[Row], cost: str, title: str) -> Figure:
 def _edit_figure(rows: Sequence[Row], title: str) -> Figure:
     """K coefficients a frame, half and float."""
     figure, axes = _axes(title, "milliseconds a frame")
-    for precision, marker, colour in (("half", "o", COLOURS[2]), ("float", "s", COLOURS[0])):
+    for precision, marker, colour, shift in (("half", "o", COLOURS[2], 6), ("float", "s", COLOURS[0], -11)):
         own = sorted((row for row in rows if row.precision == precision), key=lambda row: row.wavelets)
         x = [1e3 * (row.seconds or 0.0) for row in own]
         y = [100 * row.error for row in own]
-        axes.plot(x, y, marker, color=colour, markersize=7, linestyle="none", label=precision)
+        axes.plot(x, y, marker, color=colour, markersize=7, linestyle="none", label=precision, zorder=3)
         for row, at in zip(own, zip(x, y, strict=True), strict=True):
-            axes.annotate(f"K = {row.wavelets}", at, (6, 4), textcoords="offset points", fontsize=7, color=INK)
+            axes.annotate(f"K = {row.wavelets}", at, (5, shift), textcoords="offset points", fontsize=7, color=colour)
     _draw_front(axes, [1e3 * (row.seconds or 0.0) for row in rows], [row.error for row in rows])
     axes.legend(frameon=False, fontsize=8)
     return figure
@@ -94,7 +95,7 @@ def _axes(title: str, cost: str) -> tuple[Figure, Axes]:
 def _draw_front(axes: Axes, costs: Sequence[float], wrongs: Sequence[float]) -> None:
     front = pareto_front(costs, wrongs)
     points = sorted((c, 100 * w) for c, w, best in zip(costs, wrongs, front, strict=True) if best)
-    axes.plot(*zip(*points, strict=True), color=FRONT, linewidth=1.4, zorder=0, label="Pareto front")
+    axes.plot(*zip(*points, strict=True), color=FRONT, linewidth=1.4, zorder=2, label="Pareto front")
 
 
 def _save(file: Path, figure: Figure) -> None:
