@@ -18,6 +18,7 @@ from typing import Literal
 
 from app.frontend import Frontend
 from app.jobs.cache import cache_folder
+from app.memory import gib, memory_bytes
 from app.paths import state_directory
 from engine.errors import InsituError
 
@@ -102,24 +103,14 @@ def _rays() -> Finding:
 
 
 def _memory() -> Finding:
-    free, total = _memory_bytes()
+    free, total = memory_bytes()
     if free is None:
         return Finding("memory", "ok", "this system does not tell how much is free")
-    found = f"{_gib(free)} free of {_gib(total)}, {os.cpu_count()} processors"
+    found = f"{gib(free)} free of {gib(total)}, {os.cpu_count()} processors"
     if free < NEEDED_MEMORY:
-        mend = f"close something, or give a smaller --resolution; {_gib(NEEDED_MEMORY)} serve"
+        mend = f"close something, or give a smaller --resolution; {gib(NEEDED_MEMORY)} serve"
         return Finding("memory", "without", found, mend)
     return Finding("memory", "ok", found)
-
-
-def _memory_bytes() -> tuple[int | None, int]:
-    """Bytes available and in all; None where there is no /proc."""
-    try:
-        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
-    except OSError:
-        return None, 0
-    values = {name: int(rest.split()[0]) * 1024 for name, _, rest in (line.partition(":") for line in lines)}
-    return values.get("MemAvailable"), values.get("MemTotal", 0)
 
 
 def _folder(name: str, find: Callable[[], Path], variable: str) -> Finding:
@@ -135,7 +126,7 @@ def _folder(name: str, find: Callable[[], Path], variable: str) -> Finding:
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         return Finding(name, "broken", f"{where}{error.strerror or error}", mend)
-    found = f"{folder}, {_gib(free)} free"
+    found = f"{folder}, {gib(free)} free"
     return Finding(name, "ok", found) if free >= NEEDED_DISK else Finding(name, "without", found, mend)
 
 
@@ -151,9 +142,5 @@ def _shared_memory() -> Finding:
         finally:
             os.close(descriptor)
     except OSError as error:
-        return Finding("shared memory", "broken", f"{_gib(NEEDED_SHARED)}: {error.strerror or error}", mend)
-    return Finding("shared memory", "ok", f"anonymous files, {_gib(NEEDED_SHARED)} at a time")
-
-
-def _gib(n_bytes: int) -> str:
-    return f"{n_bytes / 2**30:.1f} GiB" if n_bytes >= 1 << 30 else f"{n_bytes / 2**20:.0f} MiB"
+        return Finding("shared memory", "broken", f"{gib(NEEDED_SHARED)}: {error.strerror or error}", mend)
+    return Finding("shared memory", "ok", f"anonymous files, {gib(NEEDED_SHARED)} at a time")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from app.commands import set_path
 from app.document import Document, document_from_description
+from app.memory import require_memory_for
 from app.session import SUFFIX, fit_session, load_session
 from engine.errors import InsituError
 from engine.scene.builtin import DEFAULT_SCENE, builtin_scenes
@@ -71,11 +72,14 @@ def open_project(
     """Load what `name` stands for and set `values` by path. Raises InsituError with one line for a person."""
     from engine.scene.load import load_scene
 
+    if resolution is not None:
+        require_memory_for(resolution)  # before a mesh is read
     source = find_source(name)
     session = load_session(Path(source)) if Path(source).suffix == SUFFIX else None
     scene_source = source if session is None else session.document.source
     path = builtin_scenes().get(scene_source) or Path(scene_source)
     scene = load_scene(path, resolution)
+    require_memory_for(scene.resolution)
     document = document_from_description(scene_source, scene.description)
     if session is not None:
         document = fit_session(session, document, source)

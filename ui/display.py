@@ -1,15 +1,39 @@
-"""Whether a window can be opened here: a small one is, and closed again without being shown."""
+"""Whether a window can be opened here: in a process of its own, one is, and closed again.
+
+Of its own because a display that refuses ends the process inside Xlib, without a word to Python.
+"""
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
+
 import glfw
 
+from engine.errors import InsituError
 from ui.gl.context import create_window_context, describe_context
-from ui.window import open_glfw_window
+from ui.window import NoDisplay, open_glfw_window
+
+PATIENCE_SECONDS = 30.0
 
 
 def describe_display() -> str:
-    """The display's size and the OpenGL of a window on it. Raises NoDisplay or GraphicsError."""
+    """The display's size and the OpenGL of a window on it. Raises NoDisplay with the reason where there is none."""
+    root = Path(__file__).resolve().parents[1]
+    command = [sys.executable, "-m", "ui.display"]
+    try:
+        done = subprocess.run(command, cwd=root, capture_output=True, text=True, timeout=PATIENCE_SECONDS)
+    except subprocess.TimeoutExpired:
+        raise NoDisplay(f"no window after {PATIENCE_SECONDS:.0f} s") from None
+    if done.returncode == 0:
+        return done.stdout.strip()
+    said = done.stderr.strip().splitlines()
+    raise NoDisplay(said[-1] if said else f"the process that opened a window ended with status {done.returncode}")
+
+
+def try_window() -> str:
+    """Open a window in this process, close it, and say what it had. Raises NoDisplay or GraphicsError."""
     handle = open_glfw_window()
     try:
         glfw.hide_window(handle)
@@ -22,3 +46,17 @@ def describe_display() -> str:
     finally:
         glfw.destroy_window(handle)
         glfw.terminate()
+
+
+def main() -> int:
+    """Print the description, or the reason on standard error."""
+    try:
+        print(try_window())
+    except InsituError as error:
+        print(error, file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -140,6 +140,7 @@ def test_wrong_usage_is_status_2_and_one_line(words: list[str], said: str, capsy
         (["render", "SCENE", "-o", "OUT/a.exr", "--set", "ball.0.albedo=red"], "albedo"),
         (["render", "SCENE", "-o", "OUT/a.exr", "--rotation", "nan"], "rotation"),
         (["render", "SCENE", "-o", "SCENE/a.exr"], "folder"),
+        (["render", "SCENE", "-o", "OUT/a.exr", "--resolution", "16384", "16384"], "smaller --resolution"),
         (["plan", "SCENE", "--overrule", "ball.0.theta_i=3"], "power of two"),
         (["screenshot", "SCENE", "-o", "OUT/a.exr"], "ends in .png"),
         (["screenshot", "SCENE", "-o", "OUT/a.png", "--script", "nowhere.toml"], "nowhere.toml"),
@@ -147,8 +148,9 @@ def test_wrong_usage_is_status_2_and_one_line(words: list[str], said: str, capsy
     ],
 )
 def test_failed_work_is_status_1_and_one_line(
-    words: list[str], said: str, scene: Path, tmp_path: Path, capsys: Captured
+    words: list[str], said: str, scene: Path, tmp_path: Path, capsys: Captured, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("app.memory.memory_bytes", lambda: (8 << 30, 16 << 30))
     assert run(*(word.replace("SCENE", str(scene)).replace("OUT", str(tmp_path)) for word in words)) == 1
     error = capsys.readouterr().err
     assert said in error and error.startswith("insitu: ") and error.count("\n") == 1
