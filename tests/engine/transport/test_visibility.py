@@ -11,10 +11,11 @@ from engine.scene.builtin import builtin_scenes
 from engine.scene.load import load_scene
 from engine.scene.raycaster import RayCaster
 from engine.sphere.geodesic import geodesic, locate
-from engine.transport.lighting import prepare_lighting
+from engine.transport.lighting import nearest_neighbours, prepare_lighting
 from engine.transport.pipeline import Placement
 from engine.transport.visibility import (
     Targets,
+    Visibility,
     brute_force_visibility,
     coherent_visibility,
     empty_visibility,
@@ -179,21 +180,25 @@ def test_no_targets_are_seen_at_once(placement: Placement) -> None:
     assert found.done.all() and found.rays.traced == 0
 
 
-def test_finer_directions_follow_the_sphere(placement: Placement) -> None:
-    # Directions finer than the bits are traced where the bits around them disagree, and taken from them elsewhere.
+def test_the_sphere_says_where_neighbours_agree_on_what_is_wrong(placement: Placement) -> None:
+    # A cluster of 40 fine directions: the points around a thin shadow agree on all of it. With the point's own coarser
+    # bits beside them fewer answers are wrong, and no more than 1 in 1,000.
     fine = geodesic(6)
-    chosen = np.arange(0, fine.n_triangles, 97)
+    chosen = np.argsort(-fine.centres @ [0.5, 0.8, 0.33], kind="stable")[:40]
     centres = np.ascontiguousarray(fine.centres[chosen], np.float32)
-    none = np.full((len(chosen), 1), -1, np.int32)
-    targets = Targets(centres, np.zeros_like(centres), none, parents=(chosen // 16).astype(np.int32))
+    neighbours = nearest_neighbours(centres)
+    targets = Targets(centres, np.zeros_like(centres), neighbours, parents=(chosen // 16).astype(np.int32))
     rows = all_rows(placement)
     sphere = brute_force_visibility(placement.hits, placement.caster, sphere_targets(4), rows)
-    found = empty_visibility(placement.hits, targets)
-    list(coherent_visibility(placement.hits, placement.caster, found, 1, sphere))
     true = brute_force_visibility(placement.hits, placement.caster, targets, rows)
-    wrong = np.bitwise_count(found.bits[rows] ^ true.bits[rows]).sum() / true.rays.possible
-    assert wrong < 2e-3 and found.rays.traced < 0.35 * found.rays.possible
-    assert found.done.all()
+
+    def wrong(consulted: Visibility | None) -> float:
+        found = empty_visibility(placement.hits, targets)
+        list(coherent_visibility(placement.hits, placement.caster, found, sphere=consulted))
+        assert found.rays.traced < 0.4 * found.rays.possible
+        return float(np.bitwise_count(found.bits ^ true.bits).sum() / true.rays.possible)
+
+    assert wrong(sphere) <= min(wrong(None), 1e-3)
 
 
 def test_sentinels_find_what_the_points_around_miss() -> None:
