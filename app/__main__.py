@@ -1,19 +1,22 @@
 """`insitu` and `python -m app`: the composition root, the one place that knows both the program and its window.
 
 `insitu` and `insitu SCENE` go straight to the window: importing the command line's library would cost a tenth of the
-second and a half in which the window should be there.
+second and a half in which the window should be there. Nothing of ours is imported with this module, so that Ctrl-C is
+quiet from the first moment on.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
-from pathlib import Path
+from typing import TYPE_CHECKING
 
-from app.console import COMMANDS, guarded
-from app.kernel_cache import use_kernel_cache
-from app.project import find_source
-from app.script import Step
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from app.script import Step
+
+INTERRUPTED = 130
 
 
 class Desktop:
@@ -51,19 +54,22 @@ class Desktop:
 
 def main() -> int:
     """Run the program on its command line; the exit status: 0, 1 (the work failed), 2 (usage), 130 (Ctrl-C)."""
-    use_kernel_cache()
-    arguments = sys.argv[1:]
-    if _is_plain_start(arguments):
-        return guarded(lambda: Desktop().open_window(find_source(arguments[0] if arguments else None)))
-    return guarded(lambda: _run_command(arguments))
+    try:
+        from app.console import guarded
+        from app.kernel_cache import use_kernel_cache
+
+        use_kernel_cache()
+        return guarded(lambda: _run(sys.argv[1:]))
+    except KeyboardInterrupt:
+        return INTERRUPTED
 
 
-def _is_plain_start(arguments: Sequence[str]) -> bool:
-    """Whether there is nothing but perhaps a scene."""
-    return not arguments or (len(arguments) == 1 and arguments[0] not in COMMANDS and arguments[0][:1] != "-")
+def _run(arguments: list[str]) -> int:
+    from app.console import COMMANDS
+    from app.project import find_source
 
-
-def _run_command(arguments: Sequence[str]) -> int:
+    if not arguments or (len(arguments) == 1 and arguments[0] not in COMMANDS and arguments[0][:1] != "-"):
+        return Desktop().open_window(find_source(arguments[0] if arguments else None))
     from app.cli import run
 
     return run(arguments, Desktop())

@@ -326,13 +326,14 @@ def test_ctrl_c_is_quiet(scene: Path, tmp_path: Path) -> None:
     wait_until_tracing(process)  # an hour of work
     process.send_signal(signal.SIGINT)
     out, error = process.communicate(timeout=60)
-    assert (process.returncode, out, error) == (130, "", "")
+    # 130, or ended by the signal itself, which a shell calls 130 too.
+    assert process.returncode in (130, -signal.SIGINT) and (out, error) == ("", "")
     assert not (tmp_path / "a.exr").exists()
 
 
 def test_the_way_to_the_window_imports_nothing_slow() -> None:
     slow = {"typer", "rich", "numba", "scipy", "trimesh"}
-    program = f"import sys, app.__main__; print(*sorted({slow!r} & set(sys.modules)))"
+    program = f"import sys, app.__main__, app.console, app.project; print(*sorted({slow!r} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
 
