@@ -1,0 +1,31 @@
+"""The scripts that come with the program fit the scenes that come with it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from app.commands import SetRotation, set_path
+from app.document import resolve
+from app.project import open_project
+from app.script import Capture, DragItem, RedoSteps, Rotate, SelectPath, SetValues, UndoSteps, load_script
+from engine.scene.builtin import ASSETS
+
+
+def test_the_tour_names_what_the_tea_tray_has(tmp_path: Path) -> None:
+    steps = load_script(ASSETS / "scripts" / "tour.toml", tmp_path)
+    document = open_project("teatray", (16, 16)).document
+    for step in steps:
+        if isinstance(step, SelectPath):
+            assert resolve(document, step.path).kind == "factor"
+        if isinstance(step, SetValues):
+            for path, value in step.values:
+                document = set_path(document, path, value).apply(document)
+        if isinstance(step, Rotate):
+            document = SetRotation(step.degrees).apply(document)
+    n_edits = sum(isinstance(step, DragItem | SetValues | Rotate) for step in steps)
+    (undone,) = [step.count for step in steps if isinstance(step, UndoSteps)]
+    (redone,) = [step.count for step in steps if isinstance(step, RedoSteps)]
+    # Everything is taken back, a part of it done again.
+    assert n_edits == undone > redone
+    pictures = [step.path for step in steps if isinstance(step, Capture)]
+    assert len(pictures) == len(set(pictures)) >= 6 and all(path.parent == tmp_path for path in pictures)
