@@ -1,0 +1,87 @@
+"""What the command line opens: scenes, sessions, values by path, and the light that a document means."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from app.commands import SetEnvironment, SetParameter
+from app.document import LightState
+from app.project import find_source, open_project, parse_assignment
+from app.session import save_session
+from app.sky import sky_of
+from app.view_state import ViewState
+from engine.errors import InsituError, LoadError
+from engine.scene.builtin import builtin_environments
+from tests.app.test_cli import SCENE
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    (tmp_path / "ball.toml").write_text(SCENE)
+    return tmp_path / "ball.toml"
+
+
+@pytest.mark.parametrize(
+    ("text", "path", "value"),
+    [
+        ("teapot.1.alpha=0.3", "teapot.1.alpha", 0.3),
+        ("a.0.albedo = [1, 0.5, 0]", "a.0.albedo", [1, 0.5, 0]),
+        ("a.visible=false", "a.visible", False),
+        ("a.1.distribution=ggx", "a.1.distribution", "ggx"),
+        ('light.environment="studio"', "light.environment", "studio"),
+        ("light.environment=/a=b.exr", "light.environment", "/a=b.exr"),
+    ],
+)
+def test_assignments_are_read_as_toml_or_as_words(text: str, path: str, value: Any) -> None:
+    assert parse_assignment(text) == (path, value)
+
+
+@pytest.mark.parametrize("text", ["", "a", "=1", "a=", "a= "])
+def test_what_is_no_assignment_is_refused(text: str) -> None:
+    with pytest.raises(InsituError, match="path=value"):
+        parse_assignment(text)
+
+
+def test_sources_are_names_or_files(scene: Path) -> None:
+    assert find_source(None) == "teatray" and find_source("cornell") == "cornell"
+    assert find_source(str(scene)) == str(scene)
+    with pytest.raises(InsituError, match="built-in scenes are teatray, "):
+        find_source("teatrey")
+
+
+def test_a_session_brings_its_edits(scene: Path, tmp_path: Path) -> None:
+    project = open_project(str(scene))
+    edited = SetParameter("ball.0", "albedo", (0.1, 0.2, 0.3)).apply(project.document)
+    session = save_session(tmp_path / "work.insitu", edited, ViewState())
+    again = open_project(str(session), (8, 6), [("light.rotation", 12.0)])
+    assert again.document.layer("ball.0") == edited.layer("ball.0")
+    assert again.scene.resolution == (8, 6) and again.document.light.rotation == 12.0
+    assert again.document.source == str(scene) and again.layers.keys() == again.editable == {"ball.0"}
+
+
+def test_hidden_layers_are_left_out(scene: Path) -> None:
+    assert not open_project(str(scene), values=[("ball.0.visible", False)]).layers
+    assert not open_project(str(scene), values=[("ball.visible", False)]).layers
+    assert not open_project(str(scene), values=[("ball.editable", False)]).editable
+
+
+def test_the_light_is_the_scenes_until_another_is_chosen(scene: Path) -> None:
+    project = open_project(str(scene))
+    assert project.sky.environment is not None and np.all(project.sky.environment.radiance == 0.5)
+    constant = sky_of(project.scene, LightState("constant", radiance=(1.0, 2.0, 3.0), rotation=5.0))
+    assert constant.environment is not None and constant.environment.radiance[0, 0].tolist() == [1.0, 2.0, 3.0]
+    assert (constant.rotation, constant.scale) == (5.0, 1.0)
+    name, path = next(iter(builtin_environments().items()))
+    chosen = sky_of(project.scene, SetEnvironment(name).apply(project.document).light)
+    assert chosen.environment is not None and chosen.environment.source == str(path)
+    with pytest.raises(LoadError, match=r"nowhere\.exr"):
+        sky_of(project.scene, LightState("nowhere.exr"))
+
+
+def test_a_scene_without_environment_has_no_sky(tmp_path: Path) -> None:
+    (tmp_path / "dark.toml").write_text(SCENE.replace("[environment]\nradiance = 0.5\n", ""))
+    assert open_project(str(tmp_path / "dark.toml")).sky.environment is None
