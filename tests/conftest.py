@@ -5,10 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, settings
 
 from app.kernel_cache import use_kernel_cache
 
 use_kernel_cache()
+# The same examples each time, and no failure for a slow machine: time is measured elsewhere.
+settings.register_profile("insitu", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("insitu")
 
 ROOT = Path(__file__).resolve().parents[1]
 
