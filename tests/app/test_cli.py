@@ -298,8 +298,10 @@ def test_the_details_of_a_defect_are_kept(tmp_path: Path) -> None:
 def start(*words: str | Path, folder: Path, **variables: str) -> subprocess.Popen[str]:
     environment = {name: value for name, value in os.environ.items() if "DISPLAY" not in name} | variables
     command = [sys.executable, "-m", "app", *map(str, words)]
+    # A program started in the background of a shell ignores Ctrl-C, and so would its children.
+    heard = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)  # noqa: E731
     return subprocess.Popen(
-        command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=heard
     )
 
 
@@ -325,7 +327,10 @@ def test_ctrl_c_is_quiet(scene: Path, tmp_path: Path) -> None:
                     folder=tmp_path)  # fmt: skip
     wait_until_tracing(process)  # an hour of work
     process.send_signal(signal.SIGINT)
-    out, error = process.communicate(timeout=60)
+    try:
+        out, error = process.communicate(timeout=60)
+    finally:
+        process.kill()
     # 130, or ended by the signal itself, which a shell calls 130 too.
     assert process.returncode in (130, -signal.SIGINT) and (out, error) == ("", "")
     assert not (tmp_path / "a.exr").exists()
