@@ -12,11 +12,11 @@ from typing import Any, Literal
 
 from app.document import Document, Selection
 from engine.errors import InsituError
+from engine.plan import Precision
 
 ToneMapping = Literal["filmic", "linear", "false_colour"]
 Tool = Literal["translate_x", "translate_y", "translate_xy", "amplify_x", "amplify_y", "amplify_xy"]
 Channel = Literal["rgb", "r", "g", "b"]
-Precision = Literal["half", "float"]
 
 TONE_MAPPINGS: tuple[ToneMapping, ...] = ("filmic", "linear", "false_colour")
 TOOLS: tuple[Tool, ...] = ("translate_x", "translate_y", "translate_xy", "amplify_x", "amplify_y", "amplify_xy")

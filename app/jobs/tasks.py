@@ -41,6 +41,7 @@ from engine.scene.builtin import builtin_scenes
 from engine.scene.load import Scene, load_scene
 from engine.transport.bandstore import BandStore, BandTile, join_tiles, store_from_arrays
 from engine.transport.pipeline import COARSE, DRAG, FINAL, PREVIEW, Placement, Quality, SkyState
+from engine.transport.planes import curve_planes
 from engine.transport.projection import TILE, LayerShape, VisibleLight, project_layer
 
 # Raised when anything that changes the numbers in a cached array changes.
@@ -93,8 +94,7 @@ class Tasks:
             return
         data = replace(data, work=self._newest(data.work))
         self._layers[request.key] = data
-        yield _picture(data)
-        yield _transport(data, request.factor)
+        yield from _switched(data, request.factor)
 
     # --------------------------------------------------------------------------------------------------- scenes
 
@@ -153,9 +153,10 @@ class Tasks:
             work = self._newest(work)
             data = LayerData(work, quality.name, store, light.lighting.unit)
             self._layers[work.key] = data
-            yield _picture(data)
             if self._selected is not None and work.key == self._selected[0]:
-                yield _transport(data, self._selected[1])
+                yield from _switched(data, self._selected[1])
+            else:
+                yield _picture(data)
 
     def _see(
         self, placement: Placement, sky: SkyState, quality: Quality, clock: _Clock
@@ -280,41 +281,23 @@ def _tile_from(begin: int, arrays: dict[str, np.ndarray]) -> BandTile:
     return BandTile(begin, **{name: np.array(array) for name, array in arrays.items()})
 
 
-def _dormant(work: LayerWork, factor: int) -> np.ndarray:
-    """Coefficients of the curve that rests while `factor` (0 or 1) is edited; (1, 3) ones where there is no other."""
-    return work.coefficients[1 - factor] if len(work.factors) > 1 else np.ones((1, 3))
+def _both_curves(work: LayerWork) -> tuple[np.ndarray, np.ndarray]:
+    """The layer's coefficients, (J, 3) and (K, 3): one of 1 in place of the second curve where there is none."""
+    first, *second = work.coefficients
+    return np.asarray(first), np.asarray(second[0]) if second else np.ones((1, 3))
 
 
 def _picture(data: LayerData) -> LayerPicture:
-    radiance = data.store.radiance(data.work.coefficients[0], _dormant(data.work, 0)) * np.float32(data.unit)
+    radiance = data.store.radiance(*_both_curves(data.work)) * np.float32(data.unit)
     return LayerPicture(data.work.key, data.stage, radiance, data.work.coefficients)
 
 
-def _transport(data: LayerData, factor: str) -> LayerTransport:
-    """Transport along one curve as half floats, each plane scaled by its largest value."""
-    index = data.work.factors.index(factor)
-    transport = data.store.contract(index, _dormant(data.work, index), wavelet=True)
-    half, norms, scale = half_planes(transport, data.unit)
-    return LayerTransport(data.work.key, factor, data.stage, half, norms, scale)
-
-
-def half_planes(transport: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Planes (J, P, 3) as half floats, the norms (J, 3) of unit · transport, and the scale (J,) of each plane.
-
-    One scale a plane: the planes span many orders of magnitude, and half floats only nine.
-    """
-    n_planes = len(transport)
-    norms, scale = np.zeros((n_planes, 3)), np.ones(n_planes)
-    half = np.empty(transport.shape, np.float16)
-    for j, plane in enumerate(transport):
-        norms[j] = np.sqrt(np.einsum("pc,pc->c", plane, plane, dtype=np.float64)) * unit
-        largest = float(np.abs(plane).max(initial=0.0))
-        if largest > 0.0:
-            scale[j] = largest * unit
-            half[j] = plane * np.float32(1.0 / largest)
-        else:
-            half[j] = 0
-    return half, norms, scale
+def _switched(data: LayerData, factor: str) -> tuple[LayerPicture, LayerTransport]:
+    """A layer's picture and its transport along one curve, both from one contraction."""
+    work = data.work
+    planes = curve_planes(data.store, work.factors.index(factor), _both_curves(work), data.unit, "half")
+    picture = LayerPicture(work.key, data.stage, planes.radiance, work.coefficients)
+    return picture, LayerTransport(work.key, factor, data.stage, planes.numbers, planes.norms, planes.scale)
 
 
 def _scene_key(scene: Scene) -> str:

@@ -2,7 +2,7 @@
 
 Precomputation: lights × bands × half or float, with coherent visibility; at the planned bands also with visibility by
 brute force, and with the rays of the cut alone. The seconds of a row are those of shadows, light and projection, from
-nothing. Half floats are what the GPU holds (`app.jobs.tasks.half_planes`), contracted here as the GPU would.
+nothing. Half floats are what the GPU holds (`engine.transport.planes`), contracted here as the GPU would.
 
 Editing: K wavelets in one frame after an edit of the whole curve. The error is that of the picture the frame shows,
 against the oracle of the edited material; the seconds are those of the frame on this machine's renderer.
@@ -25,17 +25,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.atomic import write_atomically
-from app.jobs.tasks import half_planes
 from app.measure.accuracy import errors, layer_coefficients, oracle, random_rows, reflected, seen_scale
 from app.measure.speed import LayerTransport, Precomputed, precompute_on, visibility_seconds
 from app.measure.subject import Subject
 from engine.curve.operators import HALF_PI, Operator
 from engine.curve.wavelet import forward
 from engine.material.layer import Layer
+from engine.plan import Precision
 from engine.transport.pipeline import FINAL, Placement
+from engine.transport.planes import curve_planes
 from engine.transport.visibility import brute_force_visibility
 
-Precision = Literal["half", "float"]
 Shadows = Literal["coherent", "brute", "cut"]
 PRECISIONS: tuple[Precision, ...] = ("half", "float")
 BYTES = {"half": 2, "float": 4}
@@ -235,13 +235,9 @@ def precision_picture(done: Precomputed, precision: Precision, rows: NDArray[np.
 
 def gpu_planes(done: Precomputed, transport: LayerTransport, precision: Precision) -> NDArray[np.float32]:
     """Transport along a layer's first curve as the GPU reads it: (J, P, 3), Daub4 domain, true radiance."""
-    _, resting = layer_coefficients(transport)
-    planes = transport.store.contract(0, resting, wavelet=True)
     unit = done.light.lighting.unit
-    if precision == "float":
-        return planes * np.float32(unit)
-    half, _, scale = half_planes(planes, unit)
-    return half.astype(np.float32) * scale.astype(np.float32)[:, None, None]
+    planes = curve_planes(transport.store, 0, layer_coefficients(transport), unit, precision)
+    return planes.numbers.astype(np.float32) * planes.scale.astype(np.float32)[:, None, None]
 
 
 # -------------------------------------------------------------------------------------------------------------- edits

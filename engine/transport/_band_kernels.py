@@ -1,10 +1,9 @@
-"""Packing and contracting the bands of a point: see `bandstore` for the encoding."""
+"""Packing the bands of a point and summing its picture: see `bandstore` for the encoding."""
 
 import numba as nb
 import numpy as np
 
 UNITS = np.float32(2.0) ** (np.arange(32) - 39).astype(np.float32)
-D4 = np.array([0.4829629131445341, 0.8365163037378077, 0.2241438680420134, -0.1294095225512603]).astype(np.float32)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"nnan", "nsz"})
@@ -67,61 +66,6 @@ def encode(r, g, b):
         unit *= np.float32(0.5)
     red, green, blue = int(r * unit + np.float32(0.5)), int(g * unit + np.float32(0.5)), int(b * unit + np.float32(0.5))
     return np.uint32(red | (green << 9) | (blue << 18) | (exponent << 27))
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def daubechies4(row, scratch):
-    """Orthonormal periodic Daubechies-4 transform along axis 0, in place: the fast form of `curve.wavelet`."""
-    n = row.shape[0]
-    while n > 1:
-        half = n // 2
-        for i in range(half):
-            for c in range(3):
-                low = np.float32(0.0)
-                high = np.float32(0.0)
-                for t in range(4):
-                    x = row[(2 * i + t) % n, c]
-                    low += D4[t] * x
-                    high += (D4[3 - t] if t % 2 == 0 else -D4[3 - t]) * x
-                scratch[i, c], scratch[half + i, c] = low, high
-        for i in range(n):
-            for c in range(3):
-                row[i, c] = scratch[i, c]
-        n = half
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def contract_tile(scale, first, count, start, values, n_a, n_b, coefficients, keep_a, wavelet, out, at, units):
-    """Contract the dormant factor; write the transport of the other into out (J, P, 3) from column `at` on.
-
-    keep_a: coefficients (K, 3) belong to factor B and out gets J rows, else coefficients (J, 3) and out gets K rows.
-    wavelet: store Daubechies-4 coefficients of the kept bands rather than the bands.
-    """
-    n_kept = n_a if keep_a else n_b
-    row, turned = np.empty((n_kept, 3), np.float32), np.empty((n_kept, 3), np.float32)
-    for i in range(scale.shape[0]):
-        row[:] = np.float32(0.0)
-        at_value = start[i]
-        for j in range(n_a):
-            low, n = 0, 1
-            if n_b > 1:
-                low, n = first[i, j], count[i, j]
-            for k in range(low, low + n):
-                value = values[at_value]
-                at_value += 1
-                unit = units[value >> np.uint32(27)]
-                r = np.float32(value & np.uint32(511)) * unit
-                g = np.float32((value >> np.uint32(9)) & np.uint32(511)) * unit
-                b = np.float32((value >> np.uint32(18)) & np.uint32(511)) * unit
-                kept, gone = (j, k) if keep_a else (k, j)
-                row[kept, 0] += r * coefficients[gone, 0]
-                row[kept, 1] += g * coefficients[gone, 1]
-                row[kept, 2] += b * coefficients[gone, 2]
-        if wavelet:
-            daubechies4(row, turned)
-        for j in range(n_kept):
-            for c in range(3):
-                out[j, at + i, c] = row[j, c] * scale[i]
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")

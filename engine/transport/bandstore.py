@@ -16,10 +16,12 @@ and BRDF are not), which is why they are kept as bands and transformed to wavele
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from engine.transport import _band_kernels as kernels
+from engine.transport import _plane_kernels as plane_kernels
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,15 @@ class BandTile:
     def n_bytes(self) -> int:
         return sum(a.nbytes for a in (self.scale, self.first, self.count, self.start, self.values))
 
+    @property
+    def packed(self) -> plane_kernels.Packed:
+        return plane_kernels.Packed(self.scale, self.first, self.count, self.start, self.values)
+
+    def every(self, step: int, offset: int, begin: int) -> "BandTile":
+        """Every `step`-th point from `offset` on, as a tile that begins at another point; the values are shared."""
+        scale, first, count, start = (a[offset::step].copy() for a in (self.scale, self.first, self.count, self.start))
+        return BandTile(begin, scale, first, count, start, self.values)
+
     def arrays(self) -> dict[str, np.ndarray]:
         return {
             "scale": self.scale,
@@ -45,6 +56,17 @@ class BandTile:
             "start": self.start,
             "values": self.values,
         }
+
+
+@dataclass(frozen=True, eq=False)
+class Planes:
+    """Transport along one curve: numbers (J, P, 3), the largest |number| (J,) and the sums of squares (J, 3) of each
+    plane before rounding, and the picture, radiance (P, 3)."""
+
+    numbers: np.ndarray
+    radiance: np.ndarray
+    maxima: np.ndarray
+    squares: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -69,36 +91,61 @@ class BandStore:
         factor 0 keeps A (dormant is c_B, (K, 3)), 1 keeps B (dormant is c_A, (J, 3)).
         Returns (J or K, P, 3) float32, coefficients first: Daubechies-4 when `wavelet`, else bands.
         """
+        kept = np.zeros((self.bands[factor], 3))
+        coefficients = (kept, dormant) if factor == 0 else (dormant, kept)
+        return self.fill(factor, coefficients, np.ones(len(kept)), np.float32, wavelet).numbers
+
+    def fill(
+        self, factor: int, coefficients: tuple[np.ndarray, np.ndarray], inverse: np.ndarray,
+        dtype: type[np.floating], wavelet: bool = True,
+    ) -> Planes:  # fmt: skip
+        """`contract` with all that one pass can give; coefficients are those of both factors, (J, 3) and (K, 3).
+
+        inverse (J or K,): what each plane is multiplied by; dtype: float16 or float32.
+        """
+        found, expected = [c.shape for c in coefficients], [(n, 3) for n in self.bands]
+        if found != expected:
+            raise ValueError(f"coefficients have shapes {found}, expected {expected}")
         n_kept = self.bands[factor]
-        out = np.empty((n_kept, self.n_points, 3), np.float32)
-        expected = (self.bands[1 - factor], 3)
-        if dormant.shape != expected:
-            raise ValueError(f"dormant coefficients have shape {dormant.shape}, expected {expected}")
-        coefficients = np.ascontiguousarray(dormant, np.float32)
-        self._each_tile(
-            lambda tile: kernels.contract_tile(
-                tile.scale, tile.first, tile.count, tile.start, tile.values, *self.bands, coefficients,
-                factor == 0, wavelet, out, tile.begin, kernels.UNITS,
-            )
-        )  # fmt: skip
-        return out
+        numbers = np.empty((n_kept, self.n_points, 3), dtype)
+        words = numbers.reshape(n_kept, 3 * self.n_points).view(np.uint16 if dtype is np.float16 else np.float32)
+        radiance = np.empty((self.n_points, 3), np.float32)
+        maxima = np.zeros((len(self.tiles), n_kept), np.float32)
+        squares = np.zeros((len(self.tiles), n_kept, 3))
+        dormant = np.ascontiguousarray(coefficients[1 - factor], np.float32)
+        curve = np.tile(np.asarray(coefficients[factor], np.float64), (1, plane_kernels.BLOCK))
+        scaling = inverse.astype(np.float32)
+
+        def fill_tile(tile: BandTile, largest: np.ndarray, summed: np.ndarray) -> None:
+            plane_kernels.contract_tile(
+                tile.packed, tile.begin, self.bands[1], factor == 0, wavelet, dormant, curve, scaling, words,
+                radiance.reshape(-1), largest, summed,
+            )  # fmt: skip
+
+        _on_two_threads(fill_tile, self.tiles, maxima, squares)
+        return Planes(numbers, radiance, maxima.max(axis=0, initial=0.0).astype(np.float64), squares.sum(axis=0))
+
+    def thinned(self, n_points: int) -> "BandStore":
+        """About `n_points` of the points, evenly, or all where there are fewer; for a look at what is in the store."""
+        step = max(1, self.n_points // n_points)
+        tiles, begin = [], 0
+        for tile in self.tiles:
+            tiles.append(tile.every(step, -tile.begin % step, begin))
+            begin += len(tiles[-1].scale)
+        return BandStore(self.bands, tuple(tiles))
 
     def radiance(self, coefficients_a: np.ndarray, coefficients_b: np.ndarray) -> np.ndarray:
         """The layer's picture Σ_jk c_j c_k U_jk, (P, 3) float32."""
         out = np.empty((self.n_points, 3), np.float32)
         c_a, c_b = np.ascontiguousarray(coefficients_a, np.float32), np.ascontiguousarray(coefficients_b, np.float32)
-        self._each_tile(
+        _on_two_threads(
             lambda tile: kernels.radiance_tile(
                 tile.scale, tile.first, tile.count, tile.start, tile.values, *self.bands, c_a, c_b, out, tile.begin,
                 kernels.UNITS,
-            )
+            ),
+            self.tiles,
         )  # fmt: skip
         return out
-
-    def _each_tile(self, work: Callable[[BandTile], None]) -> None:
-        with ThreadPoolExecutor(2) as pool:
-            for _ in pool.map(work, self.tiles):
-                pass
 
     def arrays(self) -> dict[str, np.ndarray]:
         """The whole store as five arrays, for a file; `store_from_arrays` reads it back."""
@@ -123,6 +170,12 @@ def store_from_arrays(bands: tuple[int, int], arrays: Mapping[str, np.ndarray], 
         for i in range(0, len(scale), chunk)
     ]
     return BandStore(bands, tuple(tiles))
+
+
+def _on_two_threads(work: Callable[..., None], *of_tiles: Iterable[Any]) -> None:
+    with ThreadPoolExecutor(2) as pool:
+        for _ in pool.map(work, *of_tiles):
+            pass
 
 
 def join_tiles(bands: tuple[int, int], tiles: Iterable[BandTile]) -> BandStore:

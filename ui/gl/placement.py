@@ -25,6 +25,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.plan import Precision
 from ui.gl.accumulate import TermSum
 from ui.gl.composite import Compositor, FootprintTextures
 from ui.gl.context import GraphicsError
@@ -34,7 +35,7 @@ from ui.gl.picture_frame import PictureFrame
 from ui.gl.refine import Refiner
 from ui.gl.textures import TextureMemory
 from ui.gl.tonemap import Display, DisplayView
-from ui.gl.transport import Precision, TransportUpload
+from ui.gl.transport import TransportUpload
 
 
 @dataclass(frozen=True)

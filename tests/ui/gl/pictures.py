@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from engine.plan import Precision
 from ui.gl.picture_frame import PictureFrame
 from ui.gl.placement import PlacementRenderer
-from ui.gl.transport import Precision
 
 
 def frame_of(object_image: np.ndarray, emitters: tuple[int, ...] = (), seed: int = 5) -> PictureFrame:

@@ -62,9 +62,9 @@ def test_the_estimated_error_is_the_true_one_for_orthogonal_terms(renderer: Plac
     wanted[:4] = [[5.0] * 3, [4.0] * 3, [3.0] * 3, [2.5] * 3]
     renderer.wanted("ball.0", wanted)
     report = renderer.update(max_coefficients=2)
-    # Left are 1 and 0.5 in 8 samples: sqrt(1.25 / 8). The mean is taken over every eighth sample: sample 0, now 5.
+    # Left are 1 and 0.5 in 8 samples: sqrt(1.25 / 8). The samples are now 5, 4 and six times 2.
     assert report.applied == 2 and report.remaining == 2
-    assert report.image_error == pytest.approx(np.sqrt(1.25 / 8) / 5.0, rel=1e-6)
+    assert report.image_error == pytest.approx(np.sqrt(1.25 / 8) / (21 / 8), rel=1e-6)
 
 
 def test_an_edit_and_its_inverse_restore_the_picture(renderer: PlacementRenderer) -> None:

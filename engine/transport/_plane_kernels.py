@@ -1,0 +1,194 @@
+"""Contracting packed transport into planes of half or single floats, a block of points at a time: see `planes`.
+
+A point's bands lie one after the other, a plane holds one coefficient of all points. So the bands of a block of points
+are turned on their side as they are contracted; from there on (wavelets, sums, halves) each row of the block is one
+loop over its 3·BLOCK lanes that the compiler vectorises.
+"""
+
+from typing import NamedTuple
+
+import numba as nb
+import numpy as np
+
+from engine.curve.wavelet import LOW_PASS
+from engine.transport._band_kernels import UNITS
+
+BLOCK = 16
+LANES = 3 * BLOCK
+D4 = np.array(LOW_PASS, np.float32)
+_SUMS = {"nnan", "nsz", "reassoc", "contract"}
+
+
+class Packed(NamedTuple):
+    """A tile's arrays, see `bandstore`."""
+
+    scale: np.ndarray
+    first: np.ndarray
+    length: np.ndarray
+    start: np.ndarray
+    values: np.ndarray
+
+
+_INFINITE_HALF, _NO_HALF = np.int32(0x7C00), np.int32(0x7E00)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def half_bits(x):
+    """The bits (uint16) of the half float nearest to the float32 x, ties to even, as IEEE 754 has it.
+
+    Every step is cast: integers that numba widens to 64 bits would halve the width of the vector loops.
+    """
+    word = np.float32(x).view(np.int32)
+    size = np.int32(word & np.int32(0x7FFFFFFF))
+    # Normal halves: exponents differ by 112; the carry of what is cut off rounds, and may go into the exponent.
+    odd = np.int32(np.int32(size >> np.int32(13)) & np.int32(1))
+    half = np.int32(np.int32(size + np.int32(odd + np.int32(0xFFF - (112 << 23)))) >> np.int32(13))
+    # Below 2^-14 halves have the fixed step 2^-24, which is that of single floats in [0.5, 1): the addition rounds.
+    small = np.int32(np.float32(size.view(np.float32) + np.float32(0.5)).view(np.int32) - np.int32(0x3F000000))
+    half = small if size < np.int32(113 << 23) else half
+    half = min(half, _INFINITE_HALF)
+    half = _NO_HALF if size > np.int32(0x7F800000) else half
+    return np.uint16(np.int32(np.int32(np.int32(word >> np.int32(16)) & np.int32(0x8000)) | half))
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def daubechies4(block, scratch):
+    """Orthonormal periodic Daubechies-4 transform along axis 0, in place: the fast form of `curve.wavelet`."""
+    n = block.shape[0]
+    while n > 1:
+        half = n // 2
+        for i in range(half):
+            third, fourth = (2 * i + 2) % n, (2 * i + 3) % n
+            for lane in range(block.shape[1]):
+                a, b = block[2 * i, lane], block[2 * i + 1, lane]
+                c, d = block[third, lane], block[fourth, lane]
+                scratch[i, lane] = D4[0] * a + D4[1] * b + D4[2] * c + D4[3] * d
+                scratch[half + i, lane] = D4[3] * a - D4[2] * b + D4[1] * c - D4[0] * d
+        block[:n] = scratch[:n]
+        n = half
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
+def _red(value):
+    return np.float32(np.int32(value & np.uint32(511)))
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
+def _green(value):
+    return np.float32(np.int32((value >> np.uint32(9)) & np.uint32(511)))
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
+def _blue(value):
+    return np.float32(np.int32((value >> np.uint32(18)) & np.uint32(511)))
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _run(tile, i, j, n_b):
+    """Which bands k a row holds: (first, count)."""
+    if n_b == 1:
+        return np.uint32(0), np.uint32(1)
+    return np.uint32(tile.first[i, j]), np.uint32(tile.length[i, j])
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _keep_a(tile, i, n_b, dormant, block, lane):
+    """Σ_k U_jk c_k of point i into the three lanes from `lane` on; dormant (K, 3)."""
+    at, scale = np.uint64(tile.start[i]), tile.scale[i]
+    for j in range(block.shape[0]):
+        low, count = _run(tile, i, j, n_b)
+        red, green, blue = np.float32(0.0), np.float32(0.0), np.float32(0.0)
+        for k in range(count):
+            value = tile.values[at]
+            at += np.uint64(1)
+            unit = UNITS[value >> np.uint32(27)]
+            red += _red(value) * (unit * dormant[low + k, 0])
+            green += _green(value) * (unit * dormant[low + k, 1])
+            blue += _blue(value) * (unit * dormant[low + k, 2])
+        block[j, lane], block[j, lane + 1], block[j, lane + 2] = red * scale, green * scale, blue * scale
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _keep_b(tile, i, n_b, dormant, row, block, lane):
+    """Σ_j U_jk c_j of point i into the three lanes from `lane` on; dormant (J, 3), row (K, 3) is scratch."""
+    at, scale = np.uint64(tile.start[i]), tile.scale[i]
+    row[:] = np.float32(0.0)
+    for j in range(dormant.shape[0]):
+        low, count = _run(tile, i, j, n_b)
+        for k in range(count):
+            value = tile.values[at]
+            at += np.uint64(1)
+            unit = UNITS[value >> np.uint32(27)]
+            row[low + k, 0] += _red(value) * (unit * dormant[j, 0])
+            row[low + k, 1] += _green(value) * (unit * dormant[j, 1])
+            row[low + k, 2] += _blue(value) * (unit * dormant[j, 2])
+    for k in range(n_b):
+        for c in range(3):
+            block[k, lane + c] = row[k, c] * scale
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _add_radiance(block, curve, sums, radiance):
+    """radiance = Σ_j c_j T_j for each lane, summed in double precision; curve (J, LANES)."""
+    sums[:] = 0.0
+    for j in range(block.shape[0]):
+        for lane in range(block.shape[1]):
+            sums[lane] += np.float64(block[j, lane]) * curve[j, lane]
+    for lane in range(radiance.shape[0]):
+        radiance[lane] = sums[lane]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=_SUMS)
+def _measure(row, inverse, n_lanes, squares):
+    """The largest |number| of a scaled row; its squares are added lane by lane."""
+    largest = np.float32(0.0)
+    for lane in range(n_lanes):
+        number = row[lane] * inverse
+        largest = max(largest, abs(number))
+        squares[lane] += number * number
+    return largest
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _write(row, inverse, numbers):
+    """A scaled row as half floats (numbers: uint16) or as it is (float32)."""
+    if numbers.itemsize == 2:
+        for lane in range(numbers.shape[0]):
+            numbers[lane] = half_bits(row[lane] * inverse)
+    else:
+        for lane in range(numbers.shape[0]):
+            numbers[lane] = row[lane] * inverse
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def contract_tile(tile, at, n_b, keep_a, wavelet, dormant, curve, inverse, numbers, radiance, maxima, squares):
+    """One tile's columns of all planes: numbers (J, 3P) = inverse (J,) · transport, from point `at` on.
+
+    keep_a: whether the planes are those of factor A, `dormant` (K, 3) being B's
+    coefficients, or the other way round; wavelet: Daubechies-4 coefficients rather than bands; radiance (3P,) gets
+    Σ_j c_j T_j with curve (J, LANES), the kept factor's coefficients once for each lane. maxima (J,) and squares
+    (J, 3): the largest and the summed squares of the tile's numbers.
+    """
+    n_kept, n_points = numbers.shape[0], tile.scale.shape[0]
+    block, scratch = np.zeros((n_kept, LANES), np.float32), np.empty((n_kept, LANES), np.float32)
+    row, sums = np.empty((n_b, 3), np.float32), np.empty(LANES, np.float64)
+    lane_squares = np.zeros((n_kept, LANES), np.float32)
+    maxima[:] = 0.0
+    for begin in range(0, n_points, BLOCK):
+        n_block = min(BLOCK, n_points - begin)
+        for i in range(n_block):
+            if keep_a:
+                _keep_a(tile, begin + i, n_b, dormant, block, 3 * i)
+            else:
+                _keep_b(tile, begin + i, n_b, dormant, row, block, 3 * i)
+        first, last = 3 * (at + begin), 3 * (at + begin + n_block)
+        _add_radiance(block, curve, sums, radiance[first:last])
+        if wavelet:
+            daubechies4(block, scratch)
+        for j in range(n_kept):
+            maxima[j] = max(maxima[j], _measure(block[j], inverse[j], 3 * n_block, lane_squares[j]))
+            _write(block[j], inverse[j], numbers[j, first:last])
+    squares[:] = 0.0
+    for j in range(n_kept):
+        for lane in range(LANES):
+            squares[j, lane % 3] += lane_squares[j, lane]
