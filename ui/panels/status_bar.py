@@ -9,7 +9,7 @@ from ui import theme as look
 from ui.panels import widgets
 from ui.panels.actions import Action
 from ui.panels.context import PanelContext
-from ui.panels.tradeoff import work_text
+from ui.panels.tradeoff import error_text, work_text
 from ui.theme import Icon
 
 HEIGHT = 28.0
@@ -52,7 +52,7 @@ def _contents(context: PanelContext) -> None:
 
 def picture_state(status: Status) -> tuple[look.Colour, str, str]:
     """Colour, words and explanation of what the picture is: waiting, preview, refining or exact."""
-    error = "" if status.image_error is None else f" (error {status.image_error:.2g})"
+    error = "" if status.image_error is None else f" (error {error_text(status.image_error)})"
     if not status.worker_alive:
         return look.BAD, "worker stopped", "The computing process ended and is being started again; edits are safe."
     if status.picture == "exact":

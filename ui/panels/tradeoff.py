@@ -15,6 +15,7 @@ from ui.theme import Icon
 LEAST_BUDGET, LARGEST_BUDGET = 2.0, 200.0
 LIGHT_CHOICES = (400, 1000, 4000, 10000)
 VALUE_COLUMN = 112.0
+SMALLEST_ERROR = 1e-7
 
 
 def draw(context: PanelContext) -> list[Action]:
@@ -76,7 +77,7 @@ def _short(count: int) -> str:
 
 def figures(status: Status) -> list[tuple[str, str, str]]:
     """(name, value, explanation) of every measured figure."""
-    error = "–" if status.image_error is None else f"{status.image_error:.2g}"
+    error = "–" if status.image_error is None else error_text(status.image_error)
     shown = f"{status.shown_coefficients} of {status.wanted_coefficients}" if status.wanted_coefficients else "–"
     return [
         ("Frame", f"{status.frame_ms:.1f} ms", "Time of the last frame that drew the picture."),
@@ -138,6 +139,11 @@ def work_text(status: Status) -> str:
     if status.seconds_left is not None:
         parts.append(f"{duration(status.seconds_left)} left")
     return " · ".join(parts)
+
+
+def error_text(error: float) -> str:
+    """A picture's relative error in digits; 0 where single precision could not show it."""
+    return "0" if error < SMALLEST_ERROR else f"{error:.2g}"
 
 
 def duration(seconds: float) -> str:
