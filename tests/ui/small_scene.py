@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
+import moderngl
 import numpy as np
 
+from app.editor import Editor, WorkerClient
+from app.view_state import SetView
 from engine.render.image_files import write_exr
+from ui.gl.placement import PlacementRenderer
+from ui.headless import HeadlessWindow
+from ui.picture_feed import PictureFeed
 
 SCENE = """version = 1
 name = "small"
@@ -49,3 +57,41 @@ def coloured_sky(height: int = 16) -> np.ndarray:
     glow = 2.5 * np.exp(-40.0 * ((u - 0.3) ** 2 + (v - 0.35) ** 2))
     sky = 0.4 * np.stack([0.2 + 0.3 * v + glow, 0.3 + 0.1 * v + 0.9 * glow, 0.7 - 0.4 * v + 0.7 * glow], axis=-1)
     return sky.astype(np.float32)
+
+
+@contextmanager
+def opened_window(
+    context: moderngl.Context,
+    source: Path,
+    client: WorkerClient,
+    *,
+    resolution: tuple[int, int] | None = None,
+    **view: object,
+) -> Iterator[HeadlessWindow]:
+    """A window on a scene that has just been opened, nothing computed yet; fields of the view as given."""
+    editor = Editor(client, str(source), resolution=resolution)
+    window = HeadlessWindow(editor, context=context)
+    feed = PictureFeed(PlacementRenderer(context))
+    window.shell.source = feed
+    try:
+        editor.do(SetView.of(**view))
+        assert window.run_until(lambda: editor.scene_is_open, 600.0), editor.status
+        yield window
+    finally:
+        feed.close()
+        window.close()
+        editor.close()
+
+
+def wait_until_exact(window: HeadlessWindow, timeout: float = 600.0) -> None:
+    """Draw frames until the picture is exact, then the few that a layout needs to settle."""
+    window.frames(2)
+    assert window.run_until(lambda: window.shell.editor.status.picture == "exact", timeout), window.shell.editor.status
+    window.frames(3)
+
+
+def linear_picture(window: HeadlessWindow) -> np.ndarray:
+    """The linear picture (H,W,3) as it is now."""
+    source = window.shell.source
+    assert isinstance(source, PictureFeed)
+    return source.renderer.linear_image()

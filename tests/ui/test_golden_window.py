@@ -25,15 +25,12 @@ from imgui_bundle import imgui
 from PIL import Image
 
 from app.commands import SetParameter, SetRotation
-from app.editor import Editor
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks
 from app.view_state import OpenPanel, SetView
-from tests.ui.small_scene import write_small_scene
-from ui.gl.placement import PlacementRenderer
+from tests.ui.small_scene import opened_window, wait_until_exact, write_small_scene
 from ui.headless import HeadlessWindow
-from ui.picture_feed import PictureFeed
 from ui.shell import Shell
 
 pytestmark = pytest.mark.gl
@@ -62,32 +59,18 @@ def window(context: moderngl.Context, tmp_path: Path, monkeypatch: pytest.Monkey
         pytest.skip("the golden picture is that of Mesa's llvmpipe")
     monkeypatch.setattr("app.status.resident_megabytes", lambda *pids: 512.0)
     monkeypatch.setattr(Shell, "note_frame_time", lambda shell, milliseconds: setattr(shell, "_frame_ms", 12.5))
-    scene = write_small_scene(tmp_path)
-    editor = Editor(InProcessClient(Tasks(Store(tmp_path / "cache"))), str(scene))
-    editor.do(SetView.of(n_lights=400))
-    opened = HeadlessWindow(editor, context=context)
-    feed = PictureFeed(PlacementRenderer(context))
-    opened.shell.source = feed
-    opened.run_until(lambda: editor.scene_is_open, 60.0)
-    editor.do(SetView.of(regions=(0.1, 0.3, 0.6, 0.9)))
-    editor.select("ball.1.theta_h")
-    exact(opened)
-    opened.drag_handle("curve.magnitude", (0, -30))
-    exact(opened)
-    editor.notify("")
-    opened.move(600.0, 15.0)
-    opened.frames(3)
-    yield opened
-    feed.close()
-    opened.close()
-    editor.close()
-
-
-def exact(window: HeadlessWindow) -> None:
-    editor = window.shell.editor
-    window.frames(2)
-    assert window.run_until(lambda: editor.status.picture == "exact", 120.0), editor.status
-    window.frames(3)
+    client = InProcessClient(Tasks(Store(tmp_path / "cache")))
+    with opened_window(context, write_small_scene(tmp_path), client, n_lights=400) as opened:
+        editor = opened.shell.editor
+        editor.do(SetView.of(regions=(0.1, 0.3, 0.6, 0.9)))
+        editor.select("ball.1.theta_h")
+        wait_until_exact(opened)
+        opened.drag_handle("curve.magnitude", (0, -30))
+        wait_until_exact(opened)
+        editor.notify("")
+        opened.move(600.0, 15.0)
+        opened.frames(3)
+        yield opened
 
 
 def blocks(pixels: np.ndarray) -> np.ndarray:
@@ -153,7 +136,7 @@ def test_what_is_missing_or_wrong_is_found(window: HeadlessWindow) -> None:
     for name, (change, expected) in CHANGES.items():
         document = editor.document
         change(window)
-        exact(window)
+        wait_until_exact(window)
         differ = panels_that_differ(window.pixels(), start)
         assert expected <= set(differ), f"{name}: {differ}"
         if editor.document != document:
@@ -161,5 +144,5 @@ def test_what_is_missing_or_wrong_is_found(window: HeadlessWindow) -> None:
         editor.select(view.selected)
         editor.view = view
         editor.notify("")
-    exact(window)
+    wait_until_exact(window)
     assert not panels_that_differ(window.pixels(), start)
