@@ -253,7 +253,10 @@ class Editor:
         for response in self._client.poll(POLL_SECONDS):
             events += self._take(response)
         if self.scene_is_open:
-            self._negotiator.update(now, self.document, self.view.selected, self.view.n_lights, self.history.dragging)
+            view = self.view
+            self._negotiator.update(
+                now, self.document, view.selected, view.n_lights, self.history.dragging, view.precision
+            )
             self._keep(now)
         self._gauges.measure_memory(now, self._client.pid)
         return events
@@ -282,7 +285,9 @@ class Editor:
     @property
     def status(self) -> Status:
         """The truth about what is on screen."""
-        return self._gauges.status(self._negotiator, self._client.alive, self._opening is not None)
+        return self._gauges.status(
+            self._negotiator, self._client.alive, self._opening is not None, self.view.precision
+        )
 
     # -------------------------------------------------------------------------------------------------------- answers
 

@@ -8,7 +8,8 @@ right after an undo, a crash, or a selection that changed in mid-computation.
   anew once the hand rests: at the end of a drag, or when nothing has changed for a quarter of a second. While an
   environment is being turned, drag-quality transport is asked for at once, one request at a time.
 - The selected curve wants its layer's transport, the layer's other factor contracted with its present curve ("curve
-  switching", [BenArtzi07, eq. 4.16]); it is asked for again when that other curve has changed.
+  switching", [BenArtzi07, eq. 4.16]), in half or single floats; it is asked for again when that other curve or the
+  precision has changed.
 - A layer that is not selected wants its radiance with its present curves: undo may have changed them.
 
 At most one contraction is under way, because a newer one cancels the older; the selected curve's goes first.
@@ -34,6 +35,7 @@ from app.jobs.messages import (
     StageDone,
 )
 from app.picture import Array, Coefficients, Curves
+from engine.plan import Precision
 
 REST_SECONDS = 0.25
 CONTRACT_PATIENCE = 3.0
@@ -66,14 +68,21 @@ class TransportWish:
 
 @dataclass(frozen=True, eq=False)
 class CurveWish:
-    """One curve's transport; ``others`` are the present coefficients of the layer's other factors."""
+    """One curve's transport; ``others`` are the present coefficients of the layer's other factors.
+
+    ``factor`` None wishes for the layer's radiance alone.
+    """
 
     key: str
-    factor: str
+    factor: str | None
     others: Coefficients
+    precision: Precision = "half"
 
     def same_curve(self, other: CurveWish | None) -> bool:
-        return other is not None and (self.key, self.factor) == (other.key, other.factor)
+        """Whether the answer to one is of the kind that the other waits for."""
+        if other is None:
+            return False
+        return (self.key, self.factor, self.precision) == (other.key, other.factor, other.precision)
 
     def same(self, other: CurveWish | None) -> bool:
         return other is not None and self.same_curve(other) and same_coefficients(self.others, other.others)
@@ -94,6 +103,7 @@ class CurveShown:
     key: str
     factor: str
     stage: str
+    precision: Precision
 
 
 @dataclass
@@ -113,6 +123,7 @@ class Negotiator:
         self._send = send
         self._curves = curves
         self._opened = False
+        self._precision: Precision = "half"
         self._forget()
 
     def _forget(self) -> None:
@@ -172,9 +183,10 @@ class Negotiator:
 
     def rendered(self, key: str, factor: str, coefficients: Array) -> None:
         """The renderer has stepped a layer's picture to these coefficients exactly."""
-        shown = self._layers.get(key)
-        if shown is not None and self._curve == CurveShown(key, factor, shown.stage):
-            shown.coefficients = {**shown.coefficients, factor: coefficients}
+        shown, curve = self._layers.get(key), self._curve
+        if shown is not None and curve is not None and (curve.key, curve.factor) == (key, factor):
+            if curve.stage == shown.stage:
+                shown.coefficients = {**shown.coefficients, factor: coefficients}
 
     # --------------------------------------------------------------------------------------------- what is to be told
 
@@ -220,10 +232,14 @@ class Negotiator:
 
     # --------------------------------------------------------------------------------------------------------- asking
 
-    def update(self, now: float, document: Document, selected: Selection | None, n_lights: int, dragging: bool) -> None:
+    def update(
+        self, now: float, document: Document, selected: Selection | None, n_lights: int, dragging: bool,
+        precision: Precision = "half",
+    ) -> None:  # fmt: skip
         """Ask for what is missing; ``now`` in seconds of any steady clock."""
         if not self._opened:
             return
+        self._precision = precision
         wish = self._transport_wish(document, n_lights)
         if wish != self._wish:
             self._wish_since = -math.inf if self._wish is None else now
@@ -259,6 +275,7 @@ class Negotiator:
             None if curve is None else curve.factor,
             min(N_LIGHTS_PREVIEW, wish.n_lights),
             n_lights,
+            self._precision,
             revision=self.revision,
         )
         self._transport_id = self._send(request)
@@ -293,8 +310,7 @@ class Negotiator:
             asked = same_coefficients(self._asked_pictures.get(key, {}), wanted)
             if not asked and self._can_contract(key, wanted):
                 self._asked_pictures[key] = wanted
-                factor, *others = wanted
-                self._contract(CurveWish(key, factor, {name: wanted[name] for name in others}), document, now)
+                self._contract(CurveWish(key, None, {}), document, now)
                 return
 
     def _waits(self, now: float) -> bool:
@@ -304,9 +320,11 @@ class Negotiator:
     def _contract(self, curve: CurveWish, document: Document, now: float) -> None:
         if self._contraction is not None:  # it is replaced unanswered: what it was to bring is to be asked for again
             self._asked_pictures.pop(self._contraction.wish.key, None)
+            self._asked_curve = self._asked_curve if self._contraction.wish.factor is None else None
         wanted = tuple(self._curves.coefficients(document, curve.key).items())
-        self._asked_curve = curve
-        id = self._send(Contract(curve.key, curve.factor, wanted, revision=self.revision))
+        if curve.factor is not None:
+            self._asked_curve = curve
+        id = self._send(Contract(curve.key, curve.factor, wanted, curve.precision, revision=self.revision))
         self._contraction = Contraction(id, curve, now)
 
     def _asked_shape(self, key: str) -> LayerShape | None:
@@ -322,7 +340,9 @@ class Negotiator:
     def _has(self, curve: CurveWish) -> bool:
         """Whether the curve's transport has come, in the stage and with the other curve of its layer's radiance."""
         shown = self._layers.get(curve.key)
-        if shown is None or self._curve != CurveShown(curve.key, curve.factor, shown.stage):
+        if shown is None or curve.factor is None:
+            return False
+        if self._curve != CurveShown(curve.key, curve.factor, shown.stage, curve.precision):
             return False
         return same_coefficients({name: shown.coefficients[name] for name in curve.others}, curve.others)
 
@@ -357,7 +377,7 @@ class Negotiator:
         if selected.factor not in coefficients:
             return None
         others = {name: values for name, values in coefficients.items() if name != selected.factor}
-        return CurveWish(selected.key, selected.factor, others)
+        return CurveWish(selected.key, selected.factor, others, self._precision)
 
     # ------------------------------------------------------------------------------------------------------- answers
 
@@ -368,18 +388,21 @@ class Negotiator:
         values = [np.asarray(made_with, dtype=np.float64) for made_with in response.coefficients]
         coefficients = dict(zip(names, values, strict=True))
         self._layers[response.key] = LayerShown(response.stage, coefficients)
+        if self._contraction is not None and self._contraction.wish.factor is None:
+            if self._contraction.id == response.id:
+                self._contraction = None
         return coefficients
 
     def took_transport(self, response: LayerTransport, selected: Selection | None) -> bool:
         """Note a curve's transport; whether it is the selected curve's."""
-        came = CurveWish(response.key, response.factor, {})
+        came = CurveWish(response.key, response.factor, {}, response.precision)
         if self._contraction is not None and came.same_curve(self._contraction.wish):
             self._contraction = None
         if selected is None or (selected.key, selected.factor) != (response.key, response.factor):
             if came.same_curve(self._asked_curve):  # not kept: selected again, it is asked for again
                 self._asked_curve = None
             return False
-        self._curve = CurveShown(response.key, response.factor, response.stage)
+        self._curve = CurveShown(response.key, response.factor, response.stage, response.precision)
         return True
 
     def took_stage(self, response: StageDone) -> None:

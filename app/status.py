@@ -12,9 +12,11 @@ from typing import Literal
 
 from app.jobs.messages import Progress
 from app.negotiator import Negotiator
+from engine.plan import Precision
 
 PictureState = Literal["waiting", "preview", "refining", "exact"]
 MEMORY_SECONDS = 1.0
+FLOATS: dict[Precision, str] = {"half": "half floats", "float": "full floats"}
 _PAGE = os.sysconf("SC_PAGE_SIZE")
 
 
@@ -26,7 +28,8 @@ class Status:
     roughness), "refining" (final transport, curve coefficients still being stepped in), "exact".
     ``stage``, ``fraction`` (0 to 1), ``seconds_left`` and ``text`` tell how far the worker is; ``stage`` is empty when
     it has nothing to do. ``image_error`` is what is left to the exact picture, relative RMS; None while unknown.
-    ``light_note`` and ``material_note`` say what is shown for light and roughness, empty when there is nothing to say.
+    ``light_note``, ``material_note`` and ``transport_note`` say what is shown for light, roughness and precision, empty
+    when there is nothing to say. ``gpu_mb`` is what the picture and the selected curve's transport take there.
     ``message`` is the last thing that happened, ``is_error`` whether it went wrong.
     """
 
@@ -42,8 +45,10 @@ class Status:
     frame_ms: float = 0.0
     memory_mb: float = 0.0
     transport_mb: float = 0.0
+    gpu_mb: float = 0.0
     light_note: str = ""
     material_note: str = ""
+    transport_note: str = ""
     message: str = ""
     is_error: bool = False
     notes: tuple[str, ...] = ()
@@ -54,7 +59,8 @@ class RenderReport:
     """What the renderer tells after a frame about the selected curve ``key``, ``factor``.
 
     ``shown_coefficients`` of ``wanted_coefficients`` are in the picture, ``exact`` when all are;
-    ``image_error`` is what the rest would still change, relative RMS.
+    ``image_error`` is what the rest would still change, relative RMS. ``precision`` is that of the transport the
+    picture is made with, None while there is none; ``gpu_mb`` the memory of all textures.
     """
 
     shown_coefficients: int = 0
@@ -62,6 +68,8 @@ class RenderReport:
     image_error: float | None = None
     frame_ms: float = 0.0
     exact: bool = False
+    precision: Precision | None = None
+    gpu_mb: float = 0.0
 
 
 @dataclass
@@ -88,8 +96,8 @@ class Gauges:
             self._memory_at = now
             self.memory_mb = resident_megabytes(os.getpid(), worker)
 
-    def status(self, talk: Negotiator, worker_alive: bool, opening: bool) -> Status:
-        """All gauges at this moment."""
+    def status(self, talk: Negotiator, worker_alive: bool, opening: bool, wanted: Precision) -> Status:
+        """All gauges at this moment; ``wanted``: the precision that is asked for."""
         progress, report = self.progress or Progress("", 0.0), self.report
         return Status(
             worker_alive=worker_alive,
@@ -104,8 +112,10 @@ class Gauges:
             frame_ms=report.frame_ms,
             memory_mb=self.memory_mb,
             transport_mb=self.transport_mb,
+            gpu_mb=report.gpu_mb,
             light_note=_light_note(talk) if self.has_picture else "",
             material_note=_material_note(talk) if self.has_picture else "",
+            transport_note=_transport_note(report.precision, wanted),
             message=self.message,
             is_error=self.is_error,
             notes=self.notes,
@@ -134,6 +144,13 @@ def _light_note(talk: Negotiator) -> str:
 def _material_note(talk: Negotiator) -> str:
     """What of the materials the picture does not show yet, in words."""
     return "" if talk.quotient_is_current else "the curve is shown at once; self-shadowing follows when the hand rests"
+
+
+def _transport_note(shown: Precision | None, wanted: Precision) -> str:
+    """Which floats the picture is made with, in words, while they are not those that are asked for."""
+    if shown is None or shown == wanted:
+        return ""
+    return f"made with {FLOATS[shown]} until {FLOATS[wanted]} are here"
 
 
 def resident_megabytes(*pids: int | None) -> float:

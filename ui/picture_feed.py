@@ -124,9 +124,7 @@ class PictureFeed:
             case LayerRadiance():
                 self._take_radiance(editor, event)
             case TransportReady():
-                self.renderer.begin_transport(
-                    event.key, event.coefficients_first, event.norms, event.scale, editor.view.precision
-                )
+                self.renderer.begin_transport(event.key, event.coefficients_first, event.norms, event.scale)
 
     def _take_scene(self, event: SceneFrame) -> None:
         self.renderer.set_frame(picture_frame(event))
@@ -164,8 +162,11 @@ class PictureFeed:
         wanted = 0 if self._wanted is None else len(self._wanted)
         exact = uploaded and report.exact
         editor.report_rendering(
-            RenderReport(max(wanted - report.remaining, 0), wanted, report.image_error, self._frame_ms, exact)
-        )
+            RenderReport(
+                max(wanted - report.remaining, 0), wanted, report.image_error, self._frame_ms, exact,
+                self.renderer.transport_precision, self.renderer.memory_bytes / 1e6,
+            )
+        )  # fmt: skip
         changed = exact != self._exact_before
         self._exact_before = exact
         return not exact or changed or self._thumbnail_due is not None

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from app.document import LightState
+    from engine.plan import Precision
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,15 +66,20 @@ class ComputeTransport(Request):
     factor: str | None
     n_lights_preview: int
     n_lights_final: int
+    precision: Precision = "half"
 
 
 @dataclass(frozen=True, eq=False)
 class Contract(Request):
-    """Hand out one layer's transport over the bands of `factor`, its other factors contracted with these curves."""
+    """Hand out one layer's transport over the bands of `factor`, its other factors contracted with these curves.
+
+    `factor` None asks for the layer's picture alone.
+    """
 
     key: str
-    factor: str
+    factor: str | None
     coefficients: tuple[tuple[str, NDArray[np.floating]], ...]
+    precision: Precision = "half"
 
 
 @dataclass(frozen=True)
@@ -144,7 +150,7 @@ class LayerPicture(Response):
 class LayerTransport(Response):
     """One layer's transport, one plane a Daubechies-4 coefficient: `coefficients_first` (J,p,3), `norms` (J,3).
 
-    True values are coefficients_first · scale.
+    True values are coefficients_first · scale; they are float16 or float32 by the precision asked for.
     """
 
     key: str
@@ -153,6 +159,10 @@ class LayerTransport(Response):
     coefficients_first: NDArray[np.floating]
     norms: NDArray[np.floating]
     scale: NDArray[np.floating]
+
+    @property
+    def precision(self) -> Precision:
+        return "half" if self.coefficients_first.dtype == np.float16 else "float"
 
 
 @dataclass(frozen=True)

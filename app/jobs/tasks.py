@@ -37,6 +37,7 @@ from app.jobs.messages import (
 from app.sky import sky_of
 from engine.errors import InsituError
 from engine.light.environment import Environment, downsampled, load_environment
+from engine.plan import Precision
 from engine.scene.builtin import builtin_scenes
 from engine.scene.load import Scene, load_scene
 from engine.transport.bandstore import BandStore, BandTile, join_tiles, store_from_arrays
@@ -72,6 +73,7 @@ class Tasks:
         self._layers: dict[str, LayerData] = {}
         self._contracted: dict[str, dict[str, np.ndarray]] = {}
         self._selected: tuple[str, str] | None = None
+        self._precision: Precision = "half"
         self._environments: dict[tuple[str, str], Environment] = {}
         self._sky_shown: object = None
 
@@ -86,15 +88,16 @@ class Tasks:
                 yield from self._compute(request)
 
     def quick(self, request: Contract) -> Iterator[Response | None]:
-        """One layer's transport along one curve ("curve switching", [BenArtzi07, eq. 4.16]) and its picture."""
-        self._selected = (request.key, request.factor)
+        """One layer's picture, and its transport along one curve ("curve switching", [BenArtzi07, eq. 4.16])."""
+        if request.factor is not None:
+            self._selected, self._precision = (request.key, request.factor), request.precision
         self._contracted[request.key] = dict(request.coefficients)
         data = self._layers.get(request.key)
         if data is None:
             return
         data = replace(data, work=self._newest(data.work))
         self._layers[request.key] = data
-        yield from _switched(data, request.factor)
+        yield from _answers(data, request.factor, request.precision)
 
     # --------------------------------------------------------------------------------------------------- scenes
 
@@ -127,6 +130,7 @@ class Tasks:
         self._contracted = {}
         if request.selected and request.factor:
             self._selected = (request.selected, request.factor)
+        self._precision = request.precision
         sky = sky_of(placement.scene, request.light, self._environment)
         if (image := self._sky_image(sky, request.light)) is not None:
             yield image
@@ -153,10 +157,7 @@ class Tasks:
             work = self._newest(work)
             data = LayerData(work, quality.name, store, light.lighting.unit)
             self._layers[work.key] = data
-            if self._selected is not None and work.key == self._selected[0]:
-                yield from _switched(data, self._selected[1])
-            else:
-                yield _picture(data)
+            yield from _answers(data, self._selected_factor(work.key), self._precision)
 
     def _see(
         self, placement: Placement, sky: SkyState, quality: Quality, clock: _Clock
@@ -197,6 +198,10 @@ class Tasks:
             if self._cache.put(key, store.arrays()):
                 resumed.finish()
         return store
+
+    def _selected_factor(self, key: str) -> str | None:
+        """The curve that is selected, where it is one of this layer's."""
+        return self._selected[1] if self._selected is not None and self._selected[0] == key else None
 
     def _newest(self, work: LayerWork) -> LayerWork:
         """The work with the coefficients asked for last: a Contract may have come since the request."""
@@ -287,17 +292,16 @@ def _both_curves(work: LayerWork) -> tuple[np.ndarray, np.ndarray]:
     return np.asarray(first), np.asarray(second[0]) if second else np.ones((1, 3))
 
 
-def _picture(data: LayerData) -> LayerPicture:
-    radiance = data.store.radiance(*_both_curves(data.work)) * np.float32(data.unit)
-    return LayerPicture(data.work.key, data.stage, radiance, data.work.coefficients)
-
-
-def _switched(data: LayerData, factor: str) -> tuple[LayerPicture, LayerTransport]:
-    """A layer's picture and its transport along one curve, both from one contraction."""
-    work = data.work
-    planes = curve_planes(data.store, work.factors.index(factor), _both_curves(work), data.unit, "half")
-    picture = LayerPicture(work.key, data.stage, planes.radiance, work.coefficients)
-    return picture, LayerTransport(work.key, factor, data.stage, planes.numbers, planes.norms, planes.scale)
+def _answers(data: LayerData, factor: str | None, precision: Precision) -> Iterator[Response]:
+    """A layer's picture, and its transport along a curve where one is named: both come from one contraction."""
+    work, curves = data.work, _both_curves(data.work)
+    if factor is None:
+        radiance = data.store.radiance(*curves) * np.float32(data.unit)
+        yield LayerPicture(work.key, data.stage, radiance, work.coefficients)
+        return
+    planes = curve_planes(data.store, work.factors.index(factor), curves, data.unit, precision)
+    yield LayerPicture(work.key, data.stage, planes.radiance, work.coefficients)
+    yield LayerTransport(work.key, factor, data.stage, planes.numbers, planes.norms, planes.scale)
 
 
 def _scene_key(scene: Scene) -> str:

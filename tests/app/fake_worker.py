@@ -18,6 +18,7 @@ from app.jobs.messages import (
     StageDone,
     stamped,
 )
+from engine.plan import Precision
 from engine.scene.description import parse_description
 
 METAL = {"model": "rough_conductor", "alpha": 0.15}
@@ -76,7 +77,7 @@ class FakeClient:
         for layer in request.layers:
             self.answer(request, LayerPicture(layer.key, stage, np.zeros((4, 3)), layer.coefficients))
             if layer.key == request.selected and request.factor is not None:
-                self.answer(request, transport(layer.key, request.factor, stage))
+                self.answer(request, transport(layer.key, request.factor, stage, request.precision))
         self.answer(request, StageDone(stage, exact, 0.1, 2_000_000))
 
     def contract(self, stage: str) -> None:
@@ -84,12 +85,14 @@ class FakeClient:
         request: Contract = self.sent(Contract)[-1]
         values = tuple(values for _, values in request.coefficients)
         self.answer(request, LayerPicture(request.key, stage, np.zeros((4, 3)), values))
-        self.answer(request, transport(request.key, request.factor, stage))
+        if request.factor is not None:
+            self.answer(request, transport(request.key, request.factor, stage, request.precision))
 
 
-def transport(key: str, factor: str, stage: str) -> LayerTransport:
+def transport(key: str, factor: str, stage: str, precision: Precision = "half") -> LayerTransport:
     """A curve's transport for four pixels, all zero."""
-    return LayerTransport(key, factor, stage, np.zeros((8, 4, 3)), np.ones((8, 3)), np.ones(8))
+    planes = np.zeros((8, 4, 3), np.float16 if precision == "half" else np.float32)
+    return LayerTransport(key, factor, stage, planes, np.ones((8, 3)), np.ones(8))
 
 
 class ServingClient(FakeClient):
@@ -106,6 +109,7 @@ class ServingClient(FakeClient):
         self._made: dict[str, LayerPicture] = {}
         self._paused = False
         self._selected: tuple[str, str] | None = None
+        self._precision: Precision = "half"
 
     def send(self, request: Request) -> int:
         id = super().send(request)
@@ -116,10 +120,12 @@ class ServingClient(FakeClient):
         elif isinstance(sent, ComputeTransport):
             if sent.selected is not None and sent.factor is not None:
                 self._selected = (sent.selected, sent.factor)
+            self._precision = sent.precision
             stages = ["drag"] if sent.n_lights_final == 0 else ["coarse", "final"]
             self._answers = {ComputeTransport: [a for stage in stages for a in self._stage(sent, stage, stages[-1])]}
         elif isinstance(sent, Contract):
-            self._selected = (sent.key, sent.factor)
+            if sent.factor is not None:
+                self._selected, self._precision = (sent.key, sent.factor), sent.precision
             self._answers[Contract] = self._contraction(sent)
         return id
 
@@ -145,7 +151,7 @@ class ServingClient(FakeClient):
         for layer in request.layers:
             answers.append(LayerPicture(layer.key, stage, np.zeros((4, 3)), layer.coefficients))
             if self._selected is not None and layer.key == self._selected[0]:
-                answers.append(transport(layer.key, self._selected[1], stage))
+                answers.append(transport(layer.key, self._selected[1], stage, self._precision))
         answers.append(StageDone(stage, stage == last, 0.1))
         return [stamped(answer, request.id, request.revision) for answer in answers]
 
@@ -157,5 +163,7 @@ class ServingClient(FakeClient):
         assert work.bands == tuple(len(values) for _, values in request.coefficients)
         values = tuple(values for _, values in request.coefficients)
         picture = LayerPicture(request.key, self._made[request.key].stage, np.zeros((4, 3)), values)
-        answers: list[Response] = [picture, transport(request.key, request.factor, picture.stage)]
+        answers: list[Response] = [picture]
+        if request.factor is not None:
+            answers.append(transport(request.key, request.factor, picture.stage, request.precision))
         return [stamped(answer, request.id, request.revision) for answer in answers]

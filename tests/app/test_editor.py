@@ -1,5 +1,7 @@
 """The editor's decisions: what it asks of the worker, when, what it tells the renderer, and what it says about it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -17,6 +19,7 @@ from app.jobs.messages import (
 )
 from app.negotiator import DRAG_QUALITY, N_LIGHTS_PREVIEW
 from app.picture import LayerRadiance, SceneFrame, SkyChanged, TransportReady
+from app.view_state import SetView
 from engine.curve.operators import Operator
 from engine.plan import band_counts
 from tests.app.fake_worker import FakeClient, transport
@@ -122,6 +125,39 @@ def test_switching_the_curve_contracts_the_other(settled: Editor, client: FakeCl
     assert len(client.sent(Contract)) == 1
 
 
+def test_another_precision_is_asked_for_at_once(settled: Editor, client: FakeClient) -> None:
+    settled.report_rendering(replace(EXACT, precision="half"))
+    assert settled.status.picture == "exact" and settled.status.transport_note == ""
+    settled.do(SetView.of(precision="float"))
+    settled.tick(1.1)
+    (request,) = client.sent(Contract)
+    assert (request.key, request.factor, request.precision) == ("pot.1", "theta_h", "float")
+    settled.report_rendering(replace(EXACT, precision="half"))  # the picture stays as it is meanwhile
+    assert settled.status.picture == "refining"
+    assert settled.status.transport_note == "made with half floats until full floats are here"
+    client.contract("final")
+    events = settled.tick(1.2)
+    assert [type(event) for event in events] == [LayerRadiance, TransportReady]
+    settled.tick(1.3)
+    settled.report_rendering(replace(EXACT, precision="float"))
+    assert settled.status.picture == "exact" and settled.status.transport_note == ""
+    assert len(client.sent(Contract)) == 1
+
+
+def test_the_transport_that_follows_keeps_the_precision(settled: Editor, client: FakeClient) -> None:
+    settled.do(SetView.of(precision="float"))
+    settled.tick(1.1)
+    client.contract("final")
+    settled.do(SetRotation(50.0))
+    settled.tick(1.2)
+    settled.tick(1.5)
+    assert computed(client)[-1].precision == "float"
+    client.finish_stage("final", exact=True)
+    settled.tick(1.6)
+    settled.tick(1.7)
+    assert len(client.sent(Contract)) == 1
+
+
 def test_the_other_curve_is_contracted_again_one_at_a_time(settled: Editor, client: FakeClient) -> None:
     for step in range(5):  # eta drives θ_d, while θ_h is selected
         settled.do(SetParameter("pot.1", "eta", 1.5 + 0.1 * step))
@@ -210,7 +246,7 @@ def test_undo_of_another_layer_asks_for_its_picture_alone(settled: Editor, clien
     assert settled.undo() == "pot.1 theta_h Translate Y"
     settled.tick(1.3)
     (request,) = client.sent(Contract)
-    assert request.key == "pot.1"
+    assert (request.key, request.factor) == ("pot.1", None)  # no transport: nobody selects it
     assert np.array_equal(dict(request.coefficients)["theta_h"], settled.wanted_coefficients("pot.1")["theta_h"])
     client.contract("final")
     events = settled.tick(1.4)

@@ -13,6 +13,7 @@ from app.editor import Editor, RenderReport
 from app.jobs.messages import ComputeTransport, Contract
 from app.negotiator import TransportWish, same_coefficients
 from app.picture import LayerRadiance, TransportReady
+from app.view_state import SetView
 from engine.curve.operators import Operator
 from tests.app.fake_worker import ServingClient
 
@@ -38,6 +39,8 @@ ACTIONS: dict[str, Any] = {
     "select θo": lambda editor: editor.select("floor.0.theta_o"),
     "select floor": lambda editor: editor.select("floor"),
     "select nothing": lambda editor: editor.select(None),
+    "half": lambda editor: editor.do(SetView.of(precision="half")),
+    "float": lambda editor: editor.do(SetView.of(precision="float")),
     "rest": lambda editor: None,
 }
 
@@ -49,6 +52,7 @@ class Renderer:
         self.editor = editor
         self.shown: dict[str, dict[str, Any]] = {}
         self.curve: tuple[str, str] | None = None
+        self.precision = ""
 
     def frame(self, now: float) -> None:
         for event in self.editor.tick(now):
@@ -56,6 +60,7 @@ class Renderer:
                 self.shown[event.key] = dict(event.coefficients)
             elif isinstance(event, TransportReady):
                 self.curve = (event.key, event.factor)
+                self.precision = {np.float16: "half", np.float32: "float"}[event.coefficients_first.dtype.type]
         selected = self.editor.view.selected
         mine = selected is not None and self.curve == (selected.key, selected.factor)
         if mine and selected is not None and selected.factor is not None and selected.key in self.shown:
@@ -84,6 +89,9 @@ def test_the_picture_comes_right(seed: int, actions: list[str], step: float) -> 
     assert editor.status.picture == "exact"
     for key, _ in editor.document.layers():
         assert same_coefficients(renderer.shown[key], editor.wanted_coefficients(key)), key
+    selected = editor.view.selected
+    if selected is not None and selected.factor in editor.wanted_coefficients(selected.key):
+        assert renderer.curve == (selected.key, selected.factor) and renderer.precision == editor.view.precision
     n_requests = len(client.requests)
     for _ in range(20):
         now += 0.3

@@ -26,6 +26,7 @@ from app.jobs.messages import (
     StageDone,
 )
 from engine.curve.wavelet import forward
+from engine.plan import Precision
 from engine.scene.description import SceneDescription
 
 WIDTH, HEIGHT = 48, 32
@@ -119,7 +120,7 @@ class StandInClient:
         elif isinstance(request, ComputeTransport):
             yield from self._compute(request)
         elif isinstance(request, Contract):
-            yield self._transport(request.key, request.factor, dict(request.coefficients))
+            yield from self._contract(request)
 
     def _compute(self, request: ComputeTransport) -> Iterator[Response]:
         arrays = scene_arrays()
@@ -136,11 +137,22 @@ class StandInClient:
             yield LayerPicture(layer.key, "final", radiance, layer.coefficients)
             if layer.key == request.selected and request.factor is not None:
                 made_with = dict(zip(layer.factors, layer.coefficients, strict=True))
-                yield self._transport(layer.key, request.factor, made_with)
+                yield self._transport(layer.key, request.factor, made_with, request.precision)
         yield StageDone("final", True, 0.1, 1_000_000)
 
-    def _transport(self, key: str, factor: str, coefficients: dict[str, np.ndarray]) -> LayerTransport:
-        bands = transport_of(key, len(coefficients[factor]))
-        waves = forward(bands)
+    def _contract(self, request: Contract) -> Iterator[Response]:
+        coefficients = dict(request.coefficients)
+        first = next(iter(coefficients.values()))
+        radiance = np.einsum("jpc,jc->pc", transport_of(request.key, len(first)), first).astype(np.float32)
+        yield LayerPicture(request.key, "final", radiance, tuple(coefficients.values()))
+        if request.factor is not None:
+            yield self._transport(request.key, request.factor, coefficients, request.precision)
+
+    def _transport(
+        self, key: str, factor: str, coefficients: dict[str, np.ndarray], precision: Precision
+    ) -> LayerTransport:
+        waves = forward(transport_of(key, len(coefficients[factor])))
         norms = np.sqrt(np.sum(waves**2, axis=1))
-        return LayerTransport(key, factor, "final", waves.astype(np.float32), norms, np.ones((len(bands), 3)))
+        scale = np.abs(waves).max(axis=(1, 2))
+        numbers = (waves / scale[:, None, None]).astype(np.float16 if precision == "half" else np.float32)
+        return LayerTransport(key, factor, "final", numbers, norms, scale)

@@ -193,16 +193,16 @@ class PlacementRenderer:
         transport: NDArray[np.floating],
         norms: NDArray[np.floating],
         scale: NDArray[np.floating] | None = None,
-        precision: Precision = "half",
     ) -> None:
         """Start to upload a layer's transport (J,p,3), true values transport·scale, in the Daub4 domain.
 
-        norms (J,3) are the lengths ‖T_k‖ of the true values over the p samples; scale (J,) or (J,3), None is 1.
-        The active transport and the picture stay until ``upload`` is done; another one under way is given up.
+        Its numbers are float16 or float32, and so they stay on the GPU. norms (J,3) are the lengths ‖T_k‖ of the true
+        values over the p samples; scale (J,) or (J,3), None is 1. The active transport and the picture stay until
+        ``upload`` is done; another one under way is given up.
         """
         layers = self._shown().layers
         self.cancel_transport()
-        upload = TransportUpload(self.memory, transport, norms, scale, precision)
+        upload = TransportUpload(self.memory, transport, norms, scale)
         self._arriving = _Arriving(key, upload, layers.footprint)
         try:
             layers.check_sample_count(key, layers[key].i_object, upload.target.n_samples)
@@ -234,6 +234,11 @@ class PlacementRenderer:
     def transport_key(self) -> str | None:
         """The layer whose transport is active."""
         return None if self._active is None else self._active.key
+
+    @property
+    def transport_precision(self) -> Precision | None:
+        """Whether the active transport is of half or single floats; None where none is active."""
+        return None if self._active is None else self._active.refiner.transport.precision
 
     def cancel_transport(self) -> None:
         """Give up an upload under way; the active transport stays."""

@@ -1,9 +1,9 @@
 """A layer's transport in GPU memory, and its upload in slices.
 
 One coefficient is one layer of an array texture; its (p,3) numbers lie there as they come from the worker (see
-``sample_layout``), so an upload copies and never rearranges. Half precision keeps numbers h with T = scale·h, one scale
-for each coefficient and channel: a scale for each pixel would zero the weak bands, none would overflow. Scales that
-are chosen here are powers of two that bring the largest number to at most 2¹⁵. The shader decodes every half exactly.
+``sample_layout``), so an upload copies and never rearranges nor converts: halves stay halves. They are numbers h with
+T = scale·h, one scale for each coefficient (see ``engine.transport.planes``): a scale for each pixel would zero the
+weak bands, none would overflow. The shader decodes every half exactly.
 
 Reading one coefficient at a time leaves the choice of terms free; the packing is what makes it fast on a CPU. One layer
 of 60,000 samples, llvmpipe (Mesa 22.3, LLVM 15) on two cores of an AMD EPYC, best of 25 while others used the machine;
@@ -40,7 +40,7 @@ from ui.gl.sample_layout import GROUPS_PER_ROW, SAMPLES_PER_ROW, row_count
 from ui.gl.textures import TextureMemory
 
 _TEXELS_PER_GROUP = {"half": 3, "float": 6}
-_LARGEST_HALF = 2.0**15
+_PRECISIONS: dict[str, Precision] = {"float16": "half", "float32": "float"}
 _MEAN_SAMPLES = 4096
 
 
@@ -84,13 +84,12 @@ class TransportUpload:
         transport: NDArray[np.floating],
         norms: NDArray[np.floating],
         scale: NDArray[np.floating] | None,
-        precision: Precision,
     ) -> None:
-        n_coefficients, n_samples = _checked_shape(transport, norms, scale, precision)
+        n_coefficients, n_samples = _checked_shape(transport, norms, scale)
         self.norms = np.array(norms, dtype=np.float64)
         self._source = transport
         self._next = 0
-        self.target = TransportTexture(memory, n_coefficients, n_samples, precision)
+        self.target = TransportTexture(memory, n_coefficients, n_samples, _PRECISIONS[transport.dtype.name])
         if scale is not None:
             self.target.scale[:] = np.asarray(scale, dtype=np.float64).reshape(n_coefficients, -1)
 
@@ -119,12 +118,6 @@ class TransportUpload:
         numbers = np.ascontiguousarray(self._source[k])
         if not _all_finite(numbers):
             raise GraphicsError(f"transport coefficient {k} holds a number that is not finite; the old picture stays")
-        if target.precision == "float":
-            numbers = numbers.astype(np.float32, copy=False)
-        elif numbers.dtype != np.float16:
-            factor = _half_scale(numbers)
-            target.scale[k] *= factor
-            numbers = (numbers / factor.astype(numbers.dtype)).astype(np.float16)
         target.write(k, numbers)
         target.means[k] = target.scale[k] * _mean(numbers)
         self._next += 1
@@ -134,17 +127,16 @@ def _checked_shape(
     transport: NDArray[np.floating],
     norms: NDArray[np.floating],
     scale: NDArray[np.floating] | None,
-    precision: str,
 ) -> tuple[int, int]:
     if transport.ndim != 3 or transport.shape[2] != 3 or transport.shape[0] < 1:
         raise GraphicsError(f"transport of shape {transport.shape}, expected (J, p, 3)")
+    if transport.dtype.name not in _PRECISIONS:
+        raise GraphicsError(f"transport of {transport.dtype.name}, expected {' or '.join(_PRECISIONS)}")
     n_coefficients, n_samples = transport.shape[:2]
     if norms.shape != (n_coefficients, 3) or not np.isfinite(norms).all():
         raise GraphicsError(f"norms of shape {norms.shape}, expected ({n_coefficients}, 3), all finite")
     if scale is not None and np.shape(scale) not in ((n_coefficients,), (n_coefficients, 1), (n_coefficients, 3)):
         raise GraphicsError(f"scale of shape {np.shape(scale)}, expected ({n_coefficients},) or ({n_coefficients}, 3)")
-    if precision not in _TEXELS_PER_GROUP:
-        raise GraphicsError(f"precision {precision!r}, expected 'half' or 'float'")
     return n_coefficients, n_samples
 
 
@@ -158,10 +150,3 @@ def _all_finite(numbers: NDArray[np.floating]) -> bool:
     if numbers.dtype == np.float16:  # np.isfinite of halves is an order slower than a look at the exponents
         return numbers.size == 0 or int((numbers.view(np.uint16) & 0x7FFF).max()) < 0x7C00
     return bool(np.isfinite(numbers).all())
-
-
-def _half_scale(numbers: NDArray[np.floating]) -> NDArray[np.float64]:
-    """The power of two for each channel that brings the largest |number| to at most 2¹⁵; within float32's range."""
-    largest = np.abs(numbers).max(axis=0, initial=0.0).astype(np.float64)
-    exponents = np.ceil(np.log2(np.where(largest > 0.0, largest, 1.0) / _LARGEST_HALF))
-    return np.where(largest > 0.0, np.exp2(np.clip(exponents, -120.0, 120.0)), 1.0)

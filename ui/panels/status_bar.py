@@ -58,7 +58,8 @@ def picture_state(status: Status) -> tuple[look.Colour, str, str]:
     if status.picture == "exact":
         return look.GOOD, f"picture exact{error}", "All of the curve is in the picture, with the final lights."
     if status.picture == "refining":
-        return look.ACCENT, f"refining{error}", "Wavelet coefficients are still being added, largest effect first."
+        hint = status.transport_note or "Wavelet coefficients are still being added, largest effect first."
+        return look.ACCENT, f"refining{error}", hint
     if status.picture == "preview":
         return look.ACCENT, "preview", "Coarse or fewer lights, or not yet the present light or roughness."
     return look.TEXT_FAINT, "waiting", "Nothing has been computed yet."

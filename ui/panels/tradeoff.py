@@ -53,16 +53,15 @@ def _quality(context: PanelContext) -> list[Action]:
         actions.append(SetView.of(n_lights=LIGHT_CHOICES[pressed]))
     widgets.label(context, "Transport")
     options = (
-        ("Half", "Half floats on the graphics card: half the memory, errors of a thousandth. From the next curve on."),
-        (
-            "Float",
-            "Full floats on the graphics card: twice the memory, increments without rounding. From the next curve on.",
-        ),
+        ("Half", "Half floats on the graphics card: half the memory, errors of a thousandth."),
+        ("Float", "Full floats on the graphics card: twice the memory, increments without rounding."),
     )
     chosen = 0 if context.view.precision == "half" else 1
     pressed = widgets.segments(context, "accuracy.precision", options, chosen, least=_share(context, 2))
     if pressed is not None:
         actions.append(SetView.of(precision="half" if pressed == 0 else "float"))
+    if context.status.transport_note:
+        widgets.caption(context.status.transport_note)
     return actions
 
 

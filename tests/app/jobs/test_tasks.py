@@ -201,7 +201,7 @@ def test_transport_times_the_curve_is_the_picture(source: str, store: Store) -> 
 # ------------------------------------------------------------------------------------------------------- contractions
 
 
-def contraction(factor: str, brighter: float = 1.0) -> Contract:
+def contraction(factor: str | None, brighter: float = 1.0) -> Contract:
     asked = work(GLOSS, "rough_conductor", alpha=0.3)
     return Contract(GLOSS, factor, tuple(zip(asked.factors, (brighter * c for c in asked.coefficients), strict=True)))
 
@@ -213,6 +213,30 @@ def test_a_curve_is_switched_after_the_transport(source: str, store: Store) -> N
     # Both curves twice as high: four times the light.
     np.testing.assert_allclose(picture.radiance, 4 * before, rtol=1e-6)
     assert (transport.factor, len(transport.coefficients_first)) == ("theta_d", 4)
+
+
+def test_the_same_transport_comes_in_either_precision(source: str, store: Store) -> None:
+    tasks = opened(source, store)
+    half = [a for a in run_in_process(tasks, compute()) if isinstance(a, LayerTransport)][-1]
+    picture, full = run_in_process(tasks, replace(contraction("theta_h"), precision="float"))
+    assert isinstance(picture, LayerPicture) and isinstance(full, LayerTransport)
+    assert (half.precision, full.precision) == ("half", "float")
+    planes = [np.asarray(t.coefficients_first * t.scale[:, None, None]) for t in (half, full)]
+    largest = np.abs(planes[1]).max(axis=(1, 2), keepdims=True)
+    assert (np.abs(planes[0] - planes[1]) <= 2.0**-11 * np.abs(planes[1]) + 2.0**-21 * largest).all()
+    assert not np.array_equal(planes[0], planes[1])
+    # What follows keeps the precision that was asked for last.
+    later = run_in_process(tasks, compute(precision="float", n_lights_final=PREVIEW_LIGHTS))
+    assert {a.precision for a in later if isinstance(a, LayerTransport)} == {"float"}
+
+
+def test_a_picture_alone_leaves_the_selection(source: str, store: Store) -> None:
+    tasks = opened(source, store)
+    before = pictures(run_in_process(tasks, compute(selected="ground.0", factor="theta_i")))[GLOSS]
+    (picture,) = run_in_process(tasks, contraction(None, 2.0))
+    np.testing.assert_allclose(picture.radiance, 4 * before, rtol=1e-6)
+    later = run_in_process(tasks, compute(selected=None, factor=None, n_lights_final=PREVIEW_LIGHTS))
+    assert {a.key for a in later if isinstance(a, LayerTransport)} == {"ground.0"}
 
 
 def test_a_contraction_is_served_while_the_transport_is_computed(source: str, store: Store) -> None:

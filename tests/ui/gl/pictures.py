@@ -42,13 +42,21 @@ def norms_of(transport: np.ndarray) -> np.ndarray:
     return np.sqrt(np.sum(transport.astype(np.float64) ** 2, axis=1))
 
 
+def halves_of(transport: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Half floats (J,p,3) and the scale (J,) of each plane, a power of two: true values are the product."""
+    largest = np.abs(transport).max(axis=(1, 2))
+    scale = np.exp2(np.ceil(np.log2(np.where(largest > 0.0, largest, 1.0))))
+    return (transport / scale[:, None, None]).astype(np.float16), scale
+
+
 def start_layer(
     renderer: PlacementRenderer, transport: np.ndarray, coefficients: np.ndarray, precision: Precision = "float"
 ) -> None:
     """One object whose only layer, "ball.0", shows `transport` (J,p,3) under `coefficients` (J,3)."""
     renderer.set_frame(full_frame(transport.shape[1]))
     renderer.set_layer("ball.0", 0, transport.shape[1])
-    renderer.begin_transport("ball.0", transport, norms_of(transport), precision=precision)
+    numbers, scale = halves_of(transport) if precision == "half" else (transport, np.ones(len(transport)))
+    renderer.begin_transport("ball.0", numbers, norms_of(transport), scale)
     while not renderer.upload(1.0):
         pass
     renderer.wanted("ball.0", coefficients)

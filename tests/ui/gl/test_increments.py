@@ -141,12 +141,22 @@ def test_scales_of_the_worker_are_applied(renderer: PlacementRenderer) -> None:
     assert relative_error(renderer.layer_radiance("ball.0"), expected) < 1e-6
 
 
+def test_the_precision_is_that_of_the_transport_in_use(renderer: PlacementRenderer) -> None:
+    transport, coefficients, _ = _problem(8, 100)
+    assert renderer.transport_precision is None
+    start_layer(renderer, transport, coefficients, "half")
+    renderer.begin_transport("ball.0", transport, norms_of(transport))
+    renderer.upload(0.0)
+    assert renderer.transport_precision == "half"  # the new one is not there yet
+    assert renderer.upload(1.0) and renderer.transport_precision == "float"
+
+
 def test_a_partial_upload_is_never_shown(renderer: PlacementRenderer) -> None:
     transport, coefficients, _ = _problem(16, 300)
     start_layer(renderer, transport, coefficients)
     before = renderer.layer_radiance("ball.0")
     brighter = 3.0 * transport
-    renderer.begin_transport("ball.0", brighter, norms_of(brighter), precision="float")
+    renderer.begin_transport("ball.0", brighter, norms_of(brighter))
     for i_slice in range(15):
         assert not renderer.upload(0.0)  # no time at all is one coefficient
         assert renderer.upload_fraction == pytest.approx((i_slice + 1) / 16)
@@ -196,6 +206,8 @@ def test_wrong_curves_and_transports_are_refused(renderer: PlacementRenderer) ->
         renderer.begin_transport("ball.0", transport[:, :20], norms_of(transport))
     with pytest.raises(GraphicsError, match=r"expected \(J, p, 3\)"):
         renderer.begin_transport("ball.0", transport[0], norms_of(transport))
+    with pytest.raises(GraphicsError, match="float64, expected float16 or float32"):
+        renderer.begin_transport("ball.0", transport.astype(float), norms_of(transport))
     with pytest.raises(GraphicsError, match="no layer cup.0"):
         renderer.begin_transport("cup.0", transport, norms_of(transport))
 
