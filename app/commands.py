@@ -8,9 +8,12 @@ apply: the first works on the generated curve, each next one on what the ones be
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
-from app.document import Document, LightState, Mapping, Target, all_factors, resolve
+from app.document import Document, Target, all_factors, resolve
+from app.light_commands import SetEnvironment, SetIntensity, SetMapping, SetRotation
+from app.probe_file import likely_mapping
 from engine.curve.operators import Edit, Tabulated, collapse
 from engine.errors import InsituError, LoadError
 from engine.material import MODELS
@@ -18,7 +21,6 @@ from engine.material.layer import Layer, make_layer
 
 CurveEdit = Edit
 MAX_OPERATORS = 256
-MAX_INTENSITY = 1e6
 
 
 @dataclass(frozen=True)
@@ -257,58 +259,10 @@ class SetEditable:
         return document.with_object(replace(document.object(self.object), editable=self.editable))
 
 
-@dataclass(frozen=True)
-class SetRotation:
-    """Turn the environment to ``degrees`` counter-clockwise about +Y; brought into [0, 360)."""
-
-    degrees: float
-
-    @property
-    def label(self) -> str:
-        return "rotate the environment"
-
-    def apply(self, document: Document) -> Document:
-        degrees = _number("light.rotation", self.degrees, -1e9, 1e9) % 360.0
-        return replace(document, light=replace(document.light, rotation=0.0 if degrees == 360.0 else degrees))
-
-
-@dataclass(frozen=True)
-class SetIntensity:
-    """Multiply all light by ``intensity``."""
-
-    intensity: float
-
-    @property
-    def label(self) -> str:
-        return "light intensity"
-
-    def apply(self, document: Document) -> Document:
-        value = _number("light.intensity", self.intensity, 0.0, MAX_INTENSITY)
-        return replace(document, light=replace(document.light, intensity=value))
-
-
-@dataclass(frozen=True)
-class SetEnvironment:
-    """Light the scene by another environment, or one radiance from everywhere; rotation and intensity stay."""
-
-    environment: str
-    mapping: Mapping = "latlong"
-    radiance: tuple[float, float, float] | None = None
-
-    @property
-    def label(self) -> str:
-        return f"environment {self.environment}"
-
-    def apply(self, document: Document) -> Document:
-        light = document.light
-        changed = LightState(self.environment, self.mapping, light.rotation, light.intensity, self.radiance)
-        return replace(document, light=check_light(changed, "light"))
-
-
 EditCommand = (
     SetParameter | SetModel | SetOperators | AddOperator | ReplaceOperator | RemoveOperator | MoveOperator
     | MuteOperator | CollapseOperators | ResetCurve | SetVisible | SetFrozen | SetEditable | SetRotation
-    | SetIntensity | SetEnvironment
+    | SetIntensity | SetEnvironment | SetMapping
 )  # fmt: skip
 
 
@@ -331,7 +285,9 @@ def _set_light(path: str, target: Target, value: Any) -> EditCommand:
     if target.name == "environment":
         if not isinstance(value, str):
             raise LoadError(path, "value", value, "a built-in environment's name or a file's path")
-        return SetEnvironment(value)
+        return SetEnvironment(value, likely_mapping(Path(value)))
+    if target.name == "mapping":
+        return SetMapping(value)
     return SetRotation(value) if target.name == "rotation" else SetIntensity(value)
 
 
@@ -349,28 +305,6 @@ def operator_title(operator: CurveEdit) -> str:
     if isinstance(operator, Tabulated):
         return "Table"
     return f"{operator.kind.capitalize()} {operator.axis.upper()}"
-
-
-def check_light(light: LightState, where: str) -> LightState:
-    """The light itself when all of it makes sense, else LoadError."""
-    if not light.environment:
-        raise LoadError(where, "environment", light.environment, "a name or a path")
-    if light.mapping not in ("latlong", "angular"):
-        raise LoadError(where, "mapping", light.mapping, "latlong or angular")
-    if (light.radiance is None) == (light.environment == "constant"):
-        raise LoadError(where, "radiance", light.radiance, "a radiance with environment = constant, and only then")
-    for value in light.radiance or ():
-        _number(f"{where}.radiance", value, 0.0, 1e12)
-    _number(f"{where}.rotation", light.rotation, -1e9, 1e9)
-    _number(f"{where}.intensity", light.intensity, 0.0, MAX_INTENSITY)
-    return light
-
-
-def _number(where: str, value: Any, low: float, high: float) -> float:
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if not is_number or not low <= value <= high:
-        raise LoadError(where, "value", value, f"a number from {low:g} to {high:g}")
-    return float(value)
 
 
 def _editable_layer(document: Document, key: str) -> Layer:

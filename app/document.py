@@ -14,6 +14,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from pathlib import PurePath
 from typing import Literal, NamedTuple
 
 from engine.errors import InsituError, LoadError
@@ -34,9 +35,9 @@ class LightState:
     """The environment and how it stands.
 
     ``environment`` is ``"scene"`` (what the scene file says, its ``scale`` included), ``"constant"`` (``radiance``
-    from everywhere), a built-in environment's name or a file's path. ``rotation`` in degrees turns it
-    counter-clockwise about +Y seen from above. ``intensity`` multiplies all light, emitters included: it is applied
-    to the finished picture, so it costs nothing and transport does not depend on it.
+    from everywhere), a built-in environment's name or a file's path, read as ``mapping`` says. ``rotation`` in
+    degrees turns it counter-clockwise about +Y seen from above. ``intensity`` multiplies all light, emitters
+    included: it is applied to the finished picture, so it costs nothing and transport does not depend on it.
     """
 
     environment: str = SCENE_ENVIRONMENT
@@ -44,6 +45,11 @@ class LightState:
     rotation: float = 0.0
     intensity: float = 1.0
     radiance: RGB | None = None
+
+    @property
+    def is_file(self) -> bool:
+        """Whether the environment is a file that was opened: built-in ones have names without an ending."""
+        return PurePath(self.environment).suffix != ""
 
 
 @dataclass(frozen=True)
@@ -149,7 +155,7 @@ class Target:
 
 
 SWITCHES = ("visible", "frozen", "editable")
-LIGHT_FIELDS = ("rotation", "intensity", "environment")
+LIGHT_FIELDS = ("rotation", "intensity", "environment", "mapping")
 
 
 def layer_key(object_name: str, index: int) -> str:

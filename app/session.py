@@ -16,8 +16,9 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from app.atomic import write_atomically
-from app.commands import MAX_INTENSITY, MAX_OPERATORS, CurveEdit, check_light
+from app.commands import MAX_OPERATORS, CurveEdit
 from app.document import Document, LightState, ObjectState, Selection, all_factors, layer_from_description, layer_key
+from app.light_commands import MAX_INTENSITY, check_light
 from app.paths import full_path, is_file_name
 from app.toml_text import check_version, load_toml, toml_lines, toml_value
 from app.view_state import SetView, ViewState

@@ -11,9 +11,11 @@ from datetime import datetime
 from pathlib import Path
 from typing import cast
 
-from app.commands import EditCommand, SetEnvironment
+from app.commands import EditCommand
 from app.editor import Editor
 from app.journal import Recovery
+from app.light_commands import SetEnvironment
+from app.probe_file import likely_mapping
 from app.session import SUFFIX
 from app.view_state import ViewCommand
 from ui.panels.actions import (
@@ -35,7 +37,6 @@ from ui.panels.actions import (
     Undo,
 )
 from ui.panels.state import FileQuestion, PanelState
-from ui.probe_file import looks_angular
 
 ENVIRONMENT_ENDINGS = (".exr", ".hdr", ".pic")
 
@@ -117,7 +118,7 @@ class Actor:
             self._folder = Path(path).resolve().parent
         if suffix in ENVIRONMENT_ENDINGS:
             file = Path(path).resolve()
-            self._editor.do(SetEnvironment(str(file), "angular" if looks_angular(file) else "latlong"))
+            self._editor.do(SetEnvironment(str(file), likely_mapping(file)))
         elif suffix in ("", ".toml", SUFFIX):
             self._editor.open(path)
         else:

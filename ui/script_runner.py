@@ -10,9 +10,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Literal
 
-from app.commands import SetRotation, set_path
+from app.commands import set_path
 from app.editor import Editor, WorkerClient
 from app.jobs.client import Client
+from app.light_commands import SetRotation
 from app.script import (
     AssertErrorBelow,
     Capture,

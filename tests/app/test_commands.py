@@ -1,5 +1,7 @@
 """Every command does what it says, refuses what makes no sense, and leaves the document it was given as it was."""
 
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +21,7 @@ from app.commands import (
     SetEnvironment,
     SetFrozen,
     SetIntensity,
+    SetMapping,
     SetModel,
     SetOperators,
     SetParameter,
@@ -121,6 +124,25 @@ def test_light(document: Document) -> None:
     assert SetEnvironment("constant", radiance=(1.0, 0.5, 0.0)).apply(document).light.radiance == (1.0, 0.5, 0.0)
 
 
+def test_a_file_is_read_as_either_map(document: Document, tmp_path: Path) -> None:
+    square, wide = tmp_path / "probe.hdr", tmp_path / "sky.hdr"
+    for file, width in ((square, 8), (wide, 16)):
+        file.write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 8 +X %d\n" % width)
+    lit = set_path(document, "light.environment", str(square)).apply(SetRotation(10.0).apply(document))
+    # A square file is taken for an angular map; the person may say otherwise, and the rest of the light stays.
+    assert (lit.light.mapping, lit.light.rotation) == ("angular", 10.0)
+    other = SetMapping("latlong").apply(lit)
+    assert other.light == replace(lit.light, mapping="latlong")
+    assert SetMapping("angular").apply(other) == lit
+    lit = set_path(document, "light.environment", str(wide)).apply(document)
+    assert lit.light.mapping == "latlong"
+    with pytest.raises(InsituError, match="sky.hdr has 16 x 8 pixels, an angular map is square"):
+        SetMapping("angular").apply(lit)
+    for own in (document, SetEnvironment("studio").apply(document)):
+        with pytest.raises(InsituError, match="has a mapping of its own"):
+            SetMapping("latlong").apply(own)
+
+
 REFUSED: list[EditCommand] = [
     SetParameter("pot.1", "alpha", 0.0),
     SetParameter("pot.1", "alpha", float("nan")),
@@ -142,6 +164,7 @@ REFUSED: list[EditCommand] = [
     SetIntensity(-1.0),
     SetIntensity(float("nan")),
     SetEnvironment(""),
+    SetMapping("cube"),  # type: ignore[arg-type]
     SetEnvironment("constant"),
     SetEnvironment("studio", radiance=(1.0, 1.0, 1.0)),
     SetEnvironment("constant", radiance=(1.0, -1.0, 1.0)),
@@ -162,6 +185,7 @@ def test_refusals_are_one_line(document: Document, command: EditCommand) -> None
         ("light.rotation", 45.0, SetRotation(45.0)),
         ("light.intensity", 2.0, SetIntensity(2.0)),
         ("light.environment", "studio", SetEnvironment("studio")),
+        ("light.mapping", "angular", SetMapping("angular")),
         ("pot.frozen", True, SetFrozen("pot", True)),
         ("pot.1.visible", False, SetVisible("pot.1", False)),
         ("floor.editable", False, SetEditable("floor", False)),

@@ -49,7 +49,7 @@ def test_paths(document: Document, path: str, kind: str, key: str | None, name: 
         ("pot.1.alhpa", "did you mean 'alpha'"),
         ("pot.0.theta_h", "theta_i, theta_o, albedo"),
         ("lamp.0", "there is: none"),
-        ("light.colour", "rotation, intensity, environment"),
+        ("light.colour", "rotation, intensity, environment, mapping"),
         ("", "no object ''"),
     ],
 )

@@ -9,14 +9,18 @@ from pathlib import Path
 import pytest
 from imgui_bundle import imgui
 
+from app.document import LightState
+from app.editor import Editor
+from app.jobs.messages import ComputeTransport
 from app.journal import Journal, recoverable_sessions
+from app.probe_file import likely_mapping, probe_size
 from engine.curve.operators import Operator
+from tests.ui.stand_in import StandInClient
 from ui.actor import picture_name, suggested_name
 from ui.headless import HeadlessWindow
 from ui.panels.actions import OpenFile, SaveSession
 from ui.panels.dialogs import answer, entries
 from ui.panels.state import FileQuestion
-from ui.probe_file import looks_angular
 
 
 def exr_head(width: int, height: int) -> bytes:
@@ -25,24 +29,28 @@ def exr_head(width: int, height: int) -> bytes:
 
 
 @pytest.mark.parametrize(
-    ("name", "content", "angular"),
+    ("name", "content", "size", "mapping"),
     [
-        ("probe.exr", exr_head(512, 512), True),
-        ("sky.exr", exr_head(1024, 512), False),
-        ("probe.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 900 +X 900\n", True),
-        ("sky.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 512 +X 1024\n", False),
-        ("empty.hdr", b"", False),
+        ("probe.exr", exr_head(512, 512), (512, 512), "angular"),
+        ("sky.exr", exr_head(1024, 512), (1024, 512), "latlong"),
+        ("probe.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 900 +X 900\n", (900, 900), "angular"),
+        ("sky.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 512 +X 1024\n", (1024, 512), "latlong"),
+        ("empty.hdr", b"", None, "latlong"),
     ],
 )
-def test_square_probes_are_angular(tmp_path: Path, name: str, content: bytes, angular: bool) -> None:
+def test_square_probes_are_taken_for_angular(
+    tmp_path: Path, name: str, content: bytes, size: tuple[int, int] | None, mapping: str
+) -> None:
     file = tmp_path / name
     file.write_bytes(content)
-    assert looks_angular(file) is angular
+    assert probe_size(file) == size
+    assert likely_mapping(file) == mapping
 
 
 def test_what_is_no_file_is_not_read(tmp_path: Path) -> None:
-    assert not looks_angular(tmp_path)
-    assert not looks_angular(tmp_path / "missing.exr")
+    for path in (tmp_path, tmp_path / "missing.exr"):
+        assert probe_size(path) is None
+        assert likely_mapping(path) == "latlong"
 
 
 def test_the_browser_lists_folders_first_and_hides_the_rest(tmp_path: Path) -> None:
@@ -98,6 +106,48 @@ def test_dropped_files_are_told_apart(window: HeadlessWindow, tmp_path: Path) ->
     window.shell.actor.open(str(tmp_path / "notes.txt"))
     assert editor.document == before
     assert editor.status.is_error and "notes.txt" in editor.status.message
+
+
+@pytest.mark.gl
+def test_the_mapping_of_a_probe_can_be_switched(window: HeadlessWindow, tmp_path: Path) -> None:
+    editor = window.shell.editor
+    with pytest.raises(KeyError):  # the scene's own environment has its mapping in the scene's file
+        window.shell.handle_position("light.mapping.0")
+    probe = tmp_path / "probe.exr"
+    probe.write_bytes(exr_head(64, 64))
+    window.shell.actor.open(str(probe))
+    guessed = editor.document
+    assert guessed.light.mapping == "angular"
+    window.frames(2)
+    window.click_handle("light.mapping.0")
+    assert editor.document.light.mapping == "latlong"
+    assert window.run_until(lambda: _asked_light(editor).mapping == "latlong", 10.0)
+    window.key(imgui.Key.z, imgui.Key.mod_ctrl)
+    assert editor.document == guessed
+    assert window.run_until(lambda: _asked_light(editor).mapping == "angular", 10.0)
+
+
+@pytest.mark.gl
+def test_a_panorama_is_no_angular_map(window: HeadlessWindow, tmp_path: Path) -> None:
+    editor = window.shell.editor
+    sky = tmp_path / "sky.exr"
+    sky.write_bytes(exr_head(128, 64))
+    window.shell.actor.open(str(sky))
+    window.frames(2)
+    before, steps = editor.document, len(editor.history.undo_steps)
+    assert before.light.mapping == "latlong"
+    window.click_handle("light.mapping.1")
+    assert editor.document is before and len(editor.history.undo_steps) == steps
+    notice = window.shell.state.notice
+    assert notice is not None and notice.is_error
+    assert notice.text == "sky.exr has 128 x 64 pixels, an angular map is square; nothing changed"
+
+
+def _asked_light(editor: Editor) -> LightState:
+    """The light in the newest transport that was asked for."""
+    client = editor._client
+    assert isinstance(client, StandInClient)
+    return next(request.light for request in reversed(client.requests) if isinstance(request, ComputeTransport))
 
 
 @pytest.mark.gl

@@ -1,5 +1,7 @@
 """The light: the environment's picture as the scene stands in it, a wheel that turns it, its strength.
 
+An environment from a file can be read as a lat-long or as an angular map; which it is, is guessed from its shape.
+
 The picture is drawn in the world's frame: its middle is -Z, and it scrolls as the environment turns. The marker shows
 where the camera looks, so what is left of it lights the scene from the picture's left.
 """
@@ -11,16 +13,17 @@ from pathlib import Path
 
 from imgui_bundle import ImVec2, imgui
 
-from app.commands import SetEnvironment, SetIntensity, SetRotation
-from app.document import CONSTANT_ENVIRONMENT, SCENE_ENVIRONMENT
+from app.document import CONSTANT_ENVIRONMENT, SCENE_ENVIRONMENT, Mapping
+from app.light_commands import SetEnvironment, SetIntensity, SetMapping, SetRotation
 from ui import theme as look
 from ui.panels import widgets
 from ui.panels.actions import Action, AskFile, BeginDrag, EndDrag, Hold
 from ui.panels.context import PanelContext, Picture
 from ui.panels.state import Grip
 
-WHEEL = 82.0
+WHEEL = 76.0
 FULL_TURN = 360.0
+MAPPINGS: tuple[Mapping, ...] = ("latlong", "angular")
 LEAST_INTENSITY, LARGEST_INTENSITY = 0.01, 100.0
 
 
@@ -39,6 +42,8 @@ def draw(context: PanelContext) -> list[Action]:
     imgui.set_cursor_pos_y(start)
     actions += _wheel(context, wheel)
     actions += _environment(context)
+    if context.document.light.is_file:
+        actions += _mapping(context)
     actions += _rotation(context)
     actions += _intensity(context)
     if context.status.light_note:
@@ -79,6 +84,19 @@ def _environment(context: PanelContext) -> list[Action]:
     context.handles.note_item("light.environment")
     widgets.tooltip("What lights the scene. EXR and HDR files may also be dropped on the window.")
     return actions
+
+
+def _mapping(context: PanelContext) -> list[Action]:
+    """How the file is read; pressed where it cannot be read so, the status bar says why."""
+    widgets.label(context, "Mapping")
+    choices = (
+        ("Lat-long", "The file is a panorama, twice as wide as high: azimuth across, elevation upright."),
+        ("Angular", "The file is a light probe, a disc in a square: straight ahead in the middle, behind at the rim."),
+    )
+    chosen = MAPPINGS.index(context.document.light.mapping)
+    share = max(imgui.get_content_region_avail().x - 1.0, 1.0) / 2.0 / context.theme.scale
+    pressed = widgets.segments(context, "light.mapping", choices, chosen, least=share)
+    return [] if pressed is None else [SetMapping(MAPPINGS[pressed])]
 
 
 def _rotation(context: PanelContext) -> list[Action]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from imgui_bundle import ImVec2, imgui
 
-from app.commands import SetRotation
+from app.light_commands import SetRotation
 from app.view_state import SetView
 from ui import theme as look
 from ui.panels import widgets

@@ -33,8 +33,10 @@ from app.jobs.messages import (
 )
 from app.jobs.tasks import Tasks
 from engine.curve import wavelet
+from engine.light.environment import load_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
+from engine.render.image_files import write_exr
 from engine.transport.bandstore import BandTile
 from engine.transport.projection import project_layer
 
@@ -146,6 +148,20 @@ def test_stages_come_coarse_to_fine_with_the_selected_layer_first(source: str, s
     assert answers[-1].transport_bytes > 0
     # A second request for the same light does not send the sky again.
     assert not any(isinstance(a, SkyImage) for a in run_in_process(tasks, compute()))
+
+
+def test_a_file_is_read_by_the_mapping_of_the_light(source: str, store: Store, tmp_path: Path) -> None:
+    tasks = opened(source, store)
+    probe = tmp_path / "probe.exr"
+    write_exr(probe, np.random.default_rng(3).uniform(0.0, 2.0, (32, 32, 3)).astype(np.float32))
+    found = {}
+    for mapping in ("latlong", "angular"):
+        answers = run_in_process(tasks, compute(light=LightState(str(probe), mapping)))  # type: ignore[arg-type]
+        (sky,) = (a.radiance for a in answers if isinstance(a, SkyImage))
+        np.testing.assert_array_equal(sky, load_environment(probe, mapping).radiance)  # type: ignore[arg-type]
+        found[mapping] = pictures(answers)[GLOSS]
+    # Another sky, another picture: nothing of the first was taken for the second.
+    assert np.abs(found["latlong"] - found["angular"]).max() > 0.05 * found["latlong"].max()
 
 
 def test_a_coarse_stage_says_which_samples_stand_for_each_pixel(source: str, store: Store) -> None:

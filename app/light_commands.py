@@ -1,0 +1,112 @@
+"""The edits of the light: small frozen values that make a new document, as those of `app.commands`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from app.document import Document, LightState, Mapping
+from app.probe_file import probe_size
+from engine.errors import InsituError, LoadError
+
+MAX_INTENSITY = 1e6
+
+
+@dataclass(frozen=True)
+class SetRotation:
+    """Turn the environment to ``degrees`` counter-clockwise about +Y; brought into [0, 360)."""
+
+    degrees: float
+
+    @property
+    def label(self) -> str:
+        return "rotate the environment"
+
+    def apply(self, document: Document) -> Document:
+        degrees = _number("light.rotation", self.degrees, -1e9, 1e9) % 360.0
+        return replace(document, light=replace(document.light, rotation=0.0 if degrees == 360.0 else degrees))
+
+
+@dataclass(frozen=True)
+class SetIntensity:
+    """Multiply all light by ``intensity``."""
+
+    intensity: float
+
+    @property
+    def label(self) -> str:
+        return "light intensity"
+
+    def apply(self, document: Document) -> Document:
+        value = _number("light.intensity", self.intensity, 0.0, MAX_INTENSITY)
+        return replace(document, light=replace(document.light, intensity=value))
+
+
+@dataclass(frozen=True)
+class SetEnvironment:
+    """Light the scene by another environment, or one radiance from everywhere; rotation and intensity stay."""
+
+    environment: str
+    mapping: Mapping = "latlong"
+    radiance: tuple[float, float, float] | None = None
+
+    @property
+    def label(self) -> str:
+        return f"environment {self.environment}"
+
+    def apply(self, document: Document) -> Document:
+        light = document.light
+        changed = LightState(self.environment, self.mapping, light.rotation, light.intensity, self.radiance)
+        return replace(document, light=check_light(changed, "light"))
+
+
+@dataclass(frozen=True)
+class SetMapping:
+    """Read the environment's file as a lat-long or as an angular map [Debevec98].
+
+    Refused for environments that are no file of the person's, and "angular" for a file that is not square: its header
+    is looked at here, so that a picture that cannot be is never asked for.
+    """
+
+    mapping: Mapping
+
+    @property
+    def label(self) -> str:
+        return f"environment as {'an angular' if self.mapping == 'angular' else 'a lat-long'} map"
+
+    def apply(self, document: Document) -> Document:
+        light = check_light(replace(document.light, mapping=self.mapping), "light")
+        if not light.is_file:
+            raise InsituError(
+                f"environment {light.environment!r} has a mapping of its own; only a file's can be chosen"
+            )
+        file = Path(light.environment)
+        size = probe_size(file) if self.mapping == "angular" else None
+        if size is not None and size[0] != size[1]:
+            raise InsituError(
+                f"{file.name} has {size[0]} x {size[1]} pixels, an angular map is square; nothing changed"
+            )
+        return replace(document, light=light)
+
+
+def check_light(light: LightState, where: str) -> LightState:
+    """The light itself when all of it makes sense, else LoadError."""
+    if not light.environment:
+        raise LoadError(where, "environment", light.environment, "a name or a path")
+    if light.mapping not in ("latlong", "angular"):
+        raise LoadError(where, "mapping", light.mapping, "latlong or angular")
+    if (light.radiance is None) == (light.environment == "constant"):
+        raise LoadError(where, "radiance", light.radiance, "a radiance with environment = constant, and only then")
+    for value in light.radiance or ():
+        _number(f"{where}.radiance", value, 0.0, 1e12)
+    _number(f"{where}.rotation", light.rotation, -1e9, 1e9)
+    _number(f"{where}.intensity", light.intensity, 0.0, MAX_INTENSITY)
+    return light
+
+
+def _number(where: str, value: Any, low: float, high: float) -> float:
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if not is_number or not low <= value <= high:
+        raise LoadError(where, "value", value, f"a number from {low:g} to {high:g}")
+    return float(value)
