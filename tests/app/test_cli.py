@@ -193,6 +193,26 @@ def test_render_writes_linear_radiance(scene: Path, tmp_path: Path, capsys: Capt
     assert [file.name for file in output.parent.iterdir()] == ["a.exr"]
 
 
+def test_intensity_multiplies_lamps_as_well_as_the_sky(tmp_path: Path) -> None:
+    scene = tmp_path / "lamp.toml"
+    lamp = """
+[[object]]
+name = "lamp"
+primitive = "quad"
+transform = [1,0,0,0, 0,0,-1,1.2, 0,1,0,0.5, 0,0,0,1]
+emission = [6, 5, 4]
+"""
+    scene.write_text(SCENE.replace("[environment]\nradiance = 0.5\n", "") + lamp)
+    pictures = {}
+    for intensity in (1, 3):
+        output = tmp_path / f"{intensity}.exr"
+        assert run("render", scene, "-o", output, "--set", f"light.intensity={intensity}") == 0
+        pictures[intensity] = read_radiance_image(output)
+    # Lit by the lamp alone; the ball's upper half is bright.
+    assert pictures[1].max() > 0.2
+    np.testing.assert_array_equal(pictures[3], np.float32(3) * pictures[1])
+
+
 def test_reference_is_the_same_picture(scene: Path, tmp_path: Path) -> None:
     words = ("render", scene, "--resolution", "10", "8")
     assert run(*words, "-o", tmp_path / "a.exr") == 0 and run(*words, "-o", tmp_path / "b.exr", "--reference") == 0

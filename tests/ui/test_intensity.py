@@ -1,0 +1,104 @@
+"""The light's intensity in scenes that lamps light alone: a factor on everything, and no work for the worker."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import moderngl
+import numpy as np
+import pytest
+
+from app.commands import SetIntensity
+from app.jobs.cache import Store
+from app.jobs.in_process import InProcessClient
+from app.jobs.messages import ComputeTransport, Contract, Request
+from app.jobs.tasks import Tasks
+from app.view_state import SetView
+from engine.scene.builtin import builtin_scenes
+from tests.ui.small_scene import opened_window, wait_until_exact
+from ui.headless import HeadlessWindow
+from ui.picture_feed import PictureFeed
+
+pytestmark = pytest.mark.gl
+
+RESOLUTION = (96, 96)
+
+
+class CountingClient(InProcessClient):
+    """Notes what was asked of the worker."""
+
+    def __init__(self, tasks: Tasks) -> None:
+        super().__init__(tasks)
+        self.requests: list[Request] = []
+
+    def send(self, request: Request) -> int:
+        self.requests.append(request)
+        return super().send(request)
+
+    @property
+    def work(self) -> int:
+        return sum(isinstance(request, ComputeTransport | Contract) for request in self.requests)
+
+
+@pytest.fixture
+def client(tmp_path: Path) -> CountingClient:
+    return CountingClient(Tasks(Store(tmp_path / "cache")))
+
+
+@pytest.fixture
+def window(context: moderngl.Context, client: CountingClient) -> Iterator[HeadlessWindow]:
+    """The Cornell box, which has no environment, shown linearly."""
+    scene = builtin_scenes()["cornell"]
+    view = {"n_lights": 400, "tone_mapping": "linear"}
+    with opened_window(context, scene, client, resolution=RESOLUTION, **view) as opened:
+        opened.shell.editor.select(None)  # no outline in the picture
+        wait_until_exact(opened)
+        yield opened
+
+
+def shown_radiance(window: HeadlessWindow, exposure: float) -> np.ndarray:
+    """The linear values that the display picture stands for (H,W,3): sRGB taken back, and the exposure."""
+    window.shell.editor.do(SetView.of(exposure=exposure))
+    window.frames(2)
+    source = window.shell.source
+    assert isinstance(source, PictureFeed)
+    encoded = source.renderer.display_image() / 255.0
+    linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+    return linear / 2.0**exposure
+
+
+# At these exposures neither the lamp (radiance 17) nor what it lights (0.3) reaches white, nor their triple.
+@pytest.mark.parametrize(("of_the_lamp", "exposure"), [(True, -6.0), (False, 0.0)])
+def test_intensity_is_a_factor_on_lamps_and_on_what_they_light(
+    window: HeadlessWindow, client: CountingClient, of_the_lamp: bool, exposure: float
+) -> None:
+    editor = window.shell.editor
+    before, asked = shown_radiance(window, exposure), client.work
+    editor.do(SetIntensity(3.0))
+    after = shown_radiance(window, exposure)
+    part = pixels_within(window, of_the_lamp)
+    if not of_the_lamp:
+        part &= (before.max(axis=-1) > 0.05) & (before.max(axis=-1) < 0.3)
+    assert part.sum() > 40
+    # Eight bits in sRGB: half a step is 2 % of the darkest values compared.
+    np.testing.assert_allclose(after[part].mean(axis=0), 3.0 * before[part].mean(axis=0), rtol=0.02)
+    assert client.work == asked
+    assert editor.status.picture == "exact"
+
+
+def pixels_within(window: HeadlessWindow, of_the_lamp: bool) -> np.ndarray:
+    """(H,W): the lamp or the rest, without silhouettes, which are mixed as they look and not by radiance."""
+    source = window.shell.source
+    assert isinstance(source, PictureFeed) and source.renderer.frame is not None
+    frame = source.renderer.frame
+    smoothed = np.zeros(frame.object_image.size, bool)
+    smoothed[frame.edge_pixels] = True
+    names = [state.name for state in window.shell.editor.document.objects]
+    lamp = frame.object_image == names.index("light")
+    return ~smoothed.reshape(lamp.shape) & (lamp == of_the_lamp)
+
+
+def test_no_intensity_is_black(window: HeadlessWindow) -> None:
+    window.shell.editor.do(SetIntensity(0.0))
+    assert shown_radiance(window, 20.0).max() == 0.0
