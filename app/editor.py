@@ -103,7 +103,7 @@ class Editor:
         curves: Curves | None = None,
     ) -> None:
         self.history = History(Document(source))
-        self.view = ViewState()
+        self.view = self._view_before_drag = ViewState()
         self.curves = curves or Curves()
         self.resolution = resolution
         self._client = client
@@ -141,6 +141,8 @@ class Editor:
 
     def begin_drag(self, label: str | None = None) -> None:
         """A hand took hold: all edits until ``end_drag`` are one step of the history."""
+        if not self.history.dragging:
+            self._view_before_drag = self.view
         self.history.begin_drag(label)
 
     def end_drag(self) -> None:
@@ -150,9 +152,11 @@ class Editor:
             self._negotiator.hand_released()
 
     def cancel_drag(self) -> None:
-        """Take back the drag under way."""
+        """Take back the drag under way; the curve's handles stand for the operator that they stood for before it."""
         if self.history.dragging:
             self.history.cancel_drag()
+            before = self._view_before_drag
+            self.view = replace(self.view, operator=before.operator, regions=before.regions)
             self._negotiator.hand_released()
             self._document_changed()
 

@@ -22,6 +22,7 @@ from ui.panels.actions import (
     Action,
     AskFile,
     BeginDrag,
+    CancelDrag,
     CancelWork,
     EndDrag,
     Hold,
@@ -71,6 +72,9 @@ class Actor:
         match action:
             case Hold():
                 return replace(outcome, state=replace(state, grip=action.grip))
+            case CancelDrag():
+                self._editor.cancel_drag()
+                return replace(outcome, state=replace(state, grip=None))
             case SetPanel():
                 return replace(outcome, state=replace(state, **action.changes))
             case AskFile():

@@ -38,11 +38,12 @@ from ui.panels import (
 from ui.panels import (
     help as shortcuts,
 )
-from ui.panels.actions import Action
+from ui.panels.actions import Action, CancelDrag
 from ui.panels.context import Handles, PanelContext, Picture
 from ui.panels.state import Notice, PanelState
 
 SETTLE_SECONDS = 0.9
+HELD_SECONDS = 0.03
 
 
 class PictureSource(Protocol):
@@ -199,7 +200,8 @@ class Shell:
 
     def _result(self, busy: bool, screenshot: Path | None, quit: bool) -> FrameResult:
         since = self._clock() - self._last_input
-        redraw_in = 0.1 if since < SETTLE_SECONDS else None
+        held = self.state.grip is not None  # a key held down repeats without an event of its own
+        redraw_in = HELD_SECONDS if held else 0.1 if since < SETTLE_SECONDS else None
         return FrameResult(busy or since < 0.05, redraw_in, screenshot, quit)
 
     def _take_message(self, now: float) -> None:
@@ -253,7 +255,14 @@ class Shell:
         actions += _window(context, layout.ACCURACY, tradeoff.draw)
         actions += dialogs.draw(context)
         actions += shortcuts.draw(context)
+        if self._gesture_cancelled():
+            return [CancelDrag()]
         return actions + shortcuts.keyboard(context)
+
+    def _gesture_cancelled(self) -> bool:
+        """Whether Esc was pressed in mid-drag: what the panels ask for in this frame belongs to the drag, and goes."""
+        under_way = self.editor.history.dragging or self.state.grip is not None
+        return under_way and imgui.is_key_pressed(imgui.Key.escape, False)
 
     def _remember_layout(self) -> None:
         if self._io.want_save_ini_settings:

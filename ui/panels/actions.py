@@ -29,6 +29,11 @@ class EndDrag:
 
 
 @dataclass(frozen=True)
+class CancelDrag:
+    """Take back all that the gesture under way did, and let go."""
+
+
+@dataclass(frozen=True)
 class Hold:
     """Keep what a gesture needs while it lasts; None when it ends."""
 
@@ -110,7 +115,7 @@ class Quit:
 
 
 WindowAction = (
-    BeginDrag | EndDrag | Hold | Undo | Redo | Select | SetPanel | OpenFile | AskFile | SaveSession | Screenshot
-    | Recover | ResetLayout | CancelWork | Quit
+    BeginDrag | EndDrag | CancelDrag | Hold | Undo | Redo | Select | SetPanel | OpenFile | AskFile | SaveSession
+    | Screenshot | Recover | ResetLayout | CancelWork | Quit
 )  # fmt: skip
 Action = EditCommand | SetView | OpenPanel | WindowAction

@@ -256,6 +256,27 @@ def draw_knob(context: PanelContext, frame: Frame, hand: Hand, knob: Knob, activ
         draw.add_circle_filled(ImVec2(x, y), context.px(2), ink)
 
 
+def draw_chosen(
+    context: PanelContext, frame: Frame, places: tuple[float, ...], knob: Knob, chosen: str | None
+) -> None:
+    """A light outline around the handle that the keyboard moves; none where none was chosen yet."""
+    draw, ink = imgui.get_window_draw_list(), look.pack(look.grey(240))
+    if chosen == "magnitude":
+        draw.add_circle(ImVec2(*knob_place(context, frame, knob)), context.px(9.5), ink, 0, context.px(1.5))
+        return
+    top, size = frame.y.end - context.px(FLAG_STRIP - 2), context.px(FLAG)
+    half = 0.5 * size
+    if chosen == "region":
+        low, high, reach = places[1] + half, places[2] - half, context.px(5)
+        if high > low:
+            corner, end = ImVec2(low, top + half - reach), ImVec2(high, top + half + reach)
+            draw.add_rect(corner, end, ink, context.px(3), context.px(1.5))
+    elif chosen is not None:
+        x = places[END_NAMES.index(chosen)]
+        corner, end = ImVec2(x - half, top), ImVec2(x + half, top + size)
+        draw.add_rect(corner, end, ink, context.px(4), context.px(1.5))
+
+
 def _arrow_directions(axes: set[str]) -> list[tuple[float, float]]:
     across = [(-1.0, 0.0), (1.0, 0.0)] if "x" in axes else []
     return across + ([(0.0, -1.0), (0.0, 1.0)] if "y" in axes else [])

@@ -38,7 +38,7 @@ SHORTCUTS = (
     Shortcut("Edit", "Ctrl Z", "Undo; one drag is one step", "undo", CTRL | int(Key.z)),
     Shortcut("Edit", "Ctrl Y", "Redo (also Ctrl Shift Z)", "redo", CTRL | int(Key.y)),
     Shortcut("", "", "", "redo", CTRL | SHIFT | int(Key.z)),
-    Shortcut("Edit", "Esc", "Let go of operator, then of selection", "deselect", int(Key.escape)),
+    Shortcut("Edit", "Esc", "Cancel the drag; else let go of operator, selection", "deselect", int(Key.escape)),
     Shortcut("Picture", "Click", "Select the object"),
     Shortcut("Picture", "Shift drag", "Turn the light around the scene"),
     Shortcut("Picture", "C", "Compare: remember this picture as A, show A | B", "compare", int(Key.c)),
@@ -48,6 +48,8 @@ SHORTCUTS = (
     Shortcut("Curve", "Drag a b c d", "Where the edit begins, holds and ends"),
     Shortcut("Curve", "Drag the ring", "How strong the edit is"),
     Shortcut("Curve", "Drag the curve", "Pull it there: a new operator"),
+    Shortcut("Curve", "Tab", "Next handle for the keys; with Shift the one before"),
+    Shortcut("Curve", "Arrow keys", "Move that handle; with Shift by tenths"),
     Shortcut("Curve", "T   A", "Translate, amplify", "translate", int(Key.t)),
     Shortcut("", "", "", "amplify", int(Key.a)),
     Shortcut("Curve", "X   Y   D", "Along the angle, in height, diagonal", "axis_x", int(Key.x)),
@@ -61,6 +63,8 @@ SHORTCUTS = (
     Shortcut("Help", "?", "This list", "help", SHIFT | int(Key.slash)),
     Shortcut("", "", "", "help", int(Key.f1)),
 )
+# What would change the document under a gesture's hand.
+EDITING = frozenset({"undo", "redo", "mute", "delete", "deselect"})
 
 
 def keyboard(context: PanelContext) -> list[Action]:
@@ -69,6 +73,8 @@ def keyboard(context: PanelContext) -> list[Action]:
         return []
     actions: list[Action] = []
     for shortcut in SHORTCUTS:
+        if context.state.grip is not None and shortcut.name in EDITING:
+            continue
         if shortcut.chord is not None and imgui.is_key_chord_pressed(shortcut.chord):
             actions += perform(context, shortcut.name)
     return actions

@@ -38,6 +38,16 @@ class CurveGrip(Grip):
 
 
 @dataclass(frozen=True)
+class KeyGrip(CurveGrip):
+    """A handle of the curve that arrow keys are moving: so far by `moved`, pixels right and down.
+
+    `offset` is where it stood, pixels.
+    """
+
+    moved: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True)
 class Notice:
     """One line for the person, with the time it was shown (seconds of the window's clock)."""
 
@@ -57,9 +67,13 @@ class FileQuestion:
 
 @dataclass(frozen=True)
 class PanelState:
-    """The window's own state. `journal` says what recovery would bring back, None when there is nothing."""
+    """The window's own state. `journal` says what recovery would bring back, None when there is nothing.
+
+    `handle` is the curve's handle that the keyboard moves: "magnitude", "a", "b", "c", "d", "region"; None: not chosen.
+    """
 
     grip: Grip | None = None
+    handle: str | None = None
     notice: Notice | None = None
     question: FileQuestion | None = None
     journal: str | None = None

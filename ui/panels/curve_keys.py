@@ -1,0 +1,113 @@
+"""The handles of the curve under the keyboard: Tab chooses one, the arrow keys move it.
+
+A key that is held is one gesture, however often it repeats: it begins at the press and ends when all arrow keys are
+up, so it is one step of the history. The keys belong to the curve unless another panel's controls have the keyboard.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+from imgui_bundle import imgui
+
+from ui.panels import curve_plot as plot
+from ui.panels.actions import Action, BeginDrag, EndDrag, Hold, SetPanel
+from ui.panels.context import PanelContext
+from ui.panels.curve_gestures import END_NAMES, Hand
+from ui.panels.curve_mouse import Curves, edited_ends, edited_knob, grip_at, knob
+from ui.panels.state import KeyGrip
+
+HANDLES = ("magnitude", *END_NAMES, "region")
+# Shares of the plot's width and height, so that zooming in makes the keys finer: one degree where all 90 are shown.
+WIDTH_A_STEP, HEIGHT_A_STEP = 1.0 / 90.0, 1.0 / 50.0
+FINE = 0.1
+
+Key = imgui.Key
+ARROWS = {Key.left_arrow: (-1, 0), Key.right_arrow: (1, 0), Key.up_arrow: (0, -1), Key.down_arrow: (0, 1)}
+
+
+def move(context: PanelContext, curves: Curves, frame: plot.Frame, hand: Hand) -> list[Action]:
+    """What the keys pressed or held in this frame do to the handles."""
+    grip = context.state.grip
+    if isinstance(grip, KeyGrip):
+        _claim()
+        if not any(imgui.is_key_down(key) for key in ARROWS):
+            return [EndDrag(), Hold(None)]
+        return _moved(context, curves, frame, hand, grip, _steps(repeat=True))
+    if grip is not None or not curves.editable or not _has_keyboard(context):
+        return []
+    _claim()
+    if imgui.internal.is_key_pressed(Key.tab, _REPEAT, _OWNER):
+        return [SetPanel({"handle": next_handle(context.state.handle, back=imgui.get_io().key_shift)})]
+    steps = _steps(repeat=False)
+    if steps == (0, 0):
+        return []
+    handle = context.state.handle or HANDLES[0]
+    begun = grip_at(KeyGrip, curves, frame, hand, handle, offset=_place(curves, frame, hand, handle))
+    return [BeginDrag(None), SetPanel({"handle": handle}), *_moved(context, curves, frame, hand, begun, steps)]
+
+
+def next_handle(handle: str | None, back: bool = False) -> str:
+    """The handle after (or before) this one; the first, or last, where none is chosen."""
+    if handle is None:
+        return HANDLES[-1 if back else 0]
+    return HANDLES[(HANDLES.index(handle) + (-1 if back else 1)) % len(HANDLES)]
+
+
+_OWNER = 0x1A5170
+_REPEAT = int(imgui.InputFlags_.repeat)
+
+
+def _has_keyboard(context: PanelContext) -> bool:
+    """Whether the keys are the curve's.
+
+    They are not while somebody types, a list or a dialog is open, another panel is being stepped through, or a modifier
+    makes shortcuts of them.
+    """
+    io = imgui.get_io()
+    if io.want_text_input or io.key_ctrl or io.key_alt or io.key_super or imgui.is_any_item_active():
+        return False
+    if context.state.question is not None or context.view.show_shortcuts:
+        return False
+    if imgui.is_popup_open("", int(imgui.PopupFlags_.any_popup)):
+        return False
+    return not io.nav_visible or imgui.is_window_focused(int(imgui.FocusedFlags_.root_and_child_windows))
+
+
+def _claim() -> None:
+    """Keep imgui from stepping through controls by the same keys."""
+    for key in (*ARROWS, Key.tab):
+        imgui.internal.set_key_owner(key, _OWNER)
+
+
+def _steps(repeat: bool) -> tuple[int, int]:
+    """Steps right and down that this frame's arrow keys ask for."""
+    flags = _REPEAT if repeat else 0
+    pressed = [ARROWS[key] for key in ARROWS if imgui.internal.is_key_pressed(key, flags, _OWNER)]
+    return sum(right for right, _ in pressed), sum(down for _, down in pressed)
+
+
+def _place(curves: Curves, frame: plot.Frame, hand: Hand, handle: str) -> tuple[float, float]:
+    """Where the handle truly stands, pixels, also off the plot; of the region its left end."""
+    if handle == "magnitude":
+        feature = knob(curves, hand)
+        return frame.x.to_pixel(feature.x), frame.y.to_pixel(feature.y)
+    end = 0 if handle == "region" else END_NAMES.index(handle)
+    return frame.x.to_pixel(hand.regions[end]), frame.y.start
+
+
+def _moved(
+    context: PanelContext, curves: Curves, frame: plot.Frame, hand: Hand, grip: KeyGrip, steps: tuple[int, int]
+) -> list[Action]:
+    """The gesture gone on by so many steps, and what it does now."""
+    if steps == (0, 0):
+        return []
+    size = FINE if imgui.get_io().key_shift else 1.0
+    across = size * WIDTH_A_STEP * (frame.x.end - frame.x.start)
+    down = size * HEIGHT_A_STEP * (frame.y.start - frame.y.end)
+    grip = dataclasses.replace(grip, moved=(grip.moved[0] + steps[0] * across, grip.moved[1] + steps[1] * down))
+    place = grip.offset[0] + grip.moved[0], grip.offset[1] + grip.moved[1]
+    if grip.handle == "magnitude":
+        return [Hold(grip), *edited_knob(context, curves, frame, hand, grip, place)]
+    to = frame.x.to_value(place[0]) - (grip.regions[0] if grip.handle == "region" else 0.0)
+    return [Hold(grip), *edited_ends(curves, grip, to)]

@@ -1,0 +1,275 @@
+"""The mouse on the curve: which handle is under it, and what pressing, dragging and the wheel do.
+
+Everything is measured from the `CurveGrip` that the press made; `edited_ends` and `edited_knob` are shared with the
+keyboard (`curve_keys`).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from imgui_bundle import ImVec2, imgui
+
+from app.commands import CurveEdit, SetOperators
+from app.view_state import SetView
+from engine.curve.operators import Curve, apply_operators
+from engine.material.layer import Layer
+from ui.panels import curve_plot as plot
+from ui.panels import widgets
+from ui.panels.actions import Action, BeginDrag, EndDrag, Hold, SetPanel
+from ui.panels.context import PanelContext
+from ui.panels.curve_gestures import (
+    END_NAMES,
+    HALF_PI,
+    Hand,
+    Knob,
+    drag_knob,
+    drag_region,
+    fresh,
+    knob_of,
+    regions_around,
+    with_regions,
+)
+from ui.panels.plot_axes import zoomed
+from ui.panels.state import CurveGrip
+
+GRAB_DISTANCE = 9.0
+PULL_DISTANCE = 10.0
+SMALLEST_X_SPAN = 0.002
+
+
+@dataclass(frozen=True)
+class Curves:
+    """The selected curve: what generates it, its operators, and the samples drawn (angles (N,), values (N, 3))."""
+
+    key: str
+    factor: str
+    layer: Layer
+    generated: Curve
+    operators: tuple[CurveEdit, ...]
+    editable: bool
+
+
+def grip_of(context: PanelContext) -> CurveGrip | None:
+    """The gesture on the curve, when one is under way."""
+    grip = context.state.grip
+    return grip if isinstance(grip, CurveGrip) else None
+
+
+def knob(curves: Curves, hand: Hand) -> Knob:
+    """Where the magnitude handle stands on the curve as it is."""
+    below = curves.operators if hand.index is None else curves.operators[: hand.index]
+    return knob_of(hand, apply_operators(below, curves.generated))
+
+
+def interact(context: PanelContext, curves: Curves, frame: plot.Frame, hand: Hand) -> tuple[str | None, list[Action]]:
+    """The mouse on the plot: which handle is under it, and what its drag does."""
+    corner = ImVec2(frame.x.start - context.px(10), frame.y.end - context.px(plot.FLAG_STRIP))
+    size = ImVec2(frame.x.end + context.px(10) - corner.x, frame.y.start - corner.y)
+    imgui.set_cursor_screen_pos(corner)
+    buttons = imgui.ButtonFlags_.mouse_button_left | imgui.ButtonFlags_.mouse_button_middle
+    imgui.invisible_button("ground", size, buttons)
+    handles = _handle_places(context, curves, frame, hand) if curves.editable else {}
+    for name, place in handles.items():
+        context.handles.note(f"curve.{name}", *place)
+    context.handles.note("curve.line", *_on_the_line(curves, frame))
+    context.handles.note("curve.plot", 0.5 * (frame.x.start + frame.x.end), 0.5 * (frame.y.start + frame.y.end))
+    mouse, grip = imgui.get_mouse_pos(), grip_of(context)
+    hot = None
+    if imgui.is_item_hovered() and grip is None:
+        hot = _under_mouse(context, curves, frame, hand, handles, mouse)
+        _show_cursor(hot, hand)
+        _explain(hot, hand)
+    actions: list[Action] = []
+    if imgui.is_item_activated():
+        actions += _take_hold(context, curves, frame, hand, hot, mouse)
+    elif imgui.is_item_active() and grip is not None:
+        actions += _drag(context, curves, frame, hand, grip, mouse)
+    if imgui.is_item_deactivated() and grip is not None:
+        actions += [EndDrag(), Hold(None)]
+    if imgui.is_item_hovered() and grip is None:
+        actions += _zoom(context, frame, mouse)
+    return hot, actions
+
+
+def _on_the_line(curves: Curves, frame: plot.Frame) -> tuple[float, float]:
+    """A place on the curve, a twentieth of the visible angle from the left, where a script can pull it."""
+    gamma = frame.x.low + 0.05 * (frame.x.high - frame.x.low)
+    value = float(apply_operators(curves.operators, curves.generated)(np.array([gamma])).max())
+    return frame.x.to_pixel(gamma), frame.y.to_pixel(value)
+
+
+def _handle_places(
+    context: PanelContext, curves: Curves, frame: plot.Frame, hand: Hand
+) -> dict[str, tuple[float, float]]:
+    """Where each handle is grasped, by name, those drawn on top first."""
+    flags = plot.flag_places(frame, hand.regions, context.px(plot.FLAG) + 1)
+    top = frame.y.end - context.px(plot.FLAG_STRIP - 2) + 0.5 * context.px(plot.FLAG)
+    places = {"magnitude": plot.knob_place(context, frame, knob(curves, hand))}
+    places |= {name: (x, top) for name, x in zip(END_NAMES, flags, strict=True)}
+    return places | {"region": (0.5 * (flags[1] + flags[2]), top)}
+
+
+def _under_mouse(
+    context: PanelContext,
+    curves: Curves,
+    frame: plot.Frame,
+    hand: Hand,
+    handles: dict[str, tuple[float, float]],
+    mouse: ImVec2,
+) -> str | None:
+    reach = context.px(GRAB_DISTANCE)
+    for name in ("magnitude", *END_NAMES):
+        if name in handles and np.hypot(mouse.x - handles[name][0], mouse.y - handles[name][1]) <= reach:
+            return name
+    if not handles:
+        return None
+    if mouse.y < frame.y.end:
+        inside = handles["a"][0] <= mouse.x <= handles["d"][0]
+        return "region" if inside else None
+    if not frame.contains(mouse.x, mouse.y):
+        return None
+    gamma = frame.x.to_value(mouse.x)
+    values = apply_operators(curves.operators, curves.generated)(np.array([gamma]))[0]
+    if np.abs(frame.y.to_pixels(values) - mouse.y).min() <= context.px(PULL_DISTANCE):
+        return "pull"
+    bars = {name: abs(frame.x.to_pixel(end) - mouse.x) for name, end in zip(END_NAMES, hand.regions, strict=True)}
+    nearest = min(bars, key=lambda name: bars[name])
+    return nearest if bars[nearest] <= context.px(5) else None
+
+
+def _show_cursor(hot: str | None, hand: Hand) -> None:
+    cursor = imgui.MouseCursor_
+    if hot in (*END_NAMES, "region"):
+        imgui.set_mouse_cursor(cursor.resize_ew)
+    elif hot in ("magnitude", "pull"):
+        axes = {operator.axis for operator in hand.operators}
+        both = cursor.resize_all if len(axes) == 2 else cursor.resize_ew if "x" in axes else cursor.resize_ns
+        imgui.set_mouse_cursor(both)
+
+
+def _explain(hot: str | None, hand: Hand) -> None:
+    texts = {
+        "a": "a: the edit begins here; nothing left of it changes.",
+        "b": "b: from here the edit acts at full strength.",
+        "c": "c: up to here the edit acts at full strength.",
+        "d": "d: the edit ends here; nothing right of it changes.",
+        "region": "Move the whole region along the angle.",
+        "magnitude": f"How strong: drag to {hand.first.kind} the curve. The picture follows.",
+        "pull": f"Pull the curve here: a new {hand.first.kind} of this part.",
+    }
+    if hot in texts:
+        widgets.tooltip(texts[hot])
+
+
+def _take_hold(
+    context: PanelContext,
+    curves: Curves,
+    frame: plot.Frame,
+    hand: Hand,
+    hot: str | None,
+    mouse: ImVec2,
+) -> list[Action]:
+    if imgui.is_mouse_double_clicked(0) and hot is None:
+        return [SetView.of(curve_zoom=None)]
+    hot = "pan" if imgui.is_mouse_clicked(2) else hot
+    if hot is None:
+        return [SetView.of(operator=None), SetPanel({"handle": None})]
+    grip = grip_at(CurveGrip, curves, frame, hand, hot, offset=(mouse.x, mouse.y))
+    if hot == "pull":
+        regions = regions_around(frame.x.to_value(mouse.x), frame.x.high - frame.x.low)
+        grip = dataclasses.replace(grip, handle="magnitude", index=None, pair=False, regions=regions)
+        hand = Hand(fresh(context.view.active_tool, regions, context.view.channels), None)
+    if hot in ("pull", "magnitude"):
+        # Measured from where the feature truly is, which may lie off the plot, so that nothing jumps.
+        feature = knob(curves, hand)
+        place = frame.x.to_pixel(feature.x), frame.y.to_pixel(feature.y)
+        grip = dataclasses.replace(grip, offset=(mouse.x - place[0], mouse.y - place[1]))
+    elif hot in END_NAMES:
+        place = frame.x.to_pixel(hand.regions[END_NAMES.index(hot)]), mouse.y
+        grip = dataclasses.replace(grip, offset=(mouse.x - place[0], 0.0))
+    actions: list[Action] = [BeginDrag(None), Hold(grip)]
+    if hot == "pull":
+        actions.append(SetView.of(operator=None, regions=grip.regions))
+    return actions if hot == "pan" else [*actions, SetPanel({"handle": grip.handle})]
+
+
+AnyGrip = TypeVar("AnyGrip", bound=CurveGrip)
+
+
+def grip_at(
+    kind: type[AnyGrip], curves: Curves, frame: plot.Frame, hand: Hand, handle: str, offset: tuple[float, float]
+) -> AnyGrip:
+    """A gesture that begins now, on a handle of the operators in hand."""
+    return kind(
+        handle=handle,
+        offset=offset,
+        operators=curves.operators,
+        index=hand.index,
+        pair=hand.pair,
+        regions=hand.regions,
+        x_range=(frame.x.low, frame.x.high),
+        y_range=(frame.y.low, frame.y.high),
+    )
+
+
+def _drag(
+    context: PanelContext, curves: Curves, frame: plot.Frame, hand: Hand, grip: CurveGrip, mouse: ImVec2
+) -> list[Action]:
+    if grip.handle == "pan":
+        return _pan(frame, grip, mouse)
+    if grip.handle == "magnitude":
+        moved = imgui.is_mouse_dragging(0, 1.0) or hand.index is not None
+        place = mouse.x - grip.offset[0], mouse.y - grip.offset[1]
+        return edited_knob(context, curves, frame, hand, grip, place) if moved else []
+    if grip.handle == "region":
+        return edited_ends(curves, grip, frame.x.to_value(mouse.x) - frame.x.to_value(grip.offset[0]))
+    return edited_ends(curves, grip, frame.x.to_value(mouse.x - grip.offset[0]))
+
+
+def edited_ends(curves: Curves, grip: CurveGrip, to: float) -> list[Action]:
+    """The handle in the grip, an end or the region, moved to angle `to` (the region: by it, from its start)."""
+    regions = drag_region(grip, to)
+    actions: list[Action] = [SetView.of(regions=regions)]
+    if grip.index is not None:
+        actions.insert(0, SetOperators(curves.key, curves.factor, with_regions(grip, regions)))
+    return actions
+
+
+def edited_knob(
+    context: PanelContext, curves: Curves, frame: plot.Frame, hand: Hand, grip: CurveGrip, place: tuple[float, float]
+) -> list[Action]:
+    """The magnitude with which the curve's feature comes as near as it can to a place, pixels."""
+    if grip.index is None:
+        hand = Hand(fresh(context.view.active_tool, grip.regions, context.view.channels), None)
+    wanted = (frame.x.to_value(place[0]), frame.y.to_value(place[1]))
+    floor = min(0.0, frame.y.low)
+    operators = drag_knob(grip, hand, curves.generated, (wanted[0], max(wanted[1], floor)))
+    index = len(grip.operators) if grip.index is None else grip.index
+    actions: list[Action] = [SetOperators(curves.key, curves.factor, operators)]
+    return [*actions, SetView.of(operator=index)] if context.view.operator != index else actions
+
+
+def _pan(frame: plot.Frame, grip: CurveGrip, mouse: ImVec2) -> list[Action]:
+    dx = frame.x.to_value(mouse.x) - frame.x.to_value(grip.offset[0])
+    shift = min(max(-dx, -grip.x_range[0]), HALF_PI - grip.x_range[1])
+    x_range = (grip.x_range[0] + shift, grip.x_range[1] + shift)
+    return [SetView.of(curve_zoom=(*x_range, *grip.y_range)), Hold(dataclasses.replace(
+        grip, x_range=x_range, offset=(mouse.x, mouse.y)))]  # fmt: skip
+
+
+def _zoom(context: PanelContext, frame: plot.Frame, mouse: ImVec2) -> list[Action]:
+    wheel = imgui.get_io().mouse_wheel
+    if wheel == 0.0 or not frame.contains(mouse.x, mouse.y):
+        return []
+    factor = 0.85**wheel
+    x_range, y_range = (frame.x.low, frame.x.high), (frame.y.low, frame.y.high)
+    if imgui.get_io().key_shift:
+        y_range = (y_range[0], y_range[0] + (y_range[1] - y_range[0]) * factor)
+    else:
+        x_range = zoomed(*x_range, frame.x.to_value(mouse.x), max(factor, SMALLEST_X_SPAN / (x_range[1] - x_range[0])),
+                         (0.0, HALF_PI))  # fmt: skip
+    return [SetView.of(curve_zoom=(*x_range, *y_range))]
