@@ -14,9 +14,9 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from pathlib import PurePath
 from typing import Literal, NamedTuple
 
+from app.paths import is_file_name
 from engine.errors import InsituError, LoadError
 from engine.material import MODELS
 from engine.material.layer import Layer
@@ -49,7 +49,7 @@ class LightState:
     @property
     def is_file(self) -> bool:
         """Whether the environment is a file that was opened: built-in ones have names without an ending."""
-        return PurePath(self.environment).suffix != ""
+        return is_file_name(self.environment)
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,7 @@ from app.jobs.messages import (
     WorkerRestarted,
 )
 from app.journal import Journal, Recovery
+from app.known_light import KnownLight
 from app.negotiator import Negotiator
 from app.paths import full_path
 from app.picture import (
@@ -109,6 +110,7 @@ class Editor:
         self._client = client
         self._keeper = SessionKeeper(journal)
         self._negotiator = Negotiator(client.send, self.curves)
+        self._known_light = KnownLight()
         self._opening: Opening | None = None
         self._gauges = Gauges()
         self.open(source)
@@ -319,6 +321,8 @@ class Editor:
             case Footprint():
                 return [FootprintChanged(response.rows, response.weights, response.stage)]
             case LayerPicture():
+                if self._negotiator.asked_light is not None:
+                    self._known_light.worked(self._negotiator.asked_light)
                 made_with = self._negotiator.took_picture(response)
                 self._gauges.has_picture = True
                 self._gauges.picture_changed()
@@ -344,6 +348,7 @@ class Editor:
         self._opening = None
         self._gauges = Gauges(notes=response.notes, memory_mb=self._gauges.memory_mb)
         self._negotiator.scene_opened()
+        self._known_light = KnownLight()
         self.view = replace(self.view, selected=None, hovered=None, compare=None, operator=None, curve_zoom=None)
         self.history = History(document)
         self._keeper.opened(document)
@@ -371,6 +376,9 @@ class Editor:
     def _take_failure(self, response: Failed) -> None:
         self._gauges.progress = None
         self._negotiator.took_failure(response)
+        refused = self._negotiator.asked_light if self._negotiator.is_transport(response.id) else None
+        if refused is not None and self._known_light.go_back(self.history, refused):
+            self._document_changed()
         if self._opening is not None and response.id == self._opening.id:
             self._opening = None
             if self.scene_is_open:

@@ -7,6 +7,7 @@ that ends where it began is no step at all. Rejected: inverse commands, which re
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
@@ -95,6 +96,13 @@ class History:
     def redo(self) -> str | None:
         """Go one step forward again; its label, or None."""
         return self._move(self.redo_steps, self.undo_steps)
+
+    def retract(self, is_harmless: Callable[[Document], bool]) -> bool:
+        """Make the last step as if it had never been, where the document before it is one to go back to."""
+        if self._drag is not None or not self.undo_steps or not is_harmless(self.undo_steps[-1].document):
+            return False
+        self.document, self._merge_key = self.undo_steps.pop().document, None
+        return True
 
     def _move(self, source: list[Step], destination: list[Step]) -> str | None:
         self.end_drag()

@@ -206,6 +206,15 @@ class Negotiator:
         return self._drag_quality
 
     @property
+    def asked_light(self) -> LightState | None:
+        """The light in the transport asked last, at intensity 1."""
+        return None if self._asked is None else self._asked.light
+
+    def is_transport(self, id: int) -> bool:
+        """Whether this is the number of the transport asked last."""
+        return id == self._transport_id
+
+    @property
     def asked_rotation(self) -> float | None:
         """The rotation (degrees) in the transport asked last."""
         return None if self._asked is None else self._asked.light.rotation

@@ -39,6 +39,7 @@ from ui.panels.actions import (
 )
 from ui.panels.state import FileQuestion, PanelState
 
+SCENE_ENDINGS = (".toml", SUFFIX)
 ENVIRONMENT_ENDINGS = (".exr", ".hdr", ".pic")
 
 
@@ -115,18 +116,34 @@ class Actor:
             case _:
                 editor.do(cast(EditCommand | ViewCommand, action))
 
+    def drop(self, paths: Sequence[str]) -> None:
+        """Open the file that was dropped on the window; several at once are refused, for one would hide the other."""
+        if len(paths) == 1:
+            self.open(paths[0])
+        elif paths:
+            self._editor.notify(f"{len(paths)} files were dropped; drop one scene, session or environment", True)
+
     def open(self, path: str) -> None:
         """Open a scene or session, or light the scene by an environment; anything else is refused in one line."""
         suffix = Path(path).suffix.lower()
-        if suffix:
-            self._folder = Path(path).resolve().parent
-        if suffix in ENVIRONMENT_ENDINGS:
-            file = Path(path).resolve()
-            self._editor.do(SetEnvironment(str(file), likely_mapping(file)))
-        elif suffix in ("", ".toml", SUFFIX):
-            self._editor.open(path)
-        else:
+        if suffix in SCENE_ENDINGS or suffix in ENVIRONMENT_ENDINGS:
+            self._open_file(Path(path), suffix in ENVIRONMENT_ENDINGS)
+        elif suffix or Path(path).is_absolute():
             self._editor.notify(f"{path}: expected a scene (.toml), a session ({SUFFIX}) or light (.exr, .hdr)", True)
+        else:  # a built-in scene, from the menu
+            self._editor.open(path)
+
+    def _open_file(self, path: Path, is_light: bool) -> None:
+        if not path.is_file():
+            what = "is a folder" if path.is_dir() else "there is no such file"
+            self._editor.notify(f"{path}: {what}; nothing was changed", True)
+            return
+        self._folder = path.resolve().parent
+        if is_light:
+            file = path.resolve()
+            self._editor.do(SetEnvironment(str(file), likely_mapping(file)))
+        else:
+            self._editor.open(str(path))
 
     def _save(self, path: Path | None, outcome: Outcome) -> Outcome:
         if path is None and self._editor.session_path is None:

@@ -181,7 +181,7 @@ class Window:
                 self._make_renderer()
                 continue
             if result.busy:
-                glfw.poll_events()
+                self._take_events(glfw.poll_events)
                 continue
             draw_at = time.monotonic() + (result.redraw_in if result.redraw_in is not None else 1e9)
             self._sleep(draw_at)
@@ -198,7 +198,7 @@ class Window:
     def _make_renderer(self) -> None:
         self._feed = PictureFeed(PlacementRenderer(self._context))
         self.shell.source = self._feed
-        glfw.poll_events()
+        self._take_events(glfw.poll_events)
 
     def _frame(self) -> FrameResult:
         started = time.monotonic()
@@ -225,7 +225,15 @@ class Window:
             now = time.monotonic()
             if now >= draw_at or self._look(now):
                 return
-            glfw.wait_events_timeout(max(min(WORKER_LOOK_SECONDS, draw_at - now), 0.001))
+            seconds = max(min(WORKER_LOOK_SECONDS, draw_at - now), 0.001)
+            self._take_events(glfw.wait_events_timeout, seconds)
+
+    def _take_events(self, take: Callable[..., None], *arguments: float) -> None:
+        """Let GLFW call our handlers; its Python side cannot read every file name that a desktop can drop."""
+        try:
+            take(*arguments)
+        except UnicodeDecodeError:
+            self.editor.notify("the dropped file's name is not UTF-8; rename it to open it here", True)
 
     def _look(self, now: float) -> bool:
         """Take the worker's answers between frames; whether there is something new to draw."""
@@ -292,8 +300,7 @@ class Window:
 
     def _on_drop(self, handle: Any, paths: list[str]) -> None:
         self.shell.note_input()
-        for path in paths:
-            self.shell.actor.open(path)
+        self.shell.actor.drop(paths)
 
     def _on_focus(self, handle: Any, focused: int) -> None:
         self.shell.note_input()

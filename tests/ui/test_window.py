@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+
+from tests.ui.test_files import exr_head
 
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = """
@@ -27,12 +31,54 @@ sys.exit(window.run("stand-in", client=StandInClient(), on_frame=on_frame, requi
 """
 
 
-def run(tmp_path: Path, *command: str, require: int = 410, **environment: str) -> subprocess.CompletedProcess[str]:
+# Drops files on the window as GLFW does: through the callback that is registered with it, C arguments and all.
+DROPS = """
+import ctypes, json, sys, time
+import glfw
+from tests.ui.stand_in import StandInClient
+from ui import window
+
+pending = json.loads(sys.argv[2])
+client = StandInClient()
+
+def dropped(open_window, names):
+    raw = [name.encode("utf-8", "surrogateescape") for name in names]
+    callback = window.glfw.set_drop_callback(open_window.handle, open_window._on_drop)
+    callback(open_window.handle, len(raw), (ctypes.c_char_p * len(raw))(*raw))
+
+def on_frame(open_window):
+    editor = open_window.editor
+    if editor.status.picture != "exact":
+        return False
+    if on_frame.said is not None:
+        light = editor.document.light
+        said = open_window.shell.state.notice
+        opened = [request.source for request in client.requests if hasattr(request, "source")]
+        print(json.dumps([said.text, said.is_error, light.environment, light.mapping, opened[-1]]))
+    if not pending:
+        return True
+    editor.notify("")
+    names = pending.pop(0)
+    if names == ["not UTF-8"]:
+        open_window._take_events(lambda: dropped(open_window, ["/tmp/\\udcff.exr"]))
+    else:
+        dropped(open_window, names)
+    on_frame.said = names
+    return False
+
+on_frame.said = None
+sys.exit(window.run("stand-in", client=client, on_frame=on_frame, require=int(sys.argv[1])))
+"""
+
+
+def run(
+    tmp_path: Path, *command: str, require: int = 410, program: str = PROGRAM, words: Sequence[str] = ()
+) -> subprocess.CompletedProcess[str]:
     outside = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
     return subprocess.run(
-        [*command, sys.executable, "-c", PROGRAM, str(require)],
+        [*command, sys.executable, "-c", program, str(require), *words],
         cwd=ROOT,
-        env=outside | {"INSITU_STATE": str(tmp_path)} | environment,
+        env=outside | {"INSITU_STATE": str(tmp_path)},
         capture_output=True,
         text=True,
         timeout=90,
@@ -52,6 +98,39 @@ def test_the_real_window_shows_the_exact_picture(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("exact"), done.stdout + done.stderr
     assert (tmp_path / "layout.ini").read_text().startswith("; insitu layout")
+
+
+@pytest.mark.window
+def test_dropped_files_do_the_right_thing_or_say_why_not(tmp_path: Path) -> None:
+    scene, probe, note = tmp_path / "kitchen.toml", tmp_path / "próbe.exr", tmp_path / "note.txt"
+    scene.write_text("version = 1")  # the stand-in worker opens anything
+    probe.write_bytes(exr_head(64, 64))
+    note.touch()
+    missing, lost = tmp_path / "missing.hdr", tmp_path / "lost.toml"
+    drops = [[probe], [note], [missing], [lost], [tmp_path], [probe, scene], ["not UTF-8"], [scene]]
+    words = json.dumps([[str(path) for path in paths] for paths in drops])
+    done = run(tmp_path, *under_xvfb(), program=DROPS, words=[words])
+    assert done.returncode == 0, done.stderr
+    said = [json.loads(line) for line in done.stdout.splitlines()]
+    assert len(said) == len(drops), done.stdout + done.stderr
+    lit = [str(probe.resolve()), "angular", "stand-in"]
+    assert said[0] == ["", False, *lit]
+    for words_said, expected in zip(
+        said[1:7],
+        (
+            f"{note}: expected a scene (.toml), a session (.insitu) or light (.exr, .hdr)",
+            f"{missing}: there is no such file; nothing was changed",
+            f"{lost}: there is no such file; nothing was changed",
+            f"{tmp_path}: expected a scene (.toml), a session (.insitu) or light (.exr, .hdr)",
+            "2 files were dropped; drop one scene, session or environment",
+            "the dropped file's name is not UTF-8; rename it to open it here",
+        ),
+        strict=True,
+    ):
+        assert words_said == [expected, True, *lit]
+    # A scene is opened, with its own light.
+    assert said[7][0].startswith("opened stand-in; the unsaved edits before it can be recovered")
+    assert said[7][1:] == [False, "scene", "latlong", str(scene.resolve())]
 
 
 @pytest.mark.window

@@ -68,8 +68,8 @@ EDITING = frozenset({"undo", "redo", "mute", "delete", "deselect"})
 
 
 def keyboard(context: PanelContext) -> list[Action]:
-    """What the keys pressed in this frame ask for; none while a person types into a field."""
-    if imgui.get_io().want_text_input:
+    """What the keys pressed in this frame ask for; none while a person types into a field or chooses a file."""
+    if imgui.get_io().want_text_input or context.state.question is not None:
         return []
     actions: list[Action] = []
     for shortcut in SHORTCUTS:
