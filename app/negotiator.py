@@ -4,8 +4,9 @@ Once a frame ``update`` compares what the document and the selection want with w
 last asked for, and asks for the difference. Being a comparison of states and not a chain of events, it also comes
 right after an undo, a crash, or a selection that changed in mid-computation.
 
-- Light, quotient parameters, bands and the number of lights fix the transport. When they change, all is computed
-  anew once the hand rests: at the end of a drag, or when nothing has changed for a quarter of a second. While an
+- Light, quotient parameters, bands and the number of lights fix the transport, and of objects that are not editable
+  the curves as well. When they change, it is asked for anew once the hand rests: at the end of a drag, or when nothing
+  has changed for a quarter of a second; the worker makes of it what it does not have. While an
   environment is being turned, drag-quality transport is asked for at once, one request at a time.
 - The selected curve wants its layer's transport, the layer's other factor contracted with its present curve ("curve
   switching", [BenArtzi07, eq. 4.16]), in half or single floats; it is asked for again when that other curve or the
@@ -19,11 +20,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from app.document import Document, LightState, Selection
+from app.document import Document, Selection
 from app.jobs.messages import (
     ComputeTransport,
     Contract,
@@ -35,84 +36,15 @@ from app.jobs.messages import (
     StageDone,
 )
 from app.picture import Array, Coefficients, Curves
+from app.wishes import Contraction, CurveShown, CurveWish, LayerShape, LayerShown, TransportWish, same_coefficients
+from engine.material.layer import Layer
 from engine.plan import Precision
 
 REST_SECONDS = 0.25
 CONTRACT_PATIENCE = 3.0
 N_LIGHTS_PREVIEW = 400
+FINAL_STAGE = "final"
 DRAG_QUALITY = 0  # as `n_lights_final`: stop after one quick picture, nothing finer follows
-
-
-@dataclass(frozen=True)
-class LayerShape:
-    """What of a layer its transport depends on."""
-
-    key: str
-    model: str
-    quotient_parameters: tuple[float, ...]
-    bands: tuple[tuple[str, int], ...]
-
-
-@dataclass(frozen=True)
-class TransportWish:
-    """All that transport depends on: equal wishes have equal transport."""
-
-    light: LightState
-    layers: tuple[LayerShape, ...]
-    n_lights: int
-
-    def turned_from(self, other: TransportWish) -> bool:
-        """Whether only the environment's rotation differs."""
-        return self != other and replace(self, light=replace(self.light, rotation=other.light.rotation)) == other
-
-
-@dataclass(frozen=True, eq=False)
-class CurveWish:
-    """One curve's transport; ``others`` are the present coefficients of the layer's other factors.
-
-    ``factor`` None wishes for the layer's radiance alone.
-    """
-
-    key: str
-    factor: str | None
-    others: Coefficients
-    precision: Precision = "half"
-
-    def same_curve(self, other: CurveWish | None) -> bool:
-        """Whether the answer to one is of the kind that the other waits for."""
-        if other is None:
-            return False
-        return (self.key, self.factor, self.precision) == (other.key, other.factor, other.precision)
-
-    def same(self, other: CurveWish | None) -> bool:
-        return other is not None and self.same_curve(other) and same_coefficients(self.others, other.others)
-
-
-@dataclass
-class LayerShown:
-    """The newest radiance of a layer under the transport asked last: its stage, and the curves it was made with."""
-
-    stage: str
-    coefficients: Coefficients
-
-
-@dataclass
-class CurveShown:
-    """The transport that was delivered last for a selected curve."""
-
-    key: str
-    factor: str
-    stage: str
-    precision: Precision
-
-
-@dataclass
-class Contraction:
-    """A Contract under way."""
-
-    id: int
-    wish: CurveWish
-    sent_at: float
 
 
 class Negotiator:
@@ -131,6 +63,7 @@ class Negotiator:
         self._wish_since = -math.inf
         self._wish_made_of: tuple[Document, int] | None = None
         self._asked: TransportWish | None = None
+        self._becoming_editable: tuple[str, ...] = ()
         self._drag_quality = False
         self._transport_id: int | None = None
         self._running = False
@@ -237,7 +170,33 @@ class Negotiator:
     @property
     def quotient_is_current(self) -> bool:
         """Whether the quotients in the transport asked for are those of the document's parameters."""
-        return self._asked is not None and self._wish is not None and self._asked.layers == self._wish.layers
+        if self._asked is None or self._wish is None:
+            return False
+        return all(shape.has_quotient_of(self._asked.shape(shape.key)) for shape in self._wish.layers)
+
+    @property
+    def fixed_is_current(self) -> bool:
+        """Whether the transport asked for has the curves of the fixed objects as they are."""
+        if self._asked is None or self._wish is None:
+            return False
+        return all(shape.looks_like(self._asked.shape(shape.key)) for shape in self._wish.layers)
+
+    @property
+    def shows_final(self) -> bool:
+        """Whether all that is on screen has come in final quality, though bands of it may be missing."""
+        shapes = () if self._asked is None else self._asked.layers
+        shown = (self._layers.get(shape.key) for shape in shapes)
+        return bool(shapes) and all(layer is not None and layer.stage == FINAL_STAGE for layer in shown)
+
+    @property
+    def layers_asked(self) -> tuple[LayerShape, ...]:
+        """The layers in the transport asked for last."""
+        return () if self._asked is None else self._asked.layers
+
+    @property
+    def becoming_editable(self) -> tuple[str, ...]:
+        """Keys of the layers whose picture stays while their bands are computed."""
+        return self._becoming_editable if self._running else ()
 
     # --------------------------------------------------------------------------------------------------------- asking
 
@@ -272,10 +231,14 @@ class Negotiator:
     def _compute(self, wish: TransportWish, document: Document, selected: Selection | None, n_lights: int) -> None:
         curve = self._curve_wish(document, selected)
         work = tuple(self._layer_work(document, shape) for shape in wish.layers)
+        staying = self._staying(wish, n_lights)
+        was_fixed = [shape.key for shape in self.layers_asked if shape.is_fixed and shape.key in staying]
         self.revision += 1
         self._asked, self._drag_quality = wish, n_lights == DRAG_QUALITY
         self._running, self._exact = True, False
         self._forget_answers()
+        self._layers = staying
+        self._becoming_editable = tuple(s.key for s in wish.layers if s.key in was_fixed and not s.is_fixed)
         self._asked_curve = curve
         request = ComputeTransport(
             wish.light,
@@ -288,6 +251,13 @@ class Negotiator:
             revision=self.revision,
         )
         self._transport_id = self._send(request)
+
+    def _staying(self, wish: TransportWish, n_lights: int) -> dict[str, LayerShown]:
+        """What is on screen and is the picture of what is wished for: the worker goes on from there."""
+        if self._asked is None or self._drag_quality or n_lights == DRAG_QUALITY:
+            return {}
+        alike = wish.alike(self._asked)
+        return {key: shown for key, shown in self._layers.items() if key in alike}
 
     def _ask_contraction(self, now: float, document: Document, curve: CurveWish | None) -> None:
         outdated = self._outdated_layers(document, None if curve is None else curve.key)
@@ -338,13 +308,14 @@ class Negotiator:
 
     def _asked_shape(self, key: str) -> LayerShape | None:
         """What was asked of a layer: its model may have changed since."""
-        shapes = () if self._asked is None else self._asked.layers
-        return next((shape for shape in shapes if shape.key == key), None)
+        return None if self._asked is None else self._asked.shape(key)
 
     def _can_contract(self, key: str, wanted: Coefficients) -> bool:
         """Whether the transport asked for is over the layer's present curves and bands."""
         shape = self._asked_shape(key)
-        return shape is not None and {name: len(values) for name, values in wanted.items()} == dict(shape.bands)
+        if shape is None or shape.is_fixed:
+            return False
+        return {name: len(values) for name, values in wanted.items()} == dict(shape.bands)
 
     def _has(self, curve: CurveWish) -> bool:
         """Whether the curve's transport has come, in the stage and with the other curve of its layer's radiance."""
@@ -361,26 +332,29 @@ class Negotiator:
         self._wish_made_of = (document, n_lights)
         emitters = {state.name for state in document.objects if state.emits}
         shapes = tuple(
-            LayerShape(
-                key,
-                layer.model.name,
-                tuple(layer.quotient_parameters().tolist()),
-                tuple(self._curves.bands(key, layer).items()),
-            )
+            self._layer_shape(document, key, layer)
             for key, layer in document.layers()
             if key.rpartition(".")[0] not in emitters
         )
         return TransportWish(replace(document.light, intensity=1.0), shapes, n_lights)
 
+    def _layer_shape(self, document: Document, key: str, layer: Layer) -> LayerShape:
+        baked = None
+        if not document.object(key.rpartition(".")[0]).editable:
+            baked = b"".join(values.tobytes() for values in self._curves.coefficients(document, key).values())
+        quotient = tuple(layer.quotient_parameters().tolist())
+        return LayerShape(key, layer.model.name, quotient, tuple(self._curves.bands(key, layer).items()), baked)
+
     def _layer_work(self, document: Document, shape: LayerShape) -> LayerWork:
         coefficients = self._curves.coefficients(document, shape.key)
         factors, bands = zip(*shape.bands, strict=True)
         ordered = tuple(coefficients[factor] for factor in factors)
-        return LayerWork(shape.key, shape.model, shape.quotient_parameters, factors, bands, ordered)
+        return LayerWork(shape.key, shape.model, shape.quotient_parameters, factors, bands, ordered, shape.is_fixed)
 
     def _curve_wish(self, document: Document, selected: Selection | None) -> CurveWish | None:
-        """The selected curve's transport; None where no curve is selected, or one that is applied in image space."""
-        if selected is None or document.object(selected.object).emits:
+        """The selected curve's transport; None where no curve is selected, one that is applied in image space, or one
+        that nobody may edit."""
+        if selected is None or document.object(selected.object).emits or not document.object(selected.object).editable:
             return None
         coefficients = self._curves.coefficients(document, selected.key)
         if selected.factor not in coefficients:
@@ -428,14 +402,3 @@ class Negotiator:
             self._running = False
         if self._contraction is not None and response.id == self._contraction.id:
             self._contraction = None
-
-
-def same_coefficients(one: Mapping[str, Array], two: Mapping[str, Array]) -> bool:
-    """Whether two sets of band values agree to 1e-6, factor by factor."""
-    if one.keys() != two.keys():
-        return False
-    return all(a is two[name] or _close(a, two[name]) for name, a in one.items())
-
-
-def _close(one: Array, two: Array) -> bool:
-    return one.shape == two.shape and bool(np.all(np.abs(one - two) <= 1e-6 * np.abs(two)))

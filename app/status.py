@@ -115,7 +115,7 @@ class Gauges:
             gpu_mb=report.gpu_mb,
             light_note=_light_note(talk) if self.has_picture else "",
             material_note=_material_note(talk) if self.has_picture else "",
-            transport_note=_transport_note(report.precision, wanted),
+            transport_note=_transport_note(talk, report.precision, wanted),
             message=self.message,
             is_error=self.is_error,
             notes=self.notes,
@@ -124,7 +124,7 @@ class Gauges:
     def _picture_state(self, talk: Negotiator, opening: bool) -> PictureState:
         if not self.has_picture:
             return "waiting"
-        if opening or not talk.transport_is_current or not talk.delivered_final:
+        if opening or not talk.transport_is_current or not (talk.delivered_final or talk.shows_final):
             return "preview"
         return "exact" if talk.finished and self.report.exact else "refining"
 
@@ -143,11 +143,15 @@ def _light_note(talk: Negotiator) -> str:
 
 def _material_note(talk: Negotiator) -> str:
     """What of the materials the picture does not show yet, in words."""
-    return "" if talk.quotient_is_current else "the curve is shown at once; self-shadowing follows when the hand rests"
+    if not talk.quotient_is_current:
+        return "the curve is shown at once; self-shadowing follows when the hand rests"
+    return "" if talk.fixed_is_current else "the curve of a fixed object follows when the hand rests"
 
 
-def _transport_note(shown: Precision | None, wanted: Precision) -> str:
-    """Which floats the picture is made with, in words, while they are not those that are asked for."""
+def _transport_note(talk: Negotiator, shown: Precision | None, wanted: Precision) -> str:
+    """What of the transport is not yet as it is asked for, in words: bands, or the floats of the selected curve's."""
+    if talk.becoming_editable:
+        return f"{', '.join(talk.becoming_editable)}: shown as it was until its bands are here"
     if shown is None or shown == wanted:
         return ""
     return f"made with {FLOATS[shown]} until {FLOATS[wanted]} are here"

@@ -46,7 +46,10 @@ class OpenScene(Request):
 
 @dataclass(frozen=True, eq=False)
 class LayerWork:
-    """One visible layer, as the worker needs to know it; `coefficients` has one (J,3) array a factor."""
+    """One visible layer, as the worker needs to know it; `coefficients` has one (J,3) array a factor.
+
+    `fixed`: nobody means to edit it, so its picture under these coefficients will do, and no bands are kept.
+    """
 
     key: str
     model: str
@@ -54,6 +57,7 @@ class LayerWork:
     factors: tuple[str, ...]
     bands: tuple[int, ...]
     coefficients: tuple[NDArray[np.floating], ...]
+    fixed: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,8 @@
 
 A transport runs through stages, each a whole picture: *coarse* (every fourth pixel, 400 lights) within a second or two,
 *preview* (every pixel, 400 lights), *final* (4,000 lights). A light on the move gets one *drag* stage instead (every
-eighth pixel, nothing traced). Within a stage the selected layer comes first. What a stage has replaced is dropped.
+eighth pixel, nothing traced). Within a stage the selected layer comes first. What a stage has replaced is dropped, and
+what is there already in such quality is not made again (see `layer_data`).
 
 Visibility and final transport are kept on disk, transport tile by tile, so that a scene seen before opens at once and a
 worker that died goes on where it was.
@@ -11,20 +12,19 @@ worker that died goes on where it was.
 from __future__ import annotations
 
 import time
-from collections.abc import Generator, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Generator, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from app.document import LightState
 from app.jobs.cache import Store, content_key
+from app.jobs.layer_data import STAGES, LayerData, LitBy, joined, kept_of_tile, shape_of, store_of
 from app.jobs.messages import (
     ComputeTransport,
     Contract,
     Footprint,
-    LayerPicture,
-    LayerTransport,
     LayerWork,
     OpenScene,
     Progress,
@@ -40,10 +40,10 @@ from engine.light.environment import Environment, downsampled, load_environment
 from engine.plan import Precision
 from engine.scene.builtin import builtin_scenes
 from engine.scene.load import Scene, load_scene
-from engine.transport.bandstore import BandStore, BandTile, join_tiles, store_from_arrays
+from engine.transport.bandstore import BandStore
+from engine.transport.fixed import FixedPicture
 from engine.transport.pipeline import COARSE, DRAG, FINAL, PREVIEW, Placement, Quality, SkyState
-from engine.transport.planes import curve_planes
-from engine.transport.projection import TILE, LayerShape, VisibleLight, project_layer
+from engine.transport.projection import TILE, VisibleLight, project_layer
 
 # Raised when anything that changes the numbers in a cached array changes.
 CACHE_VERSION = 1
@@ -51,16 +51,6 @@ BACKGROUND_HEIGHT = 1024
 DRAG_ENVIRONMENT_HEIGHT = 128
 
 Steps = Generator[Response | None, None, None]
-
-
-@dataclass(frozen=True, eq=False)
-class LayerData:
-    """The newest transport of a layer: what it was asked with, its stage, bands, and the unit of its radiance."""
-
-    work: LayerWork
-    stage: str
-    store: BandStore
-    unit: float
 
 
 class Tasks:
@@ -71,6 +61,7 @@ class Tasks:
         self._placement: Placement | None = None
         self._scene_key = ""
         self._layers: dict[str, LayerData] = {}
+        self._light: tuple[str, VisibleLight] | None = None
         self._contracted: dict[str, dict[str, np.ndarray]] = {}
         self._selected: tuple[str, str] | None = None
         self._precision: Precision = "half"
@@ -93,11 +84,8 @@ class Tasks:
             self._selected, self._precision = (request.key, request.factor), request.precision
         self._contracted[request.key] = dict(request.coefficients)
         data = self._layers.get(request.key)
-        if data is None:
-            return
-        data = replace(data, work=self._newest(data.work))
-        self._layers[request.key] = data
-        yield from _answers(data, request.factor, request.precision)
+        if data is not None and data.takes(self._contracted[request.key]):
+            yield from self._hold(data).answers(request.factor, request.precision)
 
     # --------------------------------------------------------------------------------------------------- scenes
 
@@ -109,7 +97,8 @@ class Tasks:
         placement = Placement(scene)
         if not len(placement.hits.pixel):
             raise InsituError(f"{path}: camera = sees no surface, expected an object in view; nothing was changed")
-        self._placement, self._layers, self._selected, self._sky_shown = placement, {}, None, None
+        self._placement, self._layers, self._light = placement, {}, None
+        self._selected, self._sky_shown = None, None
         self._scene_key = _scene_key(scene)
         self._recall_visibility(placement)
         description = scene.description.model_dump_json(by_alias=True)
@@ -134,30 +123,63 @@ class Tasks:
         sky = sky_of(placement.scene, request.light, self._environment)
         if (image := self._sky_image(sky, request.light)) is not None:
             yield image
+        lit_by = LitBy(request.light, request.n_lights_final)
+        yield from self._tell_held(placement, request, lit_by)
         for quality, exact in _stages(request):
             started = time.monotonic()
-            yield from self._stage(placement, request, sky, quality)
-            n_bytes = sum(data.store.n_bytes for data in self._layers.values())
-            yield StageDone(quality.name, exact, time.monotonic() - started, n_bytes)
+            works = self._selected_first(request)
+            due = [work for work in works if not self._is_spared(work, lit_by, quality.name, exact)]
+            if due:
+                yield from self._stage(placement, due, sky, lit_by, quality)
+            if due or exact:
+                n_bytes = sum(data.store.n_bytes for data in self._layers.values())
+                yield StageDone(quality.name, exact, time.monotonic() - started, n_bytes)
 
-    def _stage(self, placement: Placement, request: ComputeTransport, sky: SkyState, quality: Quality) -> Steps:
+    def _selected_first(self, request: ComputeTransport) -> list[LayerWork]:
+        return sorted(request.layers, key=lambda work: self._selected_factor(work.key) is None)
+
+    def _tell_held(self, placement: Placement, request: ComputeTransport, lit_by: LitBy) -> Steps:
+        """Answer with what is there already."""
+        for work in self._selected_first(request):
+            data = self._layers.get(work.key)
+            if data is not None and data.is_picture_of(work, lit_by):
+                yield self._footprint(placement, STAGES[data.stage])
+                data = self._hold(data.taken_over_by(work))
+                yield from data.answers(self._selected_factor(work.key), self._precision)
+
+    def _is_spared(self, work: LayerWork, lit_by: LitBy, stage: str, is_last: bool) -> bool:
+        data = self._layers.get(work.key)
+        return data is not None and data.is_picture_of(work, lit_by) and data.spares(work, stage, is_last)
+
+    def _stage(
+        self, placement: Placement, works: list[LayerWork], sky: SkyState, lit_by: LitBy, quality: Quality
+    ) -> Steps:
         clock = _Clock(quality.name)
         if quality is DRAG and sky.environment is not None:
             sky = replace(sky, environment=downsampled(sky.environment, DRAG_ENVIRONMENT_HEIGHT))
         key = self._light_key(sky, quality) if quality.name == FINAL.name else ""
-        light = yield from self._see(placement, sky, quality, clock)
+        light = yield from self._final_light(placement, sky, quality, key, clock)
         yield self._footprint(placement, quality)
-        works = sorted(request.layers, key=lambda work: self._selected is None or work.key != self._selected[0])
         total = sum(len(placement.rows_of(_object_index(placement, work), quality.stride)) for work in works) or 1
         done = 0
         for work in works:
             rows = placement.rows_of(_object_index(placement, work), quality.stride)
             store = yield from self._project(placement, rows, work, light, key, clock, done, total)
             done += len(rows)
-            work = self._newest(work)
-            data = LayerData(work, quality.name, store, light.lighting.unit)
-            self._layers[work.key] = data
-            yield from _answers(data, self._selected_factor(work.key), self._precision)
+            data = self._hold(LayerData(work, lit_by, quality.name, store, light.lighting.unit))
+            yield from data.answers(self._selected_factor(work.key), self._precision)
+
+    def _final_light(
+        self, placement: Placement, sky: SkyState, quality: Quality, key: str, clock: _Clock
+    ) -> Generator[Response | None, None, VisibleLight]:
+        """The light of a stage; that of the last final stage is kept, for layers that change under it."""
+        if key and self._light is not None and self._light[0] == key:
+            return self._light[1]
+        self._light = None
+        light = yield from self._see(placement, sky, quality, clock)
+        if key:
+            self._light = key, light
+        return light
 
     def _see(
         self, placement: Placement, sky: SkyState, quality: Quality, clock: _Clock
@@ -176,25 +198,26 @@ class Tasks:
     def _project(
         self, placement: Placement, rows: np.ndarray, work: LayerWork, light: VisibleLight, light_key: str,
         clock: _Clock, done: int, total: int,
-    ) -> Generator[Response | None, None, BandStore]:  # fmt: skip
-        shape = _shape(work)
+    ) -> Generator[Response | None, None, BandStore | FixedPicture]:  # fmt: skip
+        shape = shape_of(work)
+        parts: dict[int, dict[str, np.ndarray]] = {}
         if not light_key or not len(rows):
-            tiles: list[BandTile] = []
             for tile in project_layer(placement.hits, rows, light, shape):
-                tiles.append(tile)
+                parts[tile.begin] = kept_of_tile(work, tile)
                 yield clock.progress(0.3 + 0.7 * (done + tile.begin) / total, work.key)
-            return join_tiles(shape.bands, tiles)
-        key = content_key("transport", light_key, work.key, work.model, work.quotient_parameters, work.bands)
+            return joined(work, parts)
+        baked = work.coefficients if work.fixed else ()
+        key = content_key("transport", light_key, work.key, work.model, work.quotient_parameters, work.bands, *baked)
         if (kept := self._cache.get(key)) is not None:
-            return store_from_arrays(shape.bands, kept)
+            return store_of(work, kept)
         n_tiles = -(-len(rows) // TILE)
         with self._cache.open_tiles(key, n_tiles) as resumed:
-            tiles = [_tile_from(i * TILE, resumed.tile(i)) for i in sorted(resumed.complete_tiles)]
+            parts = {i * TILE: _writable(resumed.tile(i)) for i in sorted(resumed.complete_tiles)}
             for tile in project_layer(placement.hits, rows, light, shape, resumed.complete_tiles):
-                tiles.append(tile)
-                resumed.append_tile(tile.begin // TILE, tile.arrays())
+                parts[tile.begin] = kept_of_tile(work, tile)
+                resumed.append_tile(tile.begin // TILE, parts[tile.begin])
                 yield clock.progress(0.3 + 0.7 * (done + tile.begin) / total, work.key)
-            store = join_tiles(shape.bands, tiles)
+            store = joined(work, parts)
             if self._cache.put(key, store.arrays()):
                 resumed.finish()
         return store
@@ -203,12 +226,13 @@ class Tasks:
         """The curve that is selected, where it is one of this layer's."""
         return self._selected[1] if self._selected is not None and self._selected[0] == key else None
 
-    def _newest(self, work: LayerWork) -> LayerWork:
-        """The work with the coefficients asked for last: a Contract may have come since the request."""
-        given = self._contracted.get(work.key)
-        if given is None or any(len(given[name]) != n for name, n in zip(work.factors, work.bands, strict=True)):
-            return work
-        return replace(work, coefficients=tuple(np.asarray(given[name]) for name in work.factors))
+    def _hold(self, data: LayerData) -> LayerData:
+        """Keep it, with the coefficients asked for last: a Contract may have come since the request."""
+        given = self._contracted.get(data.work.key)
+        if given is not None and data.takes(given):
+            data = data.under(given)
+        self._layers[data.work.key] = data
+        return data
 
     def _footprint(self, placement: Placement, quality: Quality) -> Footprint:
         if quality.stride == 1:
@@ -271,37 +295,14 @@ def _stages(request: ComputeTransport) -> list[tuple[Quality, bool]]:
     return [(coarse, False), (preview, False), (replace(FINAL, n_lights=request.n_lights_final), True)]
 
 
-def _shape(work: LayerWork) -> LayerShape:
-    bands = (work.bands[0], work.bands[1] if len(work.bands) > 1 else 1)
-    return LayerShape(work.model, work.quotient_parameters, bands)
-
-
 def _object_index(placement: Placement, work: LayerWork) -> int:
     name = work.key.rpartition(".")[0]
     return [described.name for described in placement.scene.description.objects].index(name)
 
 
-def _tile_from(begin: int, arrays: dict[str, np.ndarray]) -> BandTile:
-    """A tile from disk; copied, because kernels are compiled for arrays that can be written."""
-    return BandTile(begin, **{name: np.array(array) for name, array in arrays.items()})
-
-
-def _both_curves(work: LayerWork) -> tuple[np.ndarray, np.ndarray]:
-    """The layer's coefficients, (J, 3) and (K, 3): one of 1 in place of the second curve where there is none."""
-    first, *second = work.coefficients
-    return np.asarray(first), np.asarray(second[0]) if second else np.ones((1, 3))
-
-
-def _answers(data: LayerData, factor: str | None, precision: Precision) -> Iterator[Response]:
-    """A layer's picture, and its transport along a curve where one is named: both come from one contraction."""
-    work, curves = data.work, _both_curves(data.work)
-    if factor is None:
-        radiance = data.store.radiance(*curves) * np.float32(data.unit)
-        yield LayerPicture(work.key, data.stage, radiance, work.coefficients)
-        return
-    planes = curve_planes(data.store, work.factors.index(factor), curves, data.unit, precision)
-    yield LayerPicture(work.key, data.stage, planes.radiance, work.coefficients)
-    yield LayerTransport(work.key, factor, data.stage, planes.numbers, planes.norms, planes.scale)
+def _writable(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Copies of arrays from disk: kernels are compiled for arrays that can be written."""
+    return {name: np.array(array) for name, array in arrays.items()}
 
 
 def _scene_key(scene: Scene) -> str:

@@ -15,6 +15,7 @@ import numpy as np
 from engine.light.lights import cut_lights
 from engine.plan import Cost, Plan
 from engine.render.still import StillLayer, StillProgress, still_quality
+from engine.transport.fixed import BYTES_A_POINT
 from engine.transport.lighting import prepare_lighting
 from engine.transport.pipeline import Placement, SkyState
 from engine.transport.projection import LayerShape, VisibleLight, project_points
@@ -99,11 +100,12 @@ def _try_layer(
     project_points(placement.hits, rows[:1], light, shape, 0)  # compiles
     started = time.perf_counter()
     tile = project_points(placement.hits, rows, light, shape, 0)
-    return (time.perf_counter() - started) / len(rows), tile.n_bytes / len(rows)
+    seconds = time.perf_counter() - started
+    return seconds / len(rows), tile.n_bytes / len(rows) if each.editable else BYTES_A_POINT
 
 
 def _gpu_bytes(layers: Sequence[StillLayer], n_points: Mapping[int, int], plan: Plan) -> float:
     """The largest curve's transport, one plane a coefficient, and an accumulator for every layer."""
     channel_bytes = 2 if plan.precision == "half" else 4
-    planes = [max(each.bands) * n_points[each.i_object] * CHANNELS * channel_bytes for each in layers]
+    planes = [max(e.bands) * n_points[e.i_object] * CHANNELS * channel_bytes for e in layers if e.editable]
     return max(planes, default=0) + sum(n_points[each.i_object] * ACCUMULATOR_BYTES for each in layers)

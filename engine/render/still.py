@@ -37,11 +37,15 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class StillLayer:
-    """A visible layer of one object (its index in the scene) and the bands (J, K) it is computed with."""
+    """A visible layer of one object (its index in the scene) and the bands (J, K) it is computed with.
+
+    editable: whether an editor would keep these bands; a still never does.
+    """
 
     i_object: int
     layer: Layer
     bands: tuple[int, int]
+    editable: bool
 
 
 @dataclass(frozen=True)
@@ -170,6 +174,6 @@ def still_layers(
     """The visible layers by key ("object.index") as a still wants them, with the plan's bands."""
     indices = {name: index for index, name in enumerate(object_names)}
     return tuple(
-        StillLayer(indices[key.rpartition(".")[0]], layer, plan.layer(key).shape) for key, layer in layers
-        if layer.visible
+        StillLayer(indices[key.rpartition(".")[0]], layer, plan.layer(key).shape, plan.layer(key).editable)
+        for key, layer in layers if layer.visible
     )  # fmt: skip

@@ -159,6 +159,7 @@ class ServingClient(FakeClient):
         if request.key not in self._made:
             return []
         (work,) = (layer for layer in self.sent(ComputeTransport)[-1].layers if layer.key == request.key)
+        assert not work.fixed  # it has no bands
         assert work.factors == tuple(name for name, _ in request.coefficients)
         assert work.bands == tuple(len(values) for _, values in request.coefficients)
         values = tuple(values for _, values in request.coefficients)

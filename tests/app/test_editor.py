@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.commands import AddOperator, SetIntensity, SetParameter, SetRotation, SetVisible
+from app.commands import AddOperator, SetEditable, SetIntensity, SetParameter, SetRotation, SetVisible
 from app.editor import Editor, RenderReport
 from app.jobs.messages import (
     Cancel,
@@ -22,7 +22,7 @@ from app.picture import LayerRadiance, SceneFrame, SkyChanged, TransportReady
 from app.view_state import SetView
 from engine.curve.operators import Operator
 from engine.plan import band_counts
-from tests.app.fake_worker import FakeClient, transport
+from tests.app.fake_worker import SCENE, FakeClient, transport
 
 LIFT = Operator("translate", "y", 0.1, 0.2, 0.3, 0.4, magnitude=1.0)
 EXACT = RenderReport(128, 128, 0.0, 5.0, True)
@@ -341,13 +341,74 @@ def test_a_stage_made_with_older_curves_is_put_right(editor: Editor, client: Fak
     assert editor.status.picture == "exact"
 
 
-def test_a_new_worker_begins_with_a_preview(settled: Editor, client: FakeClient) -> None:
-    settled.report_rendering(EXACT)
-    assert settled.status.picture == "exact"
+def test_a_new_worker_begins_with_a_preview(editor: Editor, client: FakeClient) -> None:
+    client.finish_stage("final", exact=True)
+    editor.tick(1.0)
+    editor.report_rendering(EXACT)
+    assert editor.status.picture == "exact"
     client.answer(OpenScene("shelf"), WorkerRestarted("signal 9"))
+    editor.tick(1.5)
+    editor.report_rendering(EXACT)
+    assert editor.status.picture == "refining"  # what is on screen is still as it was
+    client.finish_stage("coarse", exact=False)
+    editor.tick(1.6)
+    assert editor.status.picture == "preview"
+
+
+def test_a_fixed_object_is_asked_for_without_bands(client: FakeClient) -> None:
+    scene = {**SCENE, "object": [{**o, "editable": o["name"] != "floor"} for o in SCENE["object"]]}
+    editor = Editor(client, "shelf")
+    client.open_scene(scene)
+    editor.tick(0.0)
+    (work,) = computed(client)
+    assert [layer.key for layer in work.layers if layer.fixed] == ["floor.0"]
+    editor.select("floor.0")
+    client.finish_stage("final", exact=True)
+    editor.tick(0.1)
+    editor.tick(0.2)
+    editor.report_rendering(EXACT)
+    assert editor.status.picture == "exact"
+    assert client.sent(Contract) == []  # its curves are shown, but there is nothing to bend
+
+
+def test_making_an_object_editable_keeps_the_picture_and_asks_for_its_bands(
+    settled: Editor, client: FakeClient
+) -> None:
+    settled.do(SetEditable("floor", False))
+    settled.tick(1.1)
+    settled.tick(1.4)
+    client.finish_stage("final", exact=True)
     settled.tick(1.5)
     settled.report_rendering(EXACT)
-    assert settled.status.picture == "preview"
+    assert settled.status.picture == "exact"
+    settled.do(SetEditable("floor", True))
+    settled.tick(1.6)
+    settled.tick(1.9)
+    assert [layer.fixed for layer in computed(client)[-1].layers] == [False, False, False]
+    settled.report_rendering(EXACT)
+    # All on screen is final and stays; only the floor's curves cannot be bent yet.
+    assert settled.status.picture == "refining" and settled.status.material_note == ""
+    assert settled.status.transport_note == "floor.0: shown as it was until its bands are here"
+    client.finish_stage("final", exact=True)
+    settled.tick(2.0)
+    settled.report_rendering(EXACT)
+    assert settled.status.picture == "exact" and settled.status.transport_note == ""
+
+
+def test_a_fixed_curve_that_changes_is_part_of_its_transport(settled: Editor, client: FakeClient) -> None:
+    settled.do(SetEditable("floor", False))
+    settled.tick(1.1)
+    settled.tick(1.4)
+    client.finish_stage("final", exact=True)
+    settled.tick(1.5)
+    n_before = len(computed(client))
+    settled.do(AddOperator("floor.0", "theta_i", LIFT))
+    settled.tick(1.6)
+    assert settled.status.material_note == "the curve of a fixed object follows when the hand rests"
+    settled.tick(1.9)
+    (work,) = computed(client)[n_before:]
+    assert np.array_equal(work.layers[2].coefficients[0], settled.wanted_coefficients("floor.0")["theta_i"])
+    assert settled.status.picture == "preview" and client.sent(Contract) == []
 
 
 def test_the_sky_is_handed_on(editor: Editor, client: FakeClient) -> None:

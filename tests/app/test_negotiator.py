@@ -7,13 +7,22 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.commands import AddOperator, ResetCurve, SetEnvironment, SetIntensity, SetModel, SetParameter, SetRotation
+from app.commands import (
+    AddOperator,
+    ResetCurve,
+    SetEditable,
+    SetEnvironment,
+    SetIntensity,
+    SetModel,
+    SetParameter,
+    SetRotation,
+)
 from app.document import LightState
 from app.editor import Editor, RenderReport
 from app.jobs.messages import ComputeTransport, Contract
-from app.negotiator import TransportWish, same_coefficients
 from app.picture import LayerRadiance, TransportReady
 from app.view_state import SetView
+from app.wishes import TransportWish, same_coefficients
 from engine.curve.operators import Operator
 from tests.app.fake_worker import ServingClient
 
@@ -39,6 +48,9 @@ ACTIONS: dict[str, Any] = {
     "select θo": lambda editor: editor.select("floor.0.theta_o"),
     "select floor": lambda editor: editor.select("floor"),
     "select nothing": lambda editor: editor.select(None),
+    "fix the pot": lambda editor: editor.do(SetEditable("pot", False)),
+    "free the pot": lambda editor: editor.do(SetEditable("pot", True)),
+    "fix the floor": lambda editor: editor.do(SetEditable("floor", False)),
     "half": lambda editor: editor.do(SetView.of(precision="half")),
     "float": lambda editor: editor.do(SetView.of(precision="float")),
     "rest": lambda editor: None,
@@ -90,7 +102,11 @@ def test_the_picture_comes_right(seed: int, actions: list[str], step: float) -> 
     for key, _ in editor.document.layers():
         assert same_coefficients(renderer.shown[key], editor.wanted_coefficients(key)), key
     selected = editor.view.selected
-    if selected is not None and selected.factor in editor.wanted_coefficients(selected.key):
+    if (
+        selected is not None
+        and editor.document.object(selected.object).editable
+        and selected.factor in editor.wanted_coefficients(selected.key)
+    ):
         assert renderer.curve == (selected.key, selected.factor) and renderer.precision == editor.view.precision
     n_requests = len(client.requests)
     for _ in range(20):
@@ -98,6 +114,8 @@ def test_the_picture_comes_right(seed: int, actions: list[str], step: float) -> 
         renderer.frame(now)
     assert client.idle and len(client.requests) == n_requests  # and then it is quiet
     last = client.sent(ComputeTransport)[-1]
+    fixed = {layer.key for layer in last.layers if layer.fixed}
+    assert fixed == {key for key, _ in editor.document.layers() if not editor.document.object(key[:-2]).editable}
     assert last.light.rotation == editor.document.light.rotation and last.n_lights_final > 0
 
 

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.curve.operators import Operator
 from engine.errors import InsituError
 from engine.material import MODELS, make_layer
 from engine.material.kinds import THETA_H
@@ -114,16 +113,17 @@ def plan(scene: Scene, layers: dict[str, Layer], **settings: object) -> Plan:
     return plan_scene(scene, layers, **{"has_sky": True, **settings})  # type: ignore[arg-type]
 
 
-def test_bands_follow_what_may_be_edited(scene: Scene, layers: dict[str, Layer]) -> None:
-    fixed = plan(scene, layers)
-    assert fixed.layer("ball.0").bands == (1,) and fixed.layer("ball.0").shape == (1, 1)
-    assert fixed.layer("ball.1").bands[0] == bandwidth(layers["ball.1"], "theta_h") < EDITABLE_BANDS[THETA_H]
-    free = plan(scene, layers, editable=("ball.0", "ball.1"))
-    assert free.layer("ball.0").bands == (16,)
-    assert free.layer("ball.1").bands == tuple(band_counts(layers["ball.1"]).values())
-    bent = layers["ball.0"].with_operators("theta_i", (Operator("amplify", "y", 0.1, 0.2, 0.3, 0.4, 1.01),))
-    # An edit is kept however little of the light it moves.
-    assert plan(scene, {**layers, "ball.0": bent}).layer("ball.0").bands == (16,)
+def test_bands_are_kept_of_what_may_be_edited(scene: Scene, layers: dict[str, Layer]) -> None:
+    mixed = plan(scene, layers, editable=("ball.1",))
+    # Both are computed alike, so that a layer looks the same whether or not it is editable.
+    assert mixed.layer("ball.0").bands == (16,) and mixed.layer("ball.0").shape == (16, 1)
+    assert mixed.layer("ball.1").bands == tuple(band_counts(layers["ball.1"]).values())
+    values = {line: value for line, value, _ in plan_lines(mixed)}
+    assert values["ball.0.theta_i"] == "16 bands, not kept" and values["ball.1.theta_h"] == "64 bands"
+    assert bandwidth(layers["ball.1"], "theta_h") < EDITABLE_BANDS[THETA_H]
+    reasons = {line: reason for line, _, reason in plan_lines(mixed)}
+    assert reasons["ball.0.theta_i"] == "as finely as if it were editable"
+    assert reasons["ball.1.theta_h"] == "room for edits"
 
 
 def test_light_and_shadow_follow_the_scene(scene: Scene, layers: dict[str, Layer]) -> None:
@@ -180,7 +180,7 @@ def test_the_pilot_estimates_what_the_work_takes(scene: Scene, layers: dict[str,
     from engine.transport.projection import LayerShape, project_layer
 
     placement, sky = Placement(scene), SkyState(constant_environment(1.0))
-    planned = plan(scene, layers, n_lights=FINAL.n_lights)
+    planned = plan(scene, layers, n_lights=FINAL.n_lights, editable=("ball.1",))
     works = still_layers(layers.items(), ("ball", "lamp"), planned)
     before = placement.sphere.done.copy()
     cost = finish(estimate_cost(placement, works, sky, planned), lambda step: None).cost
@@ -198,7 +198,9 @@ def test_the_pilot_estimates_what_the_work_takes(scene: Scene, layers: dict[str,
     for each in works:
         shape = LayerShape(each.layer.model.name, tuple(each.layer.quotient_parameters().tolist()), each.bands)
         tiles = project_layer(placement.hits, placement.rows_of(each.i_object), light, shape)
-        n_bytes += join_tiles(shape.bands, tiles).n_bytes
+        store = join_tiles(shape.bands, tiles)
+        # Of the layer that is not editable its picture alone is kept: three single floats a point.
+        n_bytes += store.n_bytes if each.editable else 12 * store.n_points
     assert cost.disk_mib == pytest.approx(n_bytes / 2**20, rel=0.05)
     n_points = len(placement.rows_of(0))
     widest = max(planned.layer("ball.1").bands)

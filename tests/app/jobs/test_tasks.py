@@ -284,6 +284,121 @@ def test_a_contraction_before_its_transport_is_answered_by_it(source: str, store
     assert (first.key, first.factor) == (GLOSS, "theta_d")
 
 
+# ------------------------------------------------------------------------------------------ what is not made again
+
+
+def with_layer(request: ComputeTransport, key: str, **changes: object) -> ComputeTransport:
+    """The request with one of its layers changed."""
+    return replace(request, layers=tuple(replace(w, **changes) if w.key == key else w for w in request.layers))
+
+
+def done(answers: list[Response]) -> dict[str, int]:
+    """The stages that were made, with the bytes of transport after each."""
+    return {a.stage: a.transport_bytes for a in answers if isinstance(a, StageDone)}
+
+
+FIXED = with_layer(compute(selected="ground.0", factor="theta_i"), GLOSS, fixed=True)
+FREE = compute(selected="ground.0", factor="theta_i")
+
+
+def test_a_fixed_layer_looks_the_same_and_keeps_no_bands(source: str, store: Store, tmp_path: Path) -> None:
+    free = run_in_process(opened(source, store), FREE)
+    fixed = run_in_process(opened(source, Store(tmp_path / "another")), FIXED)
+    for stage in ("coarse", "preview", "final"):
+        for key, picture in pictures(free, stage).items():
+            np.testing.assert_array_equal(pictures(fixed, stage)[key], picture)
+    n_bands = 16 * 4
+    n_points = len(pictures(fixed)[GLOSS])
+    # Its picture takes 12 bytes a point; its bands take a scale, a start, two bytes a row and some of 4 an entry.
+    assert done(fixed)["final"] < done(free)["final"] + n_points * (12 - 4 - 8 - 2 * 16)
+    assert done(fixed)["final"] > done(free)["final"] + n_points * (12 - 4 - 8 - 2 * 16 - 4 * n_bands)
+
+
+def test_a_fixed_layer_has_no_transport_to_hand_out(source: str, store: Store) -> None:
+    tasks = opened(source, store)
+    answers = run_in_process(tasks, with_layer(compute(), GLOSS, fixed=True))
+    assert not [a for a in answers if isinstance(a, LayerTransport)]
+    assert run_in_process(tasks, contraction("theta_h")) == []
+
+
+def test_a_layer_that_becomes_editable_is_made_alone_and_in_one_stage(
+    source: str, store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tasks = opened(source, store)
+    before = pictures(run_in_process(tasks, FIXED))
+    recorder = Recorder()
+    monkeypatch.setattr(tasks_module, "project_layer", recorder)
+    answers = without_progress(run_in_process(tasks, replace(FREE, selected=GLOSS, factor="theta_h")))
+    assert recorder.n_tiles == tiles_of(before[GLOSS])
+    # What is there is told at once, so that the picture stays; then come the bands, which give the same picture.
+    told = [(type(a), a.key) for a in answers if isinstance(a, LayerPicture | LayerTransport)]
+    assert {key for _, key in told[:3]} == set(before)
+    assert told[3:] == [(LayerPicture, GLOSS), (LayerTransport, GLOSS)]
+    assert {a.stage for a in answers if isinstance(a, LayerPicture)} == {"final"} == set(done(answers))
+    for picture in (a for a in answers if isinstance(a, LayerPicture)):
+        np.testing.assert_allclose(picture.radiance, before[picture.key], rtol=1e-5)
+
+
+def test_a_layer_that_becomes_fixed_is_not_made_again(
+    source: str, store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tasks = opened(source, store)
+    first = run_in_process(tasks, FREE)
+    recorder = Recorder()
+    monkeypatch.setattr(tasks_module, "project_layer", recorder)
+    second = run_in_process(tasks, FIXED)
+    assert recorder.n_tiles == 0
+    assert_same_pictures(pictures(second), pictures(first))
+    assert done(second)["final"] < done(first)["final"]
+
+
+def test_another_curve_of_a_fixed_layer_is_another_picture(source: str, store: Store) -> None:
+    tasks = opened(source, store)
+    before = pictures(run_in_process(tasks, FIXED))
+    first, second = work(GLOSS, "rough_conductor", alpha=0.3).coefficients
+    after = run_in_process(tasks, with_layer(FIXED, GLOSS, coefficients=(2 * first, second)))
+    assert set(pictures(after)) == set(before) and set(pictures(after, "coarse")) == {GLOSS}
+    np.testing.assert_allclose(pictures(after)[GLOSS], 2 * before[GLOSS], rtol=1e-5)
+    np.testing.assert_array_equal(pictures(after)["ground.0"], before["ground.0"])
+
+
+def test_a_quotient_is_made_again_coarse_to_fine_and_for_its_layer_alone(
+    source: str, store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tasks = opened(source, store)
+    run_in_process(tasks, FREE)
+    rough = work(GLOSS, "rough_conductor", alpha=0.5)
+    recorder = Recorder()
+    monkeypatch.setattr(tasks_module, "project_layer", recorder)
+    answers = run_in_process(tasks, with_layer(FREE, GLOSS, quotient_parameters=rough.quotient_parameters))
+    shown = [pictures(answers, stage) for stage in ("coarse", "preview", "final")]
+    assert [set(stage) for stage in shown] == [{GLOSS}, {GLOSS}, {GLOSS, "ball.0", "ground.0"}]
+    assert recorder.n_tiles == tiles_of(*(stage[GLOSS] for stage in shown))
+    expected = with_layer(FREE, GLOSS, quotient_parameters=rough.quotient_parameters)
+    for key, picture in pictures(run_in_process(opened(source, store), expected)).items():
+        np.testing.assert_allclose(shown[-1][key], picture, rtol=1e-6)
+
+
+def test_each_picture_that_is_told_comes_with_its_footprint(source: str, store: Store) -> None:
+    client = InProcessClient(opened(source, store))
+    client.send(FREE)
+    answers: list[Response] = []
+    while done(answers).keys() != {"coarse"}:
+        answers += client.poll(0.0)
+    client.send(replace(FREE, revision=1))
+    again = without_progress(client.poll(float("inf")))
+    kinds = [(type(a).__name__, a.stage) for a in again if a.revision == 1 and not isinstance(a, StageDone)]
+    assert kinds[:3] == [("Footprint", "coarse"), ("LayerPicture", "coarse"), ("LayerTransport", "coarse")]
+    assert list(done([a for a in again if a.revision == 1])) == ["preview", "final"]
+
+
+def test_another_light_makes_all_of_it_again(source: str, store: Store) -> None:
+    tasks = opened(source, store)
+    run_in_process(tasks, FREE)
+    turned = run_in_process(tasks, replace(FREE, light=LightState(rotation=90.0)))
+    assert [len(pictures(turned, stage)) for stage in ("coarse", "preview", "final")] == [3, 3, 3]
+
+
 # ---------------------------------------------------------------------------------------------------- cache and resume
 
 

@@ -1,0 +1,126 @@
+"""The transport that the worker holds of a layer: what it was made of, what it answers, and when it need not be made.
+
+A request for transport seldom changes all of it: a roughness changes one layer, and an object that becomes editable
+needs bands under the same light. What is held and as fine as a stage would make it is not made again; and a layer that
+only gets bands keeps its picture until the last stage brings them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from app.document import LightState
+from app.jobs.array_record import Arrays
+from app.jobs.messages import LayerPicture, LayerTransport, LayerWork, Response
+from engine.plan import Precision
+from engine.transport.bandstore import BandStore, BandTile, join_tiles, store_from_arrays
+from engine.transport.fixed import FixedPicture, join_pictures, picture_of_tile
+from engine.transport.pipeline import COARSE, DRAG, FINAL, PREVIEW
+from engine.transport.planes import curve_planes
+from engine.transport.projection import LayerShape
+
+# The stages by name, coarse to fine.
+STAGES = {quality.name: quality for quality in (DRAG, COARSE, PREVIEW, FINAL)}
+_RANK = {name: rank for rank, name in enumerate(STAGES)}
+_Part = dict[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class LitBy:
+    """What light a layer's transport was asked for: equal ones light equally in the same stage."""
+
+    light: LightState
+    n_lights: int
+
+
+@dataclass(frozen=True, eq=False)
+class LayerData:
+    """The newest transport of a layer: what it was asked with, its stage, what is kept, and its radiance's unit."""
+
+    work: LayerWork
+    lit_by: LitBy
+    stage: str
+    store: BandStore | FixedPicture
+    unit: float
+
+    @property
+    def is_fixed(self) -> bool:
+        return isinstance(self.store, FixedPicture)
+
+    def is_picture_of(self, work: LayerWork, lit_by: LitBy) -> bool:
+        """Whether the picture of this work in this light can be had from it, in the stage it has."""
+        mine = (self.work.model, self.work.quotient_parameters, self.lit_by)
+        if mine != (work.model, work.quotient_parameters, lit_by):
+            return False
+        if self.is_fixed:
+            return all(map(np.array_equal, self.work.coefficients, work.coefficients))
+        return self.work.bands == work.bands
+
+    def spares(self, work: LayerWork, stage: str, is_last: bool) -> bool:
+        """Whether that stage of the work, whose picture this is, need not be made."""
+        as_fine = _RANK[self.stage] >= _RANK[stage]
+        return as_fine and (work.fixed or not (is_last and self.is_fixed))
+
+    def taken_over_by(self, work: LayerWork) -> LayerData:
+        """The same for the work that asks for its picture; without bands where that is fixed."""
+        data = replace(self, work=work)
+        if work.fixed and not self.is_fixed:
+            return replace(data, store=FixedPicture(self.store.radiance(*both_curves(work))))
+        return data
+
+    def takes(self, coefficients: Mapping[str, np.ndarray]) -> bool:
+        """Whether it can be contracted with these."""
+        found = {name: len(values) for name, values in coefficients.items()}
+        return not self.is_fixed and found == dict(zip(self.work.factors, self.work.bands, strict=True))
+
+    def under(self, coefficients: Mapping[str, np.ndarray]) -> LayerData:
+        """The same transport under other curves."""
+        ordered = tuple(np.asarray(coefficients[name]) for name in self.work.factors)
+        return replace(self, work=replace(self.work, coefficients=ordered))
+
+    def answers(self, factor: str | None, precision: Precision) -> Iterator[Response]:
+        """The layer's picture, and its transport along a curve where one is named: both come from one contraction."""
+        work, store, curves = self.work, self.store, both_curves(self.work)
+        if factor is None or isinstance(store, FixedPicture):
+            radiance = store.radiance(*curves) * np.float32(self.unit)
+            yield LayerPicture(work.key, self.stage, radiance, work.coefficients)
+            return
+        planes = curve_planes(store, work.factors.index(factor), curves, self.unit, precision)
+        yield LayerPicture(work.key, self.stage, planes.radiance, work.coefficients)
+        yield LayerTransport(work.key, factor, self.stage, planes.numbers, planes.norms, planes.scale)
+
+
+def both_curves(work: LayerWork) -> tuple[np.ndarray, np.ndarray]:
+    """The layer's coefficients, (J, 3) and (K, 3): one of 1 in place of the second curve where there is none."""
+    first, *second = work.coefficients
+    return np.asarray(first), np.asarray(second[0]) if second else np.ones((1, 3))
+
+
+def shape_of(work: LayerWork) -> LayerShape:
+    """What the projection needs to know of the work."""
+    bands = (work.bands[0], work.bands[1] if len(work.bands) > 1 else 1)
+    return LayerShape(work.model, work.quotient_parameters, bands)
+
+
+def kept_of_tile(work: LayerWork, tile: BandTile) -> _Part:
+    """What of a tile is kept: its bands, or of a fixed layer its picture."""
+    if work.fixed:
+        return {"picture": picture_of_tile(tile, shape_of(work).bands, both_curves(work))}
+    return tile.arrays()
+
+
+def joined(work: LayerWork, parts: Mapping[int, Arrays]) -> BandStore | FixedPicture:
+    """The whole of what is kept of the tiles, by their first point."""
+    if work.fixed:
+        return join_pictures({begin: np.asarray(part["picture"]) for begin, part in parts.items()})
+    return join_tiles(shape_of(work).bands, (BandTile(begin, **part) for begin, part in parts.items()))
+
+
+def store_of(work: LayerWork, arrays: Mapping[str, np.ndarray]) -> BandStore | FixedPicture:
+    """What `store.arrays()` was."""
+    if work.fixed:
+        return FixedPicture(np.array(arrays["picture"]))
+    return store_from_arrays(shape_of(work).bands, arrays)

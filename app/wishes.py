@@ -1,0 +1,123 @@
+"""What the editor wants of the worker, asked of it last, and got from it: the values that `negotiator` compares."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from app.document import LightState
+from app.picture import Array, Coefficients
+from engine.plan import Precision
+
+
+@dataclass(frozen=True)
+class LayerShape:
+    """What of a layer its transport depends on.
+
+    ``baked``: of a layer whose object is fixed the bytes of its curves, which are then part of its transport: nobody
+    means to edit it, so it costs no bands.
+    """
+
+    key: str
+    model: str
+    quotient_parameters: tuple[float, ...]
+    bands: tuple[tuple[str, int], ...]
+    baked: bytes | None = None
+
+    @property
+    def is_fixed(self) -> bool:
+        return self.baked is not None
+
+    def has_quotient_of(self, other: LayerShape | None) -> bool:
+        """Whether the fixed part of both layers' reflection is the same."""
+        return other is not None and (self.model, self.quotient_parameters) == (other.model, other.quotient_parameters)
+
+    def looks_like(self, other: LayerShape | None) -> bool:
+        """Whether transport of one gives the picture of the other, be it with bands or without."""
+        if other is None or not self.has_quotient_of(other):
+            return False
+        return self.baked == other.baked or not (self.is_fixed and other.is_fixed)
+
+
+@dataclass(frozen=True)
+class TransportWish:
+    """All that transport depends on: equal wishes have equal transport."""
+
+    light: LightState
+    layers: tuple[LayerShape, ...]
+    n_lights: int
+
+    def turned_from(self, other: TransportWish) -> bool:
+        """Whether only the environment's rotation differs."""
+        return self != other and replace(self, light=replace(self.light, rotation=other.light.rotation)) == other
+
+    def alike(self, before: TransportWish) -> tuple[str, ...]:
+        """Keys of the layers that look as they did under the wish before."""
+        if (self.light, self.n_lights) != (before.light, before.n_lights):
+            return ()
+        return tuple(shape.key for shape in self.layers if shape.looks_like(before.shape(shape.key)))
+
+    def shape(self, key: str) -> LayerShape | None:
+        return next((shape for shape in self.layers if shape.key == key), None)
+
+
+@dataclass(frozen=True, eq=False)
+class CurveWish:
+    """One curve's transport; ``others`` are the present coefficients of the layer's other factors.
+
+    ``factor`` None wishes for the layer's radiance alone.
+    """
+
+    key: str
+    factor: str | None
+    others: Coefficients
+    precision: Precision = "half"
+
+    def same_curve(self, other: CurveWish | None) -> bool:
+        """Whether the answer to one is of the kind that the other waits for."""
+        if other is None:
+            return False
+        return (self.key, self.factor, self.precision) == (other.key, other.factor, other.precision)
+
+    def same(self, other: CurveWish | None) -> bool:
+        return other is not None and self.same_curve(other) and same_coefficients(self.others, other.others)
+
+
+@dataclass
+class LayerShown:
+    """The newest radiance of a layer under the transport asked last: its stage, and the curves it was made with."""
+
+    stage: str
+    coefficients: Coefficients
+
+
+@dataclass
+class CurveShown:
+    """The transport that was delivered last for a selected curve."""
+
+    key: str
+    factor: str
+    stage: str
+    precision: Precision
+
+
+@dataclass
+class Contraction:
+    """A Contract under way."""
+
+    id: int
+    wish: CurveWish
+    sent_at: float
+
+
+def same_coefficients(one: Mapping[str, Array], two: Mapping[str, Array]) -> bool:
+    """Whether two sets of band values agree to 1e-6, factor by factor."""
+    if one.keys() != two.keys():
+        return False
+    return all(a is two[name] or _close(a, two[name]) for name, a in one.items())
+
+
+def _close(one: Array, two: Array) -> bool:
+    return one.shape == two.shape and bool(np.all(np.abs(one - two) <= 1e-6 * np.abs(two)))
