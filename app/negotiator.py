@@ -183,10 +183,12 @@ class Negotiator:
 
     @property
     def shows_final(self) -> bool:
-        """Whether all that is on screen has come in final quality, though bands of it may be missing."""
-        shapes = () if self._asked is None else self._asked.layers
-        shown = (self._layers.get(shape.key) for shape in shapes)
-        return bool(shapes) and all(layer is not None and layer.stage == FINAL_STAGE for layer in shown)
+        """Whether what is on screen is the document's picture in final quality, though bands of it may be missing."""
+        if self._asked is None or self._wish is None or self._drag_quality:
+            return False
+        shown = [self._layers.get(key) for key in self._wish.alike(self._asked)]
+        finals = [layer for layer in shown if layer is not None and layer.stage == FINAL_STAGE]
+        return bool(finals) and len(finals) == len(self._wish.layers)
 
     @property
     def layers_asked(self) -> tuple[LayerShape, ...]:

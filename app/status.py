@@ -30,6 +30,7 @@ class Status:
     it has nothing to do. ``image_error`` is what is left to the exact picture, relative RMS; None while unknown.
     ``light_note``, ``material_note`` and ``transport_note`` say what is shown for light, roughness and precision, empty
     when there is nothing to say. ``gpu_mb`` is what the picture and the selected curve's transport take there.
+    ``bands`` are those of each layer's transport by key, as asked of the worker; none of a layer that is fixed.
     ``message`` is the last thing that happened, ``is_error`` whether it went wrong.
     """
 
@@ -46,6 +47,7 @@ class Status:
     memory_mb: float = 0.0
     transport_mb: float = 0.0
     gpu_mb: float = 0.0
+    bands: tuple[tuple[str, tuple[int, ...]], ...] = ()
     light_note: str = ""
     material_note: str = ""
     transport_note: str = ""
@@ -113,6 +115,7 @@ class Gauges:
             memory_mb=self.memory_mb,
             transport_mb=self.transport_mb,
             gpu_mb=report.gpu_mb,
+            bands=tuple((shape.key, shape.bands_kept) for shape in talk.layers_asked),
             light_note=_light_note(talk) if self.has_picture else "",
             material_note=_material_note(talk) if self.has_picture else "",
             transport_note=_transport_note(talk, report.precision, wanted),
@@ -124,7 +127,7 @@ class Gauges:
     def _picture_state(self, talk: Negotiator, opening: bool) -> PictureState:
         if not self.has_picture:
             return "waiting"
-        if opening or not talk.transport_is_current or not (talk.delivered_final or talk.shows_final):
+        if opening or not (talk.shows_final or talk.transport_is_current and talk.delivered_final):
             return "preview"
         return "exact" if talk.finished and self.report.exact else "refining"
 

@@ -30,6 +30,11 @@ class LayerShape:
     def is_fixed(self) -> bool:
         return self.baked is not None
 
+    @property
+    def bands_kept(self) -> tuple[int, ...]:
+        """How many bands of each factor its transport has."""
+        return () if self.is_fixed else tuple(n for _, n in self.bands)
+
     def has_quotient_of(self, other: LayerShape | None) -> bool:
         """Whether the fixed part of both layers' reflection is the same."""
         return other is not None and (self.model, self.quotient_parameters) == (other.model, other.quotient_parameters)

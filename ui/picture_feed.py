@@ -208,6 +208,9 @@ class PictureFeed:
         if selected is None or selected.factor is None or selected.key not in self.renderer.layer_keys:
             self._wanted = None
             return
+        if not editor.document.object(selected.object).editable:  # it has no transport to be drawn from
+            self._wanted = None
+            return
         coefficients = editor.wanted_coefficients(selected.key).get(selected.factor)
         if coefficients is None:
             self._wanted = None

@@ -118,7 +118,7 @@ def _object_buttons(context: PanelContext, state: ObjectState, inside: bool) -> 
                "Freeze: keeps this object's material as it is, safe from edits."):  # fmt: skip
         actions.append(SetFrozen(state.name, not state.frozen))
     if _toggle(context, f"editable.{state.name}", Icon.EDITABLE, Icon.LOCKED, state.editable, inside,
-               "Editable or fixed: a fixed object keeps its material and costs less."):  # fmt: skip
+               "Editable or fixed: a fixed object keeps its material, and no bands of transport for it."):  # fmt: skip
         actions.append(SetEditable(state.name, not state.editable))
     return actions
 

@@ -24,7 +24,8 @@ def draw(context: PanelContext) -> list[Action]:
     actions += _quality(context)
     imgui.spacing()
     imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(imgui.get_style().item_spacing.x, context.px(3)))
-    for name, value, hint in figures(context.status):
+    selected = context.view.selected
+    for name, value, hint in figures(context.status, None if selected is None else selected.key):
         _figure(context, name, value, hint)
     imgui.pop_style_var()
     actions += _work(context)
@@ -74,24 +75,35 @@ def _short(count: int) -> str:
     return f"{count // 1000}k" if count >= 1000 else str(count)
 
 
-def figures(status: Status) -> list[tuple[str, str, str]]:
-    """(name, value, explanation) of every measured figure."""
+def figures(status: Status, selected: str | None = None) -> list[tuple[str, str, str]]:
+    """(name, value, explanation) of every measured figure; selected: the key of the layer that is."""
     error = "–" if status.image_error is None else error_text(status.image_error)
     shown = f"{status.shown_coefficients} of {status.wanted_coefficients}" if status.wanted_coefficients else "–"
+    bands = dict(status.bands)
+    if selected in bands:
+        shown = f"{shown}, {_bands(bands[selected])}"
+    plan = "\n".join(f"{key}: {_bands(counts)}" for key, counts in status.bands)
     return [
         ("Frame", f"{status.frame_ms:.1f} ms", "Time of the last frame that drew the picture."),
         (
             "Coefficients",
             shown,
-            "Wavelet coefficients of the selected curve that the picture shows.",
+            "Wavelet coefficients of the selected curve that the picture shows, and the bands of its layer's transport."
+            f"\n{plan}",
         ),
         ("Image error", error, "What the missing coefficients would still change, relative to the picture's mean."),
         (
             "Memory",
             f"{status.memory_mb:.0f} MB, transport {status.transport_mb:.0f} MB",
-            "Main memory of window and worker together; precomputed transport, which lets a curve redraw at once.",
+            "Main memory of window and worker together; precomputed transport, which lets a curve redraw at once.\n"
+            f"On the graphics card: {status.gpu_mb:.0f} MB, with the selected curve's transport.",
         ),
     ]
+
+
+def _bands(counts: tuple[int, ...]) -> str:
+    """The bands of a layer's curves, as a person reads them."""
+    return "bands " + " × ".join(map(str, counts)) if counts else "no bands: fixed"
 
 
 def _figure(context: PanelContext, name: str, value: str, hint: str) -> None:
