@@ -24,7 +24,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.document import Document, Selection
+from app.document import Document, LightState, Selection
 from app.jobs.messages import (
     ComputeTransport,
     Contract,
