@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Protocol
 
 from app.commands import EditCommand
+from app.comparison import Comparison
 from app.document import Document, Selection, document_from_description, resolve
 from app.history import History
 from app.jobs.messages import (
@@ -110,6 +111,7 @@ class Editor:
         self._client = client
         self._keeper = SessionKeeper(journal)
         self._negotiator = Negotiator(client.send, self.curves)
+        self._comparison = Comparison(client.send, self.curves)
         self._known_light = KnownLight()
         self._opening: Opening | None = None
         self._gauges = Gauges()
@@ -263,9 +265,17 @@ class Editor:
             self._negotiator.update(
                 now, self.document, view.selected, view.n_lights, self.history.dragging, view.precision
             )
+            events += self._compare(now)
             self._keep(now)
         self._gauges.measure_memory(now, self._client.pid)
         return events
+
+    def _compare(self, now: float) -> list[PictureEvent]:
+        """Side A as it is chosen, and brought up to date."""
+        exact, view = self.status.picture == "exact", self.view
+        if view.compare is not self._comparison.document:
+            self._comparison.begin(view.compare, exact and view.compare is self.document)
+        return self._comparison.update(now, self.document, self._negotiator, view.n_lights, exact)
 
     def wanted_coefficients(self, key: str) -> dict[str, Array]:
         """Band values (J,3) of each transport factor of a layer, as the document has them."""
@@ -291,9 +301,10 @@ class Editor:
     @property
     def status(self) -> Status:
         """The truth about what is on screen."""
-        return self._gauges.status(
+        status = self._gauges.status(
             self._negotiator, self._client.alive, self._opening is not None, self.view.precision
         )
+        return replace(status, compared_exact=self._comparison.exact)
 
     # -------------------------------------------------------------------------------------------------------- answers
 
@@ -320,6 +331,8 @@ class Editor:
                 return [SkyChanged(response.radiance)]
             case Footprint():
                 return [FootprintChanged(response.rows, response.weights, response.stage)]
+            case LayerPicture() if self._comparison.took(response):
+                return []
             case LayerPicture():
                 if self._negotiator.asked_light is not None:
                     self._known_light.worked(self._negotiator.asked_light)
@@ -376,6 +389,7 @@ class Editor:
     def _take_failure(self, response: Failed) -> None:
         self._gauges.progress = None
         self._negotiator.took_failure(response)
+        self._comparison.took_failure(response.id)
         refused = self._negotiator.asked_light if self._negotiator.is_transport(response.id) else None
         if refused is not None and self._known_light.go_back(self.history, refused):
             self._document_changed()
@@ -387,6 +401,7 @@ class Editor:
 
     def _take_stage(self, response: StageDone) -> None:
         self._negotiator.took_stage(response)
+        self._comparison.stage_came()
         if response.transport_bytes:
             self._gauges.transport_mb = response.transport_bytes / 1e6
         if response.exact:

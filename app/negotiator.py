@@ -143,6 +143,18 @@ class Negotiator:
         """The light in the transport asked last, at intensity 1."""
         return None if self._asked is None else self._asked.light
 
+    def serves(self, document: Document, like: Document, n_lights: int) -> bool:
+        """Whether the transport asked last would draw another document of the same models as ``like``."""
+        models = [(key, layer.model) for key, layer in document.layers()]
+        if self._asked is None or models != [(key, layer.model) for key, layer in like.layers()]:
+            return False
+        return self._made_wish(document, n_lights) == self._asked
+
+    def asked_bands(self, key: str) -> dict[str, int] | None:
+        """J of each factor of a layer in the transport asked last; None where there is none of it."""
+        shape = self._asked_shape(key)
+        return None if shape is None else dict(shape.bands)
+
     def is_transport(self, id: int) -> bool:
         """Whether this is the number of the transport asked last."""
         return id == self._transport_id
@@ -332,6 +344,9 @@ class Negotiator:
         if self._wish is not None and self._wish_made_of == (document, n_lights):
             return self._wish
         self._wish_made_of = (document, n_lights)
+        return self._made_wish(document, n_lights)
+
+    def _made_wish(self, document: Document, n_lights: int) -> TransportWish:
         emitters = {state.name for state in document.objects if state.emits}
         shapes = tuple(
             self._layer_shape(document, key, layer)

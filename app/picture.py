@@ -77,7 +77,24 @@ class TransportReady:
     scale: NDArray[np.floating]
 
 
-PictureEvent = SceneFrame | SkyChanged | FootprintChanged | LayerRadiance | TransportReady
+@dataclass(frozen=True, eq=False)
+class LayerLook:
+    """How a layer looks in another document: f_q, f_o, visibility, and its radiance (p,3), None where as on screen."""
+
+    gain: Array
+    view_curve: Array
+    visible: bool
+    radiance: NDArray[np.floating] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ComparedRefined:
+    """Side A of the A/B picture can be drawn anew: as what is on screen, with these layers looking like this."""
+
+    looks: Mapping[str, LayerLook]
+
+
+PictureEvent = SceneFrame | SkyChanged | FootprintChanged | LayerRadiance | TransportReady | ComparedRefined
 
 
 class Curves:
@@ -119,10 +136,7 @@ class Curves:
         factor = layer.model.view_factor
         name = "" if factor is None else factor.name
         known = self._known(key, layer, name)
-        if known is None:
-            gammas = np.linspace(0.0, HALF_PI, N_VIEW_SAMPLES)
-            known = np.ones((N_VIEW_SAMPLES, 3)) if factor is None else layer.curve(name)(gammas)
-        return self._keep(key, layer, name, known)
+        return self._keep(key, layer, name, view_curve_of(layer) if known is None else known)
 
     def gain(self, document: Document, key: str) -> Array:
         """f_q of a layer, (3,)."""
@@ -143,6 +157,14 @@ class Curves:
         values.setflags(write=False)
         self._cached[key, factor] = (layer, values)
         return values
+
+
+def view_curve_of(layer: Layer) -> Array:
+    """f_o at 256 angles from 0 to π/2, (256,3)."""
+    factor = layer.model.view_factor
+    if factor is None:
+        return np.ones((N_VIEW_SAMPLES, 3))
+    return layer.curve(factor.name)(np.linspace(0.0, HALF_PI, N_VIEW_SAMPLES))
 
 
 def _same_curve(before: Layer, layer: Layer, factor: str) -> bool:

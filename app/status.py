@@ -31,6 +31,7 @@ class Status:
     ``light_note``, ``material_note`` and ``transport_note`` say what is shown for light, roughness and precision, empty
     when there is nothing to say. ``gpu_mb`` is what the picture and the selected curve's transport take there.
     ``bands`` are those of each layer's transport by key, as asked of the worker; none of a layer that is fixed.
+    ``compared_exact``: whether side A of a comparison is.
     ``message`` is the last thing that happened, ``is_error`` whether it went wrong.
     """
 
@@ -50,6 +51,7 @@ class Status:
     bands: tuple[tuple[str, tuple[int, ...]], ...] = ()
     light_note: str = ""
     material_note: str = ""
+    compared_exact: bool = True
     transport_note: str = ""
     message: str = ""
     is_error: bool = False

@@ -17,14 +17,24 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from app.document import layer_key
+from app.document import LightState, layer_key
 from app.editor import Editor
-from app.picture import FootprintChanged, LayerRadiance, PictureEvent, SceneFrame, SkyChanged, TransportReady
+from app.picture import (
+    ComparedRefined,
+    FootprintChanged,
+    LayerLook,
+    LayerRadiance,
+    PictureEvent,
+    SceneFrame,
+    SkyChanged,
+    TransportReady,
+)
 from app.status import RenderReport
 from engine.curve.wavelet import forward
 from engine.light.environment import Environment, tone_mapped_thumbnail
 from engine.scene.description import SceneDescription
 from ui.gl.context import GraphicsError
+from ui.gl.layers import Look
 from ui.gl.picture_frame import PictureFrame
 from ui.gl.placement import PlacementRenderer
 from ui.gl.tonemap import DisplayView
@@ -123,6 +133,9 @@ class PictureFeed:
                 self.renderer.set_footprint(None if own else event.rows, None if own else event.weights)
             case LayerRadiance():
                 self._take_radiance(editor, event)
+            case ComparedRefined():
+                if self._compared is not None:
+                    self.renderer.snapshot_compare({key: _look(look) for key, look in event.looks.items()})
             case TransportReady():
                 self.renderer.begin_transport(event.key, event.coefficients_first, event.norms, event.scale)
 
@@ -224,16 +237,16 @@ class PictureFeed:
             return
         if compared is None:
             self.renderer.drop_compare()
-        elif self._compared is None:
+        else:
             self.renderer.snapshot_compare()
         self._compared = compared
 
     def _display_view(self, editor: Editor) -> DisplayView:
         """Exposure takes the light's intensity along: it multiplies the finished picture."""
-        view = editor.view
-        intensity = max(editor.document.light.intensity, LEAST_INTENSITY)
+        view, compared = editor.view, editor.view.compare
         return DisplayView(
-            exposure=view.exposure + math.log2(intensity),
+            exposure=view.exposure + _stops(editor.document.light),
+            compare_exposure=None if compared is None else view.exposure + _stops(compared.light),
             tone_mapping=view.tone_mapping,
             selected=self._index(view.selected.object if view.selected else None),
             hovered=self._index(view.hovered),
@@ -242,6 +255,16 @@ class PictureFeed:
 
     def _index(self, name: str | None) -> int | None:
         return self._names.index(name) if name in self._names else None
+
+
+def _stops(light: LightState) -> float:
+    """The light's intensity as exposure."""
+    return math.log2(max(light.intensity, LEAST_INTENSITY))
+
+
+def _look(look: LayerLook) -> Look:
+    red, green, blue = (float(value) for value in look.gain)
+    return Look((red, green, blue), look.view_curve, look.visible, look.radiance)
 
 
 def picture_frame(event: SceneFrame) -> PictureFrame:

@@ -6,8 +6,9 @@ picture may arrive layer by layer and what is on screen is always of one piece w
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 
 import moderngl
 import numpy as np
@@ -30,6 +31,19 @@ class Layer:
     view_curve: moderngl.Texture | None = None
     visible: bool = True
     mean: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """Another look of a layer: f_q, f_o (256,3), visibility, and a radiance (p,3) at every pixel of its object.
+
+    `radiance` None: as in its accumulator.
+    """
+
+    gain: tuple[float, float, float]
+    view_curve: NDArray[np.floating]
+    visible: bool
+    radiance: NDArray[np.floating] | None = None
 
 
 class LayerStack:
@@ -125,6 +139,36 @@ class LayerStack:
             self._memory.release(layer.view_curve)
             layer.view_curve = made
         self.dirty.add(layer.i_object)
+
+    @contextmanager
+    def looking(self, looks: Mapping[str, Look]) -> Iterator[None]:
+        """The layers with other looks for a while; their own come back unharmed, and their objects are to be shaded."""
+        own = {key: self._layers[key] for key in looks if key in self._layers}
+        try:
+            for key, layer in own.items():
+                self._layers[key] = replace(layer, view_curve=None, accumulator=layer.accumulator)
+                self._put_on(key, looks[key], layer)
+            yield
+        finally:
+            for key, layer in own.items():
+                worn = self._layers[key]
+                if worn.accumulator is not layer.accumulator:
+                    worn.accumulator.release()
+                if worn is not layer:
+                    self._memory.release(worn.view_curve)
+                self._layers[key] = layer
+                self.dirty.add(layer.i_object)
+
+    def _put_on(self, key: str, look: Look, own: Layer) -> None:
+        worn = self._layers[key]
+        worn.gain, worn.visible = look.gain, look.visible
+        self.set_view_curve(key, look.view_curve)
+        if look.radiance is not None:
+            n_pixels = self._compositor.object_size(own.i_object)
+            if np.shape(look.radiance) != (n_pixels, 3):
+                raise GraphicsError(f"layer {key}: radiance {np.shape(look.radiance)}, expected ({n_pixels}, 3)")
+            worn.accumulator, worn.footprint = Accumulator(self._memory, n_pixels), None
+            worn.accumulator.write(look.radiance)
 
     def set_footprint(self, rows: NDArray[np.integer] | None, weights: NDArray[np.floating] | None) -> None:
         """The footprint of the pictures to come; None is one sample a pixel."""

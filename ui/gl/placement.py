@@ -18,7 +18,7 @@ active makes that transport stale: increments go on from the new picture, but no
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import moderngl
@@ -29,7 +29,7 @@ from engine.plan import Precision
 from ui.gl.accumulate import TermSum
 from ui.gl.composite import Compositor, FootprintTextures
 from ui.gl.context import GraphicsError
-from ui.gl.layers import LayerStack
+from ui.gl.layers import LayerStack, Look
 from ui.gl.passes import Box, Passes
 from ui.gl.picture_frame import PictureFrame
 from ui.gl.refine import Refiner
@@ -327,11 +327,16 @@ class PlacementRenderer:
         picture.display_box, picture.view = None, view
         return picture.display.texture
 
-    def snapshot_compare(self) -> None:
-        """Keep the linear picture of now as B of the A/B comparison."""
+    def snapshot_compare(self, looks: Mapping[str, Look] | None = None) -> None:
+        """Keep the linear picture as it would be with these layers looking so (of now: none) as A of the comparison."""
         self._draw_linear()
         picture = self._shown()
-        picture.display.take_snapshot(picture.compositor.linear_target)
+        with picture.layers.looking(looks or {}):
+            objects = {picture.layers[key].i_object for key in looks or {} if key in picture.layers}
+            picture.layers.dirty |= objects
+            self._draw_linear()
+            picture.display.take_snapshot(picture.compositor.linear_target)
+        self._draw_linear()
         picture.display_box = picture.compositor.picture_box
 
     def drop_compare(self) -> None:

@@ -31,7 +31,8 @@ class DisplayView:
     """How the linear picture is shown.
 
     exposure in stops; selected and hovered are object indices, outlined; compare_divider in [0, 1] is where the
-    snapshot (left) meets the picture (right), None shows the picture alone; antialias draws smooth silhouettes.
+    snapshot A (left) meets the picture B (right), None shows the picture alone; compare_exposure is A's, None as B's;
+    antialias draws smooth silhouettes.
     """
 
     exposure: float = 0.0
@@ -39,6 +40,7 @@ class DisplayView:
     selected: int | None = None
     hovered: int | None = None
     compare_divider: float | None = None
+    compare_exposure: float | None = None
     antialias: bool = True
 
 
@@ -61,7 +63,7 @@ class Display:
         return self._snapshot is not None
 
     def take_snapshot(self, linear: moderngl.Framebuffer) -> None:
-        """Keep a copy of the linear picture as B."""
+        """Keep a copy of the linear picture as A."""
         if self._snapshot is None:
             self._snapshot = self._memory.texture(self._size, 4, "f4")
             self._snapshot_target = self._memory.framebuffer([self._snapshot])
@@ -76,11 +78,11 @@ class Display:
 
     def draw(self, linear: moderngl.Texture, view: DisplayView, box: Box) -> None:
         """Redraw `box` of the display picture, and all silhouettes and outlines."""
-        for region, source in self._regions(linear, view, box):
-            self._tone_map(source, view, region)
+        for region, source, exposure in self._regions(linear, view, box):
+            self._tone_map(source, exposure, view.tone_mapping, region)
         if view.antialias and self._edges is not None:
-            for region, source in self._regions(linear, view, (0, 0, *self._size)):
-                self._smooth_edges(source, view, region)
+            for region, source, exposure in self._regions(linear, view, (0, 0, *self._size)):
+                self._smooth_edges(source, exposure, view.tone_mapping, region)
         for i_object, colour in ((view.hovered, HOVER_COLOUR), (view.selected, SELECTION_COLOUR)):
             if i_object is not None and 0 <= i_object < self._frame.n_objects:
                 self._outline(i_object, colour)
@@ -95,27 +97,28 @@ class Display:
 
     def _regions(
         self, linear: moderngl.Texture, view: DisplayView, box: Box
-    ) -> list[tuple[Box, moderngl.Texture]]:
-        """Which part of `box` shows which picture: the snapshot left of the divider, the picture right of it."""
+    ) -> list[tuple[Box, moderngl.Texture, float]]:
+        """Which part of `box` shows which picture, how exposed: the snapshot left of the divider, the picture right."""
         if view.compare_divider is None or self._snapshot is None:
-            return [(box, linear)]
+            return [(box, linear, view.exposure)]
         x, y, width, height = box
         split = min(max(self._divider_column(view), x), x + width)
-        parts = [((x, y, split - x, height), self._snapshot), ((split, y, x + width - split, height), linear)]
-        return [(region, source) for region, source in parts if region[2] > 0]
+        other = view.exposure if view.compare_exposure is None else view.compare_exposure
+        left = (x, y, split - x, height), self._snapshot, other
+        right = (split, y, x + width - split, height), linear, view.exposure
+        return [part for part in (left, right) if part[0][2] > 0]
 
     def _divider_column(self, view: DisplayView) -> int:
         return round(min(max(view.compare_divider or 0.0, 0.0), 1.0) * self._size[0])
 
-    def _tone_map(self, source: moderngl.Texture, view: DisplayView, region: Box) -> None:
-        program = self._passes.full_screen("placement/display.frag.glsl", **_switches(view.tone_mapping))
-        self._passes.draw(
-            program, self._target, region, {"linear_picture": source}, exposure=_exposure_factor(view.exposure)
-        )
+    def _tone_map(self, source: moderngl.Texture, exposure: float, tone_mapping: ToneMapping, region: Box) -> None:
+        program = self._passes.full_screen("placement/display.frag.glsl", **_switches(tone_mapping))
+        textures = {"linear_picture": source}
+        self._passes.draw(program, self._target, region, textures, exposure=_exposure_factor(exposure))
 
-    def _smooth_edges(self, source: moderngl.Texture, view: DisplayView, region: Box) -> None:
-        array = self._edge_array(view.tone_mapping)
-        uniforms = {"picture_size": self._size, "exposure": _exposure_factor(view.exposure)}
+    def _smooth_edges(self, source: moderngl.Texture, exposure: float, tone_mapping: ToneMapping, region: Box) -> None:
+        array = self._edge_array(tone_mapping)
+        uniforms = {"picture_size": self._size, "exposure": _exposure_factor(exposure)}
         self._passes.draw_points(array, self._target, {"linear_picture": source}, scissor=region, **uniforms)
 
     def _outline(self, i_object: int, colour: tuple[float, float, float]) -> None:

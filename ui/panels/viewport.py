@@ -99,7 +99,7 @@ def _interact(context: PanelContext, picture: Picture, placed: Placed) -> list[A
 def _hover(context: PanelContext, picture: Picture, placed: Placed, on_divider: bool) -> list[Action]:
     if on_divider:
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
-        widgets.tooltip("Left: the picture as remembered (A). Right: as it is (B).")
+        widgets.tooltip(_comparison_hint(context))
         return []
     if imgui.get_io().key_shift:
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
@@ -110,6 +110,13 @@ def _hover(context: PanelContext, picture: Picture, placed: Placed, on_divider: 
     if name:
         _draw_name(context, name, mouse)
     return [SetView.of(hovered=name)] if name != context.view.hovered else []
+
+
+def _comparison_hint(context: PanelContext) -> str:
+    text = "Left: the picture as remembered (A). Right: as it is (B)."
+    if context.status.compared_exact:
+        return text
+    return f"{text} A is a preview: it becomes exact with B, as long as the light and the roughness are the same."
 
 
 def _draw_name(context: PanelContext, name: str, mouse: ImVec2) -> None:
@@ -159,9 +166,10 @@ def _draw_divider(context: PanelContext, placed: Placed) -> None:
         back = middle.x + side * 0.5 * size
         draw_list.add_triangle_filled(tip, ImVec2(back, middle.y - 0.8 * size), ImVec2(back, middle.y + 0.8 * size),
                                       look.pack(look.grey(40)))  # fmt: skip
-    for text, side in (("A", -1.0), ("B", 1.0)):
+    for text, side in (("A" if context.status.compared_exact else "preview  A", -1.0), ("B", 1.0)):
         extent = imgui.calc_text_size(text)
-        spot = ImVec2(x + side * context.px(18) - 0.5 * extent.x, top + context.px(10))
+        near = x + side * context.px(14)
+        spot = ImVec2(near if side > 0.0 else near - extent.x, top + context.px(10))
         pad = context.px(5)
         far = ImVec2(spot.x + extent.x + pad, spot.y + extent.y + 2)
         draw_list.add_rect_filled(ImVec2(spot.x - pad, spot.y - 2), far, look.pack(look.grey(20, 0.75)), context.px(4))

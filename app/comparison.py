@@ -1,0 +1,152 @@
+"""Side A of the A/B picture: a document remembered, brought to the quality that side B reaches.
+
+The renderer keeps A as a picture. Remembered while the first stages come in, that picture is coarse, and it would stay
+so beside a B that is refined. Transport belongs to light and quotients, not to curves, so as long as A has those of B
+it can be drawn exactly from what is there:
+
+- while A and B look alike, by taking the picture again after each stage, and when it is exact;
+- when curves were edited meanwhile, by asking the worker, once it rests, for the radiance of the layers that differ,
+  with A's curves. That is one contraction a layer, and nothing when A was remembered exact.
+
+An A under another light than B's stays as it is until B comes back to that light: its transport is gone, and keeping a
+second one for a picture that is seldom looked at costs as much memory as the first. The divider says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.document import Document
+from app.jobs.messages import Contract, LayerPicture, Request
+from app.negotiator import CONTRACT_PATIENCE, Negotiator
+from app.picture import Coefficients, ComparedRefined, Curves, LayerLook, PictureEvent, view_curve_of
+from app.wishes import same_coefficients
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A layer's radiance under way."""
+
+    id: int
+    key: str
+    at: float
+
+
+class Comparison:
+    """Follows one A after another. ``send`` hands a request to the worker; ``curves`` are those of side B."""
+
+    def __init__(self, send: Callable[[Request], int], curves: Curves) -> None:
+        self._send, self._curves = send, curves
+        self._document: Document | None = None
+        self._forget_revision()
+
+    def _forget_revision(self, revision: int = -1) -> None:
+        self._revision = revision
+        self._serves = False
+        self._coefficients: dict[str, Coefficients] = {}
+        self._pictures: dict[str, NDArray[np.floating]] = {}
+        self._asked: Asked | None = None
+        self._stage_came = self._failed = False
+
+    def begin(self, document: Document | None, is_exact: bool) -> None:
+        """A is (or is no longer) compared with; ``is_exact``: the picture that the renderer keeps of it is."""
+        self._document, self._exact = document, is_exact
+        self._forget_revision()
+
+    @property
+    def document(self) -> Document | None:
+        """A itself; None while nothing is compared."""
+        return self._document
+
+    @property
+    def exact(self) -> bool:
+        """Whether A's picture is exact; also while nothing is compared."""
+        return self._document is None or self._exact
+
+    def stage_came(self) -> None:
+        """A stage of the picture on screen is complete."""
+        self._stage_came = True
+
+    def took(self, response: LayerPicture) -> bool:
+        """Whether this is the answer to a request for A, and no part of side B."""
+        if self._asked is None or response.id != self._asked.id:
+            return False
+        self._pictures[self._asked.key] = response.radiance
+        self._asked = None
+        return True
+
+    def took_failure(self, id: int) -> None:
+        """Leave A as it is when the worker cannot draw it."""
+        if self._asked is not None and self._asked.id == id:
+            self._asked, self._failed = None, True
+
+    def update(
+        self, now: float, document: Document, talk: Negotiator, n_lights: int, exact: bool
+    ) -> list[PictureEvent]:
+        """What the renderer can show of A now; asks the worker for what is missing.
+
+        ``now`` in seconds; ``document`` is B's; ``exact``: whether B's picture on screen is.
+        """
+        compared = self._document
+        if compared is None or self._exact:
+            return []
+        if talk.revision != self._revision:
+            self._forget_revision(talk.revision)
+            self._serves = talk.serves(compared, document, n_lights)
+        if not self._serves or self._failed:
+            return []
+        light = replace(compared.light, intensity=document.light.intensity)
+        if (compared.objects, light) == (document.objects, document.light):
+            return self._follow(exact)
+        return self._draw_apart(now, compared, document, talk) if talk.finished and exact else []
+
+    def _follow(self, exact: bool) -> list[PictureEvent]:
+        """B looks like A: what is on screen is A's picture as well."""
+        if not exact and not self._stage_came:
+            return []
+        self._stage_came, self._exact = False, exact
+        return [ComparedRefined({})]
+
+    def _draw_apart(self, now: float, compared: Document, document: Document, talk: Negotiator) -> list[PictureEvent]:
+        """B has other curves by now: ask for the layers that differ, one after the other, then draw A with them."""
+        differing = self._differing(compared, document, talk)
+        missing = [key for key in differing if key not in self._pictures]
+        if missing:
+            if self._asked is None or now - self._asked.at > CONTRACT_PATIENCE:
+                self._ask(missing[0], talk.revision, now)
+            return []
+        self._exact = True
+        return [ComparedRefined(self._looks(compared, differing))]
+
+    def _differing(self, compared: Document, document: Document, talk: Negotiator) -> list[str]:
+        """Keys of the layers whose curves are not those on screen."""
+        found = []
+        for key, layer in compared.layers():
+            bands = talk.asked_bands(key)
+            if bands is None:
+                continue
+            if key not in self._coefficients:
+                self._coefficients[key] = {name: layer.coefficients(name, n) for name, n in bands.items()}
+            if not same_coefficients(self._coefficients[key], self._curves.coefficients(document, key)):
+                found.append(key)
+        return found
+
+    def _ask(self, key: str, revision: int, now: float) -> None:
+        wanted = tuple(self._coefficients[key].items())
+        self._asked = Asked(self._send(Contract(key, None, wanted, revision=revision)), key, now)
+
+    def _looks(self, compared: Document, differing: list[str]) -> Mapping[str, LayerLook]:
+        return {
+            key: LayerLook(
+                layer.scale(),
+                view_curve_of(layer),
+                compared.is_visible(key),
+                self._pictures[key] if key in differing else None,
+            )
+            for key, layer in compared.layers()
+            if not compared.object(key.rpartition(".")[0]).emits
+        }
