@@ -277,6 +277,11 @@ class Editor:
             self._comparison.begin(view.compare, exact and view.compare is self.document)
         return self._comparison.update(now, self.document, self._negotiator, view.n_lights, exact)
 
+    @property
+    def awaits_curve(self) -> bool:
+        """Whether a curve's transport, or a layer's picture, is to come at any moment."""
+        return self._negotiator.awaits_contraction
+
     def wanted_coefficients(self, key: str) -> dict[str, Array]:
         """Band values (J,3) of each transport factor of a layer, as the document has them."""
         return self.curves.coefficients(self.document, key)

@@ -36,8 +36,16 @@ from app.jobs.messages import (
     StageDone,
 )
 from app.picture import Array, Coefficients, Curves
-from app.wishes import Contraction, CurveShown, CurveWish, LayerShape, LayerShown, TransportWish, same_coefficients
-from engine.material.layer import Layer
+from app.wishes import (
+    Contraction,
+    CurveShown,
+    CurveWish,
+    LayerShape,
+    LayerShown,
+    TransportWish,
+    layer_shape,
+    same_coefficients,
+)
 from engine.plan import Precision
 
 REST_SECONDS = 0.25
@@ -168,6 +176,11 @@ class Negotiator:
     def running(self) -> bool:
         """Whether the worker computes transport for us."""
         return self._running
+
+    @property
+    def awaits_contraction(self) -> bool:
+        """Whether an answer of the worker is due at any moment."""
+        return self._contraction is not None
 
     @property
     def delivered_final(self) -> bool:
@@ -314,10 +327,14 @@ class Negotiator:
         if self._contraction is not None:  # it is replaced unanswered: what it was to bring is to be asked for again
             self._asked_pictures.pop(self._contraction.wish.key, None)
             self._asked_curve = self._asked_curve if self._contraction.wish.factor is None else None
-        wanted = tuple(self._curves.coefficients(document, curve.key).items())
+        wanted = self._curves.coefficients(document, curve.key)
         if curve.factor is not None:
             self._asked_curve = curve
-        id = self._send(Contract(curve.key, curve.factor, wanted, curve.precision, revision=self.revision))
+        shown = self._layers.get(curve.key)
+        new_picture = curve.factor is None or shown is None or not same_coefficients(shown.coefficients, wanted)
+        given = tuple(wanted.items())
+        request = Contract(curve.key, curve.factor, given, curve.precision, new_picture, revision=self.revision)
+        id = self._send(request)
         self._contraction = Contraction(id, curve, now)
 
     def _asked_shape(self, key: str) -> LayerShape | None:
@@ -349,18 +366,11 @@ class Negotiator:
     def _made_wish(self, document: Document, n_lights: int) -> TransportWish:
         emitters = {state.name for state in document.objects if state.emits}
         shapes = tuple(
-            self._layer_shape(document, key, layer)
+            layer_shape(document, key, layer, self._curves)
             for key, layer in document.layers()
             if key.rpartition(".")[0] not in emitters
         )
         return TransportWish(replace(document.light, intensity=1.0), shapes, n_lights)
-
-    def _layer_shape(self, document: Document, key: str, layer: Layer) -> LayerShape:
-        baked = None
-        if not document.object(key.rpartition(".")[0]).editable:
-            baked = b"".join(values.tobytes() for values in self._curves.coefficients(document, key).values())
-        quotient = tuple(layer.quotient_parameters().tolist())
-        return LayerShape(key, layer.model.name, quotient, tuple(self._curves.bands(key, layer).items()), baked)
 
     def _layer_work(self, document: Document, shape: LayerShape) -> LayerWork:
         coefficients = self._curves.coefficients(document, shape.key)

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.document import LightState
-from app.picture import Array, Coefficients
+from app.document import Document, LightState
+from app.picture import Array, Coefficients, Curves
+from engine.material.layer import Layer
 from engine.plan import Precision
 
 
@@ -44,6 +45,15 @@ class LayerShape:
         if other is None or not self.has_quotient_of(other):
             return False
         return self.baked == other.baked or not (self.is_fixed and other.is_fixed)
+
+
+def layer_shape(document: Document, key: str, layer: Layer, curves: Curves) -> LayerShape:
+    """The shape of one of the document's layers."""
+    baked = None
+    if not document.object(key.rpartition(".")[0]).editable:
+        baked = b"".join(values.tobytes() for values in curves.coefficients(document, key).values())
+    quotient = tuple(layer.quotient_parameters().tolist())
+    return LayerShape(key, layer.model.name, quotient, tuple(curves.bands(key, layer).items()), baked)
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ from ui.gl.context import create_headless_context, describe_context
 from ui.gl.placement import PlacementRenderer, UpdateReport
 from ui.gl.tonemap import DisplayView
 from ui.headless import HeadlessWindow
-from ui.picture_feed import PictureFeed
+from ui.picture_feed import CURVE_LOOK_SECONDS, PictureFeed
 from ui.start_times import start_times
 
 EXACT_SECONDS = 3600.0
@@ -76,7 +76,7 @@ class Bench:
         if self.editor.status.picture == "exact":
             return True
         if not busy:
-            time.sleep(0.001)
+            time.sleep(CURVE_LOOK_SECONDS)
         return False
 
     def switch(self, path: str) -> float:

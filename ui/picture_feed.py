@@ -39,6 +39,8 @@ from ui.gl.picture_frame import PictureFrame
 from ui.gl.placement import PlacementRenderer
 from ui.gl.tonemap import DisplayView
 
+# Between two looks at what the worker has sent, while a curve that was selected is waited for.
+CURVE_LOOK_SECONDS = 0.005
 UPLOAD_SHARE = 0.5
 # Of the frame's time, what refinement gets however long the rest takes.
 LEAST_SHARE = 0.25

@@ -26,7 +26,7 @@ from engine.scene.builtin import builtin_environments, builtin_scenes
 from ui.gl.context import REQUIRED_VERSION, GraphicsError, create_window_context
 from ui.gl.placement import PlacementRenderer
 from ui.glfw_keys import KEYS
-from ui.picture_feed import PictureFeed
+from ui.picture_feed import CURVE_LOOK_SECONDS, PictureFeed
 from ui.shell import FrameResult, Shell
 from ui.start_times import start_times
 
@@ -225,7 +225,8 @@ class Window:
             now = time.monotonic()
             if now >= draw_at or self._look(now):
                 return
-            seconds = max(min(WORKER_LOOK_SECONDS, draw_at - now), 0.001)
+            look = CURVE_LOOK_SECONDS if self.editor.awaits_curve else WORKER_LOOK_SECONDS
+            seconds = max(min(look, draw_at - now), 0.001)
             self._take_events(glfw.wait_events_timeout, seconds)
 
     def _take_events(self, take: Callable[..., None], *arguments: float) -> None:

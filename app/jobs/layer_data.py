@@ -81,15 +81,19 @@ class LayerData:
         ordered = tuple(np.asarray(coefficients[name]) for name in self.work.factors)
         return replace(self, work=replace(self.work, coefficients=ordered))
 
-    def answers(self, factor: str | None, precision: Precision) -> Iterator[Response]:
-        """The layer's picture, and its transport along a curve where one is named: both come from one contraction."""
+    def answers(self, factor: str | None, precision: Precision, picture: bool = True) -> Iterator[Response]:
+        """The layer's picture, if that is wanted, and its transport along a curve where one is named.
+
+        Both come from one contraction.
+        """
         work, store, curves = self.work, self.store, both_curves(self.work)
         if factor is None or isinstance(store, FixedPicture):
             radiance = store.radiance(*curves) * np.float32(self.unit)
             yield LayerPicture(work.key, self.stage, radiance, work.coefficients)
             return
         planes = curve_planes(store, work.factors.index(factor), curves, self.unit, precision)
-        yield LayerPicture(work.key, self.stage, planes.radiance, work.coefficients)
+        if picture:
+            yield LayerPicture(work.key, self.stage, planes.radiance, work.coefficients)
         yield LayerTransport(work.key, factor, self.stage, planes.numbers, planes.norms, planes.scale)
 
 

@@ -77,13 +77,14 @@ class ComputeTransport(Request):
 class Contract(Request):
     """Hand out one layer's transport over the bands of `factor`, its other factors contracted with these curves.
 
-    `factor` None asks for the layer's picture alone.
+    `factor` None asks for the layer's picture alone, `picture` False for the transport alone.
     """
 
     key: str
     factor: str | None
     coefficients: tuple[tuple[str, NDArray[np.floating]], ...]
     precision: Precision = "half"
+    picture: bool = True
 
 
 @dataclass(frozen=True)

@@ -85,7 +85,7 @@ class Tasks:
         self._contracted[request.key] = dict(request.coefficients)
         data = self._layers.get(request.key)
         if data is not None and data.takes(self._contracted[request.key]):
-            yield from self._hold(data).answers(request.factor, request.precision)
+            yield from self._hold(data).answers(request.factor, request.precision, request.picture)
 
     # --------------------------------------------------------------------------------------------------- scenes
 

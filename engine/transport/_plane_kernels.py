@@ -11,7 +11,6 @@ import numba as nb
 import numpy as np
 
 from engine.curve.wavelet import LOW_PASS
-from engine.transport._band_kernels import UNITS
 
 BLOCK = 16
 LANES = 3 * BLOCK
@@ -68,63 +67,65 @@ def daubechies4(block, scratch):
         n = half
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
-def _red(value):
-    return np.float32(np.int32(value & np.uint32(511)))
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _unit(word):
+    """What the mantissas of an entry count: 2^(exponent - 39), put together from its bits."""
+    exponent = np.int32(np.int32(word >> np.int32(27)) & np.int32(31))
+    return np.int32(np.int32(exponent + np.int32(127 - 39)) << np.int32(23)).view(np.float32)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
-def _green(value):
-    return np.float32(np.int32((value >> np.uint32(9)) & np.uint32(511)))
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
-def _blue(value):
-    return np.float32(np.int32((value >> np.uint32(18)) & np.uint32(511)))
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _mantissa(word, shift):
+    return np.float32(np.int32(np.int32(word >> np.int32(shift)) & np.int32(511)))
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _run(tile, i, j, n_b):
     """Which bands k a row holds: (first, count)."""
     if n_b == 1:
-        return np.uint32(0), np.uint32(1)
-    return np.uint32(tile.first[i, j]), np.uint32(tile.length[i, j])
+        return np.int64(0), np.int64(1)
+    return np.int64(tile.first[i, j]), np.int64(tile.length[i, j])
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=_SUMS)
 def _keep_a(tile, i, n_b, dormant, block, lane):
-    """Σ_k U_jk c_k of point i into the three lanes from `lane` on; dormant (K, 3)."""
-    at, scale = np.uint64(tile.start[i]), tile.scale[i]
+    """Σ_k U_jk c_k of point i into the three lanes from `lane` on; dormant (3, K)."""
+    at, scale = tile.start[i], tile.scale[i]
     for j in range(block.shape[0]):
         low, count = _run(tile, i, j, n_b)
+        values = tile.values[at : at + count]
+        of_red, of_green, of_blue = dormant[0, low:], dormant[1, low:], dormant[2, low:]
         red, green, blue = np.float32(0.0), np.float32(0.0), np.float32(0.0)
         for k in range(count):
-            value = tile.values[at]
-            at += np.uint64(1)
-            unit = UNITS[value >> np.uint32(27)]
-            red += _red(value) * (unit * dormant[low + k, 0])
-            green += _green(value) * (unit * dormant[low + k, 1])
-            blue += _blue(value) * (unit * dormant[low + k, 2])
+            word = np.int32(values[k])
+            unit = _unit(word)
+            red += _mantissa(word, 0) * (unit * of_red[k])
+            green += _mantissa(word, 9) * (unit * of_green[k])
+            blue += _mantissa(word, 18) * (unit * of_blue[k])
+        at += count
         block[j, lane], block[j, lane + 1], block[j, lane + 2] = red * scale, green * scale, blue * scale
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath=_SUMS)
 def _keep_b(tile, i, n_b, dormant, row, block, lane):
-    """Σ_j U_jk c_j of point i into the three lanes from `lane` on; dormant (J, 3), row (K, 3) is scratch."""
-    at, scale = np.uint64(tile.start[i]), tile.scale[i]
+    """Σ_j U_jk c_j of point i into the three lanes from `lane` on; dormant (3, J), row (3, K) is scratch."""
+    at, scale = tile.start[i], tile.scale[i]
     row[:] = np.float32(0.0)
-    for j in range(dormant.shape[0]):
+    for j in range(dormant.shape[1]):
         low, count = _run(tile, i, j, n_b)
+        values = tile.values[at : at + count]
+        red, green, blue = row[0, low:], row[1, low:], row[2, low:]
+        of_red, of_green, of_blue = dormant[0, j], dormant[1, j], dormant[2, j]
         for k in range(count):
-            value = tile.values[at]
-            at += np.uint64(1)
-            unit = UNITS[value >> np.uint32(27)]
-            row[low + k, 0] += _red(value) * (unit * dormant[j, 0])
-            row[low + k, 1] += _green(value) * (unit * dormant[j, 1])
-            row[low + k, 2] += _blue(value) * (unit * dormant[j, 2])
+            word = np.int32(values[k])
+            unit = _unit(word)
+            red[k] += _mantissa(word, 0) * (unit * of_red)
+            green[k] += _mantissa(word, 9) * (unit * of_green)
+            blue[k] += _mantissa(word, 18) * (unit * of_blue)
+        at += count
     for k in range(n_b):
         for c in range(3):
-            block[k, lane + c] = row[k, c] * scale
+            block[k, lane + c] = row[c, k] * scale
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -164,14 +165,14 @@ def _write(row, inverse, numbers):
 def contract_tile(tile, at, n_b, keep_a, wavelet, dormant, curve, inverse, numbers, radiance, maxima, squares):
     """One tile's columns of all planes: numbers (J, 3P) = inverse (J,) · transport, from point `at` on.
 
-    keep_a: whether the planes are those of factor A, `dormant` (K, 3) being B's
-    coefficients, or the other way round; wavelet: Daubechies-4 coefficients rather than bands; radiance (3P,) gets
-    Σ_j c_j T_j with curve (J, LANES), the kept factor's coefficients once for each lane. maxima (J,) and squares
-    (J, 3): the largest and the summed squares of the tile's numbers.
+    keep_a: whether the planes are those of factor A, `dormant` (3, K) being B's coefficients, or the other way round;
+    wavelet: Daubechies-4 coefficients rather than bands; radiance (3P,) gets Σ_j c_j T_j with curve (J, LANES), the
+    kept factor's coefficients once for each lane. maxima (J,) and squares (J, 3): the largest and the summed squares of
+    the tile's numbers.
     """
     n_kept, n_points = numbers.shape[0], tile.scale.shape[0]
     block, scratch = np.zeros((n_kept, LANES), np.float32), np.empty((n_kept, LANES), np.float32)
-    row, sums = np.empty((n_b, 3), np.float32), np.empty(LANES, np.float64)
+    row, sums = np.empty((3, n_b), np.float32), np.empty(LANES, np.float64)
     lane_squares = np.zeros((n_kept, LANES), np.float32)
     maxima[:] = 0.0
     for begin in range(0, n_points, BLOCK):

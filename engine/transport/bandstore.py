@@ -112,7 +112,7 @@ class BandStore:
         radiance = np.empty((self.n_points, 3), np.float32)
         maxima = np.zeros((len(self.tiles), n_kept), np.float32)
         squares = np.zeros((len(self.tiles), n_kept, 3))
-        dormant = np.ascontiguousarray(coefficients[1 - factor], np.float32)
+        dormant = np.ascontiguousarray(coefficients[1 - factor].T, np.float32)
         curve = np.tile(np.asarray(coefficients[factor], np.float64), (1, plane_kernels.BLOCK))
         scaling = inverse.astype(np.float32)
 

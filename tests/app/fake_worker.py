@@ -84,7 +84,8 @@ class FakeClient:
         """Answer the newest Contract."""
         request: Contract = self.sent(Contract)[-1]
         values = tuple(values for _, values in request.coefficients)
-        self.answer(request, LayerPicture(request.key, stage, np.zeros((4, 3)), values))
+        if request.picture:
+            self.answer(request, LayerPicture(request.key, stage, np.zeros((4, 3)), values))
         if request.factor is not None:
             self.answer(request, transport(request.key, request.factor, stage, request.precision))
 
@@ -164,7 +165,7 @@ class ServingClient(FakeClient):
         assert work.bands == tuple(len(values) for _, values in request.coefficients)
         values = tuple(values for _, values in request.coefficients)
         picture = LayerPicture(request.key, self._made[request.key].stage, np.zeros((4, 3)), values)
-        answers: list[Response] = [picture]
+        answers: list[Response] = [picture] if request.picture else []
         if request.factor is not None:
             answers.append(transport(request.key, request.factor, picture.stage, request.precision))
         return [stamped(answer, request.id, request.revision) for answer in answers]

@@ -118,7 +118,7 @@ def test_switching_the_curve_contracts_the_other(settled: Editor, client: FakeCl
     assert settled.status.picture == "refining"
     client.contract("final")
     events = settled.tick(1.2)
-    assert [type(event) for event in events] == [LayerRadiance, TransportReady]
+    assert [type(event) for event in events] == [TransportReady]  # the picture is there: its curves are as they were
     settled.tick(1.3)
     settled.report_rendering(EXACT)
     assert settled.status.picture == "exact"
@@ -137,7 +137,7 @@ def test_another_precision_is_asked_for_at_once(settled: Editor, client: FakeCli
     assert settled.status.transport_note == "made with half floats until full floats are here"
     client.contract("final")
     events = settled.tick(1.2)
-    assert [type(event) for event in events] == [LayerRadiance, TransportReady]
+    assert [type(event) for event in events] == [TransportReady]  # the picture is there: its curves are as they were
     settled.tick(1.3)
     settled.report_rendering(replace(EXACT, precision="float"))
     assert settled.status.picture == "exact" and settled.status.transport_note == ""
@@ -167,6 +167,7 @@ def test_the_other_curve_is_contracted_again_one_at_a_time(settled: Editor, clie
     settled.tick(1.2)
     requests = client.sent(Contract)
     assert len(requests) == 2 and computed(client) == []
+    assert requests[0].picture and requests[1].picture  # another curve makes another picture
     wanted = settled.wanted_coefficients("pot.1")["theta_d"]
     assert np.array_equal(dict(requests[1].coefficients)["theta_d"], wanted)
 

@@ -144,7 +144,8 @@ class StandInClient:
         coefficients = dict(request.coefficients)
         first = next(iter(coefficients.values()))
         radiance = np.einsum("jpc,jc->pc", transport_of(request.key, len(first)), first).astype(np.float32)
-        yield LayerPicture(request.key, "final", radiance, tuple(coefficients.values()))
+        if request.picture:
+            yield LayerPicture(request.key, "final", radiance, tuple(coefficients.values()))
         if request.factor is not None:
             yield self._transport(request.key, request.factor, coefficients, request.precision)
 

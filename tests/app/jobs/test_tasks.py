@@ -255,6 +255,13 @@ def test_a_picture_alone_leaves_the_selection(source: str, store: Store) -> None
     assert {a.key for a in later if isinstance(a, LayerTransport)} == {"ground.0"}
 
 
+def test_a_transport_alone_comes_without_the_picture(source: str, store: Store) -> None:
+    tasks = opened(source, store)
+    run_in_process(tasks, compute())
+    (transport,) = run_in_process(tasks, replace(contraction("theta_d"), picture=False))
+    assert isinstance(transport, LayerTransport) and transport.factor == "theta_d"
+
+
 def test_a_contraction_is_served_while_the_transport_is_computed(source: str, store: Store) -> None:
     client = InProcessClient(opened(source, store))
     client.send(compute())
