@@ -5,9 +5,9 @@ so that a coarse picture is smooth on a surface and never bleeds over a silhouet
 """
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from engine.scene.hits import PrimaryHits
+from engine.transport import _footprint_kernels as kernels
 
 N_SAMPLES = 4
 # A turn of the normal by one radian counts as this many lattice steps.
@@ -29,19 +29,18 @@ def footprint(hits: PrimaryHits, samples: np.ndarray, stride: int) -> tuple[np.n
 
     samples (S,) are rows of `hits`; the indices returned count within the samples of the point's own object.
     """
-    n_points = len(hits.pixel)
-    chosen, weights = np.zeros((n_points, N_SAMPLES), np.int32), np.zeros((n_points, N_SAMPLES), np.float32)
-    width, _ = hits.resolution
-    place = np.stack([hits.pixel % width, hits.pixel // width], axis=1) / stride
-    feature = np.concatenate([place, hits.normal * NORMAL_WEIGHT], axis=1)
+    n_points, (width, height) = len(hits.pixel), hits.resolution
+    chosen, distance = np.empty((n_points, N_SAMPLES), np.int32), np.empty((n_points, N_SAMPLES))
+    nodes = np.full((-(-height // stride), -(-width // stride)), -1, np.int32)
+    y, x = np.divmod(hits.pixel[samples], width)
+    on_lattice = np.flatnonzero((y % stride == 0) & (x % stride == 0)).astype(np.int32)
+    nodes[y[on_lattice] // stride, x[on_lattice] // stride] = on_lattice
     for begin, end in hits.object_ranges:
-        own = samples[(samples >= begin) & (samples < end)]
-        if end <= begin:
-            continue
-        k = min(N_SAMPLES, len(own))
-        distance, index = cKDTree(feature[own]).query(feature[begin:end], k)
-        distance, index = distance.reshape(end - begin, k), index.reshape(end - begin, k)
-        weight = np.maximum(1.0 - distance / 1.5, 0.0) ** 2 + 1e-6 / (1e-3 + distance)
-        chosen[begin:end, :k] = index
-        weights[begin:end, :k] = weight / weight.sum(axis=1, keepdims=True)
-    return chosen, weights
+        first, last = np.searchsorted(samples, (begin, end))
+        kernels.nearest_samples(
+            begin, end, hits.pixel, hits.normal, width, stride, NORMAL_WEIGHT, samples, first, last - first, nodes,
+            chosen, distance,
+        )  # fmt: skip
+    weights = np.maximum(1.0 - distance / 1.5, 0.0) ** 2 + 1e-6 / (1e-3 + distance)
+    weights /= weights.sum(axis=1, keepdims=True)
+    return chosen, weights.astype(np.float32)

@@ -78,3 +78,16 @@ def test_faces_do_not_bleed_over_an_edge(placement: Placement) -> None:
     shown = (upward[own][chosen[begin:end]] * weights[begin:end]).sum(axis=1)
     assert 0 < upward[own].mean() < 1
     assert np.abs(shown - upward[begin:end]).max() < 0.05
+
+
+@pytest.mark.parametrize("stride", [2, 4, 16])
+def test_the_samples_are_the_nearest_there_are(placement: Placement, stride: int) -> None:
+    hits, samples = placement.hits, lattice_rows(placement.hits, stride)
+    chosen, _ = footprint(hits, samples, stride)
+    place = np.concatenate([np.stack(np.divmod(hits.pixel, 50), axis=1) / stride, 4.0 * hits.normal], axis=1)
+    for begin, end in hits.object_ranges:
+        own = place[samples[(samples >= begin) & (samples < end)]]
+        away = np.linalg.norm(place[begin:end, None] - own[None], axis=2)
+        found = np.sort(np.take_along_axis(away, chosen[begin:end].astype(np.int64), axis=1), axis=1)
+        n_known = min(4, len(own))
+        np.testing.assert_allclose(found[:, -n_known:], np.sort(away, axis=1)[:, :n_known], atol=1e-6)

@@ -7,6 +7,7 @@ from engine.light.emitters import emitter_patches
 from engine.light.environment import Environment, constant_environment
 from engine.light.lights import cut_lights
 from engine.sphere.geodesic import geodesic, locate
+from engine.transport import lighting
 from engine.transport.lighting import longest_edges, nearest_neighbours, prepare_lighting
 from engine.transport.visibility import VISIBILITY_LEVEL
 from tests.engine.transport.by_hand import irradiance, light_of, points_at, square
@@ -99,3 +100,12 @@ def test_longest_edge_and_neighbours() -> None:
     assert [set(row[row >= 0]) for row in neighbours] == [{1, 2, 3}, {0, 2, 3}, {0, 1, 3}, {0, 1, 2}]
     assert neighbours.shape == (4, 6) and neighbours[0, 0] == 1
     assert (nearest_neighbours(line[:1]) == -1).all() and nearest_neighbours(line[:0]).shape == (0, 6)
+
+
+def test_neighbours_are_the_same_by_pairs_and_by_a_tree(monkeypatch: pytest.MonkeyPatch) -> None:
+    points = np.random.default_rng(3).normal(size=(700, 3)).astype(np.float32)
+    monkeypatch.setattr(lighting, "_PAIRS_AT_ONCE", 1 << 16)  # several blocks, the last one short
+    by_pairs = nearest_neighbours(points)
+    monkeypatch.setattr(lighting, "TREE_PAYS_FROM", 100)
+    np.testing.assert_array_equal(by_pairs, nearest_neighbours(points))
+    assert (by_pairs != np.arange(700)[:, None]).all()
