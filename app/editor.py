@@ -11,6 +11,7 @@ did: a refused command comes back as one line of text.
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
@@ -369,15 +370,16 @@ class Editor:
         self._known_light = KnownLight()
         self.view = replace(self.view, selected=None, hovered=None, compare=None, operator=None, curve_zoom=None)
         self.history = History(document)
+        self.curves.opened(dict(document.layers()), response.bands)
         self._keeper.opened(document)
         self.select(_first_choice(document))
         kept = "; the unsaved edits before it can be recovered at the next start" if left_unsaved else ""
         self.notify(f"opened {description.name}{kept}")
         if opening.session is not None:
-            self._restore(opening, opening.session)
+            self._restore(opening, opening.session, response.bands)
         return [SceneFrame(opening.source, description, response.arrays, response.notes)]
 
-    def _restore(self, opening: Opening, session: Session) -> None:
+    def _restore(self, opening: Opening, session: Session, bands: Mapping[str, dict[str, int]]) -> None:
         """Put a session's document and view in the place of the scene's, where they fit."""
         file = str(opening.session_path or opening.source)
         try:
@@ -385,6 +387,8 @@ class Editor:
         except InsituError as error:
             self.notify(f"opened the scene without its session: {error}", True)
             return
+        described = dict(self.document.layers())
+        self.curves.opened({key: layer for key, layer in document.layers() if layer == described.get(key)}, bands)
         self.history = History(document)
         selected = session.view.selected or self.view.selected
         self.view = replace(session.view, selected=selected, panels=self.view.panels)

@@ -106,12 +106,14 @@ class Curves:
 
     def __init__(self, most_bands: int = MOST_BANDS) -> None:
         self.most_bands = most_bands
-        self.forget()
-
-    def forget(self) -> None:
-        """Another scene: its layers are planned anew."""
         self._cached: dict[tuple[str, str], tuple[Layer, Array]] = {}
         self._planned: dict[str, tuple[Model, dict[str, int]]] = {}
+
+    def opened(self, layers: Mapping[str, Layer], planned: Mapping[str, dict[str, int]]) -> None:
+        """Another scene with these layers by key: they are planned anew, but for those whose plan is given."""
+        self._cached = {}
+        known = planned if self.most_bands == MOST_BANDS else {}
+        self._planned = {key: (layers[key].model, counts) for key, counts in known.items() if key in layers}
 
     def bands(self, key: str, layer: Layer) -> dict[str, int]:
         """J of each of the layer's transport factors.

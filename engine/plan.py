@@ -123,8 +123,8 @@ def band_counts(layer: Layer, most: int = MOST_BANDS) -> dict[str, int]:
     """J of each of the transport factors of a layer; ``most`` (a power of two) caps them."""
     counts = {}
     for factor in layer.model.factors:
-        needed = bandwidth(layer, factor.name, tolerance_over(factor), most)
-        counts[factor.name] = min(max(EDITABLE_BANDS[factor.gamma], needed), most)
+        least = min(EDITABLE_BANDS[factor.gamma], most)
+        counts[factor.name] = bandwidth(layer, factor.name, tolerance_over(factor), most, least)
     return counts
 
 
@@ -138,10 +138,12 @@ def curve_deviation(layer: Layer, factor: str, n_bands: int) -> float:
     return _deviation(_fine_means(layer, factor), layer.coefficients(factor, n_bands))
 
 
-def bandwidth(layer: Layer, factor: str, tolerance: float = BANDWIDTH_TOLERANCE, most: int = MOST_BANDS) -> int:
-    """The least power of two J, up to `most`, with d(J) <= tolerance."""
+def bandwidth(
+    layer: Layer, factor: str, tolerance: float = BANDWIDTH_TOLERANCE, most: int = MOST_BANDS, least: int = 1
+) -> int:
+    """The least power of two J from `least` to `most`, both powers of two, with d(J) <= tolerance."""
     fine = _fine_means(layer, factor)
-    n_bands = 1
+    n_bands = least
     while n_bands < most and _deviation(fine, layer.coefficients(factor, n_bands)) > tolerance:
         n_bands *= 2
     return n_bands

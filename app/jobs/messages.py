@@ -107,11 +107,16 @@ class Response(Message):
 
 @dataclass(frozen=True, eq=False)
 class SceneOpened(Response):
-    """The scene as the window needs it; `description` is JSON, `arrays` the primary hits by name."""
+    """The scene as the window needs it; `description` is JSON, `arrays` the primary hits by name.
+
+    `bands`: how many each curve of the scene's own layers needs, by layer key and factor; planned here because it takes
+    longer than the window may be blocked.
+    """
 
     description: str
     notes: tuple[str, ...] = ()
     arrays: dict[str, NDArray[np.generic]] = field(default_factory=dict)
+    bands: dict[str, dict[str, int]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

@@ -66,10 +66,10 @@ class FakeClient:
         """Let the next poll return these, as answers to this request."""
         self._due += [stamped(response, request.id, request.revision) for response in responses]
 
-    def open_scene(self, scene: dict[str, Any] = SCENE) -> None:
+    def open_scene(self, scene: dict[str, Any] = SCENE, bands: dict[str, dict[str, int]] | None = None) -> None:
         """Answer the newest OpenScene."""
         text = parse_description(scene, "scene.toml").model_dump_json(by_alias=True)
-        self.answer(self.sent(OpenScene)[-1], SceneOpened(text, ("a note",)))
+        self.answer(self.sent(OpenScene)[-1], SceneOpened(text, ("a note",), bands=bands or {}))
 
     def finish_stage(self, stage: str, exact: bool) -> None:
         """Answer the newest ComputeTransport with one stage: all layers' pictures, then the selected's transport."""

@@ -68,6 +68,25 @@ def test_opening_asks_for_all_layers_at_once(client: FakeClient) -> None:
     assert [c.shape for c in work.layers[1].coefficients] == [(n, 3) for n in counts]
 
 
+def test_the_workers_plan_of_a_scene_is_taken_over(client: FakeClient) -> None:
+    editor = Editor(client, "shelf")
+    client.open_scene(bands={"pot.1": {"theta_h": 16, "theta_d": 4}})
+    editor.tick(0.0)
+    (work,) = computed(client)
+    assert [layer.bands for layer in work.layers][1] == (16, 4)
+    assert work.layers[0].bands == tuple(band_counts(editor.document.layer("pot.0")).values())  # nobody planned it
+
+
+def test_each_scene_is_planned_anew(client: FakeClient) -> None:
+    editor = Editor(client, "shelf")
+    client.open_scene(bands={"pot.1": {"theta_h": 16, "theta_d": 4}})
+    editor.tick(0.0)
+    editor.open("shelf")  # with the same objects and models
+    client.open_scene()
+    editor.tick(1.0)
+    assert computed(client)[-1].layers[1].bands == tuple(band_counts(editor.document.layer("pot.1")).values())
+
+
 def test_stages_go_from_preview_to_exact(editor: Editor, client: FakeClient) -> None:
     client.finish_stage("coarse", exact=False)
     events = editor.tick(0.1)
