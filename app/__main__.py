@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
+    from app.jobs.process import StartedWorker
     from app.script import Step
 
 INTERRUPTED = 130
@@ -23,11 +24,14 @@ class Desktop:
     """The window's side; each part of it is imported when it is used."""
 
     def open_window(self, source: str) -> int:
-        # The worker starts with the window, not before: on two processors its imports would delay the first frame
-        # from 1.5 to 2.7 s and bring the first picture no earlier.
-        from ui.window import run
+        # First of all the worker, which imports its libraries while this process imports the window's.
+        started = _started_worker()
+        from app.jobs.client import Client
 
-        return run(source)
+        with Client(started=started) as client:
+            from ui.window import run
+
+            return run(source, client=client)
 
     def take_screenshot(
         self, source: str, output: Path, steps: Sequence[Step], size: tuple[int, int], scale: float,
@@ -50,6 +54,15 @@ class Desktop:
         from ui.display import describe_display
 
         return describe_display()
+
+
+def _started_worker() -> StartedWorker | None:
+    from app.jobs.process import start_worker
+
+    try:
+        return start_worker()
+    except OSError:
+        return None  # the client tries it once more and says why it cannot be
 
 
 def main() -> int:

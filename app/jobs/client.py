@@ -15,11 +15,10 @@ from typing import Self
 
 from app.jobs.channel import ChannelClosed, ChannelError
 from app.jobs.messages import Cancel, Failed, Heartbeat, Request, Response, Shutdown, WorkerRestarted, stamped
-from app.jobs.process import WorkerProcess
+from app.jobs.process import HEARTBEAT_SECONDS, TASKS, StartedWorker, WorkerProcess, start_worker
 from app.jobs.shared_arrays import BlockError, Method, OutOfMemory
 from app.jobs.standing import Standing
 
-TASKS = "app.jobs.tasks:Tasks"
 _MAX_CRASHES = 3  # in succession on one request
 _START_TIMEOUT = 30.0  # seconds for the first sign of life: a cold disk, a busy machine
 _GRACE = 0.5  # seconds for a worker to end by itself
@@ -54,8 +53,9 @@ class Client:
     """A worker process and what was asked of it; the worker starts at once and imports while the window opens.
 
     Create it in the thread that lives longest: on Linux the worker dies with the thread that started it.
-    handlers: `module:Class` that does the work; hang_timeout: seconds without a sign of life before the worker is
-    replaced; heartbeat: seconds between signs of life; method: where shared blocks live (see `shared_arrays`).
+    handlers: `module:name` of what makes the object that does the work; hang_timeout: seconds without a sign of life
+    before the worker is replaced; heartbeat: seconds between signs of life; method: where shared blocks live (see
+    `shared_arrays`); started: the first worker, where it was started before, with the same settings.
     """
 
     def __init__(
@@ -63,8 +63,9 @@ class Client:
         handlers: str = TASKS,
         *,
         hang_timeout: float = 10.0,
-        heartbeat: float = 0.25,
+        heartbeat: float = HEARTBEAT_SECONDS,
         method: Method | None = None,
+        started: StartedWorker | None = None,
     ) -> None:
         self._command = (handlers, heartbeat, method)
         self._hang_timeout = hang_timeout
@@ -80,7 +81,7 @@ class Client:
         self._spoken = False  # whether this worker has given a sign of life
         self._beat = Heartbeat("starting")
         self._polled = self._heard = time.monotonic()
-        self._start()
+        self._start(started)
 
     @property
     def pid(self) -> int | None:
@@ -210,12 +211,12 @@ class Client:
         self._start()
         responses.append(WorkerRestarted(reason))
 
-    def _start(self) -> None:
+    def _start(self, started: StartedWorker | None = None) -> None:
         self._beat = Heartbeat("starting")
         self._hopeless = self._spoken = False
         self._heard = self._polled = time.monotonic()
         try:
-            self._process = WorkerProcess(*self._command)
+            self._process = WorkerProcess(started or start_worker(*self._command))
         except OSError as error:
             self._due.append(Failed(f"the worker could not be started: {error.strerror}"))
             return

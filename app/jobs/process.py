@@ -1,4 +1,7 @@
-"""Starting and ending the worker process; no decision about when."""
+"""Starting and ending the worker process; no decision about when.
+
+Light to import, so that the worker can be started before all else and imports its libraries while we import ours.
+"""
 
 from __future__ import annotations
 
@@ -8,37 +11,59 @@ import signal
 import socket
 import subprocess
 import sys
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from app.jobs.channel import Channel
-from app.jobs.shared_arrays import Method
+if TYPE_CHECKING:
+    from app.jobs.shared_arrays import Method
 
+TASKS = "app.jobs.kernels:prepared_tasks"
+HEARTBEAT_SECONDS = 0.25
 _SOURCE = Path(__file__).resolve().parents[2]
+
+
+@dataclass(frozen=True)
+class StartedWorker:
+    """A process that was started, and our end of its socket; nobody has spoken yet."""
+
+    process: subprocess.Popen[bytes]
+    socket: socket.socket
+    method: Method | None = None
+
+
+def start_worker(
+    handlers: str = TASKS, heartbeat: float = HEARTBEAT_SECONDS, method: Method | None = None
+) -> StartedWorker:
+    """Start the process, which takes a few milliseconds here; raises OSError when the system refuses."""
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+    with theirs:
+        command = [sys.executable, "-P", "-m", "app.jobs"]
+        command += ["--socket", str(theirs.fileno()), "--parent", str(os.getpid())]
+        command += ["--handlers", handlers, "--heartbeat", str(heartbeat)]
+        command += ["--method", method] if method else []
+        try:
+            process = subprocess.Popen(
+                command,
+                pass_fds=[theirs.fileno()],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                env=_environment(),
+            )
+        except BaseException:
+            ours.close()
+            raise
+    return StartedWorker(process, ours, method)
 
 
 class WorkerProcess:
     """One worker and our end of its channel."""
 
-    def __init__(self, handlers: str, heartbeat: float, method: Method | None) -> None:
-        """Start the process, which takes a few milliseconds here; raises OSError when the system refuses."""
-        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
-        with theirs:
-            command = [sys.executable, "-P", "-m", "app.jobs.worker"]
-            command += ["--socket", str(theirs.fileno()), "--parent", str(os.getpid())]
-            command += ["--handlers", handlers, "--heartbeat", str(heartbeat)]
-            command += ["--method", method] if method else []
-            try:
-                self._process = subprocess.Popen(
-                    command,
-                    pass_fds=[theirs.fileno()],
-                    stdin=subprocess.DEVNULL,
-                    stdout=subprocess.DEVNULL,
-                    env=_environment(),
-                )
-            except BaseException:
-                ours.close()
-                raise
-        self.channel = Channel(ours, method)
+    def __init__(self, started: StartedWorker) -> None:
+        from app.jobs.channel import Channel  # late: it brings NumPy
+
+        self._process = started.process
+        self.channel = Channel(started.socket, started.method)
 
     @property
     def pid(self) -> int:

@@ -18,8 +18,9 @@ from pathlib import Path
 
 import numpy as np
 
-from app.document import LightState
+from app.document import LightState, document_from_description
 from app.jobs.cache import Store, content_key
+from app.jobs.kernels import Kernels
 from app.jobs.layer_data import STAGES, LayerData, LitBy, joined, kept_of_tile, shape_of, store_of
 from app.jobs.messages import (
     ComputeTransport,
@@ -37,7 +38,7 @@ from app.jobs.messages import (
 from app.sky import sky_of
 from engine.errors import InsituError
 from engine.light.environment import Environment, downsampled, load_environment
-from engine.plan import Precision
+from engine.plan import Precision, band_counts
 from engine.scene.builtin import builtin_scenes
 from engine.scene.load import Scene, load_scene
 from engine.transport.bandstore import BandStore
@@ -49,6 +50,7 @@ from engine.transport.projection import TILE, VisibleLight, project_layer
 CACHE_VERSION = 1
 BACKGROUND_HEIGHT = 1024
 DRAG_ENVIRONMENT_HEIGHT = 128
+KERNEL_SECONDS = 0.05
 
 Steps = Generator[Response | None, None, None]
 
@@ -56,8 +58,10 @@ Steps = Generator[Response | None, None, None]
 class Tasks:
     """The worker's state: one open scene, its newest transport, and the cache."""
 
-    def __init__(self, store: Store | None = None) -> None:
+    def __init__(self, store: Store | None = None, kernels: Kernels | None = None) -> None:
+        """kernels: what is to be ready before the first transport; None where nobody prepares them."""
         self._cache = store or Store()
+        self._kernels = kernels
         self._placement: Placement | None = None
         self._scene_key = ""
         self._layers: dict[str, LayerData] = {}
@@ -102,7 +106,8 @@ class Tasks:
         self._scene_key = _scene_key(scene)
         self._recall_visibility(placement)
         description = scene.description.model_dump_json(by_alias=True)
-        yield SceneOpened(description, scene.notes + self._cache.take_notes(), _frame_arrays(placement))
+        notes = scene.notes + self._cache.take_notes()
+        yield SceneOpened(description, notes, _frame_arrays(placement), _planned_bands(scene, request.source))
 
     def _recall_visibility(self, placement: Placement) -> None:
         kept = self._cache.get(content_key("visibility", self._scene_key))
@@ -125,6 +130,7 @@ class Tasks:
             yield image
         lit_by = LitBy(request.light, request.n_lights_final)
         yield from self._tell_held(placement, request, lit_by)
+        yield from self._kernels_ready()
         for quality, exact in _stages(request):
             started = time.monotonic()
             works = self._selected_first(request)
@@ -150,6 +156,15 @@ class Tasks:
     def _is_spared(self, work: LayerWork, lit_by: LitBy, stage: str, is_last: bool) -> bool:
         data = self._layers.get(work.key)
         return data is not None and data.is_picture_of(work, lit_by) and data.spares(work, stage, is_last)
+
+    def _kernels_ready(self) -> Steps:
+        """Until the kernels are there; the first time on a machine that is worth a word."""
+        if self._kernels is None:
+            return
+        told = Progress("compiling", 0.0, text="compiling for this computer, the first time only")
+        while not self._kernels.wait(KERNEL_SECONDS):
+            yield told if self._kernels.first_time else None
+        self._kernels = None
 
     def _stage(
         self, placement: Placement, works: list[LayerWork], sky: SkyState, lit_by: LitBy, quality: Quality
@@ -311,6 +326,12 @@ def _scene_key(scene: Scene) -> str:
         CACHE_VERSION, camera, scene.resolution, scene.vertices, scene.normals, scene.triangles,
         scene.object_of_triangle, scene.smooth, scene.emission,
     )  # fmt: skip
+
+
+def _planned_bands(scene: Scene, source: str) -> dict[str, dict[str, int]]:
+    """Of each layer as the scene describes it."""
+    document = document_from_description(source, scene.description)
+    return {key: band_counts(layer) for key, layer in document.layers()}
 
 
 def _frame_arrays(placement: Placement) -> dict[str, np.ndarray]:

@@ -1,4 +1,4 @@
-"""The second process, which does all the slow work: `python -m app.jobs.worker`, started by `client`.
+"""The second process, which does all the slow work: `python -m app.jobs`, started by `client`.
 
 One thread works: it looks for new requests, advances a job by one step, sends what came out, and begins again. A small
 second thread says every quarter of a second that the process lives, and ends it when the window is gone: whichever way
@@ -10,20 +10,18 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import ctypes
 import faulthandler
 import importlib
 import logging
 import os
 import select
-import signal
 import socket
 import sys
 import threading
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, cast
 
+from app.jobs.background import die_with
 from app.jobs.channel import Channel, ChannelClosed
 from app.jobs.messages import Failed, Heartbeat, Request, Shutdown
 from app.jobs.schedule import Handlers, Schedule
@@ -31,9 +29,6 @@ from app.jobs.shared_arrays import OutOfMemory, sweep_dead_blocks
 from app.kernel_cache import use_kernel_cache
 from app.paths import state_directory
 
-_PR_SET_PDEATHSIG = 1
-_NICENESS = 5  # the window comes first
-_OOM_SCORE = "800"  # and the system, short of memory, ends the worker before the window
 _LARGEST_LOG = 1 << 20
 
 
@@ -89,23 +84,6 @@ def beat(worker: Worker, channel: Channel, interval: float, parent: int) -> None
             channel.send_if_free(worker.heartbeat)
 
 
-def die_with(parent: int) -> None:
-    """End this process when the parent's thread that started it ends, also by SIGKILL (Linux, prctl(2))."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:  # it died before we asked
-        os._exit(0)
-
-
-def step_back() -> None:
-    """Leave Ctrl-C, the processor and, when memory runs out, survival to the window."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    with contextlib.suppress(OSError):
-        os.nice(_NICENESS)
-    with contextlib.suppress(OSError):
-        Path("/proc/self/oom_score_adj").write_text(_OOM_SCORE)
-
-
 def log_to_file() -> str:
     """Send the log and everything on stderr to the log file: its name for messages, "" when there is none."""
     try:
@@ -122,16 +100,16 @@ def log_to_file() -> str:
 
 
 def load_handlers(name: str) -> Handlers:
-    """The object that does the work, from `module:Class`."""
+    """The object that does the work, made by what `module:name` names."""
     module, _, attribute = name.partition(":")
     return cast(Handlers, getattr(importlib.import_module(module), attribute)())
 
 
 def arguments(argv: Sequence[str] | None) -> Any:
-    parser = argparse.ArgumentParser(prog="app.jobs.worker")
+    parser = argparse.ArgumentParser(prog="app.jobs")
     parser.add_argument("--socket", type=int, required=True, help="descriptor of our end of the socket pair")
     parser.add_argument("--parent", type=int, required=True, help="process to end with")
-    parser.add_argument("--handlers", default="app.jobs.tasks:Tasks", help="module:Class that does the work")
+    parser.add_argument("--handlers", required=True, help="module:name of what makes the tasks")
     parser.add_argument("--method", choices=("memfd", "named"), default=None, help="where shared blocks live")
     parser.add_argument("--heartbeat", type=float, default=0.25, help="seconds between signs of life")
     return parser.parse_args(argv)
@@ -157,12 +135,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     options = arguments(argv)
     use_kernel_cache()
     die_with(options.parent)
-    step_back()
     sweep_dead_blocks()
     channel = Channel(socket.socket(fileno=options.socket), options.method)
     with contextlib.suppress(ChannelClosed):
         serve(channel, options)
 
-
-if __name__ == "__main__":
-    main()

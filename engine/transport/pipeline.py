@@ -45,7 +45,8 @@ class Quality:
     own_rays: bool = True
 
 
-COARSE = Quality("coarse", 4, 400, 32)
+# One level less takes a tenth of a second from the first picture; its samples are four pixels apart anyway.
+COARSE = Quality("coarse", 4, 400, 32, max_level=5)
 PREVIEW = Quality("preview", 1, 400, 32)
 FINAL = Quality("final", 1, 4000, 256, tolerance=0.5, own_rays=False)
 # While a light is dragged nothing new is traced: the brightest regions make do with the sphere's own bits.

@@ -145,8 +145,8 @@ def _work(context: PanelContext) -> list[Action]:
 
 
 def work_text(status: Status) -> str:
-    """Stage, share done and time left, on one line: "transport 78 % · 12 s left"."""
-    parts = [f"{status.stage} {100.0 * status.fraction:.0f} %"]
+    """Stage, share done (once there is one) and time left, on one line: "transport 78 % · 12 s left"."""
+    parts = [f"{status.stage} {100.0 * status.fraction:.0f} %" if status.fraction > 0.0 else status.stage]
     if status.seconds_left is not None:
         parts.append(f"{duration(status.seconds_left)} left")
     return " · ".join(parts)

@@ -48,7 +48,8 @@ def draw(context: PanelContext) -> list[Action]:
     corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
     draw_list = imgui.get_window_draw_list()
     end = ImVec2(corner.x + room.x, corner.y + room.y)
-    draw_list.add_rect_filled(corner, end, look.pack(look.BACKDROP))
+    if not imgui.is_window_docked():
+        draw_list.add_rect_filled(corner, end, look.pack(look.BACKDROP))
     if room.x < 8 or room.y < 8:
         return []
     imgui.invisible_button("picture", room)
@@ -65,6 +66,8 @@ def draw(context: PanelContext) -> list[Action]:
     actions = _interact(context, picture, placed)
     if context.view.compare is not None:
         _draw_divider(context, placed)
+    if context.status.picture == "waiting":
+        _draw_waiting(context, corner, room)
     draw_list.pop_clip_rect()
     return actions
 
@@ -177,14 +180,18 @@ def _draw_divider(context: PanelContext, placed: Placed) -> None:
 
 
 def _draw_waiting(context: PanelContext, corner: ImVec2, room: ImVec2) -> None:
+    """What the window waits for, on a plate of its own: there may be a background behind it."""
     status = context.status
     text = f"{status.text or status.stage}…" if status.stage else "Starting to compute…"
     extent = imgui.calc_text_size(text)
     place_x, place_y = corner.x + 0.5 * (room.x - extent.x), corner.y + 0.5 * room.y - extent.y
     draw_list = imgui.get_window_draw_list()
-    draw_list.add_text(ImVec2(round(place_x), round(place_y)), look.pack(look.TEXT_SOFT), text)
-    width, height = context.px(220), context.px(3)
+    width, height, pad = context.px(220), context.px(3), context.px(14)
     left, top = corner.x + 0.5 * (room.x - width), place_y + extent.y + context.px(12)
+    upper = ImVec2(min(place_x, left) - pad, place_y - pad)
+    lower = ImVec2(max(place_x + extent.x, left + width) + pad, top + height + pad)
+    draw_list.add_rect_filled(upper, lower, look.pack(look.grey(28, 0.85)), context.px(6))
+    draw_list.add_text(ImVec2(round(place_x), round(place_y)), look.pack(look.TEXT_SOFT), text)
     draw_list.add_rect_filled(ImVec2(left, top), ImVec2(left + width, top + height), look.pack(look.FRAME), height)
     share = context.status.fraction or 0.0
     if share > 0.0:

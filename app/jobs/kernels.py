@@ -1,0 +1,134 @@
+"""Compiled kernels made ready while the scene is being opened; the first time on a machine, compiled by two processes.
+
+    worker:  opens the scene ─► waits ─► coarse picture
+      a thread of it:  waits ─► reads what is compiled
+      two processes:   compile, a part each, where nothing is compiled yet
+
+Numba compiles under one lock and mostly in Python, so that threads would take turns; processes share what they have
+compiled through the folder of `app.kernel_cache`. A file in it, left when all was ready, says that no other process is
+needed. Whatever goes wrong here costs time alone: a kernel that is not ready is compiled when it is called.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import importlib.metadata
+import logging
+import os
+import platform
+import subprocess
+import sys
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from app.jobs.background import die_with, step_back
+from app.kernel_cache import NUMBA_VARIABLE, kernel_digest, use_kernel_cache
+
+if TYPE_CHECKING:
+    from app.jobs.tasks import Tasks
+
+# Compiling allocates many objects that stay; looking through them again and again takes a tenth of the time.
+GC_THRESHOLD = 100_000
+# About equally long to compile.
+PARTS = ("projection", "the rest")
+_COMPILER_SECONDS = 300.0
+_log = logging.getLogger("insitu.jobs")
+
+
+class Kernels:
+    """What the first picture needs compiled. `first_time`: whether nothing was, when this began."""
+
+    def __init__(self) -> None:
+        """Start the other processes where there is something for them to do."""
+        self._ready = threading.Event()
+        self._mark = _mark()
+        self.first_time = not self._mark.exists()
+        started = [_start_compiler(part) for part in PARTS] if self.first_time else []
+        self._compilers = [compiler for compiler in started if compiler is not None]
+
+    def prepare(self) -> None:
+        """Begin to make all ready, in a thread; import the engine before."""
+        threading.Thread(target=self._prepare, name="kernels", daemon=True).start()
+
+    def wait(self, timeout_s: float) -> bool:
+        """Whether all is ready, waiting for it so long at most."""
+        return self._ready.wait(timeout_s)
+
+    def _prepare(self) -> None:
+        try:
+            for compiler in self._compilers:
+                compiler.wait(_COMPILER_SECONDS)
+            for part in PARTS:
+                rehearse(part)
+            with contextlib.suppress(OSError):
+                self._mark.touch()
+        except Exception:
+            _log.exception("the kernels could not be made ready")
+        finally:
+            self._ready.set()
+
+
+def prepared_tasks() -> Tasks:
+    """The worker's tasks, their kernels on the way."""
+    gc.set_threshold(GC_THRESHOLD)
+    kernels = Kernels()
+    load_compiler()
+    from app.jobs.tasks import Tasks
+
+    kernels.prepare()
+    return Tasks(kernels=kernels)
+
+
+def load_compiler() -> None:
+    """Import numba without SciPy: it would take 0.2 s of imports to look for a BLAS that no kernel of ours calls."""
+    hidden = "scipy" not in sys.modules
+    if hidden:
+        sys.modules["scipy"] = None  # type: ignore[assignment]  # importing it is an ImportError now
+    try:
+        import numba.np.arraymath  # noqa: F401
+    finally:
+        if hidden:
+            del sys.modules["scipy"]
+
+
+def _mark() -> Path:
+    """The file that says that all is compiled, by these sources and compilers, for this machine."""
+    versions = (importlib.metadata.version("numba"), platform.python_version(), platform.node())
+    return Path(os.environ[NUMBA_VARIABLE]) / "-".join(("ready", kernel_digest(), *versions))
+
+
+def _start_compiler(part: str) -> subprocess.Popen[bytes] | None:
+    command = [sys.executable, "-P", "-m", "app.jobs.kernels", part, str(os.getpid())]
+    try:
+        return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+    except OSError:
+        _log.exception("a compiling process could not be started")
+        return None
+
+
+def rehearse(part: str) -> None:
+    """Compile or read one of `PARTS`."""
+    from engine.transport import rehearsal
+
+    if part == "projection":
+        rehearsal.rehearse_projection()
+    else:
+        rehearsal.rehearse_projection_details()
+        rehearsal.rehearse_light()
+        rehearsal.rehearse_contraction()
+
+
+def main() -> None:
+    """Another process: compile one part and end."""
+    step_back(further=True)
+    die_with(int(sys.argv[2]))
+    use_kernel_cache()
+    gc.set_threshold(GC_THRESHOLD)
+    load_compiler()
+    rehearse(sys.argv[1])
+
+
+if __name__ == "__main__":
+    main()

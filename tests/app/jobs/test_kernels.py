@@ -1,0 +1,145 @@
+"""Kernels made ready: who compiles, who waits for whom, and that a failure costs time alone."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from app.jobs import kernels
+from app.jobs.cache import Store
+from app.jobs.in_process import InProcessClient
+from app.jobs.kernels import PARTS, Kernels
+from app.jobs.messages import Progress, Response, StageDone
+from tests.app.jobs.test_tasks import compute, opened, source
+
+__all__ = ["source"]  # a fixture
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+class Compiler:
+    """A compiling process that ends when it is told to."""
+
+    def __init__(self, part: str, log: list[str]) -> None:
+        self.part, self._log = part, log
+        self.done = threading.Event()
+
+    def wait(self, timeout_s: float) -> None:
+        assert self.done.wait(10.0)
+        self._log.append(f"{self.part} compiled")
+
+
+@pytest.fixture
+def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What happened, in order, around kernels that nobody compiles."""
+    happened: list[str] = []
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(kernels, "rehearse", lambda part: happened.append(f"{part} read"))
+    return happened
+
+
+@pytest.fixture
+def compilers(log: list[str], monkeypatch: pytest.MonkeyPatch) -> list[Compiler]:
+    started: list[Compiler] = []
+
+    def start(part: str) -> Compiler:
+        started.append(Compiler(part, log))
+        return started[-1]
+
+    monkeypatch.setattr(kernels, "_start_compiler", start)
+    return started
+
+
+def test_the_first_time_each_part_is_compiled_by_a_process(log: list[str], compilers: list[Compiler]) -> None:
+    made = Kernels()
+    assert made.first_time and [compiler.part for compiler in compilers] == list(PARTS)
+    made.prepare()
+    compilers[1].done.set()
+    assert not made.wait(0.05) and log == []  # reading one that is not there would compile it here
+    compilers[0].done.set()
+    assert made.wait(10.0)
+    assert log == [*(f"{part} compiled" for part in PARTS), *(f"{part} read" for part in PARTS)]
+
+
+def test_the_next_time_they_are_only_read(log: list[str], compilers: list[Compiler]) -> None:
+    first = Kernels()
+    for compiler in compilers:
+        compiler.done.set()
+    first.prepare()
+    assert first.wait(10.0)
+    compilers.clear()
+    log.clear()
+    second = Kernels()
+    second.prepare()
+    assert second.wait(10.0) and not second.first_time
+    assert compilers == [] and log == [f"{part} read" for part in PARTS]
+
+
+def test_a_failure_holds_nobody_up_and_is_tried_again(
+    log: list[str], compilers: list[Compiler], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(part: str) -> None:
+        raise RuntimeError("no compiler today")
+
+    monkeypatch.setattr(kernels, "rehearse", fail)
+    made = Kernels()
+    for compiler in compilers:
+        compiler.done.set()
+    made.prepare()
+    assert made.wait(10.0)
+    assert Kernels().first_time
+
+
+class Waiting(Kernels):
+    """Kernels that are ready when a test says so."""
+
+    def __init__(self, first_time: bool) -> None:
+        self.first_time = first_time
+        self._ready = threading.Event()
+
+    def finish(self) -> None:
+        self._ready.set()
+
+
+@pytest.mark.parametrize("first_time", [True, False])
+def test_transport_waits_for_them_and_says_so_the_first_time(source: str, store: Store, first_time: bool) -> None:
+    tasks = opened(source, store)
+    tasks._kernels = waiting = Waiting(first_time)
+    client = InProcessClient(tasks)
+    client.send(compute())
+    answers: list[Response] = []
+    for _ in range(6):
+        answers += client.poll(budget_s=0.0)
+    said = [(answer.stage, answer.text) for answer in answers if isinstance(answer, Progress)]
+    assert bool(said) == first_time and all(stage == "compiling" for stage, _ in said)
+    assert not any(isinstance(answer, StageDone) for answer in answers)
+    waiting.finish()
+    answers = client.poll(budget_s=float("inf"))
+    assert [answer.stage for answer in answers if isinstance(answer, StageDone)] == ["coarse", "preview", "final"]
+    assert not any(isinstance(answer, Progress) and answer.stage == "compiling" for answer in answers)
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    return Store(tmp_path / "cache")
+
+
+def test_the_compiler_is_loaded_without_scipy_which_stays_usable() -> None:
+    program = """
+import sys
+from app.jobs.kernels import load_compiler
+load_compiler()
+assert not [name for name in sys.modules if name.split(".")[0] == "scipy"]
+import numba, numpy
+twice = numba.njit(lambda x: 2 * x)
+assert twice(21) == 42
+assert not [name for name in sys.modules if name.split(".")[0] == "scipy"]
+from scipy.spatial import cKDTree
+assert cKDTree(numpy.eye(3)).query([0.9, 0, 0])[1] == 0
+"""
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr

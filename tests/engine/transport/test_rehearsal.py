@@ -1,0 +1,65 @@
+"""Kernels made ready ahead: with the very types that the first picture calls them with."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[3]
+# Signatures count by process, so a fresh one asks them: each kernel has as many after a first picture as before it.
+PROGRAM = """
+import sys
+from pathlib import Path
+
+import numba
+
+from app.kernel_cache import use_kernel_cache
+
+use_kernel_cache()
+from app.jobs.cache import Store
+from app.jobs.in_process import InProcessClient
+from app.jobs.messages import OpenScene, StageDone
+from app.jobs.tasks import Tasks
+from engine.transport import rehearsal
+from tests.app.jobs.test_tasks import SCENE, compute
+
+
+def signatures():
+    return {
+        f"{name}.{kernel}": set(map(str, found.signatures))
+        for name, module in list(sys.modules.items()) if name.startswith("engine.") and name.endswith("_kernels")
+        for kernel, found in vars(module).items() if isinstance(found, numba.core.dispatcher.Dispatcher)
+    }
+
+
+rehearsal.rehearse_projection_details()
+details = signatures()
+rehearsal.rehearse_projection()
+rehearsed = signatures()
+for name, known in details.items():
+    if name.endswith(("._deposit_split", ".patch_colours", "._make_scratch")):
+        assert known and known == rehearsed[name], name
+rehearsal.rehearse_light()
+rehearsal.rehearse_contraction()
+rehearsed = signatures()
+
+folder = Path(sys.argv[1])
+(folder / "scene.toml").write_text(SCENE)
+client = InProcessClient(Tasks(Store(folder / "cache")))
+client.send(OpenScene(str(folder / "scene.toml")))
+client.poll(budget_s=float("inf"))
+client.send(compute())
+answers = []
+while not any(isinstance(answer, StageDone) for answer in answers):
+    answers = client.poll(budget_s=0.0)
+used = signatures()
+new = {name: used[name] - rehearsed[name] for name in used if used[name] != rehearsed[name]}
+assert not new, new
+assert sum(map(len, used.values())) > 15
+"""
+
+
+def test_a_first_picture_compiles_nothing_that_was_not_rehearsed(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM, str(tmp_path)], cwd=ROOT, capture_output=True, text=True, timeout=240
+    )
+    assert done.returncode == 0, done.stderr
