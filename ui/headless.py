@@ -48,8 +48,9 @@ class HeadlessWindow:
         return getattr(self, "_time", 0.0)
 
     def frame(self) -> FrameResult:
-        """Draw one frame; a picture that was asked for by a button is saved."""
+        """Take the worker's answers and draw one frame; a picture that was asked for by a button is saved."""
         self._time += FRAME_SECONDS
+        self.shell.idle(self._time)
         started = time.perf_counter()
         result = self.shell.frame(self._target, self.size, self._time)
         self.context.finish()  # as the swap of a window's buffers does: frames never pile up

@@ -70,7 +70,8 @@ class Bench:
     def frame(self) -> bool:
         """One frame as the window draws it; whether the picture is exact."""
         started = time.perf_counter()
-        busy = self.feed.advance(self.editor, time.monotonic(), self._frame_ms)
+        self.feed.take(self.editor, time.monotonic())
+        busy = self.feed.draw(self.editor, self._frame_ms)
         self.context.finish()
         self._frame_ms = 1e3 * (time.perf_counter() - started)
         if self.editor.status.picture == "exact":

@@ -1,16 +1,21 @@
-"""Brings the picture up to date, once a frame: the worker's answers to the renderer, the document's curves after them.
+"""Brings the picture up to date: the worker's answers to the renderer, the document's curves after them.
 
-    editor.tick ─► picture events ─► renderer (frame, footprint, layers, transport)
-    document ─► gains, view curves, visibility, curve coefficients ─► renderer.update ─► display texture
-    renderer's report ─► editor.report_rendering
+    take: editor.tick ─► picture events ─► renderer (frame, footprint, layers, transport)
+    draw: document ─► gains, view curves, visibility, curve coefficients ─► renderer.update ─► display texture
+          renderer's report ─► editor.report_rendering
 
-Everything slow is sliced: an upload under way takes part of the frame's time, coefficients the rest.
+`draw` is part of a frame, `take` comes between two of them, so that the hand is heard in the meantime. Everything slow
+is sliced: answers are taken for a few milliseconds and the rest the next time, an upload under way takes part of the
+frame's time, coefficients what is left. Before there is a scene `take` rehearses, after which no shader is left to
+compile.
 """
 
 from __future__ import annotations
 
 import math
 import time
+from collections import deque
+from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 
 import moderngl
@@ -37,10 +42,13 @@ from ui.gl.context import GraphicsError
 from ui.gl.layers import Look
 from ui.gl.picture_frame import PictureFrame
 from ui.gl.placement import PlacementRenderer
+from ui.gl.rehearsal import rehearse
 from ui.gl.tonemap import DisplayView
 
 # Between two looks at what the worker has sent, while a curve that was selected is waited for.
 CURVE_LOOK_SECONDS = 0.005
+# After so long no further answer is taken at once.
+TAKING_SECONDS = 0.008
 UPLOAD_SHARE = 0.5
 # Of the frame's time, what refinement gets however long the rest takes.
 LEAST_SHARE = 0.25
@@ -53,6 +61,8 @@ class PictureFeed:
 
     def __init__(self, renderer: PlacementRenderer) -> None:
         self.renderer = renderer
+        self._waiting: deque[PictureEvent] = deque()
+        self._rehearsal: Iterator[None] = rehearse(renderer)
         self._threads = ThreadPoolExecutor(1, thread_name_prefix="thumbnail")
         self._thumbnail_due: Future[NDArray[np.uint8]] | None = None
         self._description: SceneDescription | None = None
@@ -67,6 +77,7 @@ class PictureFeed:
         self._frame_ms = 0.0
         self._spent_ms = 0.0
         self._stepped = False
+        self._took = False
 
     @property
     def picture(self) -> moderngl.Texture | None:
@@ -94,25 +105,50 @@ class PictureFeed:
         index = self.renderer.object_at(column, row)
         return self._names[index] if 0 <= index < len(self._names) else None
 
-    def advance(self, editor: Editor, now: float, last_frame_ms: float) -> bool:
-        """Take the worker's answers, follow the document, draw. Whether another frame would show more.
+    def take(self, editor: Editor, now: float) -> bool:
+        """Take the worker's answers and ask it for what is missing. Whether there is something to draw."""
+        until = time.perf_counter() + TAKING_SECONDS
+        scene_came = False
+        for event in editor.tick(now):
+            if isinstance(event, SceneFrame):  # what was before it is void
+                self._waiting.clear()
+                scene_came = True
+            self._waiting.append(event)
+        self._took = self._took or bool(self._waiting)
+        try:
+            if self._scene_waits:
+                # The first scene; of a later one the panels would draw a picture that is gone: `draw` takes it.
+                if self._texture is None and not (scene_came and time.perf_counter() >= until):
+                    self._take(editor, self._waiting.popleft())
+            elif self._waiting:
+                self._take_waiting(editor, until)
+            elif self._description is None:
+                next(self._rehearsal, None)
+        except GraphicsError as error:
+            editor.notify(str(error), True)
+        return self._took
+
+    def draw(self, editor: Editor, last_frame_ms: float) -> bool:
+        """Follow the document and draw. Whether another frame would show more.
 
         `last_frame_ms` is what the last frame took in all: what it spent on other things is kept out of the budget.
         """
         if self._stepped:
             self._frame_ms = last_frame_ms
-        events = editor.tick(now)
+        took, self._took = self._took, False
         try:
-            for event in events:
-                self._take(editor, event)
-            if self.renderer.frame is None:
-                return bool(events)
+            if self._scene_waits:
+                if self._texture is None:
+                    return True
+                self._take(editor, self._waiting.popleft())
+            if self._description is None:
+                return took
             busy = self._follow(editor, last_frame_ms)
         except GraphicsError as error:
             editor.notify(str(error), True)
             return False
-        self._stepped = busy or bool(events)
-        return self._stepped
+        self._stepped = busy or took
+        return busy
 
     def close(self) -> None:
         """Free GL objects and let the loading thread end."""
@@ -122,6 +158,18 @@ class PictureFeed:
         self.renderer.release()
 
     # ------------------------------------------------------------------------------------------ the worker's answers
+
+    @property
+    def _scene_waits(self) -> bool:
+        """Whether a scene is the next to be taken; nothing comes before one."""
+        return bool(self._waiting) and isinstance(self._waiting[0], SceneFrame)
+
+    def _take_waiting(self, editor: Editor, until: float) -> None:
+        """Take what waits until that time, one event at least."""
+        while self._waiting:
+            self._take(editor, self._waiting.popleft())
+            if time.perf_counter() >= until:
+                return
 
     def _take(self, editor: Editor, event: PictureEvent) -> None:
         match event:
@@ -163,19 +211,22 @@ class PictureFeed:
 
     def _follow(self, editor: Editor, last_frame_ms: float) -> bool:
         """The document as it is now, in the picture. Whether there is more to come."""
-        self._follow_environment(editor)
+        thumbnail_came = self._follow_environment(editor)
         self._follow_layers(editor)
         self._follow_curve(editor)
         self._follow_comparison(editor)
         allowed = editor.view.frame_budget_ms
         budget = 1e-3 * max(allowed - (last_frame_ms - self._spent_ms), LEAST_SHARE * allowed)
         started = time.perf_counter()
+        arriving = self.renderer.upload_fraction is not None
         uploaded = self.renderer.upload(UPLOAD_SHARE * budget)
-        report = self.renderer.update(budget_s=budget if uploaded else (1.0 - UPLOAD_SHARE) * budget)
+        # The last slice makes the transport ready for work, which is enough for a frame; the work begins in the next.
+        limit = 0 if arriving and uploaded else None
+        report = self.renderer.update(limit, budget if uploaded else (1.0 - UPLOAD_SHARE) * budget)
         self._spent_ms = 1e3 * (time.perf_counter() - started)
         self._texture = self.renderer.composite(self._display_view(editor))
         wanted = 0 if self._wanted is None else len(self._wanted)
-        exact = uploaded and report.exact
+        exact = uploaded and report.exact and not self._waiting
         editor.report_rendering(
             RenderReport(
                 max(wanted - report.remaining, 0), wanted, report.image_error, self._frame_ms, exact,
@@ -184,16 +235,19 @@ class PictureFeed:
         )  # fmt: skip
         changed = exact != self._exact_before
         self._exact_before = exact
-        return not exact or changed or self._thumbnail_due is not None
+        return not exact or changed or thumbnail_came
 
-    def _follow_environment(self, editor: Editor) -> None:
+    def _follow_environment(self, editor: Editor) -> bool:
+        """Turn the background with the light; whether the thumbnail is a new one."""
         rotation = editor.document.light.rotation
         if rotation != self._rotation:
             self.renderer.turn_environment(rotation)
             self._rotation = rotation
-        if self._thumbnail_due is not None and self._thumbnail_due.done():
-            self._show_thumbnail(self._thumbnail_due.result())
-            self._thumbnail_due = None
+        if self._thumbnail_due is None or not self._thumbnail_due.done():
+            return False
+        self._show_thumbnail(self._thumbnail_due.result())
+        self._thumbnail_due = None
+        return True
 
     def _show_thumbnail(self, pixels: NDArray[np.uint8]) -> None:
         if self._thumbnail is not None:

@@ -1,6 +1,7 @@
 """One frame of the window: the same code behind a GLFW window and in a framebuffer without a display.
 
-    events ─► panels (draw, return actions) ─► actions carried out ─► worker's answers, picture ─► pixels
+    events ─► panels (draw, return actions) ─► actions carried out ─► picture ─► pixels
+    between two frames: the worker's answers
 
 The order within a frame puts the hand first: what it did is in the document before the picture is brought up to date,
 so a drag and its picture are in the same frame.
@@ -8,6 +9,7 @@ so a drag and its picture are in the same frame.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -44,6 +46,10 @@ from ui.panels.state import Notice, PanelState
 
 SETTLE_SECONDS = 0.9
 HELD_SECONDS = 0.03
+# Frames that the layout takes to settle after the start.
+FIRST_FRAMES = 3
+# How often the worker's progress alone is worth a frame: each takes processor time from the worker.
+PROGRESS_SECONDS = 0.1
 
 
 class PictureSource(Protocol):
@@ -58,7 +64,9 @@ class PictureSource(Protocol):
     @property
     def heading(self) -> float: ...
 
-    def advance(self, editor: Editor, now: float, last_frame_ms: float) -> bool: ...
+    def take(self, editor: Editor, now: float) -> bool: ...
+
+    def draw(self, editor: Editor, last_frame_ms: float) -> bool: ...
 
     def object_at(self, column: int, row: int) -> str | None: ...
 
@@ -108,9 +116,11 @@ class Shell:
         self._interface = InterfaceRenderer(context)
         self._frame_ms = 0.0
         self._last_frame = clock()
-        self._last_input = clock()
+        self._last_input = -math.inf
+        self._n_frames = 0
         self._seen_message = ""
         self._told: Status | None = None
+        self._told_at = -math.inf
         self.inputs = 0
         self.environments: tuple[str, ...] = ()
         self.scenes: tuple[str, ...] = ()
@@ -125,6 +135,10 @@ class Shell:
         """An event came in: tooltips and hover need frames for a little while."""
         self.inputs += 1
         self._last_input = self._clock()
+
+    def note_change(self) -> None:
+        """The window itself changed: it needs a frame."""
+        self.inputs += 1
 
     def note_frame_time(self, milliseconds: float) -> None:
         """How long the last frame took until it was on screen; the next one is planned by it, and panels show it."""
@@ -150,12 +164,14 @@ class Shell:
             self._rebuild_layout = True
 
     def frame(self, target: moderngl.Framebuffer, size: tuple[int, int], now: float | None = None) -> FrameResult:
-        """Take the events, bring the picture up to date and draw the window into `target`, `size` in pixels."""
+        """Take the hand's events, bring the picture up to date and draw the window into `target`, `size` in pixels."""
         now = self._clock() if now is None else now
         imgui.set_current_context(self._imgui)
         self._io.display_size = ImVec2(float(size[0]), float(size[1]))
         self._io.delta_time = min(max(now - self._last_frame, 1e-4), 0.25)
         self._last_frame = now
+        self._n_frames += 1
+        self._told, self._told_at = _telling(self.editor.status), now
         self._take_message(now)
         imgui.new_frame()
         self.handles.begin_frame()
@@ -165,7 +181,7 @@ class Shell:
         outcome = self.actor.perform(actions, self.state, now)
         self.state = outcome.state
         self._rebuild_layout = outcome.reset_layout
-        working = self._advance(now)
+        working = self._draw_picture()
         target.use()
         target.clear(*theme.BACKDROP)
         self._interface.render(target)
@@ -174,10 +190,8 @@ class Shell:
 
     def idle(self, now: float) -> bool:
         """Between frames: take the worker's answers. Whether there is something new to draw."""
-        working = self._advance(now)
-        telling = _telling(self.editor.status)
-        changed, self._told = telling != self._told, telling
-        return working or changed
+        took = self.source is not None and self.source.take(self.editor, now)
+        return took or self._has_news(now)
 
     def close(self) -> None:
         """Remember the layout and free what was made here."""
@@ -186,23 +200,32 @@ class Shell:
         self._interface.release()
         imgui.destroy_context(self._imgui)
 
-    def _advance(self, now: float) -> bool:
+    def _draw_picture(self) -> bool:
         """Bring the picture up to date; textures that were replaced since the panels drew are drawn in their stead."""
         source = self.source
         if source is None:
             return False
         before = [(t.glo if t is not None else 0, t) for t in (source.picture, source.environment)]
-        working = source.advance(self.editor, now, self._frame_ms)
+        working = source.draw(self.editor, self._frame_ms)
         for (reference, old), new in zip(before, (source.picture, source.environment), strict=True):
             if old is not None and old is not new:
                 self._interface.substitute(reference, new)
         return working
 
+    def _has_news(self, now: float) -> bool:
+        """Whether the status differs from what was drawn; by progress alone not sooner than a tenth of a second."""
+        telling, told = _telling(self.editor.status), self._told
+        if told is None or telling == told:
+            return told is None
+        only_progress = replace(telling, fraction=told.fraction, text=told.text) == told
+        return not only_progress or now - self._told_at >= PROGRESS_SECONDS
+
     def _result(self, busy: bool, screenshot: Path | None, quit: bool) -> FrameResult:
         since = self._clock() - self._last_input
         held = self.state.grip is not None  # a key held down repeats without an event of its own
         redraw_in = HELD_SECONDS if held else 0.1 if since < SETTLE_SECONDS else None
-        return FrameResult(busy or since < 0.05, redraw_in, screenshot, quit)
+        settling = since < 0.05 or self._n_frames < FIRST_FRAMES
+        return FrameResult(busy or settling, redraw_in, screenshot, quit)
 
     def _take_message(self, now: float) -> None:
         """Show what the editor has to say, once."""
@@ -289,7 +312,10 @@ def _window(
 
 def _picture_window(context: PanelContext) -> list[Action]:
     imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(0, 0))
-    flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
+    # Docked, it shows what the window was cleared with: painting that again would be a sixth of a software frame.
+    flags = (
+        imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse | imgui.WindowFlags_.no_background
+    )
     actions = _window(context, layout.VIEWPORT, _picture_and_recovery, flags)
     imgui.pop_style_var()
     return actions

@@ -1,12 +1,14 @@
 """The real window: GLFW around `ui.shell`, drawn when something changed and asleep otherwise.
 
-The order of a start: the worker begins to import, the window shows its first frame, and only then the renderer is made.
-While nothing happens the loop waits for events and looks at the worker's answers twenty times a second without drawing,
-so that the processors are the worker's.
+The order of a start: the worker begins to import, the window shows its first frame, and only then the renderer is made
+and rehearses.
+While nothing happens the loop waits for events and looks at the worker's answers twenty times a second without drawing
+(oftener before the first picture), so that the processors are the worker's.
 """
 
 from __future__ import annotations
 
+import gc
 import sys
 import time
 from collections.abc import Callable
@@ -32,6 +34,8 @@ from ui.start_times import start_times
 
 TITLE = "Insitu"
 WORKER_LOOK_SECONDS = 0.05
+# While the first picture is awaited.
+EAGER_LOOK_SECONDS = 0.015
 NO_DISPLAY = (
     "insitu: no display to open a window on ({reason}); without one, `insitu render SCENE -o OUT.exr` and "
     "`insitu screenshot SCENE -o UI.png` work"
@@ -78,6 +82,7 @@ def run(
     editor = Editor(client or Client(), source, resolution=resolution, journal=Journal())
     try:
         window = Window(handle, editor, require, recoveries)
+        gc.freeze()  # what the libraries brought stays: looking through it would block the window for 30 ms at a time
         try:
             window.loop(on_frame)
         finally:
@@ -182,6 +187,8 @@ class Window:
                 continue
             if result.busy:
                 self._take_events(glfw.poll_events)
+                self._look(time.monotonic())
+                self._take_events(glfw.poll_events)
                 continue
             draw_at = time.monotonic() + (result.redraw_in if result.redraw_in is not None else 1e9)
             self._sleep(draw_at)
@@ -223,11 +230,18 @@ class Window:
         inputs = self.shell.inputs
         while self.shell.inputs == inputs and not glfw.window_should_close(self.handle):
             now = time.monotonic()
-            if now >= draw_at or self._look(now):
+            if now >= draw_at:
                 return
-            look = CURVE_LOOK_SECONDS if self.editor.awaits_curve else WORKER_LOOK_SECONDS
-            seconds = max(min(look, draw_at - now), 0.001)
-            self._take_events(glfw.wait_events_timeout, seconds)
+            if self._look(now):
+                self._take_events(glfw.poll_events)
+                return
+            self._take_events(glfw.wait_events_timeout, max(min(self._pause(), draw_at - now), 0.001))
+
+    def _pause(self) -> float:
+        """Seconds between two looks at the worker's answers: short while a person waits for one."""
+        if self.editor.awaits_curve:
+            return CURVE_LOOK_SECONDS
+        return EAGER_LOOK_SECONDS if self.editor.status.picture == "waiting" else WORKER_LOOK_SECONDS
 
     def _take_events(self, take: Callable[..., None], *arguments: float) -> None:
         """Let GLFW call our handlers; its Python side cannot read every file name that a desktop can drop."""
@@ -263,8 +277,8 @@ class Window:
         glfw.set_char_callback(self.handle, self._on_char)
         glfw.set_drop_callback(self.handle, self._on_drop)  # type: ignore[arg-type]
         glfw.set_window_focus_callback(self.handle, self._on_focus)
-        glfw.set_window_refresh_callback(self.handle, lambda handle: self.shell.note_input())
-        glfw.set_framebuffer_size_callback(self.handle, lambda handle, width, height: self.shell.note_input())
+        glfw.set_window_refresh_callback(self.handle, lambda handle: self.shell.note_change())
+        glfw.set_framebuffer_size_callback(self.handle, lambda handle, width, height: self.shell.note_change())
         glfw.set_window_content_scale_callback(self.handle, lambda handle, x, y: self.shell.set_scale(self._scale()))
         platform = imgui.get_platform_io()
         platform.platform_get_clipboard_text_fn = lambda context: _text(_clipboard.get_clipboard_string(None) or "")
@@ -304,7 +318,7 @@ class Window:
         self.shell.actor.drop(paths)
 
     def _on_focus(self, handle: Any, focused: int) -> None:
-        self.shell.note_input()
+        self.shell.note_change()
         self.shell.io.add_focus_event(bool(focused))
 
     def _show_cursor(self) -> None:

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import moderngl
 import numpy as np
 import pytest
 
 from app.commands import SetEnvironment, SetIntensity, SetRotation, SetVisible
+from app.editor import Editor
 from app.jobs.messages import ComputeTransport, SkyImage
 from app.view_state import SetView
+from tests.app.fake_worker import FakeClient
 from tests.ui.stand_in import HEIGHT, WIDTH, StandInClient, scene_arrays, transport_of
+from ui import picture_feed
+from ui.gl.placement import PlacementRenderer
 from ui.gl.sample_layout import SAMPLES_PER_ROW, row_count
 from ui.headless import HeadlessWindow
 from ui.picture_feed import PictureFeed
@@ -145,3 +153,99 @@ def test_another_precision_comes_at_once_and_the_picture_stays(window: HeadlessW
     n_bands = len(editor.wanted_coefficients("teapot.1")["theta_h"])
     assert renderer.memory_bytes - n_bytes == 6 * n_bands * row_count(n_samples) * SAMPLES_PER_ROW
     assert editor.status.gpu_mb == renderer.memory_bytes / 1e6
+
+
+class Opening:
+    """A window's feed and editor on the stand-in scene, nothing taken yet; `calls` names what the renderer did."""
+
+    def __init__(self, context: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.client = StandInClient()
+        self.editor = Editor(self.client, "stand-in")
+        self.renderer = PlacementRenderer(context)
+        self.feed = PictureFeed(self.renderer)
+        self.calls: list[str] = []
+        monkeypatch.setattr(picture_feed, "TAKING_SECONDS", 10.0)
+        taking = ("set_frame", "set_layer_radiance", "set_environment", "set_footprint", "begin_transport")
+        for name in (*taking, "composite"):
+            monkeypatch.setattr(self.renderer, name, self._spied(name))
+
+    def _spied(self, name: str) -> Callable[..., Any]:
+        real = getattr(self.renderer, name)
+
+        def spy(*arguments: Any, **named: Any) -> Any:
+            self.calls.append(name)
+            return real(*arguments, **named)
+
+        return spy
+
+    def step(self) -> tuple[bool, list[str]]:
+        """One look between frames; whether there is something to draw, and what the renderer did."""
+        self.calls.clear()
+        return self.feed.take(self.editor, 0.0), list(self.calls)
+
+    def draw(self) -> tuple[bool, list[str]]:
+        self.calls.clear()
+        return self.feed.draw(self.editor, 10.0), list(self.calls)
+
+
+@pytest.fixture
+def opening(context: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> Iterator[Opening]:
+    made = Opening(context, monkeypatch)
+    yield made
+    made.feed.close()
+    made.editor.close()
+    assert context.error == "GL_NO_ERROR"
+
+
+def test_a_scene_is_taken_and_drawn_in_different_blocks(opening: Opening) -> None:
+    took, calls = opening.step()
+    assert took and calls == ["set_frame"]
+    _, calls = opening.draw()
+    assert calls == ["composite"]
+
+
+def test_a_scene_waits_when_its_description_took_the_time(opening: Opening, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(picture_feed, "TAKING_SECONDS", -1.0)  # reading it has used up all there was
+    took, calls = opening.step()
+    assert took and calls == []
+    busy, calls = opening.draw()
+    assert busy and calls == []  # nothing to draw yet, and more to come
+    assert opening.step()[1] == ["set_frame"]  # no longer than that
+
+
+def test_answers_are_taken_one_by_one_when_time_is_short(opening: Opening, monkeypatch: pytest.MonkeyPatch) -> None:
+    opening.step()
+    opening.draw()
+    monkeypatch.setattr(picture_feed, "TAKING_SECONDS", 0.0)
+    seen = []
+    for _ in range(40):
+        _, calls = opening.step()
+        assert len(calls) <= 1
+        seen += calls
+        busy, _ = opening.draw()
+        if opening.editor.status.picture == "exact":
+            break
+        assert busy  # also while answers wait that the editor has counted already
+    assert seen.count("set_layer_radiance") == 4 and seen[-1] == "set_layer_radiance"
+    assert opening.editor.status.picture == "exact"
+
+
+def test_another_scene_replaces_what_is_shown_within_a_frame(opening: Opening) -> None:
+    while opening.editor.status.picture != "exact":
+        opening.step()
+        opening.draw()
+    shown = opening.feed.picture
+    opening.editor.open("stand-in")
+    _, calls = opening.step()
+    assert calls == [] and opening.feed.picture is shown  # panels may still draw it
+    _, calls = opening.draw()
+    assert calls == ["set_frame", "composite"] and opening.feed.picture is not shown
+
+
+def test_before_a_scene_the_feed_rehearses_and_leaves_nothing(context: moderngl.Context) -> None:
+    editor = Editor(FakeClient(), "shelf")
+    feed = PictureFeed(PlacementRenderer(context))
+    for _ in range(30):
+        assert not feed.take(editor, 0.0)
+    assert feed.renderer.frame is None and feed.picture is None
+    feed.close()

@@ -112,6 +112,10 @@ class PlacementRenderer:
         layers = LayerStack(self.memory, compositor)
         self._picture = _Picture(compositor, display, layers, linear_box=compositor.picture_box)
 
+    def clear(self) -> None:
+        """Drop the picture and all that belongs to it."""
+        self._release_picture()
+
     @property
     def frame(self) -> PictureFrame | None:
         return None if self._picture is None else self._picture.compositor.frame

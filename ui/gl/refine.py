@@ -19,6 +19,8 @@ from ui.gl.textures import TextureMemory
 from ui.gl.transport import TransportTexture
 
 _LARGEST_MULTIPLIER = 1e36
+# Terms of the step by which the cost of one is measured, where there is a budget to keep.
+_TERMS_TO_MEASURE = 8
 
 
 @dataclass
@@ -101,7 +103,9 @@ class Refiner:
     def term_limit(self, max_terms: int | None, budget_s: float | None) -> int | None:
         """How many terms a step may add; None is all."""
         limits = [] if max_terms is None else [max(0, max_terms)]
-        if budget_s is not None and self.seconds_per_term is not None:
+        if budget_s is not None and self.seconds_per_term is None:
+            limits.append(_TERMS_TO_MEASURE)
+        elif budget_s is not None and self.seconds_per_term is not None:
             limits.append(max(1, int(budget_s / self.seconds_per_term)))
         return min(limits, default=None)
 

@@ -1,0 +1,78 @@
+"""Shaders compiled ahead: all that a picture needs, step by step, and nothing left behind."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+import pytest
+
+from tests.ui.gl.pictures import finish, frame_of, norms_of
+from ui.gl.placement import PlacementRenderer
+from ui.gl.rehearsal import rehearse
+from ui.gl.tonemap import DisplayView
+
+pytestmark = pytest.mark.gl
+
+
+def programs(renderer: PlacementRenderer) -> set[object]:
+    return set(renderer._passes._programs._programs)
+
+
+def draw_everything(renderer: PlacementRenderer) -> np.ndarray:
+    """A picture as the worker's first answers make it, then a finer one with a curve at work."""
+    image = np.zeros((6, 8), int)
+    image[:, 4:] = -1
+    renderer.set_frame(frame_of(image))
+    renderer.set_environment(np.ones((4, 8, 3), np.float32))
+    renderer.composite(DisplayView(selected=0))
+    n = int((image == 0).sum())
+    renderer.set_footprint(np.zeros((n, 4), np.int32), np.full((n, 4), 0.25, np.float32))
+    renderer.set_layer("ball.0", 0, 1)
+    renderer.set_layer_radiance("ball.0", np.ones((1, 3), np.float32))
+    renderer.composite(DisplayView(selected=0))
+    renderer.set_footprint(None)
+    renderer.set_layer_radiance("ball.0", np.ones((n, 3), np.float32))
+    renderer.set_view_curve("ball.0", np.ones((256, 3)))
+    transport = np.random.default_rng(1).uniform(0.1, 1.0, (4, n, 3)).astype(np.float16)
+    renderer.begin_transport("ball.0", transport, norms_of(transport))
+    while not renderer.upload(1.0):
+        pass
+    renderer.wanted("ball.0", np.full((4, 3), 0.5))
+    finish(renderer)
+    renderer.composite(DisplayView(selected=0))
+    return renderer.display_image()
+
+
+def test_no_program_is_left_for_the_first_picture(renderer: PlacementRenderer) -> None:
+    for _ in rehearse(renderer):
+        pass
+    rehearsed = programs(renderer)
+    draw_everything(renderer)
+    assert programs(renderer) == rehearsed
+
+
+def test_a_rehearsal_leaves_no_picture_and_changes_none(
+    context: moderngl.Context, renderer: PlacementRenderer
+) -> None:
+    for _ in rehearse(renderer):
+        pass
+    assert renderer.frame is None and renderer.layer_keys == () and renderer.transport_key is None
+    unrehearsed = PlacementRenderer(context)
+    np.testing.assert_array_equal(draw_everything(renderer), draw_everything(unrehearsed))
+    unrehearsed.release()
+
+
+def test_a_scene_may_come_at_any_step(context: moderngl.Context) -> None:
+    plain = PlacementRenderer(context)
+    expected = draw_everything(plain)
+    plain.release()
+    n_steps = 0
+    for stop in range(40):
+        renderer = PlacementRenderer(context)
+        n_steps = sum(1 for _ in zip(range(stop), rehearse(renderer), strict=False))
+        np.testing.assert_array_equal(draw_everything(renderer), expected)
+        renderer.release()
+        assert renderer.memory_bytes == 0
+        if n_steps < stop:
+            break
+    assert 5 < n_steps < 40
