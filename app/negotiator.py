@@ -6,8 +6,8 @@ right after an undo, a crash, or a selection that changed in mid-computation.
 
 - Light, quotient parameters, bands and the number of lights fix the transport, and of objects that are not editable
   the curves as well. When they change, it is asked for anew once the hand rests: at the end of a drag, or when nothing
-  has changed for a quarter of a second; the worker makes of it what it does not have. While an
-  environment is being turned, drag-quality transport is asked for at once, one request at a time.
+  has changed for a quarter of a second; the worker makes of it what it does not have. While an environment is being
+  turned, drag-quality transport is asked for at once, one request at a time.
 - The selected curve wants its layer's transport, the layer's other factor contracted with its present curve ("curve
   switching", [BenArtzi07, eq. 4.16]), in half or single floats; it is asked for again when that other curve or the
   precision has changed.
@@ -20,21 +20,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 
 import numpy as np
 
 from app.document import Document, LightState, Selection
-from app.jobs.messages import (
-    ComputeTransport,
-    Contract,
-    Failed,
-    LayerPicture,
-    LayerTransport,
-    LayerWork,
-    Request,
-    StageDone,
-)
+from app.jobs.messages import ComputeTransport, Contract, Failed, LayerPicture, LayerTransport, Request, StageDone
 from app.picture import Array, Coefficients, Curves
 from app.wishes import (
     Contraction,
@@ -43,8 +33,10 @@ from app.wishes import (
     LayerShape,
     LayerShown,
     TransportWish,
-    layer_shape,
+    curve_wish,
+    layer_work,
     same_coefficients,
+    transport_wish,
 )
 from engine.plan import Precision
 
@@ -156,7 +148,7 @@ class Negotiator:
         models = [(key, layer.model) for key, layer in document.layers()]
         if self._asked is None or models != [(key, layer.model) for key, layer in like.layers()]:
             return False
-        return self._made_wish(document, n_lights) == self._asked
+        return transport_wish(document, n_lights, self._curves) == self._asked
 
     def asked_bands(self, key: str) -> dict[str, int] | None:
         """J of each factor of a layer in the transport asked last; None where there is none of it."""
@@ -242,7 +234,7 @@ class Negotiator:
         self._ask_transport(wish, now, document, selected, dragging)
         self._released = False
         if not self._drag_quality:
-            self._ask_contraction(now, document, self._curve_wish(document, selected))
+            self._ask_contraction(now, document, curve_wish(document, selected, self._curves, self._precision))
 
     def _ask_transport(
         self, wish: TransportWish, now: float, document: Document, selected: Selection | None, dragging: bool
@@ -256,8 +248,8 @@ class Negotiator:
             self._compute(wish, document, selected, DRAG_QUALITY)
 
     def _compute(self, wish: TransportWish, document: Document, selected: Selection | None, n_lights: int) -> None:
-        curve = self._curve_wish(document, selected)
-        work = tuple(self._layer_work(document, shape) for shape in wish.layers)
+        curve = curve_wish(document, selected, self._curves, self._precision)
+        work = tuple(layer_work(shape, self._curves.coefficients(document, shape.key)) for shape in wish.layers)
         staying = self._staying(wish, n_lights)
         was_fixed = [shape.key for shape in self.layers_asked if shape.is_fixed and shape.key in staying]
         self.revision += 1
@@ -334,8 +326,7 @@ class Negotiator:
         new_picture = curve.factor is None or shown is None or not same_coefficients(shown.coefficients, wanted)
         given = tuple(wanted.items())
         request = Contract(curve.key, curve.factor, given, curve.precision, new_picture, revision=self.revision)
-        id = self._send(request)
-        self._contraction = Contraction(id, curve, now)
+        self._contraction = Contraction(self._send(request), curve, now)
 
     def _asked_shape(self, key: str) -> LayerShape | None:
         """What was asked of a layer: its model may have changed since."""
@@ -344,9 +335,7 @@ class Negotiator:
     def _can_contract(self, key: str, wanted: Coefficients) -> bool:
         """Whether the transport asked for is over the layer's present curves and bands."""
         shape = self._asked_shape(key)
-        if shape is None or shape.is_fixed:
-            return False
-        return {name: len(values) for name, values in wanted.items()} == dict(shape.bands)
+        return shape is not None and shape.takes(wanted)
 
     def _has(self, curve: CurveWish) -> bool:
         """Whether the curve's transport has come, in the stage and with the other curve of its layer's radiance."""
@@ -361,33 +350,7 @@ class Negotiator:
         if self._wish is not None and self._wish_made_of == (document, n_lights):
             return self._wish
         self._wish_made_of = (document, n_lights)
-        return self._made_wish(document, n_lights)
-
-    def _made_wish(self, document: Document, n_lights: int) -> TransportWish:
-        emitters = {state.name for state in document.objects if state.emits}
-        shapes = tuple(
-            layer_shape(document, key, layer, self._curves)
-            for key, layer in document.layers()
-            if key.rpartition(".")[0] not in emitters
-        )
-        return TransportWish(replace(document.light, intensity=1.0), shapes, n_lights)
-
-    def _layer_work(self, document: Document, shape: LayerShape) -> LayerWork:
-        coefficients = self._curves.coefficients(document, shape.key)
-        factors, bands = zip(*shape.bands, strict=True)
-        ordered = tuple(coefficients[factor] for factor in factors)
-        return LayerWork(shape.key, shape.model, shape.quotient_parameters, factors, bands, ordered, shape.is_fixed)
-
-    def _curve_wish(self, document: Document, selected: Selection | None) -> CurveWish | None:
-        """The selected curve's transport; None where no curve is selected, one that is applied in image space, or one
-        that nobody may edit."""
-        if selected is None or document.object(selected.object).emits or not document.object(selected.object).editable:
-            return None
-        coefficients = self._curves.coefficients(document, selected.key)
-        if selected.factor not in coefficients:
-            return None
-        others = {name: values for name, values in coefficients.items() if name != selected.factor}
-        return CurveWish(selected.key, selected.factor, others, self._precision)
+        return transport_wish(document, n_lights, self._curves)
 
     # ------------------------------------------------------------------------------------------------------- answers
 
@@ -398,9 +361,9 @@ class Negotiator:
         values = [np.asarray(made_with, dtype=np.float64) for made_with in response.coefficients]
         coefficients = dict(zip(names, values, strict=True))
         self._layers[response.key] = LayerShown(response.stage, coefficients)
-        if self._contraction is not None and self._contraction.wish.factor is None:
-            if self._contraction.id == response.id:
-                self._contraction = None
+        under_way = self._contraction
+        if under_way is not None and under_way.wish.factor is None and under_way.id == response.id:
+            self._contraction = None
         return coefficients
 
     def took_transport(self, response: LayerTransport, selected: Selection | None) -> bool:

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.document import Document, LightState
+from app.document import Document, LightState, Selection
+from app.jobs.messages import LayerWork
 from app.picture import Array, Coefficients, Curves
 from engine.material.layer import Layer
 from engine.plan import Precision
@@ -36,6 +37,10 @@ class LayerShape:
         """How many bands of each factor its transport has."""
         return () if self.is_fixed else tuple(n for _, n in self.bands)
 
+    def takes(self, coefficients: Coefficients) -> bool:
+        """Whether its transport can be contracted with these."""
+        return not self.is_fixed and {name: len(values) for name, values in coefficients.items()} == dict(self.bands)
+
     def has_quotient_of(self, other: LayerShape | None) -> bool:
         """Whether the fixed part of both layers' reflection is the same."""
         return other is not None and (self.model, self.quotient_parameters) == (other.model, other.quotient_parameters)
@@ -54,6 +59,13 @@ def layer_shape(document: Document, key: str, layer: Layer, curves: Curves) -> L
         baked = b"".join(values.tobytes() for values in curves.coefficients(document, key).values())
     quotient = tuple(layer.quotient_parameters().tolist())
     return LayerShape(key, layer.model.name, quotient, tuple(curves.bands(key, layer).items()), baked)
+
+
+def layer_work(shape: LayerShape, coefficients: Coefficients) -> LayerWork:
+    """The layer as the worker needs to know it, with its present coefficients by factor."""
+    factors, bands = zip(*shape.bands, strict=True)
+    ordered = tuple(coefficients[factor] for factor in factors)
+    return LayerWork(shape.key, shape.model, shape.quotient_parameters, factors, bands, ordered, shape.is_fixed)
 
 
 @dataclass(frozen=True)
@@ -125,6 +137,30 @@ class Contraction:
     id: int
     wish: CurveWish
     sent_at: float
+
+
+def transport_wish(document: Document, n_lights: int, curves: Curves) -> TransportWish:
+    """The transport of a document's layers, but for those of emitters, in its light at intensity 1."""
+    emitters = {state.name for state in document.objects if state.emits}
+    shapes = tuple(
+        layer_shape(document, key, layer, curves)
+        for key, layer in document.layers()
+        if key.rpartition(".")[0] not in emitters
+    )
+    return TransportWish(replace(document.light, intensity=1.0), shapes, n_lights)
+
+
+def curve_wish(
+    document: Document, selected: Selection | None, curves: Curves, precision: Precision
+) -> CurveWish | None:
+    """The selected curve's transport; None where none is selected, or one that is applied in image space or fixed."""
+    if selected is None or document.object(selected.object).emits or not document.object(selected.object).editable:
+        return None
+    coefficients = curves.coefficients(document, selected.key)
+    if selected.factor not in coefficients:
+        return None
+    others = {name: values for name, values in coefficients.items() if name != selected.factor}
+    return CurveWish(selected.key, selected.factor, others, precision)
 
 
 def same_coefficients(one: Mapping[str, Array], two: Mapping[str, Array]) -> bool:
