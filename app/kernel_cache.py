@@ -20,7 +20,8 @@ _ENGINE = Path(__file__).resolve().parents[1] / "engine"
 def kernel_digest() -> str:
     """A hash of all kernel sources and of what they take constants from."""
     digest = hashlib.blake2b(digest_size=8)
-    for path in sorted([*_ENGINE.rglob("_*kernels.py"), _ENGINE / "material" / "kinds.py"]):
+    constants = [_ENGINE / "material" / "kinds.py", _ENGINE / "curve" / "wavelet.py"]
+    for path in sorted([*_ENGINE.rglob("_*kernels.py"), *constants]):
         digest.update(path.read_bytes())
     return digest.hexdigest()
 

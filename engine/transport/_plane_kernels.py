@@ -112,7 +112,9 @@ def _keep_a(tile, i, n_b, dormant, block, lane):
 def _keep_b(tile, i, n_b, dormant, row, block, lane):
     """Σ_j U_jk c_j of point i into the three lanes from `lane` on; dormant (3, J), row (3, K) is scratch."""
     at, scale = tile.start[i], tile.scale[i]
-    row[:] = np.float32(0.0)
+    for c in range(3):
+        for k in range(n_b):
+            row[c, k] = np.float32(0.0)
     for j in range(dormant.shape[1]):
         low, count = _run(tile, i, j, n_b)
         values = tile.values[at : at + count]
@@ -133,7 +135,8 @@ def _keep_b(tile, i, n_b, dormant, row, block, lane):
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _add_radiance(block, curve, sums, radiance):
     """radiance = Σ_j c_j T_j for each lane, summed in double precision; curve (J, LANES)."""
-    sums[:] = 0.0
+    for lane in range(block.shape[1]):
+        sums[lane] = 0.0
     for j in range(block.shape[0]):
         for lane in range(block.shape[1]):
             sums[lane] += np.float64(block[j, lane]) * curve[j, lane]
@@ -169,14 +172,13 @@ def contract_tile(tile, at, n_b, keep_a, wavelet, dormant, curve, inverse, numbe
 
     keep_a: whether the planes are those of factor A, `dormant` (3, K) being B's coefficients, or the other way round;
     wavelet: Daubechies-4 coefficients rather than bands; radiance (3P,) gets Σ_j c_j T_j with curve (J, LANES), the
-    kept factor's coefficients once for each lane. maxima (J,) and squares (J, 3): the largest and the summed squares of
-    the tile's numbers.
+    kept factor's coefficients once for each lane. maxima (J,) and squares (J, 3), zero before: the largest and the
+    summed squares of the tile's numbers.
     """
     n_kept, n_points = numbers.shape[0], tile.scale.shape[0]
     block, scratch = np.zeros((n_kept, LANES), np.float32), np.empty((n_kept, LANES), np.float32)
     row, sums = np.empty((3, n_b), np.float32), np.empty(LANES, np.float64)
     lane_squares = np.zeros((n_kept, LANES), np.float32)
-    maxima[:] = 0.0
     for begin in range(0, n_points, BLOCK):
         n_block = min(BLOCK, n_points - begin)
         for i in range(n_block):
@@ -191,7 +193,6 @@ def contract_tile(tile, at, n_b, keep_a, wavelet, dormant, curve, inverse, numbe
         for j in range(n_kept):
             maxima[j] = max(maxima[j], _measure(block[j], inverse[j], 3 * n_block, lane_squares[j]))
             _write(block[j], inverse[j], numbers[j, first:last])
-    squares[:] = 0.0
     for j in range(n_kept):
         for lane in range(LANES):
             squares[j, lane % 3] += lane_squares[j, lane]
