@@ -6,6 +6,7 @@ on the frames between.
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -81,6 +82,11 @@ class HeadlessWindow:
         self.shell.note_input()
         self.shell.io.add_mouse_pos_event(x, y)
         self.frame()
+
+    def leave(self) -> None:
+        """Move the mouse out of the window, so that no tooltip and nothing lit by it stays."""
+        self.shell.io.add_mouse_pos_event(-sys.float_info.max, -sys.float_info.max)
+        self.frames(2)
 
     def press(self, button: int = 0) -> None:
         """Press a mouse button: 0 left, 1 right, 2 middle."""

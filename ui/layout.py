@@ -18,7 +18,7 @@ from app.view_state import OpenPanel
 VERSION = 1
 LEFT_WIDTH = 216.0
 RIGHT_WIDTH = 306.0
-CURVE_SHARE = 0.45
+CURVE_SHARE = 0.41
 LIGHT_HEIGHT, ACCURACY_HEIGHT = 290.0, 252.0
 DOCK_SPACE = "insitu.dock"
 

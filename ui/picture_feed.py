@@ -177,7 +177,7 @@ class PictureFeed:
                 self._take_scene(event)
             case SkyChanged():
                 self.renderer.set_environment(event.radiance, editor.document.light.rotation)
-                self._thumbnail_due = self._threads.submit(_thumbnail, event.radiance)
+                self._take_sky_picture(event.radiance)
             case FootprintChanged():
                 own = len(event.rows) == 0
                 self.renderer.set_footprint(None if own else event.rows, None if own else event.weights)
@@ -248,6 +248,13 @@ class PictureFeed:
         self._show_thumbnail(self._thumbnail_due.result())
         self._thumbnail_due = None
         return True
+
+    def _take_sky_picture(self, radiance: NDArray[np.floating]) -> None:
+        """Make the panel's picture of the sky, in a thread; of no light at all there is none."""
+        self._thumbnail_due = self._threads.submit(_thumbnail, radiance) if np.any(radiance) else None
+        if self._thumbnail_due is None and self._thumbnail is not None:
+            self._thumbnail.release()
+            self._thumbnail = None
 
     def _show_thumbnail(self, pixels: NDArray[np.uint8]) -> None:
         if self._thumbnail is not None:

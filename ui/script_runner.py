@@ -66,7 +66,7 @@ def take_screenshot(
             wait_for_scene(window, editor)
             run_steps(window, editor, steps)
             wait_for_picture(window, editor, wait)
-            window.frames(3)
+            window.leave()
             window.save(output)
         finally:
             feed.close()
@@ -129,7 +129,7 @@ def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
         case WaitFor():
             wait_for_picture(window, editor, step.picture)
         case Capture():
-            window.frames(3)
+            window.leave()
             window.save(step.path)
         case AssertErrorBelow():
             _assert_error(editor, step.bound)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from app.commands import SetRotation, set_path
 from app.document import resolve
 from app.project import open_project
@@ -11,10 +13,10 @@ from app.script import Capture, DragItem, RedoSteps, Rotate, SelectPath, SetValu
 from engine.scene.builtin import ASSETS
 
 
-def test_the_tour_names_what_the_tea_tray_has(tmp_path: Path) -> None:
-    steps = load_script(ASSETS / "scripts" / "tour.toml", tmp_path)
-    document = open_project("teatray", (16, 16)).document
-    for step in steps:
+@pytest.mark.parametrize(("script", "scene"), [("tour", "teatray"), ("readme", "teatray"), ("earrings", "earrings")])
+def test_scripts_name_what_their_scenes_have(script: str, scene: str, tmp_path: Path) -> None:
+    document = open_project(scene, (16, 16)).document
+    for step in load_script(ASSETS / "scripts" / f"{script}.toml", tmp_path):
         if isinstance(step, SelectPath):
             assert resolve(document, step.path).kind == "factor"
         if isinstance(step, SetValues):
@@ -22,6 +24,10 @@ def test_the_tour_names_what_the_tea_tray_has(tmp_path: Path) -> None:
                 document = set_path(document, path, value).apply(document)
         if isinstance(step, Rotate):
             document = SetRotation(step.degrees).apply(document)
+
+
+def test_the_tour_takes_back_what_it_does(tmp_path: Path) -> None:
+    steps = load_script(ASSETS / "scripts" / "tour.toml", tmp_path)
     n_edits = sum(isinstance(step, DragItem | SetValues | Rotate) for step in steps)
     (undone,) = [step.count for step in steps if isinstance(step, UndoSteps)]
     (redone,) = [step.count for step in steps if isinstance(step, RedoSteps)]

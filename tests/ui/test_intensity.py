@@ -15,14 +15,11 @@ from app.jobs.in_process import InProcessClient
 from app.jobs.messages import ComputeTransport, Contract, Request
 from app.jobs.tasks import Tasks
 from app.view_state import SetView
-from engine.scene.builtin import builtin_scenes
-from tests.ui.small_scene import opened_window, wait_until_exact
+from tests.ui.small_scene import SCENE, opened_window, wait_until_exact, write_small_scene
 from ui.headless import HeadlessWindow
 from ui.picture_feed import PictureFeed
 
 pytestmark = pytest.mark.gl
-
-RESOLUTION = (96, 96)
 
 
 class CountingClient(InProcessClient):
@@ -47,11 +44,11 @@ def client(tmp_path: Path) -> CountingClient:
 
 
 @pytest.fixture
-def window(context: moderngl.Context, client: CountingClient) -> Iterator[HeadlessWindow]:
-    """The Cornell box, which has no environment, shown linearly."""
-    scene = builtin_scenes()["cornell"]
+def window(context: moderngl.Context, client: CountingClient, tmp_path: Path) -> Iterator[HeadlessWindow]:
+    """The small scene without its sky, shown linearly."""
+    scene = write_small_scene(tmp_path, SCENE.replace('[environment]\nfile = "sky.exr"\n', ""))
     view = {"n_lights": 400, "tone_mapping": "linear"}
-    with opened_window(context, scene, client, resolution=RESOLUTION, **view) as opened:
+    with opened_window(context, scene, client, **view) as opened:
         opened.shell.editor.select(None)  # no outline in the picture
         wait_until_exact(opened)
         yield opened
@@ -68,8 +65,8 @@ def shown_radiance(window: HeadlessWindow, exposure: float) -> np.ndarray:
     return linear / 2.0**exposure
 
 
-# At these exposures neither the lamp (radiance 17) nor what it lights (0.3) reaches white, nor their triple.
-@pytest.mark.parametrize(("of_the_lamp", "exposure"), [(True, -6.0), (False, 0.0)])
+# At these exposures neither the lamp (radiance 9) nor what it lights (0.3) reaches white, nor their triple.
+@pytest.mark.parametrize(("of_the_lamp", "exposure"), [(True, -5.0), (False, 0.0)])
 def test_intensity_is_a_factor_on_lamps_and_on_what_they_light(
     window: HeadlessWindow, client: CountingClient, of_the_lamp: bool, exposure: float
 ) -> None:
@@ -95,7 +92,7 @@ def pixels_within(window: HeadlessWindow, of_the_lamp: bool) -> np.ndarray:
     smoothed = np.zeros(frame.object_image.size, bool)
     smoothed[frame.edge_pixels] = True
     names = [state.name for state in window.shell.editor.document.objects]
-    lamp = frame.object_image == names.index("light")
+    lamp = frame.object_image == names.index("lamp")
     return ~smoothed.reshape(lamp.shape) & (lamp == of_the_lamp)
 
 

@@ -122,6 +122,16 @@ def test_a_new_sky_gets_a_thumbnail(window: HeadlessWindow) -> None:
     assert feed(window).environment is not old and colour(feed(window))[3] == 255
 
 
+def test_no_light_has_no_thumbnail(window: HeadlessWindow) -> None:
+    # A scene that lamps light alone: the panel says so in place of a black picture.
+    client = window.shell.editor._client
+    assert isinstance(client, StandInClient)
+    assert feed(window).environment is not None
+    client.say(SkyImage(np.zeros((1, 2, 3), np.float32), revision=client.requests[-1].revision))
+    window.frames(3)
+    assert feed(window).environment is None
+
+
 def colour(source: PictureFeed) -> bytes:
     """The first pixel of the thumbnail, RGBA."""
     assert source.environment is not None

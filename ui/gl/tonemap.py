@@ -165,12 +165,10 @@ class Display:
 
 
 def outline_pixels(mask: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """Row-major indices of the two-pixel outline of a mask (H,W): its border and the pixels just outside of it."""
+    """Row-major indices of the pixels just outside of a mask (H,W): the outline covers nothing of what it surrounds."""
     padded = np.pad(mask, 1)
     neighbours = np.stack([padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:]])
-    inner = mask & ~neighbours.all(axis=0)
-    outer = ~mask & neighbours.any(axis=0)
-    return np.flatnonzero(inner | outer).astype(np.int32)
+    return np.flatnonzero(~mask & neighbours.any(axis=0)).astype(np.int32)
 
 
 def _switches(tone_mapping: ToneMapping) -> dict[str, int]:

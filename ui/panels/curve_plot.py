@@ -256,9 +256,7 @@ def draw_knob(context: PanelContext, frame: Frame, hand: Hand, knob: Knob, activ
         draw.add_circle_filled(ImVec2(x, y), context.px(2), ink)
 
 
-def draw_chosen(
-    context: PanelContext, frame: Frame, places: tuple[float, ...], knob: Knob, chosen: str | None
-) -> None:
+def draw_chosen(context: PanelContext, frame: Frame, places: tuple[float, ...], knob: Knob, chosen: str | None) -> None:
     """A light outline around the handle that the keyboard moves; none where none was chosen yet."""
     draw, ink = imgui.get_window_draw_list(), look.pack(look.grey(240))
     if chosen == "magnitude":
@@ -296,12 +294,13 @@ def _points(frame: Frame, gamma: np.ndarray, values: np.ndarray) -> list[Point]:
 
 
 def _dashed(draw: imgui.ImDrawList, points: list[Point], ink: int, thickness: float, scale: float) -> None:
-    """Dashes of 6 and gaps of 4 pixels along the line's length."""
+    """Dashes of 6 and gaps of 4 pixels along the line's length, on steep parts as on level ones."""
     on, off = 6.0 * scale, 4.0 * scale
     places = np.array(points)
     lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(places, axis=0).T))])
-    phase = np.mod(lengths, on + off) < on
-    breaks = np.flatnonzero(np.diff(phase.astype(np.int8))) + 1
-    for run in np.split(np.arange(len(points)), breaks):
-        if phase[run[0]] and len(run) > 1:
-            draw.add_polyline([points[k] for k in run], ink, thickness, 0)
+    starts = np.arange(0.0, lengths[-1], on + off)
+    inside = on * np.array([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0])
+    along = np.minimum(starts[:, None] + inside, lengths[-1])
+    across, down = (np.interp(along, lengths, places[:, axis]) for axis in (0, 1))
+    for dash in np.stack([across, down], axis=-1).tolist():
+        draw.add_polyline([tuple(place) for place in dash], ink, thickness, 0)

@@ -255,8 +255,8 @@ def _magnitude_fields(
     gap = context.px(5)
     room = imgui.get_content_region_avail().x
     imgui.set_next_item_width(0.5 * (room - gap) if amplify else room)
-    sign = "×" if amplify else "+"
-    text = f"{operator.axis.upper()} {sign} %.4g{'°' if degrees else ''}"
+    number = "× %.4g" if amplify else "%+.4g"
+    text = f"{operator.axis.upper()} {number}{'°' if degrees else ''}"
     changed = operator
     touch, typed = widgets.number(context, f"magnitude{offset}", operator.magnitude / unit, text,
                                   handle=f"curve.magnitude.{operator.axis}.number")  # fmt: skip
