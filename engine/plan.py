@@ -3,19 +3,18 @@
 `plan_scene` gives every layer its bands, says whether the sphere's visibility is needed, and leaves the reason beside
 each choice; `engine.render.pilot` measures on a few hundred points what it will cost. Every line can be overruled.
 
-Bands follow the curve. A curve f is replaced by its band means f_J; what a picture sees of the difference is how far
-light moves between angles, so it is measured on the running integrals by solid angle [BenArtzi07, sect. 4.3 chooses J
-by hand],
+Bands follow the curve. A curve f is replaced by its piecewise linear fit f_J (`engine.curve.bands`); what a picture
+sees of the difference is how far light moves between angles, so it is measured on the running integrals by solid angle
+[BenArtzi07, sect. 4.3 chooses J by hand],
 
     d(J) = max over gamma of | int_0^gamma (f - f_J) sin | / int_0^(pi/2) f sin,
 
-and the least power of two with d(J) <= 0.02 is taken (0.04 over the difference angle). d falls with J^2 while the
-bands are narrower than the curve's features. The largest pointwise difference was rejected: it never falls below half
-a step at an edge, however narrow the band. A curve gets no fewer bands than `EDITABLE_BANDS`: nobody knows the next
-edit, and bands also set how finely a light is split before its cosine and quotient are taken (with only those that its
-curves need, the Cornell box is 3.9 % off in place of 1.1 %). A layer that nobody means to edit is computed with as many
-and keeps none of them, but its picture (`engine.transport.fixed`). A still keeps none either and gets twice as many,
-which cost time alone (reference tea tray: 1.0 % error, not 2.0 %).
+and the least power of two with d(J) <= 0.02 is taken; the picture is then within about 0.5 % of what endless bands
+would give. d falls with J^3 and faster once the bands are narrower than the curve's features. The largest pointwise
+difference was rejected: it never falls below half a step at an edge, however narrow the band. A curve gets no fewer
+bands than `EDITABLE_BANDS`: nobody knows the next edit, and bands also set how finely a light is split before its
+cosine and quotient are taken. A layer that nobody means to edit is computed with as many and keeps none of them, but
+its picture (`engine.transport.fixed`). A still keeps none either, and gets twice as many.
 This module is light to import: the window's process shares its table.
 """
 
@@ -28,12 +27,10 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from engine.curve.bands import band_means
-from engine.curve.operators import HALF_PI
+from engine.curve.bands import band_nodes, band_values, band_weights
 from engine.errors import InsituError
 from engine.material import kinds
 from engine.material.layer import Layer
-from engine.material.model import Factor
 
 if TYPE_CHECKING:
     from engine.scene.load import Scene
@@ -48,18 +45,16 @@ EDITABLE_BANDS = {
     kinds.GAMMA_ALPHA: 32,
     kinds.GAMMA_BETA: 32,
     kinds.GAMMA_RATIO: 32,
-    kinds.THETA_D: 8,
+    kinds.THETA_D: 16,
     kinds.THETA_I: 16,
 }
 BANDWIDTH_TOLERANCE = 0.02
-# Fresnel's rise at grazing angles is seen of few surfaces, and each band of it costs a sixteenth of the memory.
-SECOND_FACTOR_TOLERANCE = 0.04
 N_LIGHTS = 4000
 N_PATCHES = 256
 FEWEST_LIGHTS, MOST_LIGHTS = 20, 80_000
 # Tracing the lights of the cut costs less than the sphere's 5,120 directions up to about this many of them.
 SPHERE_PAYS_FROM = 1280
-N_FINE = 2048
+N_FINE = 512
 
 Precision = Literal["half", "float"]
 
@@ -124,25 +119,20 @@ def band_counts(layer: Layer, most: int = MOST_BANDS) -> dict[str, int]:
     counts = {}
     for factor in layer.model.factors:
         least = min(EDITABLE_BANDS[factor.gamma], most)
-        counts[factor.name] = bandwidth(layer, factor.name, tolerance_over(factor), most, least)
+        counts[factor.name] = bandwidth(layer, factor.name, most=most, least=least)
     return counts
-
-
-def tolerance_over(factor: Factor) -> float:
-    """Which d(J) a curve over this factor's angle may have."""
-    return SECOND_FACTOR_TOLERANCE if factor.gamma == kinds.THETA_D else BANDWIDTH_TOLERANCE
 
 
 def curve_deviation(layer: Layer, factor: str, n_bands: int) -> float:
     """d(J) of a layer's curve as the module's text defines it, over all channels; 0 where the curve is 0."""
-    return _deviation(_fine_means(layer, factor), layer.coefficients(factor, n_bands))
+    return _deviation(_fine_values(layer, factor), layer.coefficients(factor, n_bands))
 
 
 def bandwidth(
     layer: Layer, factor: str, tolerance: float = BANDWIDTH_TOLERANCE, most: int = MOST_BANDS, least: int = 1
 ) -> int:
     """The least power of two J from `least` to `most`, both powers of two, with d(J) <= tolerance."""
-    fine = _fine_means(layer, factor)
+    fine = _fine_values(layer, factor)
     n_bands = least
     while n_bands < most and _deviation(fine, layer.coefficients(factor, n_bands)) > tolerance:
         n_bands *= 2
@@ -209,13 +199,13 @@ def _plan_layer(key: str, layer: Layer, editable: bool, still: bool) -> LayerPla
     counts = band_counts(layer)
     reasons = []
     for factor in layer.model.factors:
-        n_bands, tolerance = counts[factor.name], tolerance_over(factor)
-        if n_bands > bandwidth(layer, factor.name, tolerance):
+        n_bands = counts[factor.name]
+        if n_bands > bandwidth(layer, factor.name):
             reasons.append("room for edits" if editable else "as finely as if it were editable")
         else:
             deviation = curve_deviation(layer, factor.name, n_bands)
             within = f"the curve's own bandwidth, {100 * deviation:.2f} % off"
-            reasons.append(within if deviation <= tolerance else f"the most there are, {within[11:]}")
+            reasons.append(within if deviation <= BANDWIDTH_TOLERANCE else f"the most there are, {within[11:]}")
     return LayerPlan(key, layer.model.name, editable, tuple(counts), tuple(counts.values()), tuple(reasons))
 
 
@@ -279,19 +269,20 @@ def _refused(line: str, value: int | str, expected: str) -> InsituError:
     return InsituError(f"plan: {line} = {value}, expected {expected}")
 
 
-def _fine_means(layer: Layer, factor: str) -> np.ndarray:
-    """Means over many narrow bands, by solid angle, (N, 3): the curve itself, for this purpose."""
-    return band_means(layer.curve(factor), N_FINE, by_solid_angle=True)
+def _fine_values(layer: Layer, factor: str) -> np.ndarray:
+    """Values of many narrow bands, by solid angle, (N, 3): the curve itself, for this purpose."""
+    return band_values(layer.curve(factor), N_FINE, by_solid_angle=True)
 
 
-def _deviation(fine: np.ndarray, means: np.ndarray) -> float:
-    edges = np.cos(np.linspace(0.0, HALF_PI, len(fine) + 1))
-    weights = (edges[:-1] - edges[1:])[:, None]
+def _deviation(fine: np.ndarray, values: np.ndarray) -> float:
+    nodes = band_nodes(len(fine))
+    coarse = np.stack([np.interp(nodes, band_nodes(len(values)), channel) for channel in values.T], axis=1)
+    weights = band_weights(len(fine), by_solid_angle=True)[:, None]
     total = (fine * weights).sum(axis=0)
     lit = total > 0.0
     if not lit.any():
         return 0.0
-    running = np.cumsum((fine - np.repeat(means, len(fine) // len(means), axis=0)) * weights, axis=0)
+    running = np.cumsum((fine - coarse) * weights, axis=0)
     # Scaled to the largest total before dividing: a channel that is all but black does not decide.
     deviation = np.abs(running[:, lit]).max(axis=0) / np.maximum(total[lit], 1e-6 * total.max())
     worst = float(deviation.max())

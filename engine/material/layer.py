@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.curve.bands import band_means
+from engine.curve.bands import band_values
 from engine.curve.operators import Edit, apply_operators
 from engine.material import kinds
 from engine.material.model import Model
@@ -46,7 +46,7 @@ class FinalCurve:
 
     @property
     def features(self) -> tuple[float, ...]:
-        """Angles where it may jump, for `band_means`."""
+        """Angles where it may jump, for `band_values`."""
         return tuple(getattr(self.edited, "features", ()))
 
 
@@ -87,7 +87,7 @@ class Layer:
     def coefficients(self, factor: str, n_bands: int) -> Array:
         """Band values of the curve, (J, 3) [BenArtzi07, eq. 4.17]. Raises BandCountError."""
         from_pole = self.model.factor(factor).gamma in (kinds.THETA_I, kinds.THETA_R, kinds.THETA_H)
-        return band_means(self.curve(factor), n_bands, by_solid_angle=from_pole)
+        return band_values(self.curve(factor), n_bands, by_solid_angle=from_pole)
 
     def scale(self) -> Array:
         """f_q, (3,)."""

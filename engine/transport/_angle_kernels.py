@@ -169,3 +169,9 @@ def slope(kind):
     if kind == THETA_H or kind == THETA_D:
         return np.float32(0.5)
     return np.float32(1.0) if kind == THETA_I or kind == THETA_R else np.float32(0.0)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def is_cone(kind):
+    """Whether γ is, but for a factor, the angle from one direction, so that it changes at the same rate everywhere."""
+    return kind == THETA_I or kind == THETA_R or kind == THETA_D

@@ -39,12 +39,12 @@ def horizon_bits(rows, position, normal, targets, target_normals, finite, out):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def predict(rows, informers, bits, horizon, sentinels, boundary_neighbours, todo, doubt):
+def predict(rows, informers, bits, horizon, always, weak, boundary_neighbours, todo, doubt):
     """Guess each point's bits from its evaluated neighbours and mark in `todo` what must be traced.
 
     informers (B, 4) rows of neighbours, -1 where there is none. The majority is the guess; what is not unanimous is
     traced, and a tie is no guess at all (`doubt`). With fewer than four informers the guess is weaker, so its boundary
-    is traced too. sentinels (words,) are traced always.
+    is traced too. The targets in `always` (words,) are traced whatever the guess, with a weak guess those in `weak`.
     """
     for b in range(rows.shape[0]):
         r = rows[b]
@@ -65,15 +65,15 @@ def predict(rows, informers, bits, horizon, sentinels, boundary_neighbours, todo
             if n_informers == 4:
                 bits[r, w] = (fours | (twos & ones)) & above
                 doubt[b, w] = twos & ~ones & above
-                todo[b, w] = ((ones | twos) | sentinels[w]) & above
+                todo[b, w] = ((ones | twos) | always[w]) & above
             elif n_informers == 3:
                 bits[r, w] = twos & above
                 doubt[b, w] = np.uint64(0)
-                todo[b, w] = ((ones ^ twos) | sentinels[w]) & above
+                todo[b, w] = ((ones ^ twos) | weak[w]) & above
             elif n_informers == 2:
                 bits[r, w] = twos & above
                 doubt[b, w] = ones & above
-                todo[b, w] = (ones | sentinels[w]) & above
+                todo[b, w] = (ones | weak[w]) & above
             else:
                 bits[r, w] = np.uint64(0)
                 doubt[b, w] = np.uint64(0)

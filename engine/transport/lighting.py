@@ -16,7 +16,7 @@ import numpy as np
 from engine.light.emitters import EmitterPatches
 from engine.light.lights import TriangleLights
 from engine.transport._projection_kernels import Patches, Sky
-from engine.transport.visibility import VISIBILITY_LEVEL, Targets
+from engine.transport.visibility import VISIBILITY_LEVEL, WEAK_STEP, Targets
 
 FLOOD_NEIGHBOURS = 6
 PATCH_SENTINELS = 8
@@ -87,7 +87,8 @@ def _sky(sky: TriangleLights | None, unit: float, own_rays: bool) -> tuple[Sky, 
     )
     directions = np.ascontiguousarray(sky_centre[is_fine], np.float32)
     parents = None if own_rays else first[is_fine].astype(np.int32)
-    return lights, Targets(directions, np.zeros_like(directions), nearest_neighbours(directions), parents=parents)
+    neighbours = nearest_neighbours(directions)
+    return lights, Targets(directions, np.zeros_like(directions), neighbours, parents=parents, weak_step=WEAK_STEP)
 
 
 def _patches(patches: EmitterPatches | None, unit: float) -> tuple[Patches, Targets]:
@@ -106,7 +107,10 @@ def _patches(patches: EmitterPatches | None, unit: float) -> tuple[Patches, Targ
     normals = np.ascontiguousarray(patches.normal, np.float32)
     centres = np.ascontiguousarray(patches.centre, np.float32)
     neighbours = nearest_neighbours(centres)
-    return lights, Targets(centres, normals, neighbours, finite=True, sentinel_step=PATCH_SENTINELS)
+    targets = Targets(
+        centres, normals, neighbours, finite=True, sentinel_step=PATCH_SENTINELS, weak_step=PATCH_SENTINELS
+    )
+    return lights, targets
 
 
 def longest_edges(triangles: np.ndarray) -> np.ndarray:

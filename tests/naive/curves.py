@@ -1,14 +1,21 @@
-"""Slow, obvious twins of engine.curve: midpoint sums, and the wavelet transform written as loops."""
+"""Slow, obvious twins of engine.curve: least squares over midpoints, and the wavelet transform written as loops."""
 
 import math
 
 import numpy as np
 
 
-def band_means(curve, n_bands, samples=20000, domain=math.pi / 2):
-    """Mean over each band by the midpoint rule, (J, 3)."""
+def hats(gamma, n_bands, domain=math.pi / 2):
+    """Every hat at every angle, (N, J)."""
+    position = np.clip(gamma * n_bands / domain - 0.5, 0.0, n_bands - 1.0)
+    return np.maximum(1.0 - np.abs(position[:, None] - np.arange(n_bands)), 0.0)
+
+
+def band_values(curve, n_bands, samples=4000, domain=math.pi / 2, by_solid_angle=False):
+    """The least-squares fit of the hats to the curve at midpoints, (J, 3); it may be negative."""
     gamma = (np.arange(n_bands * samples) + 0.5) * (domain / (n_bands * samples))
-    return curve(gamma).reshape(n_bands, samples, 3).mean(axis=1)
+    root = np.sqrt(np.sin(gamma))[:, None] if by_solid_angle else 1.0
+    return np.linalg.lstsq(hats(gamma, n_bands, domain) * root, curve(gamma) * root, rcond=None)[0]
 
 
 def daubechies4(values):

@@ -1,10 +1,11 @@
-"""Slow, obvious twin of the projection: each light sampled all over, each sample put into its band."""
+"""Slow, obvious twin of the projection: each light sampled all over, each sample shared out by the hats."""
 
 import numpy as np
 
 from engine.material import MODELS
 from engine.material._kernels import gamma, quotient_cosine
 from engine.transport.projection import LayerShape, VisibleLight
+from tests.naive.curves import hats
 
 HALF_PI = np.pi / 2
 
@@ -12,8 +13,8 @@ HALF_PI = np.pi / 2
 def dense_transport(hits, row, light: VisibleLight, layer: LayerShape, n_samples=400, seed=3):
     """U (J, K, 3) of one point in the light's units, all in float64 [BenArtzi07, eq. 4.15].
 
-    Only sky lights. A light's shares Δ_mj, Δ_mk are counted over random samples of its triangle, its weight ρ_q cosθ is
-    taken at its centre, its visibility is the mean of the bits below it.
+    Only sky lights. A light's shares Δ_mj, Δ_mk are the hats' means over random samples of its triangle, its weight
+    ρ_q cosθ is taken at its centre, its visibility is the mean of the bits below it.
     """
     random = np.random.default_rng(seed)
     model = MODELS[layer.model]
@@ -48,10 +49,9 @@ def samples_of(corners, n, random):
 
 
 def shares(kind, q, directions, wo, n_bands):
-    """The part (J,) of the directions whose γ falls into each band; beyond π/2 the last one."""
+    """The mean (J,) of each hat over the directions; beyond π/2 the last one."""
     angles = np.array([gamma(kind, q, *direction, *wo) for direction in directions])
-    band = np.minimum((np.minimum(angles, HALF_PI) * (n_bands / HALF_PI)).astype(int), n_bands - 1)
-    return np.bincount(band, minlength=n_bands) / len(directions)
+    return hats(np.minimum(angles, HALF_PI), n_bands).mean(axis=0)
 
 
 def decode(tile, bands):

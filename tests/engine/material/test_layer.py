@@ -6,6 +6,7 @@ import pickle
 import numpy as np
 import pytest
 
+from engine.curve.bands import band_weights
 from engine.curve.operators import Operator
 from engine.material import MODELS, ParameterError, make_layer
 
@@ -57,14 +58,13 @@ def test_curves_do_not_fall_below_zero(copper):
 
 
 def test_coefficients(copper):
-    # The half angle's bands are means by solid angle: with b² = 1 - α², the integral of D sinθ over θ is
+    # The half angle's bands are fitted by solid angle: with b² = 1 - α², the integral of D sinθ over θ is
     # (1/2 + α² artanh(b) / 2b) / π for each channel, whatever J.
     coefficients = copper.coefficients("theta_h", 128)
     assert coefficients.shape == (128, 3)
-    edges = np.linspace(0.0, math.pi / 2, 129)
-    total = (coefficients * -np.diff(np.cos(edges))[:, None]).sum(axis=0)
+    total = band_weights(128, by_solid_angle=True) @ coefficients
     b = math.sqrt(1.0 - 0.15**2)
-    assert total == pytest.approx(np.full(3, (0.5 + 0.15**2 * math.atanh(b) / (2 * b)) / math.pi), rel=1e-9)
+    assert total == pytest.approx(np.full(3, (0.5 + 0.15**2 * math.atanh(b) / (2 * b)) / math.pi), rel=1e-6)
 
 
 def test_view_curve_of_lambert():

@@ -1,10 +1,12 @@
 """From light and visibility to bands: closed forms, the dense twin, and every knob at its ends."""
 
+import numba as nb
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from engine.curve.bands import band_values
 from engine.light.emitters import emitter_patches
 from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
@@ -22,8 +24,10 @@ from engine.material.kinds import (
 from engine.material.layer import make_layer
 from engine.scene.primitives import sphere
 from engine.transport._angle_kernels import fill_gammas, weigh
+from engine.transport._share_kernels import deposit, mean_and_spread
 from engine.transport.projection import LayerShape, project_layer
 from tests.engine.transport.by_hand import bands_of, irradiance, light_of, points_at, project, square
+from tests.naive.curves import hats
 from tests.naive.transport import dense_transport
 
 UP = np.array([[0.0, 1.0, 0.0]])
@@ -41,6 +45,11 @@ LAYERS = [
     ("ashikhmin_shirley", {}, (32, 32)),
     ("ashikhmin_shirley_ratio", {}, (32, 1)),
 ]
+
+
+@nb.njit
+def share_out(bands, power, mean, spread, last, nothing):
+    deposit(bands, power, power, power, mean, spread, last, nothing, nothing, nothing, False)
 
 
 def noise(seed: int = 0) -> Environment:
@@ -178,14 +187,35 @@ def test_shares_sum_to_one(model, parameters, bands, n_bands) -> None:
     np.testing.assert_allclose(found, expected, atol=expected.max() * (2**-9 + 1e-5), rtol=0)
 
 
-def test_a_lights_share_around_the_pole_is_that_of_the_disc() -> None:
-    # θ_i runs from the normal. Of a small constant sky around it, the part within angle γ is (1 − cos γ) of 2π sr, so
-    # 0 < E(γ)/π < 1 follows sin²γ; the twelve corners of the sphere are where five triangles meet, and one is up.
+@pytest.mark.parametrize("exponent", [2, 10, 40, 200])
+def test_light_around_the_pole(exponent) -> None:
+    # θ_i runs from the normal: with f = cos^n θ_i, E = ∫ f cosθ dω = 2π / (n + 2). The twelve corners of the sphere are
+    # where five triangles meet, and one of them is up.
     hits = points_at(ORIGIN, UP)
     light = light_of(hits, constant_environment(1.0), n_lights=1280, tolerance=0.1)
     bands = bands_of(project(hits, light, make_layer(MODELS["lambert"]), (32, 1)))[0, :, 0, 0] * light.lighting.unit
-    edges = np.arange(1, 33) * (np.pi / 64)
-    np.testing.assert_allclose(np.cumsum(bands), np.sin(edges) ** 2, atol=4e-3)
+    lobe = lambda gamma: np.repeat(np.cos(gamma)[:, None] ** exponent, 3, axis=1)  # noqa: E731
+    values = band_values(lobe, 32, by_solid_angle=True)
+    assert np.pi * bands @ values[:, 0] == pytest.approx(2 * np.pi / (exponent + 2), rel=0.02)
+
+
+@settings(deadline=None, max_examples=200, derandomize=True)
+@given(corners=st.tuples(*[st.floats(0.0, 8.0, width=32)] * 3), n_bands=st.sampled_from([2, 4, 8]))
+def test_a_triangle_is_shared_out_as_by_the_closed_form(corners, n_bands) -> None:
+    # Against the hats' means over the triangle, by 2,500 points: all of the light, and each share to a quarter of it, for
+    # two points stand for a piece of half a band's spread.
+    corners = np.array(corners) * (n_bands / 8.0)
+    place = (np.arange(50) + 0.5) / 50
+    u, v = (values.ravel() for values in np.meshgrid(1 - np.sqrt(place), place))
+    v = v * (1 - u)
+    inside = corners[0] * (1 - u - v) + corners[1] * u + corners[2] * v
+    expected = hats(inside, n_bands, domain=n_bands).mean(axis=0)
+    mean, spread = mean_and_spread(*corners.astype(np.float32))
+    found = np.zeros((n_bands + 2, 1, 3), np.float32)
+    one, nothing = np.float32(1.0), np.float32(0.0)
+    share_out(found, one, mean, spread, np.float32(n_bands - 1), nothing)
+    assert found[:, 0, 0].sum() == pytest.approx(1.0, abs=1e-5)
+    assert np.abs(found[:n_bands, 0, 0] - expected).max() < 0.25 and not found[n_bands:].any()
 
 
 # --------------------------------------------------------------------------------------------------- parity of kernels

@@ -122,15 +122,15 @@ def wrong_answers(scene: str | Path, resolution: tuple[int, int], every: int) ->
 
 
 def test_coherence_on_shapes() -> None:
-    # At most 2 answers in 10,000 are wrong, for 6 % of the rays; at half the pixels a side of the full picture,
+    # At most 2 answers in 10,000 are wrong, for 7 % of the rays; at half the pixels a side of the full picture,
     # where neighbours are less alike.
     wrong, traced = wrong_answers(builtin_scenes()["shapes"], (257, 257), 12)
-    assert wrong <= 2e-4 and traced < 0.06
+    assert wrong <= 2e-4 and traced < 0.07
 
 
 def test_coherence_on_the_bunny(shared_reference: Path) -> None:
     wrong, traced = wrong_answers(shared_reference / "bunny.toml", (128, 128), 4)
-    assert wrong <= 2e-4 and traced < 0.1
+    assert wrong <= 2e-4 and traced < 0.12
 
 
 def test_every_pixel_has_its_turn_once(placement: Placement) -> None:
@@ -202,10 +202,15 @@ def test_the_sphere_says_where_neighbours_agree_on_what_is_wrong(placement: Plac
 
 
 def test_sentinels_find_what_the_points_around_miss() -> None:
-    # Every eighth patch is always asked, whatever the neighbours agree on.
-    targets = patches_above(40)
-    marked = targets.sentinels().view(np.uint8)
-    np.testing.assert_array_equal(np.flatnonzero(np.unpackbits(marked, bitorder="little")), [0, 8, 16, 24, 32])
+    # Every eighth patch is always asked, whatever the neighbours agree on; of the sphere, where the neighbours are few,
+    # the middle one of every four.
+    def marked(targets: Targets, step: int) -> np.ndarray:
+        return np.flatnonzero(np.unpackbits(targets.sentinels(step).view(np.uint8), bitorder="little"))
+
+    patches, sphere = patches_above(40), sphere_targets(2)
+    np.testing.assert_array_equal(marked(patches, patches.sentinel_step), [7, 15, 23, 31, 39])
+    np.testing.assert_array_equal(marked(sphere, sphere.weak_step), np.arange(3, 320, 4))
+    assert not len(marked(sphere, sphere.sentinel_step))
 
 
 def test_a_caster_for_each_thread_is_not_needed() -> None:
