@@ -202,7 +202,7 @@ def test_light_around_the_pole(exponent) -> None:
 @settings(deadline=None, max_examples=200, derandomize=True)
 @given(corners=st.tuples(*[st.floats(0.0, 8.0, width=32)] * 3), n_bands=st.sampled_from([2, 4, 8]))
 def test_a_triangle_is_shared_out_as_by_the_closed_form(corners, n_bands) -> None:
-    # Against the hats' means over the triangle, by 2,500 points: all of the light, and each share to a quarter of it, for
+    # Against the hats' means over the triangle, by 2,500 points: all of the light, and each share to a quarter of it:
     # two points stand for a piece of half a band's spread.
     corners = np.array(corners) * (n_bands / 8.0)
     place = (np.arange(50) + 0.5) / 50
