@@ -17,6 +17,7 @@ from engine.scene.description import parse_description
 from engine.scene.load import build_scene
 from engine.sphere.geodesic import geodesic
 from engine.transport import _projection_kernels as kernels
+from engine.transport._seen_kernels import patch_colours
 from engine.transport.bandstore import BandTile, join_tiles
 from engine.transport.lighting import prepare_lighting
 from engine.transport.pipeline import COARSE, Placement, Quality, SkyState
@@ -58,17 +59,17 @@ def rehearse_projection() -> None:
 def rehearse_projection_details() -> None:
     """Parts of the projection by themselves, so that another process need not compile them: a third of it."""
     n_a, n_b = _LAYER.bands
-    scratch = kernels._make_scratch(1, 1, n_b)
-    bands, one = np.zeros((n_a, n_b, 3), np.float32), np.float32(1.0)
+    scratch = kernels._make_scratch(1, 1)
+    bands, one = np.zeros((n_a + 2, n_b + 2, 3), np.float32), np.float32(1.0)
     model = MODELS[_LAYER.model]
     kind = model.factors[0].gamma
     optics = kernels.Optics(model.kind, np.array(_LAYER.quotient_parameters), kind, kind, n_a, n_b, one)
     scratch.stack[0] = np.eye(3, dtype=np.float32).ravel()
     kernels._deposit_split(bands, one, one, one, one, one, one, one, one, optics, one, one, one, scratch)
     encoded = kernels.Encoded(*_nothing(n_a))
-    kernels.encode_bands(bands, one, np.zeros(n_a, np.float32), encoded, 0, 0)
+    kernels.encode_bands(bands[:n_a, :n_b], one, np.zeros(n_a, np.float32), encoded, 0, 0)
     directions, corners = np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.int32)
-    kernels.patch_colours(directions, corners, directions[:1], directions[:1].copy(), np.zeros(1, np.float32))
+    patch_colours(directions, corners, directions[:1], directions[:1].copy(), np.zeros(1, np.float32))
 
 
 def _nothing(n_a: int) -> tuple[np.ndarray, ...]:

@@ -481,12 +481,11 @@ def test_killed_window_leaves_no_orphan_and_no_memory(work: str, whole_group: bo
 
 def test_worker_ends_when_the_connection_closes_although_it_is_within_a_step() -> None:
     """The way out where the kernel does not end the worker with its parent."""
-    client = Client(HANDLERS, heartbeat=0.05)
-    client.send(compute("sleep 60"))
-    collect(client, seen(Progress))
-    pid, process = client.pid, client._process
-    assert process is not None
-    assert pid is not None
-    process.channel.close()
-    assert gone(pid, timeout_s=1)
-    assert process.reaped()
+    with Client(HANDLERS, heartbeat=0.05) as client:
+        client.send(compute("sleep 60"))
+        collect(client, seen(Progress))
+        process = client._process
+        assert process is not None
+        process.channel.close()
+        process.wait_until_gone(timeout_s=10)
+        assert process.reaped()
