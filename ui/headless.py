@@ -22,12 +22,14 @@ from ui.gl.context import create_headless_context
 from ui.shell import FrameResult, Shell
 
 FRAME_SECONDS = 1.0 / 60.0
+# Between two looks at the worker's answers while nothing is drawn: the processors are the worker's.
+LOOK_SECONDS = 0.01
 DRAG_STEPS = 12
 DEFAULT_SIZE = (1280, 800)
 
 
 class HeadlessWindow:
-    """A window of `size` framebuffer pixels at `scale`, with a clock of its own that each frame moves on."""
+    """A window of `size` framebuffer pixels at `scale`, with a clock of its own that each frame and look moves on."""
 
     def __init__(
         self,
@@ -50,8 +52,16 @@ class HeadlessWindow:
 
     def frame(self) -> FrameResult:
         """Take the worker's answers and draw one frame; a picture that was asked for by a button is saved."""
+        self.look()
+        return self.draw()
+
+    def look(self, telling: bool = False) -> bool:
+        """Take the worker's answers; whether the picture, or with `telling` anything, has to be drawn again."""
         self._time += FRAME_SECONDS
-        self.shell.idle(self._time)
+        return self.shell.idle(self._time) if telling else self.shell.take(self._time)
+
+    def draw(self) -> FrameResult:
+        """Draw what is there."""
         started = time.perf_counter()
         result = self.shell.frame(self._target, self.size, self._time)
         self.context.finish()  # as the swap of a window's buffers does: frames never pile up
@@ -66,14 +76,24 @@ class HeadlessWindow:
             self.frame()
 
     def run_until(self, done: Callable[[], bool], timeout: float) -> bool:
-        """Draw frames until `done()`, at most `timeout` seconds of real time; whether it came to be."""
+        """Wait until `done()`, at most `timeout` seconds of real time; whether it came to be.
+
+        A frame is drawn when the picture is to change, not for progress that nobody looks at; the first at once.
+        """
         end = time.monotonic() + timeout
+        busy = True
         while not done():
             if time.monotonic() > end:
                 return False
-            if not self.frame().busy:
-                time.sleep(0.005)
+            busy = self.step(busy)
         return True
+
+    def step(self, busy: bool) -> bool:
+        """One step of waiting: a look, and a frame if it is needed or the last was `busy`; whether this one is."""
+        if self.look() or busy:
+            return self.draw().busy
+        time.sleep(LOOK_SECONDS)
+        return False
 
     # ------------------------------------------------------------------------------------------------------ the hand
 

@@ -34,7 +34,7 @@ from engine.plan import Precision
 from ui.gl.context import create_headless_context, describe_context
 from ui.gl.placement import PlacementRenderer, UpdateReport
 from ui.gl.tonemap import DisplayView
-from ui.headless import HeadlessWindow
+from ui.headless import LOOK_SECONDS, HeadlessWindow
 from ui.picture_feed import CURVE_LOOK_SECONDS, PictureFeed
 from ui.start_times import start_times
 
@@ -257,17 +257,23 @@ def start(source: str) -> None:
     window = HeadlessWindow(editor)
     times = start_times()
     feed: PictureFeed | None = None
+    busy = True
     while editor.status.picture != "exact" and not editor.status.is_error:
         began = time.monotonic()
-        busy = window.frame().busy
+        drawn = window.look(telling=True) or busy
+        if times is not None:
+            times.blocked(time.monotonic() - began, editor.scene_is_open)
+        if not drawn:
+            time.sleep(LOOK_SECONDS)
+            continue
+        began = time.monotonic()
+        busy = window.draw().busy
         if times is not None:
             times.blocked(time.monotonic() - began, editor.scene_is_open)
             times.frame_shown(editor.scene_is_open, editor.status)
         if feed is None:
             feed = PictureFeed(PlacementRenderer(window.context))
             window.shell.source = feed
-        elif not busy:
-            time.sleep(0.005)
     if feed is not None:
         feed.close()
     window.close()

@@ -126,7 +126,7 @@ class PictureFeed:
                 next(self._rehearsal, None)
         except GraphicsError as error:
             editor.notify(str(error), True)
-        return self._took
+        return self._took or self._thumbnail_is_ready
 
     def draw(self, editor: Editor, last_frame_ms: float) -> bool:
         """Follow the document and draw. Whether another frame would show more.
@@ -243,11 +243,15 @@ class PictureFeed:
         if rotation != self._rotation:
             self.renderer.turn_environment(rotation)
             self._rotation = rotation
-        if self._thumbnail_due is None or not self._thumbnail_due.done():
+        if self._thumbnail_due is None or not self._thumbnail_is_ready:
             return False
         self._show_thumbnail(self._thumbnail_due.result())
         self._thumbnail_due = None
         return True
+
+    @property
+    def _thumbnail_is_ready(self) -> bool:
+        return self._thumbnail_due is not None and self._thumbnail_due.done()
 
     def _take_sky_picture(self, radiance: NDArray[np.floating]) -> None:
         """Make the panel's picture of the sky, in a thread; of no light at all there is none."""

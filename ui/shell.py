@@ -190,8 +190,11 @@ class Shell:
 
     def idle(self, now: float) -> bool:
         """Between frames: take the worker's answers. Whether there is something new to draw."""
-        took = self.source is not None and self.source.take(self.editor, now)
-        return took or self._has_news(now)
+        return self.take(now) or self._has_news(now)
+
+    def take(self, now: float) -> bool:
+        """As `idle`, but without regard to what only the panels would tell."""
+        return self.source is not None and self.source.take(self.editor, now)
 
     def close(self) -> None:
         """Remember the layout and free what was made here."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -259,3 +261,24 @@ def test_before_a_scene_the_feed_rehearses_and_leaves_nothing(context: moderngl.
         assert not feed.take(editor, 0.0)
     assert feed.renderer.frame is None and feed.picture is None
     feed.close()
+
+
+def test_a_thumbnail_that_comes_late_asks_for_a_frame(opening: Opening, monkeypatch: pytest.MonkeyPatch) -> None:
+    go_on = threading.Event()
+    real = picture_feed._thumbnail
+
+    def late(radiance: np.ndarray) -> np.ndarray:
+        assert go_on.wait(10.0)
+        return real(radiance)
+
+    monkeypatch.setattr(picture_feed, "_thumbnail", late)
+    while opening.editor.status.picture != "exact":
+        opening.step()
+        opening.draw()
+    assert not opening.step()[0] and opening.feed.environment is None
+    go_on.set()
+    end = time.monotonic() + 10.0
+    while not opening.step()[0]:
+        assert time.monotonic() < end
+    assert opening.draw()[0]  # panels were drawn before it
+    assert opening.feed.environment is not None and not opening.step()[0]
