@@ -42,7 +42,7 @@ def test_the_plan_follows_what_is_editable(window: HeadlessWindow) -> None:
     editor = window.shell.editor
     assert isinstance(editor._client, StandInClient)
     before = dict(editor.status.bands)
-    assert before["wall.0"] == () and before["teapot.1"] == (64, 8) and before["tray.0"] == (64, 8)
+    assert before["wall.0"] == () and before["teapot.1"] == (64, 16) and before["tray.0"] == (64, 16)
     editor.do(SetEditable("tray", False))
     asked = len(editor._client.requests)
     assert window.run_until(lambda: len(editor._client.requests) > asked and editor.status.picture == "exact", 10.0)
