@@ -1,0 +1,278 @@
+"""Compiled: cells found and looked up, places within them, and the light that falls on those places."""
+
+import math
+from typing import NamedTuple
+
+import numba as nb
+import numpy as np
+
+from engine.indirect._ray_kernels import mixed, uniform
+
+NO_CELL = 0xFFFF
+NO_KEY = np.uint64(0)
+N_PLACES = 16
+_GRID_BITS = 17
+ZERO, ONE = np.float32(0.0), np.float32(1.0)
+
+
+class Mesh(NamedTuple):
+    """vertices, normals (V, 3); triangles, face_normals (T, 3); objects (T,) int32; smooth, reflects (M,) bool."""
+
+    vertices: np.ndarray
+    normals: np.ndarray
+    triangles: np.ndarray
+    face_normals: np.ndarray
+    objects: np.ndarray
+    smooth: np.ndarray
+    reflects: np.ndarray
+
+
+class Hits(NamedTuple):
+    """First hits of R rays: triangle (R,) int32, −1 for none, barycentric u, v (R,)."""
+
+    triangle: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+
+
+class Table(NamedTuple):
+    """Cells by key, open addressing: keys (S,) uint64, 0 where free; cells (S,) int32. n_cells (1,): how many.
+
+    Of each cell: objects (C,) int32, n_hits (C,) int64, and up to 16 places, chosen evenly among all hits: triangle
+    (C, 16) int32, −1 where there is none, u, v (C, 16), side (C, 16) bits: 1 the face, 2 the shading normal turned.
+    """
+
+    keys: np.ndarray
+    cells: np.ndarray
+    n_cells: np.ndarray
+    objects: np.ndarray
+    n_hits: np.ndarray
+    triangle: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+    side: np.ndarray
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _position(mesh, triangle, u, v):
+    i, j, k = mesh.triangles[triangle, 0], mesh.triangles[triangle, 1], mesh.triangles[triangle, 2]
+    w = ONE - u - v
+    return (
+        w * mesh.vertices[i, 0] + u * mesh.vertices[j, 0] + v * mesh.vertices[k, 0],
+        w * mesh.vertices[i, 1] + u * mesh.vertices[j, 1] + v * mesh.vertices[k, 1],
+        w * mesh.vertices[i, 2] + u * mesh.vertices[j, 2] + v * mesh.vertices[k, 2],
+    )
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _shading_normal(mesh, triangle, u, v):
+    """Interpolated where the object is smooth, else the face's; not turned."""
+    face = mesh.face_normals[triangle]
+    if not mesh.smooth[mesh.objects[triangle]]:
+        return face[0], face[1], face[2]
+    i, j, k = mesh.triangles[triangle, 0], mesh.triangles[triangle, 1], mesh.triangles[triangle, 2]
+    w = ONE - u - v
+    x = w * mesh.normals[i, 0] + u * mesh.normals[j, 0] + v * mesh.normals[k, 0]
+    y = w * mesh.normals[i, 1] + u * mesh.normals[j, 1] + v * mesh.normals[k, 1]
+    z = w * mesh.normals[i, 2] + u * mesh.normals[j, 2] + v * mesh.normals[k, 2]
+    length = np.sqrt(x * x + y * y + z * z)
+    if length <= np.float32(1e-4):
+        return face[0], face[1], face[2]
+    return x / length, y / length, z / length
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def find_keys(mesh, low, inverse_size, hits, there, directions, keys, sides):
+    """Key (R,) of the cell each ray hits, 0 for none, and which of its normals face away (R,).
+
+    A cell is what one object has in one cube of the grid (low (3,), 1 / its size) facing one of six ways.
+    """
+    most = np.int64((1 << _GRID_BITS) - 1)
+    for r in range(keys.shape[0]):
+        triangle = hits.triangle[r]
+        keys[r] = NO_KEY
+        if triangle < 0 or not there[r] or not mesh.reflects[mesh.objects[triangle]]:
+            continue
+        dx, dy, dz = directions[r, 0], directions[r, 1], directions[r, 2]
+        face = mesh.face_normals[triangle]
+        side = np.uint8(face[0] * dx + face[1] * dy + face[2] * dz > ZERO)
+        nx, ny, nz = _shading_normal(mesh, triangle, hits.u[r], hits.v[r])
+        if nx * dx + ny * dy + nz * dz > ZERO:
+            side |= np.uint8(2)
+            nx, ny, nz = -nx, -ny, -nz
+        ax, ay, az = abs(nx), abs(ny), abs(nz)
+        if ax >= ay and ax >= az:
+            facing = 0 if nx > ZERO else 1
+        elif ay >= az:
+            facing = 2 if ny > ZERO else 3
+        else:
+            facing = 4 if nz > ZERO else 5
+        x, y, z = _position(mesh, triangle, hits.u[r], hits.v[r])
+        key = np.int64(mesh.objects[triangle]) * 6 + facing + 1
+        key = (key << _GRID_BITS) | min(max(np.int64((x - low[0]) * inverse_size), 0), most)
+        key = (key << _GRID_BITS) | min(max(np.int64((y - low[1]) * inverse_size), 0), most)
+        key = (key << _GRID_BITS) | min(max(np.int64((z - low[2]) * inverse_size), 0), most)
+        keys[r] = np.uint64(key)
+        sides[r] = side
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def take_hits(table, mesh, hits, keys, sides, first_open, found):
+    """Look keys (R,) up, adding cells for new ones: their numbers into found (R,) uint16. False when there is no room.
+
+    Cells from `first_open` on may take a hit for one of their places.
+    """
+    mask = np.uint64(table.keys.shape[0] - 1)
+    most = table.objects.shape[0]
+    for r in range(keys.shape[0]):
+        key = keys[r]
+        found[r] = NO_CELL
+        if key == NO_KEY:
+            continue
+        hashed = mixed(key)
+        slot = hashed & mask
+        while table.keys[slot] != key and table.keys[slot] != NO_KEY:
+            slot = (slot + np.uint64(1)) & mask
+        if table.keys[slot] == NO_KEY:
+            if table.n_cells[0] == most:
+                return False
+            cell = np.int32(table.n_cells[0])
+            table.n_cells[0] += 1
+            table.keys[slot], table.cells[slot] = key, cell
+            table.objects[cell] = mesh.objects[hits.triangle[r]]
+        cell = table.cells[slot]
+        found[r] = cell
+        if cell < first_open:
+            continue
+        n = table.n_hits[cell]
+        table.n_hits[cell] = n + 1
+        place = n if n < N_PLACES else np.int64(mixed(hashed + np.uint64(n)) % np.uint64(n + 1))
+        if place < N_PLACES:
+            table.triangle[cell, place] = hits.triangle[r]
+            table.u[cell, place], table.v[cell, place], table.side[cell, place] = hits.u[r], hits.v[r], sides[r]
+    return True
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _place(table, mesh, cell, k):
+    """Position, face normal and shading normal of the k-th place of a cell, turned to the side that was seen."""
+    n = min(table.n_hits[cell], np.int64(N_PLACES))
+    p = k % n
+    triangle, u, v, side = table.triangle[cell, p], table.u[cell, p], table.v[cell, p], table.side[cell, p]
+    x, y, z = _position(mesh, triangle, u, v)
+    gx, gy, gz = mesh.face_normals[triangle, 0], mesh.face_normals[triangle, 1], mesh.face_normals[triangle, 2]
+    nx, ny, nz = _shading_normal(mesh, triangle, u, v)
+    if side & 1:
+        gx, gy, gz = -gx, -gy, -gz
+    if side & 2:
+        nx, ny, nz = -nx, -ny, -nz
+    return x, y, z, gx, gy, gz, nx, ny, nz
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _write_ray(origins, directions, out, x, y, z, gx, gy, gz, dx, dy, dz, offset):
+    lift = offset if gx * dx + gy * dy + gz * dz >= ZERO else -offset
+    origins[out, 0], origins[out, 1], origins[out, 2] = x + lift * gx, y + lift * gy, z + lift * gz
+    directions[out, 0], directions[out, 1], directions[out, 2] = dx, dy, dz
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def cell_rays(table, mesh, begin, end, offset, cosine_table, origins, directions, there):
+    """Cosine-distributed rays from the places of cells [begin, end): (n · R, 3) from tables (64, R, 3)."""
+    n_rays = cosine_table.shape[1]
+    for cell in range(begin, end):
+        seed = mixed(np.uint64(cell) + np.uint64(0x51ED2701))
+        angle = np.float32(2.0 * math.pi) * uniform(seed)
+        cosine, sine = np.cos(angle), np.sin(angle)
+        pattern = np.int64(seed & np.uint64(cosine_table.shape[0] - 1))
+        for m in range(n_rays):
+            x, y, z, gx, gy, gz, nx, ny, nz = _place(table, mesh, cell, m)
+            tx, ty, tz = cosine_table[pattern, m, 0], cosine_table[pattern, m, 1], cosine_table[pattern, m, 2]
+            lx, ly = cosine * tx - sine * ty, sine * tx + cosine * ty
+            # A frame about the normal [Duff17].
+            sign = ONE if nz >= ZERO else -ONE
+            a = -ONE / (sign + nz)
+            b = nx * ny * a
+            dx = lx * (ONE + sign * nx * nx * a) + ly * b + tz * nx
+            dy = lx * sign * b + ly * (sign + ny * ny * a) + tz * ny
+            dz = -lx * sign * nx - ly * ny + tz * nz
+            out = (cell - begin) * n_rays + m
+            there[out] = True
+            _write_ray(origins, directions, out, x, y, z, gx, gy, gz, dx, dy, dz, offset)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _pick(cumulative, u):
+    """First index whose cumulative share is above u."""
+    low, high = 0, cumulative.shape[0] - 1
+    while low < high:
+        middle = (low + high) // 2
+        if cumulative[middle] > u:
+            high = middle
+        else:
+            low = middle + 1
+    return low
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _point_in_triangle(corners, m, u, v):
+    """An evenly distributed point of triangle m of corners (M, 3, 3)."""
+    if u + v > ONE:
+        u, v = ONE - u, ONE - v
+    w = ONE - u - v
+    return (
+        w * corners[m, 0, 0] + u * corners[m, 1, 0] + v * corners[m, 2, 0],
+        w * corners[m, 0, 1] + u * corners[m, 1, 1] + v * corners[m, 2, 1],
+        w * corners[m, 0, 2] + u * corners[m, 1, 2] + v * corners[m, 2, 2],
+    )
+
+
+class Lights(NamedTuple):
+    """Triangle lights to sample by power: corners (M, 3, 3), directions or points; cumulative (M,) shares up to 1;
+    power (M, 3): what a sample counts, divided by its share; normals (M, 3) of emitters; is_sky."""
+
+    corners: np.ndarray
+    cumulative: np.ndarray
+    power: np.ndarray
+    normals: np.ndarray
+    is_sky: bool
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def light_rays(table, mesh, begin, end, offset, lights, n_samples, seed, origins, directions, distances, powers):
+    """Rays from the places of cells [begin, end) to `n_samples` samples of the lights each, (n · S, 3).
+
+    distances (n · S,): how far the light is, large for the sky; powers (n · S, 3): what the light adds to the cell's
+    irradiance if the ray is free, 0 where it is not to be traced.
+    """
+    for cell in range(begin, end):
+        for s in range(n_samples):
+            x, y, z, gx, gy, gz, nx, ny, nz = _place(table, mesh, cell, s)
+            number = mixed(np.uint64(cell) * np.uint64(n_samples) + np.uint64(s) + np.uint64(seed) * np.uint64(0x9E37))
+            m = _pick(lights.cumulative, (np.float32(s) + uniform(number)) / np.float32(n_samples))
+            u, v = uniform(number ^ np.uint64(1)), uniform(number ^ np.uint64(2))
+            lx, ly, lz = _point_in_triangle(lights.corners, m, u, v)
+            if not lights.is_sky:
+                lx, ly, lz = lx - x, ly - y, lz - z
+            length = np.sqrt(max(lx * lx + ly * ly + lz * lz, np.float32(1e-30)))
+            dx, dy, dz = lx / length, ly / length, lz / length
+            weight = max(nx * dx + ny * dy + nz * dz, ZERO) / np.float32(n_samples)
+            out = (cell - begin) * n_samples + s
+            distances[out] = np.float32(1e30)
+            if not lights.is_sky:
+                facing = -(lights.normals[m, 0] * dx + lights.normals[m, 1] * dy + lights.normals[m, 2] * dz)
+                weight *= max(facing, ZERO) / (length * length)
+                distances[out] = max(length * np.float32(0.9999), np.float32(1e-30))
+            for channel in range(3):
+                powers[out, channel] = weight * lights.power[m, channel]
+            _write_ray(origins, directions, out, x, y, z, gx, gy, gz, dx, dy, dz, offset)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def add_free(blocked, powers, n_samples, irradiance):
+    """irradiance (n, 3) += the powers (n · S, 3) of the samples that are not blocked."""
+    for i in range(irradiance.shape[0]):
+        for s in range(n_samples):
+            if not blocked[i * n_samples + s]:
+                for channel in range(3):
+                    irradiance[i, channel] += powers[i * n_samples + s, channel]

@@ -1,0 +1,142 @@
+"""Compiled: which blocks of the lattice must be finer, and what stands for each pixel."""
+
+import numba as nb
+import numpy as np
+
+# Corners whose normals differ by more than 25°, or that stand off each other's plane by more than 15°, have a crease
+# or an edge between them.
+_SAME_NORMAL = np.float32(0.906)
+_SAME_PLANE = np.float32(0.259)
+# A pixel that lies on a corner beyond an edge takes the others, however far.
+_LEAST_SAY = np.float32(1e-6)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _corner(block, k, height, width):
+    y = min(block[0] + (k >> 1) * block[2], height - 1)
+    x = min(block[1] + (k & 1) * block[2], width - 1)
+    return y, x
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _is_one_object(block, objects):
+    height, width = objects.shape
+    y1, x1 = _corner(block, 3, height, width)
+    first = objects[block[0], block[1]]
+    for y in range(block[0], y1 + 1):
+        for x in range(block[1], x1 + 1):
+            if objects[y, x] != first:
+                return False
+    return True
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _are_one_surface(r, s, position, normal):
+    """Whether no edge lies between the points of two rows of one object."""
+    alike, length2, off = np.float32(0.0), np.float32(0.0), np.float32(0.0)
+    for axis in range(3):
+        step = position[s, axis] - position[r, axis]
+        alike += normal[r, axis] * normal[s, axis]
+        length2 += step * step
+        off += step * normal[r, axis]
+    return alike >= _SAME_NORMAL and off * off <= _SAME_PLANE * _SAME_PLANE * length2
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _is_smooth(block, row_image, position, normal):
+    height, width = row_image.shape
+    for k in range(4):
+        y, x = _corner(block, k, height, width)
+        r = row_image[y, x]
+        for other in range(k):
+            y, x = _corner(block, other, height, width)
+            if not _are_one_surface(r, row_image[y, x], position, normal):
+                return False
+    return True
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _can_stand_for(cy, cx, y, x, objects, row_image, position, normal):
+    """Whether the corner's value is one for the pixel."""
+    r, s = row_image[y, x], row_image[cy, cx]
+    return s >= 0 and objects[y, x] == objects[cy, cx] and _are_one_surface(r, s, position, normal)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _all_are_stood_for(block, objects, row_image, position, normal):
+    height, width = row_image.shape
+    y1, x1 = _corner(block, 3, height, width)
+    for y in range(block[0], y1 + 1):
+        for x in range(block[1], x1 + 1):
+            if row_image[y, x] < 0:
+                continue
+            found = False
+            for k in range(4):
+                cy, cx = _corner(block, k, height, width)
+                found = found or _can_stand_for(cy, cx, y, x, objects, row_image, position, normal)
+            if not found:
+                return False
+    return True
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def must_split(blocks, objects, row_image, position, normal, values, tolerance, floor, out):
+    """Whether each block (B, 3: y, x, size) shows more than its corners tell, into out (B,).
+
+    objects (H, W); row_image (H, W): the hits' row of each pixel, −1 for none; values (P, D) gathered at the corners'
+    rows; they may differ by `tolerance` of their mean and `floor` (D,).
+    """
+    height, width = objects.shape
+    for b in range(blocks.shape[0]):
+        block = blocks[b]
+        y, x = _corner(block, 0, height, width)
+        out[b] = block[2] > 1
+        if block[2] == 1:
+            continue
+        if not _is_one_object(block, objects) or not _is_smooth(block, row_image, position, normal):
+            if block[2] == 2:
+                out[b] = not _all_are_stood_for(block, objects, row_image, position, normal)
+            continue
+        differs = False
+        for d in range(values.shape[1]):
+            low, high, total = np.inf, 0.0, 0.0
+            for k in range(4):
+                y, x = _corner(block, k, height, width)
+                value = values[row_image[y, x], d]
+                low, high, total = min(low, value), max(high, value), total + value
+            differs = differs or high - low > tolerance * 0.25 * total + floor[d]
+        out[b] = differs
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def interpolate(blocks, objects, row_image, position, normal, point_of_row, rows, weights):
+    """For each point in these blocks the gather points at the corners (P, 4) and their weights (P, 4).
+
+    Bilinear, but for corners beyond an edge, which have no say.
+    """
+    height, width = row_image.shape
+    for b in range(blocks.shape[0]):
+        block = blocks[b]
+        y1, x1 = _corner(block, 3, height, width)
+        # The last row and column belong to the next block, where there is one.
+        last_y = y1 if y1 == height - 1 else y1 - 1
+        last_x = x1 if x1 == width - 1 else x1 - 1
+        for y in range(block[0], last_y + 1):
+            v = np.float32(y - block[0]) / np.float32(max(y1 - block[0], 1))
+            for x in range(block[1], last_x + 1):
+                r = row_image[y, x]
+                if r < 0:
+                    continue
+                u = np.float32(x - block[1]) / np.float32(max(x1 - block[1], 1))
+                total = np.float32(0.0)
+                for k in range(4):
+                    cy, cx = _corner(block, k, height, width)
+                    if block[2] == 1:
+                        cy, cx = y, x
+                    weight = (v if k >> 1 else np.float32(1.0) - v) * (u if k & 1 else np.float32(1.0) - u)
+                    allowed = _can_stand_for(cy, cx, y, x, objects, row_image, position, normal)
+                    rows[r, k] = point_of_row[row_image[cy, cx]] if allowed else 0
+                    weights[r, k] = max(weight, _LEAST_SAY) if allowed else np.float32(0.0)
+                    total += weights[r, k]
+                for k in range(4):
+                    weights[r, k] /= total

@@ -1,0 +1,143 @@
+"""Compiled: the directions of a gather point's rays, and how densely they lie.
+
+A fan joins two sets: the first by the cosine, the second about the pole of the point's highlight, dense in the middle
+as 1 / (1 - cos t + ε), so that every octave of the angle t gets its share and a band near the pole is not starved,
+whichever curve will be edited. Both count with the density of the whole fan (the balance heuristic [Veach97, sect.
+9.2.2]). Directions come from tables of stratified patterns, each point's turned about the normal by an angle of its
+own.
+"""
+
+import math
+
+import numba as nb
+import numpy as np
+
+NORMAL, MIRROR, HALF = 0, 1, 2
+EPSILON = 1.4e-3
+_POLE_DENSITY = np.float32(1.0 / (2.0 * math.pi * math.log1p(1.0 / EPSILON)))
+_INVERSE_PI = np.float32(1.0 / math.pi)
+_EPSILON = np.float32(EPSILON)
+ONE, ZERO, TWO = np.float32(1.0), np.float32(0.0), np.float32(2.0)
+HORIZON = np.float32(1e-4)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
+def fan_direction(table, k, is_cosine, cosine, sine, pole, ox, oy, oz):
+    """Local direction of entry k of a table (R, 3), turned by an angle; below the horizon where there is no ray."""
+    tx, ty, z = table[k, 0], table[k, 1], table[k, 2]
+    x, y = cosine * tx - sine * ty, sine * tx + cosine * ty
+    if is_cosine or pole == NORMAL:
+        return x, y, z
+    if pole == HALF:
+        along = TWO * (x * ox + y * oy + z * oz)
+        if along <= ZERO:
+            return ZERO, ZERO, -ONE
+        return along * x - ox, along * y - oy, along * z - oz
+    # About the mirrored eye m = (-ox, -oy, oz), in any frame: only the angle to m counts [Duff17].
+    mx, my, mz = -ox, -oy, oz
+    sign = ONE if mz >= ZERO else -ONE
+    a = -ONE / (sign + mz)
+    b = mx * my * a
+    return (
+        x * (ONE + sign * mx * mx * a) + y * b + z * mx,
+        x * sign * b + y * (sign + my * my * a) + z * my,
+        -x * sign * mx - y * my + z * mz,
+    )
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
+def fan_density(n_cosine, n_pole, pole, x, y, z, ox, oy, oz):
+    """Rays a steradian of the whole fan at a local direction above the horizon."""
+    density = n_cosine * z * _INVERSE_PI
+    if n_pole == ZERO:
+        return density
+    jacobian = ONE
+    if pole == NORMAL:
+        away = ONE - z
+    elif pole == MIRROR:
+        towards = oz * z - ox * x - oy * y
+        if towards < ZERO:
+            return density
+        away = ONE - towards
+    else:
+        hx, hy, hz = x + ox, y + oy, z + oz
+        length = np.sqrt(hx * hx + hy * hy + hz * hz)
+        if length < HORIZON:
+            return density
+        # 1 - cos θ_h without cancelling, and dω_i = 4 cos θ_d dω_h with cos θ_d = |i + o| / 2.
+        flat = hx * hx + hy * hy
+        away = flat / (length * (length + hz))
+        jacobian = ONE / (TWO * length)
+    return density + n_pole * jacobian * _POLE_DENSITY / (max(away, ZERO) + _EPSILON)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def mixed(seed):
+    """A uint64 that depends on every bit of the seed (SplitMix64 [Steele14])."""
+    z = seed + np.uint64(0x9E3779B97F4A7C15)
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return z ^ (z >> np.uint64(31))
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def uniform(seed):
+    """A number in [0, 1) from a seed."""
+    return np.float32(mixed(seed) >> np.uint64(40)) * np.float32(1.0 / 16777216.0)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def turn_of(row):
+    """Pattern seed and turning angle's cosine and sine of the gather point at a row of the hits."""
+    seed = mixed(np.uint64(row))
+    angle = np.float32(2.0 * math.pi) * uniform(seed)
+    return seed, np.cos(angle), np.sin(angle)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def local_eye(tangent, normal, wo):
+    """(ox, oy, oz) in the frame of tangent, bitangent, normal."""
+    bx = normal[1] * tangent[2] - normal[2] * tangent[1]
+    by = normal[2] * tangent[0] - normal[0] * tangent[2]
+    bz = normal[0] * tangent[1] - normal[1] * tangent[0]
+    return (
+        tangent[0] * wo[0] + tangent[1] * wo[1] + tangent[2] * wo[2],
+        bx * wo[0] + by * wo[1] + bz * wo[2],
+        normal[0] * wo[0] + normal[1] * wo[1] + normal[2] * wo[2],
+    )
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def fan_rays(
+    rows, poles, surface, geometric, offset, tables_cosine, tables_pole, begin, end, origins, directions, there
+):
+    """Rays [begin, end) of the fans of the points `rows` into origins and directions (p · (end - begin), 3).
+
+    poles (p,); surface: the hits' position, tangent, normal, wo; geometric (P, 3) normals; offset: how far an origin is
+    lifted, to the side the ray leaves on; there (p · (end - begin),) becomes False where a fan has no ray.
+    """
+    n_cosine = tables_cosine.shape[1]
+    for i in range(rows.shape[0]):
+        r = rows[i]
+        tangent, normal, position, g = surface.tangent[r], surface.normal[r], surface.position[r], geometric[r]
+        ox, oy, oz = local_eye(tangent, normal, surface.wo[r])
+        seed, cosine, sine = turn_of(r)
+        pattern = np.int64(seed & np.uint64(tables_cosine.shape[0] - 1))
+        for m in range(begin, end):
+            out = i * (end - begin) + m - begin
+            is_cosine = m < n_cosine
+            table = tables_cosine[pattern] if is_cosine else tables_pole[pattern]
+            k = m if is_cosine else m - n_cosine
+            x, y, z = fan_direction(table, k, is_cosine, cosine, sine, poles[i], ox, oy, oz)
+            there[out] = z > HORIZON
+            if z <= HORIZON:
+                x, y, z = ZERO, ZERO, ONE
+            side = ZERO
+            for axis in range(3):
+                a, b = (axis + 1) % 3, (axis + 2) % 3
+                bitangent = normal[a] * tangent[b] - normal[b] * tangent[a]
+                directions[out, axis] = x * tangent[axis] + y * bitangent + z * normal[axis]
+                side += directions[out, axis] * g[axis]
+            lift = offset if side >= ZERO else -offset
+            for axis in range(3):
+                origins[out, axis] = position[axis] + lift * g[axis]

@@ -1,0 +1,147 @@
+"""Cells of surface: where rays land, and how much light falls there.
+
+A cell is the part of one object in one cube of a grid that faces one of six ways. It exists once a ray has hit it, so
+that only surfaces that light can take a way over cost anything, and its irradiance is the mean over places chosen
+evenly among the rays that hit it: what those rays need to know on average is what it keeps.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from threading import Lock
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.indirect import _cell_kernels as kernels
+from engine.light.emitters import EmitterPatches
+from engine.light.lights import TriangleLights
+from engine.scene.load import Scene
+from engine.scene.raycaster import RayCaster
+
+MOST_CELLS = kernels.NO_CELL
+_SLOTS = 1 << 18
+# Rays a chunk: what the caster takes at once without splitting it over threads of its own.
+CHUNK = 32768
+
+
+class TooManyCells(Exception):
+    """The grid is too fine for 65,535 cells."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rays:
+    """R rays, origins and directions (R, 3) float32; there (R,): which of them exist."""
+
+    origins: NDArray[np.float32]
+    directions: NDArray[np.float32]
+    there: NDArray[np.bool_]
+
+
+def room_for_rays(n: int) -> Rays:
+    return Rays(np.empty((n, 3), np.float32), np.empty((n, 3), np.float32), np.empty(n, bool))
+
+
+class Cells:
+    """The cells of one scene on a grid of cubes of `size` metres. Safe to use from several threads."""
+
+    def __init__(self, scene: Scene, caster: RayCaster, size: float) -> None:
+        self.size = size
+        self.caster = caster
+        reflects = ~scene.emitters
+        self.mesh = kernels.Mesh(
+            scene.vertices, scene.normals, scene.triangles, scene.geometric_normals, scene.object_of_triangle,
+            scene.smooth, reflects,
+        )  # fmt: skip
+        self._low = scene.vertices[np.unique(scene.triangles)].min(axis=0) - np.float32(0.37 * size)
+        places = (MOST_CELLS, kernels.N_PLACES)
+        self._table = kernels.Table(
+            np.zeros(_SLOTS, np.uint64), np.zeros(_SLOTS, np.int32), np.zeros(1, np.int64),
+            np.zeros(MOST_CELLS, np.int32), np.zeros(MOST_CELLS, np.int64), np.full(places, -1, np.int32),
+            np.zeros(places, np.float32), np.zeros(places, np.float32), np.zeros(places, np.uint8),
+        )  # fmt: skip
+        self._lock = Lock()
+
+    def __len__(self) -> int:
+        return int(self._table.n_cells[0])
+
+    @property
+    def objects(self) -> NDArray[np.int32]:
+        """Which object each cell belongs to, (C,)."""
+        return self._table.objects[: len(self)]
+
+    def seen_by(self, rays: Rays, first_open: int = 0) -> NDArray[np.uint16]:
+        """The cell each ray hits, (R,), NO_CELL where it leaves the scene or hits what does not reflect.
+
+        Cells from `first_open` on take the hits for their places. Raises TooManyCells.
+        """
+        found = self.caster.intersect(rays.origins, rays.directions)
+        hits = kernels.Hits(found.triangle, found.u, found.v)
+        n = len(rays.there)
+        keys, sides, seen = np.empty(n, np.uint64), np.zeros(n, np.uint8), np.empty(n, np.uint16)
+        kernels.find_keys(
+            self.mesh, self._low, np.float32(1.0 / self.size), hits, rays.there, rays.directions, keys, sides
+        )
+        with self._lock:
+            if not kernels.take_hits(self._table, self.mesh, hits, keys, sides, first_open, seen):
+                raise TooManyCells(f"cells of {self.size:.3g} m")
+        return seen
+
+    def rays(self, begin: int, end: int, tables: NDArray[np.float32]) -> Rays:
+        """Cosine-distributed rays from the places of cells [begin, end), ((end - begin) · R), tables (64, R, 3)."""
+        rays = room_for_rays((end - begin) * tables.shape[1])
+        kernels.cell_rays(
+            self._table, self.mesh, begin, end, np.float32(self.caster.offset), tables, rays.origins, rays.directions,
+            rays.there,
+        )  # fmt: skip
+        return rays
+
+    def irradiance(self, lights: kernels.Lights, n_samples: int, seed: int = 0, begin: int = 0) -> NDArray[np.float32]:
+        """Irradiance (C - begin, 3) of the cells from `begin` on, from the lights directly, by S samples a cell."""
+        n = len(self) - begin
+        irradiance = np.zeros((n, 3), np.float32)
+        if len(lights.cumulative):
+            step = max(1, CHUNK // n_samples)
+            parts = [(i, min(i + step, n)) for i in range(0, n, step)]
+            with ThreadPoolExecutor(2) as pool:
+                list(pool.map(lambda part: self._light(lights, n_samples, seed, begin, part, irradiance), parts))
+        return irradiance
+
+    def _light(
+        self, lights: kernels.Lights, n_samples: int, seed: int, first: int, part: tuple[int, int],
+        irradiance: NDArray[np.float32],
+    ) -> None:  # fmt: skip
+        begin, end = part
+        rays = room_for_rays((end - begin) * n_samples)
+        distances, powers = np.empty(len(rays.there), np.float32), np.empty((len(rays.there), 3), np.float32)
+        kernels.light_rays(
+            self._table, self.mesh, first + begin, first + end, np.float32(self.caster.offset), lights, n_samples, seed,
+            rays.origins, rays.directions, distances, powers,
+        )  # fmt: skip
+        blocked = powers.max(axis=1) <= 0.0
+        asked = np.flatnonzero(~blocked)
+        limits = None if lights.is_sky else distances[asked]
+        blocked[asked] = self.caster.occluded(rays.origins[asked], rays.directions[asked], limits)
+        kernels.add_free(blocked, powers, n_samples, irradiance[begin:end])
+
+
+def sky_lights(cut: TriangleLights) -> kernels.Lights:
+    """A cut of the sky, to be sampled by power."""
+    return _lights(cut.vertices[cut.corners], cut.power, np.zeros((len(cut), 3), np.float32), True)
+
+
+def patch_lights(patches: EmitterPatches) -> kernels.Lights:
+    """Patches of emitters, to be sampled by power."""
+    return _lights(patches.corners, patches.radiance * patches.area[:, None], patches.normal, False)
+
+
+def _lights(
+    corners: NDArray[np.floating], power: NDArray[np.floating], normals: NDArray[np.floating], is_sky: bool
+) -> kernels.Lights:
+    strength = power.max(axis=1).astype(np.float64)
+    lit = strength > 0.0
+    share = strength[lit] / max(strength.sum(), 1e-300)
+    return kernels.Lights(
+        np.ascontiguousarray(corners[lit], np.float32), np.cumsum(share).astype(np.float32),
+        np.ascontiguousarray(power[lit] / np.maximum(share, 1e-30)[:, None], np.float32),
+        np.ascontiguousarray(normals[lit], np.float32), is_sky,
+    )  # fmt: skip

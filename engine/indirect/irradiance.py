@@ -1,0 +1,103 @@
+"""The light between cells: irradiance as a polynomial in the equivalent albedo of one object.
+
+With E_0 the irradiance of the cells from the lights, G the mean over what a cell's rays see, and d the albedos,
+
+    E_n = G d E_(n-1),      radiosity = d (E_0 + E_1 + ... + E_(N-2))      for N bounces in all,
+
+and of an object that is being edited d stays a variable: every product with it raises a power instead, so that what
+is left of a cell is N numbers, whatever the number of objects [BenArtzi07, sect. 6.2]. Nothing is divided by d, which
+may be 0.
+"""
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.indirect import _reflection_kernels as kernels
+from engine.indirect._cell_kernels import Lights
+from engine.indirect.cells import CHUNK, Cells
+from engine.indirect.rays import cosine_tables
+
+NOBODY = -1
+MOST_GENERATIONS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class CellLight:
+    """What cells (C) send to one another: seen (C_seen, R) uint16, of those of them that light reaches the eye by in
+    more than two bounces; objects (C,); direct (C, 3), irradiance from the lights."""
+
+    objects: NDArray[np.int32]
+    seen: NDArray[np.uint16]
+    direct: NDArray[np.float32]
+
+    @property
+    def n_bytes(self) -> int:
+        return self.objects.nbytes + self.seen.nbytes + self.direct.nbytes
+
+
+def connect(cells: Cells, n_bounces: int, n_rays: int) -> Iterator[tuple[float, NDArray[np.uint16]]]:
+    """What every cell sees, generation by generation; new cells are found on the way. Yields (fraction, seen (c, R)).
+
+    Light of N bounces in all reaches the gather points' cells over N - 2 others: the last generation needs no rays.
+    """
+    tables = cosine_tables(n_rays)
+    begin, step = 0, max(1, CHUNK // n_rays)
+    generations = min(n_bounces - 2, MOST_GENERATIONS)
+    for generation in range(generations):
+        end = len(cells)
+        look = partial(_look, cells, tables, end)
+        parts = [(i, min(i + step, end)) for i in range(begin, end, step)]
+        with ThreadPoolExecutor(2) as pool:
+            for k in range(0, len(parts), 2):
+                for seen in pool.map(look, parts[k : k + 2]):
+                    yield (generation + (k + 1) / len(parts)) / generations, seen
+        begin = end
+
+
+def _look(cells: Cells, tables: NDArray[np.float32], first_open: int, part: tuple[int, int]) -> NDArray[np.uint16]:
+    """What the cells [begin, end) of a part see, (end - begin, R)."""
+    rays = cells.rays(*part, tables)
+    return cells.seen_by(rays, first_open).reshape(part[1] - part[0], -1)
+
+
+def direct_irradiance(cells: Cells, lights: tuple[Lights, ...], n_samples: int) -> NDArray[np.float32]:
+    """Irradiance (C, 3) of the cells from all lights, by `n_samples` samples of each kind."""
+    total = np.zeros((len(cells), 3), np.float32)
+    for seed, each in enumerate(lights):
+        total += cells.irradiance(each, n_samples, seed)
+    return total
+
+
+def radiosity(
+    light: CellLight, albedos: NDArray[np.floating], n_bounces: int, edited: int = NOBODY
+) -> NDArray[np.float32]:
+    """Radiosity (C, D, 3) of the cells in a picture of N bounces, a polynomial in the albedo of the object `edited`.
+
+    albedos (M, 3); D = N powers, from 0 to N - 1, or 1 where nobody is edited. N ≥ 2.
+    """
+    n_powers = n_bounces if edited != NOBODY else 1
+    albedos = np.ascontiguousarray(albedos, np.float32)
+    latest = np.zeros((len(light.objects), n_powers, 3), np.float32)
+    latest[:, 0] = light.direct
+    total, bright = latest.copy(), np.empty_like(latest)
+    for bounce in range(n_bounces - 2):
+        kernels.brighten(latest, light.objects, albedos, edited, bright)
+        latest = _bounced(light.seen, bright, min(bounce + 2, n_powers))
+        total += latest
+    kernels.brighten(total, light.objects, albedos, edited, bright)
+    return bright
+
+
+def _bounced(seen: NDArray[np.uint16], bright: NDArray[np.float32], n_powers: int) -> NDArray[np.float32]:
+    """Irradiance (C, D, 3) from radiosity (C, D, 3) that is 0 beyond its first n_powers; 0 where a cell has no rays."""
+    out = np.zeros_like(bright)
+    half = len(seen) // 2
+    with ThreadPoolExecutor(2) as pool:
+        parts = ((0, half), (half, len(seen)))
+        list(pool.map(lambda part: kernels.bounce(part[0], part[1], seen, bright, n_powers, out), parts))
+    return out

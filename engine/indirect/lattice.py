@@ -1,0 +1,95 @@
+"""The adaptive lattice of gather points over a picture: blocks in quarters, see `gather`."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.indirect import _lattice_kernels as kernels
+from engine.scene.hits import PrimaryHits
+
+COARSEST = 8
+# What the corners of a block may differ by: a share of their mean, and of the picture's.
+TOLERANCE, FLOOR = 0.15, 0.03
+
+
+class Lattice:
+    """Blocks that are not finer than needed, and the rows at their corners.
+
+    Drive it by turns: `wanted()` names rows that have no value yet; `take` gives it values of all rows asked so far;
+    until `refine` finds nothing to do.
+    """
+
+    def __init__(self, hits: PrimaryHits) -> None:
+        self._hits = hits
+        width, height = hits.resolution
+        self._row_image = np.full((height, width), -1, np.int32)
+        self._row_image.ravel()[hits.pixel] = np.arange(len(hits.pixel), dtype=np.int32)
+        self._objects = hits.object_image.astype(np.int32)
+        y, x = np.mgrid[0:height:COARSEST, 0:width:COARSEST]
+        self._open = self._showing(np.stack([y.ravel(), x.ravel(), np.full(y.size, COARSEST)], axis=1))
+        self._closed = np.zeros((0, 3), np.int64)
+        self._known = np.zeros(len(hits.pixel), bool)
+
+    @property
+    def rows(self) -> NDArray[np.int32]:
+        """All rows asked for so far, ascending."""
+        return np.flatnonzero(self._known).astype(np.int32)
+
+    def wanted(self) -> NDArray[np.int32]:
+        """Rows at corners of open blocks that were not asked for yet, ascending; they count as asked now."""
+        rows = self._row_image[self._corners(self._open)].ravel()
+        rows = np.unique(rows[rows >= 0])
+        rows = rows[~self._known[rows]]
+        self._known[rows] = True
+        return rows
+
+    def refine(self, values: NDArray[np.floating]) -> bool:
+        """Close the blocks that `values` (P, D) at the known rows allow, quarter the others; whether any are open."""
+        floor = FLOOR * values[self._known].mean(axis=0) if self._known.any() else np.zeros(values.shape[1])
+        split = np.empty(len(self._open), bool)
+        kernels.must_split(
+            self._open, self._objects, self._row_image, self._hits.position, self._hits.normal,
+            np.ascontiguousarray(values, np.float32), TOLERANCE, floor, split,
+        )  # fmt: skip
+        split &= self._open[:, 2] > 1
+        self._closed = np.concatenate([self._closed, self._open[~split]])
+        self._open = self._showing(_quarters(self._open[split]))
+        return len(self._open) > 0
+
+    def footprint(self) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+        """For each point the four gather points that stand for it, by number, and their weights: (P, 4) each.
+
+        Only once nothing is open any more.
+        """
+        n_points = len(self._hits.pixel)
+        point_of_row = np.where(self._known, np.cumsum(self._known) - 1, -1).astype(np.int32)
+        rows, weights = np.zeros((n_points, 4), np.int32), np.zeros((n_points, 4), np.float32)
+        kernels.interpolate(
+            self._closed, self._objects, self._row_image, self._hits.position, self._hits.normal, point_of_row, rows,
+            weights,
+        )  # fmt: skip
+        return rows, weights
+
+    def _corners(self, blocks: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Row and column (B, 4) in the image of the corners; a single pixel is its own only corner."""
+        height, width = self._objects.shape
+        step = np.where(blocks[:, 2:] > 1, blocks[:, 2:], 0)
+        y = np.minimum(blocks[:, :1] + step * np.array([0, 0, 1, 1]), height - 1)
+        x = np.minimum(blocks[:, 1:2] + step * np.array([0, 1, 0, 1]), width - 1)
+        return y, x
+
+    def _showing(self, blocks: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Those blocks that lie in the picture and see something that reflects."""
+        height, width = self._objects.shape
+        blocks = blocks[(blocks[:, 0] < height) & (blocks[:, 1] < width)]
+        filled = np.zeros((height + 1, width + 1), np.int64)
+        filled[1:, 1:] = np.cumsum(np.cumsum(self._row_image >= 0, axis=0), axis=1)
+        y, x, size = blocks.T
+        last_y, last_x = np.minimum(y + size, height), np.minimum(x + size, width)
+        return blocks[filled[last_y, last_x] - filled[y, last_x] - filled[last_y, x] + filled[y, x] > 0]
+
+
+def _quarters(blocks: NDArray[np.int64]) -> NDArray[np.int64]:
+    half = blocks[:, 2:] // 2
+    offsets = np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
+    corners = blocks[:, None, :2] + offsets * half[:, None]
+    return np.concatenate([corners, np.broadcast_to(half[:, None], (*corners.shape[:2], 1))], axis=2).reshape(-1, 3)

@@ -1,0 +1,54 @@
+"""The layers of a scene as indirect light needs them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.indirect.albedo import equivalent_albedo
+from engine.indirect.reflection import LayerCurves
+from engine.material.layer import Layer
+from engine.scene.hits import PrimaryHits
+
+N_VIEW_SAMPLES = 256
+
+
+@dataclass(frozen=True, eq=False)
+class IndirectLayer:
+    """A visible layer of one object: its curves, f_q (3,), f_o (N, 3) at even angles from 0 to π/2, and its equivalent
+    albedo (3,)."""
+
+    i_object: int
+    curves: LayerCurves
+    gain: NDArray[np.float64]
+    view_curve: NDArray[np.float64]
+    albedo: NDArray[np.float64]
+
+
+def indirect_layer(i_object: int, layer: Layer, bands: tuple[int, ...]) -> IndirectLayer:
+    """A layer with its curves as they are, on this many bands."""
+    factors = zip(layer.model.factors, bands, strict=False)
+    curves = tuple(layer.coefficients(factor.name, n) for factor, n in factors)
+    view = layer.model.view_factor
+    angles = np.linspace(0.0, np.pi / 2, N_VIEW_SAMPLES)
+    seen = np.ones((N_VIEW_SAMPLES, 3)) if view is None else layer.curve(view.name)(angles)
+    optics = LayerCurves(layer.model, layer.quotient_parameters(), curves)
+    return IndirectLayer(i_object, optics, layer.scale(), seen, equivalent_albedo(layer, bands))
+
+
+def albedos_of(layers: Sequence[IndirectLayer], n_objects: int) -> NDArray[np.float64]:
+    """Equivalent albedo (M, 3) of every object: the sum over its layers."""
+    albedos = np.zeros((n_objects, 3))
+    for layer in layers:
+        albedos[layer.i_object] += layer.albedo
+    return albedos
+
+
+def seen_from(hits: PrimaryHits, rows: NDArray[np.integer], layer: IndirectLayer) -> NDArray[np.float32]:
+    """f_q f_o(θ_o), (p, 3)."""
+    cosine = np.einsum("pc,pc->p", hits.normal[rows], hits.wo[rows], dtype=np.float64)
+    position = np.arccos(np.clip(cosine, 0.0, 1.0)) * (len(layer.view_curve) - 1) / (np.pi / 2)
+    angles = np.arange(len(layer.view_curve))
+    view = np.stack([np.interp(position, angles, layer.view_curve[:, c]) for c in range(3)], axis=1)
+    return np.asarray(layer.gain * view, np.float32)

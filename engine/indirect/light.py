@@ -1,0 +1,71 @@
+"""Indirect light that was found: where, by which rays, and what follows from it for any materials."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.indirect.gather import FanSize, Gathered, object_of_rows
+from engine.indirect.irradiance import NOBODY, CellLight, radiosity
+from engine.indirect.layers import IndirectLayer, albedos_of, seen_from
+from engine.indirect.reflection import Fans
+from engine.scene.hits import PrimaryHits
+
+Footprint = tuple[NDArray[np.int32], NDArray[np.float32]]
+
+
+@dataclass(frozen=True, eq=False)
+class GatherPoints:
+    """The gather points of a picture: gathered, their fans' rays; poles (M,) and sizes: what each object's fans are."""
+
+    hits: PrimaryHits
+    gathered: Gathered
+    poles: NDArray[np.int64]
+    sizes: tuple[FanSize, ...]
+
+    def fans(self, i_object: int, half: int | None = None) -> Fans:
+        """The gather points of one object; with half, 0 or 1, by that half of their rays."""
+        return Fans(self.hits, self.gathered, i_object, int(self.poles[i_object]), self.sizes[i_object], half)
+
+    def reflected(
+        self, layers: Sequence[IndirectLayer], bright: NDArray[np.float32], half: int | None = None
+    ) -> NDArray[np.float32]:
+        """Radiance (p, 3) towards the eye of radiosity (C, 1, 3)."""
+        rows = self.gathered.rows
+        out = np.zeros((len(rows), 3), np.float32)
+        objects = object_of_rows(self.hits, rows)
+        for layer in layers:
+            mine = np.flatnonzero(objects == layer.i_object)
+            if len(mine):
+                reflected = self.fans(layer.i_object, half).reflected(layer.curves, bright)[:, 0]
+                out[mine] += reflected * seen_from(self.hits, rows[mine], layer)
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class IndirectLight:
+    """footprint: for each point of the picture four gather points, by number, and their weights, (P, 4) each; light:
+    what the cells send on, in up to n_bounces reflections."""
+
+    points: GatherPoints
+    footprint: Footprint
+    light: CellLight
+    n_bounces: int
+
+    @property
+    def n_bytes(self) -> int:
+        return self.points.gathered.seen.nbytes + sum(a.nbytes for a in self.footprint) + self.light.n_bytes
+
+    def radiosity(self, layers: Sequence[IndirectLayer], edited: int = NOBODY) -> NDArray[np.float32]:
+        """Radiosity (C, D, 3) of the cells under these layers, see `irradiance.radiosity`."""
+        return radiosity(self.light, albedos_of(layers, len(self.points.poles)), self.n_bounces, edited)
+
+    def at_points(self, layers: Sequence[IndirectLayer], half: int | None = None) -> NDArray[np.float32]:
+        """Indirect radiance (p, 3) of all gather points; of one half of the rays where one is named."""
+        return self.points.reflected(layers, self.radiosity(layers), half)
+
+    def picture(self, layers: Sequence[IndirectLayer], half: int | None = None) -> NDArray[np.float32]:
+        """Indirect radiance (P, 3) of all points of the picture."""
+        found, (rows, weights) = self.at_points(layers, half), self.footprint
+        return np.asarray(np.einsum("pk,pkc->pc", weights, found[rows]), np.float32)

@@ -1,0 +1,185 @@
+"""Indirect light of one scene from one camera: all that does not depend on a material, and pictures from it.
+
+What is traced (fans of the gather points, rays between the cells) depends on the scene and the camera alone, what falls
+on the cells on the light as well; curves, albedos and which object is edited come in at the end. So a light that turns
+asks for the cells' irradiance anew, a material for nothing but sums.
+"""
+
+from collections.abc import Generator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.indirect._cell_kernels import NO_CELL, Lights
+from engine.indirect._ray_kernels import HALF, NORMAL
+from engine.indirect.cells import Cells, TooManyCells, patch_lights, sky_lights
+from engine.indirect.gather import FanSize, Gathered, gather, object_of_rows, pole_of
+from engine.indirect.irradiance import CellLight, connect, direct_irradiance, radiosity
+from engine.indirect.lattice import COARSEST, Lattice
+from engine.indirect.layers import IndirectLayer, albedos_of
+from engine.indirect.light import Footprint, GatherPoints, IndirectLight
+from engine.light.lights import cut_lights
+from engine.scene.hits import PrimaryHits
+from engine.transport.footprint import footprint, lattice_rows
+from engine.transport.pipeline import Placement, SkyState
+
+
+@dataclass(frozen=True)
+class Fineness:
+    """How finely indirect light is found.
+
+    n_rays a gather point; n_cells to aim at; n_cell_rays between cells, a cell; n_samples of each kind of light, a
+    cell; adaptive: refine the lattice of gather points, else every eighth pixel.
+    """
+
+    name: str
+    n_rays: int
+    n_cells: int
+    n_cell_rays: int
+    n_samples: int
+    adaptive: bool
+
+
+ROUGH = Fineness("rough", 128, 4000, 64, 64, False)
+FINE = Fineness("fine", 1024, 24000, 128, 256, True)
+N_LIGHTS, N_PATCHES = 4000, 256
+# What a first look at the scene takes.
+_PILOT_POINTS, _PILOT_RAYS = 1024, 64
+_GROWTH = 1.26
+
+Progress = tuple[float, str]
+
+
+class Solver:
+    """Finds the indirect light of a scene; its steps are generators that yield (fraction, text)."""
+
+    def __init__(
+        self, placement: Placement, models: Mapping[int, Sequence[str]], sky: SkyState, n_bounces: int,
+        fineness: Fineness = FINE,
+    ) -> None:  # fmt: skip
+        """models: names of the models of every object's layers, by the object's index; n_bounces ≥ 2."""
+        self._placement, self._fineness, self._n_bounces = placement, fineness, n_bounces
+        n_objects = len(placement.hits.object_ranges)
+        self._poles = np.array([pole_of(models.get(i, ())) for i in range(n_objects)], np.int64)
+        self._sizes = tuple(_fan_size(fineness.n_rays, int(pole)) for pole in self._poles)
+        self._lights = _lights(placement, sky)
+
+    def solve(self, layers: Sequence[IndirectLayer]) -> Generator[Progress, None, IndirectLight]:
+        """The indirect light; the layers only say where the picture of it is not smooth."""
+        size = self._cell_size()
+        while True:
+            try:
+                return (yield from self._solve(Cells(self._placement.scene, self._placement.caster, size), layers))
+            except TooManyCells:
+                size *= _GROWTH
+
+    def _cell_size(self) -> float:
+        """Metres, so that what a first look hits falls into about as many cells as wanted."""
+        hits, scene = self._placement.hits, self._placement.scene
+        rows = lattice_rows(hits, COARSEST)
+        rows = rows[:: max(1, len(rows) // _PILOT_POINTS)]
+        extent = float(np.linalg.norm(np.ptp(scene.vertices[np.unique(scene.triangles)], axis=0)))
+        low, high = extent / 4096.0, extent
+        while high / low > 1.1:
+            size = (low * high) ** 0.5
+            cells = Cells(scene, self._placement.caster, size)
+            try:
+                seen = [part for _, _, part in gather(hits, cells, rows, self._poles, _fan_size(_PILOT_RAYS, HALF))]
+                n_hits = sum(int((part != NO_CELL).sum()) for part in seen)
+                too_fine = len(cells) > min(self._fineness.n_cells / 2, max(n_hits / 4, 1.0))
+            except TooManyCells:
+                too_fine = True
+            low, high = (size, high) if too_fine else (low, size)
+        return high
+
+    def _solve(self, cells: Cells, layers: Sequence[IndirectLayer]) -> Generator[Progress, None, IndirectLight]:
+        nothing = Gathered(np.zeros(0, np.int32), np.zeros((0, self._fineness.n_rays), np.uint16))
+        if self._fineness.adaptive:
+            points, found = yield from self._refined(cells, nothing, layers)
+        else:
+            points, found = yield from self._even(cells, nothing)
+        light = yield from self._light(cells, self._fineness)
+        return IndirectLight(points, found, light, self._n_bounces)
+
+    def _even(self, cells: Cells, nothing: Gathered) -> Generator[Progress, None, tuple[GatherPoints, Footprint]]:
+        """Every eighth pixel."""
+        hits = self._placement.hits
+        rows = lattice_rows(hits, COARSEST)
+        points = self._points((yield from self._gather(cells, nothing, rows)))
+        numbers, weights = footprint(hits, rows, COARSEST)
+        return points, (_among_all(hits, rows, numbers), weights)
+
+    def _refined(
+        self, cells: Cells, gathered: Gathered, layers: Sequence[IndirectLayer]
+    ) -> Generator[Progress, None, tuple[GatherPoints, Footprint]]:
+        """As many points as the picture of these layers needs, by a quarter of the light between cells."""
+        n_rays, n_samples = self._fineness.n_cell_rays // 4, self._fineness.n_samples // 4
+        lattice = Lattice(self._placement.hits)
+        values = np.zeros((len(self._placement.hits.pixel), 3), np.float32)
+        bright = None
+        while True:
+            gathered = yield from self._gather(cells, gathered, lattice.wanted())
+            if bright is None:
+                light = yield from self._light(cells, replace(self._fineness, n_cell_rays=n_rays, n_samples=n_samples))
+                bright = radiosity(light, albedos_of(layers, len(self._poles)), self._n_bounces)
+            new_cells = np.zeros((len(cells) - len(bright), *bright.shape[1:]), np.float32)  # not known yet: dark
+            points = self._points(gathered)
+            values[gathered.rows] = points.reflected(layers, np.concatenate([bright, new_cells]))
+            if not lattice.refine(values):
+                return points, lattice.footprint()
+
+    def _points(self, gathered: Gathered) -> GatherPoints:
+        return GatherPoints(self._placement.hits, gathered, self._poles, self._sizes)
+
+    def _gather(
+        self, cells: Cells, before: Gathered, rows: NDArray[np.int32]
+    ) -> Generator[Progress, None, Gathered]:
+        """The gather points with those of some more rows."""
+        hits = self._placement.hits
+        seen = np.empty((len(rows), self._fineness.n_rays), np.uint16)
+        objects = object_of_rows(hits, rows)
+        sizes = np.array([size.n_pole for size in self._sizes])[objects]
+        done = 0
+        for n_pole in np.unique(sizes):
+            mine = np.flatnonzero(sizes == n_pole)
+            size = FanSize(self._fineness.n_rays - int(n_pole), int(n_pole))
+            for begin, end, part in gather(hits, cells, rows[mine], self._poles, size):
+                seen[mine[begin:end]] = part
+                done += end - begin
+                yield done / len(rows), "looking around"
+        order = np.argsort(np.concatenate([before.rows, rows]), kind="stable")
+        return Gathered(np.concatenate([before.rows, rows])[order], np.concatenate([before.seen, seen])[order])
+
+    def _light(self, cells: Cells, fineness: Fineness) -> Generator[Progress, None, CellLight]:
+        parts = [np.zeros((0, fineness.n_cell_rays), np.uint16)]
+        for fraction, seen in connect(cells, self._n_bounces, fineness.n_cell_rays):
+            parts.append(seen)
+            yield fraction, "light between surfaces"
+        direct = direct_irradiance(cells, self._lights, fineness.n_samples)
+        return CellLight(cells.objects.copy(), np.concatenate(parts), direct)
+
+
+def _fan_size(n_rays: int, pole: int) -> FanSize:
+    """A matt surface is seen by the cosine alone, half of the others' rays go towards the highlight."""
+    n_pole = 0 if pole == NORMAL else n_rays // 2
+    return FanSize(n_rays - n_pole, n_pole)
+
+
+def _lights(placement: Placement, sky: SkyState) -> tuple[Lights, ...]:
+    """The sky and the emitters, each to be sampled by power."""
+    lights = []
+    if sky.environment is not None:
+        cut = cut_lights(sky.environment, N_LIGHTS, sky.rotation)
+        lights.append(sky_lights(replace(cut, power=(cut.power * np.float32(sky.scale)).astype(np.float32))))
+    patches = placement.patches(N_PATCHES)
+    if patches is not None:
+        lights.append(patch_lights(patches))
+    return tuple(each for each in lights if len(each.cumulative))
+
+
+def _among_all(hits: PrimaryHits, rows: NDArray[np.int32], within: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Numbers (P, 4) among all gather points `rows` of numbers that count within each point's own object."""
+    firsts = np.searchsorted(rows, hits.object_ranges[:, 0])
+    counts = hits.object_ranges[:, 1] - hits.object_ranges[:, 0]
+    return np.asarray(within + np.repeat(firsts, counts)[:, None], np.int32)

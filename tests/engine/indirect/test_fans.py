@@ -1,0 +1,96 @@
+"""Fans of rays and equivalent albedos against integrals that are known."""
+
+import numpy as np
+import pytest
+
+from engine.curve.operators import Operator
+from engine.indirect import _ray_kernels as kernels
+from engine.indirect.albedo import equivalent_albedo
+from engine.indirect.rays import N_PATTERNS, cosine_tables, pole_tables
+from engine.material import MODELS
+from engine.material.layer import make_layer
+
+EYES = [(0.0, 0.0, 1.0), (0.6, 0.0, 0.8), (-0.3, 0.86, 0.41), (0.99, 0.0, 0.141)]
+
+
+def fan(pole: int, eye: tuple[float, float, float], pattern: int, n: int = 1024) -> tuple[np.ndarray, np.ndarray]:
+    """Directions (R, 3) above the horizon of one fan and their densities (R,)."""
+    tables, sizes = (cosine_tables(n)[pattern], pole_tables(n)[pattern]), np.float32(n)
+    o = [np.float32(x) for x in np.asarray(eye) / np.linalg.norm(eye)]
+    found = [
+        kernels.fan_direction(table, k, is_cosine, np.float32(0.8), np.float32(0.6), pole, *o)
+        for table, is_cosine in zip(tables, (True, False), strict=True)
+        for k in range(n)
+    ]
+    directions = np.array([d for d in found if d[2] > kernels.HORIZON], np.float32)
+    return directions, np.array([kernels.fan_density(sizes, sizes, pole, *d, *o) for d in directions])
+
+
+@pytest.mark.parametrize("pole", [kernels.NORMAL, kernels.MIRROR, kernels.HALF])
+@pytest.mark.parametrize("eye", EYES)
+def test_a_fan_integrates_what_is_known(pole, eye):
+    # Over the hemisphere: cos θ gives π, cos² θ gives 2π/3; each ray counts one over the density there.
+    sums = []
+    for pattern in range(4):
+        directions, density = fan(pole, eye, pattern)
+        np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0, atol=1e-5)
+        sums.append([(directions[:, 2] / density).sum(), (directions[:, 2] ** 2 / density).sum()])
+    assert np.mean(sums, axis=0) == pytest.approx([np.pi, 2 * np.pi / 3], rel=0.01)
+
+
+@pytest.mark.parametrize("pole", [kernels.MIRROR, kernels.HALF])
+def test_a_fan_finds_a_narrow_highlight(pole):
+    # One degree about the pole holds 2π (1 - cos 1°) of directions, or of half vectors: 4 cos θ_d times as much.
+    eye = np.array([0.6, 0.0, 0.8])
+    found, rays = [], []
+    for pattern in range(16):
+        directions, density = fan(pole, tuple(eye), pattern)
+        half = directions + eye
+        half /= np.linalg.norm(half, axis=1, keepdims=True)
+        cosine = directions @ (eye * [-1, -1, 1]) if pole == kernels.MIRROR else half[:, 2]
+        inside = cosine > np.cos(np.radians(1.0))
+        found.append((1.0 / density[inside]).sum())
+        rays.append(inside.sum())
+    expected = 2 * np.pi * (1 - np.cos(np.radians(1.0))) * (1.0 if pole == kernels.MIRROR else 4 * eye[2])
+    assert np.mean(found) == pytest.approx(expected, rel=0.03)
+    assert min(rays) >= 5
+
+
+def test_patterns_are_unit_and_differ():
+    tables = cosine_tables(64)
+    assert tables.shape == (N_PATTERNS, 64, 3)
+    assert tables[..., 2].mean() == pytest.approx(2 / 3, abs=2e-3)
+    assert not np.allclose(tables[0], tables[1])
+    assert pole_tables(0).shape == (N_PATTERNS, 0, 3)
+
+
+def test_albedo_of_a_matt_surface_is_its_albedo():
+    layer = make_layer(MODELS["lambert"], {"albedo": [0.2, 0.5, 1.0]})
+    for n_bands in (1, 16, 512):
+        assert equivalent_albedo(layer, (n_bands,)) == pytest.approx([0.2, 0.5, 1.0], rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("model", "parameters"),
+    [("rough_conductor", {"alpha": 0.3}), ("ashikhmin_shirley", {}), ("cook_torrance", {}), ("phong", {})],
+)
+def test_albedo_against_the_formula(model, parameters):
+    # A plain sum over a million pairs of directions, evenly spread over the two hemispheres.
+    layer = make_layer(MODELS[model], parameters)
+    generator = np.random.default_rng(3)
+    pairs = generator.uniform(size=(2, 1_000_000, 2))
+    z = pairs[..., 0]
+    radius = np.sqrt(1 - z * z)
+    turn = 2 * np.pi * pairs[..., 1]
+    directions = np.stack([radius * np.cos(turn), radius * np.sin(turn), z], axis=2)
+    values = layer.model.brdf(layer.values, directions[0], directions[1]) * z[0][:, None] * z[1][:, None]
+    expected = values.mean(axis=0) * (2 * np.pi) ** 2 / np.pi
+    found = equivalent_albedo(layer, (128, 64)[: len(layer.model.factors)])
+    assert found == pytest.approx(expected, rel=0.03)
+
+
+def test_albedo_follows_edits():
+    # Twice the curve is twice the albedo; a view curve counts as well.
+    layer = make_layer(MODELS["rough_conductor"])
+    double = layer.with_operators("theta_h", [Operator("amplify", "y", 0.0, 0.0, 1.57, 1.57, magnitude=2.0)])
+    assert equivalent_albedo(double, (64, 16)) == pytest.approx(2.0 * equivalent_albedo(layer, (64, 16)), rel=0.02)

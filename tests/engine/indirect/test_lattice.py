@@ -1,0 +1,46 @@
+"""Where gather points lie, and what they stand for."""
+
+import numpy as np
+
+from engine.indirect.lattice import COARSEST, Lattice
+from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, placement_of
+
+HITS = placement_of(CORNER, **CORNER_VIEW, n=64).hits
+OBJECTS = HITS.object_image.ravel()[HITS.pixel]
+
+
+def refined(values: np.ndarray) -> Lattice:
+    lattice, turns = Lattice(HITS), 0
+    lattice.wanted()
+    while lattice.refine(values):
+        lattice.wanted()
+        turns += 1
+        assert turns <= 4
+    return lattice
+
+
+def test_a_smooth_picture_needs_few_points_and_is_kept():
+    values = (HITS.position @ np.array([0.02, 0.01, 0.03], np.float32) + 1.0)[:, None]
+    lattice = refined(values)
+    rows, weights = lattice.footprint()
+    assert len(lattice.rows) < 0.25 * len(HITS.pixel)
+    np.testing.assert_allclose(weights.sum(axis=1), 1.0, rtol=1e-5)
+    kept = (values[lattice.rows][rows, 0] * weights).sum(axis=1)
+    np.testing.assert_allclose(kept, values[:, 0], atol=0.01)
+
+
+def test_nothing_bleeds_over_an_edge():
+    lattice = refined(np.ones((len(HITS.pixel), 1)))
+    rows, weights = lattice.footprint()
+    other = OBJECTS[lattice.rows[rows]] != OBJECTS[:, None]
+    assert not weights[other].any()
+    assert len(lattice.rows) > len(HITS.pixel) / COARSEST**2
+
+
+def test_a_step_is_found():
+    y, x = np.divmod(HITS.pixel, HITS.resolution[0])
+    values = np.where(x > 40.5, 2.0, 1.0)[:, None]
+    lattice = refined(values)
+    rows, weights = lattice.footprint()
+    kept = (values[lattice.rows][rows, 0] * weights).sum(axis=1)
+    assert np.mean(np.abs(kept - values[:, 0]) > 0.3) < 0.01

@@ -1,0 +1,136 @@
+"""Indirect light as a whole: closed forms, and the polynomial against the plain sum on the same paths."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from engine.indirect.irradiance import NOBODY
+from engine.indirect.layers import indirect_layer
+from engine.indirect.solver import ROUGH
+from engine.light.environment import constant_environment
+from engine.material import MODELS
+from engine.material.layer import make_layer
+from tests.engine.indirect.small_scenes import (
+    CORNER,
+    CORNER_VIEW,
+    LAMP,
+    LAMP_RADIANCE,
+    LAMP_SIDE,
+    QUICK,
+    SPHERE,
+    matt,
+    placement_of,
+    solve,
+)
+
+
+@pytest.fixture(scope="module")
+def corner():
+    placement = placement_of(CORNER, **CORNER_VIEW)
+    layers = [matt(0, 0.5), matt(1, [0.8, 0.2, 0.1]), matt(2, [0.1, 0.3, 0.9])]
+    return solve(placement, layers, 5, sky=constant_environment((1.0, 1.0, 1.0))), layers
+
+
+@pytest.fixture(scope="module")
+def ball():
+    """An integrating sphere."""
+    placement = placement_of([SPHERE, LAMP])
+    return {n: solve(placement, [matt(0, 0.6)], n) for n in (2, 4, 8)}
+
+
+@pytest.mark.parametrize("albedo", [0.0, 0.6, 1.0, 1.3])
+@pytest.mark.parametrize("n_bounces", [2, 4, 8])
+def test_integrating_sphere(ball, n_bounces, albedo):
+    # The wall of a sphere sees every part of it alike: E_n = ρ^n Φ/A, so that L = ρ/π Σ ρ^n Φ/A, n = 1 … N-1.
+    flux = 6 * LAMP_SIDE**2 * np.pi * LAMP_RADIANCE
+    powers = albedo ** np.arange(1, n_bounces)
+    expected = albedo / np.pi * powers.sum() * flux / (4 * np.pi)
+    found = ball[n_bounces].picture([matt(0, albedo)])
+    assert found.mean() == pytest.approx(expected, rel=0.01, abs=1e-12)
+    assert np.abs(found - expected).max() <= 0.05 * expected
+
+
+def test_the_polynomial_is_the_sum_over_the_same_paths(corner):
+    found, layers = corner
+    generator = np.random.default_rng(7)
+    for edited in range(3):
+        bright = found.radiosity(layers, edited)
+        for albedo in (np.zeros(3), *generator.uniform(0.0, 1.5, (3, 3))):
+            changed = [replace(x, albedo=albedo) if x.i_object == edited else x for x in layers]
+            plain = found.radiosity(changed, NOBODY)[:, 0]
+            powers = albedo ** np.arange(bright.shape[1])[:, None]
+            np.testing.assert_allclose((bright * powers).sum(axis=1), plain, rtol=1e-5, atol=1e-6 * plain.max())
+
+
+@pytest.mark.parametrize("model", ["rough_conductor", "ashikhmin_shirley", "lambert", "phong"])
+def test_bands_times_the_curve_are_the_reflection(corner, model):
+    found, layers = corner
+    layer = make_layer(MODELS[model])
+    glossy = indirect_layer(0, layer, (16, 8)[: len(layer.model.factors)])
+    bright = found.radiosity(layers, 1)
+    whole = found.points.fans(0).reflected(glossy.curves, bright)
+    assert whole.max() > 0.0
+    for factor, curve in enumerate(glossy.curves.curves):
+        bands = found.points.fans(0).by_band(glossy.curves, factor, bright)
+        contracted = np.einsum("cjnp,jc->pnc", bands, curve)
+        np.testing.assert_allclose(contracted, whole, rtol=1e-4, atol=1e-5 * whole.max())
+
+
+def test_an_edit_is_a_fresh_computation(corner):
+    found, layers = corner
+    edited = [replace(x, gain=x.gain * 0.3, albedo=x.albedo * 0.3) if x.i_object == 1 else x for x in layers]
+    placement = placement_of(CORNER, **CORNER_VIEW)
+    fresh = solve(placement, edited, 5, sky=constant_environment((1.0, 1.0, 1.0)))
+    one, two = found.picture(edited), fresh.picture(edited)
+    assert np.sqrt(np.mean((one - two) ** 2)) / two.mean() < 0.005
+
+
+def test_halves_tell_the_noise(corner):
+    found, layers = corner
+    first, second = (found.at_points(layers, half) for half in (0, 1))
+    whole = found.at_points(layers)
+    np.testing.assert_allclose(0.5 * (first + second), whole, rtol=1e-3, atol=1e-4 * whole.max())
+    noise = np.sqrt(np.mean((first - second) ** 2)) / whole.mean() / 2
+    assert 0.0 < noise < 0.05
+
+
+def test_darkness_and_black_objects(corner):
+    placement = placement_of(CORNER, **CORNER_VIEW)
+    assert not solve(placement, [matt(0, 0.5)], 4).picture([matt(0, 0.5)]).any()
+    found, layers = corner
+    assert not found.picture([matt(i, 0.0) for i in range(3)]).any()
+
+
+def test_a_lamp_around_the_eye_and_in_the_surface():
+    # A lamp that cuts through the wall: its own inside and what lies in it stay finite.
+    lamp = LAMP | {"transform": [0.3, 0, 0, 1.0, 0, 0.3, 0, 0, 0, 0, 0.3, 0, 0, 0, 0, 1]}
+    found = solve(placement_of([SPHERE, lamp]), [matt(0, 0.9)], 4)
+    picture = found.picture([matt(0, 0.9)])
+    assert np.isfinite(picture).all() and picture.min() >= 0.0 and picture.max() > 0.0
+
+
+def test_one_open_object_sees_nothing_of_itself():
+    found = solve(placement_of(CORNER[:1], **CORNER_VIEW), [matt(0, 1.0)], 4, sky=constant_environment((1.0,) * 3))
+    assert not found.picture([matt(0, 1.0)]).any() and len(found.light.objects) == 0
+
+
+def test_a_rough_picture_is_near_the_fine_one(corner):
+    _, layers = corner
+    placement = placement_of(CORNER, **CORNER_VIEW, n=96)
+    sky = constant_environment((1.0, 1.0, 1.0))
+    fine, quick = (solve(placement, layers, 5, each, sky=sky).picture(layers) for each in (QUICK, ROUGH))
+    assert np.sqrt(np.mean((fine - quick) ** 2)) / fine.mean() < 0.15
+
+
+def test_memory_does_not_grow_with_the_number_of_objects():
+    bytes_of = []
+    for n in (1, 4):
+        objects = [
+            CORNER[0] | {"transform": [2 / n, 0, 0, (2 * i + 1) / n - 1, 0, 0, 2, 0, 0, -2, 0, 0, 0, 0, 0, 1]}
+            | {"name": f"part{i}"} for i in range(n)
+        ]  # fmt: skip
+        placement = placement_of([*objects, CORNER[1]], **CORNER_VIEW)
+        layers = [matt(i, 0.5) for i in range(n + 1)]
+        bytes_of.append(solve(placement, layers, 4, sky=constant_environment((1.0,) * 3)).n_bytes)
+    assert bytes_of[1] < 2.0 * bytes_of[0]
