@@ -61,8 +61,23 @@ class LayerWork:
 
 
 @dataclass(frozen=True, eq=False)
+class LayerReflection:
+    """One visible layer with all that it reflects by: `coefficients` one (J,3) array a factor, f_q (3,), f_o (N,3)."""
+
+    key: str
+    model: str
+    quotient_parameters: tuple[float, ...]
+    coefficients: tuple[NDArray[np.floating], ...]
+    gain: NDArray[np.floating]
+    view_curve: NDArray[np.floating]
+
+
+@dataclass(frozen=True, eq=False)
 class ComputeTransport(Request):
-    """Compute the transport of all layers under one light, coarse to fine; earlier contractions are cancelled."""
+    """Compute the transport of all layers under one light, coarse to fine; earlier contractions are cancelled.
+
+    With n_bounces > 1 the indirect light is found as well; `looks` say where the picture of it bends.
+    """
 
     light: LightState
     layers: tuple[LayerWork, ...]
@@ -71,6 +86,8 @@ class ComputeTransport(Request):
     n_lights_preview: int
     n_lights_final: int
     precision: Precision = "half"
+    n_bounces: int = 1
+    looks: tuple[LayerReflection, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +102,20 @@ class Contract(Request):
     coefficients: tuple[tuple[str, NDArray[np.floating]], ...]
     precision: Precision = "half"
     picture: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Freeze(Request):
+    """Contract the indirect light for edits of one object, with all others as they look ("object freezing",
+    [BenArtzi07, sect. 6.1]); answered again whenever it becomes finer.
+
+    key, factor: the layer and the curve whose bands are wanted; None: only what every layer reflects. The object that
+    is edited is that of `key`.
+    """
+
+    looks: tuple[LayerReflection, ...]
+    key: str | None = None
+    factor: int | None = None
 
 
 @dataclass(frozen=True)
@@ -173,6 +204,33 @@ class LayerTransport(Response):
     @property
     def precision(self) -> Precision:
         return "half" if self.coefficients_first.dtype == np.float16 else "float"
+
+
+@dataclass(frozen=True, eq=False)
+class IndirectFound(Response):
+    """Where the indirect light of a stage was found: for each point four samples of its own object, by number, and
+    their weights (P,4). `number` tells which `Frozen` belong to it."""
+
+    number: int
+    stage: str
+    rows: NDArray[np.integer]
+    weights: NDArray[np.floating]
+
+
+@dataclass(frozen=True, eq=False)
+class Frozen(Response):
+    """Indirect light at the p samples of each layer, without f_q and f_o, by powers of the edited object's albedo.
+
+    reflected: by layer key (D,p,3); bands (3,J,D,p) of the layer and curve that were named, which is then not among
+    `reflected`; albedos: by key of the edited object's layers, e (V,J,K) [engine.indirect.albedo].
+    """
+
+    number: int
+    key: str | None
+    factor: int | None
+    reflected: dict[str, NDArray[np.float32]]
+    bands: NDArray[np.float32]
+    albedos: dict[str, NDArray[np.float64]]
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,9 @@
-"""What the worker does next: one long job and one quick one, both advanced step by step.
+"""What the worker does next: one long job and one quick one of each kind, all advanced step by step.
 
 A job is the iterator that a handler returns; each `next` is one step, short enough (about 100 ms) that a new request
-is noticed soon. A contraction is quick: it is served between the steps of a transport that is under way. There are no
-threads and no queue but three places, one for the newest request of each kind, so an old request cannot pile up.
+is noticed soon. A contraction is quick, and so is a freezing: they are served between the steps of a transport that is
+under way. There are no threads and no queue but four places, one for the newest request of each kind, so an old request
+cannot pile up.
 """
 
 from __future__ import annotations
@@ -11,31 +12,33 @@ import logging
 from collections.abc import Callable, Iterator
 from typing import Any, Protocol
 
-from app.jobs.messages import Cancel, ComputeTransport, Contract, Failed, OpenScene, Request, Response, stamped
+from app.jobs.messages import Cancel, ComputeTransport, Contract, Failed, Freeze, OpenScene, Request, Response, stamped
 from engine.errors import InsituError
 
 _log = logging.getLogger("insitu.jobs")
 Steps = Iterator[Response | None]
 
 _CANCELS: dict[type[Request], tuple[type[Request], ...]] = {
-    Cancel: (OpenScene, ComputeTransport, Contract),
-    OpenScene: (OpenScene, ComputeTransport, Contract),
-    ComputeTransport: (ComputeTransport, Contract),
+    Cancel: (OpenScene, ComputeTransport, Contract, Freeze),
+    OpenScene: (OpenScene, ComputeTransport, Contract, Freeze),
+    ComputeTransport: (ComputeTransport, Contract, Freeze),
     Contract: (Contract,),
+    Freeze: (Freeze,),
 }
+_QUICK: tuple[type[Request], ...] = (Contract, Freeze)  # the first goes first
 
 
 class Handlers(Protocol):
     """What does the work. A step may yield None when it has nothing to tell; errors are raised.
 
-    `quick` answers a Contract and may be called while a `handle` of ComputeTransport is suspended between two steps:
-    when the transport is not far enough yet, it notes the wish, yields nothing, and the transport answers later.
+    `quick` answers a Contract or a Freeze and may be called while a `handle` of ComputeTransport is suspended between
+    two steps: when that is not far enough yet, it notes the wish, yields nothing, and the transport answers later.
     A job that is cancelled is closed: GeneratorExit is raised where it is suspended.
     """
 
     def handle(self, request: Request) -> Steps: ...
 
-    def quick(self, request: Contract) -> Steps: ...
+    def quick(self, request: Contract | Freeze) -> Steps: ...
 
 
 class _Job:
@@ -72,7 +75,7 @@ class Schedule:
         self._details = details
         self._waiting: dict[type[Request], Request] = {}
         self._long: _Job | None = None
-        self._quick: _Job | None = None
+        self._quick: dict[type[Request], _Job] = {}
 
     def accept(self, request: Request) -> None:
         """Take a request in; it cancels the older of its kind and what was built on that."""
@@ -85,16 +88,21 @@ class Schedule:
         if self._long is None:
             request = self._waiting.pop(OpenScene, None) or self._waiting.pop(ComputeTransport, None)
             self._long = _Job(request, self._handlers.handle) if request else None
-        if self._quick is None and self._may_contract() and Contract in self._waiting:
-            self._quick = _Job(self._waiting.pop(Contract), self._handlers.quick)
-        job = self._quick or self._long
+        for kind in _QUICK:
+            if kind not in self._quick and kind in self._waiting and self._may_contract():
+                self._quick[kind] = _Job(self._waiting.pop(kind), self._handlers.quick)
+        job = self._chosen
         return job.request if job else None
+
+    @property
+    def _chosen(self) -> _Job | None:
+        return next((self._quick[kind] for kind in _QUICK if kind in self._quick), self._long)
 
     def step(self) -> Response | None:
         """Advance the chosen job by one step; an error in it becomes a Failed answer and ends that job alone."""
         if self.choose() is None:
             return None
-        job = self._quick or self._long
+        job = self._chosen
         assert job is not None
         try:
             return job.step()
@@ -106,28 +114,26 @@ class Schedule:
 
     def fail(self, error: Exception) -> Failed:
         """End the job that was advanced last, and what was built on it, because of this error."""
-        job = self._quick or self._long
+        job = self._chosen
         assert job is not None
         self._cancel(_CANCELS[type(job.request)])
         line = _line_for(error, job.request, self._details)
         return Failed(line, id=job.request.id, revision=job.request.revision)
 
     def _may_contract(self) -> bool:
-        """A contraction waits until its scene is open and the transport it belongs to has begun."""
+        """A quick job waits until its scene is open and the transport it belongs to has begun."""
         if self._long is None:
             return True
         return isinstance(self._long.request, ComputeTransport) and self._long.begun
 
     def _finish(self, job: _Job) -> None:
-        if job is self._quick:
-            self._quick = None
-        else:
+        if self._quick.pop(type(job.request), None) is None:
             self._long = None
 
     def _cancel(self, kinds: tuple[type[Request], ...]) -> None:
         for kind in kinds:
             self._waiting.pop(kind, None)
-        for job in (self._quick, self._long):
+        for job in (*self._quick.values(), self._long):
             if job is not None and type(job.request) in kinds:
                 job.close()
                 self._finish(job)

@@ -1,14 +1,30 @@
 """The requests that stand: the newest of each kind, whose answers count and which a new worker is given again.
 
 A request of one kind replaces the older of that kind and what was built on it: a scene the transport, a transport the
-contraction. An answer to a request that no longer stands is stale.
+contraction and the freezing. An answer to a request that no longer stands is stale.
 """
 
 from __future__ import annotations
 
-from app.jobs.messages import Cancel, ComputeTransport, Contract, Failed, OpenScene, Request, Response, SceneOpened
+from app.jobs.messages import (
+    Cancel,
+    ComputeTransport,
+    Contract,
+    Failed,
+    Freeze,
+    OpenScene,
+    Request,
+    Response,
+    SceneOpened,
+)
 
-_ORDER: tuple[type[Request], ...] = (OpenScene, ComputeTransport, Contract)  # each is built on those before it
+# Each kind, in the order in which a new worker needs them, and what is built on it.
+_BUILT_ON: dict[type[Request], tuple[type[Request], ...]] = {
+    OpenScene: (ComputeTransport, Contract, Freeze),
+    ComputeTransport: (Contract, Freeze),
+    Contract: (),
+    Freeze: (),
+}
 
 
 class Standing:
@@ -23,7 +39,7 @@ class Standing:
         if isinstance(request, Cancel):
             self._clear_from(ComputeTransport)
             self._fall_back()
-        elif type(request) in _ORDER:
+        elif type(request) in _BUILT_ON:
             self._clear_from(type(request))
             self._requests[type(request)] = request
 
@@ -49,10 +65,10 @@ class Standing:
 
     def requests(self) -> list[Request]:
         """In the order in which a new worker needs them."""
-        return [self._requests[kind] for kind in _ORDER if kind in self._requests]
+        return [self._requests[kind] for kind in _BUILT_ON if kind in self._requests]
 
     def _clear_from(self, kind: type[Request]) -> None:
-        for later in _ORDER[_ORDER.index(kind) :]:
+        for later in (kind, *_BUILT_ON[kind]):
             self._requests.pop(later, None)
 
     def _fall_back(self) -> None:

@@ -20,12 +20,14 @@ import numpy as np
 
 from app.document import LightState, document_from_description
 from app.jobs.cache import Store, content_key
+from app.jobs.indirect import IndirectTasks
 from app.jobs.kernels import Kernels
 from app.jobs.layer_data import STAGES, LayerData, LitBy, joined, kept_of_tile, shape_of, store_of
 from app.jobs.messages import (
     ComputeTransport,
     Contract,
     Footprint,
+    Freeze,
     LayerWork,
     OpenScene,
     Progress,
@@ -66,6 +68,7 @@ class Tasks:
         self._scene_key = ""
         self._layers: dict[str, LayerData] = {}
         self._light: tuple[str, VisibleLight] | None = None
+        self._indirect: IndirectTasks | None = None
         self._contracted: dict[str, dict[str, np.ndarray]] = {}
         self._selected: tuple[str, str] | None = None
         self._precision: Precision = "half"
@@ -82,8 +85,13 @@ class Tasks:
             case ComputeTransport():
                 yield from self._compute(request)
 
-    def quick(self, request: Contract) -> Iterator[Response | None]:
-        """One layer's picture, and its transport along one curve ("curve switching", [BenArtzi07, eq. 4.16])."""
+    def quick(self, request: Contract | Freeze) -> Iterator[Response | None]:
+        """One layer's picture, and its transport along one curve ("curve switching", [BenArtzi07, eq. 4.16]); or the
+        indirect light, frozen for what is selected."""
+        if isinstance(request, Freeze):
+            if self._indirect is not None:
+                yield from self._indirect.freeze(request)
+            return
         if request.factor is not None:
             self._selected, self._precision = (request.key, request.factor), request.precision
         self._contracted[request.key] = dict(request.coefficients)
@@ -102,6 +110,7 @@ class Tasks:
         if not len(placement.hits.pixel):
             raise InsituError(f"{path}: camera = sees no surface, expected an object in view; nothing was changed")
         self._placement, self._layers, self._light = placement, {}, None
+        self._indirect = IndirectTasks(placement)
         self._selected, self._sky_shown = None, None
         self._scene_key = _scene_key(scene)
         self._recall_visibility(placement)
@@ -118,10 +127,11 @@ class Tasks:
     # ------------------------------------------------------------------------------------------------ transport
 
     def _compute(self, request: ComputeTransport) -> Steps:
-        placement = self._placement
-        if placement is None:
+        placement, indirect = self._placement, self._indirect
+        if placement is None or indirect is None:
             raise InsituError("no scene is open")
         self._contracted = {}
+        indirect.forget_wish()
         if request.selected and request.factor:
             self._selected = (request.selected, request.factor)
         self._precision = request.precision
@@ -137,8 +147,10 @@ class Tasks:
             due = [work for work in works if not self._is_spared(work, lit_by, quality.name, exact)]
             if due:
                 yield from self._stage(placement, due, sky, lit_by, quality)
+            if request.n_bounces > 1 and quality is not DRAG and (exact or quality.name == COARSE.name):
+                yield from indirect.find(request.looks, sky, _sky_key(sky), request.n_bounces, exact)
             if due or exact:
-                n_bytes = sum(data.store.n_bytes for data in self._layers.values())
+                n_bytes = indirect.n_bytes + sum(data.store.n_bytes for data in self._layers.values())
                 yield StageDone(quality.name, exact, time.monotonic() - started, n_bytes)
 
     def _selected_first(self, request: ComputeTransport) -> list[LayerWork]:
@@ -255,11 +267,9 @@ class Tasks:
         return Footprint(*placement.footprint(quality.stride), quality.name)
 
     def _light_key(self, sky: SkyState, quality: Quality) -> str:
-        radiance = None if sky.environment is None else sky.environment.radiance
         return content_key(
-            CACHE_VERSION, self._scene_key, radiance, sky.rotation, sky.scale, quality.n_lights, quality.n_patches,
-            quality.max_level,
-        )  # fmt: skip
+            CACHE_VERSION, self._scene_key, _sky_key(sky), quality.n_lights, quality.n_patches, quality.max_level
+        )
 
     # ---------------------------------------------------------------------------------------------------- light
 
@@ -308,6 +318,10 @@ def _stages(request: ComputeTransport) -> list[tuple[Quality, bool]]:
     if request.n_lights_final <= request.n_lights_preview:
         return [(coarse, False), (preview, True)]
     return [(coarse, False), (preview, False), (replace(FINAL, n_lights=request.n_lights_final), True)]
+
+
+def _sky_key(sky: SkyState) -> str:
+    return content_key(None if sky.environment is None else sky.environment.radiance, sky.rotation, sky.scale)
 
 
 def _object_index(placement: Placement, work: LayerWork) -> int:

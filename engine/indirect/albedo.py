@@ -1,9 +1,9 @@
 """Equivalent albedo: of a reflection the matt one that sends as much light on [BenArtzi07, sect. 5.3].
 
-    d = (1/π) ∫∫ ρ(ωi, ωo) cos θ_i cos θ_o dωi dωo = f_q Σ_o f_o(θ_o) Σ_jk c_j c_k e_ojk
+    d = (1/π) ∫∫ ρ(ωi, ωo) cos θ_i cos θ_o dωi dωo
 
-e follows from the model and its quotient alone, once for all curves. Sharp bands are met by sampling as fans do:
-part by the cosine, part about the highlight's pole.
+What of it does not depend on curves (`equivalence` puts them in) is found here once for a model and its quotient.
+Sharp bands are met by sampling as fans do: part by the cosine, part about the highlight's pole.
 """
 
 from functools import lru_cache
@@ -12,12 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.indirect import _albedo_kernels as kernels
+from engine.indirect.equivalence import N_VIEWS, albedo_of, view_angles
 from engine.indirect.gather import pole_of
 from engine.indirect.rays import cosine_tables, pole_tables
 from engine.material import MODELS
 from engine.material.layer import Layer
 
-N_VIEWS, N_AZIMUTHS = 32, 8
+N_AZIMUTHS = 8
+N_VIEW_SAMPLES = 256
 _N_RAYS = 1024
 _GOLDEN = (1.0 + 5.0**0.5) / 2.0
 
@@ -30,7 +32,7 @@ def albedo_bands(
     model = MODELS[model_name]
     n_a, n_b = (*bands, 1)[:2]
     kind_b = model.factors[1].gamma if len(model.factors) > 1 else -1
-    eyes = np.repeat(_view_angles(), N_AZIMUTHS)
+    eyes = np.repeat(view_angles(), N_AZIMUTHS)
     turns = 2 * np.pi * _GOLDEN * np.arange(len(eyes))
     eyes = np.stack([np.sin(eyes) * np.cos(turns), np.sin(eyes) * np.sin(turns), np.cos(eyes)], axis=1)
     found = np.zeros((len(eyes), n_a, n_b))
@@ -42,15 +44,9 @@ def albedo_bands(
 
 
 def equivalent_albedo(layer: Layer, bands: tuple[int, ...]) -> NDArray[np.float64]:
-    """d of a layer, (3,), at least 0; above 1 it makes light of nothing, which a person may want and is told."""
+    """d of a layer with its curves on this many bands, (3,), at least 0; above 1 it makes light of nothing."""
     e = albedo_bands(layer.model.name, tuple(layer.quotient_parameters().tolist()), bands)
-    curves = [layer.coefficients(factor.name, n) for factor, n in zip(layer.model.factors, bands, strict=False)]
-    first, second = (*curves, np.ones((1, 3)))[:2]
+    curves = tuple(layer.coefficients(factor.name, n) for factor, n in zip(layer.model.factors, bands, strict=False))
     view = layer.model.view_factor
-    views = np.ones((N_VIEWS, 3)) if view is None else layer.curve(view.name)(_view_angles())
-    return np.asarray(layer.scale() * np.einsum("oc,ojk,jc,kc->c", views, e, first, second, optimize=True))
-
-
-def _view_angles() -> NDArray[np.float64]:
-    """θ_o in the middle of 32 rings of equal cos θ_o dω_o."""
-    return np.arccos(np.sqrt(1.0 - (np.arange(N_VIEWS) + 0.5) / N_VIEWS))
+    seen = np.ones((2, 3)) if view is None else layer.curve(view.name)(np.linspace(0.0, np.pi / 2, N_VIEW_SAMPLES))
+    return albedo_of(e, curves, layer.scale(), seen)

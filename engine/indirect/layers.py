@@ -6,12 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.indirect.albedo import equivalent_albedo
+from engine.indirect.albedo import N_VIEW_SAMPLES, equivalent_albedo
 from engine.indirect.reflection import LayerCurves
 from engine.material.layer import Layer
 from engine.scene.hits import PrimaryHits
-
-N_VIEW_SAMPLES = 256
 
 
 @dataclass(frozen=True, eq=False)

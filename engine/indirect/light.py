@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.indirect.cells import Cells
 from engine.indirect.gather import FanSize, Gathered, object_of_rows
 from engine.indirect.irradiance import NOBODY, CellLight, radiosity
 from engine.indirect.layers import IndirectLayer, albedos_of, seen_from
@@ -50,12 +51,21 @@ class IndirectLight:
 
     points: GatherPoints
     footprint: Footprint
+    cells: Cells
     light: CellLight
     n_bounces: int
 
     @property
     def n_bytes(self) -> int:
         return self.points.gathered.seen.nbytes + sum(a.nbytes for a in self.footprint) + self.light.n_bytes
+
+    def footprint_by_object(self) -> Footprint:
+        """The footprint with gather points numbered within each object."""
+        rows, weights = self.footprint
+        ranges = self.points.hits.object_ranges
+        firsts = np.searchsorted(self.points.gathered.rows, ranges[:, 0])
+        own = np.repeat(firsts, ranges[:, 1] - ranges[:, 0])[:, None]
+        return np.asarray(np.where(weights > 0.0, rows - own, 0), np.int32), weights
 
     def radiosity(self, layers: Sequence[IndirectLayer], edited: int = NOBODY) -> NDArray[np.float32]:
         """Radiosity (C, D, 3) of the cells under these layers, see `irradiance.radiosity`."""

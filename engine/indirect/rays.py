@@ -34,13 +34,21 @@ def _vectors(z: NDArray[np.float64], radius: NDArray[np.float64], angle: NDArray
     return vectors
 
 
-def _patterns(n_rays: int, kind: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Two coordinates in (0, 1) of 64 scrambled Sobol sets of R points, (64, R) each."""
-    from scipy.stats import qmc
+def _sobol(n_rays: int) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
+    """The first R points of Sobol's sequence in two dimensions, as fractions of 2³²: every 2^k of them a net."""
+    index = np.arange(n_rays, dtype=np.uint32)
+    first, second = np.zeros(n_rays, np.uint32), np.zeros(n_rays, np.uint32)
+    matrix = np.uint32(1 << 31)
+    for bit in range(32):
+        is_set = (index >> np.uint32(bit)) & np.uint32(1)
+        first ^= is_set << np.uint32(31 - bit)
+        second ^= is_set * matrix
+        matrix ^= matrix >> np.uint32(1)
+    return first, second
 
-    sets = np.zeros((N_PATTERNS, n_rays, 2))
-    for i in range(N_PATTERNS if n_rays else 0):
-        sampler = qmc.Sobol(2, scramble=True, seed=np.random.default_rng((_SEED, kind, i)))
-        sets[i] = sampler.random_base2(int(np.ceil(np.log2(n_rays))))[:n_rays]
-    sets = np.clip(sets, 1e-9, 1.0 - 1e-9)
-    return sets[..., 0], sets[..., 1]
+
+def _patterns(n_rays: int, kind: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Two coordinates in (0, 1) of 64 Sobol sets of R points, each shifted digit by digit [Kollig02], (64, R) each."""
+    shifts = np.random.default_rng((_SEED, kind)).integers(0, 1 << 32, (2, N_PATTERNS, 1), np.uint32)
+    u, v = ((points ^ shift).astype(np.float64) + 0.5 for points, shift in zip(_sobol(n_rays), shifts, strict=True))
+    return u / 2.0**32, v / 2.0**32

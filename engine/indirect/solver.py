@@ -100,7 +100,7 @@ class Solver:
         else:
             points, found = yield from self._even(cells, nothing)
         light = yield from self._light(cells, self._fineness)
-        return IndirectLight(points, found, light, self._n_bounces)
+        return IndirectLight(points, found, cells, light, self._n_bounces)
 
     def _even(self, cells: Cells, nothing: Gathered) -> Generator[Progress, None, tuple[GatherPoints, Footprint]]:
         """Every eighth pixel."""
@@ -158,6 +158,14 @@ class Solver:
             yield fraction, "light between surfaces"
         direct = direct_irradiance(cells, self._lights, fineness.n_samples)
         return CellLight(cells.objects.copy(), np.concatenate(parts), direct)
+
+
+def relit(
+    found: IndirectLight, placement: Placement, sky: SkyState, fineness: Fineness, n_bounces: int
+) -> IndirectLight:
+    """The same rays under another light; n_bounces: at most as many as they were found for."""
+    direct = direct_irradiance(found.cells, _lights(placement, sky), fineness.n_samples)
+    return replace(found, light=replace(found.light, direct=direct), n_bounces=n_bounces)
 
 
 def _fan_size(n_rays: int, pole: int) -> FanSize:

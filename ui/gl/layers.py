@@ -21,12 +21,21 @@ from ui.gl.textures import TextureMemory
 
 
 @dataclass(eq=False)
+class Indirect:
+    """What a layer reflects of light that was reflected before, at samples of its own."""
+
+    accumulator: Accumulator
+    footprint: FootprintTextures
+
+
+@dataclass(eq=False)
 class Layer:
-    """One layer as it is drawn; `mean` (3,) is its mean radiance before f_q and f_o."""
+    """One layer as it is drawn; `mean` (3,) is its mean radiance before f_q and f_o, of direct light."""
 
     i_object: int
     accumulator: Accumulator
     footprint: FootprintTextures | None
+    indirect: Indirect | None = None
     gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
     view_curve: moderngl.Texture | None = None
     visible: bool = True
@@ -51,6 +60,7 @@ class LayerStack:
 
     def __init__(self, memory: TextureMemory, compositor: Compositor) -> None:
         self.footprint: FootprintTextures | None = None
+        self.indirect_footprint: FootprintTextures | None = None
         self.dirty: set[int] = set()
         self._memory, self._compositor = memory, compositor
         self._layers: dict[str, Layer] = {}
@@ -69,7 +79,10 @@ class LayerStack:
         return tuple(self._layers)
 
     def of_object(self, i_object: int) -> list[Layer]:
-        return [layer for layer in self._layers.values() if layer.i_object == i_object]
+        """The object's layers as they are shaded one by one, each with its indirect light as another."""
+        found = [layer for layer in self._layers.values() if layer.i_object == i_object]
+        parts = [(layer, layer.indirect) for layer in found if layer.indirect is not None]
+        return found + [replace(layer, accumulator=p.accumulator, footprint=p.footprint) for layer, p in parts]
 
     def put(self, key: str, i_object: int, n_samples: int) -> None:
         """Add a layer, black; an old one of that key loses its picture and keeps gain, view curve and visibility."""
@@ -82,14 +95,14 @@ class LayerStack:
         if old is not None:
             layer.gain, layer.view_curve, layer.visible = old.gain, old.view_curve, old.visible
             self.dirty.add(old.i_object)
-            old.accumulator.release()
+            _release(old)
         self._layers[key] = layer
         self.dirty.add(i_object)
 
     def remove(self, key: str) -> None:
         layer = self[key]
         del self._layers[key]
-        layer.accumulator.release()
+        _release(layer)
         self._memory.release(layer.view_curve)
         self.dirty.add(layer.i_object)
 
@@ -106,6 +119,29 @@ class LayerStack:
         layer.accumulator.write(radiance)
         layer.footprint = self.footprint
         layer.mean = _finite_mean(radiance)
+        self.dirty.add(layer.i_object)
+
+    def set_indirect(self, key: str, radiance: NDArray[np.floating] | None) -> None:
+        """A layer's indirect radiance (p,3) at the samples of the indirect footprint; None takes it away."""
+        layer = self[key]
+        if radiance is None:
+            if layer.indirect is not None:
+                layer.indirect.accumulator.release()
+                layer.indirect = None
+                self.dirty.add(layer.i_object)
+            return
+        if self.indirect_footprint is None:
+            raise GraphicsError(f"layer {key}: indirect light, but no footprint for it")
+        needed = int(self.indirect_footprint.n_samples_needed[layer.i_object])
+        if radiance.shape != (len(radiance), 3) or len(radiance) < needed:
+            raise GraphicsError(f"layer {key}: indirect radiance {radiance.shape}, expected ({needed} or more, 3)")
+        if layer.indirect is None or layer.indirect.accumulator.n_samples != len(radiance):
+            accumulator = Accumulator(self._memory, len(radiance))
+            if layer.indirect is not None:
+                layer.indirect.accumulator.release()
+            layer.indirect = Indirect(accumulator, self.indirect_footprint)
+        layer.indirect.footprint = self.indirect_footprint
+        layer.indirect.accumulator.write(radiance)
         self.dirty.add(layer.i_object)
 
     def exchange(self, key: str, accumulator: Accumulator, footprint: FootprintTextures | None) -> None:
@@ -178,9 +214,16 @@ class LayerStack:
         self.footprint = self._compositor.make_footprint(rows, weights)
         self._footprints.append(self.footprint)
 
+    def set_indirect_footprint(self, rows: NDArray[np.integer], weights: NDArray[np.floating]) -> None:
+        """The footprint of the indirect light to come."""
+        self.indirect_footprint = self._compositor.make_footprint(rows, weights)
+        self._footprints.append(self.indirect_footprint)
+
     def release_unused_footprints(self, also_used: Iterable[FootprintTextures | None] = ()) -> None:
         """Free the footprints that neither a layer nor `also_used` needs."""
-        used = [self.footprint, *also_used, *(layer.footprint for layer in self._layers.values())]
+        used = [self.footprint, self.indirect_footprint, *also_used]
+        for layer in self._layers.values():
+            used += [layer.footprint, None if layer.indirect is None else layer.indirect.footprint]
         for footprint in [f for f in self._footprints if not any(f is other for other in used)]:
             self._compositor.release_footprint(footprint)
             self._footprints.remove(footprint)
@@ -206,8 +249,14 @@ class LayerStack:
     def release(self) -> None:
         for key in self.keys:
             self.remove(key)
-        self.footprint = None
+        self.footprint = self.indirect_footprint = None
         self.release_unused_footprints()
+
+
+def _release(layer: Layer) -> None:
+    layer.accumulator.release()
+    if layer.indirect is not None:
+        layer.indirect.accumulator.release()
 
 
 def _finite_mean(radiance: NDArray[np.floating]) -> NDArray[np.float64]:

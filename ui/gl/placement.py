@@ -167,6 +167,16 @@ class PlacementRenderer:
                 self._release_active()
         self._release_unused_footprints()
 
+    def set_indirect_footprint(self, rows: NDArray[np.integer], weights: NDArray[np.floating]) -> None:
+        """Which samples of indirect light stand for each pixel, as in `set_footprint`, in what is set from now on."""
+        self._shown().layers.set_indirect_footprint(rows, weights)
+        self._release_unused_footprints()
+
+    def set_layer_indirect(self, key: str, radiance: NDArray[np.floating] | None) -> None:
+        """A layer's radiance (p,3) from light that was reflected before, without f_q and f_o; None: there is none."""
+        self._shown().layers.set_indirect(key, radiance)
+        self._release_unused_footprints()
+
     def remove_layer(self, key: str) -> None:
         """Take a layer out of the picture."""
         self._shown().layers.remove(key)

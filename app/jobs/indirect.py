@@ -1,0 +1,134 @@
+"""The worker's share of indirect light: found once for scene and camera, lit anew, frozen for what is being edited.
+
+Found roughly after the first picture, finely after the last stage of the direct light, so that a person waits for
+neither; where the rays of a fine one are still there, another light only lights their cells anew, at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from app.jobs.messages import Freeze, Frozen, IndirectFound, LayerReflection, Progress, Response
+from engine.indirect.albedo import albedo_bands, albedo_of
+from engine.indirect.irradiance import NOBODY
+from engine.indirect.layers import IndirectLayer
+from engine.indirect.light import IndirectLight
+from engine.indirect.reflection import LayerCurves
+from engine.indirect.solver import FINE, ROUGH, Fineness, Solver, relit
+from engine.material import MODELS
+from engine.transport.pipeline import Placement, SkyState
+
+Steps = Iterator[Response | None]
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """Indirect light, what its rays and what its irradiance were found for."""
+
+    light: IndirectLight
+    fineness: Fineness
+    models: tuple[tuple[str, str], ...]
+    lit_by: str
+    depth: int  # bounces that the rays were found for
+    number: int
+
+
+class IndirectTasks:
+    """Indirect light of the scene that is open, and the freezing that was asked for last."""
+
+    def __init__(self, placement: Placement) -> None:
+        self._placement = placement
+        self._names = [described.name for described in placement.scene.description.objects]
+        self._found: _Found | None = None
+        self._wish: Freeze | None = None
+        self._number = 0
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory of what was found."""
+        return 0 if self._found is None else self._found.light.n_bytes
+
+    def forget_wish(self) -> None:
+        """Another transport was asked for: its freezing comes after it."""
+        self._wish = None
+
+    def find(
+        self, looks: Sequence[LayerReflection], sky: SkyState, lit_by: str, n_bounces: int, is_last: bool
+    ) -> Steps:
+        """What a stage of the direct light calls for: `is_last` all that can be had, else what can be had at once.
+
+        lit_by: a key of the light.
+        """
+        models = tuple((look.key, look.model) for look in looks)
+        found = self._found
+        same_rays = found is not None and found.models == models and found.depth >= n_bounces
+        if found is not None and same_rays and (found.fineness is FINE or not is_last):
+            if (found.lit_by, found.light.n_bounces) == (lit_by, n_bounces):
+                yield self._where(found)
+                return
+            yield Progress("indirect light", 0.0, text="light on surfaces")
+            light = relit(found.light, self._placement, sky, found.fineness, n_bounces)
+            yield from self._hold(replace(found, light=light, lit_by=lit_by))
+            return
+        fineness = FINE if is_last else ROUGH
+        of_object: dict[int, list[str]] = {}
+        for look in looks:
+            of_object.setdefault(self._object(look.key), []).append(look.model)
+        solver = Solver(self._placement, of_object, sky, n_bounces, fineness)
+        steps = solver.solve([self._layer(look) for look in looks])
+        while True:
+            try:
+                fraction, text = next(steps)
+                yield Progress("indirect light", fraction, text=text)
+            except StopIteration as end:
+                yield from self._hold(_Found(end.value, fineness, models, lit_by, n_bounces, 0))
+                return
+
+    def freeze(self, request: Freeze) -> Steps:
+        """The answer, if there is anything to answer with; it is given again when there is something finer."""
+        self._wish = request
+        if self._found is not None:
+            yield from self._frozen(self._found, request)
+
+    def _hold(self, found: _Found) -> Steps:
+        self._number += 1
+        self._found = found = replace(found, number=self._number)
+        yield self._where(found)
+        if self._wish is not None:
+            yield from self._frozen(found, self._wish)
+
+    def _where(self, found: _Found) -> IndirectFound:
+        rows, weights = found.light.footprint_by_object()
+        return IndirectFound(found.number, found.fineness.name, rows, weights)
+
+    def _frozen(self, found: _Found, wish: Freeze) -> Steps:
+        edited = NOBODY if wish.key is None else self._object(wish.key)
+        layers = {look.key: self._layer(look) for look in wish.looks}
+        bright = found.light.radiosity(list(layers.values()), edited)
+        yield None
+        reflected, bands = {}, np.zeros((3, 0, bright.shape[1], 0), np.float32)
+        for key, layer in layers.items():
+            fans = found.light.points.fans(layer.i_object)
+            if key == wish.key and wish.factor is not None:
+                bands = fans.by_band(layer.curves, wish.factor, bright)
+            else:
+                reflected[key] = np.ascontiguousarray(fans.reflected(layer.curves, bright).transpose(1, 0, 2))
+            yield None
+        albedos = {
+            look.key: albedo_bands(look.model, look.quotient_parameters, tuple(map(len, look.coefficients)))
+            for look in wish.looks if self._object(look.key) == edited
+        }  # fmt: skip
+        yield Frozen(found.number, wish.key, wish.factor, reflected, bands, albedos)
+
+    def _layer(self, look: LayerReflection) -> IndirectLayer:
+        curves = tuple(np.asarray(values, np.float64) for values in look.coefficients)
+        e = albedo_bands(look.model, look.quotient_parameters, tuple(map(len, curves)))
+        gain, view = np.asarray(look.gain, np.float64), np.asarray(look.view_curve, np.float64)
+        optics = LayerCurves(MODELS[look.model], np.array(look.quotient_parameters), curves)
+        return IndirectLayer(self._object(look.key), optics, gain, view, albedo_of(e, curves, gain, view))
+
+    def _object(self, key: str) -> int:
+        return self._names.index(key.rpartition(".")[0])
