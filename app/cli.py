@@ -1,7 +1,8 @@
 """The command line: what each command takes, and nothing of how it is done.
 
 Exit status: 0; 1, the work failed and one line on standard error says why and what to do; 2, usage (and no display to
-open a window on); 130, Ctrl-C; 143, SIGTERM. Libraries of the engine are imported by the commands that need them, never before.
+open a window on); 130, Ctrl-C; 143, SIGTERM while measuring. Libraries of the engine are imported by the commands that
+need them, never before.
 """
 
 from __future__ import annotations
