@@ -1,7 +1,8 @@
 """The command line: what each command takes, and nothing of how it is done.
 
 Exit status: 0; 1, the work failed and one line on standard error says why and what to do; 2, usage (and no display to
-open a window on); 130, Ctrl-C. Libraries of the engine are imported by the commands that need them, never before.
+open a window on); 130, Ctrl-C; 143, SIGTERM while measuring. Libraries of the engine are imported by the commands that
+need them, never before.
 """
 
 from __future__ import annotations
@@ -201,8 +202,10 @@ def measure(
 ) -> int:
     """Measure speed against accuracy on this machine: CSV, plots, figures.json."""
     from app import measure as measuring
+    from app.measure.ending import ended_in_order
 
-    measuring.run(find_source(scene), output, quick)
+    with ended_in_order():
+        measuring.run(find_source(scene), output, quick)
     return 0
 
 

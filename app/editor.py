@@ -20,10 +20,13 @@ from app.commands import EditCommand
 from app.comparison import Comparison
 from app.document import Document, Selection, document_from_description, resolve
 from app.history import History
+from app.indirect import IndirectTalk
 from app.jobs.messages import (
     Cancel,
     Failed,
     Footprint,
+    Frozen,
+    IndirectFound,
     LayerPicture,
     LayerTransport,
     OpenScene,
@@ -112,6 +115,7 @@ class Editor:
         self._client = client
         self._keeper = SessionKeeper(journal)
         self._negotiator = Negotiator(client.send, self.curves)
+        self._indirect = IndirectTalk(client.send, self.curves)
         self._comparison = Comparison(client.send, self.curves)
         self._known_light = KnownLight()
         self._opening: Opening | None = None
@@ -186,6 +190,7 @@ class Editor:
             self.view = replace(self.view, selected=selected, operator=None, curve_zoom=None)
             self._gauges.picture_changed()
             self._negotiator.edited()
+            self._indirect.edited()
         return None
 
     def notify(self, text: str, is_error: bool = False) -> None:
@@ -264,8 +269,11 @@ class Editor:
         if self.scene_is_open:
             view = self.view
             self._negotiator.update(
-                now, self.document, view.selected, view.n_lights, self.history.dragging, view.precision
+                now, self.document, view.selected, view.n_lights, self.history.dragging, view.precision, view.n_bounces
             )
+            if not self._negotiator.drag_quality:
+                revision = self._negotiator.revision
+                events += self._indirect.update(now, self.document, view.selected, view.n_bounces, revision)
             events += self._compare(now)
             self._keep(now)
         self._gauges.measure_memory(now, self._client.pid)
@@ -308,8 +316,9 @@ class Editor:
     def status(self) -> Status:
         """The truth about what is on screen."""
         status = self._gauges.status(
-            self._negotiator, self._client.alive, self._opening is not None, self.view.precision
-        )
+            self._negotiator, self._client.alive, self._opening is not None, self.view.precision,
+            self._indirect.is_complete,
+        )  # fmt: skip
         return replace(status, compared_exact=self._comparison.exact)
 
     # -------------------------------------------------------------------------------------------------------- answers
@@ -337,6 +346,10 @@ class Editor:
                 return [SkyChanged(response.radiance)]
             case Footprint():
                 return [FootprintChanged(response.rows, response.weights, response.stage)]
+            case IndirectFound():
+                self._indirect.took_found(response)
+            case Frozen():
+                return self._indirect.took_frozen(response)
             case LayerPicture() if self._comparison.took(response):
                 return []
             case LayerPicture():
@@ -367,6 +380,7 @@ class Editor:
         self._opening = None
         self._gauges = Gauges(notes=response.notes, memory_mb=self._gauges.memory_mb)
         self._negotiator.scene_opened()
+        self._indirect.scene_opened()
         self._known_light = KnownLight()
         self.view = replace(self.view, selected=None, hovered=None, compare=None, operator=None, curve_zoom=None)
         self.history = History(document)
@@ -439,6 +453,7 @@ class Editor:
     def _document_changed(self) -> None:
         self._gauges.picture_changed()
         self._negotiator.edited()
+        self._indirect.edited()
         selected = self.view.selected
         if selected is not None and selected.factor is not None:
             model = self.document.layer(selected.key).model

@@ -24,6 +24,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from app.document import Document, LightState, Selection
+from app.indirect import reflections
 from app.jobs.messages import ComputeTransport, Contract, Failed, LayerPicture, LayerTransport, Request, StageDone
 from app.picture import Array, Coefficients, Curves
 from app.wishes import (
@@ -61,7 +62,7 @@ class Negotiator:
     def _forget(self) -> None:
         self._wish: TransportWish | None = None
         self._wish_since = -math.inf
-        self._wish_made_of: tuple[Document, int] | None = None
+        self._wish_made_of: tuple[Document, int, int] | None = None
         self._asked: TransportWish | None = None
         self._becoming_editable: tuple[str, ...] = ()
         self._drag_quality = False
@@ -148,7 +149,7 @@ class Negotiator:
         models = [(key, layer.model) for key, layer in document.layers()]
         if self._asked is None or models != [(key, layer.model) for key, layer in like.layers()]:
             return False
-        return transport_wish(document, n_lights, self._curves) == self._asked
+        return transport_wish(document, n_lights, self._asked.n_bounces, self._curves) == self._asked
 
     def asked_bands(self, key: str) -> dict[str, int] | None:
         """J of each factor of a layer in the transport asked last; None where there is none of it."""
@@ -221,13 +222,13 @@ class Negotiator:
 
     def update(
         self, now: float, document: Document, selected: Selection | None, n_lights: int, dragging: bool,
-        precision: Precision = "half",
+        precision: Precision = "half", n_bounces: int = 1,
     ) -> None:  # fmt: skip
         """Ask for what is missing; ``now`` in seconds of any steady clock."""
         if not self._opened:
             return
         self._precision = precision
-        wish = self._transport_wish(document, n_lights)
+        wish = self._transport_wish(document, n_lights, n_bounces)
         if wish != self._wish:
             self._wish_since = -math.inf if self._wish is None else now
             self._wish = wish
@@ -267,6 +268,8 @@ class Negotiator:
             min(N_LIGHTS_PREVIEW, wish.n_lights),
             n_lights,
             self._precision,
+            wish.n_bounces,
+            reflections(document, self._curves) if wish.n_bounces > 1 else (),
             revision=self.revision,
         )
         self._transport_id = self._send(request)
@@ -346,11 +349,12 @@ class Negotiator:
             return False
         return same_coefficients({name: shown.coefficients[name] for name in curve.others}, curve.others)
 
-    def _transport_wish(self, document: Document, n_lights: int) -> TransportWish:
-        if self._wish is not None and self._wish_made_of == (document, n_lights):
+    def _transport_wish(self, document: Document, n_lights: int, n_bounces: int) -> TransportWish:
+        made_of = (document, n_lights, n_bounces)
+        if self._wish is not None and self._wish_made_of == made_of:
             return self._wish
-        self._wish_made_of = (document, n_lights)
-        return transport_wish(document, n_lights, self._curves)
+        self._wish_made_of = made_of
+        return transport_wish(*made_of, self._curves)
 
     # ------------------------------------------------------------------------------------------------------- answers
 

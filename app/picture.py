@@ -78,6 +78,22 @@ class TransportReady:
 
 
 @dataclass(frozen=True, eq=False)
+class IndirectFootprint:
+    """Which samples of indirect light stand for each pixel from now on: rows and weights (P,4)."""
+
+    rows: NDArray[np.integer]
+    weights: NDArray[np.floating]
+
+
+@dataclass(frozen=True, eq=False)
+class IndirectRadiance:
+    """One layer's radiance (p,3) from light that was reflected before, without f_q and f_o; None: there is none."""
+
+    key: str
+    radiance: NDArray[np.floating] | None
+
+
+@dataclass(frozen=True, eq=False)
 class LayerLook:
     """How a layer looks in another document: f_q, f_o, visibility, and its radiance (p,3), None where as on screen."""
 
@@ -94,7 +110,16 @@ class ComparedRefined:
     looks: Mapping[str, LayerLook]
 
 
-PictureEvent = SceneFrame | SkyChanged | FootprintChanged | LayerRadiance | TransportReady | ComparedRefined
+PictureEvent = (
+    SceneFrame
+    | SkyChanged
+    | FootprintChanged
+    | LayerRadiance
+    | TransportReady
+    | IndirectFootprint
+    | IndirectRadiance
+    | ComparedRefined
+)
 
 
 class Curves:

@@ -100,7 +100,9 @@ class Gauges:
             self._memory_at = now
             self.memory_mb = resident_megabytes(os.getpid(), worker)
 
-    def status(self, talk: Negotiator, worker_alive: bool, opening: bool, wanted: Precision) -> Status:
+    def status(
+        self, talk: Negotiator, worker_alive: bool, opening: bool, wanted: Precision, indirect_is_complete: bool = True
+    ) -> Status:
         """All gauges at this moment; ``wanted``: the precision that is asked for."""
         progress, report = self.progress or Progress("", 0.0), self.report
         return Status(
@@ -109,7 +111,7 @@ class Gauges:
             fraction=progress.fraction,
             seconds_left=progress.seconds_left,
             text=progress.text,
-            picture=self._picture_state(talk, opening),
+            picture=self._picture_state(talk, opening, indirect_is_complete),
             shown_coefficients=report.shown_coefficients,
             wanted_coefficients=report.wanted_coefficients,
             image_error=report.image_error,
@@ -126,12 +128,12 @@ class Gauges:
             notes=self.notes,
         )
 
-    def _picture_state(self, talk: Negotiator, opening: bool) -> PictureState:
+    def _picture_state(self, talk: Negotiator, opening: bool, indirect_is_complete: bool) -> PictureState:
         if not self.has_picture:
             return "waiting"
         if opening or not (talk.shows_final or talk.transport_is_current and talk.delivered_final):
             return "preview"
-        return "exact" if talk.finished and self.report.exact else "refining"
+        return "exact" if talk.finished and self.report.exact and indirect_is_complete else "refining"
 
 
 def _light_note(talk: Negotiator) -> str:

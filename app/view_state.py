@@ -32,7 +32,8 @@ DEFAULT_PANELS = MappingProxyType(
 class ViewState:
     """Selection and display. Angles in radians, exposure in stops, frame budget in milliseconds.
 
-    ``n_lights`` cut the environment in the finished picture, ``precision`` is that of transport on the GPU.
+    ``n_lights`` cut the environment in the finished picture, ``n_bounces`` are the reflections between light and eye,
+    ``precision`` is that of transport on the GPU.
     ``compare`` is the document that A/B shows left of ``compare_divider`` (0 the left edge, 1 the right).
     ``regions`` are a ≤ b ≤ c ≤ d of the operator being shown or about to be made; ``operator`` is its index in the
     selected curve's list, None for one about to be made. ``curve_zoom`` is (γ low, γ high, y low, y high); None fits.
@@ -54,6 +55,7 @@ class ViewState:
     frame_budget_ms: float = 16.0
     precision: Precision = "half"
     n_lights: int = 4000
+    n_bounces: int = 1
     panels: Mapping[str, bool] = field(default_factory=lambda: DEFAULT_PANELS)
     show_shortcuts: bool = False
 
@@ -76,6 +78,7 @@ _LIMITS: dict[str, tuple[float, float]] = {
     "compare_divider": (0.0, 1.0),
     "frame_budget_ms": (2.0, 200.0),
     "n_lights": (20, 20000),
+    "n_bounces": (1, 8),
 }
 
 

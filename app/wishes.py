@@ -75,6 +75,7 @@ class TransportWish:
     light: LightState
     layers: tuple[LayerShape, ...]
     n_lights: int
+    n_bounces: int = 1
 
     def turned_from(self, other: TransportWish) -> bool:
         """Whether only the environment's rotation differs."""
@@ -139,7 +140,7 @@ class Contraction:
     sent_at: float
 
 
-def transport_wish(document: Document, n_lights: int, curves: Curves) -> TransportWish:
+def transport_wish(document: Document, n_lights: int, n_bounces: int, curves: Curves) -> TransportWish:
     """The transport of a document's layers, but for those of emitters, in its light at intensity 1."""
     emitters = {state.name for state in document.objects if state.emits}
     shapes = tuple(
@@ -147,7 +148,7 @@ def transport_wish(document: Document, n_lights: int, curves: Curves) -> Transpo
         for key, layer in document.layers()
         if key.rpartition(".")[0] not in emitters
     )
-    return TransportWish(replace(document.light, intensity=1.0), shapes, n_lights)
+    return TransportWish(replace(document.light, intensity=1.0), shapes, n_lights, n_bounces)
 
 
 def curve_wish(

@@ -27,6 +27,8 @@ from app.editor import Editor
 from app.picture import (
     ComparedRefined,
     FootprintChanged,
+    IndirectFootprint,
+    IndirectRadiance,
     LayerLook,
     LayerRadiance,
     PictureEvent,
@@ -183,6 +185,10 @@ class PictureFeed:
                 self.renderer.set_footprint(None if own else event.rows, None if own else event.weights)
             case LayerRadiance():
                 self._take_radiance(editor, event)
+            case IndirectFootprint():
+                self.renderer.set_indirect_footprint(event.rows, event.weights)
+            case IndirectRadiance() if event.key in self.renderer.layer_keys:
+                self.renderer.set_layer_indirect(event.key, event.radiance)
             case ComparedRefined():
                 if self._compared is not None:
                     self.renderer.snapshot_compare({key: _look(look) for key, look in event.looks.items()})

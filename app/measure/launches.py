@@ -3,7 +3,8 @@
 The window is opened under Xvfb where that is installed, else on the display there is, else without one (the same
 frames in a framebuffer). It writes its milestones to the file that `INSITU_TIMES` names, in times of the steady clock.
 Each launch gets folders of its own for state and cache, so that nothing is known of the scene; compiled kernels are
-there or not, as asked.
+there or not, as asked. Each program is a process group of its own and ends with all that it started, also when the
+measurement is ended in the middle.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -29,6 +30,8 @@ ROOT = Path(__file__).resolve().parents[2]
 RENDERER = "ui.measure_gl"
 SCREEN = "1440x900x24"
 LOOK_SECONDS = 0.02
+GRACE_SECONDS = 5.0
+WORDS = "stderr.txt"
 
 
 @dataclass(frozen=True)
@@ -101,19 +104,13 @@ def launch(
         environment["NUMBA_CACHE_DIR"] = str(kernels)
     if screen.environment:
         environment.pop("WAYLAND_DISPLAY", None)
-    with open(folder / "stderr.txt", "w+", encoding="utf-8") as words:
-        started = time.monotonic()
-        process = subprocess.Popen(
-            [*screen.command, source], cwd=ROOT, env=environment, stdout=subprocess.DEVNULL, stderr=words
-        )
+    started = time.monotonic()
+    with _program([*screen.command, source], environment, folder) as process:
         try:
             return _relative(_wait_for(process, file, until, started + timeout_s), started)
         except NotMeasured as error:
-            words.seek(0)
-            said = words.read().strip().splitlines()
-            raise NotMeasured(f"{error}{': ' + said[-1] if said else ''}") from None
-        finally:
-            _end(process)
+            said = _last_words(folder)
+            raise NotMeasured(f"{error}{': ' + said if said else ''}") from None
 
 
 def _wait_for(process: subprocess.Popen[bytes], file: Path, until: Milestone, deadline: float) -> dict[str, float]:
@@ -133,14 +130,39 @@ def _relative(times: dict[str, float], started: float) -> Launch:
     return Launch({name: at - started for name, at in times.items()}, block)
 
 
-def _end(process: subprocess.Popen[bytes]) -> None:
-    if process.poll() is None:
-        process.send_signal(signal.SIGTERM)
+@contextlib.contextmanager
+def _program(
+    command: Sequence[str], environment: Mapping[str, str], folder: Path
+) -> Iterator[subprocess.Popen[bytes]]:
+    """A program that runs while the block lasts at most, in a group of its own; its words go to a file in `folder`."""
+    with open(folder / WORDS, "wb") as words:
+        process = subprocess.Popen(
+            command, cwd=ROOT, env=environment, stdout=subprocess.DEVNULL, stderr=words, start_new_session=True
+        )
         try:
-            process.wait(5.0)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+            yield process
+        finally:
+            _end(process)
+
+
+def _last_words(folder: Path) -> str:
+    """The last line that a program wrote to standard error, or nothing."""
+    said = (folder / WORDS).read_text(encoding="utf-8", errors="replace").strip().splitlines()
+    return said[-1] if said else ""
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """Ask the program to end, then end what is left of its group, which may be writing to its folder."""
+    if process.poll() is None:
+        process.terminate()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(GRACE_SECONDS)
+    deadline = time.monotonic() + GRACE_SECONDS
+    with contextlib.suppress(ProcessLookupError):
+        while time.monotonic() < deadline:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.poll()
+            time.sleep(LOOK_SECONDS)
 
 
 def measure_renderer(
@@ -157,12 +179,12 @@ def measure_renderer(
     if resolution is not None:
         command += ["--resolution", str(resolution[0]), str(resolution[1])]
     environment = {**os.environ, "INSITU_CACHE": str(folder / "cache"), "INSITU_STATE": str(folder / "state")}
-    try:
-        done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=timeout_s)
-    except subprocess.TimeoutExpired:
-        raise NotMeasured(f"the renderer's measurements took more than {timeout_s:.0f} s") from None
-    if done.returncode != 0:
-        said = done.stderr.strip().splitlines()
-        raise NotMeasured(said[-1] if said else f"{RENDERER} ended with status {done.returncode}")
+    with _program(command, environment, folder) as process:
+        try:
+            status = process.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            raise NotMeasured(f"the renderer's measurements took more than {timeout_s:.0f} s") from None
+    if status != 0:
+        raise NotMeasured(_last_words(folder) or f"{RENDERER} ended with status {status}")
     found: dict[str, Any] = json.loads(output.read_text())
     return found

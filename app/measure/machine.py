@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-PACKAGES = ("numpy", "scipy", "numba", "embreex", "trimesh", "OpenEXR", "moderngl", "glfw", "imgui-bundle")
+PACKAGES = ("numpy", "scipy", "numba", "embreex", "OpenEXR", "moderngl", "glfw", "imgui-bundle")
 
 
 def usable_cores() -> int:

@@ -1,6 +1,6 @@
-"""One-dimensional curves: edited by operators, averaged over bands, transformed to wavelets.
+"""One-dimensional curves: edited by operators, fitted by bands, transformed to wavelets.
 
-    curve --operators--> edited curve --bands--> band means (J, 3) --wavelet--> coefficients (J, 3)
+    curve --operators--> edited curve --bands--> band values (J, 3) --wavelet--> coefficients (J, 3)
 
 numpy only: the window's process loads this before it shows.
 """

@@ -1,6 +1,6 @@
 """Reflection models as editable factors [BenArtzi07, ch. 3].
 
-    parameters --generate--> curves --operators--> edited curves --band means--> coefficients
+    parameters --generate--> curves --operators--> edited curves --bands, wavelet--> coefficients
          \\--quotient_parameters--> compiled quotient (`_kernels`, worker only)
 
 `MODELS` lists what there is; `Layer` is one use of a model. Importing this package imports no compiler.

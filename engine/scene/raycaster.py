@@ -105,7 +105,7 @@ class RayCaster:
     def offset_origins(self, points: npt.NDArray, geometric_normals: npt.NDArray) -> Floats:
         """Points (P, 3) lifted off their surface along its normal (P, 3), enough for a ray not to hit it again.
 
-        The lift is 4 ε max|p| with ε = 2⁻²³ and the maximum over the scene: it follows the scene's size.
+        The lift is 32 ε max|p| with ε = 2⁻²³ and the maximum over the scene: it follows the scene's size.
         """
         return (np.asarray(points, np.float64) + self._offset * np.asarray(geometric_normals)).astype(np.float32)
 

@@ -14,6 +14,7 @@ from ui.theme import Icon
 
 LEAST_BUDGET, LARGEST_BUDGET = 2.0, 200.0
 LIGHT_CHOICES = (400, 1000, 4000, 10000)
+BOUNCE_CHOICES = (1, 2, 3, 4, 8)
 VALUE_COLUMN = 112.0
 SMALLEST_ERROR = 1e-7
 
@@ -52,6 +53,13 @@ def _quality(context: PanelContext) -> list[Action]:
     pressed = widgets.segments(context, "accuracy.lights", choices, chosen, least=_share(context, len(choices)))
     if pressed is not None:
         actions.append(SetView.of(n_lights=LIGHT_CHOICES[pressed]))
+    widgets.label(context, "Bounces")
+    hint = "Reflections between light and eye. 1 is direct light; more bring colour bleeding and light from neighbours."
+    chosen = BOUNCE_CHOICES.index(context.view.n_bounces) if context.view.n_bounces in BOUNCE_CHOICES else -1
+    choices = [(str(n), hint) for n in BOUNCE_CHOICES]
+    pressed = widgets.segments(context, "accuracy.bounces", choices, chosen, least=_share(context, len(choices)))
+    if pressed is not None:
+        actions.append(SetView.of(n_bounces=BOUNCE_CHOICES[pressed]))
     widgets.label(context, "Transport")
     options = (
         ("Half", "Half floats on the graphics card: half the memory, errors of a thousandth."),

@@ -1,0 +1,192 @@
+"""Indirect light on the window's side: what to freeze it for, and the picture of it each frame.
+
+The worker freezes it for the object of the selected layer [BenArtzi07, sect. 6.1]: what every layer reflects is then a
+polynomial in that object's equivalent albedo d, and the selected layer's also a sum over the bands of its curve,
+
+    L = Σ_n d^n β_n        and        L = Σ_n d^n Σ_j c_j F_jn.
+
+Both are sums over a few thousand samples, a few milliseconds, so that indirect light follows the hand exactly in every
+frame, without increments. What the sums hold fixed (other objects' curves, the other curve of the selected layer) is
+compared with the document once a frame, and frozen anew when it has changed, one request at a time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.document import Document, Selection
+from app.jobs.messages import Freeze, Frozen, IndirectFound, LayerReflection, Request
+from app.picture import Array, Curves, IndirectFootprint, IndirectRadiance, PictureEvent
+from engine.indirect.equivalence import albedo_of
+
+FREEZE_PATIENCE = 5.0
+FINE_STAGE = "fine"
+
+
+def reflections(document: Document, curves: Curves) -> tuple[LayerReflection, ...]:
+    """The visible layers of all objects that reflect, as they are now."""
+    emitters = {state.name for state in document.objects if state.emits}
+    return tuple(
+        LayerReflection(
+            key, layer.model.name, tuple(layer.quotient_parameters().tolist()),
+            tuple(curves.coefficients(document, key).values()), curves.gain(document, key),
+            curves.view_curve(document, key),
+        )
+        for key, layer in document.layers()
+        if key.rpartition(".")[0] not in emitters and document.is_visible(key)
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class FreezeWish:
+    """What the indirect light is frozen for; two serve the same if what they hold fixed is the same."""
+
+    looks: tuple[LayerReflection, ...]
+    key: str | None
+    factor: int | None
+
+    def serves(self, other: FreezeWish) -> bool:
+        """Whether its answer is one to the other as well."""
+        if (self.key, self.factor, len(self.looks)) != (other.key, other.factor, len(other.looks)):
+            return False
+        return all(self._alike(mine, theirs) for mine, theirs in zip(self.looks, other.looks, strict=True))
+
+    def _alike(self, mine: LayerReflection, theirs: LayerReflection) -> bool:
+        if (mine.key, mine.model, mine.quotient_parameters) != (theirs.key, theirs.model, theirs.quotient_parameters):
+            return False
+        for i, (one, two) in enumerate(zip(mine.coefficients, theirs.coefficients, strict=True)):
+            if (mine.key, i) != (self.key, self.factor) and not (one is two or np.allclose(one, two, rtol=1e-6, atol=0.0)):
+                return False
+        if self.key is not None and _object(mine.key) == _object(self.key):
+            return True  # its albedo is a variable
+        return np.array_equal(mine.gain, theirs.gain) and np.array_equal(mine.view_curve, theirs.view_curve)
+
+
+class IndirectTalk:
+    """The talk with the worker about indirect light, and its picture. ``send`` hands a request over."""
+
+    def __init__(self, send: Callable[[Request], int], curves: Curves) -> None:
+        self._send, self._curves = send, curves
+        self.scene_opened()
+
+    def scene_opened(self) -> None:
+        """Another scene: nothing is known of its light."""
+        self._revision = -1
+        self._found: IndirectFound | None = None
+        self._frozen: tuple[FreezeWish, Frozen] | None = None
+        self._asked: tuple[FreezeWish, int] | None = None
+        self._asked_at = -math.inf
+        self._shown: dict[str, tuple[object, ...]] = {}
+        self._n_bounces = 1
+        self._complete = False
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether what is shown is the document's indirect light in its final quality, or none is wanted."""
+        return self._n_bounces == 1 or self._complete
+
+    def edited(self) -> None:
+        """The document or the selection changed: until the next update it is not known whether anything is missing."""
+        self._complete = False
+
+    def took_found(self, response: IndirectFound) -> None:
+        """Samples were found; what they reflect comes with the next freezing."""
+        if self._found is None or response.number != self._found.number:
+            self._found = response
+
+    def took_frozen(self, response: Frozen) -> list[PictureEvent]:
+        """A freezing came: the footprint of its samples, if that is a new one."""
+        if self._asked is None or self._found is None or response.number != self._found.number:
+            return []
+        wish, _ = self._asked
+        is_new = self._frozen is None or self._frozen[1].number != response.number
+        self._frozen = wish, response
+        self._shown.clear()
+        return [IndirectFootprint(self._found.rows, self._found.weights)] if is_new else []
+
+    def update(
+        self, now: float, document: Document, selected: Selection | None, n_bounces: int, revision: int
+    ) -> list[PictureEvent]:
+        """Ask for what is missing; the radiances that changed. revision: of the transport asked last."""
+        self._n_bounces = n_bounces
+        if n_bounces == 1:
+            return self._none()
+        wish = self._wish(document, selected)
+        self._ask(now, wish, revision)
+        if self._frozen is None:
+            self._complete = False
+            return []
+        made_for, frozen = self._frozen
+        fits = made_for.serves(wish)
+        is_final = self._found is not None and (self._found.number, self._found.stage) == (frozen.number, FINE_STAGE)
+        self._complete = fits and is_final and self._asked is not None and self._asked[0].serves(wish)
+        return self._radiances(document, frozen, made_for) if fits else []
+
+    def _none(self) -> list[PictureEvent]:
+        shown, self._shown, self._frozen, self._asked = self._shown, {}, None, None
+        return [IndirectRadiance(key, None) for key in shown]
+
+    def _wish(self, document: Document, selected: Selection | None) -> FreezeWish:
+        key = factor = None
+        if selected is not None and not document.object(selected.object).emits:
+            key = selected.key
+            names = list(self._curves.coefficients(document, key))
+            if selected.factor in names and document.object(selected.object).editable:
+                factor = names.index(selected.factor)
+        return FreezeWish(reflections(document, self._curves), key, factor)
+
+    def _ask(self, now: float, wish: FreezeWish, revision: int) -> None:
+        if self._asked is not None and self._asked[1] == revision:
+            waits = self._frozen is None or self._frozen[0] is not self._asked[0]
+            if self._asked[0].serves(wish) or (waits and now - self._asked_at < FREEZE_PATIENCE):
+                return
+        self._asked, self._asked_at = (wish, revision), now
+        self._send(Freeze(wish.looks, wish.key, wish.factor, revision=revision))
+
+    def _radiances(self, document: Document, frozen: Frozen, made_for: FreezeWish) -> list[PictureEvent]:
+        """Of the layers whose radiance is another than the one shown."""
+        albedo = self._albedo(document, frozen)
+        events: list[PictureEvent] = []
+        for look in made_for.looks:
+            curve = None
+            if look.key == frozen.key and frozen.factor is not None:
+                curve = list(self._curves.coefficients(document, look.key).values())[frozen.factor]
+            state = (*albedo.tolist(), id(curve))
+            if self._shown.get(look.key) != state:
+                self._shown[look.key] = state
+                events.append(IndirectRadiance(look.key, _radiance(frozen, look.key, albedo, curve)))
+        return events
+
+    def _albedo(self, document: Document, frozen: Frozen) -> Array:
+        """d (3,) of the edited object as it is now."""
+        total = np.zeros(3)
+        for key, e in frozen.albedos.items():
+            if document.is_visible(key):
+                values = tuple(self._curves.coefficients(document, key).values())
+                gain, view = self._curves.gain(document, key), self._curves.view_curve(document, key)
+                total += albedo_of(e, values, gain, view)
+        return total
+
+
+def _radiance(frozen: Frozen, key: str, albedo: Array, curve: Array | None) -> NDArray[np.float32]:
+    """Indirect radiance (p,3) of one layer, without f_q and f_o."""
+    if curve is None:
+        reflected = frozen.reflected[key]
+        powers = albedo ** np.arange(len(reflected))[:, None]
+        return np.einsum("npc,nc->pc", reflected, powers.astype(np.float32))
+    bands = frozen.bands
+    powers = (albedo ** np.arange(bands.shape[2])[:, None]).astype(np.float32)
+    channels = [
+        powers[:, c] @ (curve[:, c].astype(np.float32) @ bands[c].reshape(len(curve), -1)).reshape(bands.shape[2:])
+        for c in range(3)
+    ]
+    return np.stack(channels, axis=1)
+
+
+def _object(key: str) -> str:
+    return key.rpartition(".")[0]
