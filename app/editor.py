@@ -382,7 +382,10 @@ class Editor:
         self._negotiator.scene_opened()
         self._indirect.scene_opened()
         self._known_light = KnownLight()
-        self.view = replace(self.view, selected=None, hovered=None, compare=None, operator=None, curve_zoom=None)
+        self.view = replace(
+            self.view, selected=None, hovered=None, compare=None, operator=None, curve_zoom=None,
+            n_bounces=description.bounces,
+        )  # fmt: skip
         self.history = History(document)
         self.curves.opened(dict(document.layers()), response.bands)
         self._keeper.opened(document)

@@ -60,7 +60,9 @@ class FreezeWish:
         if (mine.key, mine.model, mine.quotient_parameters) != (theirs.key, theirs.model, theirs.quotient_parameters):
             return False
         for i, (one, two) in enumerate(zip(mine.coefficients, theirs.coefficients, strict=True)):
-            if (mine.key, i) != (self.key, self.factor) and not (one is two or np.allclose(one, two, rtol=1e-6, atol=0.0)):
+            if (mine.key, i) == (self.key, self.factor) or one is two:
+                continue
+            if not np.allclose(one, two, rtol=1e-6, atol=0.0):
                 return False
         if self.key is not None and _object(mine.key) == _object(self.key):
             return True  # its albedo is a variable

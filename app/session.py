@@ -26,7 +26,7 @@ from engine.curve.operators import Operator, Tabulated
 from engine.errors import InsituError, LoadError
 from engine.material.layer import Layer
 from engine.scene.complaints import first_complaint
-from engine.scene.description import MAX_OBJECTS, LayerDescription, Name, Number, Parameter, Radiance, Text
+from engine.scene.description import MAX_BOUNCES, MAX_OBJECTS, LayerDescription, Name, Number, Parameter, Radiance, Text
 
 SUFFIX = ".insitu"
 SESSION_VERSION = 1
@@ -112,6 +112,7 @@ class ViewRecord(_Record):
     log_y: Flag = False
     frame_budget_ms: Annotated[Number, Field(ge=2.0, le=200.0)] = 16.0
     n_lights: Annotated[int, Field(ge=20, le=20000, strict=True)] = 4000
+    n_bounces: Annotated[int, Field(ge=1, le=MAX_BOUNCES, strict=True)] = 1
     precision: Literal["half", "float"] = "half"
 
 

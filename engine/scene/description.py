@@ -22,6 +22,7 @@ from engine.scene.transform import check_transform
 
 SCENE_VERSION = 1
 MAX_SCENE_BYTES = 16 * 2**20
+MAX_BOUNCES = 8
 MAX_OBJECTS = 4096
 MAX_RESOLUTION = 16384
 MAX_COORDINATE = 1e9
@@ -168,10 +169,11 @@ class ObjectDescription(_Description):
 
 
 class SceneDescription(_Description):
-    """A whole scene file."""
+    """A whole scene file. bounces: reflections between light and eye that its picture is meant to have."""
 
     version: Annotated[int, Field(strict=True)]
     name: Text = "scene"
+    bounces: Annotated[int, Field(ge=1, le=MAX_BOUNCES, strict=True)] = 1
     camera: CameraDescription
     environment: EnvironmentDescription | None = None
     objects: tuple[ObjectDescription, ...] = Field(alias="object", min_length=1, max_length=MAX_OBJECTS)
