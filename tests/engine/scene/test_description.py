@@ -100,7 +100,7 @@ def test_odd_names_survive_the_dump():
         ("camera.resolution", [1.5, 1], "camera: resolution 0 = 1.5, expected"),
         ("camera.resolution", [10**9, 1], "camera: resolution 0 = 1000000000, expected less than"),
         ("camera.lens", 3, "camera: lens = 3, expected one of position, target, up, fov_y, resolution"),
-        ("sky", 1, "sky = 1, expected one of version, name, camera, environment, object"),
+        ("sky", 1, "sky = 1, expected one of version, name, bounces, camera, environment, object"),
         ("environment.file", "a.exr", "environment: file = a.exr, expected exactly one of file and radiance"),
         ("environment.radiance", None, "environment: file = nothing, expected exactly one of file and radiance"),
         ("environment.radiance", [1, -1, 1], "environment: radiance 1 = -1, expected greater than or equal to 0"),
