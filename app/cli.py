@@ -20,6 +20,7 @@ from app.console import FAILED, INTERRUPTED, USAGE, complain
 from app.frontend import Frontend
 from app.project import find_source, open_project, parse_assignment
 from engine.errors import InsituError
+from engine.indirect.series import MOST_BOUNCES, BounceSeries, parse_series
 from engine.plan import FEWEST_LIGHTS, MOST_LIGHTS, N_LIGHTS, Plan, plan_lines
 from engine.scene.builtin import DEFAULT_SCENE, builtin_scenes
 from engine.scene.description import MAX_RESOLUTION
@@ -85,7 +86,13 @@ Lights = Annotated[
     int, typer.Option("--lights", min=FEWEST_LIGHTS, max=MOST_LIGHTS, help="Triangles that the sky is cut into.")
 ]
 Rotation = Annotated[float | None, typer.Option("--rotation", help="Of the environment, degrees about +Y.")]
-Bounces = Annotated[int, typer.Option("--bounces", min=1, help="Surface reflections between light and eye.")]
+Bounces = Annotated[
+    int | None,
+    typer.Option("--bounces", min=1, max=MOST_BOUNCES, help="Reflections between light and eye; the scene says too."),
+]
+Series = Annotated[
+    str | None, typer.Option("--series", metavar="J,1,...", help="Bands of each bounce, from the eye: 64,1,1,1.")
+]
 
 
 def _assignments(values: list[str] | None, rotation: float | None = None) -> list[tuple[str, Any]]:
@@ -108,7 +115,8 @@ def render(
     output: Annotated[Path, typer.Option("-o", "--output", help="OUT.exr (linear) or OUT.png (as on screen).")],
     scene: Scene = DEFAULT_SCENE,
     set_: Values = None,
-    bounces: Bounces = 1,
+    bounces: Bounces = None,
+    series: Series = None,
     lights: Lights = N_LIGHTS,
     resolution: Resolution = None,
     rotation: Rotation = None,
@@ -117,8 +125,11 @@ def render(
     ] = False,
 ) -> int:
     """Render a picture with the editor's engine, without a window."""
-    if bounces != 1:
-        raise InsituError(f"--bounces {bounces}: only direct light, --bounces 1, can be rendered yet")
+    chosen = None if series is None else parse_series(series)
+    if bounces is not None:
+        if chosen is not None and chosen.n_bounces != bounces:
+            raise InsituError(f"--bounces {bounces} --series {series}: expected as many bounces in both")
+        chosen = chosen or BounceSeries(bounces)
     from app.stills import check_output, render_picture, write_picture
 
     check_output(output)
@@ -126,8 +137,9 @@ def render(
     project = open_project(scene, resolution, _assignments(set_, rotation))
     with _progress() as report:
         picture = render_picture(
-            project, lambda step: report(step.fraction, step.text), n_lights=lights, reference=reference
-        )
+            project, lambda step: report(step.fraction, step.text), n_lights=lights, reference=reference,
+            series=chosen,
+        )  # fmt: skip
     write_picture(output, picture)
     print(f"{output}: {picture.shape[1]} x {picture.shape[0]}, {time.monotonic() - started:.1f} s")
     return 0

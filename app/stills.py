@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +12,14 @@ from numpy.typing import NDArray
 from app.atomic import replacing, write_atomically
 from app.project import Project
 from engine.errors import InsituError
+from engine.indirect.series import BounceSeries
 from engine.material.layer import Layer
 from engine.plan import N_LIGHTS, Plan, plan_scene
 from engine.render.image_files import png_bytes, write_exr
+from engine.render.indirect import indirect_radiance
 from engine.render.still import (
     REFERENCE_LEVEL,
+    StillLayer,
     StillProgress,
     finish,
     render_reference,
@@ -45,18 +49,35 @@ def check_output(path: Path, endings: tuple[str, ...] = ENDINGS) -> Path:
 
 
 def render_picture(
-    project: Project, report: Report, *, n_lights: int = N_LIGHTS, reference: bool = False
-) -> NDArray[np.float32]:
-    """Linear radiance (H, W, 3) of a project, with the editor's transport or by brute force."""
+    project: Project, report: Report, *, n_lights: int = N_LIGHTS, reference: bool = False,
+    series: BounceSeries | None = None,
+) -> NDArray[np.float32]:  # fmt: skip
+    """Linear radiance (H, W, 3) of a project, with the editor's transport or by brute force.
+
+    series: None for as many bounces as the scene says.
+    """
+    series = series or BounceSeries(project.scene.description.bounces)
     sky = project.sky
     placement = Placement(project.scene)
     if reference:
+        if series.n_bounces > 1:
+            raise InsituError(f"--bounces {series.n_bounces}: the reference is of direct light, expected --bounces 1")
         steps = render_reference(placement, _layers_by_object(project), sky, REFERENCE_PATCHES, REFERENCE_LEVEL)
     else:
         plan = plan_still(project, sky.environment is not None, n_lights)
-        layers = still_layers(project.layers.items(), project.object_names, plan)
-        steps = render_still(placement, layers, sky, still_quality(plan))
+        layers = _at_most(still_layers(project.layers.items(), project.object_names, plan), series.first)
+        indirect = None
+        if series.n_bounces > 1:
+            indirect = finish(indirect_radiance(placement, layers, sky, series.n_bounces), report)
+        steps = render_still(placement, layers, sky, still_quality(plan), indirect)
     return finish(steps, report) * np.float32(project.document.light.intensity)
+
+
+def _at_most(layers: Sequence[StillLayer], most: int | None) -> tuple[StillLayer, ...]:
+    """The layers with no more bands than that over any curve."""
+    if most is None:
+        return tuple(layers)
+    return tuple(replace(each, bands=(min(each.bands[0], most), min(each.bands[1], most))) for each in layers)
 
 
 def plan_still(project: Project, has_sky: bool, n_lights: int = N_LIGHTS) -> Plan:

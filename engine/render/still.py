@@ -63,15 +63,16 @@ def still_quality(plan: Plan) -> Quality:
 
 
 def render_still(
-    placement: Placement, layers: Sequence[StillLayer], sky: SkyState, quality: Quality = FINAL
-) -> Generator[StillProgress, None, Picture]:
+    placement: Placement, layers: Sequence[StillLayer], sky: SkyState, quality: Quality = FINAL,
+    indirect: NDArray[np.floating] | None = None,
+) -> Generator[StillProgress, None, Picture]:  # fmt: skip
     """Linear radiance (H, W, 3) float32 of the scene with these layers under this sky.
 
-    quality: its stride must be 1. Emitters shine as the scene says.
+    quality: its stride must be 1; indirect (P, 3): what else reaches the eye. Emitters shine as the scene says.
     """
     if quality.stride != 1:
         raise ValueError(f"stride = {quality.stride}, expected 1: a still has every pixel")
-    radiance = np.zeros((len(placement.hits.pixel), 3))
+    radiance = np.zeros((len(placement.hits.pixel), 3)) if indirect is None else indirect.astype(np.float64)
     light = yield from _see(placement, sky, quality)
     total = sum(len(placement.rows_of(each.i_object)) for each in layers) or 1
     done = 0

@@ -1,0 +1,30 @@
+"""The indirect light of a still: what the editor shows when everything rests, by the same sums."""
+
+from collections.abc import Generator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.indirect.layers import indirect_layer
+from engine.indirect.solver import FINE, Fineness, Solver
+from engine.render.still import StillLayer, StillProgress
+from engine.transport.pipeline import Placement, SkyState
+
+
+def indirect_radiance(
+    placement: Placement, layers: Sequence[StillLayer], sky: SkyState, n_bounces: int, fineness: Fineness = FINE
+) -> Generator[StillProgress, None, NDArray[np.float32]]:
+    """Radiance (P, 3) that reaches the eye after 2 to n_bounces reflections, at the points of the placement's hits."""
+    models: dict[int, list[str]] = {}
+    for each in layers:
+        models.setdefault(each.i_object, []).append(each.layer.model.name)
+    reflecting = [
+        indirect_layer(each.i_object, each.layer, each.bands[: len(each.layer.model.factors)]) for each in layers
+    ]
+    steps = Solver(placement, models, sky, n_bounces, fineness).solve(reflecting)
+    while True:
+        try:
+            fraction, text = next(steps)
+            yield StillProgress(fraction, text)
+        except StopIteration as end:
+            return np.asarray(end.value.picture(reflecting), np.float32)
