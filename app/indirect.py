@@ -7,7 +7,8 @@ polynomial in that object's equivalent albedo d, and the selected layer's also a
 
 Both are sums over a few thousand samples, a few milliseconds, so that indirect light follows the hand exactly in every
 frame, without increments. What the sums hold fixed (other objects' curves, the other curve of the selected layer) is
-compared with the document once a frame, and frozen anew when it has changed, one request at a time.
+compared with the document once a frame, and frozen anew when it has changed, one request at a time. What a glossy
+object sends on keeps its shape while its curve is dragged; it is frozen anew as well once the hand rests.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from app.picture import Array, Curves, IndirectFootprint, IndirectRadiance, Pict
 from engine.indirect.equivalence import albedo_of
 
 FREEZE_PATIENCE = 5.0
+REST_SECONDS = 0.25
 FINE_STAGE = "fine"
 
 
@@ -56,6 +58,14 @@ class FreezeWish:
             return False
         return all(self._alike(mine, theirs) for mine, theirs in zip(self.looks, other.looks, strict=True))
 
+    def same(self, other: FreezeWish) -> bool:
+        """Whether it was also made with what the other has of the edited object's curves: glossy ones have a shape."""
+        mine, theirs = (tuple(look for look in wish.looks if self._is_shaped(look)) for wish in (self, other))
+        return len(mine) == len(theirs) and all(_equal(*pair) for pair in zip(mine, theirs, strict=True))
+
+    def _is_shaped(self, look: LayerReflection) -> bool:
+        return self.key is not None and _object(look.key) == _object(self.key) and look.model != "lambert"
+
     def _alike(self, mine: LayerReflection, theirs: LayerReflection) -> bool:
         if (mine.key, mine.model, mine.quotient_parameters) != (theirs.key, theirs.model, theirs.quotient_parameters):
             return False
@@ -82,7 +92,9 @@ class IndirectTalk:
         self._found: IndirectFound | None = None
         self._frozen: tuple[FreezeWish, Frozen] | None = None
         self._asked: tuple[FreezeWish, int] | None = None
-        self._asked_at = -math.inf
+        self._serial = 0
+        self._asked_at = self._changed_at = -math.inf
+        self._last: FreezeWish | None = None
         self._shown: dict[str, tuple[object, ...]] = {}
         self._n_bounces = 1
         self._complete = False
@@ -103,7 +115,9 @@ class IndirectTalk:
 
     def took_frozen(self, response: Frozen) -> list[PictureEvent]:
         """A freezing came: the footprint of its samples, if that is a new one."""
-        if self._asked is None or self._found is None or response.number != self._found.number:
+        if self._asked is None or self._found is None:
+            return []
+        if (response.serial, response.number) != (self._serial, self._found.number):
             return []
         wish, _ = self._asked
         is_new = self._frozen is None or self._frozen[1].number != response.number
@@ -126,7 +140,7 @@ class IndirectTalk:
         made_for, frozen = self._frozen
         fits = made_for.serves(wish)
         is_final = self._found is not None and (self._found.number, self._found.stage) == (frozen.number, FINE_STAGE)
-        self._complete = fits and is_final and self._asked is not None and self._asked[0].serves(wish)
+        self._complete = fits and is_final and made_for.same(wish)
         return self._radiances(document, frozen, made_for) if fits else []
 
     def _none(self) -> list[PictureEvent]:
@@ -143,12 +157,18 @@ class IndirectTalk:
         return FreezeWish(reflections(document, self._curves), key, factor)
 
     def _ask(self, now: float, wish: FreezeWish, revision: int) -> None:
+        if self._last is None or not (self._last.serves(wish) and self._last.same(wish)):
+            self._changed_at, self._last = now, wish
         if self._asked is not None and self._asked[1] == revision:
-            waits = self._frozen is None or self._frozen[0] is not self._asked[0]
-            if self._asked[0].serves(wish) or (waits and now - self._asked_at < FREEZE_PATIENCE):
+            asked = self._asked[0]
+            waits = self._frozen is None or self._frozen[0] is not asked
+            if asked.serves(wish) and (asked.same(wish) or now - self._changed_at < REST_SECONDS):
+                return
+            if waits and now - self._asked_at < FREEZE_PATIENCE:
                 return
         self._asked, self._asked_at = (wish, revision), now
-        self._send(Freeze(wish.looks, wish.key, wish.factor, revision=revision))
+        self._serial += 1
+        self._send(Freeze(wish.looks, wish.key, wish.factor, self._serial, revision=revision))
 
     def _radiances(self, document: Document, frozen: Frozen, made_for: FreezeWish) -> list[PictureEvent]:
         """Of the layers whose radiance is another than the one shown."""
@@ -188,6 +208,12 @@ def _radiance(frozen: Frozen, key: str, albedo: Array, curve: Array | None) -> N
         for c in range(3)
     ]
     return np.stack(channels, axis=1)
+
+
+def _equal(one: LayerReflection, two: LayerReflection) -> bool:
+    """Whether two looks of one layer reflect alike."""
+    mine, theirs = ((*look.coefficients, look.gain, look.view_curve) for look in (one, two))
+    return all(a is b or np.allclose(a, b, rtol=1e-6, atol=0.0) for a, b in zip(mine, theirs, strict=True))
 
 
 def _object(key: str) -> str:

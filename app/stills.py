@@ -68,7 +68,7 @@ def render_picture(
         layers = _at_most(still_layers(project.layers.items(), project.object_names, plan), series.first)
         indirect = None
         if series.n_bounces > 1:
-            indirect = finish(indirect_radiance(placement, layers, sky, series.n_bounces), report)
+            indirect = finish(indirect_radiance(placement, layers, sky, series), report)
         steps = render_still(placement, layers, sky, still_quality(plan), indirect)
     return finish(steps, report) * np.float32(project.document.light.intensity)
 

@@ -1,7 +1,8 @@
 """The worker's share of indirect light: found once for scene and camera, lit anew, frozen for what is being edited.
 
 Found roughly after the first picture, finely after the last stage of the direct light, so that a person waits for
-neither; where the rays of a fine one are still there, another light only lights their cells anew, at once.
+neither; where the rays of a fine one are still there, another light lights their cells anew, at once, and what glossy
+surfaces send goes by albedo until the end.
 """
 
 from __future__ import annotations
@@ -13,10 +14,10 @@ import numpy as np
 
 from app.jobs.messages import Freeze, Frozen, IndirectFound, LayerReflection, Progress, Response
 from engine.indirect.albedo import albedo_bands, albedo_of
+from engine.indirect.curves import LayerCurves
 from engine.indirect.irradiance import NOBODY
 from engine.indirect.layers import IndirectLayer
 from engine.indirect.light import IndirectLight
-from engine.indirect.reflection import LayerCurves
 from engine.indirect.solver import FINE, ROUGH, Fineness, Solver, relit
 from engine.material import MODELS
 from engine.transport.pipeline import Placement, SkyState
@@ -65,7 +66,8 @@ class IndirectTasks:
         models = tuple((look.key, look.model) for look in looks)
         found = self._found
         same_rays = found is not None and found.models == models and found.depth >= n_bounces
-        if found is not None and same_rays and (found.fineness is FINE or not is_last):
+        finest = found is not None and found.fineness is FINE and found.light.points.glossy
+        if found is not None and same_rays and (finest or not is_last):
             if (found.lit_by, found.light.n_bounces) == (lit_by, n_bounces):
                 yield self._where(found)
                 return
@@ -107,28 +109,31 @@ class IndirectTasks:
     def _frozen(self, found: _Found, wish: Freeze) -> Steps:
         edited = NOBODY if wish.key is None else self._object(wish.key)
         layers = {look.key: self._layer(look) for look in wish.looks}
-        bright = found.light.radiosity(list(layers.values()), edited)
+        light = found.light.sent(list(layers.values()), edited)
         yield None
-        reflected, bands = {}, np.zeros((3, 0, bright.shape[1], 0), np.float32)
-        for key, layer in layers.items():
-            fans = found.light.points.fans(layer.i_object)
-            if key == wish.key and wish.factor is not None:
-                bands = fans.by_band(layer.curves, wish.factor, bright)
-            else:
-                reflected[key] = np.ascontiguousarray(fans.reflected(layer.curves, bright).transpose(1, 0, 2))
+        reflected, bands = {}, np.zeros((3, 0, light.matt.shape[1], 0), np.float32)
+        for i_object in sorted({layer.i_object for layer in layers.values()}):
+            fans = found.light.points.fans(i_object)
+            own = {key: layer for key, layer in layers.items() if layer.i_object == i_object}
+            selected = own.pop(wish.key or "", None) if wish.factor is not None else None
+            for key, part in zip(own, fans.reflected([own[key].curves for key in own], light), strict=True):
+                reflected[key] = np.ascontiguousarray(part.transpose(1, 0, 2))
             yield None
+            if selected is not None and wish.factor is not None:
+                bands = fans.by_band(selected.curves, wish.factor, light)
+                yield None
         albedos = {
             look.key: albedo_bands(look.model, look.quotient_parameters, tuple(map(len, look.coefficients)))
             for look in wish.looks if self._object(look.key) == edited
         }  # fmt: skip
-        yield Frozen(found.number, wish.key, wish.factor, reflected, bands, albedos)
+        yield Frozen(found.number, wish.serial, wish.key, wish.factor, reflected, bands, albedos)
 
     def _layer(self, look: LayerReflection) -> IndirectLayer:
         curves = tuple(np.asarray(values, np.float64) for values in look.coefficients)
         e = albedo_bands(look.model, look.quotient_parameters, tuple(map(len, curves)))
         gain, view = np.asarray(look.gain, np.float64), np.asarray(look.view_curve, np.float64)
         optics = LayerCurves(MODELS[look.model], np.array(look.quotient_parameters), curves)
-        return IndirectLayer(self._object(look.key), optics, gain, view, albedo_of(e, curves, gain, view))
+        return IndirectLayer(self._object(look.key), optics, optics, gain, view, albedo_of(e, curves, gain, view))
 
     def _object(self, key: str) -> int:
         return self._names.index(key.rpartition(".")[0])

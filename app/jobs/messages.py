@@ -110,12 +110,13 @@ class Freeze(Request):
     [BenArtzi07, sect. 6.1]); answered again whenever it becomes finer.
 
     key, factor: the layer and the curve whose bands are wanted; None: only what every layer reflects. The object that
-    is edited is that of `key`.
+    is edited is that of `key`. serial comes back with the answers.
     """
 
     looks: tuple[LayerReflection, ...]
     key: str | None = None
     factor: int | None = None
+    serial: int = 0
 
 
 @dataclass(frozen=True)
@@ -226,6 +227,7 @@ class Frozen(Response):
     """
 
     number: int
+    serial: int
     key: str | None
     factor: int | None
     reflected: dict[str, NDArray[np.float32]]

@@ -9,6 +9,7 @@ import numpy as np
 from engine.indirect._ray_kernels import mixed, uniform
 
 NO_CELL = 0xFFFF
+MOST_CELLS = 0xFFFE
 NO_KEY = np.uint64(0)
 N_PLACES = 16
 _GRID_BITS = 17

@@ -26,6 +26,16 @@ class Optics(NamedTuple):
     curve_b: np.ndarray
 
 
+class Second(NamedTuple):
+    """What glossy surfaces send back along some of the rays, as radiosity: start (p + 1,) of each point's numbers, ray
+    (n,) of the fan, and light (n', D, 3), which begins with number `base`."""
+
+    start: np.ndarray
+    ray: np.ndarray
+    light: np.ndarray
+    base: int
+
+
 class Fans(NamedTuple):
     """p gather points: rows (p,) of the hits, poles (p,), the cells their rays see (p, R) uint16; which half of the
     rays counts (of each table the first, 0, or the second, 1; −1 for all); tables (64, R_c, 3), (64, R_p, 3); the hits'
@@ -102,8 +112,26 @@ def _ray(fans, i, m, pattern, cosine, sine, ox, oy, oz):
     return fan_direction(fans.tables_pole[pattern], m - n_cosine, False, cosine, sine, fans.poles[i], ox, oy, oz)
 
 
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _find_light(second, e, last, m, seen, light):
+    """The radiosity (D, 3) that ray m sees into light: a cell's, and what is recorded for the ray, if number e is it.
+
+    Returns the next number to look at.
+    """
+    for n in range(seen.shape[0]):
+        for c in range(3):
+            light[n, c] = seen[n, c]
+    while e < last and second.ray[e] < m:
+        e += 1
+    if e < last and second.ray[e] == m:
+        for n in range(seen.shape[0]):
+            for c in range(3):
+                light[n, c] += second.light[e - second.base, n, c]
+    return e
+
+
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def reflect(fans, begin, end, optics, radiosity, out):
+def reflect(fans, begin, end, optics, radiosity, second, out):
     """What points [begin, end) reflect towards the eye, (p, D, 3), of radiosity (C, D, 3), with the curves as they are.
 
     Without f_q and f_o.
@@ -111,9 +139,11 @@ def reflect(fans, begin, end, optics, radiosity, out):
     n_a, n_b, n_powers = optics.curve_a.shape[0], optics.curve_b.shape[0], radiosity.shape[1]
     n_cosine, n_pole = np.float32(fans.tables_cosine.shape[1]), np.float32(fans.tables_pole.shape[1])
     scale = (ONE if fans.half < 0 else np.float32(2.0)) / np.float32(math.pi)
+    light = np.empty((n_powers, 3), np.float32)
     for i in range(begin, end):
         r = fans.rows[i]
         out[i] = ZERO
+        e, last = second.start[i], second.start[i + 1]
         ox, oy, oz = local_eye(fans.tangent[r], fans.normal[r], fans.wo[r])
         seed, cosine, sine = turn_of(r)
         pattern = np.int64(seed & np.uint64(fans.tables_cosine.shape[0] - 1))
@@ -129,6 +159,7 @@ def reflect(fans, begin, end, optics, radiosity, out):
             angle = gamma(optics.kind_a, optics.q, x, y, z, ox, oy, oz)
             if angle > HALF_PI:
                 continue
+            e = _find_light(second, e, last, m, radiosity[cell], light)
             j, t = _node(angle, n_a)
             j1 = min(j + 1, n_a - 1)
             k, u, k1 = 0, ZERO, 0
@@ -143,20 +174,22 @@ def reflect(fans, begin, end, optics, radiosity, out):
                 if optics.kind_b >= 0:
                     value *= (ONE - u) * optics.curve_b[k, channel] + u * optics.curve_b[k1, channel]
                 for n in range(n_powers):
-                    out[i, n, channel] += value * radiosity[cell, n, channel]
+                    out[i, n, channel] += value * light[n, channel]
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def reflect_bands(fans, begin, end, optics, of_a, radiosity, out):
+def reflect_bands(fans, begin, end, optics, of_a, radiosity, second, out):
     """As `reflect`, by band of one of the curves, out (3, J, D, p): of the first where of_a; the other is as it is."""
     n_a, n_b, n_powers = optics.curve_a.shape[0], optics.curve_b.shape[0], radiosity.shape[1]
     n_bands = n_a if of_a else n_b
     n_cosine, n_pole = np.float32(fans.tables_cosine.shape[1]), np.float32(fans.tables_pole.shape[1])
     scale = (ONE if fans.half < 0 else np.float32(2.0)) / np.float32(math.pi)
     bands = np.empty((n_bands + 1, n_powers, 3), np.float32)
+    light = np.empty((n_powers, 3), np.float32)
     for i in range(begin, end):
         r = fans.rows[i]
         bands[:] = ZERO
+        e, last = second.start[i], second.start[i + 1]
         ox, oy, oz = local_eye(fans.tangent[r], fans.normal[r], fans.wo[r])
         seed, cosine, sine = turn_of(r)
         pattern = np.int64(seed & np.uint64(fans.tables_cosine.shape[0] - 1))
@@ -172,6 +205,7 @@ def reflect_bands(fans, begin, end, optics, of_a, radiosity, out):
             angle = gamma(optics.kind_a, optics.q, x, y, z, ox, oy, oz)
             if angle > HALF_PI:
                 continue
+            e = _find_light(second, e, last, m, radiosity[cell], light)
             j, t = _node(angle, n_a)
             k, u = 0, ZERO
             if optics.kind_b >= 0:
@@ -191,8 +225,8 @@ def reflect_bands(fans, begin, end, optics, of_a, radiosity, out):
                     value *= (ONE - share) * dormant[at, channel] + share * dormant[above, channel]
                 low, high = (ONE - kept_share) * value, kept_share * value
                 for n in range(n_powers):
-                    bands[kept, n, channel] += low * radiosity[cell, n, channel]
-                    bands[kept + 1, n, channel] += high * radiosity[cell, n, channel]
+                    bands[kept, n, channel] += low * light[n, channel]
+                    bands[kept + 1, n, channel] += high * light[n, channel]
         for channel in range(3):
             for j in range(n_bands):
                 for n in range(n_powers):

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.indirect import _albedo_kernels as kernels
+from engine.indirect.curves import pole_of
 from engine.indirect.equivalence import N_VIEWS, albedo_of, view_angles
-from engine.indirect.gather import pole_of
 from engine.indirect.rays import cosine_tables, pole_tables
 from engine.material import MODELS
 from engine.material.layer import Layer

@@ -16,16 +16,16 @@ from engine.indirect import _cell_kernels as kernels
 from engine.light.emitters import EmitterPatches
 from engine.light.lights import TriangleLights
 from engine.scene.load import Scene
-from engine.scene.raycaster import RayCaster
+from engine.scene.raycaster import Intersections, RayCaster
 
-MOST_CELLS = kernels.NO_CELL
+MOST_CELLS = kernels.MOST_CELLS
 _SLOTS = 1 << 18
 # Rays a chunk: what the caster takes at once without splitting it over threads of its own.
 CHUNK = 32768
 
 
 class TooManyCells(Exception):
-    """The grid is too fine for 65,535 cells."""
+    """The grid is too fine for 65,534 cells."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +74,10 @@ class Cells:
 
         Cells from `first_open` on take the hits for their places. Raises TooManyCells.
         """
+        return self.hit_by(rays, first_open)[0]
+
+    def hit_by(self, rays: Rays, first_open: int = 0) -> tuple[NDArray[np.uint16], Intersections]:
+        """As `seen_by`, with where the rays end."""
         found = self.caster.intersect(rays.origins, rays.directions)
         hits = kernels.Hits(found.triangle, found.u, found.v)
         n = len(rays.there)
@@ -84,7 +88,7 @@ class Cells:
         with self._lock:
             if not kernels.take_hits(self._table, self.mesh, hits, keys, sides, first_open, seen):
                 raise TooManyCells(f"cells of {self.size:.3g} m")
-        return seen
+        return seen, found
 
     def rays(self, begin: int, end: int, tables: NDArray[np.float32]) -> Rays:
         """Cosine-distributed rays from the places of cells [begin, end), ((end - begin) · R), tables (64, R, 3)."""

@@ -5,7 +5,9 @@ every eighth pixel, refined in quarters down to single pixels where a block of t
 crease, or where what its corners gather differs; the others interpolate between the corners of their block.
 """
 
-from collections.abc import Iterable, Iterator
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -13,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.indirect import _ray_kernels as kernels
+from engine.indirect._second_kernels import Records
 from engine.indirect.cells import CHUNK, Cells, room_for_rays
 from engine.indirect.rays import cosine_tables, pole_tables
-from engine.material import MODELS, kinds
+from engine.indirect.second_bounce import SecondRays, joined_records, no_records
 from engine.scene.hits import PrimaryHits
 from engine.transport._projection_kernels import Surface
 
@@ -32,42 +35,51 @@ class FanSize:
         return self.n_cosine + self.n_pole
 
 
-def pole_of(model_names: Iterable[str]) -> int:
-    """About which direction the rays of an object with layers of these models are dense."""
-    gammas = {factor.gamma for name in model_names for factor in MODELS[name].factors}
-    if gammas & {kinds.THETA_H, kinds.GAMMA_ALPHA, kinds.GAMMA_BETA, kinds.GAMMA_RATIO}:
-        return kernels.HALF
-    return kernels.MIRROR if kinds.THETA_R in gammas else kernels.NORMAL
-
-
 @dataclass(frozen=True, eq=False)
 class Gathered:
-    """p gather points: rows (p,) int32 of the hits, ascending; seen (p, R) uint16: the cell each ray hits."""
+    """p gather points: rows (p,) int32 of the hits, ascending; seen (p, R) uint16: the cell each ray hits; records of
+    the rays that end on glossy surfaces."""
 
     rows: NDArray[np.int32]
     seen: NDArray[np.uint16]
+    records: Records
+
+    @property
+    def n_bytes(self) -> int:
+        return self.rows.nbytes + self.seen.nbytes + sum(array.nbytes for array in self.records)
+
+
+def joined(parts: Sequence[Gathered]) -> Gathered:
+    """All of the points as one set, by row."""
+    rows = np.concatenate([part.rows for part in parts])
+    order = np.argsort(rows, kind="stable")
+    seen = np.concatenate([part.seen for part in parts])[order]
+    return Gathered(rows[order], seen, joined_records([part.records for part in parts], order))
 
 
 def gather(
-    hits: PrimaryHits, cells: Cells, rows: NDArray[np.int32], poles: NDArray[np.int64], size: FanSize
-) -> Iterator[tuple[int, int, NDArray[np.uint16]]]:
-    """Trace the fans of the points `rows` (ascending), two chunks at a time: (begin, end, seen) for each chunk.
+    hits: PrimaryHits, cells: Cells, rows: NDArray[np.int32], poles: NDArray[np.int64], size: FanSize,
+    second: SecondRays | None = None,
+) -> Iterator[Gathered]:  # fmt: skip
+    """Trace the fans of the points `rows` (ascending), two chunks at a time.
 
-    poles: of every object. Raises TooManyCells.
+    poles: of every object; second: None to record nothing of glossy surfaces. Raises TooManyCells.
     """
     tables = cosine_tables(size.n_cosine), pole_tables(size.n_pole)
     surface = Surface(hits.position, hits.tangent, hits.normal, hits.wo)
     step = max(1, CHUNK // size.n_rays)
     point_poles = poles[object_of_rows(hits, rows)]
 
-    def trace(begin: int) -> tuple[int, int, NDArray[np.uint16]]:
+    def trace(begin: int) -> Gathered:
         chunk = rows[begin : begin + step]
         rays = room_for_rays(len(chunk) * size.n_rays)
         kernels.fan_rays(
             chunk, point_poles[begin : begin + step], surface, hits.geometric_normal, np.float32(cells.caster.offset),
             *tables, 0, size.n_rays, rays.origins, rays.directions, rays.there,
         )  # fmt: skip
-        return begin, begin + len(chunk), cells.seen_by(rays).reshape(len(chunk), -1)
+        seen, found = cells.hit_by(rays)
+        records = no_records(len(chunk)) if second is None else second.trace(cells, chunk, rays, seen, found)
+        return Gathered(chunk, seen.reshape(len(chunk), -1), records)
 
     begins = range(0, len(rows), step)
     with ThreadPoolExecutor(2) as pool:

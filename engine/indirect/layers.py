@@ -7,32 +7,41 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.indirect.albedo import N_VIEW_SAMPLES, equivalent_albedo
-from engine.indirect.reflection import LayerCurves
+from engine.indirect.curves import LayerCurves
 from engine.material.layer import Layer
 from engine.scene.hits import PrimaryHits
 
 
 @dataclass(frozen=True, eq=False)
 class IndirectLayer:
-    """A visible layer of one object: its curves, f_q (3,), f_o (N, 3) at even angles from 0 to π/2, and its equivalent
-    albedo (3,)."""
+    """A visible layer of one object: its curves towards the eye, and as second bounce, f_q (3,), f_o (N, 3) at even
+    angles from 0 to π/2, and its equivalent albedo (3,)."""
 
     i_object: int
     curves: LayerCurves
+    sent: LayerCurves
     gain: NDArray[np.float64]
     view_curve: NDArray[np.float64]
     albedo: NDArray[np.float64]
 
 
-def indirect_layer(i_object: int, layer: Layer, bands: tuple[int, ...]) -> IndirectLayer:
-    """A layer with its curves as they are, on this many bands."""
-    factors = zip(layer.model.factors, bands, strict=False)
-    curves = tuple(layer.coefficients(factor.name, n) for factor, n in factors)
+def indirect_layer(
+    i_object: int, layer: Layer, bands: tuple[int, ...], second: int | None = None
+) -> IndirectLayer:
+    """A layer with its curves as they are, on this many bands; at the second bounce on no more than `second`."""
     view = layer.model.view_factor
     angles = np.linspace(0.0, np.pi / 2, N_VIEW_SAMPLES)
     seen = np.ones((N_VIEW_SAMPLES, 3)) if view is None else layer.curve(view.name)(angles)
-    optics = LayerCurves(layer.model, layer.quotient_parameters(), curves)
-    return IndirectLayer(i_object, optics, layer.scale(), seen, equivalent_albedo(layer, bands))
+    sent = tuple(n if second is None else min(n, second) for n in bands)
+    return IndirectLayer(
+        i_object, _curves(layer, bands), _curves(layer, sent), layer.scale(), seen, equivalent_albedo(layer, bands)
+    )
+
+
+def _curves(layer: Layer, bands: tuple[int, ...]) -> LayerCurves:
+    factors = zip(layer.model.factors, bands, strict=False)
+    values = tuple(layer.coefficients(factor.name, n) for factor, n in factors)
+    return LayerCurves(layer.model, layer.quotient_parameters(), values)
 
 
 def albedos_of(layers: Sequence[IndirectLayer], n_objects: int) -> NDArray[np.float64]:

@@ -6,11 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.indirect._second_kernels import Lamps
 from engine.indirect.cells import Cells
 from engine.indirect.gather import FanSize, Gathered, object_of_rows
 from engine.indirect.irradiance import NOBODY, CellLight, radiosity
 from engine.indirect.layers import IndirectLayer, albedos_of, seen_from
-from engine.indirect.reflection import Fans
+from engine.indirect.reflection import Fans, SentLight
+from engine.indirect.second_bounce import SecondLight, glossy_tables, inverse_albedo, matt_share
 from engine.scene.hits import PrimaryHits
 
 Footprint = tuple[NDArray[np.int32], NDArray[np.float32]]
@@ -18,46 +20,66 @@ Footprint = tuple[NDArray[np.int32], NDArray[np.float32]]
 
 @dataclass(frozen=True, eq=False)
 class GatherPoints:
-    """The gather points of a picture: gathered, their fans' rays; poles (M,) and sizes: what each object's fans are."""
+    """The gather points of a picture: gathered, their fans' rays; poles (M,) and sizes: what each object's fans are;
+    axes (M, 2, 3) of the objects; glossy: whether rays were recorded for the second bounce off glossy surfaces."""
 
     hits: PrimaryHits
     gathered: Gathered
     poles: NDArray[np.int64]
     sizes: tuple[FanSize, ...]
+    axes: NDArray[np.float32]
+    glossy: bool
 
     def fans(self, i_object: int, half: int | None = None) -> Fans:
         """The gather points of one object; with half, 0 or 1, by that half of their rays."""
         return Fans(self.hits, self.gathered, i_object, int(self.poles[i_object]), self.sizes[i_object], half)
 
+    def sent(
+        self, bright: NDArray[np.float32], objects: NDArray[np.int32], layers: Sequence[IndirectLayer], lamps: Lamps,
+        edited: int = NOBODY,
+    ) -> SentLight:  # fmt: skip
+        """What surfaces with radiosity (C, D, 3), of these objects (C,), send on under these layers."""
+        if not self.glossy:
+            return SentLight(bright, None)
+        n_objects = len(self.poles)
+        share = matt_share(layers, n_objects)[objects]
+        inverse = np.ones(3, np.float32)
+        if edited != NOBODY:
+            inverse = inverse_albedo(albedos_of(layers, n_objects)[edited])
+        tables = glossy_tables(layers, self.poles, self.axes)
+        return SentLight(bright * share[:, None], SecondLight(objects, bright, tables, lamps, edited, inverse))
+
     def reflected(
-        self, layers: Sequence[IndirectLayer], bright: NDArray[np.float32], half: int | None = None
+        self, layers: Sequence[IndirectLayer], light: SentLight, half: int | None = None
     ) -> NDArray[np.float32]:
-        """Radiance (p, 3) towards the eye of radiosity (C, 1, 3)."""
+        """Radiance (p, 3) towards the eye of light that no object is edited in."""
         rows = self.gathered.rows
         out = np.zeros((len(rows), 3), np.float32)
         objects = object_of_rows(self.hits, rows)
-        for layer in layers:
-            mine = np.flatnonzero(objects == layer.i_object)
-            if len(mine):
-                reflected = self.fans(layer.i_object, half).reflected(layer.curves, bright)[:, 0]
-                out[mine] += reflected * seen_from(self.hits, rows[mine], layer)
+        for i_object in sorted({layer.i_object for layer in layers}):
+            mine = np.flatnonzero(objects == i_object)
+            own = [layer for layer in layers if layer.i_object == i_object]
+            found = self.fans(i_object, half).reflected([layer.curves for layer in own], light)
+            for layer, reflected in zip(own, found, strict=True):
+                out[mine] += reflected[:, 0] * seen_from(self.hits, rows[mine], layer)
         return out
 
 
 @dataclass(frozen=True, eq=False)
 class IndirectLight:
     """footprint: for each point of the picture four gather points, by number, and their weights, (P, 4) each; light:
-    what the cells send on, in up to n_bounces reflections."""
+    what the cells send on, in up to n_bounces reflections; lamps: all that shines."""
 
     points: GatherPoints
     footprint: Footprint
     cells: Cells
     light: CellLight
+    lamps: Lamps
     n_bounces: int
 
     @property
     def n_bytes(self) -> int:
-        return self.points.gathered.seen.nbytes + sum(a.nbytes for a in self.footprint) + self.light.n_bytes
+        return self.points.gathered.n_bytes + sum(a.nbytes for a in self.footprint) + self.light.n_bytes
 
     def footprint_by_object(self) -> Footprint:
         """The footprint with gather points numbered within each object."""
@@ -71,9 +93,14 @@ class IndirectLight:
         """Radiosity (C, D, 3) of the cells under these layers, see `irradiance.radiosity`."""
         return radiosity(self.light, albedos_of(layers, len(self.points.poles)), self.n_bounces, edited)
 
+    def sent(self, layers: Sequence[IndirectLayer], edited: int = NOBODY) -> SentLight:
+        """What surfaces send towards the gather points under these layers."""
+        bright = self.radiosity(layers, edited)
+        return self.points.sent(bright, self.light.objects, layers, self.lamps, edited)
+
     def at_points(self, layers: Sequence[IndirectLayer], half: int | None = None) -> NDArray[np.float32]:
         """Indirect radiance (p, 3) of all gather points; of one half of the rays where one is named."""
-        return self.points.reflected(layers, self.radiosity(layers), half)
+        return self.points.reflected(layers, self.sent(layers), half)
 
     def picture(self, layers: Sequence[IndirectLayer], half: int | None = None) -> NDArray[np.float32]:
         """Indirect radiance (P, 3) of all points of the picture."""

@@ -4,7 +4,7 @@ Both are sums over the same rays. Nothing is kept between two calls: the rays' d
 point's cells take two bytes a ray, so that this costs less than reading stored bands would.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -12,30 +12,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.indirect import _reflection_kernels as kernels
+from engine.indirect import _second_kernels as second_kernels
+from engine.indirect.curves import LayerCurves
 from engine.indirect.gather import FanSize, Gathered, object_of_rows
 from engine.indirect.rays import cosine_tables, pole_tables
-from engine.material.model import Model
+from engine.indirect.second_bounce import N_POLE_RAYS, SecondLight
 from engine.scene.hits import PrimaryHits
 
-_PART = 512
+_PART = 128
 
 
 @dataclass(frozen=True, eq=False)
-class LayerCurves:
-    """A layer as gather points reflect with it: model, quotient parameters (8,), values at the nodes of its one or two
-    curves, (J, 3) and (K, 3)."""
+class SentLight:
+    """What surfaces send towards gather points: matt (C, D, 3), radiosity of the cells that goes to all sides alike,
+    and what glossy ones send to one side, None where that counts as matt."""
 
-    model: Model
-    quotient_parameters: NDArray[np.float64]
-    curves: tuple[NDArray[np.float64], ...]
-
-    def optics(self) -> kernels.Optics:
-        first, *second = (np.ascontiguousarray(curve, np.float32) for curve in self.curves)
-        factors = self.model.factors
-        kind_b = factors[1].gamma if len(factors) > 1 else -1
-        other = second[0] if second else np.ones((1, 3), np.float32)
-        q = np.asarray(self.quotient_parameters, np.float64)
-        return kernels.Optics(self.model.kind, q, factors[0].gamma, kind_b, first, other)
+    matt: NDArray[np.float32]
+    glossy: SecondLight | None
 
 
 class Fans:
@@ -47,6 +40,8 @@ class Fans:
     ) -> None:  # fmt: skip
         begin, end = np.searchsorted(object_of_rows(hits, gathered.rows), (i_object, i_object + 1))
         rows = gathered.rows[begin:end]
+        self._position = hits.position
+        self._records = gathered.records._replace(start=gathered.records.start[begin : end + 1])
         self._fans = kernels.Fans(
             rows, np.full(len(rows), pole, np.int64), gathered.seen[begin:end], -1 if half is None else half,
             cosine_tables(size.n_cosine), pole_tables(size.n_pole), hits.tangent, hits.normal, hits.wo,
@@ -55,25 +50,48 @@ class Fans:
     def __len__(self) -> int:
         return len(self._fans.rows)
 
-    def reflected(self, layer: LayerCurves, radiosity: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Radiance (p, D, 3) towards the eye of radiosity (C, D, 3), without f_q and f_o."""
-        out = np.empty((len(self), *radiosity.shape[1:]), np.float32)
-        optics = layer.optics()
-        self._in_parts(lambda begin, end: kernels.reflect(self._fans, begin, end, optics, radiosity, out))
+    def reflected(self, layers: Sequence[LayerCurves], light: SentLight) -> list[NDArray[np.float32]]:
+        """Radiance (p, D, 3) of each layer towards the eye, without f_q and f_o."""
+        out = [np.empty((len(self), *light.matt.shape[1:]), np.float32) for _ in layers]
+        optics = [layer.optics() for layer in layers]
+
+        def work(begin: int, end: int, second: kernels.Second) -> None:
+            for each, result in zip(optics, out, strict=True):
+                kernels.reflect(self._fans, begin, end, each, light.matt, second, result)
+
+        self._in_parts(light, work)
         return out
 
-    def by_band(self, layer: LayerCurves, factor: int, radiosity: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The same by band of the layer's first or second curve: (3, J, D, p); times the curve and summed over J it is
+    def by_band(self, layer: LayerCurves, factor: int, light: SentLight) -> NDArray[np.float32]:
+        """Of one layer by band of its first or second curve: (3, J, D, p); times the curve and summed over J it is
         `reflected`."""
-        n_bands = len(layer.curves[factor])
-        out = np.empty((3, n_bands, radiosity.shape[1], len(self)), np.float32)
+        out = np.empty((3, len(layer.curves[factor]), light.matt.shape[1], len(self)), np.float32)
         optics = layer.optics()
-        self._in_parts(
-            lambda begin, end: kernels.reflect_bands(self._fans, begin, end, optics, factor == 0, radiosity, out)
-        )
+
+        def work(begin: int, end: int, second: kernels.Second) -> None:
+            kernels.reflect_bands(self._fans, begin, end, optics, factor == 0, light.matt, second, out)
+
+        self._in_parts(light, work)
         return out
 
-    def _in_parts(self, work: Callable[[int, int], None]) -> None:
-        parts = range(0, len(self), _PART)
+    def _in_parts(self, light: SentLight, work: Callable[[int, int, kernels.Second], None]) -> None:
+        def do(begin: int) -> None:
+            end = min(begin + _PART, len(self))
+            work(begin, end, self._second(begin, end, light))
+
         with ThreadPoolExecutor(2) as pool:
-            list(pool.map(lambda begin: work(begin, min(begin + _PART, len(self))), parts))
+            list(pool.map(do, range(0, len(self), _PART)))
+
+    def _second(self, begin: int, end: int, light: SentLight) -> kernels.Second:
+        """What glossy surfaces send back to points [begin, end)."""
+        records, glossy = self._records, light.glossy
+        base = int(records.start[begin])
+        if glossy is None:
+            none = np.zeros((0, *light.matt.shape[1:]), np.float32)
+            return kernels.Second(np.zeros(len(self) + 1, np.int64), records.ray, none, 0)
+        found = np.empty((int(records.start[end]) - base, *light.matt.shape[1:]), np.float32)
+        second_kernels.second_light(
+            self._fans, self._position, records, begin, end, glossy.objects, glossy.layers, glossy.lamps,
+            pole_tables(N_POLE_RAYS), glossy.radiosity, glossy.edited, glossy.inverse, found,
+        )  # fmt: skip
+        return kernels.Second(records.start, records.ray, found, base)

@@ -14,12 +14,16 @@ from numpy.typing import NDArray
 from engine.indirect._cell_kernels import NO_CELL, Lights
 from engine.indirect._ray_kernels import HALF, NORMAL
 from engine.indirect.cells import Cells, TooManyCells, patch_lights, sky_lights
-from engine.indirect.gather import FanSize, Gathered, gather, object_of_rows, pole_of
+from engine.indirect.curves import pole_of
+from engine.indirect.gather import FanSize, Gathered, gather, joined, object_of_rows
 from engine.indirect.irradiance import CellLight, connect, direct_irradiance, radiosity
 from engine.indirect.lattice import COARSEST, Lattice
 from engine.indirect.layers import IndirectLayer, albedos_of
 from engine.indirect.light import Footprint, GatherPoints, IndirectLight
-from engine.light.lights import cut_lights
+from engine.indirect.reflection import SentLight
+from engine.indirect.second_bounce import SecondRays, axes_of, lamps_of, no_records
+from engine.light.emitters import EmitterPatches
+from engine.light.lights import TriangleLights, cut_lights
 from engine.scene.hits import PrimaryHits
 from engine.transport.footprint import footprint, lattice_rows
 from engine.transport.pipeline import Placement, SkyState
@@ -56,14 +60,21 @@ class Solver:
 
     def __init__(
         self, placement: Placement, models: Mapping[int, Sequence[str]], sky: SkyState, n_bounces: int,
-        fineness: Fineness = FINE,
+        fineness: Fineness = FINE, glossy: bool = True,
     ) -> None:  # fmt: skip
-        """models: names of the models of every object's layers, by the object's index; n_bounces ≥ 2."""
+        """models: names of the models of every object's layers, by the object's index; n_bounces ≥ 2.
+
+        glossy: whether the second bounce off glossy surfaces has a direction, else it goes by albedo as all others do.
+        """
         self._placement, self._fineness, self._n_bounces = placement, fineness, n_bounces
         n_objects = len(placement.hits.object_ranges)
         self._poles = np.array([pole_of(models.get(i, ())) for i in range(n_objects)], np.int64)
         self._sizes = tuple(_fan_size(fineness.n_rays, int(pole)) for pole in self._poles)
-        self._lights = _lights(placement, sky)
+        cut, patches = _cut(sky), placement.patches(N_PATCHES)
+        self._lights, self._lamps = _lights(cut, patches), lamps_of(cut, patches)
+        is_glossy = np.array([bool(set(models.get(i, ())) - {"lambert"}) for i in range(n_objects)])
+        self._axes = axes_of(placement.scene)
+        self._second = SecondRays(is_glossy, self._poles, self._axes, self._lamps) if glossy else None
 
     def solve(self, layers: Sequence[IndirectLayer]) -> Generator[Progress, None, IndirectLight]:
         """The indirect light; the layers only say where the picture of it is not smooth."""
@@ -85,8 +96,8 @@ class Solver:
             size = (low * high) ** 0.5
             cells = Cells(scene, self._placement.caster, size)
             try:
-                seen = [part for _, _, part in gather(hits, cells, rows, self._poles, _fan_size(_PILOT_RAYS, HALF))]
-                n_hits = sum(int((part != NO_CELL).sum()) for part in seen)
+                pilot = gather(hits, cells, rows, self._poles, _fan_size(_PILOT_RAYS, HALF))
+                n_hits = sum(int((part.seen != NO_CELL).sum()) for part in pilot)
                 too_fine = len(cells) > min(self._fineness.n_cells / 2, max(n_hits / 4, 1.0))
             except TooManyCells:
                 too_fine = True
@@ -94,13 +105,14 @@ class Solver:
         return high
 
     def _solve(self, cells: Cells, layers: Sequence[IndirectLayer]) -> Generator[Progress, None, IndirectLight]:
-        nothing = Gathered(np.zeros(0, np.int32), np.zeros((0, self._fineness.n_rays), np.uint16))
+        none = np.zeros((0, self._fineness.n_rays), np.uint16)
+        nothing = Gathered(np.zeros(0, np.int32), none, no_records(0))
         if self._fineness.adaptive:
             points, found = yield from self._refined(cells, nothing, layers)
         else:
             points, found = yield from self._even(cells, nothing)
         light = yield from self._light(cells, self._fineness)
-        return IndirectLight(points, found, cells, light, self._n_bounces)
+        return IndirectLight(points, found, cells, light, self._lamps, self._n_bounces)
 
     def _even(self, cells: Cells, nothing: Gathered) -> Generator[Progress, None, tuple[GatherPoints, Footprint]]:
         """Every eighth pixel."""
@@ -125,31 +137,30 @@ class Solver:
                 bright = radiosity(light, albedos_of(layers, len(self._poles)), self._n_bounces)
             new_cells = np.zeros((len(cells) - len(bright), *bright.shape[1:]), np.float32)  # not known yet: dark
             points = self._points(gathered)
-            values[gathered.rows] = points.reflected(layers, np.concatenate([bright, new_cells]))
+            # By albedo alone: what glossy surfaces send is noisier, and noise is no reason for more points.
+            values[gathered.rows] = points.reflected(layers, SentLight(np.concatenate([bright, new_cells]), None))
             if not lattice.refine(values):
                 return points, lattice.footprint()
 
     def _points(self, gathered: Gathered) -> GatherPoints:
-        return GatherPoints(self._placement.hits, gathered, self._poles, self._sizes)
+        glossy = self._second is not None
+        return GatherPoints(self._placement.hits, gathered, self._poles, self._sizes, self._axes, glossy)
 
     def _gather(
         self, cells: Cells, before: Gathered, rows: NDArray[np.int32]
     ) -> Generator[Progress, None, Gathered]:
         """The gather points with those of some more rows."""
+        parts = [before]
         hits = self._placement.hits
-        seen = np.empty((len(rows), self._fineness.n_rays), np.uint16)
-        objects = object_of_rows(hits, rows)
-        sizes = np.array([size.n_pole for size in self._sizes])[objects]
+        sizes = np.array([size.n_pole for size in self._sizes])[object_of_rows(hits, rows)]
         done = 0
         for n_pole in np.unique(sizes):
-            mine = np.flatnonzero(sizes == n_pole)
             size = FanSize(self._fineness.n_rays - int(n_pole), int(n_pole))
-            for begin, end, part in gather(hits, cells, rows[mine], self._poles, size):
-                seen[mine[begin:end]] = part
-                done += end - begin
+            for part in gather(hits, cells, rows[sizes == n_pole], self._poles, size, self._second):
+                parts.append(part)
+                done += len(part.rows)
                 yield done / len(rows), "looking around"
-        order = np.argsort(np.concatenate([before.rows, rows]), kind="stable")
-        return Gathered(np.concatenate([before.rows, rows])[order], np.concatenate([before.seen, seen])[order])
+        return joined(parts)
 
     def _light(self, cells: Cells, fineness: Fineness) -> Generator[Progress, None, CellLight]:
         parts = [np.zeros((0, fineness.n_cell_rays), np.uint16)]
@@ -163,9 +174,14 @@ class Solver:
 def relit(
     found: IndirectLight, placement: Placement, sky: SkyState, fineness: Fineness, n_bounces: int
 ) -> IndirectLight:
-    """The same rays under another light; n_bounces: at most as many as they were found for."""
-    direct = direct_irradiance(found.cells, _lights(placement, sky), fineness.n_samples)
-    return replace(found, light=replace(found.light, direct=direct), n_bounces=n_bounces)
+    """The same rays under another light; n_bounces: at most as many as they were found for.
+
+    What was recorded of glossy surfaces belongs to the old light: they go by albedo, until the rays are traced anew.
+    """
+    cut, patches = _cut(sky), placement.patches(N_PATCHES)
+    direct = direct_irradiance(found.cells, _lights(cut, patches), fineness.n_samples)
+    points = replace(found.points, glossy=False)
+    return replace(found, points=points, light=replace(found.light, direct=direct), n_bounces=n_bounces)
 
 
 def _fan_size(n_rays: int, pole: int) -> FanSize:
@@ -174,15 +190,17 @@ def _fan_size(n_rays: int, pole: int) -> FanSize:
     return FanSize(n_rays - n_pole, n_pole)
 
 
-def _lights(placement: Placement, sky: SkyState) -> tuple[Lights, ...]:
+def _cut(sky: SkyState) -> TriangleLights | None:
+    if sky.environment is None:
+        return None
+    cut = cut_lights(sky.environment, N_LIGHTS, sky.rotation)
+    return replace(cut, power=(cut.power * np.float32(sky.scale)).astype(np.float32))
+
+
+def _lights(cut: TriangleLights | None, patches: EmitterPatches | None) -> tuple[Lights, ...]:
     """The sky and the emitters, each to be sampled by power."""
-    lights = []
-    if sky.environment is not None:
-        cut = cut_lights(sky.environment, N_LIGHTS, sky.rotation)
-        lights.append(sky_lights(replace(cut, power=(cut.power * np.float32(sky.scale)).astype(np.float32))))
-    patches = placement.patches(N_PATCHES)
-    if patches is not None:
-        lights.append(patch_lights(patches))
+    lights = [] if cut is None else [sky_lights(cut)]
+    lights += [] if patches is None else [patch_lights(patches)]
     return tuple(each for each in lights if len(each.cumulative))
 
 

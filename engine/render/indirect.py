@@ -6,22 +6,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.indirect.layers import indirect_layer
+from engine.indirect.series import BounceSeries
 from engine.indirect.solver import FINE, Fineness, Solver
 from engine.render.still import StillLayer, StillProgress
 from engine.transport.pipeline import Placement, SkyState
 
 
 def indirect_radiance(
-    placement: Placement, layers: Sequence[StillLayer], sky: SkyState, n_bounces: int, fineness: Fineness = FINE
+    placement: Placement, layers: Sequence[StillLayer], sky: SkyState, series: BounceSeries, fineness: Fineness = FINE
 ) -> Generator[StillProgress, None, NDArray[np.float32]]:
-    """Radiance (P, 3) that reaches the eye after 2 to n_bounces reflections, at the points of the placement's hits."""
+    """Radiance (P, 3) that reaches the eye after 2 bounces to all of the series, at the points of the hits."""
     models: dict[int, list[str]] = {}
     for each in layers:
         models.setdefault(each.i_object, []).append(each.layer.model.name)
     reflecting = [
-        indirect_layer(each.i_object, each.layer, each.bands[: len(each.layer.model.factors)]) for each in layers
+        indirect_layer(each.i_object, each.layer, each.bands[: len(each.layer.model.factors)], series.second)
+        for each in layers
     ]
-    steps = Solver(placement, models, sky, n_bounces, fineness).solve(reflecting)
+    steps = Solver(placement, models, sky, series.n_bounces, fineness, glossy=series.second != 1).solve(reflecting)
     while True:
         try:
             fraction, text = next(steps)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app.document import Selection, document_from_description
-from app.indirect import FREEZE_PATIENCE, IndirectTalk
+from app.indirect import FREEZE_PATIENCE, REST_SECONDS, IndirectTalk
 from app.jobs.messages import Freeze, Frozen, IndirectFound
 from app.picture import Curves, IndirectFootprint, IndirectRadiance
 from engine.curve.operators import Operator
@@ -49,7 +49,7 @@ class Talk:
         mine = [look for look in wish.looks if look.key.rpartition(".")[0] == (wish.key or "").rpartition(".")[0]]
         albedos = {look.key: np.ones((32, *(*map(len, look.coefficients), 1)[:2])) / 1e4 for look in mine}
         bands = np.ones((3, n_bands, 3, 2), np.float32)
-        return self.talk.took_frozen(Frozen(number, wish.key, wish.factor, reflected, bands, albedos))
+        return self.talk.took_frozen(Frozen(number, wish.serial, wish.key, wish.factor, reflected, bands, albedos))
 
     def edit(self, key: str, factor: str, *operators: Operator) -> None:
         layer = self.document.layer(key)
@@ -90,7 +90,47 @@ def test_the_selected_curve_needs_no_other_freezing_and_moves_all_layers(talk: T
     talk.update()
     talk.edit("pot.1", "theta_h", LIFT)
     assert {event.key for event in talk.update()} == {"pot.0", "pot.1", "floor.0"}
-    assert len(talk.asked) == 1
+    assert len(talk.asked) == 1 and not talk.talk.is_complete
+
+
+def test_what_a_glossy_object_sends_is_frozen_anew_once_the_hand_rests(talk: Talk) -> None:
+    talk.update()
+    talk.found()
+    talk.frozen()
+    talk.edit("pot.1", "theta_h", LIFT)
+    talk.update()
+    talk.now += REST_SECONDS
+    talk.update()
+    assert len(talk.asked) == 2
+    talk.frozen()
+    assert talk.update() and talk.talk.is_complete
+    talk.now += REST_SECONDS
+    talk.update()
+    assert len(talk.asked) == 2
+
+
+def test_a_matt_object_has_no_shape_to_freeze(talk: Talk) -> None:
+    selected = Selection("floor", 0, "theta_i")
+    talk.update(selected)
+    talk.found()
+    talk.frozen()
+    talk.edit("floor.0", "theta_i", LIFT)
+    for _ in range(2):
+        talk.now += REST_SECONDS
+        talk.update(selected)
+    assert len(talk.asked) == 1 and talk.talk.is_complete
+
+
+def test_an_answer_to_an_older_request_is_not_taken_for_the_newer(talk: Talk) -> None:
+    talk.update()
+    talk.found()
+    late = talk.asked[-1]
+    talk.now += FREEZE_PATIENCE
+    talk.edit("floor.0", "theta_i", LIFT)
+    talk.update()
+    assert talk.asked[-1] is not late
+    events = talk.talk.took_frozen(Frozen(1, late.serial, late.key, late.factor, {}, np.zeros((3, 0, 3, 0)), {}))
+    assert events == [] and talk.update() == []
 
 
 @pytest.mark.parametrize(("key", "factor"), [("pot.1", "theta_d"), ("floor.0", "theta_i"), ("pot.0", "theta_i")])

@@ -1,0 +1,336 @@
+"""Compiled: what glossy surfaces send on towards gather points.
+
+Where a ray of a fan ends on a glossy surface, two further rays are remembered. One goes to a light that is chosen among
+sixteen candidates, half drawn by power and half about the pole of that surface's highlight, in proportion to what each
+would bring if the highlight were as the pole's density is (resampled importance sampling [Talbot05]; the halves count
+by the balance heuristic). The other goes about the pole, for what other surfaces send. Both hold for any curve.
+"""
+
+import math
+from typing import NamedTuple
+
+import numba as nb
+import numpy as np
+
+from engine.indirect._cell_kernels import NO_CELL, _point_in_triangle, _shading_normal
+from engine.indirect._ray_kernels import HORIZON, fan_density, fan_direction, local_eye, mixed, turn_of, uniform
+from engine.indirect._reflection_kernels import HALF_PI, ONE, ZERO, _counts, _node, _ray
+from engine.material._kernels import gamma, quotient_cosine
+
+N_BY_POWER, N_BY_POLE = 8, 8
+NO_LIGHT = 0xFFFF
+PI = np.float32(math.pi)
+TINY = np.float32(1e-30)
+
+
+class Lamps(NamedTuple):
+    """All lights to sample: the sky's triangles first, then patches. corners (M, 3, 3); cumulative (M,) shares;
+    power (M, 3) over share; normals (M, 3) of patches; of the sky density (n_sky,) samples a steradian and radiance
+    (n_sky, 3); raster (H, W): which triangle of the sky a lat-long direction falls in."""
+
+    corners: np.ndarray
+    cumulative: np.ndarray
+    power: np.ndarray
+    normals: np.ndarray
+    density: np.ndarray
+    radiance: np.ndarray
+    raster: np.ndarray
+
+
+class Glossy(NamedTuple):
+    """The glossy layers of all objects: those of object o are first[o] to first[o + 1]. models, kinds_a, kinds_b (L,),
+    q (L, 8); their curves' values joined (V, 3), the first from begin_a (L,), n_a (L,) long, the second likewise;
+    gains (L, 3); views (L, N, 3), f_o at even angles. poles (M,), axes (M, 2, 3): each object's Y and X."""
+
+    first: np.ndarray
+    models: np.ndarray
+    kinds_a: np.ndarray
+    kinds_b: np.ndarray
+    q: np.ndarray
+    values: np.ndarray
+    begin_a: np.ndarray
+    n_a: np.ndarray
+    begin_b: np.ndarray
+    n_b: np.ndarray
+    gains: np.ndarray
+    views: np.ndarray
+    poles: np.ndarray
+    axes: np.ndarray
+
+
+class Records(NamedTuple):
+    """n rays that end on glossy surfaces, by point and ray: start (p + 1,) of each point's; ray (n,); normal (n, 3) and
+    distance (n,) there; light (n,) that is seen, NO_LIGHT where none is, which candidate it was (n,) and how many times
+    it counts (n,); beyond (n,): the cell that the second ray sees, or NO_CELL."""
+
+    start: np.ndarray
+    ray: np.ndarray
+    normal: np.ndarray
+    distance: np.ndarray
+    light: np.ndarray
+    candidate: np.ndarray
+    weight: np.ndarray
+    beyond: np.ndarray
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _seed(row, m):
+    return mixed(np.uint64(row) * np.uint64(0x10001) + np.uint64(m) + np.uint64(0xABCD0000000))
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _tangent(axes, o, nx, ny, nz):
+    """Unit Y × n with the object's Y, or its X made perpendicular to n where Y is along it."""
+    yx, yy, yz = axes[o, 0, 0], axes[o, 0, 1], axes[o, 0, 2]
+    tx, ty, tz = yy * nz - yz * ny, yz * nx - yx * nz, yx * ny - yy * nx
+    length2 = tx * tx + ty * ty + tz * tz
+    if length2 < np.float32(1e-8):
+        along = axes[o, 1, 0] * nx + axes[o, 1, 1] * ny + axes[o, 1, 2] * nz
+        tx, ty, tz = axes[o, 1, 0] - along * nx, axes[o, 1, 1] - along * ny, axes[o, 1, 2] - along * nz
+        length2 = tx * tx + ty * ty + tz * tz
+    inverse = ONE / np.sqrt(max(length2, TINY))
+    return tx * inverse, ty * inverse, tz * inverse
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _to_local(tx, ty, tz, nx, ny, nz, x, y, z):
+    bx, by, bz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
+    return tx * x + ty * y + tz * z, bx * x + by * y + bz * z, nx * x + ny * y + nz * z
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _to_world(tx, ty, tz, nx, ny, nz, x, y, z):
+    bx, by, bz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
+    return x * tx + y * bx + z * nx, x * ty + y * by + z * ny, x * tz + y * bz + z * nz
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _towards_light(lamps, m, seed, px, py, pz):
+    """Direction and distance from a place to a point of light m, and cos over distance² there; 1 for the sky."""
+    x, y, z = _point_in_triangle(lamps.corners, m, uniform(seed ^ np.uint64(5)), uniform(seed ^ np.uint64(6)))
+    is_sky = m < lamps.density.shape[0]
+    if not is_sky:
+        x, y, z = x - px, y - py, z - pz
+    length = np.sqrt(max(x * x + y * y + z * z, TINY))
+    x, y, z = x / length, y / length, z / length
+    if is_sky:
+        return x, y, z, np.float32(1e30), ONE
+    facing = -(lamps.normals[m, 0] * x + lamps.normals[m, 1] * y + lamps.normals[m, 2] * z)
+    return x, y, z, length, max(facing, ZERO) / (length * length)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _about_pole(table, seed, pole, ox, oy, oz):
+    """Local direction of a ray about the pole."""
+    turn = np.float32(2.0 * math.pi) * uniform(seed ^ np.uint64(3))
+    pattern = np.int64(seed % np.uint64(table.shape[0]))
+    k = np.int64((seed >> np.uint64(20)) % np.uint64(table.shape[1]))
+    return fan_direction(table[pattern], k, False, np.cos(turn), np.sin(turn), pole, ox, oy, oz)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _pick_light(lamps, u):
+    low, high = 0, lamps.cumulative.shape[0] - 1
+    while low < high:
+        middle = (low + high) // 2
+        low, high = (low, middle) if lamps.cumulative[middle] > u else (middle + 1, high)
+    return low
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _sky_at(lamps, x, y, z):
+    """The triangle of the sky in a direction, −1 where there is no sky."""
+    height, width = lamps.raster.shape
+    if height == 0:
+        return -1
+    row = min(np.int64(math.acos(min(max(y, -ONE), ONE)) / math.pi * height), height - 1)
+    column = np.int64((math.atan2(x, -z) / (2.0 * math.pi) + 0.5) * width) % width
+    return np.int64(lamps.raster[row, column])
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _share(lamps, m, geometry, pole_density):
+    """What a candidate's light counts as one of all: (factor on radiance for the sky, on power for patches)."""
+    if m < lamps.density.shape[0]:
+        return ONE / (N_BY_POWER * lamps.density[m] + N_BY_POLE * pole_density)
+    return geometry / np.float32(N_BY_POWER)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _brightest(lamps, m):
+    light = lamps.radiance[m] if m < lamps.density.shape[0] else lamps.power[m]
+    return max(light[0], light[1], light[2])
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _candidate(lamps, table, c, m, seed, pole, frame, place, eye):
+    """Candidate c for the light m (−1: yet to be found): light, local direction, distance and share of it."""
+    tx, ty, tz, nx, ny, nz = frame
+    px, py, pz = place
+    ox, oy, oz = eye
+    own = mixed(seed + np.uint64(c) * np.uint64(0x632BE59BD9B4E019))
+    far, geometry = np.float32(1e30), ONE
+    if c < N_BY_POWER:
+        if m < 0:
+            m = _pick_light(lamps, uniform(own ^ np.uint64(4)))
+        wx, wy, wz, far, geometry = _towards_light(lamps, m, own, px, py, pz)
+        x, y, z = _to_local(tx, ty, tz, nx, ny, nz, wx, wy, wz)
+    else:
+        x, y, z = _about_pole(table, own, pole, ox, oy, oz)
+        if m < 0 and z > HORIZON:
+            wx, wy, wz = _to_world(tx, ty, tz, nx, ny, nz, x, y, z)
+            m = _sky_at(lamps, wx, wy, wz)
+    if z <= HORIZON or m < 0:
+        return -1, ZERO, ZERO, ONE, far, ZERO, ZERO
+    density = fan_density(ZERO, ONE, pole, x, y, z, ox, oy, oz)
+    return m, x, y, z, far, density, _share(lamps, m, geometry, density)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def begin_second(which, n_rays, rows, hits, distance, origins, directions, mesh, poles, axes, lamps, table, offset,
+                 normals, lights, candidates, weights, to_light, limits, to_pole, starts, there):  # fmt: skip
+    """The further rays of the rays `which` (n,) of a chunk of fans, numbered point by point.
+
+    Writes normals (n, 3), the light chosen (n,), which candidate it was and its weight (n,), 0 for none; two rays each:
+    directions to_light, to_pole (n, 3), origins starts (n, 2, 3), limits (n,) of the first, there (n,) of the second.
+    """
+    for i in range(which.shape[0]):
+        w = which[i]
+        triangle, o = hits.triangle[w], mesh.objects[hits.triangle[w]]
+        dx, dy, dz = directions[w, 0], directions[w, 1], directions[w, 2]
+        nx, ny, nz = _shading_normal(mesh, triangle, hits.u[w], hits.v[w])
+        if nx * dx + ny * dy + nz * dz > ZERO:
+            nx, ny, nz = -nx, -ny, -nz
+        normals[i, 0], normals[i, 1], normals[i, 2] = nx, ny, nz
+        far = distance[w]
+        px, py, pz = origins[w, 0] + far * dx, origins[w, 1] + far * dy, origins[w, 2] + far * dz
+        seed = _seed(rows[w // n_rays], w % n_rays)
+        tx, ty, tz = _tangent(axes, o, nx, ny, nz)
+        ox, oy, oz = _to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
+        frame, place, eye = (tx, ty, tz, nx, ny, nz), (px, py, pz), (ox, oy, oz)
+        total, chosen = ZERO, ZERO
+        lights[i], candidates[i], weights[i], limits[i] = NO_LIGHT, 0, ZERO, ONE
+        lx, ly, lz = ZERO, ZERO, ONE
+        if lamps.cumulative.shape[0] > 0 and oz > HORIZON:
+            for c in range(N_BY_POWER + N_BY_POLE):
+                m, x, y, z, limit, density, share = _candidate(lamps, table, c, -1, seed, poles[o], frame, place, eye)
+                if m < 0:
+                    continue
+                worth = share * density * _brightest(lamps, m)
+                total += worth
+                if worth > ZERO and uniform(seed ^ np.uint64(1000 + c)) * total < worth:
+                    lights[i], candidates[i], chosen = m, c, worth
+                    lx, ly, lz, limits[i] = x, y, z, max(limit * np.float32(0.9999), TINY)
+            if chosen > ZERO:
+                weights[i] = total / chosen
+        x, y, z = _to_world(tx, ty, tz, nx, ny, nz, lx, ly, lz)
+        to_light[i, 0], to_light[i, 1], to_light[i, 2] = x, y, z
+        x, y, z = _about_pole(table, seed, poles[o], ox, oy, oz)
+        there[i] = z > HORIZON
+        if not there[i]:
+            x, y, z = ZERO, ZERO, ONE
+        x, y, z = _to_world(tx, ty, tz, nx, ny, nz, x, y, z)
+        to_pole[i, 0], to_pole[i, 1], to_pole[i, 2] = x, y, z
+        face = mesh.face_normals[triangle]
+        for k in range(2):
+            ray = to_light[i] if k == 0 else to_pole[i]
+            side = face[0] * ray[0] + face[1] * ray[1] + face[2] * ray[2]
+            lift = offset if side >= ZERO else -offset
+            starts[i, k, 0], starts[i, k, 1] = px + lift * face[0], py + lift * face[1]
+            starts[i, k, 2] = pz + lift * face[2]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _add_gloss(g, o, x, y, z, ox, oy, oz, factor, out):
+    """Add factor · Σ of object o's glossy layers f_q f_o ρ_q f_A f_B cos θ_i to out (3,)."""
+    for layer in range(g.first[o], g.first[o + 1]):
+        q = g.q[layer]
+        weight = factor * np.float32(quotient_cosine(g.models[layer], q, x, y, z, ox, oy, oz))
+        if weight <= ZERO:
+            continue
+        angle = gamma(g.kinds_a[layer], q, x, y, z, ox, oy, oz)
+        if angle > HALF_PI:
+            continue
+        j, t = _node(angle, g.n_a[layer])
+        low_a = g.begin_a[layer] + j
+        high_a = g.begin_a[layer] + min(j + 1, g.n_a[layer] - 1)
+        low_b, high_b, u = 0, 0, ZERO
+        two = g.kinds_b[layer] >= 0
+        if two:
+            angle = gamma(g.kinds_b[layer], q, x, y, z, ox, oy, oz)
+            if angle > HALF_PI:
+                continue
+            k, u = _node(angle, g.n_b[layer])
+            low_b = g.begin_b[layer] + k
+            high_b = g.begin_b[layer] + min(k + 1, g.n_b[layer] - 1)
+        position = np.float32(math.acos(min(oz, ONE))) / HALF_PI * np.float32(g.views.shape[1] - 1)
+        v = min(np.int64(position), g.views.shape[1] - 2)
+        s = position - np.float32(v)
+        for c in range(3):
+            value = (ONE - t) * g.values[low_a, c] + t * g.values[high_a, c]
+            if two:
+                value *= (ONE - u) * g.values[low_b, c] + u * g.values[high_b, c]
+            value *= (ONE - s) * g.views[layer, v, c] + s * g.views[layer, v + 1, c]
+            out[c] += weight * g.gains[layer, c] * value
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def second_light(fans, position, records, begin, end, objects, g, lamps, table, radiosity, edited, inverse, out):
+    """π times what comes back along the recorded rays of points [begin, end) from the glossy layers there, (n, D, 3).
+
+    objects (C,) of the cells; radiosity (C, D, 3); the light of the object `edited` is multiplied by `inverse` (3,) and
+    moves to the next power, since it counts as proportional to that object's albedo.
+    """
+    n_powers = out.shape[1]
+    gloss = np.zeros(3, np.float32)
+    for i in range(begin, end):
+        r = fans.rows[i]
+        tangent, normal = fans.tangent[r], fans.normal[r]
+        eye_x, eye_y, eye_z = local_eye(tangent, normal, fans.wo[r])
+        turn, cosine, sine = turn_of(r)
+        pattern = np.int64(turn & np.uint64(fans.tables_cosine.shape[0] - 1))
+        for e in range(records.start[i], records.start[i + 1]):
+            n = e - records.start[begin]
+            out[n] = ZERO
+            m = np.int64(records.ray[e])
+            if not _counts(fans, m):
+                continue
+            x, y, z = _ray(fans, i, m, pattern, cosine, sine, eye_x, eye_y, eye_z)
+            dx, dy, dz = _to_world(
+                tangent[0], tangent[1], tangent[2], normal[0], normal[1], normal[2], x, y, z
+            )
+            far = records.distance[e]
+            px, py, pz = position[r, 0] + far * dx, position[r, 1] + far * dy, position[r, 2] + far * dz
+            o = objects[fans.seen[i, m]]
+            nx, ny, nz = records.normal[e, 0], records.normal[e, 1], records.normal[e, 2]
+            tx, ty, tz = _tangent(g.axes, o, nx, ny, nz)
+            ox, oy, oz = _to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
+            if oz <= HORIZON:
+                continue
+            seed = _seed(r, m)
+            shift = 1 if o == edited else 0
+            light = np.int64(records.light[e])
+            if light != NO_LIGHT:
+                frame, place, eye = (tx, ty, tz, nx, ny, nz), (px, py, pz), (ox, oy, oz)
+                c = np.int64(records.candidate[e])
+                m, x, y, z, _, _, share = _candidate(lamps, table, c, light, seed, g.poles[o], frame, place, eye)
+                if m >= 0:
+                    gloss[:] = ZERO
+                    _add_gloss(g, o, x, y, z, ox, oy, oz, PI * share * records.weight[e], gloss)
+                    colour = lamps.radiance[m] if m < lamps.density.shape[0] else lamps.power[m]
+                    for channel in range(3):
+                        value = gloss[channel] * colour[channel]
+                        if shift < n_powers:
+                            out[n, shift, channel] += value * inverse[channel] if shift == 1 else value
+            beyond = np.int64(records.beyond[e])
+            if beyond == NO_CELL:
+                continue
+            x, y, z = _about_pole(table, seed, g.poles[o], ox, oy, oz)
+            if z <= HORIZON:
+                continue
+            gloss[:] = ZERO
+            _add_gloss(g, o, x, y, z, ox, oy, oz, ONE / fan_density(ZERO, ONE, g.poles[o], x, y, z, ox, oy, oz), gloss)
+            for k in range(n_powers - shift):
+                for channel in range(3):
+                    value = gloss[channel] * radiosity[beyond, k, channel]
+                    out[n, k + shift, channel] += value * inverse[channel] if shift == 1 else value

@@ -1,0 +1,38 @@
+"""A layer's curves as compiled sums over rays take them, and where its highlight lies."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.indirect import _ray_kernels as rays
+from engine.indirect import _reflection_kernels as kernels
+from engine.material import MODELS, kinds
+from engine.material.model import Model
+
+
+@dataclass(frozen=True, eq=False)
+class LayerCurves:
+    """A layer as gather points reflect with it: model, quotient parameters (8,), values at the nodes of its one or two
+    curves, (J, 3) and (K, 3)."""
+
+    model: Model
+    quotient_parameters: NDArray[np.float64]
+    curves: tuple[NDArray[np.float64], ...]
+
+    def optics(self) -> kernels.Optics:
+        first, *second = (np.ascontiguousarray(curve, np.float32) for curve in self.curves)
+        factors = self.model.factors
+        kind_b = factors[1].gamma if len(factors) > 1 else -1
+        other = second[0] if second else np.ones((1, 3), np.float32)
+        q = np.asarray(self.quotient_parameters, np.float64)
+        return kernels.Optics(self.model.kind, q, factors[0].gamma, kind_b, first, other)
+
+
+def pole_of(model_names: Iterable[str]) -> int:
+    """About which direction the rays of an object with layers of these models are dense."""
+    gammas = {factor.gamma for name in model_names for factor in MODELS[name].factors}
+    if gammas & {kinds.THETA_H, kinds.GAMMA_ALPHA, kinds.GAMMA_BETA, kinds.GAMMA_RATIO}:
+        return rays.HALF
+    return rays.MIRROR if kinds.THETA_R in gammas else rays.NORMAL

@@ -1,0 +1,212 @@
+"""The second bounce off glossy surfaces: rays remembered for it, and what they bring for any curves.
+
+Equivalent albedos spread over all directions what a glossy surface sends to one side; seen in another surface, that is
+what its light differs by most. So for each ray of a fan that ends on a glossy surface two rays more are traced and
+remembered in 27 bytes, and the glossy layers there are evaluated with their curves as they are whenever light is
+frozen. Bounces after the second go by albedo.
+
+While a curve is dragged, what its own object sends on keeps its shape and follows the albedo; when the hand rests it is
+evaluated anew.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.indirect import _second_kernels as kernels
+from engine.indirect._cell_kernels import NO_CELL, Hits
+from engine.indirect.cells import Cells, Rays
+from engine.indirect.layers import IndirectLayer
+from engine.indirect.rays import pole_tables
+from engine.light.emitters import EmitterPatches
+from engine.light.lights import TriangleLights
+from engine.material import kinds
+from engine.scene.load import Scene
+from engine.scene.raycaster import Intersections
+from engine.sphere.geodesic import locate
+
+N_POLE_RAYS = 1024
+_RASTER = (512, 1024)
+_LEAST_ALBEDO = 1e-6
+
+
+def no_records(n_points: int) -> kernels.Records:
+    """Of points none of whose rays ends on a glossy surface."""
+    none, floats = np.zeros(0, np.uint16), np.zeros(0, np.float32)
+    start, normal = np.zeros(n_points + 1, np.int64), np.zeros((0, 3), np.float32)
+    return kernels.Records(start, none, normal, floats, none, np.zeros(0, np.uint8), floats, none)
+
+
+def joined_records(parts: Sequence[kernels.Records], order: NDArray[np.integer]) -> kernels.Records:
+    """The records of several sets of points, one after the other, with the points in this order."""
+    ends = np.cumsum([0, *(part.start[-1] for part in parts)])
+    firsts = np.concatenate([part.start[:-1] + end for part, end in zip(parts, ends, strict=False)])[order]
+    counts = np.concatenate([np.diff(part.start) for part in parts])[order]
+    start = np.concatenate([[0], np.cumsum(counts)])
+    taken = np.repeat(firsts - start[:-1], counts) + np.arange(start[-1])
+    fields = zip(*(part[1:] for part in parts), strict=True)
+    return kernels.Records(start, *(np.concatenate(arrays)[taken] for arrays in fields))
+
+
+@dataclass(frozen=True, eq=False)
+class SecondRays:
+    """What tracing second rays needs: which objects (M,) are glossy, their poles (M,) and axes (M, 2, 3), the lamps."""
+
+    glossy: NDArray[np.bool_]
+    poles: NDArray[np.int64]
+    axes: NDArray[np.float32]
+    lamps: kernels.Lamps
+
+    def trace(
+        self, cells: Cells, rows: NDArray[np.int32], rays: Rays, seen: NDArray[np.uint16], found: Intersections
+    ) -> kernels.Records:
+        """The records of a chunk of fans: rays and what they hit, (p · R), point by point."""
+        n_rays = len(seen) // max(len(rows), 1)
+        ends = np.where(seen == NO_CELL, -1, cells.mesh.objects[found.triangle])
+        which = np.flatnonzero((ends >= 0) & self.glossy[ends])
+        n = len(which)
+        normals, lights, candidates = np.empty((n, 3), np.float32), np.empty(n, np.uint16), np.empty(n, np.uint8)
+        to_light, to_pole = np.empty((2, n, 3), np.float32)
+        starts = np.empty((n, 2, 3), np.float32)
+        weights, limits, there = np.empty(n, np.float32), np.empty(n, np.float32), np.empty(n, bool)
+        kernels.begin_second(
+            which, n_rays, rows, Hits(found.triangle, found.u, found.v), found.distance, rays.origins, rays.directions,
+            cells.mesh, self.poles, self.axes, self.lamps, pole_tables(N_POLE_RAYS), np.float32(cells.caster.offset),
+            normals, lights, candidates, weights, to_light, limits, to_pole, starts, there,
+        )  # fmt: skip
+        asked = np.flatnonzero(weights > 0.0)
+        blocked = np.ones(n, bool)
+        blocked[asked] = cells.caster.occluded(starts[asked, 0], to_light[asked], limits[asked])
+        lights[blocked] = kernels.NO_LIGHT
+        beyond = cells.seen_by(Rays(np.ascontiguousarray(starts[:, 1]), to_pole, there))
+        start = np.searchsorted(which, np.arange(len(rows) + 1) * n_rays)
+        distance = found.distance[which].astype(np.float32)
+        ray = (which % n_rays).astype(np.uint16)
+        return kernels.Records(start, ray, normals, distance, lights, candidates, weights, beyond)
+
+
+@dataclass(frozen=True, eq=False)
+class SecondLight:
+    """What glossy surfaces send on under certain curves: objects (C,) and radiosity (C, D, 3) of the cells, tables of
+    layers and lamps, the object that is edited and one over its albedo (3,)."""
+
+    objects: NDArray[np.int32]
+    radiosity: NDArray[np.float32]
+    layers: kernels.Glossy
+    lamps: kernels.Lamps
+    edited: int
+    inverse: NDArray[np.float32]
+
+
+def lamps_of(cut: TriangleLights | None, patches: EmitterPatches | None) -> kernels.Lamps:
+    """Sky and emitters for sampling by power; half of the samples each where there are both."""
+    parts = [part for part in (_sky(cut), _patches(patches)) if part is not None and part[1].max() > 0.0]
+    if not parts:
+        none = np.zeros((0, 3), np.float32)
+        empty = np.zeros(0, np.float32)
+        return kernels.Lamps(none[:, None], empty, none, none, empty, none, np.zeros((0, 0), np.int32))
+    shares = [strength / strength.sum() / len(parts) for _, strength, _, _ in parts]
+    corners = np.concatenate([part[0] for part in parts]).astype(np.float32)
+    share = np.concatenate(shares)
+    power = np.concatenate([part[2] for part in parts]) / np.maximum(share, 1e-30)[:, None]
+    power[share == 0.0] = 0.0
+    cumulative = np.cumsum(share)
+    cumulative[np.flatnonzero(share)[-1] :] = 2.0  # rounding leaves no sample beyond the last that shines
+    density, radiance, raster = np.zeros(0, np.float32), np.zeros((0, 3), np.float32), np.zeros((0, 0), np.int32)
+    if cut is not None and _sky(cut)[1].max() > 0.0:
+        density = (shares[0] / cut.solid_angle).astype(np.float32)
+        radiance, raster = (cut.power / cut.solid_angle[:, None]).astype(np.float32), _raster(cut)
+    normals = np.concatenate([part[3] for part in parts]).astype(np.float32)
+    return kernels.Lamps(
+        corners, cumulative.astype(np.float32), power.astype(np.float32), normals, density, radiance, raster
+    )
+
+
+_Part = tuple[NDArray[np.floating], NDArray[np.float64], NDArray[np.floating], NDArray[np.floating]]
+
+
+def _sky(cut: TriangleLights | None) -> _Part:
+    """Corners, strengths, powers and no normals of the sky's triangles."""
+    if cut is None:
+        return np.zeros((0, 3, 3)), np.zeros(1), np.zeros((0, 3)), np.zeros((0, 3))
+    return cut.vertices[cut.corners], cut.power.max(axis=1).astype(np.float64), cut.power, np.zeros((len(cut), 3))
+
+
+def _patches(patches: EmitterPatches | None) -> _Part | None:
+    if patches is None:
+        return None
+    power = patches.radiance * patches.area[:, None]
+    return patches.corners, power.max(axis=1).astype(np.float64), power, patches.normal
+
+
+def _raster(cut: TriangleLights) -> NDArray[np.int32]:
+    """Which triangle of the cut each direction of a lat-long grid falls in; columns from -Z over +X."""
+    height, width = _RASTER
+    polar = (np.arange(height) + 0.5) * np.pi / height
+    azimuth = ((np.arange(width) + 0.5) / width - 0.5) * 2 * np.pi
+    directions = np.stack(
+        np.broadcast_arrays(
+            np.sin(polar)[:, None] * np.sin(azimuth), np.cos(polar)[:, None], -np.sin(polar)[:, None] * np.cos(azimuth)
+        ), axis=2,
+    ).reshape(-1, 3)  # fmt: skip
+    finest = int(cut.level.max())
+    size = 4 ** (finest - cut.level.astype(np.int64))
+    first = cut.index.astype(np.int64) * size
+    order = np.argsort(first)
+    found = np.searchsorted(first[order], locate(directions, finest), "right") - 1
+    return order[found].astype(np.int32).reshape(_RASTER)
+
+
+def axes_of(scene: Scene) -> NDArray[np.float32]:
+    """Each object's Y and X axis in the world, unit, (M, 2, 3)."""
+    columns = np.array([np.reshape(o.transform, (4, 4))[:3, :3].T for o in scene.description.objects])
+    columns /= np.linalg.norm(columns, axis=2, keepdims=True)
+    return np.ascontiguousarray(columns[:, [1, 0]], np.float32)
+
+
+def glossy_tables(
+    layers: Sequence[IndirectLayer], poles: NDArray[np.int64], axes: NDArray[np.float32]
+) -> kernels.Glossy:
+    """The layers that are not matt, by object."""
+    chosen = sorted((each for each in layers if is_glossy(each)), key=lambda each: each.i_object)
+    first = np.searchsorted([each.i_object for each in chosen], np.arange(len(poles) + 1))
+    curves = [[np.asarray(curve, np.float32) for curve in each.sent.curves] for each in chosen]
+    none = np.zeros((0, 3), np.float32)
+    lengths = np.array([[len(curve) for curve in (*pair, none)[:2]] for pair in curves], np.int64).reshape(-1, 2)
+    begins = np.cumsum([0, *lengths.ravel()])[:-1].reshape(-1, 2)
+    factors = [each.sent.model.factors for each in chosen]
+    return kernels.Glossy(
+        first.astype(np.int64),
+        np.array([each.sent.model.kind for each in chosen], np.int64),
+        np.array([pair[0].gamma for pair in factors], np.int64),
+        np.array([pair[1].gamma if len(pair) > 1 else -1 for pair in factors], np.int64),
+        np.array([each.sent.quotient_parameters for each in chosen], float).reshape(-1, kinds.N_QUOTIENT_PARAMETERS),
+        np.concatenate([none, *(curve for pair in curves for curve in pair)]),
+        begins[:, 0].copy(), lengths[:, 0].copy(), begins[:, 1].copy(), lengths[:, 1].copy(),
+        np.array([each.gain for each in chosen], np.float32).reshape(-1, 3),
+        np.array([each.view_curve for each in chosen], np.float32).reshape(len(chosen), -1, 3) if chosen
+        else np.ones((0, 2, 3), np.float32),
+        poles, axes,
+    )  # fmt: skip
+
+
+def is_glossy(layer: IndirectLayer) -> bool:
+    """Whether what it sends on depends on the direction."""
+    return layer.sent.model.kind != kinds.LAMBERT
+
+
+def matt_share(layers: Sequence[IndirectLayer], n_objects: int) -> NDArray[np.float32]:
+    """Of each object's albedo what its matt layers have, (M, 3); 1 where it has none."""
+    matt, total = np.zeros((n_objects, 3)), np.zeros((n_objects, 3))
+    for layer in layers:
+        total[layer.i_object] += layer.albedo
+        if not is_glossy(layer):
+            matt[layer.i_object] += layer.albedo
+    return np.where(total > _LEAST_ALBEDO, matt / np.maximum(total, _LEAST_ALBEDO), 1.0).astype(np.float32)
+
+
+def inverse_albedo(albedo: NDArray[np.floating]) -> NDArray[np.float32]:
+    """1/d (3,), 0 where the object is black: what it sends on then goes by albedo alone."""
+    return np.where(albedo > _LEAST_ALBEDO, 1.0 / np.maximum(albedo, _LEAST_ALBEDO), 0.0).astype(np.float32)
