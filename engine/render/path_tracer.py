@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.indirect.series import MOST_BOUNCES
 from engine.light.environment import LUMINANCE
 from engine.material.layer import Layer
 from engine.render.path_lights import EmitterLight, LightSamples, PathLight, SkyLight
@@ -32,7 +33,6 @@ from engine.transport.pipeline import Placement, SkyState
 Floats = NDArray[np.float64]
 Rows = NDArray[np.integer]
 
-MOST_BOUNCES = 16
 MOST_SAMPLES = 1 << 20
 N_SAMPLES = 64
 _PASS, _BATCH, _N_THREADS = 1024, 1 << 14, 2
