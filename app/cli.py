@@ -137,18 +137,25 @@ def render(
         chosen = chosen or BounceSeries(bounces)
     if samples is not None and not reference:
         raise InsituError(f"--samples {samples}: transport takes no samples, expected --reference as well")
-    from app.stills import check_output, render_picture, write_picture
+    from app.stills import StillProgress, check_output, render_picture, write_picture
 
     check_output(output)
     started = time.monotonic()
     project = open_project(scene, resolution, _assignments(set_, rotation))
+    noise: float | None = None
     with _progress() as report:
+
+        def follow(step: StillProgress) -> None:
+            nonlocal noise
+            noise = step.noise
+            report(step.fraction, step.text)
+
         picture = render_picture(
-            project, lambda step: report(step.fraction, step.text), n_lights=lights, reference=reference,
-            series=chosen, n_samples=samples,
+            project, follow, n_lights=lights, reference=reference, series=chosen, n_samples=samples
         )  # fmt: skip
     write_picture(output, picture)
-    print(f"{output}: {picture.shape[1]} x {picture.shape[0]}, {time.monotonic() - started:.1f} s")
+    remains = "" if noise is None else f", noise {noise:.2%}"
+    print(f"{output}: {picture.shape[1]} x {picture.shape[0]}, {time.monotonic() - started:.1f} s{remains}")
     return 0
 
 

@@ -14,7 +14,7 @@ halves of them tells the noise.
 
 from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,7 @@ Rows = NDArray[np.integer]
 MOST_SAMPLES = 1 << 20
 N_SAMPLES = 64
 _PASS, _BATCH, _N_THREADS = 1024, 1 << 14, 2
+_PASSES_PAY = 64  # from so many samples on, passes of a quarter are still large enough to cover their space evenly
 # From this bounce on faint paths end early; before it, all that a picture is judged by is there.
 _FIRST_ROULETTE = 5
 # Whatever the albedo, a picture stays finite in single precision.
@@ -196,7 +197,7 @@ def trace_paths(
     sizes = _pass_sizes(n_samples)
     halves, counts = np.zeros((2, len(rows), 3)), np.zeros(2, int)
     for i_pass, n in enumerate(sizes):
-        said = f"{counts.sum()} of {n_samples} samples a pixel{_noise_text(halves, counts)}"
+        progress = _progress(halves, counts, n_samples)
         blocks = np.array_split(np.arange(len(rows)), max(1, -(-len(rows) * n // _BATCH)))
         work = _pass_work(placement.hits, rows, tracer, _sobol_points(n, n_bounces, (seed, i_pass)), (seed, i_pass))
         with ThreadPoolExecutor(_N_THREADS) as pool:
@@ -205,10 +206,11 @@ def trace_paths(
                 for (_, block), found in zip(group, pool.map(work, group), strict=True):
                     halves[i_pass % 2, block] += found
                 done = (counts.sum() + n * (i + len(group)) / len(blocks)) / n_samples
-                yield StillProgress(float(done), said)
+                yield replace(progress, fraction=float(done))
         counts[i_pass % 2] += n
-    noise = noise_of_halves(halves, counts) if len(sizes) > 1 else None
-    return PathEstimate(halves.sum(axis=0) / n_samples, noise)
+    last = _progress(halves, counts, n_samples)
+    yield last
+    return PathEstimate(halves.sum(axis=0) / n_samples, last.noise)
 
 
 def render_paths(
@@ -238,13 +240,15 @@ def noise_of_halves(halves: Floats, counts: NDArray[np.integer]) -> float:
     return float(np.sqrt(np.mean(difference**2) * counts[0] * counts[1])) / n
 
 
-def _noise_text(halves: Floats, counts: NDArray[np.integer]) -> str:
-    return f", noise {noise_of_halves(halves, counts):.2%}" if counts.all() else ""
+def _progress(halves: Floats, counts: NDArray[np.integer], n_samples: int) -> StillProgress:
+    noise = noise_of_halves(halves, counts) if counts.all() else None
+    text = f"{counts.sum()} of {n_samples} samples a pixel" + (f", noise {noise:.2%}" if noise is not None else "")
+    return StillProgress(float(counts.sum()) / n_samples, text, noise)
 
 
 def _pass_sizes(n_samples: int) -> list[int]:
-    """Samples of each pass: at most 1,024, and two passes at least where there are two samples."""
-    n_passes = min(n_samples, max(2, -(-n_samples // _PASS)))
+    """Samples of each pass: at most 1,024, so that there are two passes, and four where that costs little."""
+    n_passes = min(n_samples, max(2 if n_samples < _PASSES_PAY else 4, -(-n_samples // _PASS)))
     return [n_samples * (i + 1) // n_passes - n_samples * i // n_passes for i in range(n_passes)]
 
 

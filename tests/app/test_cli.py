@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -227,10 +228,13 @@ def test_reference_is_the_same_picture(scene: Path, tmp_path: Path) -> None:
     assert np.abs(ours - truth).max() < 0.02 * truth.max()
 
 
-def test_bounces_by_brute_force_change_nothing_about_a_convex_thing(scene: Path, tmp_path: Path) -> None:
+def test_bounces_by_brute_force_change_nothing_about_a_convex_thing(
+    scene: Path, tmp_path: Path, capsys: Captured
+) -> None:
     words = ("--bounces", "3", "--reference", "--samples", "256", "--set", "light.intensity=2")
     assert run("render", scene, "-o", tmp_path / "a.exr", "--resolution", "12", "8", *words) == 0
     image = read_radiance_image(tmp_path / "a.exr")
+    assert re.search(r"12 x 8, .* s, noise [0-3]\.\d\d%", capsys.readouterr().out)
     # White under a sky of 0.5, doubled: all of it is 1.
     assert image.shape == (8, 12, 3) and np.abs(image - 1.0).max() < 0.05 and abs(image.mean() - 1.0) < 0.003
 

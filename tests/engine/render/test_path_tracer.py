@@ -110,7 +110,7 @@ def test_directions_are_drawn_with_the_density_that_is_told(model: str) -> None:
     shape = (1.0 + wi[:, 0] / 2 + wi[:, 1] / 3) * np.maximum(wi[:, 2], 0.0)
     assert (shape[above] / pdf[above]).sum() / len(wi) == pytest.approx(np.pi, rel=0.02)
     # The integral of the density over the hemisphere is the share of directions that lie in it.
-    u = random.random((200_000, 2))
+    u = random.random((100_000, 2))
     sine = np.sqrt(1.0 - u[:, 0] ** 2)
     even = np.stack([sine * np.cos(2 * np.pi * u[:, 1]), sine * np.sin(2 * np.pi * u[:, 1]), u[:, 0]], axis=1)
     covered = 2 * np.pi * scattering.evaluate(even, np.tile(wo[:1], (len(even), 1)))[1].mean()
@@ -119,12 +119,12 @@ def test_directions_are_drawn_with_the_density_that_is_told(model: str) -> None:
 
 def test_the_sky_is_drawn_with_the_density_that_is_told() -> None:
     light = SkyLight(SkyState(uneven_sky(), 77.0, 3.0))
-    drawn = light.sample(np.zeros((200_000, 3)), np.random.default_rng(6).random((200_000, 3)))
+    drawn = light.sample(np.zeros((100_000, 3)), np.random.default_rng(6).random((100_000, 3)))
     np.testing.assert_allclose(light.pdf(drawn.wi), drawn.pdf, rtol=1e-6)
     # The integral of 1 + x/2 + y/3 + z/4 over the sphere is 4 pi.
     shape = 1.0 + drawn.wi @ np.array([1 / 2, 1 / 3, 1 / 4])
     assert (shape / drawn.pdf).mean() == pytest.approx(4 * np.pi, rel=0.02)
-    even = np.random.default_rng(7).normal(size=(400_000, 3))
+    even = np.random.default_rng(7).normal(size=(200_000, 3))
     expected = 4 * np.pi * 3.0 * uneven_sky().evaluate(even, 77.0).mean(axis=0)
     np.testing.assert_allclose((drawn.radiance / drawn.pdf[:, None]).mean(axis=0), expected, rtol=0.02)
     # Drawn by brightness: the estimate of the luminance hardly varies.
@@ -167,7 +167,7 @@ def test_a_hollow_ball_is_a_furnace(tmp_path: Path, albedo: float, n_bounces: in
     camera = CAMERA.replace("[0, 1.2, 3.4]", "[0, -0.1, 0.2]").replace("target = [0, 0, 0]", "target = [1, -0.5, 0]")
     placement = place(tmp_path, HOLLOW, camera.replace("[32, 24]", "[8, 8]\nfov_y = 60"))
     layers = {0: [lambert(albedo)]}
-    once, often = (trace(placement, layers, SkyState(None), n, 512) for n in (1, n_bounces))
+    once, often = (trace(placement, layers, SkyState(None), n, 256) for n in (1, n_bounces))
     edges = placement.scene.vertices[placement.scene.triangles].astype(np.float64)
     mine = placement.scene.object_of_triangle == 0
     area = np.linalg.norm(np.cross(edges[mine, 1] - edges[mine, 0], edges[mine, 2] - edges[mine, 0]), axis=1).sum() / 2
@@ -221,7 +221,7 @@ def test_the_noise_that_is_told_is_the_error_that_there_is(tmp_path: Path) -> No
     placement = place(tmp_path, BALL + TABLE)
     layers = {0: [make_layer(MODELS["rough_conductor"], {"alpha": 0.5})], 1: [lambert(0.7)]}
     sky = SkyState(constant_environment(0.5))
-    truth = trace(placement, layers, sky, 3, 512, seed=9).radiance
+    truth = trace(placement, layers, sky, 3, 384, seed=9).radiance
     for n_samples in (2, 17, 32):
         found = trace(placement, layers, sky, 3, n_samples)
         error = np.sqrt(np.mean((found.radiance - truth) ** 2)) / truth.mean()
@@ -245,10 +245,13 @@ def test_a_seed_gives_the_same_picture_again_and_another_one_another(tmp_path: P
 
 def test_progress_goes_up_to_one_and_tells_the_noise(tmp_path: Path) -> None:
     placement = place(tmp_path, BALL)
-    told = list(trace_paths(placement, {0: [lambert(0.5)]}, SkyState(uneven_sky()), 1, 3000))
+    told = list(trace_paths(placement, {0: [lambert(0.5)]}, SkyState(uneven_sky()), 1, 64))
     fractions = [step.fraction for step in told]
-    assert fractions == sorted(fractions) and fractions[-1] == pytest.approx(1.0)
-    assert told[0].text == "0 of 3000 samples a pixel" and ", noise " in told[-1].text
+    assert fractions == sorted(fractions) and fractions[-1] == 1.0
+    assert told[0].text == "0 of 64 samples a pixel" and told[0].noise is None
+    half, last = next(step for step in told if step.noise is not None), told[-1]
+    assert half.text == f"32 of 64 samples a pixel, noise {half.noise:.2%}"
+    assert last.text == f"64 of 64 samples a pixel, noise {last.noise:.2%}" and 0.0 < last.noise < half.noise
 
 
 @pytest.mark.parametrize(("n_bounces", "n_samples"), [(0, 1), (17, 1), (1, 0), (1, 1 << 21)])
