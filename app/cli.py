@@ -93,6 +93,10 @@ Bounces = Annotated[
 Series = Annotated[
     str | None, typer.Option("--series", metavar="J,1,...", help="Bands of each bounce, from the eye: 64,1,1,1.")
 ]
+Samples = Annotated[
+    int | None,
+    typer.Option("--samples", min=1, max=1 << 20, help="Paths a pixel of --reference; four times: half the noise."),
+]
 
 
 def _assignments(values: list[str] | None, rotation: float | None = None) -> list[tuple[str, Any]]:
@@ -123,6 +127,7 @@ def render(
     reference: Annotated[
         bool, typer.Option("--reference", help="By brute force instead of transport: slow, to compare with.")
     ] = False,
+    samples: Samples = None,
 ) -> int:
     """Render a picture with the editor's engine, without a window."""
     chosen = None if series is None else parse_series(series)
@@ -130,18 +135,27 @@ def render(
         if chosen is not None and chosen.n_bounces != bounces:
             raise InsituError(f"--bounces {bounces} --series {series}: expected as many bounces in both")
         chosen = chosen or BounceSeries(bounces)
-    from app.stills import check_output, render_picture, write_picture
+    if samples is not None and not reference:
+        raise InsituError(f"--samples {samples}: transport takes no samples, expected --reference as well")
+    from app.stills import StillProgress, check_output, render_picture, write_picture
 
     check_output(output)
     started = time.monotonic()
     project = open_project(scene, resolution, _assignments(set_, rotation))
+    noise: float | None = None
     with _progress() as report:
+
+        def follow(step: StillProgress) -> None:
+            nonlocal noise
+            noise = step.noise
+            report(step.fraction, step.text)
+
         picture = render_picture(
-            project, lambda step: report(step.fraction, step.text), n_lights=lights, reference=reference,
-            series=chosen,
+            project, follow, n_lights=lights, reference=reference, series=chosen, n_samples=samples
         )  # fmt: skip
     write_picture(output, picture)
-    print(f"{output}: {picture.shape[1]} x {picture.shape[0]}, {time.monotonic() - started:.1f} s")
+    remains = "" if noise is None else f", noise {noise:.2%}"
+    print(f"{output}: {picture.shape[1]} x {picture.shape[0]}, {time.monotonic() - started:.1f} s{remains}")
     return 0
 
 

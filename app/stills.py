@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from engine.material.layer import Layer
 from engine.plan import N_LIGHTS, Plan, plan_scene
 from engine.render.image_files import png_bytes, write_exr
 from engine.render.indirect import indirect_radiance
+from engine.render.path_tracer import N_SAMPLES, render_paths
 from engine.render.still import (
     REFERENCE_LEVEL,
     StillLayer,
@@ -33,6 +34,7 @@ REFERENCE_PATCHES = 1024
 ENDINGS = (".exr", ".png")
 
 Report = Callable[[StillProgress], None]
+Steps = Generator[StillProgress, None, NDArray[np.float32]]
 
 
 def check_output(path: Path, endings: tuple[str, ...] = ENDINGS) -> Path:
@@ -50,19 +52,18 @@ def check_output(path: Path, endings: tuple[str, ...] = ENDINGS) -> Path:
 
 def render_picture(
     project: Project, report: Report, *, n_lights: int = N_LIGHTS, reference: bool = False,
-    series: BounceSeries | None = None,
+    series: BounceSeries | None = None, n_samples: int | None = None,
 ) -> NDArray[np.float32]:  # fmt: skip
     """Linear radiance (H, W, 3) of a project, with the editor's transport or by brute force.
 
-    series: None for as many bounces as the scene says.
+    series: None for as many bounces as the scene says; by brute force its bands do not matter. n_samples: paths a
+    pixel, by brute force; without them direct light alone is integrated over all directions, without noise.
     """
     series = series or BounceSeries(project.scene.description.bounces)
     sky = project.sky
     placement = Placement(project.scene)
     if reference:
-        if series.n_bounces > 1:
-            raise InsituError(f"--bounces {series.n_bounces}: the reference is of direct light, expected --bounces 1")
-        steps = render_reference(placement, _layers_by_object(project), sky, REFERENCE_PATCHES, REFERENCE_LEVEL)
+        steps = _reference(placement, project, series.n_bounces, n_samples)
     else:
         plan = plan_still(project, sky.environment is not None, n_lights)
         layers = _at_most(still_layers(project.layers.items(), project.object_names, plan), series.first)
@@ -71,6 +72,13 @@ def render_picture(
             indirect = finish(indirect_radiance(placement, layers, sky, series), report)
         steps = render_still(placement, layers, sky, still_quality(plan), indirect)
     return finish(steps, report) * np.float32(project.document.light.intensity)
+
+
+def _reference(placement: Placement, project: Project, n_bounces: int, n_samples: int | None) -> Steps:
+    layers, sky = _layers_by_object(project), project.sky
+    if n_bounces == 1 and n_samples is None:
+        return render_reference(placement, layers, sky, REFERENCE_PATCHES, REFERENCE_LEVEL)
+    return render_paths(placement, layers, sky, n_bounces, n_samples or N_SAMPLES)
 
 
 def _at_most(layers: Sequence[StillLayer], most: int | None) -> tuple[StillLayer, ...]:

@@ -50,10 +50,11 @@ class StillLayer:
 
 @dataclass(frozen=True)
 class StillProgress:
-    """How far a picture is, in [0, 1], and what is at work."""
+    """How far a picture is, in [0, 1], and what is at work; noise: its relative RMS error, where that is known."""
 
     fraction: float
     text: str
+    noise: float | None = None
 
 
 def still_quality(plan: Plan) -> Quality:

@@ -57,7 +57,7 @@ def trace_primary(scene: Scene, caster: RayCaster, resolution: tuple[int, int] |
     directions = centre_directions(scene.description.camera, (width, height))
     flat = directions.reshape(-1, 3)
     found = caster.intersect(np.tile(scene.eye.astype(np.float32), (len(flat), 1)), flat)
-    ids = _object_ids(scene, found)
+    ids = object_ids(scene, found)
     reflects = (ids >= 0) & ~scene.emitters[ids]
     pixel = np.flatnonzero(reflects).astype(np.int32)
     pixel = pixel[np.argsort(ids[pixel], kind="stable")]
@@ -69,33 +69,36 @@ def trace_primary(scene: Scene, caster: RayCaster, resolution: tuple[int, int] |
         pixel=pixel,
         object_ranges=np.stack([bounds[:-1], bounds[1:]], axis=1),
         object_image=object_image.astype(np.int16),
-        emission_image=_emission(scene, found, ids, flat).reshape(height, width, 3),
+        emission_image=emission_towards(scene, found, ids, flat).reshape(height, width, 3),
         ray_directions=directions,
         edge_pixels=edges[0],
         edge_weights=edges[1],
         edge_neighbours=edges[2],
-        **_shading_frames(scene, caster, found, ids, pixel, -flat[pixel]),
+        **shading_frames(scene, caster, found, ids, pixel, -flat[pixel]),
     )
 
 
-def _object_ids(scene: Scene, found: Intersections) -> Integers:
+def object_ids(scene: Scene, found: Intersections) -> Integers:
     """The object each ray hits (R,), −1 for none."""
     return np.where(found.triangle >= 0, scene.object_of_triangle[found.triangle], -1).astype(np.int32)
 
 
-def _emission(scene: Scene, found: Intersections, ids: Integers, directions: Floats) -> Floats:
+def emission_towards(scene: Scene, found: Intersections, ids: Integers, directions: Floats) -> Floats:
     """Radiance (R, 3) of the emitters hit on their front, the side their winding faces."""
     facing = np.einsum("rk,rk->r", scene.geometric_normals[found.triangle], directions) < 0.0
     shines = (ids >= 0) & facing
     return np.where(shines[:, None], scene.emission[ids], np.float32(0.0)).astype(np.float32)
 
 
-def _shading_frames(
-    scene: Scene, caster: RayCaster, found: Intersections, ids: Integers, pixel: Integers, wo: Floats
+def shading_frames(
+    scene: Scene, caster: RayCaster, found: Intersections, ids: Integers, rays: npt.NDArray[np.integer], wo: Floats
 ) -> dict[str, Floats]:
-    """Position, normals and tangent of the points (P,) that the pixels see."""
-    triangle, ids = found.triangle[pixel], ids[pixel]
-    u, v = found.u[pixel].astype(np.float64), found.v[pixel].astype(np.float64)
+    """Position, normals, tangent and wo of the points (P,) that some `rays` (P,) of those found hit.
+
+    ids (R,): `object_ids` of all; wo (P, 3): back along the rays. Named and turned as in `PrimaryHits`.
+    """
+    triangle, ids = found.triangle[rays], ids[rays]
+    u, v = found.u[rays].astype(np.float64), found.v[rays].astype(np.float64)
     weights = np.stack([1.0 - u - v, u, v], axis=1)
     corners = scene.triangles[triangle]
     position = np.einsum("pk,pki->pi", weights, scene.vertices[corners].astype(np.float64))
@@ -149,7 +152,7 @@ def _edge_coverage(scene: Scene, caster: RayCaster, ids: Integers) -> tuple[Inte
     seen = np.empty((len(rows), len(_SUB_RAYS)), np.int32)
     for k, (dx, dy) in enumerate(_SUB_RAYS):
         directions = pixel_directions(scene.description.camera, (width, height), columns + 0.5 + dx, rows + 0.5 + dy)
-        seen[:, k] = _object_ids(scene, caster.intersect(eye, directions))
+        seen[:, k] = object_ids(scene, caster.intersect(eye, directions))
     foreign = seen != ids[rows, columns][:, None]
     votes = np.where(foreign, (seen[:, :, None] == seen[:, None, :]).sum(axis=2), 0)
     best = votes.argmax(axis=1)

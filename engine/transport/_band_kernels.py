@@ -7,21 +7,27 @@ UNITS = np.float32(2.0) ** (np.arange(32) - 39).astype(np.float32)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"nnan", "nsz"})
-def _row_maxima(bands, out):
-    """Largest entry of each row of bands (J, K, 3); out (J,)."""
+def _largest(bands, cells, maxima):
+    """The largest channel of each entry, cells (J, K), and of each row, maxima (J,), of bands (J, K, 3)."""
     for j in range(bands.shape[0]):
-        largest = np.float32(0.0)
+        row, of_row, largest = bands[j], cells[j], np.float32(0.0)
         for k in range(bands.shape[1]):
-            largest = max(largest, max(bands[j, k, 0], max(bands[j, k, 1], bands[j, k, 2])))
-        out[j] = largest
+            entry = max(row[k, 0], max(row[k, 1], row[k, 2]))
+            of_row[k] = entry
+            largest = max(largest, entry)
+        maxima[j] = largest
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def encode_bands(bands, trim, maxima, encoded, i, written):
-    """Append point i's bands to `values`; the ends of a row below trim · its maximum join the nearest kept entry."""
+def encode_bands(bands, trim, cells, maxima, encoded, i, written):
+    """Append point i's bands to `values`; the ends of a row below trim · its maximum join the nearest kept entry.
+
+    cells (J, K) and maxima (J,) are scratch. Most of a row is empty, so its empty ends are passed by first: to carry
+    their nothing inwards took longer than to encode what is there.
+    """
     n_a, n_b = bands.shape[0], bands.shape[1]
     values = encoded.values
-    _row_maxima(bands, maxima)
+    _largest(bands, cells, maxima)
     largest = np.float32(0.0)
     for j in range(n_a):
         largest = max(largest, maxima[j])
@@ -35,6 +41,10 @@ def encode_bands(bands, trim, maxima, encoded, i, written):
         low, high = 0, n_b
         if maxima[j] > 0.0:
             floor = trim * maxima[j]
+            while cells[j, low] == 0.0:
+                low += 1
+            while cells[j, high - 1] == 0.0:
+                high -= 1
             while max(bands[j, low, 0], bands[j, low, 1], bands[j, low, 2]) <= floor:
                 for c in range(3):
                     bands[j, low + 1, c] += bands[j, low, c]

@@ -117,57 +117,59 @@ def _is_curved(size, nearest, scale, tolerance):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _midpoint(triangle, i, j, out, k):
-    x = triangle[3 * i] + triangle[3 * j]
-    y = triangle[3 * i + 1] + triangle[3 * j + 1]
-    z = triangle[3 * i + 2] + triangle[3 * j + 2]
-    inverse = np.float32(1.0) / np.sqrt(x * x + y * y + z * z)
-    out[3 * k], out[3 * k + 1], out[3 * k + 2] = x * inverse, y * inverse, z * inverse
+def _fill_gammas_of(corner, optics, ox, oy, oz):
+    """corner: x, y, z and, filled here, the γ of both curves (of the first alone where there is one)."""
+    x, y, z = corner[0], corner[1], corner[2]
+    corner[3] = min(gamma(optics.kind_a, optics.q, x, y, z, ox, oy, oz), HALF_PI)
+    if optics.n_b > 1:
+        corner[4] = min(gamma(optics.kind_b, optics.q, x, y, z, ox, oy, oz), HALF_PI)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _push_children(stack, depths, top, six):
-    """Replace the triangle stack[top] by its four quarters."""
-    for i in range(9):
-        six[i] = stack[top, i]
-    _midpoint(six, 0, 1, six, 3)
-    _midpoint(six, 1, 2, six, 4)
-    _midpoint(six, 2, 0, six, 5)
+def _push_children(stack, depths, top, six, optics, ox, oy, oz):
+    """Replace the triangle stack[top] by its four quarters; a γ that is known is not taken again."""
+    for corner in range(3):
+        for i in range(5):
+            six[corner, i] = stack[top, corner, i]
+    for m in range(3, 6):
+        i, j = m - 3, (m - 2) % 3
+        x, y, z = six[i, 0] + six[j, 0], six[i, 1] + six[j, 1], six[i, 2] + six[j, 2]
+        inverse = np.float32(1.0) / np.sqrt(x * x + y * y + z * z)
+        six[m, 0], six[m, 1], six[m, 2] = x * inverse, y * inverse, z * inverse
+        _fill_gammas_of(six[m], optics, ox, oy, oz)
     depth = depths[top] + 1
     for child in range(4):
         for corner in range(3):
-            v = _CHILDREN[child, corner]
-            for i in range(3):
-                stack[top + child, 3 * corner + i] = six[3 * v + i]
+            for i in range(5):
+                stack[top + child, corner, i] = six[_CHILDREN[child, corner], i]
         depths[top + child] = depth
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _deposit_split(bands, weight, r, g, b, size_a, size_b, scale_a, scale_b, optics, ox, oy, oz, scratch):
-    """As `deposit` for the triangle in stack[0] (nine numbers), split in four wherever γ is not linear over it."""
+    """As `deposit` for the triangle in stack[0] (corners x, y, z), split in four wherever γ is not linear over it."""
     stack, depths, two = scratch.stack, scratch.depths, optics.n_b > 1
     last_a, last_b = np.float32(optics.n_a - 1), np.float32(optics.n_b - 1)
-    six = np.empty(18, np.float32)
-    ga, gb = np.zeros(3, np.float32), np.zeros(3, np.float32)
+    six = np.zeros((6, 5), np.float32)
     top = 0
     depths[0] = 0
+    for corner in range(3):
+        stack[0, corner, 4] = np.float32(0.0)
+        _fill_gammas_of(stack[0, corner], optics, ox, oy, oz)
     while top >= 0:
-        for i in range(3):
-            x, y, z = stack[top, 3 * i], stack[top, 3 * i + 1], stack[top, 3 * i + 2]
-            ga[i] = min(gamma(optics.kind_a, optics.q, x, y, z, ox, oy, oz), HALF_PI)
-            if two:
-                gb[i] = min(gamma(optics.kind_b, optics.q, x, y, z, ox, oy, oz), HALF_PI)
+        a0, a1, a2 = stack[top, 0, 3], stack[top, 1, 3], stack[top, 2, 3]
+        b0, b1, b2 = stack[top, 0, 4], stack[top, 1, 4], stack[top, 2, 4]
         shrink = np.float32(0.5) ** depths[top]
-        curved = _is_curved(size_a * shrink, min(ga[0], ga[1], ga[2]), scale_a, optics.tolerance)
+        curved = _is_curved(size_a * shrink, min(a0, a1, a2), scale_a, optics.tolerance)
         if two:
-            curved = curved or _is_curved(size_b * shrink, min(gb[0], gb[1], gb[2]), scale_b, optics.tolerance)
+            curved = curved or _is_curved(size_b * shrink, min(b0, b1, b2), scale_b, optics.tolerance)
         if curved and depths[top] < _MAX_SPLIT:
-            _push_children(stack, depths, top, six)
+            _push_children(stack, depths, top, six, optics, ox, oy, oz)
             top += 3
             continue
         w = weight * shrink * shrink
-        mean_a, spread_a = mean_and_spread(ga[0] * scale_a, ga[1] * scale_a, ga[2] * scale_a)
-        mean_b, spread_b = mean_and_spread(gb[0] * scale_b, gb[1] * scale_b, gb[2] * scale_b)
+        mean_a, spread_a = mean_and_spread(a0 * scale_a, a1 * scale_a, a2 * scale_a)
+        mean_b, spread_b = mean_and_spread(b0 * scale_b, b1 * scale_b, b2 * scale_b)
         deposit(bands, r * w, g * w, b * w, mean_a, spread_a, last_a, mean_b, spread_b, last_b, two)
         top -= 1
 
@@ -225,9 +227,8 @@ def _project_lights(bands, corners, sizes, colours, n_directions, n_lights, opti
             curved = curved or _is_curved(size_b, nearest, scale_b, optics.tolerance)
         if curved:
             for corner in range(3):
-                v = corners[m, corner]
-                at = 3 * corner
-                scratch.stack[0, at], scratch.stack[0, at + 1], scratch.stack[0, at + 2] = x[v], y[v], z[v]
+                v, place = corners[m, corner], scratch.stack[0, corner]
+                place[0], place[1], place[2] = x[v], y[v], z[v]
             _deposit_split(bands, weight, r, g, b, size_a, size_b, scale_a, scale_b, optics, ox, oy, oz, scratch)
             continue
         r, g, b = r * weight, g * weight, b * weight
@@ -244,7 +245,7 @@ def _make_scratch(n_directions, n_lights):
         np.empty(n_directions, np.float32), np.empty(n_directions, np.float32),
         np.empty(n_lights, np.float32), np.empty(n_lights, np.float32),
         np.empty(n_lights + 1, np.int64), np.empty(n_lights + 1, np.float32),
-        np.empty((depth, 9), np.float32), np.empty(depth, np.int64),
+        np.empty((depth, 3, 5), np.float32), np.empty(depth, np.int64),
     )  # fmt: skip
 
 
@@ -259,7 +260,7 @@ def project_tile(rows, surface, sky, patches, bits, optics, trim, encoded):
     own_bit = np.arange(n_patches)
     bands = np.empty((optics.n_a + 2, optics.n_b + 2 if optics.n_b > 1 else 1, 3), np.float32)
     frame = np.empty((3, 3), np.float32)
-    maxima = np.empty(optics.n_a, np.float32)
+    cells, maxima = np.empty((optics.n_a, optics.n_b), np.float32), np.empty(optics.n_a, np.float32)
     written = 0
     for i in range(rows.shape[0]):
         r = rows[i]
@@ -283,5 +284,5 @@ def project_tile(rows, surface, sky, patches, bits, optics, trim, encoded):
             gather_local(centres_seen, s.lights, n, frame, s.cx, s.cy, s.cz)
             _project_lights(bands, patches.corners, sizes, colours, n_patch_corners, n, optics, ox, oy, oz, s)
         encoded.start[i] = written
-        written = encode_bands(bands[: optics.n_a, : optics.n_b], trim, maxima, encoded, i, written)
+        written = encode_bands(bands[: optics.n_a, : optics.n_b], trim, cells, maxima, encoded, i, written)
     return written

@@ -43,11 +43,6 @@ class BandTile:
     def packed(self) -> plane_kernels.Packed:
         return plane_kernels.Packed(self.scale, self.first, self.count, self.start, self.values)
 
-    def every(self, step: int, offset: int, begin: int) -> "BandTile":
-        """Every `step`-th point from `offset` on, as a tile that begins at another point; the values are shared."""
-        scale, first, count, start = (a[offset::step].copy() for a in (self.scale, self.first, self.count, self.start))
-        return BandTile(begin, scale, first, count, start, self.values)
-
     def arrays(self) -> dict[str, np.ndarray]:
         return {
             "scale": self.scale,
@@ -126,13 +121,30 @@ class BandStore:
         return Planes(numbers, radiance, maxima.max(axis=0, initial=0.0).astype(np.float64), squares.sum(axis=0))
 
     def thinned(self, n_points: int) -> "BandStore":
-        """About `n_points` of the points, evenly, or all where there are fewer; for a look at what is in the store."""
-        step = max(1, self.n_points // n_points)
-        tiles, begin = [], 0
+        """About `n_points` of the points, evenly, or all where there are fewer; for a look at what is in the store.
+
+        They are packed anew, in a tile for each of two threads: three points from each of 300 tiles, left where they
+        are, took as long as a fifth of the whole store.
+        """
+        step = self.n_points // n_points
+        if step < 2:
+            return self
+        parts: dict[str, list[np.ndarray]] = {"scale": [], "first": [], "count": [], "values": []}
+        lengths = []
         for tile in self.tiles:
-            tiles.append(tile.every(step, -tile.begin % step, begin))
-            begin += len(tiles[-1].scale)
-        return BandStore(self.bands, tuple(tiles))
+            chosen = slice(-tile.begin % step, None, step)
+            count = tile.count[chosen]
+            n_values = count.sum(axis=1, dtype=np.int64) if self.bands[1] > 1 else np.full(len(count), self.bands[0])
+            runs = zip(tile.start[chosen].tolist(), n_values.tolist(), strict=True)
+            parts["scale"].append(tile.scale[chosen])
+            parts["first"].append(tile.first[chosen])
+            parts["count"].append(count)
+            parts["values"].extend(tile.values[start : start + n] for start, n in runs)
+            lengths.append(n_values)
+        arrays = {name: np.concatenate(found) for name, found in parts.items()}
+        ends = np.cumsum(np.concatenate(lengths))
+        arrays["start"] = np.concatenate([[0], ends[:-1]])
+        return store_from_arrays(self.bands, arrays, -(-len(ends) // 2))
 
     def radiance(self, coefficients_a: np.ndarray, coefficients_b: np.ndarray) -> np.ndarray:
         """The layer's picture Σ_jk c_j c_k U_jk, (P, 3) float32."""

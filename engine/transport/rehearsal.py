@@ -64,10 +64,11 @@ def rehearse_projection_details() -> None:
     model = MODELS[_LAYER.model]
     kind = model.factors[0].gamma
     optics = kernels.Optics(model.kind, np.array(_LAYER.quotient_parameters), kind, kind, n_a, n_b, one)
-    scratch.stack[0] = np.eye(3, dtype=np.float32).ravel()
+    scratch.stack[0, :, :3] = np.eye(3, dtype=np.float32)
     kernels._deposit_split(bands, one, one, one, one, one, one, one, one, optics, one, one, one, scratch)
     encoded = kernels.Encoded(*_nothing(n_a))
-    kernels.encode_bands(bands[:n_a, :n_b], one, np.zeros(n_a, np.float32), encoded, 0, 0)
+    cells, maxima = np.zeros((n_a, n_b), np.float32), np.zeros(n_a, np.float32)
+    kernels.encode_bands(bands[:n_a, :n_b], one, cells, maxima, encoded, 0, 0)
     directions, corners = np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.int32)
     patch_colours(directions, corners, directions[:1], directions[:1].copy(), np.zeros(1, np.float32))
 

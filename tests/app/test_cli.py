@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -116,6 +117,9 @@ def test_help_and_nothing_else_succeed(capsys: Captured) -> None:
         (["render", "-o", "a.exr", "--resolution", "0", "9"], "0 x 9"),
         (["render", "-o", "a.exr", "--resolution", "9"], "--resolution"),
         (["render", "-o", "a.exr", "--bounces", "0"], "--bounces"),
+        (["render", "-o", "a.exr", "--reference", "--bounces", "17"], "less than or equal to 16"),
+        (["render", "-o", "a.exr", "--reference", "--samples", "0"], "--samples"),
+        (["render", "-o", "a.exr", "--reference", "--samples", "many"], "valid integer"),
         (["screenshot", "-o", "a.png", "--size", "9", "9"], "9 x 9"),
         (["screenshot", "-o", "a.png", "--scale", "99"], "--scale"),
         (["teatray", "cornell"], "unexpected"),
@@ -134,7 +138,7 @@ def test_wrong_usage_is_status_2_and_one_line(words: list[str], said: str, capsy
         (["render", "nowhere", "-o", "OUT/a.exr"], "built-in scenes are teatray"),
         (["render", "SCENE", "-o", "OUT/a.jpg"], "ends in .exr or .png"),
         (["render", "SCENE", "-o", "OUT"], "ends in"),
-        (["render", "SCENE", "-o", "OUT/a.exr", "--bounces", "3", "--reference"], "the reference is of direct light"),
+        (["render", "SCENE", "-o", "OUT/a.exr", "--bounces", "3", "--samples", "9"], "expected --reference"),
         (["render", "SCENE", "-o", "OUT/a.exr", "--bounces", "3", "--series", "64,1"], "as many bounces in both"),
         (["render", "SCENE", "-o", "OUT/a.exr", "--series", "64,one"], "--series 64,one: expected numbers"),
         (["render", "SCENE", "-o", "OUT/a.exr", "--series", "48,1"], "expected powers of two"),
@@ -222,6 +226,17 @@ def test_reference_is_the_same_picture(scene: Path, tmp_path: Path) -> None:
     assert run(*words, "-o", tmp_path / "a.exr") == 0 and run(*words, "-o", tmp_path / "b.exr", "--reference") == 0
     ours, truth = read_radiance_image(tmp_path / "a.exr"), read_radiance_image(tmp_path / "b.exr")
     assert np.abs(ours - truth).max() < 0.02 * truth.max()
+
+
+def test_bounces_by_brute_force_change_nothing_about_a_convex_thing(
+    scene: Path, tmp_path: Path, capsys: Captured
+) -> None:
+    words = ("--bounces", "3", "--reference", "--samples", "256", "--set", "light.intensity=2")
+    assert run("render", scene, "-o", tmp_path / "a.exr", "--resolution", "12", "8", *words) == 0
+    image = read_radiance_image(tmp_path / "a.exr")
+    assert re.search(r"12 x 8, .* s, noise [0-3]\.\d\d%", capsys.readouterr().out)
+    # White under a sky of 0.5, doubled: all of it is 1.
+    assert image.shape == (8, 12, 3) and np.abs(image - 1.0).max() < 0.05 and abs(image.mean() - 1.0) < 0.003
 
 
 def test_render_to_png_is_what_the_screen_shows(scene: Path, tmp_path: Path) -> None:

@@ -25,10 +25,10 @@ def encode_tile(dense: np.ndarray, begin: int = 0, trim: np.float32 = TRIM) -> B
         np.empty(n_points, np.int64),
         np.empty(dense.size // 3, np.uint32),
     )
-    maxima, written = np.empty(n_a, np.float32), 0
+    cells, maxima, written = np.empty((n_a, n_b), np.float32), np.empty(n_a, np.float32), 0
     for i in range(n_points):
         encoded.start[i] = written
-        written = kernels.encode_bands(np.array(dense[i], np.float32), trim, maxima, encoded, i, written)
+        written = kernels.encode_bands(np.array(dense[i], np.float32), trim, cells, maxima, encoded, i, written)
     return BandTile(begin, *encoded[:-1], encoded.values[:written].copy())
 
 
@@ -155,3 +155,21 @@ def test_coefficients_of_another_length_are_refused() -> None:
     store = store_of(sparse_bands(2, 8, 4))
     with pytest.raises(ValueError, match=r"\(8, 3\)\], expected \[\(8, 3\), \(4, 3\)\]"):
         store.contract(0, np.ones((8, 3)), wavelet=False)
+
+
+@pytest.mark.parametrize("bands", [(16, 1), (8, 4)])
+@pytest.mark.parametrize("chunk", [4, 100])
+def test_a_thinned_store_holds_every_so_manieth_point_whole(bands, chunk) -> None:
+    dense = sparse_bands(23, *bands, seed=9)
+    store = store_from_arrays(bands, store_of(dense).arrays(), chunk)
+    thinned = store.thinned(7)  # every third
+    np.testing.assert_array_equal(dense_of(thinned), dense_of(store)[::3])
+    assert len(thinned.tiles) == 2
+    assert thinned.n_bytes < store.n_bytes / 2
+    assert store.thinned(12) is store
+
+
+def test_the_empty_ends_of_a_row_are_passed_by_and_faint_ones_move_inwards() -> None:
+    row = np.array([0.0, 1e-6, 0.0, 1.0, 0.0, 0.5, 0.0, 1e-7, 0.0])
+    tile = encode_tile(np.tile(row[None, None, :, None], (1, 1, 1, 3)))
+    assert (tile.first[0, 0], tile.count[0, 0], len(tile.values)) == (3, 3, 3)

@@ -1,0 +1,151 @@
+"""Lights as a path tracer asks for them: directions by brightness, and with which density they come.
+
+The sky is drawn from a table over its image, emitters by their power and evenly over their area. Densities are per
+steradian and exact; what a table misses by interpolation or averaging is only drawn less often, for light found along
+reflected rays counts with the weight that this leaves [Veach97, sect. 9.2].
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.light.environment import LUMINANCE, downsampled
+from engine.scene.load import Scene
+from engine.transport.pipeline import SkyState
+
+Floats = NDArray[np.float64]
+
+# Rows of the sky's table: finer than a coarse image, whose texels blend, and coarser than one with millions of them.
+_FEWEST_ROWS, _MOST_ROWS = 64, 1024
+
+
+@dataclass(frozen=True)
+class LightSamples:
+    """Samples (N,) of a light: direction (N, 3), distance (N,) or None for the sky, density per steradian, radiance.
+
+    The density is 0 where a light cannot be seen from the point; such samples count for nothing.
+    """
+
+    wi: Floats
+    distance: Floats | None
+    pdf: Floats
+    radiance: Floats
+
+
+class PathLight(Protocol):
+    """What a path tracer can draw directions to."""
+
+    def sample(self, points: Floats, u: Floats) -> LightSamples:
+        """One sample for each of the points (N, 3), by random numbers u (N, 3) in [0, 1)."""
+
+
+class SkyLight:
+    """An environment drawn by luminance. Its radiance is that of `Environment.evaluate`."""
+
+    def __init__(self, sky: SkyState) -> None:
+        if sky.environment is None:
+            raise ValueError("the sky has no environment")
+        self._environment, self._rotation, self._scale = sky.environment, sky.rotation, sky.scale
+        weights = _brightness(sky)
+        self._shape = weights.shape
+        self._row_tops = np.cos(math.pi * np.arange(len(weights) + 1) / len(weights))
+        weights = weights * (self._row_tops[:-1] - self._row_tops[1:])[:, None]
+        total = float(weights.sum())
+        self._table = np.cumsum(weights.ravel()) / total if total > 0.0 else np.zeros(0)
+        share = np.diff(self._table, prepend=0.0).reshape(-1, self._shape[1]) if total > 0.0 else weights
+        solid_angle = (self._row_tops[:-1] - self._row_tops[1:]) * (2.0 * math.pi / self._shape[1])
+        self._density = share / solid_angle[:, None]
+
+    @property
+    def shines(self) -> bool:
+        """Whether there is any light in it."""
+        return len(self._table) > 0
+
+    def sample(self, points: Floats, u: Floats) -> LightSamples:
+        cell = np.minimum(np.searchsorted(self._table, u[:, 0], side="right"), self._table.size - 1)
+        row, column = np.divmod(cell, self._shape[1])
+        cosine = self._row_tops[row] + u[:, 1] * (self._row_tops[row + 1] - self._row_tops[row])
+        phi = 2.0 * math.pi * ((column + u[:, 2]) / self._shape[1] - 0.5) - math.radians(self._rotation % 360.0)
+        sine = np.sqrt(np.maximum(1.0 - cosine * cosine, 0.0))
+        wi = np.stack([sine * np.sin(phi), cosine, -sine * np.cos(phi)], axis=1)
+        return LightSamples(wi, None, self._density[row, column], self.radiance(wi))
+
+    def pdf(self, wi: Floats) -> Floats:
+        """The density (N,) with which `sample` draws directions (N, 3)."""
+        height, width = self._shape
+        row = np.arctan2(np.hypot(wi[:, 0], wi[:, 2]), wi[:, 1]) * (height / math.pi)
+        phi = np.arctan2(wi[:, 0], -wi[:, 2]) + math.radians(self._rotation % 360.0)
+        column = np.floor((phi / (2.0 * math.pi) + 0.5) * width).astype(np.int64) % width
+        return self._density[np.clip(row.astype(np.int64), 0, height - 1), column]
+
+    def radiance(self, wi: Floats) -> Floats:
+        """What arrives from directions (N, 3)."""
+        return self._environment.evaluate(wi, self._rotation).astype(np.float64) * self._scale
+
+
+class EmitterLight:
+    """All triangles that shine, drawn by power and evenly over their area; they shine to their front."""
+
+    def __init__(self, scene: Scene) -> None:
+        shining = np.flatnonzero(scene.emitters[scene.object_of_triangle])
+        corners = scene.vertices[scene.triangles[shining]].astype(np.float64)
+        edges = corners[:, 1:] - corners[:, :1]
+        across = np.cross(edges[:, 0], edges[:, 1])
+        area = np.linalg.norm(across, axis=1) / 2.0
+        shining, corners, edges, across, area = (each[area > 0.0] for each in (shining, corners, edges, across, area))
+        self._corner, self._edges = corners[:, 0], edges
+        self._normal = across / (2.0 * area[:, None])
+        self._radiance = scene.emission[scene.object_of_triangle[shining]].astype(np.float64)
+        power = area * (self._radiance @ LUMINANCE)
+        self._table = np.cumsum(power) / power.sum() if len(power) else power
+        self._by_area = np.zeros(len(scene.triangles))
+        self._by_area[shining] = np.diff(self._table, prepend=0.0) / area
+        self._triangle, self._normals = shining, scene.geometric_normals
+
+    @property
+    def shines(self) -> bool:
+        """Whether there is any emitter."""
+        return len(self._table) > 0
+
+    def sample(self, points: Floats, u: Floats) -> LightSamples:
+        which = np.minimum(np.searchsorted(self._table, u[:, 0], side="right"), len(self._table) - 1)
+        root = np.sqrt(u[:, 1])  # even over a triangle
+        weights = np.stack([root * (1.0 - u[:, 2]), root * u[:, 2]], axis=1)
+        towards = self._corner[which] + np.einsum("nk,nki->ni", weights, self._edges[which]) - points
+        distance = np.maximum(np.linalg.norm(towards, axis=1), 1e-12)
+        wi = towards / distance[:, None]
+        facing = -np.einsum("ni,ni->n", wi, self._normal[which])
+        pdf = _by_solid_angle(self._by_area[self._triangle[which]], distance, facing)
+        return LightSamples(wi, distance, pdf, self._radiance[which])
+
+    def pdf(self, triangle: NDArray[np.integer], wi: Floats, distance: Floats) -> Floats:
+        """The density (N,) with which `sample` draws wi (N, 3), where that hits a triangle (N,) of the scene."""
+        facing = -np.einsum("ni,ni->n", wi, self._normals[triangle].astype(np.float64))
+        return _by_solid_angle(self._by_area[triangle], distance, facing)
+
+
+def _by_solid_angle(by_area: Floats, distance: Floats, facing: Floats) -> Floats:
+    """A density per square metre as one per steradian; 0 from behind."""
+    return np.where(facing > 1e-9, by_area * distance * distance / np.maximum(facing, 1e-9), 0.0)
+
+
+def _brightness(sky: SkyState) -> Floats:
+    """Luminance on a regular (H, W) lat-long grid, blurred by a cell: what is interpolated reaches over texels."""
+    assert sky.environment is not None
+    small = downsampled(sky.environment, _MOST_ROWS)
+    repeat = -(-_FEWEST_ROWS // len(small.radiance))
+    across = max(repeat, -(-2 * _FEWEST_ROWS // small.radiance.shape[1]))
+    height, width = len(small.radiance) * repeat, small.radiance.shape[1] * across
+    theta, phi = np.meshgrid(
+        math.pi * (np.arange(height) + 0.5) / height, 2.0 * math.pi * ((np.arange(width) + 0.5) / width - 0.5),
+        indexing="ij",
+    )  # fmt: skip
+    d = np.stack([np.sin(theta) * np.sin(phi), np.cos(theta), -np.sin(theta) * np.cos(phi)], axis=2)
+    luminance = (small.evaluate(d.reshape(-1, 3)).astype(np.float64) @ LUMINANCE).reshape(height, width)
+    rows = np.pad(luminance, ((1, 1), (0, 0)), mode="edge")
+    blurred = (rows[:-2] + rows[1:-1] + rows[2:]) / 3.0
+    blurred = (np.roll(blurred, 1, axis=1) + blurred + np.roll(blurred, -1, axis=1)) / 3.0
+    return 0.5 * (luminance + blurred)

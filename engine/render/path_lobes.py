@@ -1,0 +1,199 @@
+"""Where a path goes on: directions drawn about as a material reflects, from its curves as they stand.
+
+A material is drawn from by a mixture: cosine-weighted, and one lobe for each layer that has one. A lobe is a table of
+the layer's edited curves over the half vector (for Phong: over the angle from the mirrored direction), so that it
+follows any edit. It need not be right, only known: the mixture's density is exact, and the cosine reaches everywhere.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.light.environment import LUMINANCE
+from engine.material import kinds
+from engine.material.layer import Layer
+from engine.render import _kernels as kernels
+from engine.render.integrator import HALF_PI, evaluate_layer, evaluate_layers
+
+Floats = NDArray[np.float64]
+
+N_NUMBERS = 4  # random numbers that a direction takes
+_HALF_ANGLES = (kinds.THETA_H, kinds.GAMMA_ALPHA, kinds.GAMMA_BETA, kinds.GAMMA_RATIO)
+# Fine about the pole, where lobes down to a roughness of 1e-4 live.
+_THETA = np.concatenate([[0.0], np.geomspace(1e-6, 0.05, 96), np.linspace(0.05, HALF_PI, 161)[1:]])
+_SUB_PLACES = (0.125, 0.375, 0.625, 0.875)
+_N_PHI = 32  # in a quarter turn
+_LEAST_SHARE = 0.15
+
+
+@dataclass(frozen=True, eq=False)
+class Lobe:
+    """A table of cells in (1 - cos θ, φ), even within a cell, the same in all four quarters of φ.
+
+    mirror: θ from the mirrored eye, else the half vector's. edges (n + 1,): 1 - cos θ; cumulated (n·m,): the share up
+    to each cell, row by row; density (n, m): per steradian of the half vector or of the direction.
+    """
+
+    mirror: bool
+    edges: Floats
+    cumulated: Floats
+    density: Floats
+
+    def sample(self, u: Floats, wo: Floats) -> Floats:
+        """Directions (N, 3), also below the horizon, for wo (N, 3) and random numbers u (N, 3)."""
+        cell = np.minimum(np.searchsorted(self.cumulated, u[:, 0], side="right"), self.cumulated.size - 1)
+        ring, part = np.divmod(cell, self.density.shape[1])
+        away = self.edges[ring] + u[:, 1] * (self.edges[ring + 1] - self.edges[ring])
+        quarter, within = np.divmod(4.0 * u[:, 2], 1.0)
+        phi = HALF_PI * (quarter + _reflected(part + within, quarter, self.density.shape[1]))
+        sine = np.sqrt(away * (2.0 - away))
+        drawn = np.stack([sine * np.cos(phi), sine * np.sin(phi), 1.0 - away], axis=1)
+        if self.mirror:
+            return _about_mirrored(drawn, wo)
+        return 2.0 * np.einsum("ni,ni->n", wo, drawn)[:, None] * drawn - wo
+
+    def pdf(self, wi: Floats, wo: Floats) -> Floats:
+        """Density (N,) per steradian of wi (N, 3) above the horizon."""
+        if self.mirror:
+            mirrored = wo * np.array([-1.0, -1.0, 1.0])
+            return self._density_at(np.einsum("ni,ni->n", mirrored, wi), _squared(np.cross(mirrored, wi)), wi)
+        total = wi + wo
+        length = np.maximum(np.sqrt(_squared(total)), 1e-12)
+        half = total / length[:, None]
+        return self._density_at(half[:, 2], half[:, 0] ** 2 + half[:, 1] ** 2, half) / (2.0 * length)
+
+    def _density_at(self, cosine: Floats, sine2: Floats, vector: Floats) -> Floats:
+        """The table at an angle given by cosine and squared sine (N,), and the azimuth of vectors (N, 3)."""
+        away = sine2 / (1.0 + np.maximum(cosine, 0.0))
+        ring = np.clip(np.searchsorted(self.edges, away, side="right") - 1, 0, len(self.density) - 1)
+        n_parts = self.density.shape[1]
+        if n_parts == 1:
+            return np.where(cosine > 0.0, self.density[ring, 0], 0.0)
+        azimuth = np.arctan2(np.abs(vector[:, 1]), np.abs(vector[:, 0]))
+        part = np.clip((azimuth * (n_parts / HALF_PI)).astype(np.int64), 0, n_parts - 1)
+        return np.where(cosine > 0.0, self.density[ring, part], 0.0)
+
+
+def make_lobe(layer: Layer) -> Lobe | None:
+    """The lobe of a layer, from its curves; None where nothing stands out of the cosine."""
+    angles = {factor.gamma for factor in layer.model.factors}
+    mirror = kinds.THETA_R in angles
+    if not mirror and not angles.intersection(_HALF_ANGLES):
+        return None
+    edges = 2.0 * np.sin(_THETA / 2.0) ** 2
+    n_parts = _N_PHI if angles.intersection(_HALF_ANGLES[1:]) else 1
+    values = np.zeros((len(edges) - 1, n_parts))
+    phi = HALF_PI * (np.arange(n_parts) + 0.5) / n_parts
+    for place in _SUB_PLACES:
+        away = edges[:-1] + place * np.diff(edges)
+        sine = np.sqrt(away * (2.0 - away))
+        vectors = np.stack(np.broadcast_arrays(
+            sine[:, None] * np.cos(phi), sine[:, None] * np.sin(phi), (1.0 - away)[:, None]
+        ), axis=2).reshape(-1, 3)  # fmt: skip
+        values += _profile(layer, mirror, vectors).reshape(values.shape)
+    solid_angle = np.diff(edges)[:, None] * (2.0 * math.pi / n_parts)
+    shares = values * solid_angle
+    total = float(shares.sum())
+    if not total > 0.0:
+        return None
+    return Lobe(mirror, edges, np.cumsum(shares.ravel() / total), values / total)
+
+
+def _profile(layer: Layer, mirror: bool, vectors: Floats) -> Floats:
+    """How much of the layer's light leaves by each half vector, or by each vector about the mirrored one, (N,)."""
+    if mirror:
+        angles = np.arctan2(np.hypot(vectors[:, 0], vectors[:, 1]), vectors[:, 2])
+        return layer.curve("theta_r")(angles) @ LUMINANCE
+    q = layer.quotient_parameters()
+    value = vectors[:, 2].copy()
+    if layer.model.kind == kinds.ASHIKHMIN_SHIRLEY_RATIO:  # a part of its distribution stands in the quotient
+        rest = np.empty(len(vectors))
+        kernels.quotient_cosines(layer.model.kind, q, vectors, vectors, rest)
+        value *= rest
+    for factor in layer.model.factors:
+        if factor.gamma in _HALF_ANGLES:
+            angles = np.empty(len(vectors))
+            kernels.curve_angles(factor.gamma, q, vectors, vectors, angles)
+            value *= layer.curve(factor.name)(np.clip(angles, 0.0, HALF_PI)) @ LUMINANCE
+    return value
+
+
+class Scattering:
+    """What an object's visible layers reflect, and directions drawn for it."""
+
+    def __init__(self, layers: Sequence[Layer]) -> None:
+        self.layers = tuple(layer for layer in layers if layer.visible)
+        strengths: list[tuple[float, Lobe | None]] = [(_LEAST_SHARE, None)]
+        for layer in self.layers:
+            lobe = make_lobe(layer)
+            strengths.append((_strength(layer, lobe), lobe))
+        self._lobes = [lobe for _, lobe in strengths if lobe is not None]
+        diffuse = sum(strength for strength, lobe in strengths if lobe is None)
+        shares = np.array([diffuse, *(strength for strength, lobe in strengths if lobe is not None)])
+        shares = np.maximum(shares / shares.sum(), _LEAST_SHARE)
+        self._shares = shares / shares.sum()
+
+    @property
+    def reflects(self) -> bool:
+        return bool(self.layers)
+
+    def evaluate(self, wi: Floats, wo: Floats) -> tuple[Floats, Floats]:
+        """ρ cosθ (N, 3) of local directions and the density (N,) of drawing wi; both 0 below the horizon."""
+        value, pdf = np.zeros((len(wi), 3)), np.zeros(len(wi))
+        above = np.flatnonzero(wi[:, 2] > kinds.GRAZING)
+        wi, wo = wi[above], wo[above]
+        value[above] = evaluate_layers(self.layers, wi, wo)
+        pdf[above] = self._shares[0] / math.pi * wi[:, 2]
+        for share, lobe in zip(self._shares[1:], self._lobes, strict=True):
+            pdf[above] += share * lobe.pdf(wi, wo)
+        return value, pdf
+
+    def sample(self, u: Floats, wo: Floats) -> Floats:
+        """Local directions (N, 3), some below the horizon, by random numbers u (N, 4)."""
+        wi = _cosine(u[:, 1:])
+        which = np.minimum(np.searchsorted(np.cumsum(self._shares), u[:, 0], side="right"), len(self._lobes))
+        for i, lobe in enumerate(self._lobes, start=1):
+            rows = np.flatnonzero(which == i)
+            wi[rows] = lobe.sample(u[rows, 1:], wo[rows])
+        return wi
+
+
+def _strength(layer: Layer, lobe: Lobe | None) -> float:
+    """About the albedo of a layer: its mean over a few hundred directions."""
+    u = np.random.default_rng(1).random((2, 512, 3))
+    wo = _cosine(u[0])
+    wi = _cosine(u[1]) if lobe is None else lobe.sample(u[1], wo)
+    above = (wi[:, 2] > kinds.GRAZING) & (wo[:, 2] > kinds.GRAZING)
+    wi, wo = wi[above], wo[above]
+    pdf = wi[:, 2] / math.pi if lobe is None else lobe.pdf(wi, wo)
+    weight = evaluate_layer(layer, wi, wo) @ LUMINANCE / np.maximum(pdf, 1e-12)
+    return float(np.minimum(weight, 1e6).sum() / len(u[0]))
+
+
+def _cosine(u: Floats) -> Floats:
+    """Directions (N, 3) about +z with density cosθ / π."""
+    radius, phi = np.sqrt(u[:, 0]), 2.0 * math.pi * u[:, 1]
+    return np.stack([radius * np.cos(phi), radius * np.sin(phi), np.sqrt(1.0 - u[:, 0])], axis=1)
+
+
+def _about_mirrored(drawn: Floats, wo: Floats) -> Floats:
+    """Vectors (N, 3) about +z turned to be about the mirrored wo, which lies above the horizon [Duff17]."""
+    x, y, z = -wo[:, 0], -wo[:, 1], wo[:, 2]
+    a = -1.0 / (1.0 + z)
+    b = x * y * a
+    first = np.stack([1.0 + x * x * a, b, -x], axis=1)
+    second = np.stack([b, 1.0 + y * y * a, -y], axis=1)
+    return drawn[:, :1] * first + drawn[:, 1:2] * second + drawn[:, 2:] * np.stack([x, y, z], axis=1)
+
+
+def _reflected(place: Floats, quarter: Floats, n_parts: int) -> Floats:
+    """The place of an angle in its quarter, [0, 1): every second quarter runs backwards."""
+    share = place / n_parts
+    return np.where(quarter % 2.0 == 1.0, 1.0 - share, share)
+
+
+def _squared(vectors: Floats) -> Floats:
+    return np.einsum("ni,ni->n", vectors, vectors)

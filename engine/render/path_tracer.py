@@ -1,0 +1,302 @@
+"""Light after up to N bounces by brute force: paths from the eye, the whole BRDF at each of their vertices.
+
+The oracle of the indirect light. Like `integrator` it shares with what it judges the scene, the hits and the rays, and
+nothing else. At each vertex the sky and the emitters are drawn once each and the path goes on by the material; light
+that both ways can find counts by the balance heuristic [Veach97, eq. 9.8],
+
+    weight of a direction drawn with density p_1 where the other way has p_2  =  p_1 / (p_1 + p_2),
+
+so that the estimate is unbiased for any curves, whatever the densities miss. N counts surface reflections between
+light and eye: 1 is direct light. Samples of a pixel come in passes; the random numbers of a pass are scrambled Sobol
+points, shifted for each pixel by digits of its own. Passes are independent of one another, and the difference of two
+halves of them tells the noise.
+"""
+
+from collections.abc import Callable, Generator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.indirect.series import MOST_BOUNCES
+from engine.light.environment import LUMINANCE
+from engine.material.layer import Layer
+from engine.render.path_lights import EmitterLight, LightSamples, PathLight, SkyLight
+from engine.render.path_lobes import N_NUMBERS, Scattering
+from engine.render.still import Picture, StillProgress, compose
+from engine.scene.hits import PrimaryHits, emission_towards, object_ids, shading_frames
+from engine.scene.load import Scene
+from engine.scene.raycaster import RayCaster
+from engine.transport.pipeline import Placement, SkyState
+
+Floats = NDArray[np.float64]
+Rows = NDArray[np.integer]
+
+MOST_SAMPLES = 1 << 20
+N_SAMPLES = 64
+_PASS, _BATCH, _N_THREADS = 1024, 1 << 14, 2
+_PASSES_PAY = 64  # from so many samples on, passes of a quarter are still large enough to cover their space evenly
+# From this bounce on faint paths end early; before it, all that a picture is judged by is there.
+_FIRST_ROULETTE = 5
+# Whatever the albedo, a picture stays finite in single precision.
+_BRIGHTEST = 1e30
+_LIGHT_NUMBERS = 3
+_ROULETTE = N_NUMBERS + 2 * _LIGHT_NUMBERS  # the place of its number
+_N_NUMBERS = _ROULETTE + 1
+
+
+@dataclass(frozen=True, eq=False)
+class PathEstimate:
+    """Radiance (P, 3) float64 towards the eye and its noise: the relative RMS error; None of a single pass."""
+
+    radiance: Floats
+    noise: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class _Vertices:
+    """Points where paths reflect, as `PrimaryHits` names them, (N, 3) float64; objects (N,)."""
+
+    objects: Rows
+    position: Floats
+    lift: Floats
+    geometric_normal: Floats
+    frame: Floats
+    wo: Floats
+
+    def origins(self, wi: Floats) -> NDArray[np.float32]:
+        """Where rays along wi (N, 3) start: on the side of the surface that they leave to."""
+        side = np.where(np.einsum("ni,ni->n", wi, self.geometric_normal) >= 0.0, 1.0, -1.0)
+        return (self.position + side[:, None] * self.lift).astype(np.float32)
+
+    def of(self, rows: Rows) -> "_Vertices":
+        return _Vertices(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
+
+    def to_local(self, vectors: Floats) -> Floats:
+        return np.einsum("nij,nj->ni", self.frame, vectors)
+
+    def to_world(self, vectors: Floats) -> Floats:
+        return np.einsum("nij,ni->nj", self.frame, vectors)
+
+
+class PathTracer:
+    """One scene with its materials and lights, ready for paths. Safe to use from several threads."""
+
+    def __init__(
+        self, scene: Scene, caster: RayCaster, layers_of: Mapping[int, Sequence[Layer]], sky: SkyState
+    ) -> None:
+        self._scene, self._caster = scene, caster
+        self._emitters = EmitterLight(scene)
+        self._sky = SkyLight(sky) if sky.environment is not None else None
+        if self._sky is not None and not self._sky.shines:
+            self._sky = None
+        self._lights: list[PathLight] = [self._emitters] if self._emitters.shines else []
+        self._lights += [self._sky] if self._sky is not None else []
+        self._scattering = {i: Scattering(layers_of.get(i, ())) for i in range(len(scene.emission))}
+        able = [s.reflects and not shines for s, shines in zip(self._scattering.values(), scene.emitters, strict=True)]
+        self._reflecting = np.array([*able, False])  # the last one: -1, the background
+
+    def follow(self, start: _Vertices, numbers: Floats) -> Floats:
+        """Radiance (N, 3) that one path each brings to the first vertices, by random numbers (N, bounces, 11)."""
+        radiance = np.zeros((len(start.objects), 3))
+        path: Rows = np.flatnonzero(self._reflecting[start.objects])
+        vertices, weight = start.of(path), np.ones((len(path), 3))
+        n_bounces = numbers.shape[1]
+        for bounce in range(1, n_bounces + 1):
+            if bounce >= _FIRST_ROULETTE:
+                kept = _survivors(weight, numbers[path, bounce - 1, _ROULETTE])
+                path, vertices, weight = path[kept], vertices.of(kept), weight[kept]
+            if not len(path):
+                break
+            u = numbers[path, bounce - 1]
+            wo = vertices.to_local(vertices.wo)
+            for i, light in enumerate(self._lights):
+                drawn = light.sample(vertices.position, u[:, N_NUMBERS + _LIGHT_NUMBERS * i :][:, :_LIGHT_NUMBERS])
+                radiance[path] += weight * self._from_light(vertices, wo, drawn)
+            path, vertices, weight = self._go_on(radiance, path, vertices, wo, weight, u, bounce < n_bounces)
+        return np.minimum(radiance, _BRIGHTEST)
+
+    def _from_light(self, vertices: _Vertices, wo: Floats, drawn: LightSamples) -> Floats:
+        """What samples (N,) of a light bring, (N, 3), without the path's weight."""
+        found = np.zeros((len(drawn.pdf), 3))
+        useful = np.flatnonzero(drawn.pdf > 0.0)
+        value, pdf = self._evaluate(
+            vertices.objects[useful], vertices.of(useful).to_local(drawn.wi[useful]), wo[useful]
+        )
+        bright = value.max(axis=1, initial=0.0) > 0.0
+        rows, value, pdf = useful[bright], value[bright], pdf[bright]
+        distance = None if drawn.distance is None else (drawn.distance[rows] * 0.9999).astype(np.float32)
+        origins = vertices.of(rows).origins(drawn.wi[rows])
+        lit = ~self._caster.occluded(origins, drawn.wi[rows].astype(np.float32), distance)
+        seen = rows[lit]
+        found[seen] = value[lit] * drawn.radiance[seen] / (pdf[lit] + drawn.pdf[seen])[:, None]
+        return found
+
+    def _go_on(
+        self, radiance: Floats, path: Rows, vertices: _Vertices, wo: Floats, weight: Floats, u: Floats, on: bool
+    ) -> tuple[Rows, _Vertices, Floats]:
+        """Draw directions, add the light they find to the radiance, and give what is left where they hit something."""
+        local = self._sample(vertices.objects, u[:, :N_NUMBERS], wo)
+        value, pdf = self._evaluate(vertices.objects, local, wo)
+        kept = np.flatnonzero((value.max(axis=1, initial=0.0) > 0.0) & (pdf > 0.0))
+        path, vertices, pdf = path[kept], vertices.of(kept), pdf[kept]
+        weight = np.minimum(weight[kept] * (value[kept] / pdf[:, None]), _BRIGHTEST)
+        wi = vertices.to_world(local[kept])
+        directions = wi.astype(np.float32)
+        found = self._caster.intersect(vertices.origins(wi), directions)
+        ids = object_ids(self._scene, found)
+        if self._sky is not None:
+            out = np.flatnonzero(ids < 0)
+            share = pdf[out] / (pdf[out] + self._sky.pdf(wi[out]))
+            radiance[path[out]] += weight[out] * share[:, None] * self._sky.radiance(wi[out])
+        glow = emission_towards(self._scene, found, ids, directions)
+        lamp = np.flatnonzero(glow.any(axis=1))
+        if len(lamp):
+            other = self._emitters.pdf(found.triangle[lamp], wi[lamp], found.distance[lamp].astype(np.float64))
+            radiance[path[lamp]] += weight[lamp] * (pdf[lamp] / (pdf[lamp] + other))[:, None] * glow[lamp]
+        rows = np.flatnonzero(self._reflecting[ids]) if on else np.zeros(0, np.int64)
+        frames = shading_frames(self._scene, self._caster, found, ids, rows, -directions[rows])
+        return path[rows], _vertices(ids[rows], frames), weight[rows]
+
+    def _evaluate(self, objects: Rows, wi: Floats, wo: Floats) -> tuple[Floats, Floats]:
+        value, pdf = np.zeros((len(wi), 3)), np.zeros(len(wi))
+        for i in np.unique(objects):
+            rows = np.flatnonzero(objects == i)
+            value[rows], pdf[rows] = self._scattering[int(i)].evaluate(wi[rows], wo[rows])
+        return value, pdf
+
+    def _sample(self, objects: Rows, u: Floats, wo: Floats) -> Floats:
+        wi = np.empty((len(wo), 3))
+        for i in np.unique(objects):
+            rows = np.flatnonzero(objects == i)
+            wi[rows] = self._scattering[int(i)].sample(u[rows], wo[rows])
+        return wi
+
+
+def trace_paths(
+    placement: Placement,
+    layers_of: Mapping[int, Sequence[Layer]],
+    sky: SkyState,
+    n_bounces: int,
+    n_samples: int = N_SAMPLES,
+    seed: int = 0,
+    rows: Rows | None = None,
+) -> Generator[StillProgress, None, PathEstimate]:
+    """Radiance of some rows of the placement's hits (all of them) after up to n_bounces reflections.
+
+    The same seed and rows give the same numbers again. Raises ValueError for bounces outside 1 to 16 and
+    samples outside 1 to 2^20.
+    """
+    if not 1 <= n_bounces <= MOST_BOUNCES:
+        raise ValueError(f"n_bounces = {n_bounces}, expected 1 to {MOST_BOUNCES}")
+    if not 1 <= n_samples <= MOST_SAMPLES:
+        raise ValueError(f"n_samples = {n_samples}, expected 1 to {MOST_SAMPLES}")
+    rows = np.arange(len(placement.hits.pixel)) if rows is None else np.asarray(rows)
+    tracer = PathTracer(placement.scene, placement.caster, layers_of, sky)
+    sizes = _pass_sizes(n_samples)
+    halves, counts = np.zeros((2, len(rows), 3)), np.zeros(2, int)
+    for i_pass, n in enumerate(sizes):
+        progress = _progress(halves, counts, n_samples)
+        blocks = np.array_split(np.arange(len(rows)), max(1, -(-len(rows) * n // _BATCH)))
+        work = _pass_work(placement.hits, rows, tracer, _sobol_points(n, n_bounces, (seed, i_pass)), (seed, i_pass))
+        with ThreadPoolExecutor(_N_THREADS) as pool:
+            for i in range(0, len(blocks), _N_THREADS):
+                group = list(enumerate(blocks))[i : i + _N_THREADS]
+                for (_, block), found in zip(group, pool.map(work, group), strict=True):
+                    halves[i_pass % 2, block] += found
+                done = (counts.sum() + n * (i + len(group)) / len(blocks)) / n_samples
+                yield replace(progress, fraction=float(done))
+        counts[i_pass % 2] += n
+    last = _progress(halves, counts, n_samples)
+    yield last
+    return PathEstimate(halves.sum(axis=0) / n_samples, last.noise)
+
+
+def render_paths(
+    placement: Placement,
+    layers_of: Mapping[int, Sequence[Layer]],
+    sky: SkyState,
+    n_bounces: int,
+    n_samples: int = N_SAMPLES,
+    seed: int = 0,
+) -> Generator[StillProgress, None, Picture]:
+    """Linear radiance (H, W, 3) float32 after up to n_bounces reflections, emitters and background included."""
+    estimate = yield from trace_paths(placement, layers_of, sky, n_bounces, n_samples, seed)
+    return compose(placement, estimate.radiance, sky)
+
+
+def noise_of_halves(halves: Floats, counts: NDArray[np.integer]) -> float:
+    """The relative RMS error of the mean of all samples, from the sums (2, P, 3) over two halves of counts (2,).
+
+    Of n = n_1 + n_2 samples, E (A - B)^2 = sigma^2 n / (n_1 n_2) for the halves' means A and B, and the mean of all
+    has variance sigma^2 / n.
+    """
+    n = int(counts.sum())
+    mean = float(halves.sum()) / (n * halves[0].size) if halves[0].size else 0.0
+    if not mean > 0.0:
+        return 0.0
+    difference = (halves[0] / counts[0] - halves[1] / counts[1]) / mean
+    return float(np.sqrt(np.mean(difference**2) * counts[0] * counts[1])) / n
+
+
+def _progress(halves: Floats, counts: NDArray[np.integer], n_samples: int) -> StillProgress:
+    noise = noise_of_halves(halves, counts) if counts.all() else None
+    text = f"{counts.sum()} of {n_samples} samples a pixel" + (f", noise {noise:.2%}" if noise is not None else "")
+    return StillProgress(float(counts.sum()) / n_samples, text, noise)
+
+
+def _pass_sizes(n_samples: int) -> list[int]:
+    """Samples of each pass: at most 1,024, so that there are two passes, and four where that costs little."""
+    n_passes = min(n_samples, max(2 if n_samples < _PASSES_PAY else 4, -(-n_samples // _PASS)))
+    return [n_samples * (i + 1) // n_passes - n_samples * i // n_passes for i in range(n_passes)]
+
+
+def _pass_work(
+    hits: PrimaryHits, rows: Rows, tracer: PathTracer, points: NDArray[np.uint32], seed: tuple[int, int]
+) -> Callable[[tuple[int, Rows]], Floats]:
+    """The sum over one pass's samples, (p, 3), of a numbered block of the rows."""
+    objects = hits.object_image.ravel()[hits.pixel].astype(np.int64)
+    n = len(points)
+
+    def work(block: tuple[int, Rows]) -> Floats:
+        i_block, places = block
+        own = np.repeat(rows[places], n)
+        names = ("position", "offset_position", "normal", "geometric_normal", "tangent", "wo")
+        start = _vertices(objects[own], {name: getattr(hits, name)[own] for name in names})
+        generator = np.random.default_rng((*seed, 1 + i_block))
+        shifts = generator.integers(1 << 32, size=(len(places), 1, *points.shape[1:]), dtype=np.uint32)
+        numbers: Floats = ((points ^ shifts) * np.float64(2.0**-32)).reshape(-1, *points.shape[1:])
+        return tracer.follow(start, numbers).reshape(len(places), n, 3).sum(axis=1)
+
+    return work
+
+
+def _vertices(objects: Rows, fields: Mapping[str, NDArray[np.float32]]) -> _Vertices:
+    exact = {name: field.astype(np.float64) for name, field in fields.items()}
+    tangent, normal = exact["tangent"], exact["normal"]
+    return _Vertices(
+        objects=objects,
+        position=exact["position"],
+        lift=exact["offset_position"] - exact["position"],
+        geometric_normal=exact["geometric_normal"],
+        frame=np.stack([tangent, np.cross(normal, tangent), normal], axis=1),
+        wo=exact["wo"],
+    )
+
+
+def _sobol_points(n: int, n_bounces: int, seed: tuple[int, int]) -> NDArray[np.uint32]:
+    """The first n of a scrambled Sobol sequence, (n, bounces, 11), as digits that may be shifted by exclusive or."""
+    from scipy.stats import qmc
+
+    sampler = qmc.Sobol(n_bounces * _N_NUMBERS, scramble=True, seed=np.random.default_rng((*seed, 0)))
+    points = sampler.random_base2(max(n - 1, 0).bit_length())[:n]
+    return (points * 2.0**32).astype(np.uint32).reshape(n, n_bounces, _N_NUMBERS)
+
+
+def _survivors(weight: Floats, u: Floats) -> Rows:
+    """Which paths (N,) go on by Russian roulette with numbers u (N,); weights (N, 3) of those are raised in place."""
+    chance = np.clip(weight @ LUMINANCE, 0.05, 1.0)
+    kept = np.flatnonzero(u < chance)
+    weight[kept] /= chance[kept][:, None]
+    return kept
