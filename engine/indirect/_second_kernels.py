@@ -1,7 +1,7 @@
 """Compiled: what glossy surfaces send on towards gather points.
 
 Where a ray of a fan ends on a glossy surface, two further rays are remembered. One goes to a light that is chosen among
-sixteen candidates, half drawn by power and half about the pole of that surface's highlight, in proportion to what each
+eight candidates, half drawn by power and half about the pole of that surface's highlight, in proportion to what each
 would bring if the highlight were as the pole's density is (resampled importance sampling [Talbot05]; the halves count
 by the balance heuristic). The other goes about the pole, for what other surfaces send. Both hold for any curve.
 """
@@ -17,7 +17,7 @@ from engine.indirect._ray_kernels import HORIZON, fan_density, fan_direction, lo
 from engine.indirect._reflection_kernels import HALF_PI, ONE, ZERO, _counts, _node, _ray
 from engine.material._kernels import gamma, quotient_cosine
 
-N_BY_POWER, N_BY_POLE = 8, 8
+N_BY_POWER, N_BY_POLE = 4, 4
 NO_LIGHT = 0xFFFF
 PI = np.float32(math.pi)
 TINY = np.float32(1e-30)
@@ -59,11 +59,13 @@ class Glossy(NamedTuple):
 
 
 class Records(NamedTuple):
-    """n rays that end on glossy surfaces, by point and ray: start (p + 1,) of each point's; ray (n,); normal (n, 3) and
+    """n rays that end on glossy surfaces, by point and ray: start (p + 1,) of each point's, and how many rays (p,) each
+    of them stands for; ray (n,); normal (n, 3) and
     distance (n,) there; light (n,) that is seen, NO_LIGHT where none is, which candidate it was (n,) and how many times
     it counts (n,); beyond (n,): the cell that the second ray sees, or NO_CELL."""
 
     start: np.ndarray
+    times: np.ndarray
     ray: np.ndarray
     normal: np.ndarray
     distance: np.ndarray
@@ -289,6 +291,7 @@ def second_light(fans, position, records, begin, end, objects, g, lamps, table, 
         eye_x, eye_y, eye_z = local_eye(tangent, normal, fans.wo[r])
         turn, cosine, sine = turn_of(r)
         pattern = np.int64(turn & np.uint64(fans.tables_cosine.shape[0] - 1))
+        times = records.times[i]
         for e in range(records.start[i], records.start[i + 1]):
             n = e - records.start[begin]
             out[n] = ZERO
@@ -316,7 +319,7 @@ def second_light(fans, position, records, begin, end, objects, g, lamps, table, 
                 m, x, y, z, _, _, share = _candidate(lamps, table, c, light, seed, g.poles[o], frame, place, eye)
                 if m >= 0:
                     gloss[:] = ZERO
-                    _add_gloss(g, o, x, y, z, ox, oy, oz, PI * share * records.weight[e], gloss)
+                    _add_gloss(g, o, x, y, z, ox, oy, oz, PI * times * share * records.weight[e], gloss)
                     colour = lamps.radiance[m] if m < lamps.density.shape[0] else lamps.power[m]
                     for channel in range(3):
                         value = gloss[channel] * colour[channel]
@@ -329,7 +332,8 @@ def second_light(fans, position, records, begin, end, objects, g, lamps, table, 
             if z <= HORIZON:
                 continue
             gloss[:] = ZERO
-            _add_gloss(g, o, x, y, z, ox, oy, oz, ONE / fan_density(ZERO, ONE, g.poles[o], x, y, z, ox, oy, oz), gloss)
+            density = fan_density(ZERO, ONE, g.poles[o], x, y, z, ox, oy, oz)
+            _add_gloss(g, o, x, y, z, ox, oy, oz, times / density, gloss)
             for k in range(n_powers - shift):
                 for channel in range(3):
                     value = gloss[channel] * radiosity[beyond, k, channel]

@@ -41,7 +41,8 @@ class Fans:
         begin, end = np.searchsorted(object_of_rows(hits, gathered.rows), (i_object, i_object + 1))
         rows = gathered.rows[begin:end]
         self._position = hits.position
-        self._records = gathered.records._replace(start=gathered.records.start[begin : end + 1])
+        records = gathered.records
+        self._records = records._replace(start=records.start[begin : end + 1], times=records.times[begin:end])
         self._fans = kernels.Fans(
             rows, np.full(len(rows), pole, np.int64), gathered.seen[begin:end], -1 if half is None else half,
             cosine_tables(size.n_cosine), pole_tables(size.n_pole), hits.tangent, hits.normal, hits.wo,

@@ -36,7 +36,8 @@ def no_records(n_points: int) -> kernels.Records:
     """Of points none of whose rays ends on a glossy surface."""
     none, floats = np.zeros(0, np.uint16), np.zeros(0, np.float32)
     start, normal = np.zeros(n_points + 1, np.int64), np.zeros((0, 3), np.float32)
-    return kernels.Records(start, none, normal, floats, none, np.zeros(0, np.uint8), floats, none)
+    times = np.ones(n_points, np.float32)
+    return kernels.Records(start, times, none, normal, floats, none, np.zeros(0, np.uint8), floats, none)
 
 
 def joined_records(parts: Sequence[kernels.Records], order: NDArray[np.integer]) -> kernels.Records:
@@ -46,18 +47,35 @@ def joined_records(parts: Sequence[kernels.Records], order: NDArray[np.integer])
     counts = np.concatenate([np.diff(part.start) for part in parts])[order]
     start = np.concatenate([[0], np.cumsum(counts)])
     taken = np.repeat(firsts - start[:-1], counts) + np.arange(start[-1])
-    fields = zip(*(part[1:] for part in parts), strict=True)
-    return kernels.Records(start, *(np.concatenate(arrays)[taken] for arrays in fields))
+    times = np.concatenate([part.times for part in parts])[order]
+    fields = zip(*(part[2:] for part in parts), strict=True)
+    return kernels.Records(start, times, *(np.concatenate(arrays)[taken] for arrays in fields))
+
+
+def _thinned(
+    which: NDArray[np.intp], n_rays: int, n_points: int, most: int
+) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
+    """At most so many of each point's rays, evenly, and how many each of them stands for (p,)."""
+    start = np.searchsorted(which, np.arange(n_points + 1) * n_rays)
+    counts = np.diff(start)
+    kept = np.minimum(counts, most)
+    ends = np.cumsum(kept)
+    place = np.arange(ends[-1] if n_points else 0) - np.repeat(ends - kept, kept)
+    step = counts / np.maximum(kept, 1)
+    chosen = np.repeat(start[:-1], kept) + ((place + 0.5) * np.repeat(step, kept)).astype(np.int64)
+    return which[chosen], step.astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)
 class SecondRays:
-    """What tracing second rays needs: which objects (M,) are glossy, their poles (M,) and axes (M, 2, 3), the lamps."""
+    """What tracing second rays needs: which objects (M,) are glossy, their poles (M,) and axes (M, 2, 3), the lamps;
+    most: how many rays of a gather point are recorded; beyond these, each stands for several."""
 
     glossy: NDArray[np.bool_]
     poles: NDArray[np.int64]
     axes: NDArray[np.float32]
     lamps: kernels.Lamps
+    most: int
 
     def trace(
         self, cells: Cells, rows: NDArray[np.int32], rays: Rays, seen: NDArray[np.uint16], found: Intersections
@@ -66,6 +84,7 @@ class SecondRays:
         n_rays = len(seen) // max(len(rows), 1)
         ends = np.where(seen == NO_CELL, -1, cells.mesh.objects[found.triangle])
         which = np.flatnonzero((ends >= 0) & self.glossy[ends])
+        which, times = _thinned(which, n_rays, len(rows), self.most)
         n = len(which)
         normals, lights, candidates = np.empty((n, 3), np.float32), np.empty(n, np.uint16), np.empty(n, np.uint8)
         to_light, to_pole = np.empty((2, n, 3), np.float32)
@@ -84,7 +103,7 @@ class SecondRays:
         start = np.searchsorted(which, np.arange(len(rows) + 1) * n_rays)
         distance = found.distance[which].astype(np.float32)
         ray = (which % n_rays).astype(np.uint16)
-        return kernels.Records(start, ray, normals, distance, lights, candidates, weights, beyond)
+        return kernels.Records(start, times, ray, normals, distance, lights, candidates, weights, beyond)
 
 
 @dataclass(frozen=True, eq=False)

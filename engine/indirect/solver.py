@@ -33,20 +33,23 @@ from engine.transport.pipeline import Placement, SkyState
 class Fineness:
     """How finely indirect light is found.
 
-    n_rays a gather point; n_cells to aim at; n_cell_rays between cells, a cell; n_samples of each kind of light, a
-    cell; adaptive: refine the lattice of gather points, else every eighth pixel.
+    n_rays a gather point, of which n_records at most are followed where they end on glossy surfaces; n_cells to aim
+    at; n_cell_rays between cells, a cell; n_samples of each kind of light, a cell; adaptive: refine the lattice of
+    gather points, else every eighth pixel.
     """
 
     name: str
     n_rays: int
+    n_records: int
     n_cells: int
     n_cell_rays: int
     n_samples: int
     adaptive: bool
 
 
-ROUGH = Fineness("rough", 128, 4000, 64, 64, False)
-FINE = Fineness("fine", 1024, 24000, 128, 256, True)
+ROUGH = Fineness("rough", 128, 32, 4000, 64, 64, False)
+FINE = Fineness("fine", 1024, 128, 24000, 128, 256, True)
+STILL = Fineness("still", 1024, 1024, 48000, 128, 256, True)
 N_LIGHTS, N_PATCHES = 4000, 256
 # What a first look at the scene takes.
 _PILOT_POINTS, _PILOT_RAYS = 1024, 64
@@ -74,7 +77,8 @@ class Solver:
         self._lights, self._lamps = _lights(cut, patches), lamps_of(cut, patches)
         is_glossy = np.array([bool(set(models.get(i, ())) - {"lambert"}) for i in range(n_objects)])
         self._axes = axes_of(placement.scene)
-        self._second = SecondRays(is_glossy, self._poles, self._axes, self._lamps) if glossy else None
+        second = SecondRays(is_glossy, self._poles, self._axes, self._lamps, fineness.n_records)
+        self._second = second if glossy else None
 
     def solve(self, layers: Sequence[IndirectLayer]) -> Generator[Progress, None, IndirectLight]:
         """The indirect light; the layers only say where the picture of it is not smooth."""

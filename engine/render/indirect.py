@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 
 from engine.indirect.layers import indirect_layer
 from engine.indirect.series import BounceSeries
-from engine.indirect.solver import FINE, Fineness, Solver
+from engine.indirect.solver import STILL, Fineness, Solver
 from engine.render.still import StillLayer, StillProgress
 from engine.transport.pipeline import Placement, SkyState
 
 
 def indirect_radiance(
-    placement: Placement, layers: Sequence[StillLayer], sky: SkyState, series: BounceSeries, fineness: Fineness = FINE
+    placement: Placement, layers: Sequence[StillLayer], sky: SkyState, series: BounceSeries, fineness: Fineness = STILL
 ) -> Generator[StillProgress, None, NDArray[np.float32]]:
     """Radiance (P, 3) that reaches the eye after 2 bounces to all of the series, at the points of the hits."""
     models: dict[int, list[str]] = {}
