@@ -57,7 +57,8 @@ class IndirectLight:
 
     @property
     def n_bytes(self) -> int:
-        return self.points.gathered.seen.nbytes + sum(a.nbytes for a in self.footprint) + self.light.n_bytes
+        gathered = self.points.gathered.rows.nbytes + self.points.gathered.seen.nbytes
+        return gathered + sum(a.nbytes for a in self.footprint) + self.cells.n_bytes + self.light.n_bytes
 
     def footprint_by_object(self) -> Footprint:
         """The footprint with gather points numbered within each object."""
