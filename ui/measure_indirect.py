@@ -35,7 +35,8 @@ def measure(
         bench.wait_until_exact()
         pictures = {"first": first, "fine": bench.renderer.linear_image(), "seen": seen_pixels(bench)}
         freezing = measure_freezing(bench, rounds)
-        edits = {name: measure_edits(bench, name, repetitions) for name in reflecting(bench, editable=True)}
+        edited = reflecting(bench, editable=True) if repetitions else []
+        edits = {name: measure_edits(bench, name, repetitions) for name in edited}
         return {
             "renderer": describe_context(bench.context),
             "resolution": list(first.shape[1::-1]),
@@ -69,7 +70,7 @@ def measure_freezing(bench: Bench, rounds: int) -> dict[str, list[float]]:
     """
     names = reflecting(bench)
     seconds: dict[str, list[float]] = {name: [] for name in names}
-    select(bench, names[-1])
+    bench.switch(names[-1])
     for _ in range(rounds if len(names) > 1 else 0):
         for name in names:
             started = time.perf_counter()
@@ -87,7 +88,7 @@ def measure_edits(bench: Bench, name: str, repetitions: int) -> tuple[list[float
 
     The frame holds as many increments of direct light as its budget allows, like every frame of the window.
     """
-    select(bench, name)
+    bench.switch(name)
     edits = random_edits()
     for _ in range(WARM_UP):
         edit(bench, next(edits))
@@ -106,11 +107,6 @@ def edit(bench: Bench, operators: tuple[Operator, ...]) -> tuple[float, float]:
     if bench.editor.status.picture != "exact":
         bench.wait_until_exact()
     return framed, time.perf_counter() - started
-
-
-def select(bench: Bench, name: str) -> None:
-    """Select an object and wait until its picture is exact."""
-    bench.switch(name)
 
 
 def reflecting(bench: Bench, editable: bool = False) -> list[str]:

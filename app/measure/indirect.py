@@ -32,10 +32,10 @@ class IndirectEffort:
     """repetitions of edits of each object, rounds of selecting all of them, counts of objects the room is cut into and
     the side in pixels there; pictures' longest side."""
 
-    repetitions: int = 25
-    rounds: int = 5
+    repetitions: int = 20
+    rounds: int = 3
     counts: tuple[int, ...] = (2, 3, 4, 6, 8, 10, 12)
-    growth_side: int = 192
+    growth_side: int = 128
     side: int = 4096
 
 
@@ -67,19 +67,17 @@ def indirect_figures(
 
 
 def _window_figures(effort: IndirectEffort, scratch: Path, timeout_s: float) -> list[Figure]:
-    def found_of(name: str) -> tuple[dict[str, Any], Path]:
+    def found_of(name: str, repetitions: int) -> tuple[dict[str, Any], Path]:
         resolution = at_most(open_subject(name).scene.resolution, effort.side)
-        return measure_indirect(
-            name, resolution, effort.repetitions, effort.rounds, scratch / f"indirect {name}", timeout_s
-        )
+        return measure_indirect(name, resolution, repetitions, effort.rounds, scratch / f"indirect {name}", timeout_s)
 
     try:
-        found, pictures = found_of("cornell")
+        found, pictures = found_of("cornell", effort.repetitions)
         figures = [_freeze_figure("freeze_s_cornell", found), *_cornell_figures(found, pictures)]
     except NotMeasured as error:
         figures = [not_measured(name, str(error)) for name in ("freeze_s_cornell", *OF_CORNELL)]
     try:
-        return [*figures, _freeze_figure("freeze_s_room", found_of("room")[0])]
+        return [*figures, _freeze_figure("freeze_s_room", found_of("room", 0)[0])]
     except NotMeasured as error:
         return [*figures, not_measured("freeze_s_room", str(error))]
 

@@ -2,7 +2,9 @@
 
 The peer is used where `INSITU_PEER_PYTHON` names an interpreter that can import it. It renders several stills with
 independent seeds. What one of them is wrong by needs no truth, since path tracing is right on average: it is the
-deviation of a still from the others. Samples, and with them seconds, for another error e go by 1/e².
+deviation of a still from the others. Samples, and with them seconds, for another error e go by 1/e². Its stratified
+samples gain a little more than that, so it is asked for about as many as the error needs: extrapolating from few of
+them would ask too much of it.
 
 Our error is measured against the same stills. With their means A and B over two independent halves,
 
@@ -38,7 +40,7 @@ FIGURE = "gi_precompute_ratio_peer"
 SERIES = "64,1,1,1"
 TARGET = 0.03
 RESOLUTION = (450, 450)
-SAMPLES, N_STILLS = 64, 7
+SAMPLES, N_STILLS = 256, 2
 MARGIN = 2
 CREASE = 0.9
 
@@ -47,7 +49,7 @@ Pictures = NDArray[np.floating]
 
 @dataclass(frozen=True, eq=False)
 class Stills:
-    """The peer's stills: pictures (n, H, W, 3), seconds (n,) of which the first holds its compilation, samples each."""
+    """The peer's stills: pictures (n, H, W, 3), seconds (n,) with compiled kernels, samples each."""
 
     pictures: Pictures
     seconds: NDArray[np.floating]
@@ -56,7 +58,7 @@ class Stills:
 
     def still_seconds(self, mask: NDArray[np.bool_], error: float) -> float:
         """What one still with this error would take."""
-        return statistics.median(self.seconds[1:].tolist()) * (self.noise(mask) / error) ** 2
+        return statistics.median(self.seconds.tolist()) * (self.noise(mask) / error) ** 2
 
     def noise(self, mask: NDArray[np.bool_]) -> float:
         """relRMSE of one still, from the spread of all; like every error, clamped at the mean's 99.9 percentile."""
@@ -101,7 +103,7 @@ def _measure(repetitions: int, scratch: Path, timeout_s: float) -> Figure:
         tuple(each / theirs for each in seconds),
         f"../shared/reference/cornell.toml at {RESOLUTION[0]} × {RESOLUTION[1]}, series {SERIES} with all direct light "
         f"÷ one still of relRMSE {TARGET:g} by {stills.made_with}, both from an opened scene with compiled kernels "
-        f"(the peer's first still is not timed); its seconds scaled from {SAMPLES} samples a pixel by 1/error²; "
+        f"(a small still of the peer's before is not timed); its seconds scaled from {SAMPLES} samples by 1/error²; "
         f"pixels {MARGIN} off silhouettes and creases",
         {
             "seconds": seconds,

@@ -2,8 +2,9 @@
 
     PYTHON peer_program.py SCENE.toml OUT.npz WIDTH HEIGHT BOUNCES SAMPLES STILLS
 
-Writes pictures (n, H, W, 3), each from its own seed, the seconds (n,) of each, and what they were made with. The first
-still's seconds hold the compilation of Mitsuba's kernels. A pixel is averaged over its area, as in a usual still.
+Writes pictures (n, H, W, 3), each from its own seed, the seconds (n,) of each, and what they were made with. A small
+still before them, which is not timed, has Mitsuba's kernels compiled. A pixel is averaged over its area, as in a usual
+still.
 
 Understood are layers `lambert` and `rough_conductor` (at most one of each on an object) and emission; other scenes end
 with one line. Mitsuba has no sum of two materials, but a blend: w a/w + (1 - w) b/(1 - w) = a + b.
@@ -30,6 +31,7 @@ for number in (19, 22):
 import mitsuba as mi  # noqa: E402
 
 VARIANT = "llvm_ad_rgb"
+WARM_UP = 4
 
 
 def colour(value: Any, factor: float = 1.0) -> dict[str, Any]:
@@ -89,7 +91,7 @@ def shape(described: dict[str, Any], folder: Path) -> dict[str, Any]:
     return made
 
 
-def scene_of(described: dict[str, Any], folder: Path, size: tuple[int, int], bounces: int, samples: int) -> Any:
+def scene_of(described: dict[str, Any], folder: Path, size: tuple[int, int], bounces: int) -> Any:
     if "environment" in described:
         sys.exit("environment: no counterpart")
     camera = described["camera"]
@@ -105,7 +107,7 @@ def scene_of(described: dict[str, Any], folder: Path, size: tuple[int, int], bou
             "fov_axis": "y",
             "to_world": mi.ScalarTransform4f().look_at(camera["position"], camera["target"], up),
             "film": film,
-            "sampler": {"type": "multijitter", "sample_count": samples},
+            "sampler": {"type": "multijitter"},
         },
     }
     for i, each in enumerate(described["object"]):
@@ -117,11 +119,12 @@ def main() -> None:
     source, output = Path(sys.argv[1]), Path(sys.argv[2])
     width, height, bounces, samples, n_stills = map(int, sys.argv[3:8])
     mi.set_variant(VARIANT)
-    scene = scene_of(tomllib.loads(source.read_text()), source.parent, (width, height), bounces, samples)
+    scene = scene_of(tomllib.loads(source.read_text()), source.parent, (width, height), bounces)
+    np.array(mi.render(scene, seed=n_stills, spp=WARM_UP))
     pictures, seconds = [], []
     for seed in range(n_stills):
         started = time.perf_counter()
-        pictures.append(np.array(mi.render(scene, seed=seed), np.float32))
+        pictures.append(np.array(mi.render(scene, seed=seed, spp=samples), np.float32))
         seconds.append(time.perf_counter() - started)
     made_with = f"Mitsuba {mi.__version__} ({VARIANT})"
     np.savez(output, pictures=np.stack(pictures), seconds=np.array(seconds), made_with=np.array(made_with))
