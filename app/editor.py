@@ -287,6 +287,11 @@ class Editor:
         return self._comparison.update(now, self.document, self._negotiator, view.n_lights, exact)
 
     @property
+    def indirect_light(self) -> IndirectTalk:
+        """What is known and shown of the indirect light."""
+        return self._indirect
+
+    @property
     def awaits_curve(self) -> bool:
         """Whether a curve's transport, or a layer's picture, is to come at any moment."""
         return self._negotiator.awaits_contraction

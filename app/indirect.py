@@ -104,6 +104,11 @@ class IndirectTalk:
         """Whether what is shown is the document's indirect light in its final quality, or none is wanted."""
         return self._n_bounces == 1 or self._complete
 
+    @property
+    def is_shown(self) -> bool:
+        """Whether the picture has indirect light, of whatever quality."""
+        return bool(self._shown)
+
     def edited(self) -> None:
         """The document or the selection changed: until the next update it is not known whether anything is missing."""
         self._complete = False

@@ -14,7 +14,7 @@ import contextlib
 import json
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -49,8 +49,10 @@ class Bench:
     """An editor on a scene, its worker, and a renderer that follows, until the picture is exact."""
 
     def __init__(
-        self, source: str, resolution: tuple[int, int] | None, n_lights: int | None, curves: Curves | None = None
-    ) -> None:
+        self, source: str, resolution: tuple[int, int] | None, n_lights: int | None = None,
+        curves: Curves | None = None, wait: bool = True,
+    ) -> None:  # fmt: skip
+        """wait: until the picture is exact."""
         self.context = create_headless_context()
         self.editor = Editor(Client(), source, resolution=resolution, curves=curves)
         if n_lights is not None:
@@ -58,27 +60,31 @@ class Bench:
         self.renderer = PlacementRenderer(self.context)
         self.feed = PictureFeed(self.renderer)
         self._frame_ms = 0.0
-        self.wait_until_exact()
+        if wait:
+            self.wait_until_exact()
 
     def wait_until_exact(self) -> None:
         """Frames until the picture is exact; raises InsituError when it does not come."""
+        self.wait_until(lambda: self.editor.status.picture == "exact")
+
+    def wait_until(self, done: Callable[[], bool]) -> None:
+        """Frames until `done()` after one of them; raises InsituError when that does not come."""
         end = time.monotonic() + EXACT_SECONDS
-        while not self.frame():
+        self.frame()
+        while not done():
             if self.editor.status.is_error or time.monotonic() > end:
                 raise InsituError(self.editor.status.message or "the picture does not become exact")
+            self.frame()
 
-    def frame(self) -> bool:
-        """One frame as the window draws it; whether the picture is exact."""
+    def frame(self) -> None:
+        """One frame as the window draws it."""
         started = time.perf_counter()
         self.feed.take(self.editor, time.monotonic())
         busy = self.feed.draw(self.editor, self._frame_ms)
         self.context.finish()
         self._frame_ms = 1e3 * (time.perf_counter() - started)
-        if self.editor.status.picture == "exact":
-            return True
-        if not busy:
+        if not busy and self.editor.status.picture != "exact":
             time.sleep(CURVE_LOOK_SECONDS)
-        return False
 
     def switch(self, path: str) -> float:
         """Select a curve; seconds until its transport is uploaded and the picture drawn from it."""

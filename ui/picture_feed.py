@@ -87,6 +87,11 @@ class PictureFeed:
         return self._texture
 
     @property
+    def is_behind(self) -> bool:
+        """Whether something of what the worker answered is not in the picture yet."""
+        return bool(self._waiting)
+
+    @property
     def environment(self) -> moderngl.Texture | None:
         """The environment's thumbnail, row 0 at the top."""
         return self._thumbnail

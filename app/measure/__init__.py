@@ -2,7 +2,8 @@
 
     subject ─► speed (against brute force) ─┐
             ─► sweep (against the oracle) ──┼─► figures.json, sweep.csv, plots
-            ─► launches (window, renderer) ─┘
+            ─► launches (window, renderer) ─┤
+    cornell, room ─► indirect light ────────┘
 
 `figures` names what was promised and its limits; `speed` and `accuracy` measure in this process, `launches` starts the
 window and the renderer's measurements as programs of their own, because nothing here may touch GL. What cannot be
@@ -22,6 +23,8 @@ import numpy as np
 
 from app.measure.accuracy import REFERENCES, Errors, reference_errors, reference_folder
 from app.measure.figures import Figure, NotMeasured, not_measured, summary_lines, write_figures
+from app.measure.indirect import QUICKLY as INDIRECT_QUICKLY
+from app.measure.indirect import IndirectEffort, indirect_figures
 from app.measure.launches import Launch, Screen, launch, measure_renderer, open_screen
 from app.measure.machine import load_average, machine_facts
 from app.measure.plots import write_plots
@@ -60,10 +63,11 @@ class Effort:
     references: bool = True
     timeout_s: float = 1800.0
     grid: Grid = field(default_factory=Grid)
+    indirect: IndirectEffort = field(default_factory=IndirectEffort)
 
 
 FULL = Effort("full")
-QUICKLY = Effort("quick", 1, 1, 0, 10, 64, 200_000, 300, False, 300.0, QUICK)
+QUICKLY = Effort("quick", 1, 1, 0, 10, 64, 200_000, 300, False, 300.0, QUICK, INDIRECT_QUICKLY)
 
 
 def run(
@@ -73,7 +77,9 @@ def run(
     report: Callable[[str], None] = print,
     effort: Effort | None = None,
 ) -> list[Figure]:
-    """Measure a scene (built-in name or file) into a folder: figures.json, sweep.csv and plots; the figures.
+    """Measure a scene (built-in name or file) into a folder: figures.json, tables as CSV and plots; the figures.
+
+    The figures of indirect light are of the built-in Cornell box and room, whatever the scene.
 
     quick: tiny pictures and single repetitions, to see that all is well; such numbers say nothing about speed. report
     is told what is at work and, in the end, every figure. Raises InsituError when the scene cannot be opened.
@@ -84,6 +90,9 @@ def run(
     subject = _open(source, effort.side)
     with tempfile.TemporaryDirectory(prefix="insitu-measure-") as name:
         figures, renderer = _measure(subject, effort, Path(name), report)
+        figures += indirect_figures(
+            effort.indirect, effort.repetitions, effort.references, Path(name), output, effort.timeout_s, report
+        )
     sweep_source = _open(source, effort.grid.side)
     report(f"sweep at {_size(sweep_source)}")
     swept = run_sweep(sweep_source, effort.grid, _frame_seconds(renderer))

@@ -119,10 +119,15 @@ def reference_folder() -> Path | None:
     return folder if folder.is_dir() else None
 
 
+def masked_reference(folder: Path, name: str, n_bounces: int) -> tuple[Radiance, NDArray[np.bool_]]:
+    """NAME_N.exr (H, W, 3) and which of its pixels NAME_mask.png marks (H, W)."""
+    mask = np.asarray(Image.open(folder / f"{name}_mask.png").convert("L")) > 127
+    return np.asarray(read_radiance_image(folder / f"{name}_{n_bounces}.exr"), np.float64), mask
+
+
 def reference_errors(subject: Subject, done: Precomputed, folder: Path, name: str) -> Errors:
     """A stage's picture against NAME_1.exr over the pixels that NAME_mask.png marks."""
-    truth = read_radiance_image(folder / f"{name}_1.exr")
-    mask = np.asarray(Image.open(folder / f"{name}_mask.png").convert("L")) > 127
+    truth, mask = masked_reference(folder, name, 1)
     ours = compose(done.placement, reflected(done), subject.sky)
     if ours.shape != truth.shape:
         raise ValueError(f"{name}: picture {ours.shape} and reference {truth.shape}, expected equal shapes")

@@ -28,6 +28,7 @@ from app.measure.figures import NotMeasured
 Milestone = Literal["first_frame", "scene", "first_layer", "first_picture", "exact"]
 ROOT = Path(__file__).resolve().parents[2]
 RENDERER = "ui.measure_gl"
+INDIRECT = "ui.measure_indirect"
 SCREEN = "1440x900x24"
 LOOK_SECONDS = 0.02
 GRACE_SECONDS = 5.0
@@ -172,19 +173,40 @@ def measure_renderer(
 
     Raises NotMeasured with its words.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     output = folder / "renderer.json"
-    command = [sys.executable, "-m", RENDERER, source, str(output), "--lights", str(n_lights)]
-    command += ["--repetitions", str(repetitions)]
-    if resolution is not None:
-        command += ["--resolution", str(resolution[0]), str(resolution[1])]
-    environment = {**os.environ, "INSITU_CACHE": str(folder / "cache"), "INSITU_STATE": str(folder / "state")}
-    with _program(command, environment, folder) as process:
-        try:
-            status = process.wait(timeout_s)
-        except subprocess.TimeoutExpired:
-            raise NotMeasured(f"the renderer's measurements took more than {timeout_s:.0f} s") from None
-    if status != 0:
-        raise NotMeasured(_last_words(folder) or f"{RENDERER} ended with status {status}")
+    options = ["--lights", str(n_lights), "--repetitions", str(repetitions), *_resolution(resolution)]
+    run_program([sys.executable, "-m", RENDERER, source, str(output), *options], folder, timeout_s)
     found: dict[str, Any] = json.loads(output.read_text())
     return found
+
+
+def measure_indirect(
+    source: str, resolution: tuple[int, int] | None, repetitions: int, rounds: int, folder: Path, timeout_s: float
+) -> tuple[dict[str, Any], Path]:
+    """What `python -m ui.measure_indirect` finds from an empty cache in `folder`, and the file with its pictures.
+
+    repetitions of edits, rounds of selections. Raises NotMeasured with its words.
+    """
+    output = folder / "indirect.json"
+    options = ["--repetitions", str(repetitions), "--rounds", str(rounds), *_resolution(resolution)]
+    run_program([sys.executable, "-m", INDIRECT, source, str(output), *options], folder, timeout_s)
+    return json.loads(output.read_text()), output.with_suffix(".npz")
+
+
+def run_program(command: Sequence[str], folder: Path, timeout_s: float) -> None:
+    """Run a program to its end, with cache and state in `folder`; raises NotMeasured with its last words."""
+    folder.mkdir(parents=True, exist_ok=True)
+    environment = {**os.environ, "INSITU_CACHE": str(folder / "cache"), "INSITU_STATE": str(folder / "state")}
+    try:
+        with _program(command, environment, folder) as process:
+            status = process.wait(timeout_s)
+    except subprocess.TimeoutExpired:
+        raise NotMeasured(f"not done after {timeout_s:.0f} s") from None
+    except OSError as error:
+        raise NotMeasured(f"{command[0]}: {error.strerror or error}") from None
+    if status != 0:
+        raise NotMeasured(_last_words(folder) or f"{command[0]} ended with status {status}")
+
+
+def _resolution(resolution: tuple[int, int] | None) -> list[str]:
+    return [] if resolution is None else ["--resolution", *map(str, resolution)]

@@ -93,9 +93,13 @@ def must_split(blocks, objects, row_image, position, normal, values, tolerance, 
         out[b] = block[2] > 1
         if block[2] == 1:
             continue
-        if not _is_one_object(block, objects) or not _is_smooth(block, row_image, position, normal):
-            if block[2] == 2:
-                out[b] = not _all_are_stood_for(block, objects, row_image, position, normal)
+        is_even = _is_one_object(block, objects) and _is_smooth(block, row_image, position, normal)
+        if not is_even and block[2] > 2:
+            continue
+        if not _all_are_stood_for(block, objects, row_image, position, normal):
+            continue  # a groove, say, between corners that are alike
+        if not is_even:
+            out[b] = False
             continue
         differs = False
         for d in range(values.shape[1]):

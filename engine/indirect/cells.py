@@ -65,6 +65,11 @@ class Cells:
         return int(self._table.n_cells[0])
 
     @property
+    def n_bytes(self) -> int:
+        """Memory of what rays have found; the mesh is the scene's."""
+        return sum(array.nbytes for array in self._table)
+
+    @property
     def objects(self) -> NDArray[np.int32]:
         """Which object each cell belongs to, (C,)."""
         return self._table.objects[: len(self)]

@@ -79,7 +79,8 @@ class IndirectLight:
 
     @property
     def n_bytes(self) -> int:
-        return self.points.gathered.n_bytes + sum(a.nbytes for a in self.footprint) + self.light.n_bytes
+        found = self.points.gathered.n_bytes + sum(a.nbytes for a in self.footprint)
+        return found + self.cells.n_bytes + self.light.n_bytes
 
     def footprint_by_object(self) -> Footprint:
         """The footprint with gather points numbered within each object."""

@@ -74,7 +74,9 @@ def test_one_freezing_and_then_the_sums(talk: Talk) -> None:
     assert not talk.talk.is_complete
     talk.found()
     assert [type(event) for event in talk.frozen()] == [IndirectFootprint]
+    assert not talk.talk.is_shown
     shown = {event.key: event.radiance for event in talk.update() if isinstance(event, IndirectRadiance)}
+    assert talk.talk.is_shown
     albedo = talk.talk._albedo(talk.document, talk.talk._frozen[1])
     expected = 1 + 10 * albedo + 100 * albedo**2
     np.testing.assert_allclose(shown["floor.0"], np.tile(expected, (2, 1)), rtol=1e-5)

@@ -24,6 +24,18 @@ def test_the_promised_names_and_limits_are_the_issues() -> None:
         "first_picture_s": 3.0,
         "worst_stall_ms": 50.0,
         "transport_mb": 250.0,
+        "freeze_s_cornell": 0.5,
+        "freeze_s_room": 1.0,
+        "gi_edit_ms": 50.0,
+        "gi_memory_mb_cornell": 300.0,
+        "gi_memory_growth": 1.0,
+        "gi_first_s": 5.0,
+        "gi_first_error": 0.15,
+        "gi_error_cornell": 0.03,
+        "gi_mean_cornell": 0.01,
+        "gi_error_teatray": 0.03,
+        "gi_mean_teatray": 0.01,
+        "gi_precompute_ratio_peer": 0.25,
     }
     assert {name: SPECS[name].limit for name in PROMISED} == limits
 

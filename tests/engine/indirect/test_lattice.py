@@ -1,5 +1,7 @@
 """Where gather points lie, and what they stand for."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from engine.indirect.lattice import COARSEST, Lattice
@@ -44,3 +46,16 @@ def test_a_step_is_found():
     rows, weights = lattice.footprint()
     kept = (values[lattice.rows][rows, 0] * weights).sum(axis=1)
     assert np.mean(np.abs(kept - values[:, 0]) > 0.3) < 0.01
+
+
+def test_a_groove_between_corners_that_are_alike_is_stood_for():
+    normal = HITS.normal.copy()
+    normal[np.random.default_rng(4).choice(len(normal), len(normal) // 40, replace=False)] *= -1.0
+    lattice = Lattice(replace(HITS, normal=normal))
+    lattice.wanted()
+    while lattice.refine(np.ones((len(normal), 1))):
+        lattice.wanted()
+    rows, weights = lattice.footprint()
+    np.testing.assert_allclose(weights.sum(axis=1), 1.0, rtol=1e-5)
+    faces = np.einsum("pkc,pc->pk", normal[lattice.rows[rows]], normal)
+    assert not weights[faces < 0.0].any()

@@ -154,7 +154,7 @@ def test_emitters_are_drawn_with_the_density_that_is_told(tmp_path: Path) -> Non
 def test_a_convex_white_thing_under_a_white_sky_is_invisible(tmp_path: Path) -> None:
     placement = place(tmp_path, FACETED)
     sky = SkyState(constant_environment(0.7), 0.0, 2.0)
-    picture = finish(render_paths(placement, {0: [lambert(1.0)]}, sky, 16, 256), lambda step: None)
+    picture = finish(render_paths(placement, {0: [lambert(1.0)]}, sky, 4, 256), lambda step: None)
     seen = placement.hits.object_image >= 0
     assert seen.any() and not seen.all()
     assert picture[seen].mean() == pytest.approx(1.4, rel=3e-3) and picture[~seen] == pytest.approx(1.4)
@@ -201,7 +201,7 @@ def test_one_bounce_is_direct_light(tmp_path: Path, model: str) -> None:
     layers = {0: [make_layer(MODELS[model]), lambert(0.2)], 1: [edited(model)]}
     sky = SkyState(constant_environment([1.0, 0.5, 0.2]))
     n = len(placement.hits.pixel)
-    rows = np.sort(np.random.default_rng(3).choice(n, 40, replace=False))
+    rows = np.sort(np.random.default_rng(3).choice(n, 30, replace=False))
     found = trace(placement, layers, sky, 1, 512, rows=rows)
     truth = integrate_direct(
         placement.hits, rows, placement.caster, lambda i: layers.get(i, ()), sky.environment, 0.0,
@@ -221,7 +221,7 @@ def test_the_noise_that_is_told_is_the_error_that_there_is(tmp_path: Path) -> No
     placement = place(tmp_path, BALL + TABLE)
     layers = {0: [make_layer(MODELS["rough_conductor"], {"alpha": 0.5})], 1: [lambert(0.7)]}
     sky = SkyState(constant_environment(0.5))
-    truth = trace(placement, layers, sky, 3, 384, seed=9).radiance
+    truth = trace(placement, layers, sky, 3, 256, seed=9).radiance
     for n_samples in (2, 17, 32):
         found = trace(placement, layers, sky, 3, n_samples)
         error = np.sqrt(np.mean((found.radiance - truth) ** 2)) / truth.mean()
@@ -286,7 +286,7 @@ def test_four_bounces_are_what_an_independent_path_tracer_finds(
     name: str, reference: Callable, shared_reference: Path
 ) -> None:
     placement, layers, sky, counted = reference(name)
-    rows = np.sort(np.random.default_rng(1).choice(counted, 3000, replace=False))
+    rows = np.sort(np.random.default_rng(1).choice(counted, 2500, replace=False))
     found = trace(placement, layers, sky, 4, 32, rows=rows)
     truth = read_radiance_image(shared_reference / f"{name}_4.exr").reshape(-1, 3)[placement.hits.pixel[rows]]
     assert found.noise is not None

@@ -1,0 +1,113 @@
+"""How the memory of indirect light grows with the number of objects: one room, cut into more and more of them.
+
+The triangles of all that reflects are dealt out in their order, so that light goes the same ways and only whose they
+are is another. Counted is what the worker keeps and what it hands out when one object is frozen.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator, Sequence
+from dataclasses import astuple, dataclass, fields, replace
+from pathlib import Path
+
+import numpy as np
+
+from app.atomic import write_atomically
+from app.document import document_from_description
+from app.indirect import reflections
+from app.jobs.indirect import IndirectTasks
+from app.jobs.messages import Freeze, Frozen
+from app.measure.figures import Figure
+from app.measure.subject import at_most, open_subject
+from app.picture import Curves
+from app.sky import sky_of
+from engine.scene.load import Scene
+from engine.transport.pipeline import Placement
+
+FIGURE = "gi_memory_growth"
+SOURCE, N_BOUNCES = "cornell", 4
+
+
+@dataclass(frozen=True)
+class Row:
+    """One number of objects and its memory (MB, 10⁶ bytes): what is kept, and what a freezing hands out."""
+
+    objects: int
+    kept_mb: float
+    frozen_mb: float
+
+    @property
+    def all_mb(self) -> float:
+        return self.kept_mb + self.frozen_mb
+
+
+def cut(scene: Scene, n_objects: int) -> Scene:
+    """The scene with the triangles of all that reflects dealt out, in their order, to so many objects.
+
+    They all look like the first of them; what shines stays as it is.
+    """
+    shines = scene.emitters[scene.object_of_triangle]
+    reflecting, shining = np.flatnonzero(~shines), np.flatnonzero(shines)
+    parts = np.array_split(reflecting, n_objects)
+    emitters = np.unique(scene.object_of_triangle[shining])
+    groups = [*parts, *(np.flatnonzero(scene.object_of_triangle == i) for i in emitters)]
+    order, counts = np.concatenate(groups), [len(group) for group in groups]
+    ends = np.cumsum(counts)
+    described = scene.description.objects
+    like = described[int(scene.object_of_triangle[reflecting[0]])]
+    objects = [like.model_copy(update={"name": f"part {i}"}) for i in range(n_objects)]
+    objects += [described[i] for i in emitters]
+    return replace(
+        scene,
+        description=scene.description.model_copy(update={"objects": tuple(objects)}),
+        triangles=scene.triangles[order],
+        object_of_triangle=np.repeat(np.arange(len(groups), dtype=np.int32), counts),
+        triangle_ranges=np.stack([ends - counts, ends], axis=1).astype(scene.triangle_ranges.dtype),
+        geometric_normals=scene.geometric_normals[order],
+        smooth=np.concatenate([np.full(n_objects, like.smooth), scene.smooth[emitters]]),
+        emission=np.concatenate([np.zeros((n_objects, 3), np.float32), scene.emission[emitters]]),
+    )
+
+
+def memory_of(scene: Scene, n_objects: int) -> Row:
+    """What the indirect light of a cut scene takes, with the first of its objects frozen."""
+    document = document_from_description(SOURCE, scene.description)
+    tasks = IndirectTasks(Placement(scene))
+    looks = reflections(document, Curves())
+    for _ in tasks.find(looks, sky_of(scene, document.light), "its own light", N_BOUNCES, is_last=True):
+        pass
+    frozen = next(answer for answer in tasks.freeze(Freeze(looks, looks[0].key, 0)) if isinstance(answer, Frozen))
+    handed_out = frozen.bands.nbytes + sum(array.nbytes for array in frozen.reflected.values())
+    return Row(n_objects, tasks.n_bytes / 1e6, handed_out / 1e6)
+
+
+def memory_rows(counts: Sequence[int], side: int) -> Iterator[Row]:
+    """One row for each number of objects."""
+    scene = open_subject(SOURCE).scene
+    scene = replace(scene, resolution=at_most(scene.resolution, side))
+    for n_objects in counts:
+        yield memory_of(cut(scene, n_objects), n_objects)
+
+
+def growth_figure(rows: Sequence[Row], side: int) -> Figure:
+    """Each row's memory over what linear growth from the first row on would give."""
+    first = rows[0]
+    return Figure(
+        FIGURE,
+        tuple(row.all_mb / first.all_mb * first.objects / row.objects for row in rows[1:]),
+        f"memory of indirect light, kept and frozen, of {SOURCE} at most {side} pixels wide, cut into "
+        f"{', '.join(str(row.objects) for row in rows)} objects ÷ what {first.objects} take, times how many more; "
+        "the worst counts",
+        {str(row.objects): {"kept_mb": row.kept_mb, "frozen_mb": row.frozen_mb} for row in rows},
+    )
+
+
+def write_rows(file: Path, rows: Sequence[Row]) -> None:
+    """One line a number of objects under a line of names."""
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(field.name for field in fields(Row))
+    writer.writerows([n, f"{kept:.6g}", f"{frozen:.6g}"] for n, kept, frozen in map(astuple, rows))
+    write_atomically(file, text.getvalue().encode())
