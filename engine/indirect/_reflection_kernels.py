@@ -10,6 +10,8 @@ from engine.indirect._cell_kernels import NO_CELL
 from engine.indirect._ray_kernels import HORIZON, fan_density, fan_direction, local_eye, turn_of
 from engine.material._kernels import gamma, quotient_cosine
 
+# In place of an angle: the curve is the same at all of them.
+CONSTANT = -2
 HALF_PI = np.float32(math.pi / 2)
 ZERO, ONE, HALF_BAND = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 
@@ -113,21 +115,19 @@ def _ray(fans, i, m, pattern, cosine, sine, ox, oy, oz):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _find_light(second, e, last, m, seen, light):
-    """The radiosity (D, 3) that ray m sees into light: a cell's, and what is recorded for the ray, if number e is it.
+def _add_recorded(second, e, last, m, seen, light):
+    """What is recorded for ray m, if anything is, on top of the radiosity (D, 3) of the cell seen, into light (D, 3).
 
-    Returns the next number to look at.
+    Returns the next number to look at, and whether there was something.
     """
-    for n in range(seen.shape[0]):
-        for c in range(3):
-            light[n, c] = seen[n, c]
     while e < last and second.ray[e] < m:
         e += 1
-    if e < last and second.ray[e] == m:
-        for n in range(seen.shape[0]):
-            for c in range(3):
-                light[n, c] += second.light[e - second.base, n, c]
-    return e
+    if e == last or second.ray[e] != m:
+        return e, False
+    for n in range(seen.shape[0]):
+        for c in range(3):
+            light[n, c] = seen[n, c] + second.light[e - second.base, n, c]
+    return e, True
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -156,11 +156,14 @@ def reflect(fans, begin, end, optics, radiosity, second, out):
             if z <= HORIZON or weight <= ZERO:
                 continue
             weight *= scale / fan_density(n_cosine, n_pole, fans.poles[i], x, y, z, ox, oy, oz)
-            angle = gamma(optics.kind_a, optics.q, x, y, z, ox, oy, oz)
-            if angle > HALF_PI:
-                continue
-            e = _find_light(second, e, last, m, radiosity[cell], light)
-            j, t = _node(angle, n_a)
+            j, t = 0, ZERO
+            if optics.kind_a != CONSTANT:
+                angle = gamma(optics.kind_a, optics.q, x, y, z, ox, oy, oz)
+                if angle > HALF_PI:
+                    continue
+                j, t = _node(angle, n_a)
+            e, recorded = _add_recorded(second, e, last, m, radiosity[cell], light)
+            lit = light if recorded else radiosity[cell]
             j1 = min(j + 1, n_a - 1)
             k, u, k1 = 0, ZERO, 0
             if optics.kind_b >= 0:
@@ -174,7 +177,7 @@ def reflect(fans, begin, end, optics, radiosity, second, out):
                 if optics.kind_b >= 0:
                     value *= (ONE - u) * optics.curve_b[k, channel] + u * optics.curve_b[k1, channel]
                 for n in range(n_powers):
-                    out[i, n, channel] += value * light[n, channel]
+                    out[i, n, channel] += value * lit[n, channel]
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -205,7 +208,8 @@ def reflect_bands(fans, begin, end, optics, of_a, radiosity, second, out):
             angle = gamma(optics.kind_a, optics.q, x, y, z, ox, oy, oz)
             if angle > HALF_PI:
                 continue
-            e = _find_light(second, e, last, m, radiosity[cell], light)
+            e, recorded = _add_recorded(second, e, last, m, radiosity[cell], light)
+            lit = light if recorded else radiosity[cell]
             j, t = _node(angle, n_a)
             k, u = 0, ZERO
             if optics.kind_b >= 0:
@@ -225,8 +229,8 @@ def reflect_bands(fans, begin, end, optics, of_a, radiosity, second, out):
                     value *= (ONE - share) * dormant[at, channel] + share * dormant[above, channel]
                 low, high = (ONE - kept_share) * value, kept_share * value
                 for n in range(n_powers):
-                    bands[kept, n, channel] += low * light[n, channel]
-                    bands[kept + 1, n, channel] += high * light[n, channel]
+                    bands[kept, n, channel] += low * lit[n, channel]
+                    bands[kept + 1, n, channel] += high * lit[n, channel]
         for channel in range(3):
             for j in range(n_bands):
                 for n in range(n_powers):

@@ -21,13 +21,15 @@ class LayerCurves:
     quotient_parameters: NDArray[np.float64]
     curves: tuple[NDArray[np.float64], ...]
 
-    def optics(self) -> kernels.Optics:
+    def optics(self, folded: bool = False) -> kernels.Optics:
+        """For the kernels; folded: no angle need be found where the only curve is the same at all of them."""
         first, *second = (np.ascontiguousarray(curve, np.float32) for curve in self.curves)
         factors = self.model.factors
         kind_b = factors[1].gamma if len(factors) > 1 else -1
         other = second[0] if second else np.ones((1, 3), np.float32)
         q = np.asarray(self.quotient_parameters, np.float64)
-        return kernels.Optics(self.model.kind, q, factors[0].gamma, kind_b, first, other)
+        kind_a = kernels.CONSTANT if folded and kind_b < 0 and bool((first == first[0]).all()) else factors[0].gamma
+        return kernels.Optics(self.model.kind, q, kind_a, kind_b, first, other)
 
 
 def pole_of(model_names: Iterable[str]) -> int:

@@ -54,7 +54,7 @@ class Fans:
     def reflected(self, layers: Sequence[LayerCurves], light: SentLight) -> list[NDArray[np.float32]]:
         """Radiance (p, D, 3) of each layer towards the eye, without f_q and f_o."""
         out = [np.empty((len(self), *light.matt.shape[1:]), np.float32) for _ in layers]
-        optics = [layer.optics() for layer in layers]
+        optics = [layer.optics(folded=True) for layer in layers]
 
         def work(begin: int, end: int, second: kernels.Second) -> None:
             for each, result in zip(optics, out, strict=True):
