@@ -55,6 +55,8 @@ SPECS: Mapping[str, Spec] = {
     "gi_mean_teatray": Spec("relative difference of means", 0.01),
     "gi_precompute_ratio_peer": Spec("of one path-traced still of equal error", 0.25),
     # Beside the promised names:
+    "gi_error_8_cornell": Spec("relRMSE", 0.02),
+    "gi_error_8_teatray": Spec("relRMSE", 0.02),
     "first_picture_cold_s": Spec("s", 20.0),
     "exact_picture_s": Spec("s"),
     "brute_force_s": Spec("s"),

@@ -25,6 +25,8 @@ CSV = "indirect_memory.csv"
 OF_CORNELL = ("gi_edit_ms", "gi_memory_mb_cornell", "gi_first_s", "gi_first_error")
 REFERENCES = ("cornell", "teatray")
 WARM_UP = (24, 24)
+GLOSSY_SERIES = "64,8,1,1"
+KINDS = ("error", "mean", "error_8")
 LEFT_OUT = "left out of a quick run"
 
 
@@ -56,7 +58,7 @@ def indirect_figures(
     write_rows(output / CSV, rows)
     figures.append(growth_figure(rows, effort.growth_side))
     if not references:
-        names = [f"gi_{kind}_{scene}" for scene in REFERENCES for kind in ("error", "mean")]
+        names = [f"gi_{kind}_{scene}" for scene in REFERENCES for kind in KINDS]
         return figures + [not_measured(name, LEFT_OUT) for name in (*names, PEER_FIGURE)]
     report("indirect light against path-traced references")
     figures += [figure for name in REFERENCES for figure in _reference_figures(name)]
@@ -145,18 +147,19 @@ def _reference_figures(name: str) -> Sequence[Figure]:
     folder = reference_folder()
     if folder is None:
         absent = "../shared/reference is not beside this checkout"
-        return [not_measured(f"gi_{kind}_{name}", absent) for kind in ("error", "mean")]
-    found = series_errors(folder, name)
-    how = f"`insitu render --series {SERIES}` against ../shared/reference/{name}_4.exr within its mask"
+        return [not_measured(f"gi_{kind}_{name}", absent) for kind in KINDS]
+    found, glossy = (series_errors(folder, name, series) for series in (SERIES, GLOSSY_SERIES))
+    how = "`insitu render --series {}` against ../shared/reference/{}_4.exr within its mask".format
     return [
-        Figure(f"gi_error_{name}", (found.rmse,), how),
-        Figure(f"gi_mean_{name}", (abs(found.mean),), how, {"signed": found.mean}),
+        Figure(f"gi_error_{name}", (found.rmse,), how(SERIES, name)),
+        Figure(f"gi_mean_{name}", (abs(found.mean),), how(SERIES, name), {"signed": found.mean}),
+        Figure(f"gi_error_8_{name}", (glossy.rmse,), how(GLOSSY_SERIES, name), {"signed_mean": glossy.mean}),
     ]
 
 
-def series_errors(folder: Path, name: str) -> Errors:
+def series_errors(folder: Path, name: str, text: str) -> Errors:
     """A reference scene with four bounces against the path-traced picture of as many."""
-    series = parse_series(SERIES)
+    series = parse_series(text)
     ours = render_picture(open_project(str(folder / f"{name}.toml")), lambda step: None, series=series)
     truth, mask = masked_reference(folder, name, series.n_bounces)
     if ours.shape != truth.shape:

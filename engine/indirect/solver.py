@@ -48,7 +48,7 @@ class Fineness:
 
 
 ROUGH = Fineness("rough", 128, 32, 4000, 64, 64, False)
-FINE = Fineness("fine", 1024, 128, 24000, 128, 256, True)
+FINE = Fineness("fine", 512, 96, 24000, 128, 256, True)
 STILL = Fineness("still", 1024, 1024, 48000, 128, 256, True)
 N_LIGHTS, N_PATCHES = 4000, 256
 # What a first look at the scene takes.

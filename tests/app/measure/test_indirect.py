@@ -72,12 +72,12 @@ def test_what_takes_long_is_left_out_of_a_quick_run(found: dict[str, Figure]) ->
 def test_references_that_are_absent_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(indirect, "reference_folder", lambda: None)
     figures = indirect._reference_figures("teatray")
-    assert [figure.name for figure in figures] == ["gi_error_teatray", "gi_mean_teatray"]
+    assert [figure.name for figure in figures] == ["gi_error_teatray", "gi_mean_teatray", "gi_error_8_teatray"]
     assert all(figure.value is None and "shared/reference" in figure.how for figure in figures)
 
 
 def test_the_sign_of_a_mean_is_told_beside_its_size(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(indirect, "reference_folder", lambda: tmp_path)
-    monkeypatch.setattr(indirect, "series_errors", lambda folder, name: indirect.Errors(0.02, -0.004))
-    error, mean = indirect._reference_figures("cornell")
+    monkeypatch.setattr(indirect, "series_errors", lambda folder, name, series: indirect.Errors(0.02, -0.004))
+    error, mean, _ = indirect._reference_figures("cornell")
     assert (error.value, mean.value, mean.parts["signed"]) == (0.02, 0.004, -0.004)
