@@ -73,6 +73,9 @@ class WorkerClient(Protocol):
     @property
     def pid(self) -> int | None: ...
 
+    @property
+    def arriving(self) -> bool: ...
+
     def send(self, request: Request) -> int: ...
 
     def poll(self, budget_s: float = ...) -> list[Response]: ...
@@ -295,6 +298,11 @@ class Editor:
     def awaits_curve(self) -> bool:
         """Whether a curve's transport, or a layer's picture, is to come at any moment."""
         return self._negotiator.awaits_contraction
+
+    @property
+    def answer_arrives(self) -> bool:
+        """Whether an answer is here but for a check that goes on with the next `tick`: there is no need to wait."""
+        return self._client.arriving
 
     def wanted_coefficients(self, key: str) -> dict[str, Array]:
         """Band values (J,3) of each transport factor of a layer, as the document has them."""

@@ -83,7 +83,7 @@ class Bench:
         busy = self.feed.draw(self.editor, self._frame_ms)
         self.context.finish()
         self._frame_ms = 1e3 * (time.perf_counter() - started)
-        if not busy and self.editor.status.picture != "exact":
+        if not busy and self.editor.status.picture != "exact" and not self.editor.answer_arrives:
             time.sleep(CURVE_LOOK_SECONDS)
 
     def switch(self, path: str) -> float:

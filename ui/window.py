@@ -238,7 +238,9 @@ class Window:
             self._take_events(glfw.wait_events_timeout, max(min(self._pause(), draw_at - now), 0.001))
 
     def _pause(self) -> float:
-        """Seconds between two looks at the worker's answers: short while a person waits for one."""
+        """Seconds between two looks at the worker's answers: short while a person waits for one, none within one."""
+        if self.editor.answer_arrives:
+            return 0.0
         if self.editor.awaits_curve:
             return CURVE_LOOK_SECONDS
         return EAGER_LOOK_SECONDS if self.editor.status.picture == "waiting" else WORKER_LOOK_SECONDS

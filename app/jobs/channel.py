@@ -161,6 +161,11 @@ class Channel:
             elif not self._read() or time.monotonic() >= deadline:
                 return None
 
+    @property
+    def is_checking(self) -> bool:
+        """Whether a message has arrived of which `receive` has yet to check more."""
+        return self._checking is not None
+
     def wait(self, timeout: float | None) -> bool:
         """Sleep until something can be received, or for `timeout` seconds: whether there is something."""
         if self._checking is not None or self._frame_is_complete():

@@ -132,6 +132,11 @@ class Client:
             self._replace(f"it sent {error}", responses)
         return responses
 
+    @property
+    def arriving(self) -> bool:
+        """Whether an answer is here that `poll` had no time to check to its end."""
+        return self._process is not None and self._process.channel.is_checking
+
     def wait(self, timeout_s: float) -> bool:
         """Sleep until the worker has sent something, `timeout_s` at most: for commands without a window."""
         if self._due or self._process is None:

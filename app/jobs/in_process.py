@@ -39,6 +39,11 @@ class InProcessClient:
                 break
         return responses
 
+    @property
+    def arriving(self) -> bool:
+        """Never: answers are handed over whole."""
+        return False
+
     def wait(self, timeout_s: float) -> bool:
         """Whether `poll` has something to do; there is nobody to wait for."""
         return self._schedule.choose() is not None

@@ -40,6 +40,7 @@ class FakeClient:
 
     def __init__(self) -> None:
         self.alive = True
+        self.arriving = False
         self.pid: int | None = None
         self.requests: list[Request] = []
         self.closed = False

@@ -86,6 +86,7 @@ class StandInClient:
     def __init__(self) -> None:
         self.requests: list[Request] = []
         self.closed = False
+        self.arriving = False
         self._due: list[Response] = []
 
     @property

@@ -175,6 +175,7 @@ def test_receiving_keeps_to_its_time(pair: tuple[Channel, Channel]) -> None:
         start = time.monotonic()
         received = pair[1].receive(start + 0.001)
         turns.append(time.monotonic() - start)
+        assert pair[1].is_checking == (received is None)
     assert len(turns) >= 4
     assert np.median(turns) < 0.01
     assert isinstance(received, LayerPicture)
