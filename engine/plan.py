@@ -163,13 +163,13 @@ def plan_scene(
         n_patches=N_PATCHES if has_emitters else 0,
         needs_sphere=needs_sphere,
         precision="half",
-        bounces=1,
+        bounces=scene.description.bounces,
         reasons={
             "lights": "triangles cut from the sky where it is bright" if has_sky else "no sky",
             "patches": "of the objects that shine" if has_emitters else "nothing shines",
             "sphere": _sphere_reason(has_sky, needs_sphere),
             "precision": "each coefficient's plane has its own scale, so half floats hold it to 0.05 %",
-            "bounces": "direct light; more needs global illumination, which is not there yet",
+            "bounces": "as the scene says" if scene.description.bounces > 1 else "direct light, as the scene says",
         },
     )
     for line, value in (overrides or {}).items():
