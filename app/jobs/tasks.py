@@ -15,12 +15,12 @@ import time
 from collections.abc import Generator, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from app.document import LightState, document_from_description
 from app.jobs.cache import Store, content_key
-from app.jobs.indirect import IndirectTasks
 from app.jobs.kernels import Kernels
 from app.jobs.layer_data import STAGES, LayerData, LitBy, joined, kept_of_tile, shape_of, store_of
 from app.jobs.messages import (
@@ -47,6 +47,9 @@ from engine.transport.bandstore import BandStore
 from engine.transport.fixed import FixedPicture
 from engine.transport.pipeline import COARSE, DRAG, FINAL, PREVIEW, Placement, Quality, SkyState
 from engine.transport.projection import TILE, VisibleLight, project_layer
+
+if TYPE_CHECKING:
+    from app.jobs.indirect import IndirectTasks
 
 # Raised when anything that changes the numbers in a cached array changes.
 CACHE_VERSION = 1
@@ -89,8 +92,7 @@ class Tasks:
         """One layer's picture, and its transport along one curve ("curve switching", [BenArtzi07, eq. 4.16]); or the
         indirect light, frozen for what is selected."""
         if isinstance(request, Freeze):
-            if self._indirect is not None:
-                yield from self._indirect.freeze(request)
+            yield from self._indirect_tasks().freeze(request)
             return
         if request.factor is not None:
             self._selected, self._precision = (request.key, request.factor), request.precision
@@ -110,7 +112,7 @@ class Tasks:
         if not len(placement.hits.pixel):
             raise InsituError(f"{path}: camera = sees no surface, expected an object in view; nothing was changed")
         self._placement, self._layers, self._light = placement, {}, None
-        self._indirect = IndirectTasks(placement)
+        self._indirect = None
         self._selected, self._sky_shown = None, None
         self._scene_key = _scene_key(scene)
         self._recall_visibility(placement)
@@ -127,11 +129,12 @@ class Tasks:
     # ------------------------------------------------------------------------------------------------ transport
 
     def _compute(self, request: ComputeTransport) -> Steps:
-        placement, indirect = self._placement, self._indirect
-        if placement is None or indirect is None:
+        placement = self._placement
+        if placement is None:
             raise InsituError("no scene is open")
         self._contracted = {}
-        indirect.forget_wish()
+        if self._indirect is not None:
+            self._indirect.forget_wish()
         if request.selected and request.factor:
             self._selected = (request.selected, request.factor)
         self._precision = request.precision
@@ -148,10 +151,21 @@ class Tasks:
             if due:
                 yield from self._stage(placement, due, sky, lit_by, quality)
             if request.n_bounces > 1 and quality is not DRAG and (exact or quality.name == COARSE.name):
-                yield from indirect.find(request.looks, sky, _sky_key(sky), request.n_bounces, exact)
+                yield from self._indirect_tasks().find(request.looks, sky, _sky_key(sky), request.n_bounces, exact)
             if due or exact:
-                n_bytes = indirect.n_bytes + sum(data.store.n_bytes for data in self._layers.values())
+                n_bytes = sum(data.store.n_bytes for data in self._layers.values())
+                n_bytes += 0 if self._indirect is None else self._indirect.n_bytes
                 yield StageDone(quality.name, exact, time.monotonic() - started, n_bytes)
+
+    def _indirect_tasks(self) -> IndirectTasks:
+        """Made, and its kernels read, when a scene first wants more than direct light."""
+        if self._placement is None:
+            raise InsituError("no scene is open")
+        if self._indirect is None:
+            from app.jobs.indirect import IndirectTasks
+
+            self._indirect = IndirectTasks(self._placement)
+        return self._indirect
 
     def _selected_first(self, request: ComputeTransport) -> list[LayerWork]:
         return sorted(request.layers, key=lambda work: self._selected_factor(work.key) is None)
