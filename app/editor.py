@@ -22,6 +22,7 @@ from app.document import Document, Selection, document_from_description, resolve
 from app.history import History
 from app.indirect import IndirectTalk
 from app.jobs.messages import (
+    BouncesPlanned,
     Cancel,
     Failed,
     Footprint,
@@ -55,7 +56,7 @@ from app.picture import (
 from app.session import SUFFIX, Session, fit_session, load_session
 from app.session_keeper import SessionKeeper
 from app.status import Gauges, RenderReport, Status
-from app.view_state import OpenPanel, SetView, ViewCommand, ViewState
+from app.view_state import AS_PLANNED, OpenPanel, SetView, ViewCommand, ViewState
 from engine.errors import InsituError
 from engine.scene.description import SceneDescription
 
@@ -276,7 +277,9 @@ class Editor:
             )
             if not self._negotiator.drag_quality:
                 revision = self._negotiator.revision
-                events += self._indirect.update(now, self.document, view.selected, view.n_bounces, revision)
+                events += self._indirect.update(
+                    now, self.document, view.selected, view.n_bounces, view.second_bands, revision
+                )
             events += self._compare(now)
             self._keep(now)
         self._gauges.measure_memory(now, self._client.pid)
@@ -359,6 +362,9 @@ class Editor:
                 return [SkyChanged(response.radiance)]
             case Footprint():
                 return [FootprintChanged(response.rows, response.weights, response.stage)]
+            case BouncesPlanned():
+                self.view = replace(self.view, n_bounces=response.n_bounces)
+                self._negotiator.took_bounces(response.n_bounces)
             case IndirectFound():
                 self._indirect.took_found(response)
             case Frozen():
@@ -397,7 +403,7 @@ class Editor:
         self._known_light = KnownLight()
         self.view = replace(
             self.view, selected=None, hovered=None, compare=None, operator=None, curve_zoom=None,
-            n_bounces=description.bounces,
+            n_bounces=description.bounces or AS_PLANNED,
         )  # fmt: skip
         self.history = History(document)
         self.curves.opened(dict(document.layers()), response.bands)

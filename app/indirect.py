@@ -30,14 +30,16 @@ REST_SECONDS = 0.25
 FINE_STAGE = "fine"
 
 
-def reflections(document: Document, curves: Curves) -> tuple[LayerReflection, ...]:
-    """The visible layers of all objects that reflect, as they are now."""
+def reflections(document: Document, curves: Curves, second: int | None = None) -> tuple[LayerReflection, ...]:
+    """The visible layers of all objects that reflect, as they are now; of no more than `second` bands at the second
+    bounce."""
     emitters = {state.name for state in document.objects if state.emits}
     return tuple(
         LayerReflection(
             key, layer.model.name, tuple(layer.quotient_parameters().tolist()),
-            tuple(curves.coefficients(document, key).values()), curves.gain(document, key),
-            curves.view_curve(document, key),
+            tuple(curves.coefficients(document, key).values()),
+            tuple(curves.coefficients(document, key, second).values()),
+            curves.gain(document, key), curves.view_curve(document, key),
         )
         for key, layer in document.layers()
         if key.rpartition(".")[0] not in emitters and document.is_visible(key)
@@ -51,10 +53,12 @@ class FreezeWish:
     looks: tuple[LayerReflection, ...]
     key: str | None
     factor: int | None
+    second: int | None
 
     def serves(self, other: FreezeWish) -> bool:
         """Whether its answer is one to the other as well."""
-        if (self.key, self.factor, len(self.looks)) != (other.key, other.factor, len(other.looks)):
+        mine, theirs = ((wish.key, wish.factor, wish.second, len(wish.looks)) for wish in (self, other))
+        if mine != theirs:
             return False
         return all(self._alike(mine, theirs) for mine, theirs in zip(self.looks, other.looks, strict=True))
 
@@ -102,7 +106,7 @@ class IndirectTalk:
     @property
     def is_complete(self) -> bool:
         """Whether what is shown is the document's indirect light in its final quality, or none is wanted."""
-        return self._n_bounces == 1 or self._complete
+        return self._n_bounces <= 1 or self._complete
 
     @property
     def is_shown(self) -> bool:
@@ -131,13 +135,15 @@ class IndirectTalk:
         return [IndirectFootprint(self._found.rows, self._found.weights)] if is_new else []
 
     def update(
-        self, now: float, document: Document, selected: Selection | None, n_bounces: int, revision: int
-    ) -> list[PictureEvent]:
-        """Ask for what is missing; the radiances that changed. revision: of the transport asked last."""
+        self, now: float, document: Document, selected: Selection | None, n_bounces: int, second: int | None,
+        revision: int,
+    ) -> list[PictureEvent]:  # fmt: skip
+        """Ask for what is missing; the radiances that changed. second: the most bands of the second bounce, None for
+        as many as a curve has; revision: of the transport asked last."""
         self._n_bounces = n_bounces
-        if n_bounces == 1:
+        if n_bounces <= 1:
             return self._none()
-        wish = self._wish(document, selected)
+        wish = self._wish(document, selected, second)
         self._ask(now, wish, revision)
         if self._frozen is None:
             self._complete = False
@@ -152,14 +158,15 @@ class IndirectTalk:
         shown, self._shown, self._frozen, self._asked = self._shown, {}, None, None
         return [IndirectRadiance(key, None) for key in shown]
 
-    def _wish(self, document: Document, selected: Selection | None) -> FreezeWish:
+    def _wish(self, document: Document, selected: Selection | None, second: int | None) -> FreezeWish:
         key = factor = None
-        if selected is not None and not document.object(selected.object).emits:
+        # What is frozen by hand is not edited: it takes no part in the polynomial, and costs no bands.
+        if selected is not None and not (document.object(selected.object).emits or document.is_frozen(selected.key)):
             key = selected.key
             names = list(self._curves.coefficients(document, key))
             if selected.factor in names and document.object(selected.object).editable:
                 factor = names.index(selected.factor)
-        return FreezeWish(reflections(document, self._curves), key, factor)
+        return FreezeWish(reflections(document, self._curves, second), key, factor, second)
 
     def _ask(self, now: float, wish: FreezeWish, revision: int) -> None:
         if self._last is None or not (self._last.serves(wish) and self._last.same(wish)):
@@ -173,7 +180,7 @@ class IndirectTalk:
                 return
         self._asked, self._asked_at = (wish, revision), now
         self._serial += 1
-        self._send(Freeze(wish.looks, wish.key, wish.factor, self._serial, revision=revision))
+        self._send(Freeze(wish.looks, wish.key, wish.factor, wish.second == 1, self._serial, revision=revision))
 
     def _radiances(self, document: Document, frozen: Frozen, made_for: FreezeWish) -> list[PictureEvent]:
         """Of the layers whose radiance is another than the one shown."""

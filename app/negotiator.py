@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -269,7 +270,7 @@ class Negotiator:
             n_lights,
             self._precision,
             wish.n_bounces,
-            reflections(document, self._curves) if wish.n_bounces > 1 else (),
+            reflections(document, self._curves) if wish.n_bounces != 1 else (),
             revision=self.revision,
         )
         self._transport_id = self._send(request)
@@ -357,6 +358,11 @@ class Negotiator:
         return transport_wish(*made_of, self._curves)
 
     # ------------------------------------------------------------------------------------------------------- answers
+
+    def took_bounces(self, n_bounces: int) -> None:
+        """The worker goes on with as many bounces as it found that the scene requires."""
+        if self._asked is not None:
+            self._asked = replace(self._asked, n_bounces=n_bounces)
 
     def took_picture(self, response: LayerPicture) -> Coefficients:
         """Note a layer's radiance; the coefficients it was made with, by factor."""

@@ -131,7 +131,7 @@ class Curves:
 
     def __init__(self, most_bands: int = MOST_BANDS) -> None:
         self.most_bands = most_bands
-        self._cached: dict[tuple[str, str], tuple[Layer, Array]] = {}
+        self._cached: dict[tuple[str, str, int], tuple[Layer, Array]] = {}
         self._planned: dict[str, tuple[Model, dict[str, int]]] = {}
 
     def opened(self, layers: Mapping[str, Layer], planned: Mapping[str, dict[str, int]]) -> None:
@@ -152,17 +152,18 @@ class Curves:
             self._planned[key] = (layer.model, counts)
         return counts
 
-    def coefficients(self, document: Document, key: str) -> dict[str, Array]:
-        """Band values of each transport factor of a layer, (J,3) by factor [BenArtzi07, eq. 4.17]."""
+    def coefficients(self, document: Document, key: str, most: int | None = None) -> dict[str, Array]:
+        """Band values of each transport factor of a layer, (J,3) by factor [BenArtzi07, eq. 4.17], of `most` bands."""
         layer = document.layer(key)
-        return {name: self._band_values(key, layer, name, n) for name, n in self.bands(key, layer).items()}
+        counts = self.bands(key, layer)
+        return {name: self._band_values(key, layer, name, min(n, most or n)) for name, n in counts.items()}
 
     def view_curve(self, document: Document, key: str) -> Array:
         """f_o at 256 angles from 0 to π/2, (256,3); ones for a layer whose model has no view factor."""
         layer = document.layer(key)
         factor = layer.model.view_factor
         name = "" if factor is None else factor.name
-        known = self._known(key, layer, name)
+        known = self._known(key, layer, name, N_VIEW_SAMPLES)
         return self._keep(key, layer, name, view_curve_of(layer) if known is None else known)
 
     def gain(self, document: Document, key: str) -> Array:
@@ -170,19 +171,20 @@ class Curves:
         return document.layer(key).scale()
 
     def _band_values(self, key: str, layer: Layer, factor: str, n_bands: int) -> Array:
-        known = self._known(key, layer, factor)
-        return self._keep(key, layer, factor, layer.coefficients(factor, n_bands) if known is None else known)
+        known = self._known(key, layer, factor, n_bands)
+        values = layer.coefficients(factor, n_bands) if known is None else known
+        return self._keep(key, layer, factor, values)
 
-    def _known(self, key: str, layer: Layer, factor: str) -> Array | None:
+    def _known(self, key: str, layer: Layer, factor: str, n: int) -> Array | None:
         """The cached curve when it was made from this layer, or from one that does not differ in this curve."""
-        before, values = self._cached.get((key, factor), (None, None))
+        before, values = self._cached.get((key, factor, n), (None, None))
         if before is None or values is None or not (before is layer or _same_curve(before, layer, factor)):
             return None
         return values
 
     def _keep(self, key: str, layer: Layer, factor: str, values: Array) -> Array:
         values.setflags(write=False)
-        self._cached[key, factor] = (layer, values)
+        self._cached[key, factor, len(values)] = (layer, values)
         return values
 
 

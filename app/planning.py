@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from app.project import Project
 from engine.plan import N_LIGHTS, Plan, plan_scene
+from engine.render.bounces import planned_bounces
+from engine.render.indirect import still_albedos
 from engine.render.pilot import estimate_cost
-from engine.render.still import StillProgress, finish, still_layers
+from engine.render.still import StillLayer, StillProgress, finish, still_layers
 from engine.transport.pipeline import Placement
 
 
@@ -26,4 +29,12 @@ def plan_project(
         overrides=overrides,
     )  # fmt: skip
     placement = Placement(project.scene)
-    return finish(estimate_cost(placement, still_layers(layers.items(), project.object_names, plan), sky, plan), report)
+    planned_layers = still_layers(layers.items(), project.object_names, plan)
+    if plan.bounces is None:
+        plan = _with_planned_bounces(plan, placement, planned_layers)
+    return finish(estimate_cost(placement, planned_layers, sky, plan), report)
+
+
+def _with_planned_bounces(plan: Plan, placement: Placement, layers: Sequence[StillLayer]) -> Plan:
+    bounces, reason = planned_bounces(placement, still_albedos(layers, len(placement.hits.object_ranges)))
+    return replace(plan, bounces=bounces, reasons={**plan.reasons, "bounces": reason})

@@ -21,7 +21,7 @@ from app.document import Document, LightState, ObjectState, Selection, all_facto
 from app.light_commands import MAX_INTENSITY, check_light
 from app.paths import full_path, is_file_name
 from app.toml_text import check_version, load_toml, toml_lines, toml_value
-from app.view_state import SetView, ViewState
+from app.view_state import AS_PLANNED, SetView, ViewState
 from engine.curve.operators import Operator, Tabulated
 from engine.errors import InsituError, LoadError
 from engine.material.layer import Layer
@@ -112,7 +112,8 @@ class ViewRecord(_Record):
     log_y: Flag = False
     frame_budget_ms: Annotated[Number, Field(ge=2.0, le=200.0)] = 16.0
     n_lights: Annotated[int, Field(ge=20, le=20000, strict=True)] = 4000
-    n_bounces: Annotated[int, Field(ge=1, le=MAX_BOUNCES, strict=True)] = 1
+    n_bounces: Annotated[int, Field(ge=AS_PLANNED, le=MAX_BOUNCES, strict=True)] = 1
+    second_bands: Literal[1, 8, 16] | None = None
     precision: Literal["half", "float"] = "half"
 
 

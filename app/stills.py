@@ -15,8 +15,9 @@ from engine.errors import InsituError
 from engine.indirect.series import BounceSeries
 from engine.material.layer import Layer
 from engine.plan import N_LIGHTS, Plan, plan_scene
+from engine.render.bounces import planned_bounces
 from engine.render.image_files import png_bytes, write_exr
-from engine.render.indirect import indirect_radiance
+from engine.render.indirect import indirect_radiance, still_albedos
 from engine.render.path_tracer import N_SAMPLES, render_paths
 from engine.render.still import (
     REFERENCE_LEVEL,
@@ -56,22 +57,27 @@ def render_picture(
 ) -> NDArray[np.float32]:  # fmt: skip
     """Linear radiance (H, W, 3) of a project, with the editor's transport or by brute force.
 
-    series: None for as many bounces as the scene says; by brute force its bands do not matter. n_samples: paths a
-    pixel, by brute force; without them direct light alone is integrated over all directions, without noise.
+    series: None for as many bounces as the scene says, or requires; by brute force its bands do not matter. n_samples:
+    paths a pixel, by brute force; without them direct light alone is integrated over all directions, without noise.
     """
-    series = series or BounceSeries(project.scene.description.bounces)
     sky = project.sky
     placement = Placement(project.scene)
+    plan = plan_still(project, sky.environment is not None, n_lights)
+    layers = still_layers(project.layers.items(), project.object_names, plan)
+    series = series or BounceSeries(plan.bounces or _required_bounces(placement, layers))
     if reference:
         steps = _reference(placement, project, series.n_bounces, n_samples)
     else:
-        plan = plan_still(project, sky.environment is not None, n_lights)
-        layers = _at_most(still_layers(project.layers.items(), project.object_names, plan), series.first)
+        layers = _at_most(layers, series.first)
         indirect = None
         if series.n_bounces > 1:
             indirect = finish(indirect_radiance(placement, layers, sky, series), report)
         steps = render_still(placement, layers, sky, still_quality(plan), indirect)
     return finish(steps, report) * np.float32(project.document.light.intensity)
+
+
+def _required_bounces(placement: Placement, layers: Sequence[StillLayer]) -> int:
+    return planned_bounces(placement, still_albedos(layers, len(placement.hits.object_ranges)))[0]
 
 
 def _reference(placement: Placement, project: Project, n_bounces: int, n_samples: int | None) -> Steps:

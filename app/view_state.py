@@ -21,6 +21,7 @@ Channel = Literal["rgb", "r", "g", "b"]
 TONE_MAPPINGS: tuple[ToneMapping, ...] = ("filmic", "linear", "false_colour")
 TOOLS: tuple[Tool, ...] = ("translate_x", "translate_y", "translate_xy", "amplify_x", "amplify_y", "amplify_xy")
 CHANNELS: tuple[Channel, ...] = ("rgb", "r", "g", "b")
+AS_PLANNED = 0
 HALF_PI = 1.5707963267948966
 DEFAULT_REGIONS = (0.1, 0.25, 0.45, 0.6)
 DEFAULT_PANELS = MappingProxyType(
@@ -32,8 +33,10 @@ DEFAULT_PANELS = MappingProxyType(
 class ViewState:
     """Selection and display. Angles in radians, exposure in stops, frame budget in milliseconds.
 
-    ``n_lights`` cut the environment in the finished picture, ``n_bounces`` are the reflections between light and eye,
-    ``precision`` is that of transport on the GPU.
+    ``n_lights`` cut the environment in the finished picture, ``n_bounces`` are the reflections between light and eye
+    (``AS_PLANNED`` until the worker has found how many the scene requires),
+    the second of at most ``second_bands`` bands a curve (1: by albedo; None: as many as it has), ``precision`` is that
+    of transport on the GPU.
     ``compare`` is the document that A/B shows left of ``compare_divider`` (0 the left edge, 1 the right).
     ``regions`` are a ≤ b ≤ c ≤ d of the operator being shown or about to be made; ``operator`` is its index in the
     selected curve's list, None for one about to be made. ``curve_zoom`` is (γ low, γ high, y low, y high); None fits.
@@ -56,6 +59,7 @@ class ViewState:
     precision: Precision = "half"
     n_lights: int = 4000
     n_bounces: int = 1
+    second_bands: int | None = None
     panels: Mapping[str, bool] = field(default_factory=lambda: DEFAULT_PANELS)
     show_shortcuts: bool = False
 

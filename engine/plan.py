@@ -31,6 +31,7 @@ from engine.curve.bands import band_nodes, band_values, band_weights
 from engine.errors import InsituError
 from engine.material import kinds
 from engine.material.layer import Layer
+from engine.scene.description import MAX_BOUNCES
 
 if TYPE_CHECKING:
     from engine.scene.load import Scene
@@ -97,14 +98,17 @@ class Cost:
 
 @dataclass(frozen=True)
 class Plan:
-    """What will be computed for one scene. `reasons` says why, by line; `overruled` which lines a person set."""
+    """What will be computed for one scene. `reasons` says why, by line; `overruled` which lines a person set.
+
+    bounces: None until a pilot has said (`engine.render.bounces`).
+    """
 
     layers: tuple[LayerPlan, ...]
     n_lights: int
     n_patches: int
     needs_sphere: bool
     precision: Precision
-    bounces: int
+    bounces: int | None
     reasons: Mapping[str, str]
     overruled: frozenset[str] = frozenset()
     cost: Cost | None = None
@@ -152,8 +156,8 @@ def plan_scene(
     """The plan for the layers by key ("object.index"); `editable` names the keys that a person will edit; `still`:
     nothing is kept, so bands cost time alone and each curve gets twice what an editable one would.
 
-    overrides: "lights", "patches", "sphere" (0 or 1), "precision" ("half", "float") or "KEY.FACTOR" (bands) to its
-    value. Raises InsituError for a line that is not in the plan or a value that cannot be.
+    overrides: "lights", "patches", "sphere" (0 or 1), "bounces", "precision" ("half", "float") or "KEY.FACTOR" (bands)
+    to its value. Raises InsituError for a line that is not in the plan or a value that cannot be.
     """
     has_emitters = bool(scene.emitters.any())
     needs_sphere = has_sky and n_lights >= SPHERE_PAYS_FROM
@@ -169,7 +173,7 @@ def plan_scene(
             "patches": "of the objects that shine" if has_emitters else "nothing shines",
             "sphere": _sphere_reason(has_sky, needs_sphere),
             "precision": "each coefficient's plane has its own scale, so half floats hold it to 0.05 %",
-            "bounces": "as the scene says" if scene.description.bounces > 1 else "direct light, as the scene says",
+            "bounces": "as the scene says",
         },
     )
     for line, value in (overrides or {}).items():
@@ -187,7 +191,7 @@ def plan_lines(plan: Plan) -> Iterator[tuple[str, str, str]]:
         "patches": plan.n_patches,
         "sphere": "5,120 directions" if plan.needs_sphere else "not needed",
         "precision": plan.precision,
-        "bounces": plan.bounces,
+        "bounces": plan.bounces or "to be planned",
     }
     for line, value in values.items():
         yield line, f"{value:,}" if isinstance(value, int) else value, plan.reasons[line]
@@ -225,7 +229,7 @@ def _sphere_reason(has_sky: bool, needs_sphere: bool) -> str:
 
 def _overrule(plan: Plan, line: str, value: int | str) -> Plan:
     overruled = plan.overruled | {line}
-    if line in ("lights", "patches", "sphere", "precision"):
+    if line in ("lights", "patches", "sphere", "bounces", "precision"):
         changed = _switch(plan, line, value)
         return replace(changed, reasons={**plan.reasons, line: "overruled"}, overruled=overruled)
     for index, layer in enumerate(plan.layers):
@@ -233,7 +237,7 @@ def _overrule(plan: Plan, line: str, value: int | str) -> Plan:
             if line == f"{layer.key}.{factor}":
                 layers = (*plan.layers[:index], _with_bands(layer, place, line, value), *plan.layers[index + 1 :])
                 return replace(plan, layers=layers, overruled=overruled)
-    there = [name for name, _, _ in plan_lines(plan) if name != "bounces"]
+    there = [name for name, _, _ in plan_lines(plan)]
     raise InsituError(f"the plan has no line {line!r} to overrule; there is: {', '.join(there)}")
 
 
@@ -248,6 +252,10 @@ def _switch(plan: Plan, line: str, value: int | str) -> Plan:
         if value not in (0, 1):
             raise _refused(line, value, "0 or 1")
         return replace(plan, needs_sphere=bool(value) and plan.n_lights > 0)
+    if line == "bounces":
+        if not 1 <= value <= MAX_BOUNCES:
+            raise _refused(line, value, f"1 to {MAX_BOUNCES}")
+        return replace(plan, bounces=value)
     if not FEWEST_LIGHTS <= value <= MOST_LIGHTS:
         raise _refused(line, value, f"{FEWEST_LIGHTS} to {MOST_LIGHTS:,}")
     if line == "lights":

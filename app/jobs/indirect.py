@@ -12,14 +12,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.jobs.messages import Freeze, Frozen, IndirectFound, LayerReflection, Progress, Response
+from app.jobs.messages import BouncesPlanned, Freeze, Frozen, IndirectFound, LayerReflection, Progress, Response
 from engine.indirect.albedo import albedo_bands, albedo_of
 from engine.indirect.curves import LayerCurves
 from engine.indirect.irradiance import NOBODY
-from engine.indirect.layers import IndirectLayer
+from engine.indirect.layers import IndirectLayer, albedos_of
 from engine.indirect.light import IndirectLight
 from engine.indirect.solver import FINE, ROUGH, Fineness, Solver, relit
 from engine.material import MODELS
+from engine.render.bounces import planned_bounces
 from engine.transport.pipeline import Placement, SkyState
 
 Steps = Iterator[Response | None]
@@ -55,6 +56,11 @@ class IndirectTasks:
     def forget_wish(self) -> None:
         """Another transport was asked for: its freezing comes after it."""
         self._wish = None
+
+    def planned(self, looks: Sequence[LayerReflection]) -> BouncesPlanned:
+        """How many bounces the scene requires with its layers as they look."""
+        albedos = albedos_of([self._layer(look) for look in looks], len(self._names))
+        return BouncesPlanned(*planned_bounces(self._placement, albedos))
 
     def find(
         self, looks: Sequence[LayerReflection], sky: SkyState, lit_by: str, n_bounces: int, is_last: bool
@@ -109,7 +115,8 @@ class IndirectTasks:
     def _frozen(self, found: _Found, wish: Freeze) -> Steps:
         edited = NOBODY if wish.key is None else self._object(wish.key)
         layers = {look.key: self._layer(look) for look in wish.looks}
-        light = found.light.sent(list(layers.values()), edited)
+        seen = found.light.by_albedo() if wish.by_albedo else found.light
+        light = seen.sent(list(layers.values()), edited)
         yield None
         reflected, bands = {}, np.zeros((3, 0, light.matt.shape[1], 0), np.float32)
         for i_object in sorted({layer.i_object for layer in layers.values()}):
@@ -129,11 +136,17 @@ class IndirectTasks:
         yield Frozen(found.number, wish.serial, wish.key, wish.factor, reflected, bands, albedos)
 
     def _layer(self, look: LayerReflection) -> IndirectLayer:
-        curves = tuple(np.asarray(values, np.float64) for values in look.coefficients)
+        curves, sent = (
+            tuple(np.asarray(values, np.float64) for values in all_values)
+            for all_values in (look.coefficients, look.sent)
+        )
         e = albedo_bands(look.model, look.quotient_parameters, tuple(map(len, curves)))
         gain, view = np.asarray(look.gain, np.float64), np.asarray(look.view_curve, np.float64)
-        optics = LayerCurves(MODELS[look.model], np.array(look.quotient_parameters), curves)
-        return IndirectLayer(self._object(look.key), optics, optics, gain, view, albedo_of(e, curves, gain, view))
+        seen_as, sent_as = (
+            LayerCurves(MODELS[look.model], np.array(look.quotient_parameters), each) for each in (curves, sent)
+        )
+        albedo = albedo_of(e, curves, gain, view)
+        return IndirectLayer(self._object(look.key), seen_as, sent_as, gain, view, albedo)
 
     def _object(self, key: str) -> int:
         return self._names.index(key.rpartition(".")[0])

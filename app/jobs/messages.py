@@ -62,12 +62,16 @@ class LayerWork:
 
 @dataclass(frozen=True, eq=False)
 class LayerReflection:
-    """One visible layer with all that it reflects by: `coefficients` one (J,3) array a factor, f_q (3,), f_o (N,3)."""
+    """One visible layer with all that it reflects by: `coefficients` one (J,3) array a factor, f_q (3,), f_o (N,3).
+
+    `sent`: the same curves on the bands that the second bounce has.
+    """
 
     key: str
     model: str
     quotient_parameters: tuple[float, ...]
     coefficients: tuple[NDArray[np.floating], ...]
+    sent: tuple[NDArray[np.floating], ...]
     gain: NDArray[np.floating]
     view_curve: NDArray[np.floating]
 
@@ -76,7 +80,8 @@ class LayerReflection:
 class ComputeTransport(Request):
     """Compute the transport of all layers under one light, coarse to fine; earlier contractions are cancelled.
 
-    With n_bounces > 1 the indirect light is found as well; `looks` say where the picture of it bends.
+    With n_bounces > 1 the indirect light is found as well; `looks` say where the picture of it bends. 0 asks for as
+    many bounces as the scene requires, and for `BouncesPlanned`.
     """
 
     light: LightState
@@ -110,12 +115,14 @@ class Freeze(Request):
     [BenArtzi07, sect. 6.1]); answered again whenever it becomes finer.
 
     key, factor: the layer and the curve whose bands are wanted; None: only what every layer reflects. The object that
-    is edited is that of `key`. serial comes back with the answers.
+    is edited is that of `key`. by_albedo: whether the second bounce goes by albedo alone, as all later ones do. serial
+    comes back with the answers.
     """
 
     looks: tuple[LayerReflection, ...]
     key: str | None = None
     factor: int | None = None
+    by_albedo: bool = False
     serial: int = 0
 
 
@@ -205,6 +212,14 @@ class LayerTransport(Response):
     @property
     def precision(self) -> Precision:
         return "half" if self.coefficients_first.dtype == np.float16 else "float"
+
+
+@dataclass(frozen=True)
+class BouncesPlanned(Response):
+    """How many bounces the scene requires, and why."""
+
+    n_bounces: int
+    reason: str
 
 
 @dataclass(frozen=True, eq=False)

@@ -144,14 +144,19 @@ class Tasks:
         lit_by = LitBy(request.light, request.n_lights_final)
         yield from self._tell_held(placement, request, lit_by)
         yield from self._kernels_ready()
+        n_bounces = request.n_bounces
         for quality, exact in _stages(request):
             started = time.monotonic()
             works = self._selected_first(request)
             due = [work for work in works if not self._is_spared(work, lit_by, quality.name, exact)]
             if due:
                 yield from self._stage(placement, due, sky, lit_by, quality)
-            if request.n_bounces > 1 and quality is not DRAG and (exact or quality.name == COARSE.name):
-                yield from self._indirect_tasks().find(request.looks, sky, _sky_key(sky), request.n_bounces, exact)
+            if n_bounces == 0 and quality is not DRAG:
+                planned = self._indirect_tasks().planned(request.looks)
+                n_bounces = planned.n_bounces
+                yield planned
+            if n_bounces > 1 and quality is not DRAG and (exact or quality.name == COARSE.name):
+                yield from self._indirect_tasks().find(request.looks, sky, _sky_key(sky), n_bounces, exact)
             if due or exact:
                 n_bytes = sum(data.store.n_bytes for data in self._layers.values())
                 n_bytes += 0 if self._indirect is None else self._indirect.n_bytes

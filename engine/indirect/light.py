@@ -1,7 +1,7 @@
 """Indirect light that was found: where, by which rays, and what follows from it for any materials."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,6 +81,10 @@ class IndirectLight:
     def n_bytes(self) -> int:
         found = self.points.gathered.n_bytes + sum(a.nbytes for a in self.footprint)
         return found + self.cells.n_bytes + self.light.n_bytes
+
+    def by_albedo(self) -> "IndirectLight":
+        """The same without what was recorded of glossy surfaces: from the second bounce on, all go by albedo."""
+        return replace(self, points=replace(self.points, glossy=False))
 
     def footprint_by_object(self) -> Footprint:
         """The footprint with gather points numbered within each object."""

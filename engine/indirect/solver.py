@@ -184,8 +184,7 @@ def relit(
     """
     cut, patches = _cut(sky), placement.patches(N_PATCHES)
     direct = direct_irradiance(found.cells, _lights(cut, patches), fineness.n_samples)
-    points = replace(found.points, glossy=False)
-    return replace(found, points=points, light=replace(found.light, direct=direct), n_bounces=n_bounces)
+    return replace(found.by_albedo(), light=replace(found.light, direct=direct), n_bounces=n_bounces)
 
 
 def _fan_size(n_rays: int, pole: int) -> FanSize:

@@ -5,7 +5,7 @@ from collections.abc import Generator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.indirect.layers import indirect_layer
+from engine.indirect.layers import IndirectLayer, albedos_of, indirect_layer
 from engine.indirect.series import BounceSeries
 from engine.indirect.solver import STILL, Fineness, Solver
 from engine.render.still import StillLayer, StillProgress
@@ -19,10 +19,7 @@ def indirect_radiance(
     models: dict[int, list[str]] = {}
     for each in layers:
         models.setdefault(each.i_object, []).append(each.layer.model.name)
-    reflecting = [
-        indirect_layer(each.i_object, each.layer, each.bands[: len(each.layer.model.factors)], series.second)
-        for each in layers
-    ]
+    reflecting = _reflecting(layers, series.second)
     steps = Solver(placement, models, sky, series.n_bounces, fineness, glossy=series.second != 1).solve(reflecting)
     while True:
         try:
@@ -30,3 +27,15 @@ def indirect_radiance(
             yield StillProgress(fraction, text)
         except StopIteration as end:
             return np.asarray(end.value.picture(reflecting), np.float32)
+
+
+def still_albedos(layers: Sequence[StillLayer], n_objects: int) -> NDArray[np.float64]:
+    """Equivalent albedo (M, 3) of every object."""
+    return albedos_of(_reflecting(layers), n_objects)
+
+
+def _reflecting(layers: Sequence[StillLayer], second: int | None = None) -> list[IndirectLayer]:
+    return [
+        indirect_layer(each.i_object, each.layer, each.bands[: len(each.layer.model.factors)], second)
+        for each in layers
+    ]

@@ -169,11 +169,12 @@ class ObjectDescription(_Description):
 
 
 class SceneDescription(_Description):
-    """A whole scene file. bounces: reflections between light and eye that its picture is meant to have."""
+    """A whole scene file. bounces: reflections between light and eye that its picture is meant to have, None for as
+    many as it requires."""
 
     version: Annotated[int, Field(strict=True)]
     name: Text = "scene"
-    bounces: Annotated[int, Field(ge=1, le=MAX_BOUNCES, strict=True)] = 1
+    bounces: Annotated[int, Field(ge=1, le=MAX_BOUNCES, strict=True)] | None = None
     camera: CameraDescription
     environment: EnvironmentDescription | None = None
     objects: tuple[ObjectDescription, ...] = Field(alias="object", min_length=1, max_length=MAX_OBJECTS)
@@ -218,8 +219,9 @@ def parse_description(tree: dict[str, Any], file: str | Path) -> SceneDescriptio
 
 def dump_description(description: SceneDescription) -> str:
     """The TOML text that reads back as an equal description."""
-    lines = [f"version = {description.version}", f"name = {_toml(description.name)}", "[camera]"]
-    lines += _table(description.camera)
+    lines = [f"version = {description.version}", f"name = {_toml(description.name)}"]
+    lines += [] if description.bounces is None else [f"bounces = {description.bounces}"]
+    lines += ["[camera]", *_table(description.camera)]
     if description.environment is not None:
         lines += ["[environment]", *_table(description.environment)]
     for item in description.objects:

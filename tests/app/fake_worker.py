@@ -25,6 +25,7 @@ METAL = {"model": "rough_conductor", "alpha": 0.15}
 SCENE: dict[str, Any] = {
     "version": 1,
     "name": "shelf",
+    "bounces": 1,
     "camera": {"position": [0, 1, 4], "target": [0, 0, 0], "resolution": [8, 6]},
     "environment": {"radiance": 1.0, "rotation": 30.0},
     "object": [

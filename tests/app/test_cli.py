@@ -30,6 +30,7 @@ ROOT = Path(__file__).resolve().parents[2]
 SCENE = """
 version = 1
 name = "ball"
+bounces = 1
 [camera]
 position = [0, 0, 4]
 target = [0, 0, 0]

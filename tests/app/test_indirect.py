@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from app.commands import SetFrozen
 from app.document import Selection, document_from_description
 from app.indirect import FREEZE_PATIENCE, REST_SECONDS, IndirectTalk
 from app.jobs.messages import Freeze, Frozen, IndirectFound
@@ -26,9 +27,11 @@ class Talk:
         self.document = document_from_description("shelf", parse_description(SCENE, "shelf"))
         self.talk = IndirectTalk(self.client.send, self.curves)
 
-    def update(self, selected: Selection | None = SELECTED, n_bounces: int = 3, revision: int = 1):
+    def update(
+        self, selected: Selection | None = SELECTED, n_bounces: int = 3, revision: int = 1, second: int | None = None
+    ):
         self.now += 0.1
-        return self.talk.update(self.now, self.document, selected, n_bounces, revision)
+        return self.talk.update(self.now, self.document, selected, n_bounces, second, revision)
 
     @property
     def asked(self) -> list[Freeze]:
@@ -109,6 +112,28 @@ def test_what_a_glossy_object_sends_is_frozen_anew_once_the_hand_rests(talk: Tal
     talk.now += REST_SECONDS
     talk.update()
     assert len(talk.asked) == 2
+
+
+def test_the_second_bounce_has_as_many_bands_as_are_asked_for(talk: Talk) -> None:
+    for second in (None, 8, 1):
+        talk.update(second=second)
+        talk.found()
+        talk.frozen()
+        talk.update(second=second)
+    assert [request.by_albedo for request in talk.asked] == [False, False, True]
+    looks = [next(look for look in request.looks if look.key == "pot.1") for request in talk.asked]
+    assert [len(look.sent[0]) for look in looks] == [64, 8, 1]
+    assert all(look.coefficients[0] is looks[0].sent[0] for look in looks)
+
+
+def test_what_is_frozen_by_hand_costs_no_bands(talk: Talk) -> None:
+    talk.document = SetFrozen("pot", True).apply(talk.document)
+    talk.update()
+    assert [(request.key, request.factor) for request in talk.asked] == [(None, None)]
+    talk.document = SetFrozen("pot", False).apply(talk.document)
+    talk.now += FREEZE_PATIENCE
+    talk.update()
+    assert (talk.asked[-1].key, talk.asked[-1].factor) == ("pot.1", 0)
 
 
 def test_a_matt_object_has_no_shape_to_freeze(talk: Talk) -> None:

@@ -1,5 +1,6 @@
 """What a scene requires: bands by the curve, lights, shadows, overruled lines, and a pilot's estimate."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -111,6 +112,10 @@ def plan(scene: Scene, layers: dict[str, Layer], **settings: object) -> Plan:
     return plan_scene(scene, layers, **{"has_sky": True, **settings})  # type: ignore[arg-type]
 
 
+def _values(plan: Plan) -> Iterator[tuple[str, str]]:
+    return ((line, value) for line, value, _ in plan_lines(plan))
+
+
 def test_bands_are_kept_of_what_may_be_edited(scene: Scene, layers: dict[str, Layer]) -> None:
     mixed = plan(scene, layers, editable=("ball.1",))
     # Both are computed alike, so that a layer looks the same whether or not it is editable.
@@ -132,16 +137,16 @@ def test_light_and_shadow_follow_the_scene(scene: Scene, layers: dict[str, Layer
     # No sky: nothing is far enough away to need shadows in every direction.
     assert not dark.needs_sphere and dark.n_lights == 0 and bool(dark.n_patches) == shines
     assert not plan(scene, layers, n_lights=400).needs_sphere
-    assert bright.bounces == 1
+    assert bright.bounces is None and dict(_values(bright))["bounces"] == "to be planned"
 
 
 def test_every_line_can_be_overruled(scene: Scene, layers: dict[str, Layer]) -> None:
     overrides: dict[str, int | str] = {
-        "ball.1.theta_h": 8, "ball.1.theta_d": 4, "lights": 100, "sphere": 0, "precision": "float",
+        "ball.1.theta_h": 8, "ball.1.theta_d": 4, "lights": 100, "sphere": 0, "bounces": 3, "precision": "float",
     }  # fmt: skip
     changed = plan(scene, layers, overrides=overrides)
     assert changed.layer("ball.1").bands == (8, 4)
-    assert (changed.n_lights, changed.needs_sphere, changed.precision) == (100, False, "float")
+    assert (changed.n_lights, changed.needs_sphere, changed.bounces, changed.precision) == (100, False, 3, "float")
     assert changed.overruled == set(overrides)
     reasons = {name: reason for name, _, reason in plan_lines(changed)}
     assert all(reasons[line] == "overruled" for line in overrides)
@@ -158,7 +163,8 @@ def test_every_line_can_be_overruled(scene: Scene, layers: dict[str, Layer]) -> 
         ("lights", 3, "20 to 80,000"),
         ("sphere", 2, "0 or 1"),
         ("precision", "quarter", "half or float"),
-        ("bounces", 2, "no line 'bounces' to overrule"),
+        ("bounces", 9, "1 to 8"),
+        ("bounces", "many", "a whole number"),
         ("ball.2.theta_h", 8, "there is: ball.0.theta_i, ball.1.theta_h"),
     ],
 )

@@ -17,6 +17,7 @@ from ui.headless import HeadlessWindow
 from ui.picture_feed import PictureFeed
 
 SCENE = """version = 1
+bounces = 1
 name = "small"
 [camera]
 position = [0.4, 1.2, 2.6]

@@ -22,7 +22,7 @@ LIFT = Operator("amplify", "y", 0.0, 0.0, 1.2, 1.4, magnitude=2.5)
 
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
-    return write_small_scene(tmp_path, SCENE.replace("version = 1", "version = 1\nbounces = 3"))
+    return write_small_scene(tmp_path, SCENE.replace("bounces = 1", "bounces = 3"))
 
 
 @pytest.fixture
@@ -92,6 +92,31 @@ def test_bounces_add_light_and_go_again(
     window.shell.editor.do(SetView.of(n_bounces=3))
     wait_until_exact(window)
     np.testing.assert_allclose(linear_picture(window), more, rtol=1e-4, atol=1e-5)
+
+
+def test_bounces_are_planned_where_the_scene_names_none(
+    window: HeadlessWindow, context: moderngl.Context, tmp_path: Path
+) -> None:
+    folder = tmp_path / "planned"
+    folder.mkdir()
+    scene = write_small_scene(folder, SCENE.replace("bounces = 1\n", ""))
+    with opened_window(context, scene, client(folder), n_lights=400) as planned:
+        wait_until_exact(planned)
+        n_bounces = planned.shell.editor.view.n_bounces
+        assert n_bounces > 1 and planned.shell.editor.indirect_light.is_shown
+        window.shell.editor.do(SetView.of(n_bounces=n_bounces))
+        wait_until_exact(window)
+        assert difference(linear_picture(planned), linear_picture(window)) < 2e-3
+
+
+def test_a_second_bounce_by_albedo_is_another_picture(window: HeadlessWindow) -> None:
+    before = linear_picture(window)
+    window.shell.editor.do(SetView.of(second_bands=1))
+    wait_until_exact(window)
+    assert difference(linear_picture(window), before) > 1e-4
+    window.shell.editor.do(SetView.of(second_bands=None))
+    wait_until_exact(window)
+    np.testing.assert_allclose(linear_picture(window), before, rtol=1e-5, atol=1e-6)
 
 
 def test_what_is_hidden_sends_no_light_on(window: HeadlessWindow) -> None:

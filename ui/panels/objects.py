@@ -115,7 +115,8 @@ def _object_buttons(context: PanelContext, state: ObjectState, inside: bool) -> 
                "Show or hide this object's reflection in the picture; its shadow stays."):  # fmt: skip
         actions.append(SetVisible(state.name, not state.visible))
     if _toggle(context, f"frozen.{state.name}", Icon.FROZEN, Icon.FROZEN, not state.frozen, inside,
-               "Freeze: keeps this object's material as it is, safe from edits."):  # fmt: skip
+               "Freeze: keeps this object's material as it is, safe from edits. "
+               "Indirect light then keeps nothing ready for it."):  # fmt: skip
         actions.append(SetFrozen(state.name, not state.frozen))
     if _toggle(context, f"editable.{state.name}", Icon.EDITABLE, Icon.LOCKED, state.editable, inside,
                "Editable or fixed: a fixed object keeps its material, and no bands of transport for it."):  # fmt: skip
@@ -141,7 +142,8 @@ def _layer(context: PanelContext, state: ObjectState, index: int, layer: Layer) 
                "Show or hide this layer in the picture."):  # fmt: skip
         actions.append(SetVisible(path, not layer.visible))
     if _toggle(context, f"frozen.{path}", Icon.FROZEN, Icon.FROZEN, not layer.frozen, inside,
-               "Freeze: keeps this layer as it is, safe from edits."):  # fmt: skip
+               "Freeze: keeps this layer as it is, safe from edits. "
+               "Indirect light then keeps nothing ready for it."):  # fmt: skip
         actions.append(SetFrozen(path, not layer.frozen))
     imgui.pop_id()
     return actions

@@ -15,6 +15,7 @@ from ui.theme import Icon
 LEAST_BUDGET, LARGEST_BUDGET = 2.0, 200.0
 LIGHT_CHOICES = (400, 1000, 4000, 10000)
 BOUNCE_CHOICES = (1, 2, 3, 4)
+SECOND_BANDS = {"1": 1, "8": 8, "16": 16, "All": None}
 VALUE_COLUMN = 112.0
 SMALLEST_ERROR = 1e-7
 
@@ -60,6 +61,8 @@ def _quality(context: PanelContext) -> list[Action]:
     pressed = widgets.segments(context, "accuracy.bounces", choices, chosen, least=_share(context, len(choices)))
     if pressed is not None:
         actions.append(SetView.of(n_bounces=BOUNCE_CHOICES[pressed]))
+    if context.view.n_bounces > 1:
+        actions += _second_bounce(context)
     widgets.label(context, "Transport")
     options = (
         ("Half", "Half floats on the graphics card: half the memory, errors of a thousandth."),
@@ -72,6 +75,16 @@ def _quality(context: PanelContext) -> list[Action]:
     if context.status.transport_note:
         widgets.caption(context.status.transport_note)
     return actions
+
+
+def _second_bounce(context: PanelContext) -> list[Action]:
+    widgets.label(context, "2nd bounce")
+    hint = ("Bands of each curve at the second bounce. 1: by albedo, as if surfaces were matt there; more let glossy "
+            "ones throw light where they do. The first bounce has all, later ones go by albedo.")  # fmt: skip
+    chosen = list(SECOND_BANDS.values()).index(context.view.second_bands)
+    choices = [(name, hint) for name in SECOND_BANDS]
+    pressed = widgets.segments(context, "accuracy.second", choices, chosen, least=_share(context, len(choices)))
+    return [] if pressed is None else [SetView.of(second_bands=list(SECOND_BANDS.values())[pressed])]
 
 
 def _share(context: PanelContext, count: int) -> float:

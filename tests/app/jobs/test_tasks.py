@@ -41,6 +41,7 @@ from engine.transport.bandstore import BandTile
 from engine.transport.projection import project_layer
 
 SCENE = """version = 1
+bounces = 1
 [camera]
 position = [0.4, 1.6, 2.6]
 target = [0, 0.3, 0]

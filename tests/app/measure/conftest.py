@@ -6,6 +6,7 @@ import pytest
 SCENE = """
 version = 1
 name = "tiny"
+bounces = 1
 [camera]
 position = [0.0, 1.6, 2.4]
 target = [0.0, 0.2, 0.0]

@@ -72,6 +72,7 @@ def test_reference_scenes_survive_text_and_json(shared_reference, name):
 
 def test_odd_names_survive_the_dump():
     tree = spoilt("object.0.layer.0", {"model": "lambert", "a strange key": 1e-300, "text": 'quote " and \\ and \n'})
+    tree["bounces"] = 3
     tree["name"] = 'sc"ene\\\n\u2028'
     scene = parse_description(tree, "f")
     assert parse_description(tomllib.loads(dump_description(scene)), "f") == scene
