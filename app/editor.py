@@ -28,6 +28,7 @@ from app.jobs.messages import (
     Footprint,
     Frozen,
     IndirectFound,
+    IndirectNoise,
     LayerPicture,
     LayerTransport,
     OpenScene,
@@ -335,7 +336,7 @@ class Editor:
             self._negotiator, self._client.alive, self._opening is not None, self.view.precision,
             self._indirect.is_complete,
         )  # fmt: skip
-        return replace(status, compared_exact=self._comparison.exact)
+        return replace(status, compared_exact=self._comparison.exact, indirect_noise=self._indirect.noise)
 
     # -------------------------------------------------------------------------------------------------------- answers
 
@@ -367,6 +368,8 @@ class Editor:
                 self._negotiator.took_bounces(response.n_bounces)
             case IndirectFound():
                 self._indirect.took_found(response)
+            case IndirectNoise():
+                self._indirect.took_noise(response)
             case Frozen():
                 return self._indirect.took_frozen(response)
             case LayerPicture() if self._comparison.took(response):

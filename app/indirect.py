@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.document import Document, Selection
-from app.jobs.messages import Freeze, Frozen, IndirectFound, LayerReflection, Request
+from app.jobs.messages import Freeze, Frozen, IndirectFound, IndirectNoise, LayerReflection, Request
 from app.picture import Array, Curves, IndirectFootprint, IndirectRadiance, PictureEvent
 from engine.indirect.equivalence import albedo_of
 
@@ -100,6 +100,7 @@ class IndirectTalk:
         self._asked_at = self._changed_at = -math.inf
         self._last: FreezeWish | None = None
         self._shown: dict[str, tuple[object, ...]] = {}
+        self._noise: tuple[int, float] | None = None
         self._n_bounces = 1
         self._complete = False
 
@@ -112,6 +113,13 @@ class IndirectTalk:
     def is_shown(self) -> bool:
         """Whether the picture has indirect light, of whatever quality."""
         return bool(self._shown)
+
+    @property
+    def noise(self) -> float | None:
+        """What chance is left in the indirect light that is shown, RMS relative to its mean; None while unknown."""
+        if not self._shown or self._frozen is None or self._noise is None or self._noise[0] != self._frozen[1].number:
+            return None
+        return self._noise[1]
 
     def edited(self) -> None:
         """The document or the selection changed: until the next update it is not known whether anything is missing."""
@@ -133,6 +141,10 @@ class IndirectTalk:
         self._frozen = wish, response
         self._shown.clear()
         return [IndirectFootprint(self._found.rows, self._found.weights)] if is_new else []
+
+    def took_noise(self, response: IndirectNoise) -> None:
+        """How noisy what was found is."""
+        self._noise = response.number, response.noise
 
     def update(
         self, now: float, document: Document, selected: Selection | None, n_bounces: int, second: int | None,

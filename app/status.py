@@ -31,6 +31,7 @@ class Status:
     ``light_note``, ``material_note`` and ``transport_note`` say what is shown for light, roughness and precision, empty
     when there is nothing to say. ``gpu_mb`` is what the picture and the selected curve's transport take there.
     ``bands`` are those of each layer's transport by key, as asked of the worker; none of a layer that is fixed.
+    ``indirect_noise`` is what chance is left in the indirect light, relative RMS; None while unknown.
     ``compared_exact``: whether side A of a comparison is.
     ``message`` is the last thing that happened, ``is_error`` whether it went wrong.
     """
@@ -52,6 +53,7 @@ class Status:
     light_note: str = ""
     material_note: str = ""
     compared_exact: bool = True
+    indirect_noise: float | None = None
     transport_note: str = ""
     message: str = ""
     is_error: bool = False

@@ -12,7 +12,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.jobs.messages import BouncesPlanned, Freeze, Frozen, IndirectFound, LayerReflection, Progress, Response
+from app.jobs.messages import (
+    BouncesPlanned,
+    Freeze,
+    Frozen,
+    IndirectFound,
+    IndirectNoise,
+    LayerReflection,
+    Progress,
+    Response,
+)
 from engine.indirect.albedo import albedo_bands, albedo_of
 from engine.indirect.curves import LayerCurves
 from engine.indirect.irradiance import NOBODY
@@ -46,6 +55,7 @@ class IndirectTasks:
         self._names = [described.name for described in placement.scene.description.objects]
         self._found: _Found | None = None
         self._wish: Freeze | None = None
+        self._noise_told = 0
         self._number = 0
 
     @property
@@ -100,6 +110,7 @@ class IndirectTasks:
         self._wish = request
         if self._found is not None:
             yield from self._frozen(self._found, request)
+            yield from self._noise(self._found, request)
 
     def _hold(self, found: _Found) -> Steps:
         self._number += 1
@@ -107,6 +118,7 @@ class IndirectTasks:
         yield self._where(found)
         if self._wish is not None:
             yield from self._frozen(found, self._wish)
+            yield from self._noise(found, self._wish)
 
     def _where(self, found: _Found) -> IndirectFound:
         rows, weights = found.light.footprint_by_object()
@@ -134,6 +146,20 @@ class IndirectTasks:
             for look in wish.looks if self._object(look.key) == edited
         }  # fmt: skip
         yield Frozen(found.number, wish.serial, wish.key, wish.factor, reflected, bands, albedos)
+
+    def _noise(self, found: _Found, wish: Freeze) -> Steps:
+        """Once for each light that is found: curves change it little."""
+        if found.number == self._noise_told:
+            return
+        light = found.light.by_albedo() if wish.by_albedo else found.light
+        steps = light.noise([self._layer(look) for look in wish.looks])
+        while True:
+            try:
+                yield next(steps)
+            except StopIteration as end:
+                self._noise_told = found.number
+                yield IndirectNoise(found.number, end.value)
+                return
 
     def _layer(self, look: LayerReflection) -> IndirectLayer:
         curves, sent = (

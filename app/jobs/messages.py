@@ -233,6 +233,14 @@ class IndirectFound(Response):
     weights: NDArray[np.floating]
 
 
+@dataclass(frozen=True)
+class IndirectNoise(Response):
+    """What chance is left in an indirect light that was found, RMS over the picture relative to its mean."""
+
+    number: int
+    noise: float
+
+
 @dataclass(frozen=True, eq=False)
 class Frozen(Response):
     """Indirect light at the p samples of each layer, without f_q and f_o, by powers of the edited object's albedo.

@@ -1,6 +1,6 @@
 """Indirect light that was found: where, by which rays, and what follows from it for any materials."""
 
-from collections.abc import Sequence
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -53,16 +53,23 @@ class GatherPoints:
         self, layers: Sequence[IndirectLayer], light: SentLight, half: int | None = None
     ) -> NDArray[np.float32]:
         """Radiance (p, 3) towards the eye of light that no object is edited in."""
+        out = np.zeros((len(self.gathered.rows), 3), np.float32)
+        for mine, radiance in self.reflected_by_object(layers, light, half):
+            out[mine] = radiance
+        return out
+
+    def reflected_by_object(
+        self, layers: Sequence[IndirectLayer], light: SentLight, half: int | None = None
+    ) -> Iterator[tuple[NDArray[np.intp], NDArray[np.float32]]]:
+        """The same in steps: the numbers of one object's gather points, and their radiance."""
         rows = self.gathered.rows
-        out = np.zeros((len(rows), 3), np.float32)
         objects = object_of_rows(self.hits, rows)
         for i_object in sorted({layer.i_object for layer in layers}):
             mine = np.flatnonzero(objects == i_object)
             own = [layer for layer in layers if layer.i_object == i_object]
             found = self.fans(i_object, half).reflected([layer.curves for layer in own], light)
-            for layer, reflected in zip(own, found, strict=True):
-                out[mine] += reflected[:, 0] * seen_from(self.hits, rows[mine], layer)
-        return out
+            seen = (part[:, 0] * seen_from(self.hits, rows[mine], layer) for layer, part in zip(own, found, strict=True))
+            yield mine, sum(seen, np.zeros((len(mine), 3), np.float32))
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +113,18 @@ class IndirectLight:
     def at_points(self, layers: Sequence[IndirectLayer], half: int | None = None) -> NDArray[np.float32]:
         """Indirect radiance (p, 3) of all gather points; of one half of the rays where one is named."""
         return self.points.reflected(layers, self.sent(layers), half)
+
+    def noise(self, layers: Sequence[IndirectLayer]) -> Generator[None, None, float]:
+        """What chance is left in the picture, RMS relative to its mean; in steps. Its halves differ by twice as much."""
+        light, (rows, weights) = self.sent(layers), self.footprint
+        halves = np.zeros((2, len(self.points.gathered.rows), 3), np.float32)
+        for half in (0, 1):
+            for mine, radiance in self.points.reflected_by_object(layers, light, half):
+                halves[half, mine] = radiance
+                yield None
+        first, second = (np.einsum("pk,pkc->pc", weights, found[rows]) for found in halves)
+        mean = 0.5 * float(np.mean(first + second, dtype=np.float64))
+        return 0.5 * float(np.sqrt(np.mean((first - second) ** 2, dtype=np.float64))) / mean if mean > 0.0 else 0.0
 
     def picture(self, layers: Sequence[IndirectLayer], half: int | None = None) -> NDArray[np.float32]:
         """Indirect radiance (P, 3) of all points of the picture."""

@@ -8,7 +8,7 @@ import pytest
 from app.commands import SetFrozen
 from app.document import Selection, document_from_description
 from app.indirect import FREEZE_PATIENCE, REST_SECONDS, IndirectTalk
-from app.jobs.messages import Freeze, Frozen, IndirectFound
+from app.jobs.messages import Freeze, Frozen, IndirectFound, IndirectNoise
 from app.picture import Curves, IndirectFootprint, IndirectRadiance
 from engine.curve.operators import Operator
 from engine.scene.description import parse_description
@@ -124,6 +124,20 @@ def test_the_second_bounce_has_as_many_bands_as_are_asked_for(talk: Talk) -> Non
     looks = [next(look for look in request.looks if look.key == "pot.1") for request in talk.asked]
     assert [len(look.sent[0]) for look in looks] == [64, 8, 1]
     assert all(look.coefficients[0] is looks[0].sent[0] for look in looks)
+
+
+def test_noise_is_that_of_the_light_on_screen(talk: Talk) -> None:
+    talk.update()
+    talk.found(1)
+    talk.talk.took_noise(IndirectNoise(1, 0.02))
+    assert talk.talk.noise is None
+    talk.frozen(1)
+    talk.update()
+    assert talk.talk.noise == 0.02
+    talk.found(2)
+    talk.frozen(2)
+    talk.update()
+    assert talk.talk.noise is None
 
 
 def test_what_is_frozen_by_hand_costs_no_bands(talk: Talk) -> None:

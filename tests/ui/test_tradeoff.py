@@ -37,6 +37,11 @@ def test_memory_is_that_of_transport_and_of_the_graphics_card() -> None:
     assert value == "512 MB, transport 230 MB" and "On the graphics card: 38 MB" in hint
 
 
+def test_noise_is_told_once_it_is_known() -> None:
+    assert "Indirect noise" not in rows(STATUS, None)
+    assert rows(replace(STATUS, indirect_noise=0.0123), None)["Indirect noise"][0] == "1.2 %"
+
+
 @pytest.mark.gl
 def test_the_plan_follows_what_is_editable(window: HeadlessWindow) -> None:
     editor = window.shell.editor

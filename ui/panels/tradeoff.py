@@ -113,6 +113,7 @@ def figures(status: Status, selected: str | None = None) -> list[tuple[str, str,
             f"\n{plan}",
         ),
         ("Image error", error, "What the missing coefficients would still change, relative to the picture's mean."),
+        *([] if status.indirect_noise is None else [_noise(status.indirect_noise)]),
         (
             "Memory",
             f"{status.memory_mb:.0f} MB, transport {status.transport_mb:.0f} MB",
@@ -120,6 +121,11 @@ def figures(status: Status, selected: str | None = None) -> list[tuple[str, str,
             f"On the graphics card: {status.gpu_mb:.0f} MB, with the selected curve's transport.",
         ),
     ]
+
+
+def _noise(noise: float) -> tuple[str, str, str]:
+    hint = "What chance is left in the light of further bounces, relative to its mean: its two halves apart tell it."
+    return "Indirect noise", f"{100.0 * noise:.1f} %", hint
 
 
 def _bands(counts: tuple[int, ...]) -> str:

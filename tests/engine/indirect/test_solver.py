@@ -11,6 +11,7 @@ from engine.indirect.solver import ROUGH
 from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
+from engine.render.still import finish
 from tests.engine.indirect.small_scenes import (
     CORNER,
     CORNER_VIEW,
@@ -93,6 +94,13 @@ def test_halves_tell_the_noise(corner):
     np.testing.assert_allclose(0.5 * (first + second), whole, rtol=1e-3, atol=1e-4 * whole.max())
     noise = np.sqrt(np.mean((first - second) ** 2)) / whole.mean() / 2
     assert 0.0 < noise < 0.05
+    one, two = (found.picture(layers, half) for half in (0, 1))
+    told = finish(found.noise(layers), lambda step: None)
+    assert told == pytest.approx(np.sqrt(np.mean((one - two) ** 2)) / (one + two).mean(), rel=1e-3)
+    placement = placement_of(CORNER, **CORNER_VIEW)
+    sky = constant_environment((1.0, 1.0, 1.0))
+    more = solve(placement, layers, 2, replace(QUICK, n_rays=16 * QUICK.n_rays), sky)
+    assert finish(more.noise(layers), lambda step: None) < 0.5 * told
 
 
 def test_darkness_and_black_objects(corner):
