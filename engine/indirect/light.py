@@ -68,8 +68,10 @@ class GatherPoints:
             mine = np.flatnonzero(objects == i_object)
             own = [layer for layer in layers if layer.i_object == i_object]
             found = self.fans(i_object, half).reflected([layer.curves for layer in own], light)
-            seen = (part[:, 0] * seen_from(self.hits, rows[mine], layer) for layer, part in zip(own, found, strict=True))
-            yield mine, sum(seen, np.zeros((len(mine), 3), np.float32))
+            radiance = np.zeros((len(mine), 3), np.float32)
+            for layer, reflected in zip(own, found, strict=True):
+                radiance += reflected[:, 0] * seen_from(self.hits, rows[mine], layer)
+            yield mine, radiance
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +117,7 @@ class IndirectLight:
         return self.points.reflected(layers, self.sent(layers), half)
 
     def noise(self, layers: Sequence[IndirectLayer]) -> Generator[None, None, float]:
-        """What chance is left in the picture, RMS relative to its mean; in steps. Its halves differ by twice as much."""
+        """What chance is left in the picture, RMS relative to its mean, in steps: its halves differ by twice that."""
         light, (rows, weights) = self.sent(layers), self.footprint
         halves = np.zeros((2, len(self.points.gathered.rows), 3), np.float32)
         for half in (0, 1):
