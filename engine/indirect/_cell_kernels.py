@@ -13,6 +13,7 @@ MOST_CELLS = 0xFFFE
 NO_KEY = np.uint64(0)
 N_PLACES = 16
 _GRID_BITS = 17
+_PLACE_BITS = 20
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 
 
@@ -39,15 +40,18 @@ class Hits(NamedTuple):
 class Table(NamedTuple):
     """Cells by key, open addressing: keys (S,) uint64, 0 where free; cells (S,) int32. n_cells (1,): how many.
 
-    Of each cell: objects (C,) int32, n_hits (C,) int64, and up to 16 places, chosen evenly among all hits: triangle
-    (C, 16) int32, −1 where there is none, u, v (C, 16), side (C, 16) bits: 1 the face, 2 the shading normal turned.
+    Of each cell: objects (C,) int32, seeds (C,) uint64, n_places (C,) int64, and up to 16 places: triangle (C, 16)
+    int32, u, v (C, 16), side (C, 16) bits: 1 the face, 2 the shading normal turned. They are the hits of the least
+    hashes (C, 16), by hash, so that neither threads nor the order of the rays decide what a cell is.
     """
 
     keys: np.ndarray
     cells: np.ndarray
     n_cells: np.ndarray
     objects: np.ndarray
-    n_hits: np.ndarray
+    seeds: np.ndarray
+    n_places: np.ndarray
+    hashes: np.ndarray
     triangle: np.ndarray
     u: np.ndarray
     v: np.ndarray
@@ -140,25 +144,39 @@ def take_hits(table, mesh, hits, keys, sides, first_open, found):
             cell = np.int32(table.n_cells[0])
             table.n_cells[0] += 1
             table.keys[slot], table.cells[slot] = key, cell
-            table.objects[cell] = mesh.objects[hits.triangle[r]]
+            table.objects[cell], table.seeds[cell] = mesh.objects[hits.triangle[r]], hashed
         cell = table.cells[slot]
         found[r] = cell
-        if cell < first_open:
-            continue
-        n = table.n_hits[cell]
-        table.n_hits[cell] = n + 1
-        place = n if n < N_PLACES else np.int64(mixed(hashed + np.uint64(n)) % np.uint64(n + 1))
-        if place < N_PLACES:
-            table.triangle[cell, place] = hits.triangle[r]
-            table.u[cell, place], table.v[cell, place], table.side[cell, place] = hits.u[r], hits.v[r], sides[r]
+        if cell >= first_open:
+            _take_place(table, cell, hits.triangle[r], hits.u[r], hits.v[r], sides[r])
     return True
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _take_place(table, cell, triangle, u, v, side):
+    """Make a hit one of a cell's places if its hash is among the least."""
+    grid = np.float32(1 << _PLACE_BITS)
+    number = np.uint64(max(u, ZERO) * grid) << np.uint64(_PLACE_BITS) | np.uint64(max(v, ZERO) * grid)
+    hashed = np.uint32(mixed(number ^ np.uint64(triangle) << np.uint64(2 * _PLACE_BITS)) >> np.uint64(32))
+    n = table.n_places[cell]
+    if n == N_PLACES and hashed >= table.hashes[cell, N_PLACES - 1]:
+        return
+    place = min(n, N_PLACES - 1)
+    while place > 0 and table.hashes[cell, place - 1] > hashed:
+        table.hashes[cell, place] = table.hashes[cell, place - 1]
+        table.triangle[cell, place] = table.triangle[cell, place - 1]
+        table.u[cell, place], table.v[cell, place] = table.u[cell, place - 1], table.v[cell, place - 1]
+        table.side[cell, place] = table.side[cell, place - 1]
+        place -= 1
+    table.hashes[cell, place], table.triangle[cell, place] = hashed, triangle
+    table.u[cell, place], table.v[cell, place], table.side[cell, place] = u, v, side
+    table.n_places[cell] = min(n + 1, N_PLACES)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _place(table, mesh, cell, k):
     """Position, face normal and shading normal of the k-th place of a cell, turned to the side that was seen."""
-    n = min(table.n_hits[cell], np.int64(N_PLACES))
-    p = k % n
+    p = k % table.n_places[cell]
     triangle, u, v, side = table.triangle[cell, p], table.u[cell, p], table.v[cell, p], table.side[cell, p]
     x, y, z = _position(mesh, triangle, u, v)
     gx, gy, gz = mesh.face_normals[triangle, 0], mesh.face_normals[triangle, 1], mesh.face_normals[triangle, 2]
@@ -182,7 +200,7 @@ def cell_rays(table, mesh, begin, end, offset, cosine_table, origins, directions
     """Cosine-distributed rays from the places of cells [begin, end): (n · R, 3) from tables (64, R, 3)."""
     n_rays = cosine_table.shape[1]
     for cell in range(begin, end):
-        seed = mixed(np.uint64(cell) + np.uint64(0x51ED2701))
+        seed = mixed(table.seeds[cell] + np.uint64(0x51ED2701))
         angle = np.float32(2.0 * math.pi) * uniform(seed)
         cosine, sine = np.cos(angle), np.sin(angle)
         pattern = np.int64(seed & np.uint64(cosine_table.shape[0] - 1))
@@ -249,7 +267,7 @@ def light_rays(table, mesh, begin, end, offset, lights, n_samples, seed, origins
     for cell in range(begin, end):
         for s in range(n_samples):
             x, y, z, gx, gy, gz, nx, ny, nz = _place(table, mesh, cell, s)
-            number = mixed(np.uint64(cell) * np.uint64(n_samples) + np.uint64(s) + np.uint64(seed) * np.uint64(0x9E37))
+            number = mixed(table.seeds[cell] + np.uint64(s) + np.uint64(seed) * np.uint64(0x9E3779B9))
             m = _pick(lights.cumulative, (np.float32(s) + uniform(number)) / np.float32(n_samples))
             u, v = uniform(number ^ np.uint64(1)), uniform(number ^ np.uint64(2))
             lx, ly, lz = _point_in_triangle(lights.corners, m, u, v)

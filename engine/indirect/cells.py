@@ -56,8 +56,9 @@ class Cells:
         places = (MOST_CELLS, kernels.N_PLACES)
         self._table = kernels.Table(
             np.zeros(_SLOTS, np.uint64), np.zeros(_SLOTS, np.int32), np.zeros(1, np.int64),
-            np.zeros(MOST_CELLS, np.int32), np.zeros(MOST_CELLS, np.int64), np.full(places, -1, np.int32),
-            np.zeros(places, np.float32), np.zeros(places, np.float32), np.zeros(places, np.uint8),
+            np.zeros(MOST_CELLS, np.int32), np.zeros(MOST_CELLS, np.uint64), np.zeros(MOST_CELLS, np.int64),
+            np.zeros(places, np.uint32), np.zeros(places, np.int32), np.zeros(places, np.float32),
+            np.zeros(places, np.float32), np.zeros(places, np.uint8),
         )  # fmt: skip
         self._lock = Lock()
 

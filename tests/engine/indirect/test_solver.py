@@ -87,6 +87,14 @@ def test_an_edit_is_a_fresh_computation(corner):
     assert np.sqrt(np.mean((one - two) ** 2)) / two.mean() < 0.005
 
 
+def test_the_same_scene_has_the_same_light(corner):
+    # Whichever thread comes first: cells keep the same places whatever the order of the rays that hit them.
+    found, layers = corner
+    for _ in range(4):
+        again = solve(placement_of(CORNER, **CORNER_VIEW), layers, 5, sky=constant_environment((1.0, 1.0, 1.0)))
+        np.testing.assert_array_equal(again.picture(layers), found.picture(layers))
+
+
 def test_halves_tell_the_noise(corner):
     found, layers = corner
     first, second = (found.at_points(layers, half) for half in (0, 1))
