@@ -8,6 +8,9 @@ it can be drawn exactly from what is there:
 - when curves were edited meanwhile, by asking the worker, once it rests, for the radiance of the layers that differ,
   with A's curves. That is one contraction a layer, and nothing when A was remembered exact.
 
+Indirect light is everybody's: with it a layer that was edited changes them all, so that an A of other curves,
+remembered coarse, stays as it is until B looks like it.
+
 An A under another light than B's stays as it is until B comes back to that light: its transport is gone, and keeping a
 second one for a picture that is seldom looked at costs as much memory as the first. The divider says so.
 """
@@ -85,11 +88,12 @@ class Comparison:
             self._asked, self._failed = None, True
 
     def update(
-        self, now: float, document: Document, talk: Negotiator, n_lights: int, exact: bool
+        self, now: float, document: Document, talk: Negotiator, n_lights: int, exact: bool, has_indirect: bool = False
     ) -> list[PictureEvent]:
         """What the renderer can show of A now; asks the worker for what is missing.
 
-        ``now`` in seconds; ``document`` is B's; ``exact``: whether B's picture on screen is.
+        ``now`` in seconds; ``document`` is B's; ``exact``: whether B's picture on screen is, ``has_indirect``: whether
+        there is light of further bounces in it.
         """
         compared = self._document
         if compared is None or self._exact:
@@ -102,7 +106,9 @@ class Comparison:
         light = replace(compared.light, intensity=document.light.intensity)
         if (compared.objects, light) == (document.objects, document.light):
             return self._follow(exact)
-        return self._draw_apart(now, compared, document, talk) if talk.finished and exact else []
+        if has_indirect or not (talk.finished and exact):
+            return []
+        return self._draw_apart(now, compared, document, talk)
 
     def _follow(self, exact: bool) -> list[PictureEvent]:
         """B looks like A: what is on screen is A's picture as well."""

@@ -291,7 +291,9 @@ class Editor:
         exact, view = self.status.picture == "exact", self.view
         if view.compare is not self._comparison.document:
             self._comparison.begin(view.compare, exact and view.compare is self.document)
-        return self._comparison.update(now, self.document, self._negotiator, view.n_lights, exact)
+        return self._comparison.update(
+            now, self.document, self._negotiator, view.n_lights, exact, self._indirect.is_shown
+        )
 
     @property
     def indirect_light(self) -> IndirectTalk:

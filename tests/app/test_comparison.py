@@ -73,6 +73,17 @@ def test_a_follows_b_as_long_as_they_are_alike(early: Editor, client: FakeClient
     assert asked_for_a(client) == []
 
 
+def test_with_indirect_light_an_a_of_other_curves_stays_as_it_is(early: Editor, client: FakeClient) -> None:
+    early.do(LIFT)
+    client.finish_stage("final", exact=True)
+    early.tick(1.0)
+    comparison, talk, for_b = early._comparison, early._negotiator, len(asked_for_a(client))
+    assert comparison.update(1.1, early.document, talk, early.view.n_lights, exact=True, has_indirect=True) == []
+    assert len(asked_for_a(client)) == for_b and not early.status.compared_exact
+    comparison.update(1.1, early.document, talk, early.view.n_lights, exact=True)
+    assert len(asked_for_a(client)) == for_b + 1
+
+
 def test_layers_edited_meanwhile_are_asked_for(early: Editor, client: FakeClient) -> None:
     before = early.document
     early.do(LIFT)
