@@ -8,78 +8,121 @@ import numba as nb
 import numpy as np
 
 _ONE = np.uint64(1)
+# Directions that are tried against the horizon together: see `_horizon_of_directions`.
+GROUP = 16
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def horizon_bits(rows, position, normal, targets, target_normals, finite, out):
+def horizon_bits(rows, position, normal, targets, target_normals, finite, cones, out):
     """Mark the targets each point could see: above its shading horizon and, for patches, on their front side."""
+    if finite:
+        _horizon_of_points(rows, position, normal, targets, target_normals, out)
+    else:
+        _horizon_of_directions(rows, normal, targets, cones, out)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _horizon_of_directions(rows, normal, targets, cones, out):
+    """Mark the directions above each point's shading horizon, a group of sixteen at once where its cone lies clear.
+
+    cones (G, 4): the axis of each group and a little more than the sine of its radius, above 1 where it has none.
+    """
     n_targets = targets.shape[0]
-    above = np.empty(64, np.uint64)
+    for b in range(rows.shape[0]):
+        r = rows[b]
+        nx, ny, nz = normal[r, 0], normal[r, 1], normal[r, 2]
+        words = out[b]
+        words[:] = np.uint64(0)
+        for g in range(cones.shape[0]):
+            first = GROUP * g
+            count = min(GROUP, n_targets - first)
+            height = nx * cones[g, 0] + ny * cones[g, 1] + nz * cones[g, 2]
+            marked = np.uint64(0)
+            if height > cones[g, 3]:
+                marked = (_ONE << np.uint64(count)) - _ONE
+            elif height >= -cones[g, 3]:
+                for i in range(count):
+                    t = first + i
+                    above = nx * targets[t, 0] + ny * targets[t, 1] + nz * targets[t, 2] > np.float32(0.0)
+                    marked |= np.uint64(above) << np.uint64(i)
+            words[first >> 6] |= marked << np.uint64(first & 63)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _horizon_of_points(rows, position, normal, targets, target_normals, out):
+    """Mark the patches above each point's shading horizon that show it their front."""
     for b in range(rows.shape[0]):
         r = rows[b]
         nx, ny, nz = normal[r, 0], normal[r, 1], normal[r, 2]
         px, py, pz = position[r, 0], position[r, 1], position[r, 2]
-        if not finite:
-            px = py = pz = np.float32(0.0)
-        for w in range(out.shape[1]):
-            first = 64 * w
-            last = min(64, n_targets - first)
-            for i in range(last):
-                t = first + i
-                dx, dy, dz = targets[t, 0] - px, targets[t, 1] - py, targets[t, 2] - pz
-                facing = nx * dx + ny * dy + nz * dz
-                if finite:
-                    front = -(target_normals[t, 0] * dx + target_normals[t, 1] * dy + target_normals[t, 2] * dz)
-                    facing = min(facing, front)
-                above[i] = _ONE if facing > 0.0 else np.uint64(0)
-            word = np.uint64(0)
-            for i in range(last):
-                word |= above[i] << np.uint64(i)
-            out[b, w] = word
+        words = out[b]
+        words[:] = np.uint64(0)
+        for t in range(targets.shape[0]):
+            dx, dy, dz = targets[t, 0] - px, targets[t, 1] - py, targets[t, 2] - pz
+            facing = nx * dx + ny * dy + nz * dz
+            front = -(target_normals[t, 0] * dx + target_normals[t, 1] * dy + target_normals[t, 2] * dz)
+            words[t >> 6] |= np.uint64(min(facing, front) > np.float32(0.0)) << np.uint64(t & 63)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def predict(rows, informers, bits, horizon, always, weak, boundary_neighbours, todo, doubt):
+def predict(rows, informers, bits, horizon, believed, always, weak, weakest, boundary_neighbours, todo, doubt):
     """Guess each point's bits from its evaluated neighbours and mark in `todo` what must be traced.
 
     informers (B, 4) rows of neighbours, -1 where there is none. The majority is the guess; what is not unanimous is
     traced, and a tie is no guess at all (`doubt`). With fewer than four informers the guess is weaker, so its boundary
-    is traced too. The targets in `always` (words,) are traced whatever the guess, with a weak guess those in `weak`.
+    is traced too. Of the targets in `believed` (words,) three of four points that see one are enough. Those in `always`
+    are traced whatever the guess, those in `weak` where three points inform, those in `weakest` where two do.
     """
+    known = np.empty(4, np.int64)
     for b in range(rows.shape[0]):
-        r = rows[b]
-        n_informers = 0
+        n = 0
         for i in range(4):
             if informers[b, i] >= 0:
-                n_informers += 1
-        for w in range(bits.shape[1]):
-            ones, twos, fours = np.uint64(0), np.uint64(0), np.uint64(0)
-            for i in range(4):
-                if informers[b, i] >= 0:
-                    word = bits[informers[b, i], w]
-                    carry = ones & word
-                    ones ^= word
-                    fours |= twos & carry
-                    twos ^= carry
-            above = horizon[b, w]
-            if n_informers == 4:
-                bits[r, w] = (fours | (twos & ones)) & above
-                doubt[b, w] = twos & ~ones & above
-                todo[b, w] = ((ones | twos) | always[w]) & above
-            elif n_informers == 3:
-                bits[r, w] = twos & above
-                doubt[b, w] = np.uint64(0)
-                todo[b, w] = ((ones ^ twos) | weak[w]) & above
-            elif n_informers == 2:
-                bits[r, w] = twos & above
-                doubt[b, w] = ones & above
-                todo[b, w] = (ones | weak[w]) & above
-            else:
-                bits[r, w] = np.uint64(0)
-                doubt[b, w] = np.uint64(0)
-                todo[b, w] = above
-        if n_informers == 2 or n_informers == 3:
-            _mark_boundary(b, r, bits, horizon, boundary_neighbours, todo)
+                known[n] = informers[b, i]
+                n += 1
+        guess, above, asked, unsure = bits[rows[b]], horizon[b], todo[b], doubt[b]
+        if n == 4:
+            first, second, third, fourth = bits[known[0]], bits[known[1]], bits[known[2]], bits[known[3]]
+            _majority_of_four(first, second, third, fourth, believed, guess, asked, unsure)
+        elif n == 3:
+            _majority_of_three(bits[known[0]], bits[known[1]], bits[known[2]], guess, asked, unsure)
+        elif n == 2:
+            _agreement_of_two(bits[known[0]], bits[known[1]], guess, asked, unsure)
+        else:
+            guess[:], unsure[:], asked[:] = np.uint64(0), np.uint64(0), ~np.uint64(0)
+        sentinels = always if n == 4 else weak if n == 3 else weakest
+        for w in range(above.shape[0]):
+            guess[w] &= above[w]
+            unsure[w] &= above[w]
+            asked[w] = (asked[w] | sentinels[w]) & above[w]
+        if n == 2 or n == 3:
+            _mark_boundary(guess, above, boundary_neighbours, asked)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _majority_of_four(a, b, c, d, believed, guess, asked, unsure):
+    for w in range(guess.shape[0]):
+        either, both = a[w] | b[w], a[w] & b[w]
+        other, others = c[w] | d[w], c[w] & d[w]
+        guess[w] = (both & other) | (others & either)
+        asked[w] = (either | other) & ~(both & others) & ~(guess[w] & believed[w])
+        unsure[w] = ~guess[w] & (both | others | (either & other))
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _majority_of_three(a, b, c, guess, asked, unsure):
+    for w in range(guess.shape[0]):
+        guess[w] = (a[w] & b[w]) | (c[w] & (a[w] | b[w]))
+        asked[w] = (a[w] | b[w] | c[w]) & ~(a[w] & b[w] & c[w])
+        unsure[w] = np.uint64(0)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _agreement_of_two(a, b, guess, asked, unsure):
+    for w in range(guess.shape[0]):
+        guess[w] = a[w] & b[w]
+        asked[w] = a[w] ^ b[w]
+        unsure[w] = asked[w]
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -126,22 +169,18 @@ def _bit(words, i):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _mark_boundary(b, r, bits, horizon, neighbours, todo):
-    for w in range(bits.shape[1]):
-        ones = bits[r, w]
+def _mark_boundary(guess, above, neighbours, asked):
+    """Mark both sides of every edge between a target that is guessed seen and one above the horizon that is not."""
+    for w in range(guess.shape[0]):
+        ones = guess[w]
         while ones != np.uint64(0):
             i = _lowest(ones)
             ones &= ones - _ONE
-            t = 64 * w + i
             for k in range(neighbours.shape[1]):
-                m = neighbours[t, k]
-                if m < 0:
-                    continue
-                v = m >> 6
-                bit = _ONE << np.uint64(m & 63)
-                if (horizon[b, v] & bit) and not (bits[r, v] & bit):
-                    todo[b, v] |= bit
-                    todo[b, w] |= _ONE << np.uint64(i)
+                m = neighbours[64 * w + i, k]
+                if m >= 0 and _bit(above, m) and not _bit(guess, m):
+                    asked[m >> 6] |= _ONE << np.uint64(m & 63)
+                    asked[w] |= _ONE << np.uint64(i)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -171,73 +210,71 @@ def count_bits(words):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def list_rays(
-    rows, todo, position, lifted, targets, finite, ray_block, ray_target, ray_origin, ray_direction, ray_distance
-):
-    """Write one shadow ray for each set bit of `todo`; the arrays hold exactly as many.
-
-    `lifted` is the point raised off its surface towards the eye. Light that the shading normal faces but the surface
-    does not starts from the other side, as path tracers do: a smooth mesh must not shade itself along its facets.
-    """
+def list_bits(words, block, target):
+    """Write the place (row, bit) of each set bit; the arrays hold exactly as many."""
     n = 0
-    for b in range(rows.shape[0]):
-        r = rows[b]
-        px, py, pz = position[r, 0], position[r, 1], position[r, 2]
-        lx, ly, lz = lifted[r, 0] - px, lifted[r, 1] - py, lifted[r, 2] - pz
-        for w in range(todo.shape[1]):
-            ones = todo[b, w]
+    for b in range(words.shape[0]):
+        for w in range(words.shape[1]):
+            ones = words[b, w]
             while ones != np.uint64(0):
-                t = 64 * w + _lowest(ones)
+                block[n], target[n] = b, 64 * w + _lowest(ones)
                 ones &= ones - _ONE
-                ray_block[n] = b
-                ray_target[n] = t
-                length = np.float32(1.0)
-                dx, dy, dz = targets[t, 0], targets[t, 1], targets[t, 2]
-                if finite:
-                    dx -= px
-                    dy -= py
-                    dz -= pz
-                    length = np.sqrt(dx * dx + dy * dy + dz * dz)
-                    # Stop short of the patch itself: it must not shadow its own light.
-                    ray_distance[n] = length * np.float32(0.9999)
-                inverse = np.float32(1.0) / length
-                side = np.float32(1.0) if lx * dx + ly * dy + lz * dz >= 0.0 else np.float32(-1.0)
-                ray_origin[n, 0], ray_origin[n, 1], ray_origin[n, 2] = px + side * lx, py + side * ly, pz + side * lz
-                ray_direction[n, 0], ray_direction[n, 1], ray_direction[n, 2] = dx * inverse, dy * inverse, dz * inverse
                 n += 1
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def apply_answers(rows, ray_block, ray_target, blocked, doubt, bits, horizon, neighbours, traced, todo):
+def write_rays(
+    rows, ray_block, ray_target, position, lifted, targets, finite, ray_origin, ray_direction, ray_distance
+):
+    """Write a shadow ray for each asked target.
+
+    `lifted` is the point raised off its surface towards the eye. Light that the shading normal faces but the surface
+    does not starts from the other side, as path tracers do: a smooth mesh must not shade itself along its facets.
+    """
+    for n in range(ray_block.shape[0]):
+        r, t = rows[ray_block[n]], ray_target[n]
+        px, py, pz = position[r, 0], position[r, 1], position[r, 2]
+        lx, ly, lz = lifted[r, 0] - px, lifted[r, 1] - py, lifted[r, 2] - pz
+        dx, dy, dz = targets[t, 0], targets[t, 1], targets[t, 2]
+        if finite:
+            dx, dy, dz = dx - px, dy - py, dz - pz
+            length = np.sqrt(dx * dx + dy * dy + dz * dz)
+            # Stop short of the patch itself: it must not shadow its own light.
+            ray_distance[n] = length * np.float32(0.9999)
+            inverse = np.float32(1.0) / length
+            dx, dy, dz = dx * inverse, dy * inverse, dz * inverse
+        side = np.float32(1.0) if lx * dx + ly * dy + lz * dz >= 0.0 else np.float32(-1.0)
+        ray_origin[n, 0], ray_origin[n, 1], ray_origin[n, 2] = px + side * lx, py + side * ly, pz + side * lz
+        ray_direction[n, 0], ray_direction[n, 1], ray_direction[n, 2] = dx, dy, dz
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def apply_answers(
+    rows, ray_block, ray_target, blocked, doubt, bits, horizon, neighbours, asked, next_block, next_target
+):
     """Store traced answers; where one contradicts the guess, ask its neighbours that now disagree (OPT flooding).
 
-    Where there was no guess (`doubt`) every answer counts as a contradiction [BenArtzi07, 8.8.1]. On return `todo`
-    holds the next round.
+    Where there was no guess (`doubt`) every answer counts as a contradiction [BenArtzi07, 8.8.1]. `asked` (B, words)
+    marks what has been asked so far. Lists the next round and returns its number of rays.
     """
-    todo[:] = np.uint64(0)
+    n_next = 0
     for i in range(ray_block.shape[0]):
         b, t = ray_block[i], ray_target[i]
-        traced[b, t >> 6] |= _ONE << np.uint64(t & 63)
-    for i in range(ray_block.shape[0]):
-        b, t = ray_block[i], ray_target[i]
-        r = rows[b]
+        mine, above, known = bits[rows[b]], horizon[b], asked[b]
         w = t >> 6
         bit = _ONE << np.uint64(t & 63)
         seen = not blocked[i]
-        contradicts = (doubt[b, w] & bit) != np.uint64(0) or (seen != ((bits[r, w] & bit) != np.uint64(0)))
+        contradicts = (doubt[b, w] & bit) != np.uint64(0) or (seen != ((mine[w] & bit) != np.uint64(0)))
         if seen:
-            bits[r, w] |= bit
+            mine[w] |= bit
         else:
-            bits[r, w] &= ~bit
+            mine[w] &= ~bit
         if not contradicts:
             continue
         for k in range(neighbours.shape[1]):
             m = neighbours[t, k]
-            if m < 0:
-                continue
-            v = m >> 6
-            mbit = _ONE << np.uint64(m & 63)
-            if not (horizon[b, v] & mbit) or (traced[b, v] & mbit):
-                continue
-            if seen != ((bits[r, v] & mbit) != np.uint64(0)):
-                todo[b, v] |= mbit
+            if m >= 0 and _bit(above, m) and not _bit(known, m) and seen != _bit(mine, m):
+                known[m >> 6] |= _ONE << np.uint64(m & 63)
+                next_block[n_next], next_target[n_next] = b, m
+                n_next += 1
+    return n_next

@@ -16,10 +16,11 @@ import numpy as np
 from engine.light.emitters import EmitterPatches
 from engine.light.lights import TriangleLights
 from engine.transport._projection_kernels import Patches, Sky
-from engine.transport.visibility import VISIBILITY_LEVEL, WEAK_STEP, Targets
+from engine.transport.visibility import VISIBILITY_LEVEL, Targets
 
 FLOOD_NEIGHBOURS = 6
 PATCH_SENTINELS = 8
+FINE_SENTINELS = 4
 # Above so many points a tree finds neighbours sooner than all pairs do, the import of its library (0.3 s) included.
 TREE_PAYS_FROM = 2048
 _PAIRS_AT_ONCE = 1 << 22
@@ -88,7 +89,11 @@ def _sky(sky: TriangleLights | None, unit: float, own_rays: bool) -> tuple[Sky, 
     directions = np.ascontiguousarray(sky_centre[is_fine], np.float32)
     parents = None if own_rays else first[is_fine].astype(np.int32)
     neighbours = nearest_neighbours(directions)
-    return lights, Targets(directions, np.zeros_like(directions), neighbours, parents=parents, weak_step=WEAK_STEP)
+    targets = Targets(
+        directions, np.zeros_like(directions), neighbours,
+        parents=parents, weak_step=FINE_SENTINELS, weakest_step=FINE_SENTINELS,
+    )  # fmt: skip
+    return lights, targets
 
 
 def _patches(patches: EmitterPatches | None, unit: float) -> tuple[Patches, Targets]:
@@ -108,8 +113,9 @@ def _patches(patches: EmitterPatches | None, unit: float) -> tuple[Patches, Targ
     centres = np.ascontiguousarray(patches.centre, np.float32)
     neighbours = nearest_neighbours(centres)
     targets = Targets(
-        centres, normals, neighbours, finite=True, sentinel_step=PATCH_SENTINELS, weak_step=PATCH_SENTINELS
-    )
+        centres, normals, neighbours, finite=True,
+        sentinel_step=PATCH_SENTINELS, weak_step=PATCH_SENTINELS, weakest_step=PATCH_SENTINELS,
+    )  # fmt: skip
     return lights, targets
 
 

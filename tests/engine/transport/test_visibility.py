@@ -11,6 +11,7 @@ from engine.scene.builtin import builtin_scenes
 from engine.scene.load import load_scene
 from engine.scene.raycaster import RayCaster
 from engine.sphere.geodesic import geodesic, locate
+from engine.transport import _visibility_kernels as kernels
 from engine.transport.lighting import nearest_neighbours, prepare_lighting
 from engine.transport.pipeline import Placement
 from engine.transport.visibility import (
@@ -133,6 +134,54 @@ def test_coherence_on_the_bunny(shared_reference: Path) -> None:
     assert wrong <= 2e-4 and traced < 0.12
 
 
+@pytest.mark.parametrize("n_targets", [5, 64, 100, 320])
+def test_the_horizon_of_groups_is_that_of_each_direction(n_targets: int) -> None:
+    # Groups of neighbouring triangles are decided at once; scattered directions, and those of a last short group, not.
+    random = np.random.default_rng(n_targets)
+    scattered = random.normal(size=(n_targets, 3))
+    normal = random.normal(size=(200, 3))
+    normal = (normal / np.linalg.norm(normal, axis=1, keepdims=True)).astype(np.float32)
+    for directions in (geodesic(2).centres[:n_targets], scattered):
+        centres = np.ascontiguousarray(directions / np.linalg.norm(directions, axis=1, keepdims=True), np.float32)
+        targets = Targets(centres, np.zeros_like(centres), nearest_neighbours(centres))
+        found = np.empty((200, targets.n_words), np.uint64)
+        kernels.horizon_bits(np.arange(200), normal, normal, centres, targets.normals, False, targets.cones, found)
+        expected = np.zeros((200, 64 * targets.n_words), bool)
+        expected[:, :n_targets] = normal @ centres.T > 0.0
+        unpacked = np.unpackbits(found.view(np.uint8), axis=1, bitorder="little").astype(bool)
+        np.testing.assert_array_equal(unpacked, expected)
+
+
+@pytest.mark.parametrize("n_informers", [0, 1, 2, 3, 4])
+def test_a_guess_counts_the_votes(n_informers: int) -> None:
+    # Target by target, counted with ones and zeros; without neighbours there is no boundary to mark.
+    random = np.random.default_rng(n_informers)
+    bits, horizon, believed, always, weak, weakest = random.integers(0, 1 << 63, (6, 5, 2), dtype=np.uint64)
+    always, weak, weakest, believed = always[0], weak[0], weakest[0], believed[0]
+    informers = np.full((1, 4), -1, np.int32)
+    informers[0, :n_informers] = random.permutation(4)[:n_informers]
+    before, todo, doubt = bits.copy(), np.zeros((1, 2), np.uint64), np.zeros((1, 2), np.uint64)
+    row, alone = np.array([4]), np.full((128, 3), -1, np.int32)
+    kernels.predict(row, informers, bits, horizon[:1], believed, always, weak, weakest, alone, todo, doubt)
+
+    def unpacked(words: np.ndarray) -> np.ndarray:
+        return np.unpackbits(np.ascontiguousarray(words).view(np.uint8), bitorder="little").astype(bool)
+
+    above, votes = unpacked(horizon[0]), np.zeros(128, int)
+    for informer in informers[0, :n_informers]:
+        votes += unpacked(before[informer])
+    if n_informers < 2:
+        guess, asked, unsure = above & False, above, above & False
+    else:
+        guess, unsure = votes > n_informers / 2, votes == n_informers / 2
+        sentinels = unpacked({2: weakest, 3: weak, 4: always}[n_informers])
+        trusted = (votes == 3) & unpacked(believed) if n_informers == 4 else above & False
+        asked = (votes > 0) & (votes < n_informers) & ~trusted | sentinels
+    for found, expected in ((bits[4], guess), (todo[0], asked), (doubt[0], unsure)):
+        np.testing.assert_array_equal(unpacked(found), expected & above)
+    np.testing.assert_array_equal(bits[:4], before[:4])
+
+
 def test_every_pixel_has_its_turn_once(placement: Placement) -> None:
     # Square and diamond steps from every 16th pixel to each; informers stand on the same object, not on others.
     rows = np.concatenate([step.rows for step in grid_steps(placement.hits)])
@@ -203,13 +252,14 @@ def test_the_sphere_says_where_neighbours_agree_on_what_is_wrong(placement: Plac
 
 def test_sentinels_find_what_the_points_around_miss() -> None:
     # Every eighth patch is always asked, whatever the neighbours agree on; of the sphere, where the neighbours are few,
-    # the middle one of every four.
+    # the middle one of every sixteen or 64.
     def marked(targets: Targets, step: int) -> np.ndarray:
         return np.flatnonzero(np.unpackbits(targets.sentinels(step).view(np.uint8), bitorder="little"))
 
     patches, sphere = patches_above(40), sphere_targets(2)
     np.testing.assert_array_equal(marked(patches, patches.sentinel_step), [7, 15, 23, 31, 39])
-    np.testing.assert_array_equal(marked(sphere, sphere.weak_step), np.arange(3, 320, 4))
+    np.testing.assert_array_equal(marked(sphere, sphere.weak_step), np.arange(63, 320, 64))
+    np.testing.assert_array_equal(marked(sphere, sphere.weakest_step), np.arange(15, 320, 16))
     assert not len(marked(sphere, sphere.sentinel_step))
 
 
