@@ -5,6 +5,7 @@ import pytest
 
 from app.commands import AddOperator, SetEnvironment, SetParameter, SetRotation, SetVisible
 from app.editor import Editor, RenderReport
+from app.indirect import IndirectTalk
 from app.jobs.messages import Contract, Failed, LayerPicture
 from app.picture import ComparedRefined
 from app.view_state import SetView
@@ -73,15 +74,16 @@ def test_a_follows_b_as_long_as_they_are_alike(early: Editor, client: FakeClient
     assert asked_for_a(client) == []
 
 
-def test_with_indirect_light_an_a_of_other_curves_stays_as_it_is(early: Editor, client: FakeClient) -> None:
+def test_with_indirect_light_an_a_of_other_curves_stays_as_it_is(
+    early: Editor, client: FakeClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
     early.do(LIFT)
-    client.finish_stage("final", exact=True)
-    early.tick(1.0)
-    comparison, talk, for_b = early._comparison, early._negotiator, len(asked_for_a(client))
-    assert comparison.update(1.1, early.document, talk, early.view.n_lights, exact=True, has_indirect=True) == []
-    assert len(asked_for_a(client)) == for_b and not early.status.compared_exact
-    comparison.update(1.1, early.document, talk, early.view.n_lights, exact=True)
-    assert len(asked_for_a(client)) == for_b + 1
+    with monkeypatch.context() as patched:
+        patched.setattr(IndirectTalk, "is_shown", True)
+        assert finish_edited(early, client) == []
+        assert asked_for_a(client) == [] and not early.status.compared_exact
+    refined(early, 1.3)
+    assert len(asked_for_a(client)) == 1
 
 
 def test_layers_edited_meanwhile_are_asked_for(early: Editor, client: FakeClient) -> None:
