@@ -97,3 +97,21 @@ for name in {window_side_modules()!r}:
 """
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
+
+
+def test_the_first_curve_imports_nothing() -> None:
+    """What a library imports when first called would hold up the window's thread just when the scene arrives."""
+    program = """
+import sys
+from engine.curve.operators import Operator
+from engine.material import MODELS, make_layer
+layer = make_layer(MODELS["rough_conductor"])
+factor = layer.model.factors[0].name
+there = set(sys.modules)
+layer.with_operators(factor, (Operator("amplify", "y", 0.1, 0.2, 0.4, 0.5, 2.0),)).coefficients(factor, 64)
+came = sorted(set(sys.modules) - there)
+if came:
+    sys.exit(f"imported by a curve's first evaluation: {', '.join(came)}")
+"""
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr

@@ -28,6 +28,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.curve.ascending import ascending
 from engine.curve.wavelet import check_band_count
 
 Array = NDArray[np.float64]
@@ -49,6 +50,12 @@ _NODES = np.array([-0.9604912687080203, -0.7745966692414834, -0.4342437493468026
 _KRONROD = 0.5 * np.array([0.1046562260264673, 0.2684880898683334, 0.4013974147759622, 0.4509165386584741,
                            0.4013974147759622, 0.2684880898683334, 0.1046562260264673])  # fmt: skip
 _GAUSS = 0.5 * np.array([0.0, 5.0 / 9.0, 0.0, 8.0 / 9.0, 0.0, 5.0 / 9.0, 0.0])
+
+# Gauss' rule of eight points, as numpy.polynomial.legendre.leggauss(8) has it: importing that would hold the window up.
+_EIGHT_NODES = np.array([-0.9602898564975362, -0.7966664774136267, -0.525532409916329, -0.18343464249564978,
+                         0.18343464249564978, 0.525532409916329, 0.7966664774136267, 0.9602898564975362])  # fmt: skip
+_EIGHT_WEIGHTS = 0.5 * np.array([0.10122853629037706, 0.22238103445337443, 0.3137066458778869, 0.36268378337836166] * 2)
+_EIGHT_WEIGHTS[4:] = _EIGHT_WEIGHTS[3::-1]
 
 # Where in an interval its range is looked for: just inside the ends, since a curve may jump there.
 _RANGE_SAMPLES = np.array([1e-9, 0.25, 0.5, 0.75, 1.0 - 1e-9])
@@ -118,7 +125,7 @@ def _partition(n_bands: int, domain: float, features: tuple[float, ...]) -> Arra
     n_grades = max(0, math.ceil(math.log2(nodes[0] / FINEST_GRADE)))
     inner = np.array([f for f in features if 0.0 < f < domain], dtype=float)
     grades = nodes[0] * 0.5 ** np.arange(1, n_grades + 1)
-    return np.unique(np.concatenate([np.array([0.0, domain]), nodes, grades, inner]))
+    return ascending(np.concatenate([np.array([0.0, domain]), nodes, grades, inner]))
 
 
 def _integrate(
@@ -146,9 +153,8 @@ def _by_cell(shares: Array, cell: NDArray[np.intp], n_bands: int) -> Array:
 def _mass_matrix(n_bands: int, domain: float, by_solid_angle: bool) -> Array:
     """The integrals of the products of every two hats, (J, J); by Gauss' rule over each cell."""
     edges = np.concatenate([[0.0], band_nodes(n_bands, domain), [domain]])
-    at, rule = np.polynomial.legendre.leggauss(8)
-    gamma = (edges[:-1, None] + np.diff(edges)[:, None] * (0.5 + 0.5 * at)).ravel()
-    weight = (0.5 * np.diff(edges)[:, None] * rule).ravel() * (np.sin(gamma) if by_solid_angle else 1.0)
+    gamma = (edges[:-1, None] + np.diff(edges)[:, None] * (0.5 + 0.5 * _EIGHT_NODES)).ravel()
+    weight = (np.diff(edges)[:, None] * _EIGHT_WEIGHTS).ravel() * (np.sin(gamma) if by_solid_angle else 1.0)
     cell, rising = _place(gamma, n_bands, domain)
     above = np.minimum(cell + 1, n_bands - 1)
     mass = np.zeros((n_bands, n_bands))

@@ -27,6 +27,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.curve.ascending import ascending
 from engine.curve.falloff import STEEPEST, STEP_WIDTH, lever_extremes, smooth_step
 
 Array = NDArray[np.float64]
@@ -272,7 +273,7 @@ class EditedCurve:
             if operator.axis == "x":
                 places = np.concatenate([places, _came_from(operator, places)])
             places = np.concatenate([places, operator.regions])
-        return tuple(np.unique(places[(places > 0.0) & (places < HALF_PI)]).tolist())
+        return tuple(ascending(places[(places > 0.0) & (places < HALF_PI)]).tolist())
 
 
 def apply_operators(operators: Sequence[Edit], curve: Curve) -> EditedCurve:
@@ -289,7 +290,7 @@ def collapse(operators: Sequence[Edit], curve: Curve, tolerance: float = 1e-4, m
     ends = np.array([0.0, HALF_PI, *edited.features])
     spread = np.concatenate([np.linspace(0.0, HALF_PI, 65), HALF_PI * 0.5 ** np.arange(1, 18)])
     steps = np.concatenate([ends - STEP_WIDTH, ends, ends + STEP_WIDTH])
-    gamma = np.unique(np.clip(np.concatenate([spread, steps]), 0.0, HALF_PI))
+    gamma = ascending(np.clip(np.concatenate([spread, steps]), 0.0, HALF_PI))
     values = edited(gamma)
     while gamma.size < most:
         middle = 0.5 * (gamma[1:] + gamma[:-1])

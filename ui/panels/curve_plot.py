@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
+from engine.curve.ascending import ascending
 from engine.curve.operators import Operator, strength
 from ui import theme as look
 from ui.panels.context import PanelContext
@@ -110,7 +111,7 @@ def sample_angles(frame: Frame, features: tuple[float, ...]) -> np.ndarray:
     low, high = frame.x.low, frame.x.high
     even = np.linspace(low, high, max(2, round((frame.x.end - frame.x.start) / 1.5)))
     sharp = np.array([f for f in features if low < f < high])
-    return np.unique(np.concatenate([even, sharp, np.clip(sharp - 1e-9, low, high), np.clip(sharp + 1e-9, low, high)]))
+    return ascending(np.concatenate([even, sharp, np.clip(sharp - 1e-9, low, high), np.clip(sharp + 1e-9, low, high)]))
 
 
 def draw_generated(frame: Frame, gamma: np.ndarray, values: np.ndarray, scale: float) -> None:
@@ -156,7 +157,7 @@ def draw_regions(context: PanelContext, frame: Frame, hand: Hand, held: str | No
 
 def _shade(draw: imgui.ImDrawList, frame: Frame, operator: Operator) -> None:
     a, b, c, d = operator.regions
-    edges = np.unique(np.concatenate([np.linspace(a, b, STRIPS), np.linspace(c, d, STRIPS)]))
+    edges = ascending(np.concatenate([np.linspace(a, b, STRIPS), np.linspace(c, d, STRIPS)]))
     weights = strength(operator, edges)
     pixels = np.clip(frame.x.to_pixels(edges), frame.x.start, frame.x.end)
     for k in range(len(edges) - 1):
