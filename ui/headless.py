@@ -60,6 +60,10 @@ class HeadlessWindow:
         self._time += FRAME_SECONDS
         return self.shell.idle(self._time) if telling else self.shell.take(self._time)
 
+    def prepare(self) -> None:
+        """Bring the picture up to date, as a window does before it draws what the worker brought."""
+        self.shell.prepare()
+
     def draw(self) -> FrameResult:
         """Draw what is there."""
         started = time.perf_counter()
@@ -91,6 +95,7 @@ class HeadlessWindow:
     def step(self, busy: bool) -> bool:
         """One step of waiting: a look, and a frame if it is needed or the last was `busy`; whether this one is."""
         if self.look() or busy:
+            self.prepare()
             return self.draw().busy
         time.sleep(LOOK_SECONDS)
         return False

@@ -273,9 +273,12 @@ def start(source: str) -> None:
             time.sleep(LOOK_SECONDS)
             continue
         began = time.monotonic()
+        window.prepare()
+        prepared = time.monotonic()
         busy = window.draw().busy
         if times is not None:
-            times.blocked(time.monotonic() - began, editor.scene_is_open)
+            times.blocked(prepared - began, editor.scene_is_open)
+            times.blocked(time.monotonic() - prepared, editor.scene_is_open)
             times.frame_shown(editor.scene_is_open, editor.status)
         if feed is None:
             feed = PictureFeed(PlacementRenderer(window.context))

@@ -4,10 +4,10 @@
     draw: document ─► gains, view curves, visibility, curve coefficients ─► renderer.update ─► display texture
           renderer's report ─► editor.report_rendering
 
-`draw` is part of a frame, `take` comes between two of them, so that the hand is heard in the meantime. Everything slow
-is sliced: answers are taken for a few milliseconds and the rest the next time, an upload under way takes part of the
-frame's time, coefficients what is left. Before there is a scene `take` rehearses, after which no shader is left to
-compile.
+`draw` is part of a frame where the hand does something, else a step before it; `take` comes between two frames: so the
+hand is heard in the meantime. Everything slow is sliced: answers are taken for a few milliseconds and the rest the next
+time, an upload under way takes part of the frame's time, coefficients what is left. Before there is a scene `take`
+rehearses, after which no shader is left to compile.
 """
 
 from __future__ import annotations

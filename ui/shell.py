@@ -1,10 +1,11 @@
 """One frame of the window: the same code behind a GLFW window and in a framebuffer without a display.
 
     events ─► panels (draw, return actions) ─► actions carried out ─► picture ─► pixels
-    between two frames: the worker's answers
+    between two frames: the worker's answers, and the picture where the hand is still
 
 The order within a frame puts the hand first: what it did is in the document before the picture is brought up to date,
-so a drag and its picture are in the same frame.
+so a drag and its picture are in the same frame. What only the worker changed is drawn before the frame, in a step of
+its own: the hand is heard before and after it, where picture and panels together would hold it up for too long.
 """
 
 from __future__ import annotations
@@ -113,8 +114,11 @@ class Shell:
         self.theme = theme.apply(scale)
         self._layout_file = layout_file
         self._rebuild_layout = not layout.load(layout_file, scale)
+        self._gl = context
         self._interface = InterfaceRenderer(context)
         self._frame_ms = 0.0
+        self._prepared: bool | None = None
+        self._prepared_ms = 0.0
         self._last_frame = clock()
         self._last_input = -math.inf
         self._n_frames = 0
@@ -141,8 +145,12 @@ class Shell:
         self.inputs += 1
 
     def note_frame_time(self, milliseconds: float) -> None:
-        """How long the last frame took until it was on screen; the next one is planned by it, and panels show it."""
-        self._frame_ms = milliseconds
+        """How long the last frame took until it was on screen, `prepare` not counted.
+
+        The next one is planned by the time of both, and panels show it.
+        """
+        self._frame_ms = milliseconds + self._prepared_ms
+        self._prepared_ms = 0.0
 
     def offer_recovery(self, recovery: Recovery) -> None:
         """Show a strip over the picture that offers what a journal kept."""
@@ -181,7 +189,9 @@ class Shell:
         outcome = self.actor.perform(actions, self.state, now)
         self.state = outcome.state
         self._rebuild_layout = outcome.reset_layout
-        working = self._draw_picture()
+        prepared, self._prepared = self._prepared, None
+        hand_first = prepared is None or bool(actions) or self._hand_is_busy
+        working = self._draw_picture() if hand_first else bool(prepared)
         target.use()
         target.clear(*theme.BACKDROP)
         self._interface.render(target)
@@ -196,12 +206,26 @@ class Shell:
         """As `idle`, but without regard to what only the panels would tell."""
         return self.source is not None and self.source.take(self.editor, now)
 
+    def prepare(self) -> None:
+        """Before a frame, where the hand is still: bring the picture up to date, and wait until it is."""
+        if self.source is None or self._hand_is_busy:
+            return
+        started = time.perf_counter()
+        self._prepared = self.source.draw(self.editor, self._frame_ms)
+        self._gl.finish()
+        self._prepared_ms = 1e3 * (time.perf_counter() - started)
+
     def close(self) -> None:
         """Remember the layout and free what was made here."""
         imgui.set_current_context(self._imgui)
         layout.save(self._layout_file, self.theme.scale)
         self._interface.release()
         imgui.destroy_context(self._imgui)
+
+    @property
+    def _hand_is_busy(self) -> bool:
+        """Whether a drag is under way, whose frames are to hold its picture."""
+        return self.editor.history.dragging or self.state.grip is not None
 
     def _draw_picture(self) -> bool:
         """Bring the picture up to date; textures that were replaced since the panels drew are drawn in their stead."""
@@ -287,8 +311,7 @@ class Shell:
 
     def _gesture_cancelled(self) -> bool:
         """Whether Esc was pressed in mid-drag: what the panels ask for in this frame belongs to the drag, and goes."""
-        under_way = self.editor.history.dragging or self.state.grip is not None
-        return under_way and imgui.is_key_pressed(imgui.Key.escape, False)
+        return self._hand_is_busy and imgui.is_key_pressed(imgui.Key.escape, False)
 
     def _remember_layout(self) -> None:
         if self._io.want_save_ini_settings:

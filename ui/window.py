@@ -4,6 +4,7 @@ The order of a start: the worker begins to import, the window shows its first fr
 and rehearses.
 While nothing happens the loop waits for events and looks at the worker's answers twenty times a second without drawing
 (oftener before the first picture), so that the processors are the worker's.
+What the worker brought is taken, brought into the picture and shown in three steps, events being heard between them.
 """
 
 from __future__ import annotations
@@ -130,6 +131,8 @@ def _core_hints(require: int) -> None:
     glfw.window_hint(glfw.CONTEXT_VERSION_MINOR, require // 10 % 10)
     glfw.window_hint(glfw.OPENGL_PROFILE, glfw.OPENGL_CORE_PROFILE)
     glfw.window_hint(glfw.OPENGL_FORWARD_COMPAT, True)
+    glfw.window_hint(glfw.DEPTH_BITS, 0)  # nothing of ours is tested for depth; clearing it took a tenth of a frame
+    glfw.window_hint(glfw.STENCIL_BITS, 0)
     glfw.window_hint(glfw.SCALE_TO_MONITOR, True)
 
 
@@ -188,7 +191,7 @@ class Window:
             if result.busy:
                 self._take_events(glfw.poll_events)
                 self._look(time.monotonic())
-                self._take_events(glfw.poll_events)
+                self._prepare()
                 continue
             draw_at = time.monotonic() + (result.redraw_in if result.redraw_in is not None else 1e9)
             self._sleep(draw_at)
@@ -233,7 +236,7 @@ class Window:
             if now >= draw_at:
                 return
             if self._look(now):
-                self._take_events(glfw.poll_events)
+                self._prepare()
                 return
             self._take_events(glfw.wait_events_timeout, max(min(self._pause(), draw_at - now), 0.001))
 
@@ -258,6 +261,15 @@ class Window:
         if self._times is not None:
             self._times.blocked(time.monotonic() - now, self.editor.scene_is_open)
         return found
+
+    def _prepare(self) -> None:
+        """Bring the picture up to date before the frame that shows it; events are taken before and after."""
+        self._take_events(glfw.poll_events)
+        started = time.monotonic()
+        self.shell.prepare()
+        if self._times is not None:
+            self._times.blocked(time.monotonic() - started, self.editor.scene_is_open)
+        self._take_events(glfw.poll_events)
 
     def _save(self, file: Path, size: tuple[int, int]) -> None:
         data = self._context.screen.read(viewport=(0, 0, *size), components=3, alignment=1)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import pytest
+from imgui_bundle import imgui
 
+from app.editor import Editor
 from app.jobs.messages import Failed, Progress
 from tests.ui.stand_in import StandInClient
 from ui.headless import HeadlessWindow
@@ -49,3 +51,52 @@ def test_a_window_nobody_touches_asks_for_no_frames(window: HeadlessWindow, clie
     window.shell.note_change()  # it was uncovered: one frame, and no more after it
     result = window.frame()
     assert not result.busy and result.redraw_in is None
+
+
+def test_what_the_worker_changed_is_drawn_in_a_step_of_its_own(
+    window: HeadlessWindow, client: StandInClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn = _count_pictures(window, monkeypatch)
+    window.prepare()
+    assert len(drawn) == 1
+    window.draw()
+    assert len(drawn) == 1  # the frame shows what was prepared
+    window.draw()
+    assert len(drawn) == 2  # and the next one is a frame like any other
+
+
+def test_the_hand_s_own_change_is_in_the_frame_that_took_it(
+    window: HeadlessWindow, client: StandInClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    x, y = window.shell.handle_position("curve.magnitude")
+    window.move(x, y)
+    window.press()
+    drawn = _count_pictures(window, monkeypatch)
+    window.prepare()
+    assert not drawn  # a drag is under way: picture and panels go together
+    window.move(x, y - 40)
+    assert len(drawn) == 1
+    window.release()
+    drawn.clear()
+    window.prepare()
+    window.shell.note_input()
+    window.shell.io.add_key_event(imgui.Key.mod_ctrl, True)
+    window.shell.io.add_key_event(imgui.Key.z, True)
+    window.draw()
+    assert len(drawn) == 2  # undo came after the picture had been prepared
+    for key in (imgui.Key.z, imgui.Key.mod_ctrl):
+        window.hold(key, False)
+
+
+def _count_pictures(window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """A list that grows with each picture that is brought up to date."""
+    source = window.shell.source
+    assert source is not None
+    real, drawn = source.draw, list[float]()
+
+    def draw(editor: Editor, last_frame_ms: float) -> bool:
+        drawn.append(last_frame_ms)
+        return real(editor, last_frame_ms)
+
+    monkeypatch.setattr(source, "draw", draw)
+    return drawn
