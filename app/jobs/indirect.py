@@ -27,6 +27,7 @@ from engine.indirect.curves import LayerCurves
 from engine.indirect.irradiance import NOBODY
 from engine.indirect.layers import IndirectLayer, albedos_of
 from engine.indirect.light import IndirectLight
+from engine.indirect.reflection import Fans
 from engine.indirect.solver import FINE, ROUGH, Fineness, Solver, relit
 from engine.material import MODELS
 from engine.render.bounces import planned_bounces
@@ -56,12 +57,14 @@ class IndirectTasks:
         self._found: _Found | None = None
         self._wish: Freeze | None = None
         self._noise_told = 0
+        self._fans: dict[int, Fans] = {}
         self._number = 0
 
     @property
     def n_bytes(self) -> int:
-        """Memory of what was found."""
-        return 0 if self._found is None else self._found.light.n_bytes
+        """Memory of what was found, and of what freezings keep."""
+        kept = sum(fans.n_bytes for fans in self._fans.values())
+        return kept + (0 if self._found is None else self._found.light.n_bytes)
 
     def forget_wish(self) -> None:
         """Another transport was asked for: its freezing comes after it."""
@@ -114,6 +117,8 @@ class IndirectTasks:
 
     def _hold(self, found: _Found) -> Steps:
         self._number += 1
+        if self._found is None or self._found.light.points.gathered is not found.light.points.gathered:
+            self._fans.clear()
         self._found = found = replace(found, number=self._number)
         yield self._where(found)
         if self._wish is not None:
@@ -132,7 +137,8 @@ class IndirectTasks:
         yield None
         reflected, bands = {}, np.zeros((3, 0, light.matt.shape[1], 0), np.float32)
         for i_object in sorted({layer.i_object for layer in layers.values()}):
-            fans = found.light.points.fans(i_object)
+            fans = self._fans.get(i_object) or found.light.points.fans(i_object, keeps=True)
+            self._fans[i_object] = fans
             own = {key: layer for key, layer in layers.items() if layer.i_object == i_object}
             selected = own.pop(wish.key or "", None) if wish.factor is not None else None
             for key, part in zip(own, fans.reflected([own[key].curves for key in own], light), strict=True):

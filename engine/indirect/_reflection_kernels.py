@@ -14,6 +14,7 @@ from engine.material._kernels import gamma, quotient_cosine
 CONSTANT = -2
 HALF_PI = np.float32(math.pi / 2)
 ZERO, ONE, HALF_BAND = np.float32(0.0), np.float32(1.0), np.float32(0.5)
+CODES = np.float32(65535.0)
 
 
 class Optics(NamedTuple):
@@ -28,9 +29,22 @@ class Optics(NamedTuple):
     curve_b: np.ndarray
 
 
+class Aimed(NamedTuple):
+    """How a layer weighs the rays of points from number `base` on, but for its curves: scales (p',) times the squares
+    of roots (p', R) uint16, 0 for rays that bring nothing, and angles (A, p', R) that its curves take, A = 0, 1 or 2.
+
+    Roots, because weights are smallest where rays are dense, and there curves are highest.
+    """
+
+    roots: np.ndarray
+    scales: np.ndarray
+    angles: np.ndarray
+    base: int
+
+
 class Second(NamedTuple):
     """What glossy surfaces send back along some of the rays, as radiosity: start (p + 1,) of each point's numbers, ray
-    (n,) of the fan, and light (n', D, 3), which begins with number `base`."""
+    (n,) of the fan, and light (n', D, 4), which begins with number `base`."""
 
     start: np.ndarray
     ray: np.ndarray
@@ -114,123 +128,124 @@ def _ray(fans, i, m, pattern, cosine, sine, ox, oy, oz):
     return fan_direction(fans.tables_pole[pattern], m - n_cosine, False, cosine, sine, fans.poles[i], ox, oy, oz)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _add_recorded(second, e, last, m, seen, light):
-    """What is recorded for ray m, if anything is, on top of the radiosity (D, 3) of the cell seen, into light (D, 3).
-
-    Returns the next number to look at, and whether there was something.
-    """
-    while e < last and second.ray[e] < m:
-        e += 1
-    if e == last or second.ray[e] != m:
-        return e, False
-    for n in range(seen.shape[0]):
-        for c in range(3):
-            light[n, c] = seen[n, c] + second.light[e - second.base, n, c]
-    return e, True
-
-
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def reflect(fans, begin, end, optics, radiosity, second, out):
-    """What points [begin, end) reflect towards the eye, (p, D, 3), of radiosity (C, D, 3), with the curves as they are.
-
-    Without f_q and f_o.
-    """
-    n_a, n_b, n_powers = optics.curve_a.shape[0], optics.curve_b.shape[0], radiosity.shape[1]
+def aim(fans, begin, end, optics, aimed):
+    """How points [begin, end) weigh what their rays bring, whatever the curves: into `aimed`."""
+    n_angles = aimed.angles.shape[0]
     n_cosine, n_pole = np.float32(fans.tables_cosine.shape[1]), np.float32(fans.tables_pole.shape[1])
     scale = (ONE if fans.half < 0 else np.float32(2.0)) / np.float32(math.pi)
-    light = np.empty((n_powers, 3), np.float32)
+    weights = np.empty(fans.seen.shape[1], np.float32)
     for i in range(begin, end):
-        r = fans.rows[i]
-        out[i] = ZERO
-        e, last = second.start[i], second.start[i + 1]
+        r, at = fans.rows[i], i - aimed.base
         ox, oy, oz = local_eye(fans.tangent[r], fans.normal[r], fans.wo[r])
         seed, cosine, sine = turn_of(r)
         pattern = np.int64(seed & np.uint64(fans.tables_cosine.shape[0] - 1))
+        weights[:] = ZERO
+        most = ZERO
         for m in range(fans.seen.shape[1]):
-            cell = fans.seen[i, m]
-            if cell == NO_CELL or not _counts(fans, m):
+            if fans.seen[i, m] == NO_CELL or not _counts(fans, m):
                 continue
             x, y, z = _ray(fans, i, m, pattern, cosine, sine, ox, oy, oz)
             weight = np.float32(quotient_cosine(optics.model, optics.q, x, y, z, ox, oy, oz))
             if z <= HORIZON or weight <= ZERO:
                 continue
-            weight *= scale / fan_density(n_cosine, n_pole, fans.poles[i], x, y, z, ox, oy, oz)
-            j, t = 0, ZERO
-            if optics.kind_a != CONSTANT:
+            if n_angles > 0:
                 angle = gamma(optics.kind_a, optics.q, x, y, z, ox, oy, oz)
                 if angle > HALF_PI:
                     continue
-                j, t = _node(angle, n_a)
-            e, recorded = _add_recorded(second, e, last, m, radiosity[cell], light)
-            lit = light if recorded else radiosity[cell]
-            j1 = min(j + 1, n_a - 1)
-            k, u, k1 = 0, ZERO, 0
-            if optics.kind_b >= 0:
+                aimed.angles[0, at, m] = angle
+            if n_angles > 1:
                 angle = gamma(optics.kind_b, optics.q, x, y, z, ox, oy, oz)
                 if angle > HALF_PI:
                     continue
-                k, u = _node(angle, n_b)
-                k1 = min(k + 1, n_b - 1)
-            for channel in range(3):
-                value = weight * ((ONE - t) * optics.curve_a[j, channel] + t * optics.curve_a[j1, channel])
-                if optics.kind_b >= 0:
-                    value *= (ONE - u) * optics.curve_b[k, channel] + u * optics.curve_b[k1, channel]
-                for n in range(n_powers):
-                    out[i, n, channel] += value * lit[n, channel]
+                aimed.angles[1, at, m] = angle
+            weights[m] = weight * scale / fan_density(n_cosine, n_pole, fans.poles[i], x, y, z, ox, oy, oz)
+            most = max(most, weights[m])
+        aimed.scales[at] = most / (CODES * CODES)
+        inverse = ONE / most if most > ZERO else ZERO
+        for m in range(weights.shape[0]):
+            aimed.roots[at, m] = np.uint16(np.sqrt(weights[m] * inverse) * CODES + HALF_BAND)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
+def _times_curve(angle, curve, value):
+    """Multiply value (4,) by a curve (J, 3) at an angle."""
+    j, t = _node(angle, curve.shape[0])
+    above = min(j + 1, curve.shape[0] - 1)
+    for channel in range(3):
+        value[channel] *= curve[j, channel] + t * (curve[above, channel] - curve[j, channel])
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
+def add_product(value, light, total):
+    """total (D, 4) += value (4,) · light (D, 4): all is read before anything is written, so that it is one instruction
+    a power."""
+    a, b, c, d = value[0], value[1], value[2], value[3]
+    for n in range(total.shape[0]):
+        red, green, blue, none = light[n, 0], light[n, 1], light[n, 2], light[n, 3]
+        red, green = total[n, 0] + a * red, total[n, 1] + b * green
+        blue, none = total[n, 2] + c * blue, total[n, 3] + d * none
+        total[n, 0], total[n, 1], total[n, 2], total[n, 3] = red, green, blue, none
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def reflect_bands(fans, begin, end, optics, of_a, radiosity, second, out):
-    """As `reflect`, by band of one of the curves, out (3, J, D, p): of the first where of_a; the other is as it is."""
-    n_a, n_b, n_powers = optics.curve_a.shape[0], optics.curve_b.shape[0], radiosity.shape[1]
-    n_bands = n_a if of_a else n_b
-    n_cosine, n_pole = np.float32(fans.tables_cosine.shape[1]), np.float32(fans.tables_pole.shape[1])
-    scale = (ONE if fans.half < 0 else np.float32(2.0)) / np.float32(math.pi)
-    bands = np.empty((n_bands + 1, n_powers, 3), np.float32)
-    light = np.empty((n_powers, 3), np.float32)
+def reflect(fans, begin, end, optics, aimed, radiosity, second, out):
+    """What points [begin, end) reflect towards the eye, (p, D, 3), of radiosity (C, D, 4), with the curves as they are.
+
+    Without f_q and f_o. aimed: of the same points and optics, with as many angles as the curves have; none where the
+    only curve is the same at all angles.
+    """
+    n_angles, n_powers = aimed.angles.shape[0], radiosity.shape[1]
+    values, total = np.zeros((fans.seen.shape[1], 4), np.float32), np.empty((n_powers, 4), np.float32)
     for i in range(begin, end):
-        r = fans.rows[i]
+        at = i - aimed.base
+        total[:] = ZERO
+        for m in range(fans.seen.shape[1]):
+            root = np.float32(aimed.roots[at, m])
+            weight = root * root * aimed.scales[at]
+            for channel in range(3):
+                values[m, channel] = weight * (optics.curve_a[0, channel] if n_angles == 0 else ONE)
+            if weight > ZERO:
+                if n_angles > 0:
+                    _times_curve(aimed.angles[0, at, m], optics.curve_a, values[m])
+                if n_angles > 1:
+                    _times_curve(aimed.angles[1, at, m], optics.curve_b, values[m])
+                add_product(values[m], radiosity[fans.seen[i, m]], total)
+        for e in range(second.start[i], second.start[i + 1]):
+            add_product(values[second.ray[e]], second.light[e - second.base], total)
+        out[i] = total[:, :3]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def reflect_bands(fans, begin, end, optics, of_a, aimed, radiosity, second, out):
+    """As `reflect`, by band of one of the curves, out (3, J, D, p): of the first where of_a; the other is as it is."""
+    n_powers, n_bands = radiosity.shape[1], out.shape[1]
+    bands = np.empty((n_bands + 1, n_powers, 4), np.float32)
+    light, values = np.empty((n_powers, 4), np.float32), np.zeros((2, 4), np.float32)
+    kept, other = (0, 1) if of_a else (1, 0)
+    for i in range(begin, end):
+        at = i - aimed.base
         bands[:] = ZERO
         e, last = second.start[i], second.start[i + 1]
-        ox, oy, oz = local_eye(fans.tangent[r], fans.normal[r], fans.wo[r])
-        seed, cosine, sine = turn_of(r)
-        pattern = np.int64(seed & np.uint64(fans.tables_cosine.shape[0] - 1))
         for m in range(fans.seen.shape[1]):
-            cell = fans.seen[i, m]
-            if cell == NO_CELL or not _counts(fans, m):
+            root = np.float32(aimed.roots[at, m])
+            weight = root * root * aimed.scales[at]
+            if weight <= ZERO:
                 continue
-            x, y, z = _ray(fans, i, m, pattern, cosine, sine, ox, oy, oz)
-            weight = np.float32(quotient_cosine(optics.model, optics.q, x, y, z, ox, oy, oz))
-            if z <= HORIZON or weight <= ZERO:
-                continue
-            weight *= scale / fan_density(n_cosine, n_pole, fans.poles[i], x, y, z, ox, oy, oz)
-            angle = gamma(optics.kind_a, optics.q, x, y, z, ox, oy, oz)
-            if angle > HALF_PI:
-                continue
-            e, recorded = _add_recorded(second, e, last, m, radiosity[cell], light)
-            lit = light if recorded else radiosity[cell]
-            j, t = _node(angle, n_a)
-            k, u = 0, ZERO
-            if optics.kind_b >= 0:
-                angle = gamma(optics.kind_b, optics.q, x, y, z, ox, oy, oz)
-                if angle > HALF_PI:
-                    continue
-                k, u = _node(angle, n_b)
-            dormant, at, share = optics.curve_b, k, u
-            kept, kept_share = j, t
-            if not of_a:
-                dormant, at, share = optics.curve_a, j, t
-                kept, kept_share = k, u
-            above = min(at + 1, dormant.shape[0] - 1)
+            light[:] = radiosity[fans.seen[i, m]]
+            while e < last and second.ray[e] < m:
+                e += 1
+            if e < last and second.ray[e] == m:
+                light += second.light[e - second.base]
+            values[0, :3] = weight
+            if aimed.angles.shape[0] > 1:
+                _times_curve(aimed.angles[other, at, m], optics.curve_b if of_a else optics.curve_a, values[0])
+            j, t = _node(aimed.angles[kept, at, m], n_bands)
             for channel in range(3):
-                value = weight
-                if optics.kind_b >= 0:
-                    value *= (ONE - share) * dormant[at, channel] + share * dormant[above, channel]
-                low, high = (ONE - kept_share) * value, kept_share * value
-                for n in range(n_powers):
-                    bands[kept, n, channel] += low * lit[n, channel]
-                    bands[kept + 1, n, channel] += high * lit[n, channel]
+                values[1, channel] = t * values[0, channel]
+                values[0, channel] -= values[1, channel]
+            add_product(values[0], light, bands[j])
+            add_product(values[1], light, bands[j + 1])
         for channel in range(3):
             for j in range(n_bands):
                 for n in range(n_powers):

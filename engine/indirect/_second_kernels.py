@@ -277,13 +277,12 @@ def _add_gloss(g, o, x, y, z, ox, oy, oz, factor, out):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def second_light(fans, position, records, begin, end, objects, g, lamps, table, radiosity, edited, inverse, out):
-    """π times what comes back along the recorded rays of points [begin, end) from the glossy layers there, (n, D, 3).
+def second_light(fans, position, records, begin, end, objects, g, lamps, table, wanted, first, out):
+    """π times what comes back along the recorded rays of points [begin, end) from the glossy layers there, (n, 2, 3):
+    of the lights, and how much of the radiosity beyond. Number `first` is out[0].
 
-    objects (C,) of the cells; radiosity (C, D, 3); the light of the object `edited` is multiplied by `inverse` (3,) and
-    moves to the next power, since it counts as proportional to that object's albedo.
+    objects (C,) of the cells; of the objects that are not wanted (M,) nothing changes.
     """
-    n_powers = out.shape[1]
     gloss = np.zeros(3, np.float32)
     for i in range(begin, end):
         r = fans.rows[i]
@@ -293,9 +292,12 @@ def second_light(fans, position, records, begin, end, objects, g, lamps, table, 
         pattern = np.int64(turn & np.uint64(fans.tables_cosine.shape[0] - 1))
         times = records.times[i]
         for e in range(records.start[i], records.start[i + 1]):
-            n = e - records.start[begin]
-            out[n] = ZERO
+            n = e - first
             m = np.int64(records.ray[e])
+            o = objects[fans.seen[i, m]]
+            if not wanted[o]:
+                continue
+            out[n] = ZERO
             if not _counts(fans, m):
                 continue
             x, y, z = _ray(fans, i, m, pattern, cosine, sine, eye_x, eye_y, eye_z)
@@ -304,14 +306,12 @@ def second_light(fans, position, records, begin, end, objects, g, lamps, table, 
             )
             far = records.distance[e]
             px, py, pz = position[r, 0] + far * dx, position[r, 1] + far * dy, position[r, 2] + far * dz
-            o = objects[fans.seen[i, m]]
             nx, ny, nz = records.normal[e, 0], records.normal[e, 1], records.normal[e, 2]
             tx, ty, tz = _tangent(g.axes, o, nx, ny, nz)
             ox, oy, oz = _to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
             if oz <= HORIZON:
                 continue
             seed = _seed(r, m)
-            shift = 1 if o == edited else 0
             light = np.int64(records.light[e])
             if light != NO_LIGHT:
                 frame, place, eye = (tx, ty, tz, nx, ny, nz), (px, py, pz), (ox, oy, oz)
@@ -322,11 +322,8 @@ def second_light(fans, position, records, begin, end, objects, g, lamps, table, 
                     _add_gloss(g, o, x, y, z, ox, oy, oz, PI * times * share * records.weight[e], gloss)
                     colour = lamps.radiance[m] if m < lamps.density.shape[0] else lamps.power[m]
                     for channel in range(3):
-                        value = gloss[channel] * colour[channel]
-                        if shift < n_powers:
-                            out[n, shift, channel] += value * inverse[channel] if shift == 1 else value
-            beyond = np.int64(records.beyond[e])
-            if beyond == NO_CELL:
+                        out[n, 0, channel] = gloss[channel] * colour[channel]
+            if records.beyond[e] == NO_CELL:
                 continue
             x, y, z = _about_pole(table, seed, g.poles[o], ox, oy, oz)
             if z <= HORIZON:
@@ -334,7 +331,26 @@ def second_light(fans, position, records, begin, end, objects, g, lamps, table, 
             gloss[:] = ZERO
             density = fan_density(ZERO, ONE, g.poles[o], x, y, z, ox, oy, oz)
             _add_gloss(g, o, x, y, z, ox, oy, oz, times / density, gloss)
-            for k in range(n_powers - shift):
-                for channel in range(3):
-                    value = gloss[channel] * radiosity[beyond, k, channel]
-                    out[n, k + shift, channel] += value * inverse[channel] if shift == 1 else value
+            out[n, 1] = gloss
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def lit_second(fans, records, begin, end, objects, sent, first, radiosity, edited, inverse, out):
+    """What `second_light` found, under radiosity beyond: (n, D, 4), of which number start[begin] is out[0].
+
+    radiosity (2, C, D, 4): for light that the object `edited` sends on, the second, multiplied by `inverse` (4,) and
+    moved to the next power, since it counts as proportional to that object's albedo.
+    """
+    for i in range(begin, end):
+        for e in range(records.start[i], records.start[i + 1]):
+            n, at, beyond = e - first, e - records.start[begin], records.beyond[e]
+            own = 1 if objects[fans.seen[i, records.ray[e]]] == edited else 0
+            a, b, c = sent[n, 1, 0], sent[n, 1, 1], sent[n, 1, 2]
+            if beyond == NO_CELL:
+                a, b, c, beyond = ZERO, ZERO, ZERO, 0
+            for k in range(out.shape[1]):
+                light = radiosity[own, beyond, k]
+                red, green, blue = a * light[0], b * light[1], c * light[2]
+                out[at, k, 0], out[at, k, 1], out[at, k, 2], out[at, k, 3] = red, green, blue, ZERO
+            for channel in range(3):
+                out[at, own, channel] += sent[n, 0, channel] * (inverse[channel] if own else ONE)

@@ -12,7 +12,7 @@ from engine.indirect.gather import FanSize, Gathered, object_of_rows
 from engine.indirect.irradiance import NOBODY, CellLight, radiosity
 from engine.indirect.layers import IndirectLayer, albedos_of, seen_from
 from engine.indirect.reflection import Fans, SentLight
-from engine.indirect.second_bounce import SecondLight, glossy_tables, inverse_albedo, matt_share
+from engine.indirect.second_bounce import SecondLight, glossy_tables, inverse_albedo, looks_of, matt_share, sent_on
 from engine.scene.hits import PrimaryHits
 
 Footprint = tuple[NDArray[np.int32], NDArray[np.float32]]
@@ -30,9 +30,10 @@ class GatherPoints:
     axes: NDArray[np.float32]
     glossy: bool
 
-    def fans(self, i_object: int, half: int | None = None) -> Fans:
-        """The gather points of one object; with half, 0 or 1, by that half of their rays."""
-        return Fans(self.hits, self.gathered, i_object, int(self.poles[i_object]), self.sizes[i_object], half)
+    def fans(self, i_object: int, half: int | None = None, keeps: bool = False) -> Fans:
+        """The gather points of one object; with half, 0 or 1, by that half of their rays; keeps: see `Fans`."""
+        pole, size = int(self.poles[i_object]), self.sizes[i_object]
+        return Fans(self.hits, self.gathered, i_object, pole, size, half, keeps)
 
     def sent(
         self, bright: NDArray[np.float32], objects: NDArray[np.int32], layers: Sequence[IndirectLayer], lamps: Lamps,
@@ -47,7 +48,9 @@ class GatherPoints:
         if edited != NOBODY:
             inverse = inverse_albedo(albedos_of(layers, n_objects)[edited])
         tables = glossy_tables(layers, self.poles, self.axes)
-        return SentLight(bright * share[:, None], SecondLight(objects, bright, tables, lamps, edited, inverse))
+        looks = looks_of(layers, n_objects)
+        second = SecondLight(objects, sent_on(bright, inverse), looks, tables, lamps, edited, inverse)
+        return SentLight(bright * share[:, None], second)
 
     def reflected(
         self, layers: Sequence[IndirectLayer], light: SentLight, half: int | None = None

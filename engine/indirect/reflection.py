@@ -1,22 +1,23 @@
 """What the gather points reflect of the cells' light, layer by layer: with the curves as they are, or by band of one.
 
-Both are sums over the same rays. Nothing is kept between two calls: the rays' directions come from tables, and a
-point's cells take two bytes a ray, so that this costs less than reading stored bands would.
+Both are sums over the same rays. The bands are never stored: from what is known of the rays (`aim`) they are summed
+faster than they could be read. Stills, which sum once, keep nothing at all.
 """
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine.indirect import _reflection_kernels as kernels
-from engine.indirect import _second_kernels as second_kernels
+from engine.indirect.aim import Aim, SecondAim
 from engine.indirect.curves import LayerCurves
 from engine.indirect.gather import FanSize, Gathered, object_of_rows
 from engine.indirect.rays import cosine_tables, pole_tables
-from engine.indirect.second_bounce import N_POLE_RAYS, SecondLight
+from engine.indirect.second_bounce import SecondLight
 from engine.scene.hits import PrimaryHits
 
 _PART = 128
@@ -30,69 +31,101 @@ class SentLight:
     matt: NDArray[np.float32]
     glossy: SecondLight | None
 
+    @property
+    def n_powers(self) -> int:
+        return self.matt.shape[1]
+
+    @cached_property
+    def padded(self) -> NDArray[np.float32]:
+        """`matt` (C, D, 4) with a fourth number, 0: four are read and summed at once."""
+        return np.pad(self.matt, ((0, 0), (0, 0), (0, 1)))
+
 
 class Fans:
     """The gather points of one object, all their rays or one half of them."""
 
     def __init__(
         self, hits: PrimaryHits, gathered: Gathered, i_object: int, pole: int, size: FanSize,
-        half: int | None = None,
+        half: int | None = None, keeps: bool = False,
     ) -> None:  # fmt: skip
+        """keeps: what does not depend on curves, for the next sums over the same rays."""
         begin, end = np.searchsorted(object_of_rows(hits, gathered.rows), (i_object, i_object + 1))
         rows = gathered.rows[begin:end]
-        self._position = hits.position
         records = gathered.records
-        self._records = records._replace(start=records.start[begin : end + 1], times=records.times[begin:end])
+        records = records._replace(start=records.start[begin : end + 1], times=records.times[begin:end])
         self._fans = kernels.Fans(
             rows, np.full(len(rows), pole, np.int64), gathered.seen[begin:end], -1 if half is None else half,
             cosine_tables(size.n_cosine), pole_tables(size.n_pole), hits.tangent, hits.normal, hits.wo,
         )  # fmt: skip
+        self._keeps = keeps
+        self._aims: dict[tuple[int, bytes], Aim] = {}
+        self._second = SecondAim(self._fans, hits.position, records, keeps)
 
     def __len__(self) -> int:
         return len(self._fans.rows)
 
+    @property
+    def n_bytes(self) -> int:
+        """Memory of what is kept."""
+        return self._second.n_bytes + sum(aim.n_bytes for aim in self._aims.values())
+
     def reflected(self, layers: Sequence[LayerCurves], light: SentLight) -> list[NDArray[np.float32]]:
         """Radiance (p, D, 3) of each layer towards the eye, without f_q and f_o."""
-        out = [np.empty((len(self), *light.matt.shape[1:]), np.float32) for _ in layers]
+        out = [np.empty((len(self), light.n_powers, 3), np.float32) for _ in layers]
         optics = [layer.optics(folded=True) for layer in layers]
+        aims = [self._aim(each, self._keeps) for each in optics]
 
         def work(begin: int, end: int, second: kernels.Second) -> None:
-            for each, result in zip(optics, out, strict=True):
-                kernels.reflect(self._fans, begin, end, each, light.matt, second, result)
+            for each, aim, result in zip(optics, aims, out, strict=True):
+                kernels.reflect(self._fans, begin, end, each, aim.part(begin, end), light.padded, second, result)
 
-        self._in_parts(light, work)
+        self._in_parts(light, work, aims)
         return out
 
     def by_band(self, layer: LayerCurves, factor: int, light: SentLight) -> NDArray[np.float32]:
         """Of one layer by band of its first or second curve: (3, J, D, p); times the curve and summed over J it is
         `reflected`."""
-        out = np.empty((3, len(layer.curves[factor]), light.matt.shape[1], len(self)), np.float32)
+        out = np.empty((3, len(layer.curves[factor]), light.n_powers, len(self)), np.float32)
         optics = layer.optics()
+        # The angles of a curve that is constant are of no use once another layer is edited.
+        aim = self._aim(optics, self._keeps and layer.optics(folded=True).kind_a != kernels.CONSTANT)
 
         def work(begin: int, end: int, second: kernels.Second) -> None:
-            kernels.reflect_bands(self._fans, begin, end, optics, factor == 0, light.matt, second, out)
+            aimed = aim.part(begin, end)
+            kernels.reflect_bands(self._fans, begin, end, optics, factor == 0, aimed, light.padded, second, out)
 
-        self._in_parts(light, work)
+        self._in_parts(light, work, [aim])
         return out
 
-    def _in_parts(self, light: SentLight, work: Callable[[int, int, kernels.Second], None]) -> None:
+    def _aim(self, optics: kernels.Optics, keeps: bool) -> Aim:
+        """What is kept for such a layer, or new."""
+        key = optics.model, optics.q.tobytes()
+        made = Aim(self._fans, optics, keeps)
+        kept = self._aims.get(key)
+        if kept is not None and kept.n_angles == made.n_angles:
+            return kept
+        if keeps:
+            self._aims[key] = made
+        return made
+
+    def _in_parts(
+        self, light: SentLight, work: Callable[[int, int, kernels.Second], None], aims: Sequence[Aim]
+    ) -> None:
+        glossy = light.glossy
+        none = np.zeros((0, light.n_powers, 4), np.float32)
+        no_second = kernels.Second(np.zeros(len(self) + 1, np.int64), np.zeros(0, np.uint16), none, 0)
+        wanted = None if glossy is None else self._second.wanted(glossy)
+
         def do(begin: int) -> None:
             end = min(begin + _PART, len(self))
-            work(begin, end, self._second(begin, end, light))
+            second = no_second
+            if glossy is not None and wanted is not None:
+                second = self._second.part(begin, end, glossy, wanted)
+            work(begin, end, second)
 
         with ThreadPoolExecutor(2) as pool:
             list(pool.map(do, range(0, len(self), _PART)))
-
-    def _second(self, begin: int, end: int, light: SentLight) -> kernels.Second:
-        """What glossy surfaces send back to points [begin, end)."""
-        records, glossy = self._records, light.glossy
-        base = int(records.start[begin])
-        if glossy is None:
-            none = np.zeros((0, *light.matt.shape[1:]), np.float32)
-            return kernels.Second(np.zeros(len(self) + 1, np.int64), records.ray, none, 0)
-        found = np.empty((int(records.start[end]) - base, *light.matt.shape[1:]), np.float32)
-        second_kernels.second_light(
-            self._fans, self._position, records, begin, end, glossy.objects, glossy.layers, glossy.lamps,
-            pole_tables(N_POLE_RAYS), glossy.radiosity, glossy.edited, glossy.inverse, found,
-        )  # fmt: skip
-        return kernels.Second(records.start, records.ray, found, base)
+        for aim in aims:
+            aim.complete()
+        if glossy is not None:
+            self._second.complete(glossy)

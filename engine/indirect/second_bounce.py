@@ -108,11 +108,13 @@ class SecondRays:
 
 @dataclass(frozen=True, eq=False)
 class SecondLight:
-    """What glossy surfaces send on under certain curves: objects (C,) and radiosity (C, D, 3) of the cells, tables of
-    layers and lamps, the object that is edited and one over its albedo (3,)."""
+    """What glossy surfaces send on under certain curves: objects (C,) and radiosity (2, C, D, 4) of the cells, as it is
+    and as the object that is edited sends it on; looks (M), which differ where an object's surface sends something
+    else, tables of layers and lamps, the object that is edited and one over its albedo (3,)."""
 
     objects: NDArray[np.int32]
     radiosity: NDArray[np.float32]
+    looks: tuple[bytes, ...]
     layers: kernels.Glossy
     lamps: kernels.Lamps
     edited: int
@@ -211,6 +213,15 @@ def glossy_tables(
     )  # fmt: skip
 
 
+def looks_of(layers: Sequence[IndirectLayer], n_objects: int) -> tuple[bytes, ...]:
+    """What each object's glossy layers send on depends on, as bytes to compare."""
+    looks = [b""] * n_objects
+    for each in filter(is_glossy, layers):
+        arrays = (each.sent.quotient_parameters, *each.sent.curves, each.gain, each.view_curve)
+        looks[each.i_object] += b"".join([each.sent.model.name.encode(), *(array.tobytes() for array in arrays)])
+    return tuple(looks)
+
+
 def is_glossy(layer: IndirectLayer) -> bool:
     """Whether what it sends on depends on the direction."""
     return layer.sent.model.kind != kinds.LAMBERT
@@ -224,6 +235,15 @@ def matt_share(layers: Sequence[IndirectLayer], n_objects: int) -> NDArray[np.fl
         if not is_glossy(layer):
             matt[layer.i_object] += layer.albedo
     return np.where(total > _LEAST_ALBEDO, matt / np.maximum(total, _LEAST_ALBEDO), 1.0).astype(np.float32)
+
+
+def sent_on(radiosity: NDArray[np.float32], inverse: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Radiosity (C, D, 3) as a polynomial in an albedo that others send on, and that its object sends on: multiplied by
+    one over the albedo (3,) and moved to the next power; (2, C, D, 4)."""
+    both = np.zeros((2, *radiosity.shape[:2], 4), np.float32)
+    both[0, ..., :3] = radiosity
+    both[1, :, 1:, :3] = radiosity[:, :-1] * inverse
+    return both
 
 
 def inverse_albedo(albedo: NDArray[np.floating]) -> NDArray[np.float32]:

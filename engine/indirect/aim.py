@@ -1,0 +1,95 @@
+"""What of reflection no curve changes, kept from one freezing to the next.
+
+How a layer weighs the rays of its fans, and which angles its curves take there, depends on the model and its quotient
+alone: ten bytes a ray at most, two where the only curve is the same at all angles. With these at hand a contraction is
+one pass over the rays that reads a cell's polynomial, a weight and a value of the curve. To keep the contracted
+operator of points and cells instead was rejected: it takes as much memory (a point's 400 hits fall on 270 cells),
+saves a quarter of the time, and every edit of a curve makes it wrong.
+
+What a glossy surface sends along the remembered rays depends on its curves: it is kept object by object, until an
+object's curves are others.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.indirect import _reflection_kernels as kernels
+from engine.indirect import _second_kernels as second_kernels
+from engine.indirect.rays import pole_tables
+from engine.indirect.second_bounce import N_POLE_RAYS, SecondLight
+
+
+class Aim:
+    """How one layer weighs the rays of one object's fans, found part by part; parts may be found by several threads."""
+
+    def __init__(self, fans: kernels.Fans, optics: kernels.Optics, keeps: bool) -> None:
+        """keeps: so that every part has to be found once; call `complete` then."""
+        self._fans, self._optics = fans, optics
+        constant = optics.kind_a == kernels.CONSTANT
+        self.n_angles = 0 if constant else 1 + (optics.kind_b >= 0)
+        self._kept = self._room(0, len(fans.rows)) if keeps else None
+        self._is_complete = False
+
+    def part(self, begin: int, end: int) -> kernels.Aimed:
+        """Of points [begin, end)."""
+        aimed = self._room(begin, end) if self._kept is None else self._kept
+        if not self._is_complete:
+            kernels.aim(self._fans, begin, end, self._optics, aimed)
+        return aimed
+
+    def complete(self) -> None:
+        """All parts were found."""
+        self._is_complete = self._kept is not None
+
+    @property
+    def n_bytes(self) -> int:
+        return 0 if self._kept is None else sum(array.nbytes for array in self._kept[:3])
+
+    def _room(self, begin: int, end: int) -> kernels.Aimed:
+        shape = end - begin, self._fans.seen.shape[1]
+        angles = np.empty((self.n_angles, *shape), np.float32)
+        return kernels.Aimed(np.empty(shape, np.uint16), np.empty(shape[0], np.float32), angles, begin)
+
+
+class SecondAim:
+    """The light along the remembered rays of one object's fans; what glossy surfaces send along them may be kept."""
+
+    def __init__(
+        self, fans: kernels.Fans, position: NDArray[np.float32], records: second_kernels.Records, keeps: bool
+    ) -> None:
+        self._fans, self._position, self._records = fans, position, records
+        self._first = int(records.start[0])
+        self._kept = np.empty((int(records.start[-1]) - self._first, 2, 3), np.float32) if keeps else None
+        self._known: tuple[tuple[bytes, ...], second_kernels.Lamps] | None = None
+
+    def wanted(self, light: SecondLight) -> NDArray[np.bool_]:
+        """The objects (M,) whose surfaces send what is not known yet."""
+        if self._known is None or self._known[1] is not light.lamps:
+            return np.ones(len(light.looks), bool)
+        return np.array([now != then for now, then in zip(light.looks, self._known[0], strict=True)])
+
+    def part(self, begin: int, end: int, light: SecondLight, wanted: NDArray[np.bool_]) -> kernels.Second:
+        """Of points [begin, end)."""
+        records, base = self._records, int(self._records.start[begin])
+        n = int(records.start[end]) - base
+        sent, first = (np.empty((n, 2, 3), np.float32), base) if self._kept is None else (self._kept, self._first)
+        if wanted.any():
+            second_kernels.second_light(
+                self._fans, self._position, records, begin, end, light.objects, light.layers, light.lamps,
+                pole_tables(N_POLE_RAYS), wanted, first, sent,
+            )  # fmt: skip
+        lit = np.empty((n, *light.radiosity.shape[2:]), np.float32)
+        second_kernels.lit_second(
+            self._fans, records, begin, end, light.objects, sent, first, light.radiosity, light.edited, light.inverse,
+            lit,
+        )  # fmt: skip
+        return kernels.Second(records.start, records.ray, lit, base)
+
+    def complete(self, light: SecondLight) -> None:
+        """All parts were found under this light."""
+        if self._kept is not None:
+            self._known = light.looks, light.lamps
+
+    @property
+    def n_bytes(self) -> int:
+        return 0 if self._kept is None else self._kept.nbytes
