@@ -137,8 +137,7 @@ class IndirectTasks:
         yield None
         reflected, bands = {}, np.zeros((3, 0, light.matt.shape[1], 0), np.float32)
         for i_object in sorted({layer.i_object for layer in layers.values()}):
-            fans = self._fans.get(i_object) or found.light.points.fans(i_object, keeps=True)
-            self._fans[i_object] = fans
+            fans = self._fans_of(found, i_object)
             own = {key: layer for key, layer in layers.items() if layer.i_object == i_object}
             selected = own.pop(wish.key or "", None) if wish.factor is not None else None
             for key, part in zip(own, fans.reflected([own[key].curves for key in own], light), strict=True):
@@ -152,6 +151,12 @@ class IndirectTasks:
             for look in wish.looks if self._object(look.key) == edited
         }  # fmt: skip
         yield Frozen(found.number, wish.serial, wish.key, wish.factor, reflected, bands, albedos)
+
+    def _fans_of(self, found: _Found, i_object: int) -> Fans:
+        """The gather points of an object, with what was kept of their rays since these were found."""
+        if i_object not in self._fans:
+            self._fans[i_object] = found.light.points.fans(i_object, keeps=True)
+        return self._fans[i_object]
 
     def _noise(self, found: _Found, wish: Freeze) -> Steps:
         """Once for each light that is found: curves change it little."""

@@ -1,0 +1,85 @@
+"""Freezing with what was kept of the rays against the same sums made anew."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from engine.indirect.layers import IndirectLayer, indirect_layer
+from engine.indirect.light import IndirectLight
+from engine.indirect.reflection import Fans, SentLight
+from engine.light.environment import constant_environment
+from engine.material import MODELS
+from engine.material.layer import make_layer
+from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of, solve
+from tests.naive.fans import reflected as reflected_naively
+
+# Edited is 0 or 1: of both some layers are glossy.
+LAYERS = [
+    matt(0, 0.5), indirect_layer(0, make_layer(MODELS["rough_conductor"]), (64, 16)),
+    matt(1, [0.3, 0.2, 0.1]), indirect_layer(1, make_layer(MODELS["blinn_phong"]), (64,)), matt(2, 0.7),
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def found() -> IndirectLight:
+    sky = constant_environment((1.0, 0.8, 0.6))
+    return solve(placement_of(CORNER, **CORNER_VIEW), LAYERS, 4, replace(QUICK, n_samples=64), sky)
+
+
+def frozen(fans: Fans, light: SentLight, layers: Sequence[IndirectLayer], i_object: int) -> list[np.ndarray]:
+    """What the object's layers reflect, and the last one's first curve by band."""
+    curves = [each.curves for each in layers if each.i_object == i_object]
+    return [*fans.reflected(curves[:-1], light), fans.by_band(curves[-1], 0, light)]
+
+
+def louder(layers: Sequence[IndirectLayer], i_object: int) -> list[IndirectLayer]:
+    """The layers after an edit of one object's curves, the lower half of each."""
+
+    def edited(layer: IndirectLayer) -> IndirectLayer:
+        raised = [curve.copy() for curve in layer.curves.curves]
+        for curve in raised:
+            curve[: len(curve) // 2] *= [1.5, 0.7, 0.0]
+        curves = replace(layer.curves, curves=tuple(raised))
+        return replace(layer, curves=curves, sent=curves, albedo=layer.albedo * 1.1)
+
+    return [edited(each) if each.i_object == i_object else each for each in layers]
+
+
+def test_what_is_kept_is_what_is_found_anew(found):
+    # Three selections with an edit between them: only what an edit changed is found again.
+    kept = [found.points.fans(i, keeps=True) for i in range(3)]
+    for layers, edited in ((LAYERS, 0), (LAYERS, 1), (louder(LAYERS, 0), 1), (louder(louder(LAYERS, 0), 1), 0)):
+        light = found.sent(layers, edited)
+        for i, fans in enumerate(kept):
+            anew = frozen(found.points.fans(i), light, layers, i)
+            for one, two in zip(frozen(fans, light, layers, i), anew, strict=True):
+                assert two.max() > 0.0
+                np.testing.assert_allclose(one, two, rtol=1e-5, atol=1e-6 * two.max())
+    assert all(fans.n_bytes > 0 for fans in kept)
+    assert found.points.fans(0).n_bytes == 0
+
+
+def test_other_lamps_are_other_light(found):
+    # Twice the sky: what glossy surfaces reflect of it directly doubles, though no curve changed.
+    fans, light = found.points.fans(2, keeps=True), found.sent(LAYERS)
+    curves = [LAYERS[-1].curves]
+    fans.reflected(curves, light)
+    assert light.glossy is not None
+    lamps = light.glossy.lamps
+    brighter = lamps._replace(power=2 * lamps.power, radiance=2 * lamps.radiance)
+    doubled = replace(light, glossy=replace(light.glossy, lamps=brighter))
+    [one], [two] = fans.reflected(curves, doubled), found.points.fans(2).reflected(curves, doubled)
+    np.testing.assert_allclose(one, two, rtol=1e-5)
+
+
+@pytest.mark.parametrize("i_layer", range(len(LAYERS)))
+def test_contraction_is_the_sum_over_the_rays(found, i_layer):
+    layer = louder(LAYERS, LAYERS[i_layer].i_object)[i_layer]
+    matt_only = SentLight(found.radiosity(LAYERS, 1), None)
+    fans = found.points.fans(layer.i_object)
+    [reflected] = fans.reflected([layer.curves], matt_only)
+    points = range(0, len(fans), len(fans) // 6)
+    slowly = np.array([reflected_naively(fans._fans, i, layer.curves, matt_only.matt) for i in points])
+    np.testing.assert_allclose(reflected[points], slowly, rtol=1e-4, atol=1e-5 * reflected.max())
