@@ -6,13 +6,15 @@
 
 Numba compiles under one lock and mostly in Python, so that threads would take turns; processes share what they have
 compiled through the folder of `app.kernel_cache`. A file in it, left when all was ready, says that no other process is
-needed. Whatever goes wrong here costs time alone: a kernel that is not ready is compiled when it is called.
+needed; another is for the kernels of indirect light, compiled when a scene first wants it. Whatever goes wrong here
+costs time alone: a kernel that is not ready is compiled when it is called.
 """
 
 from __future__ import annotations
 
 import contextlib
 import gc
+import hashlib
 import importlib.metadata
 import logging
 import os
@@ -31,8 +33,11 @@ if TYPE_CHECKING:
 
 # Compiling allocates many objects that stay; looking through them again and again takes a tenth of the time.
 GC_THRESHOLD = 100_000
-# About equally long to compile.
+# About equally long to compile: 16 s of processor time each. The first begins with what needs nothing of the second,
+# which has compiled the first's details when it comes to them.
 PARTS = ("projection", "the rest")
+INDIRECT = "indirect"
+FIRST_TIME = "compiling for this computer, the first time only"
 _COMPILER_SECONDS = 300.0
 _log = logging.getLogger("insitu.jobs")
 
@@ -43,8 +48,7 @@ class Kernels:
     def __init__(self) -> None:
         """Start the other processes where there is something for them to do."""
         self._ready = threading.Event()
-        self._mark = _mark()
-        self.first_time = not self._mark.exists()
+        self.first_time = not are_compiled()
         started = [_start_compiler(part) for part in PARTS] if self.first_time else []
         self._compilers = [compiler for compiler in started if compiler is not None]
 
@@ -62,8 +66,7 @@ class Kernels:
                 compiler.wait(_COMPILER_SECONDS)
             for part in PARTS:
                 rehearse(part)
-            with contextlib.suppress(OSError):
-                self._mark.touch()
+            note_compiled()
         except Exception:
             _log.exception("the kernels could not be made ready")
         finally:
@@ -93,10 +96,27 @@ def load_compiler() -> None:
             del sys.modules["scipy"]
 
 
-def _mark() -> Path:
-    """The file that says that all is compiled, by these sources and compilers, for this machine."""
+def are_compiled(what: str = "") -> bool:
+    """Whether the kernels of the first picture, or of `INDIRECT`, were compiled before; also where none are kept."""
+    mark = _mark(what)
+    return mark is None or mark.exists()
+
+
+def note_compiled(what: str = "") -> None:
+    """They are compiled now."""
+    mark = _mark(what)
+    if mark is not None:
+        with contextlib.suppress(OSError):
+            mark.touch()
+
+
+def _mark(what: str) -> Path | None:
+    """The file that says so: by these sources in this place, which numba goes by, these compilers, this machine."""
+    if NUMBA_VARIABLE not in os.environ:
+        return None
+    place = hashlib.blake2b(os.fsencode(Path(__file__).parent), digest_size=4).hexdigest()
     versions = (importlib.metadata.version("numba"), platform.python_version(), platform.node())
-    return Path(os.environ[NUMBA_VARIABLE]) / "-".join(("ready", kernel_digest(), *versions))
+    return Path(os.environ[NUMBA_VARIABLE]) / "-".join((f"ready{what}", kernel_digest(), place, *versions))
 
 
 def _start_compiler(part: str) -> subprocess.Popen[bytes] | None:
@@ -113,11 +133,12 @@ def rehearse(part: str) -> None:
     from engine.transport import rehearsal
 
     if part == "projection":
+        rehearsal.rehearse_contraction()
+        rehearsal.rehearse_footprint()
         rehearsal.rehearse_projection()
     else:
         rehearsal.rehearse_projection_details()
         rehearsal.rehearse_light()
-        rehearsal.rehearse_contraction()
 
 
 def main() -> None:

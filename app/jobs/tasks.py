@@ -21,7 +21,7 @@ import numpy as np
 
 from app.document import LightState, document_from_description
 from app.jobs.cache import Store, content_key
-from app.jobs.kernels import Kernels
+from app.jobs.kernels import FIRST_TIME, INDIRECT, Kernels, are_compiled, note_compiled
 from app.jobs.layer_data import STAGES, LayerData, LitBy, joined, kept_of_tile, shape_of, store_of
 from app.jobs.messages import (
     ComputeTransport,
@@ -156,7 +156,9 @@ class Tasks:
                 n_bounces = planned.n_bounces
                 yield planned
             if n_bounces > 1 and quality is not DRAG and (exact or quality.name == COARSE.name):
-                yield from self._indirect_tasks().find(request.looks, sky, _sky_key(sky), n_bounces, exact)
+                tasks = self._indirect_tasks()
+                found = tasks.find(request.looks, sky, _sky_key(sky), n_bounces, exact)
+                yield from _telling_first_time(found, exact)
             if due or exact:
                 n_bytes = sum(data.store.n_bytes for data in self._layers.values())
                 n_bytes += 0 if self._indirect is None else self._indirect.n_bytes
@@ -192,9 +194,10 @@ class Tasks:
         """Until the kernels are there; the first time on a machine that is worth a word."""
         if self._kernels is None:
             return
-        told = Progress("compiling", 0.0, text="compiling for this computer, the first time only")
+        if self._kernels.first_time and not self._kernels.wait(KERNEL_SECONDS):
+            yield Progress("compiling", 0.0, text=FIRST_TIME)
         while not self._kernels.wait(KERNEL_SECONDS):
-            yield told if self._kernels.first_time else None
+            yield None
         self._kernels = None
 
     def _stage(
@@ -337,6 +340,18 @@ def _stages(request: ComputeTransport) -> list[tuple[Quality, bool]]:
     if request.n_lights_final <= request.n_lights_preview:
         return [(coarse, False), (preview, True)]
     return [(coarse, False), (preview, False), (replace(FINAL, n_lights=request.n_lights_final), True)]
+
+
+def _telling_first_time(steps: Iterator[Response | None], is_last: bool) -> Steps:
+    """The steps of indirect light, which say so when kernels are compiled on the way; after the last all are."""
+    if are_compiled(INDIRECT):
+        yield from steps
+        return
+    yield Progress("indirect light", 0.0, text=FIRST_TIME)
+    for answer in steps:
+        yield replace(answer, text=f"{answer.text}, {FIRST_TIME}") if isinstance(answer, Progress) else answer
+    if is_last:
+        note_compiled(INDIRECT)
 
 
 def _sky_key(sky: SkyState) -> str:

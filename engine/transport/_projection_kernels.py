@@ -261,7 +261,7 @@ def project_tile(rows, surface, sky, patches, bits, optics, trim, encoded):
     bands = np.empty((optics.n_a + 2, optics.n_b + 2 if optics.n_b > 1 else 1, 3), np.float32)
     frame = np.empty((3, 3), np.float32)
     cells, maxima = np.empty((optics.n_a, optics.n_b), np.float32), np.empty(optics.n_a, np.float32)
-    written = 0
+    written = np.int64(0)  # a literal would be a type of its own, and have `encode_bands` compiled twice
     for i in range(rows.shape[0]):
         r = rows[i]
         set_frame(surface.tangent[r], surface.normal[r], frame)

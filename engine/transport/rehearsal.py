@@ -36,14 +36,18 @@ _LAYER = LayerShape("lambert", (0.0,) * 8, (2, 2))
 
 
 def rehearse_light() -> None:
-    """Cutting the light, seeing it and spreading a coarse picture; the sphere's tables as well."""
+    """Cutting the light and seeing it; the sphere's tables as well."""
     placement = _placement()
     sky = SkyState(constant_environment((1.0, 1.0, 1.0)))
     for _ in placement.light(sky, _QUALITY):
         pass
-    placement.footprint(_QUALITY.stride)
     finest = geodesic(COARSE.max_level)
     assert len(finest.edges) and len(finest.triangle_edges)  # made when they are first asked for
+
+
+def rehearse_footprint() -> None:
+    """Spreading a coarse picture."""
+    _placement().footprint(_QUALITY.stride)
 
 
 def rehearse_projection() -> None:

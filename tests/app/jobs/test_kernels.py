@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.kernels import PARTS, Kernels
 from app.jobs.messages import Progress, Response, StageDone
+from app.jobs.tasks import _telling_first_time
 from tests.app.jobs.test_tasks import compute, opened, source
 
 __all__ = ["source"]  # a fixture
@@ -92,6 +94,35 @@ def test_a_failure_holds_nobody_up_and_is_tried_again(
     made.prepare()
     assert made.wait(10.0)
     assert Kernels().first_time
+
+
+def test_what_another_copy_of_the_sources_compiled_is_not_there(
+    log: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kernels.note_compiled()
+    assert kernels.are_compiled() and not kernels.are_compiled(kernels.INDIRECT)
+    monkeypatch.setattr(kernels, "__file__", "/elsewhere/app/jobs/kernels.py")  # numba goes by a file's place
+    assert not kernels.are_compiled()
+
+
+def test_where_no_kernels_are_kept_nobody_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    kernels.note_compiled()
+    assert kernels.are_compiled()
+
+
+def test_indirect_light_says_so_while_it_compiles(log: list[str]) -> None:
+    def steps() -> Iterator[Response | None]:
+        yield Progress("indirect light", 0.5, text="looking around")
+        yield None
+
+    rough, fine = list(_telling_first_time(steps(), False)), list(_telling_first_time(steps(), True))
+    for answers in (rough, fine):  # a rough one does not call all that a fine one calls
+        assert [(a.fraction, a.text) for a in answers if isinstance(a, Progress)] == [
+            (0.0, kernels.FIRST_TIME),
+            (0.5, f"looking around, {kernels.FIRST_TIME}"),
+        ]
+    assert [a.text for a in _telling_first_time(steps(), True) if isinstance(a, Progress)] == ["looking around"]
 
 
 class Waiting(Kernels):
