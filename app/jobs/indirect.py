@@ -27,7 +27,7 @@ from engine.indirect.curves import LayerCurves
 from engine.indirect.irradiance import NOBODY
 from engine.indirect.layers import IndirectLayer, albedos_of
 from engine.indirect.light import IndirectLight
-from engine.indirect.reflection import Fans
+from engine.indirect.representation import GatherPolynomial, Selected
 from engine.indirect.solver import FINE, ROUGH, Fineness, Solver, relit
 from engine.material import MODELS
 from engine.render.bounces import planned_bounces
@@ -57,13 +57,13 @@ class IndirectTasks:
         self._found: _Found | None = None
         self._wish: Freeze | None = None
         self._noise_told = 0
-        self._fans: dict[int, Fans] = {}
+        self._kept: GatherPolynomial | None = None
         self._number = 0
 
     @property
     def n_bytes(self) -> int:
         """Memory of what was found, and of what freezings keep."""
-        kept = sum(fans.n_bytes for fans in self._fans.values())
+        kept = 0 if self._kept is None else self._kept.n_bytes
         return kept + (0 if self._found is None else self._found.light.n_bytes)
 
     def forget_wish(self) -> None:
@@ -117,8 +117,7 @@ class IndirectTasks:
 
     def _hold(self, found: _Found) -> Steps:
         self._number += 1
-        if self._found is None or self._found.light.points.gathered is not found.light.points.gathered:
-            self._fans.clear()
+        self._kept = self._kept.under(found.light) if self._kept is not None else GatherPolynomial(found.light)
         self._found = found = replace(found, number=self._number)
         yield self._where(found)
         if self._wish is not None:
@@ -133,30 +132,18 @@ class IndirectTasks:
         edited = NOBODY if wish.key is None else self._object(wish.key)
         layers = {look.key: self._layer(look) for look in wish.looks}
         seen = found.light.by_albedo() if wish.by_albedo else found.light
-        light = seen.sent(list(layers.values()), edited)
-        yield None
-        reflected, bands = {}, np.zeros((3, 0, light.matt.shape[1], 0), np.float32)
-        for i_object in sorted({layer.i_object for layer in layers.values()}):
-            fans = self._fans_of(found, i_object)
-            own = {key: layer for key, layer in layers.items() if layer.i_object == i_object}
-            selected = own.pop(wish.key or "", None) if wish.factor is not None else None
-            for key, part in zip(own, fans.reflected([own[key].curves for key in own], light), strict=True):
-                reflected[key] = np.ascontiguousarray(part.transpose(1, 0, 2))
-            yield None
-            if selected is not None and wish.factor is not None:
-                bands = fans.by_band(selected.curves, wish.factor, light)
-                yield None
+        self._kept = GatherPolynomial(seen) if self._kept is None else self._kept.under(seen)
+        selected = None
+        if wish.key in layers and wish.factor is not None:
+            selected = Selected(list(layers).index(wish.key), wish.factor)
+        frozen = yield from self._kept.freeze(list(layers.values()), edited, selected)
+        keys = list(layers)
+        reflected = {keys[i]: np.ascontiguousarray(part.transpose(1, 0, 2)) for i, part in frozen.reflected.items()}
         albedos = {
             look.key: albedo_bands(look.model, look.quotient_parameters, tuple(map(len, look.coefficients)))
             for look in wish.looks if self._object(look.key) == edited
         }  # fmt: skip
-        yield Frozen(found.number, wish.serial, wish.key, wish.factor, reflected, bands, albedos)
-
-    def _fans_of(self, found: _Found, i_object: int) -> Fans:
-        """The gather points of an object, with what was kept of their rays since these were found."""
-        if i_object not in self._fans:
-            self._fans[i_object] = found.light.points.fans(i_object, keeps=True)
-        return self._fans[i_object]
+        yield Frozen(found.number, wish.serial, wish.key, wish.factor, reflected, frozen.bands, albedos)
 
     def _noise(self, found: _Found, wish: Freeze) -> Steps:
         """Once for each light that is found: curves change it little."""

@@ -16,6 +16,9 @@ from app.measure.growth import growth_figure, memory_rows, write_rows
 from app.measure.launches import measure_indirect
 from app.measure.peer import FIGURE as PEER_FIGURE
 from app.measure.peer import SERIES, peer_figure
+from app.measure.representations import CSV as REPRESENTATIONS_CSV
+from app.measure.representations import representation_rows
+from app.measure.representations import write_rows as write_representations
 from app.measure.subject import at_most, open_subject
 from app.project import open_project
 from app.stills import render_picture
@@ -33,16 +36,19 @@ LEFT_OUT = "left out of a quick run"
 @dataclass(frozen=True)
 class IndirectEffort:
     """repetitions of edits of each object, rounds of selecting all of them, counts of objects the room is cut into and
-    the side in pixels there; pictures' longest side."""
+    the side in pixels there; pictures' longest side; settings (objects, bounces) at which the representations are
+    compared, and the side there."""
 
     repetitions: int = 20
     rounds: int = 3
     counts: tuple[int, ...] = (2, 3, 4, 6, 8, 10, 12)
     growth_side: int = 128
     side: int = 4096
+    settings: tuple[tuple[int, int], ...] = ((2, 4), (4, 4), (7, 4), (12, 4), (7, 2), (7, 3), (7, 5))
+    representation_side: int = 256
 
 
-QUICKLY = IndirectEffort(3, 1, (2, 4), 32, 64)
+QUICKLY = IndirectEffort(3, 1, (2, 4), 32, 64, ((2, 2), (3, 3)), 32)
 
 
 def indirect_figures(
@@ -50,13 +56,16 @@ def indirect_figures(
     report: Callable[[str], None],
 ) -> list[Figure]:  # fmt: skip
     """All of them. repetitions: of what takes minutes; references: whether pictures are compared with path-traced ones;
-    the table of memory goes to the folder `output`."""
+    the tables of memory and of representations go to the folder `output`."""
     report("indirect light in the window")
     figures = _window_figures(effort, scratch, timeout_s)
     report("memory of indirect light")
     rows = list(memory_rows(effort.counts, effort.growth_side))
     write_rows(output / CSV, rows)
     figures.append(growth_figure(rows, effort.growth_side))
+    report("indirect light against the dense tensor")
+    settings = representation_rows(effort.settings, effort.representation_side)
+    write_representations(output / REPRESENTATIONS_CSV, list(settings))
     if not references:
         names = [f"gi_{kind}_{scene}" for scene in REFERENCES for kind in KINDS]
         return figures + [not_measured(name, LEFT_OUT) for name in (*names, PEER_FIGURE)]

@@ -87,13 +87,13 @@ def radiosity(
     total, bright = latest.copy(), np.empty_like(latest)
     for bounce in range(n_bounces - 2):
         kernels.brighten(latest, light.objects, albedos, edited, bright)
-        latest = _bounced(light.seen, bright, min(bounce + 2, n_powers))
+        latest = bounced(light.seen, bright, min(bounce + 2, n_powers))
         total += latest
     kernels.brighten(total, light.objects, albedos, edited, bright)
     return bright
 
 
-def _bounced(seen: NDArray[np.uint16], bright: NDArray[np.float32], n_powers: int) -> NDArray[np.float32]:
+def bounced(seen: NDArray[np.uint16], bright: NDArray[np.float32], n_powers: int) -> NDArray[np.float32]:
     """Irradiance (C, D, 3) from radiosity (C, D, 3) that is 0 beyond its first n_powers; 0 where a cell has no rays."""
     out = np.zeros_like(bright)
     half = len(seen) // 2

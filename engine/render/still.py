@@ -32,6 +32,7 @@ REFERENCE_POINTS = 32
 REFERENCE_LEVEL = 6
 
 Picture = NDArray[np.float32]
+Step = TypeVar("Step")
 Result = TypeVar("Result")
 
 
@@ -117,7 +118,7 @@ def compose(placement: Placement, radiance: NDArray[np.floating], sky: SkyState)
     return image
 
 
-def finish(steps: Generator[StillProgress, None, Result], report: Callable[[StillProgress], None]) -> Result:
+def finish(steps: Generator[Step, None, Result], report: Callable[[Step], None]) -> Result:
     """Drive a long computation to its end, telling `report` of every step."""
     while True:
         try:

@@ -13,6 +13,7 @@ from app.measure.figures import Figure, NotMeasured
 from app.measure.growth import Row
 from app.measure.indirect import IndirectEffort, indirect_figures
 from app.measure.peer import FIGURE as PEER
+from app.measure.representations import Row as Compared
 
 FOUND: dict[str, Any] = {
     "renderer": "a renderer",
@@ -43,6 +44,8 @@ def found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Figure]:
 
     monkeypatch.setattr(indirect, "measure_indirect", answer)
     monkeypatch.setattr(indirect, "memory_rows", lambda *arguments: iter([Row(2, 10.0, 0.0), Row(4, 15.0, 0.0)]))
+    rows = [Compared("dense", 2, 4, 100, 10.0, 0.25, 0.5, 1e-7)]
+    monkeypatch.setattr(indirect, "representation_rows", lambda *arguments: iter(rows))
     figures = indirect_figures(IndirectEffort(), 1, False, tmp_path, tmp_path, 10.0, lambda line: None)
     return {figure.name: figure for figure in figures}
 
@@ -62,6 +65,8 @@ def test_memory_first_picture_and_its_error(found: dict[str, Figure], tmp_path: 
     assert found["gi_first_error"].value == pytest.approx(0.2 * np.sqrt(3 / 5))
     assert found["gi_memory_growth"].value == pytest.approx(0.75)
     assert (tmp_path / indirect.CSV).read_text().startswith("objects,")
+    compared = (tmp_path / indirect.REPRESENTATIONS_CSV).read_text().splitlines()
+    assert compared[0].startswith("representation,objects,") and compared[1] == "dense,2,4,100,10,0.25,0.5,1e-07"
 
 
 def test_what_takes_long_is_left_out_of_a_quick_run(found: dict[str, Figure]) -> None:

@@ -1,0 +1,112 @@
+"""Two representations of indirect light on the same rays, as bounces and objects become more.
+
+The room of `growth`, cut into more and more objects with one curve of 64 bands each: the gather operator with its
+polynomial, which the editor uses, and the thesis' dense tensor. Seconds are those of the processor, which say more than
+the clock's on a machine that others use; tracing, which both share, is left out.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import statistics
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import astuple, dataclass, fields, replace
+from pathlib import Path
+
+import numpy as np
+
+from app.atomic import write_atomically
+from app.document import document_from_description
+from app.measure.growth import SOURCE, cut
+from app.measure.subject import at_most, open_subject
+from app.sky import sky_of
+from engine.indirect.dense import DenseTensor
+from engine.indirect.layers import IndirectLayer, indirect_layer
+from engine.indirect.light import IndirectLight
+from engine.indirect.representation import FrozenLight, GatherPolynomial, Representation, Selected
+from engine.indirect.solver import ROUGH, Fineness, Solver
+from engine.material import MODELS
+from engine.material.layer import make_layer
+from engine.render.still import finish
+from engine.scene.load import Scene
+from engine.transport.pipeline import Placement
+
+CSV = "indirect_representations.csv"
+MODEL, N_BANDS = "phong", 64
+FINENESS = replace(ROUGH, n_rays=512)
+GATHER, DENSE = "gather", "dense"
+REPETITIONS = 3
+
+
+@dataclass(frozen=True)
+class Row:
+    """One representation with M objects and N bounces: memory (MB, 10⁶ bytes) of what a freezing reads, seconds to make
+    it from what was traced, seconds of a freezing, and how far its picture is from the plain sum (relative RMS)."""
+
+    representation: str
+    objects: int
+    bounces: int
+    points: int
+    memory_mb: float
+    made_s: float
+    freeze_s: float
+    error: float
+
+
+def representation_rows(settings: Sequence[tuple[int, int]], side: int) -> Iterator[Row]:
+    """Two rows for each (objects, bounces)."""
+    scene = open_subject(SOURCE).scene
+    scene = replace(scene, resolution=at_most(scene.resolution, side))
+    for n_objects, n_bounces in settings:
+        yield from compare(cut(scene, n_objects), n_objects, n_bounces)
+
+
+def compare(scene: Scene, n_objects: int, n_bounces: int, fineness: Fineness = FINENESS) -> tuple[Row, Row]:
+    """Both representations of a cut scene."""
+    layers = [indirect_layer(i, make_layer(MODELS[MODEL]), (N_BANDS,)) for i in range(n_objects)]
+    sky = sky_of(scene, document_from_description(SOURCE, scene.description).light)
+    models = {layer.i_object: [MODEL] for layer in layers}
+    solver = Solver(Placement(scene), models, sky, n_bounces, fineness, glossy=False)
+    light = finish(solver.solve(layers), lambda step: None)
+    traced = light.points.gathered.n_bytes + light.light.n_bytes
+
+    def row(name: str, made: Representation, made_s: float, read: int) -> Row:
+        times, frozen = zip(*(_timed(made, layers, 0) for _ in range(REPETITIONS)), strict=True)
+        counts, error = (n_objects, n_bounces, len(light.points.gathered.rows)), edit_error(light, layers, frozen[0])
+        return Row(name, *counts, (made.n_bytes + read) / 1e6, made_s, statistics.median(times), error)
+
+    gather = GatherPolynomial(light)
+    # What the first freezing keeps, for another object than the one that is timed, is what making it takes.
+    first = row(GATHER, gather, _timed(gather, layers, n_objects - 1)[0], traced)
+    started = time.process_time()
+    dense = DenseTensor(light, layers)
+    return first, row(DENSE, dense, time.process_time() - started, 0)
+
+
+def edit_error(light: IndirectLight, layers: Sequence[IndirectLayer], frozen: FrozenLight) -> float:
+    """Of the first object after an edit of its curve, from what was frozen for it."""
+    curve = layers[0].curves.curves[0] * np.linspace(0.2, 1.5, N_BANDS)[:, None]
+    albedo = layers[0].albedo * 0.7
+    edited = replace(layers[0], curves=replace(layers[0].curves, curves=(curve,)), albedo=albedo)
+    [plain] = light.points.fans(0).reflected([edited.curves], light.sent([edited, *layers[1:]]))
+    powers = albedo ** np.arange(frozen.bands.shape[2])[:, None]
+    found = np.einsum("cjnp,jc,nc->pc", frozen.bands, curve, powers)
+    return float(np.sqrt(np.mean((found - plain[:, 0]) ** 2)) / plain.mean())
+
+
+def write_rows(file: Path, rows: Sequence[Row]) -> None:
+    """One line a row under a line of names."""
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(field.name for field in fields(Row))
+    writer.writerows([f"{x:.4g}" if isinstance(x, float) else x for x in astuple(row)] for row in rows)
+    write_atomically(file, text.getvalue().encode())
+
+
+def _timed(made: Representation, layers: Sequence[IndirectLayer], i_layer: int) -> tuple[float, FrozenLight]:
+    """Seconds of a freezing for a layer's object, and what it gave."""
+    started = time.process_time()
+    frozen = finish(made.freeze(layers, layers[i_layer].i_object, Selected(i_layer, 0)), lambda step: None)
+    return time.process_time() - started, frozen
