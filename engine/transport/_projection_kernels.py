@@ -13,14 +13,14 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
-from engine.material._kernels import gamma
 from engine.transport._angle_kernels import HALF_PI, fill_gammas, is_cone, slope, weigh
 from engine.transport._band_kernels import encode_bands
 from engine.transport._seen_kernels import gather_local, list_visible, patch_colours, set_frame, to_local, towards
-from engine.transport._share_kernels import deposit, mean_and_spread
+from engine.transport._share_kernels import Spots, make_spots, mean_and_spread, share_out
+from engine.transport._split_kernels import LEAVES, MAX_DEPTH, SPREAD, is_curved, split
 
-_MAX_SPLIT = 3
-_CHILDREN = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
+# Leaves of split lights, and pieces of wide ones, that are listed at a time.
+_ROOM = 512
 
 
 class Sky(NamedTuple):
@@ -87,103 +87,74 @@ class Encoded(NamedTuple):
 
 
 class _Scratch(NamedTuple):
-    """Room for one point."""
+    """Room for one point: corner directions x, y, z; centres cx, cy, cz and sizes of what is listed in `spots`."""
 
     x: np.ndarray
     y: np.ndarray
     z: np.ndarray
+    gammas_a: np.ndarray
+    gammas_b: np.ndarray
     cx: np.ndarray
     cy: np.ndarray
     cz: np.ndarray
-    gammas_a: np.ndarray
-    gammas_b: np.ndarray
-    centre_a: np.ndarray
-    centre_b: np.ndarray
-    lights: np.ndarray
-    weights: np.ndarray
+    sizes: np.ndarray
+    curved: np.ndarray
+    spots: Spots
     stack: np.ndarray
     depths: np.ndarray
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _is_curved(size, nearest, scale, tolerance):
-    """Whether γ, a cone near its pole, bends over a triangle by more than `tolerance` bands and as much of its size.
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _mark_curved(kind, scale, tolerance, sizes, mean, curved):
+    """Mark the lights over which a cone is curved."""
+    rate = slope(kind)
+    for i in range(mean.shape[0]):
+        curved[i] |= np.int32(is_curved(sizes[i] * rate, mean[i], scale, tolerance))
 
-    Over a triangle of extent s at distance r from the pole it leaves its chord by s²/8r. A triangle far larger than a
-    band need not follow the band: there the bound is 0.3 · tolerance of the triangle.
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _spread_out(kind, sizes, gammas, corners, lights, mean, spread):
+    """Mean and spread of γ over each spot, in radians; mean: γ at its centre before.
+
+    For a cone both follow from the spot's size, see `_split_kernels`; else the spread from the corners of its light.
     """
-    bend = size * size * np.float32(0.125)
-    return bend > nearest * tolerance * max(np.float32(1.0) / scale, np.float32(0.3) * size)
+    if is_cone(kind):
+        rate = slope(kind)
+        for i in range(mean.shape[0]):
+            part = SPREAD * sizes[i] * rate
+            spread[i], mean[i] = part, np.sqrt(mean[i] * mean[i] + part * part)
+        return
+    for i in range(mean.shape[0]):
+        m = lights[i]
+        spread[i] = mean_and_spread(gammas[corners[m, 0]], gammas[corners[m, 1]], gammas[corners[m, 2]])[1]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _fill_gammas_of(corner, optics, ox, oy, oz):
-    """corner: x, y, z and, filled here, the γ of both curves (of the first alone where there is one)."""
-    x, y, z = corner[0], corner[1], corner[2]
-    corner[3] = min(gamma(optics.kind_a, optics.q, x, y, z, ox, oy, oz), HALF_PI)
-    if optics.n_b > 1:
-        corner[4] = min(gamma(optics.kind_b, optics.q, x, y, z, ox, oy, oz), HALF_PI)
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _split_curved(corners, n_lights, scale_a, scale_b, optics, ox, oy, oz, scratch):
+    """List the leaves of curved lights behind the others, n_lights, and take the lights themselves out; the new number.
 
-
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _push_children(stack, depths, top, six, optics, ox, oy, oz):
-    """Replace the triangle stack[top] by its four quarters; a γ that is known is not taken again."""
-    for corner in range(3):
-        for i in range(5):
-            six[corner, i] = stack[top, corner, i]
-    for m in range(3, 6):
-        i, j = m - 3, (m - 2) % 3
-        x, y, z = six[i, 0] + six[j, 0], six[i, 1] + six[j, 1], six[i, 2] + six[j, 2]
-        inverse = np.float32(1.0) / np.sqrt(x * x + y * y + z * z)
-        six[m, 0], six[m, 1], six[m, 2] = x * inverse, y * inverse, z * inverse
-        _fill_gammas_of(six[m], optics, ox, oy, oz)
-    depth = depths[top] + 1
-    for child in range(4):
-        for corner in range(3):
-            for i in range(5):
-                stack[top + child, corner, i] = six[_CHILDREN[child, corner], i]
-        depths[top + child] = depth
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def _deposit_split(bands, weight, r, g, b, size_a, size_b, scale_a, scale_b, optics, ox, oy, oz, scratch):
-    """As `deposit` for the triangle in stack[0] (corners x, y, z), split in four wherever γ is not linear over it."""
-    stack, depths, two = scratch.stack, scratch.depths, optics.n_b > 1
-    last_a, last_b = np.float32(optics.n_a - 1), np.float32(optics.n_b - 1)
-    six = np.zeros((6, 5), np.float32)
-    top = 0
-    depths[0] = 0
-    for corner in range(3):
-        stack[0, corner, 4] = np.float32(0.0)
-        _fill_gammas_of(stack[0, corner], optics, ox, oy, oz)
-    while top >= 0:
-        a0, a1, a2 = stack[top, 0, 3], stack[top, 1, 3], stack[top, 2, 3]
-        b0, b1, b2 = stack[top, 0, 4], stack[top, 1, 4], stack[top, 2, 4]
-        shrink = np.float32(0.5) ** depths[top]
-        curved = _is_curved(size_a * shrink, min(a0, a1, a2), scale_a, optics.tolerance)
-        if two:
-            curved = curved or _is_curved(size_b * shrink, min(b0, b1, b2), scale_b, optics.tolerance)
-        if curved and depths[top] < _MAX_SPLIT:
-            _push_children(stack, depths, top, six, optics, ox, oy, oz)
-            top += 3
+    Where the list is full the rest stays whole.
+    """
+    stack, lights, weights, sizes, curved = (
+        scratch.stack, scratch.spots.light, scratch.spots.weight, scratch.sizes, scratch.curved
+    )  # fmt: skip
+    x, y, z, n, most = scratch.x, scratch.y, scratch.z, n_lights, scratch.cx.shape[0] - LEAVES
+    for i in range(n_lights):
+        if curved[i] == 0 or not weights[i] > 0.0 or n > most:
             continue
-        w = weight * shrink * shrink
-        mean_a, spread_a = mean_and_spread(a0 * scale_a, a1 * scale_a, a2 * scale_a)
-        mean_b, spread_b = mean_and_spread(b0 * scale_b, b1 * scale_b, b2 * scale_b)
-        deposit(bands, r * w, g * w, b * w, mean_a, spread_a, last_a, mean_b, spread_b, last_b, two)
-        top -= 1
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
-def _extent(is_cone, size, centre, gammas, v0, v1, v2):
-    """Spread of γ over a light and its least value, in radians: for a cone from its size alone, else from its corners.
-
-    Over an equilateral triangle of side s, every linear function of slope 1 has the standard deviation s / sqrt 24.
-    """
-    if is_cone:
-        return np.float32(0.204) * size, centre - np.float32(0.5) * size
-    g0, g1, g2 = gammas[v0], gammas[v1], gammas[v2]
-    return mean_and_spread(g0, g1, g2)[1], min(g0, g1, g2)
+        m, first, weight, size = lights[i], n, weights[i], sizes[i]
+        for corner in range(3):
+            v = corners[m, corner]
+            stack[0, corner, 0], stack[0, corner, 1], stack[0, corner, 2] = x[v], y[v], z[v]
+        n = split(
+            stack, scratch.depths, size, scale_a, scale_b, optics, ox, oy, oz, scratch.cx, scratch.cy, scratch.cz,
+            sizes, n,
+        )  # fmt: skip
+        for leaf in range(first, n):
+            part = sizes[leaf]
+            lights[leaf], weights[leaf], sizes[leaf] = m, weight * part * part, size * part
+        weights[i] = np.float32(0.0)
+    return n
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
@@ -194,58 +165,42 @@ def _project_lights(bands, corners, sizes, colours, n_directions, n_lights, opti
     directions (cx, cy, cz); (ox, oy, oz) is the local eye direction. The mean of γ over a light is taken as γ at its
     centre of brightness: that takes out the first-order error of a light that is brighter on one side.
     """
-    x, y, z, weights = scratch.x[:n_directions], scratch.y[:n_directions], scratch.z[:n_directions], scratch.weights
-    gammas_a, gammas_b, q, two = scratch.gammas_a, scratch.gammas_b, optics.q, optics.n_b > 1
+    spots, q, two, n = scratch.spots, optics.q, optics.n_b > 1, n_lights
+    x, y, z = scratch.x[:n_directions], scratch.y[:n_directions], scratch.z[:n_directions]
+    cx, cy, cz, mean_a, mean_b = scratch.cx, scratch.cy, scratch.cz, spots.mean_a, spots.mean_b
     scale_a, scale_b = np.float32(optics.n_a) / HALF_PI, np.float32(optics.n_b) / HALF_PI
-    last_a, last_b = np.float32(optics.n_a - 1), np.float32(optics.n_b - 1)
-    cone_a, cone_b = is_cone(optics.kind_a), is_cone(optics.kind_b)
-    slope_a, slope_b = slope(optics.kind_a), slope(optics.kind_b)
-    cx, cy, cz = scratch.cx[:n_lights], scratch.cy[:n_lights], scratch.cz[:n_lights]
-    weigh(optics.model, q, cx, cy, cz, ox, oy, oz, weights)
-    fill_gammas(optics.kind_a, q, cx, cy, cz, ox, oy, oz, scratch.centre_a)
-    if not cone_a:
-        fill_gammas(optics.kind_a, q, x, y, z, ox, oy, oz, gammas_a)
+    listed, lights, curved = scratch.sizes, spots.light, scratch.curved[:n]
+    for i in range(n):
+        listed[i], curved[i] = sizes[lights[i]], np.int32(0)
+    weigh(optics.model, q, cx[:n], cy[:n], cz[:n], ox, oy, oz, spots.weight)
+    fill_gammas(optics.kind_a, q, cx[:n], cy[:n], cz[:n], ox, oy, oz, mean_a)
+    _mark_curved(optics.kind_a, scale_a, optics.tolerance, listed, mean_a[:n], curved)
+    if not is_cone(optics.kind_a):
+        fill_gammas(optics.kind_a, q, x, y, z, ox, oy, oz, scratch.gammas_a)
     if two:
-        fill_gammas(optics.kind_b, q, cx, cy, cz, ox, oy, oz, scratch.centre_b)
-        if not cone_b:
-            fill_gammas(optics.kind_b, q, x, y, z, ox, oy, oz, gammas_b)
-    spread_b = mean_b = np.float32(0.0)
-    for i in range(n_lights):
-        weight = weights[i]
-        if not weight > 0.0:
-            continue
-        m = scratch.lights[i]
-        v0, v1, v2 = corners[m, 0], corners[m, 1], corners[m, 2]
-        r, g, b = colours[m, 0], colours[m, 1], colours[m, 2]
-        size_a, size_b = sizes[m] * slope_a, sizes[m] * slope_b
-        mean_a = scratch.centre_a[i]
-        spread_a, nearest = _extent(cone_a, size_a, mean_a, gammas_a, v0, v1, v2)
-        curved = _is_curved(size_a, nearest, scale_a, optics.tolerance)
-        if two:
-            mean_b = scratch.centre_b[i]
-            spread_b, nearest = _extent(cone_b, size_b, mean_b, gammas_b, v0, v1, v2)
-            curved = curved or _is_curved(size_b, nearest, scale_b, optics.tolerance)
-        if curved:
-            for corner in range(3):
-                v, place = corners[m, corner], scratch.stack[0, corner]
-                place[0], place[1], place[2] = x[v], y[v], z[v]
-            _deposit_split(bands, weight, r, g, b, size_a, size_b, scale_a, scale_b, optics, ox, oy, oz, scratch)
-            continue
-        r, g, b = r * weight, g * weight, b * weight
-        mean_a, spread_a, mean_b, spread_b = mean_a * scale_a, spread_a * scale_a, mean_b * scale_b, spread_b * scale_b
-        deposit(bands, r, g, b, mean_a, spread_a, last_a, mean_b, spread_b, last_b, two)
+        fill_gammas(optics.kind_b, q, cx[:n], cy[:n], cz[:n], ox, oy, oz, mean_b)
+        _mark_curved(optics.kind_b, scale_b, optics.tolerance, listed, mean_b[:n], curved)
+        if not is_cone(optics.kind_b):
+            fill_gammas(optics.kind_b, q, x, y, z, ox, oy, oz, scratch.gammas_b)
+    n = _split_curved(corners, n_lights, scale_a, scale_b, optics, ox, oy, oz, scratch)
+    lx, ly, lz = cx[n_lights:n], cy[n_lights:n], cz[n_lights:n]
+    fill_gammas(optics.kind_a, q, lx, ly, lz, ox, oy, oz, mean_a[n_lights:n])
+    _spread_out(optics.kind_a, listed, scratch.gammas_a, corners, lights, mean_a[:n], spots.spread_a)
+    if two:
+        fill_gammas(optics.kind_b, q, lx, ly, lz, ox, oy, oz, mean_b[n_lights:n])
+        _spread_out(optics.kind_b, listed, scratch.gammas_b, corners, lights, mean_b[:n], spots.spread_b)
+    share_out(bands, colours, n, spots, scale_a, scale_b)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _make_scratch(n_directions, n_lights):
-    depth = 3 * _MAX_SPLIT + 4
+    depth, n = 3 * MAX_DEPTH + 4, n_lights + _ROOM
     return _Scratch(
         np.empty(n_directions, np.float32), np.empty(n_directions, np.float32), np.empty(n_directions, np.float32),
-        np.empty(n_lights, np.float32), np.empty(n_lights, np.float32), np.empty(n_lights, np.float32),
         np.empty(n_directions, np.float32), np.empty(n_directions, np.float32),
-        np.empty(n_lights, np.float32), np.empty(n_lights, np.float32),
-        np.empty(n_lights + 1, np.int64), np.empty(n_lights + 1, np.float32),
-        np.empty((depth, 3, 5), np.float32), np.empty(depth, np.int64),
+        np.empty(n, np.float32), np.empty(n, np.float32), np.empty(n, np.float32), np.empty(n, np.float32),
+        np.empty(n_lights, np.int32), make_spots(n + _ROOM),
+        np.empty((depth, 3, 3), np.float32), np.empty(depth, np.int64),
     )  # fmt: skip
 
 
@@ -255,6 +210,7 @@ def project_tile(rows, surface, sky, patches, bits, optics, trim, encoded):
     n_sky, n_patches = sky.corners.shape[0], patches.corners.shape[0]
     n_sky_corners, n_patch_corners = sky.directions.shape[1], patches.points.shape[1]
     s = _make_scratch(max(n_sky_corners, n_patch_corners), max(n_sky, n_patches))
+    lights, weights = s.spots.light, s.spots.weight
     corners_seen, centres_seen = np.empty((3, n_patch_corners), np.float32), np.empty((3, n_patches), np.float32)
     colours, sizes = np.zeros((n_patches, 3), np.float32), np.empty(n_patches, np.float32)
     own_bit = np.arange(n_patches)
@@ -271,17 +227,17 @@ def project_tile(rows, surface, sky, patches, bits, optics, trim, encoded):
         oz = frame[2, 0] * wo[0] + frame[2, 1] * wo[1] + frame[2, 2] * wo[2]
         bands[:] = np.float32(0.0)
         if n_sky > 0:
-            n = list_visible(bits.sphere[r], bits.fine[r], sky.first, sky.n_bits, sky.fine, s.lights, s.weights)
+            n = list_visible(bits.sphere[r], bits.fine[r], sky.first, sky.n_bits, sky.fine, lights, weights)
             to_local(sky.directions, frame, s.x, s.y, s.z)
-            gather_local(sky.centres, s.lights, n, frame, s.cx, s.cy, s.cz)
+            gather_local(sky.centres, lights, n, frame, s.cx, s.cy, s.cz)
             _project_lights(bands, sky.corners, sky.sizes, sky.colours, n_sky_corners, n, optics, ox, oy, oz, s)
         if n_patches > 0:
-            n = list_visible(bits.patches[r], bits.patches[r], own_bit, own_bit, own_bit, s.lights, s.weights)
+            n = list_visible(bits.patches[r], bits.patches[r], own_bit, own_bit, own_bit, lights, weights)
             towards(patches.points, surface.position[r], corners_seen)
             towards(patches.centres, surface.position[r], centres_seen)
             patch_colours(corners_seen, patches.corners, patches.radiance, colours, sizes)
             to_local(corners_seen, frame, s.x, s.y, s.z)
-            gather_local(centres_seen, s.lights, n, frame, s.cx, s.cy, s.cz)
+            gather_local(centres_seen, lights, n, frame, s.cx, s.cy, s.cz)
             _project_lights(bands, patches.corners, sizes, colours, n_patch_corners, n, optics, ox, oy, oz, s)
         encoded.start[i] = written
         written = encode_bands(bands[: optics.n_a, : optics.n_b], trim, cells, maxima, encoded, i, written)

@@ -6,12 +6,16 @@ such pairs. Against the closed form the picture changes by less than the lights'
 no branch, no division and no loop for most lights. Both keep a light's power, and its mean where γ is linear.
 """
 
+from typing import NamedTuple
+
 import numba as nb
 import numpy as np
 
 HALF = np.float32(0.5)
 ZERO = np.float32(0.0)
 ONE = np.float32(1.0)
+TWICE = np.float32(2.0)
+ALMOST = np.float32(1.0 - 1e-6)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
@@ -29,75 +33,138 @@ def three_shares(mean, spread, last):
     """
     low = min(max(mean - HALF - spread, ZERO), last)
     high = min(max(mean - HALF + spread, ZERO), last)
-    first, other = int(low), int(high)
-    t, u = HALF * (low - np.float32(first)), HALF * (high - np.float32(other))
-    if first == other:
-        return first, ONE - t - u, t + u, ZERO
-    return first, HALF - t, t + HALF - u, u
+    first = np.int32(low)
+    x, y = low - np.float32(first), high - np.float32(first)
+    w0, w2 = HALF * (ONE - x + max(ONE - y, ZERO)), HALF * max(y - ONE, ZERO)
+    return first, w0, ONE - w0 - w2, w2
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
-def _add(bands, j, k, w, r, g, b):
-    bands[j, k, 0] += w * r
-    bands[j, k, 1] += w * g
-    bands[j, k, 2] += w * b
+class Spots(NamedTuple):
+    """Lights, or parts of them, as they lie on the curves.
+
+    light (N,): whose colour it has; weight (N,); mean_a, spread_a (N,) of γ in radians, and what they are filled with
+    here: first_a (N,), shares_a (3, N), wide (N,), 1 where three hats do not hold the spot. The same of curve b.
+    """
+
+    light: np.ndarray
+    weight: np.ndarray
+    mean_a: np.ndarray
+    mean_b: np.ndarray
+    spread_a: np.ndarray
+    spread_b: np.ndarray
+    first_a: np.ndarray
+    first_b: np.ndarray
+    shares_a: np.ndarray
+    shares_b: np.ndarray
+    wide: np.ndarray
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
-def _add_one(bands, r, g, b, mean, spread, last):
-    first, w0, w1, w2 = three_shares(mean, spread, last)
-    _add(bands, first, 0, w0, r, g, b)
-    _add(bands, first + 1, 0, w1, r, g, b)
-    _add(bands, first + 2, 0, w2, r, g, b)
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
-def _add_row(bands, j, k, w, w0, w1, w2, r, g, b):
-    r, g, b = w * r, w * g, w * b
-    _add(bands, j, k, w0, r, g, b)
-    _add(bands, j, k + 1, w1, r, g, b)
-    if w2 > ZERO:
-        _add(bands, j, k + 2, w2, r, g, b)
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
-def _add_two(bands, r, g, b, mean_a, spread_a, last_a, mean_b, spread_b, last_b):
-    j, w0, w1, w2 = three_shares(mean_a, spread_a, last_a)
-    k, v0, v1, v2 = three_shares(mean_b, spread_b, last_b)
-    _add_row(bands, j, k, w0, v0, v1, v2, r, g, b)
-    _add_row(bands, j + 1, k, w1, v0, v1, v2, r, g, b)
-    if w2 > ZERO:
-        _add_row(bands, j + 2, k, w2, v0, v1, v2, r, g, b)
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def make_spots(n):
+    return Spots(
+        np.empty(n, np.int64), np.empty(n, np.float32),
+        np.empty(n, np.float32), np.empty(n, np.float32), np.empty(n, np.float32), np.empty(n, np.float32),
+        np.empty(n, np.int32), np.empty(n, np.int32), np.empty((3, n), np.float32), np.empty((3, n), np.float32),
+        np.empty(n, np.int32),
+    )  # fmt: skip
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _deposit_wide(bands, r, g, b, mean_a, spread_a, last_a, mean_b, spread_b, last_b, two):
-    """As `deposit` for a light of more than half a band's spread: in even pieces."""
-    n_a = max(int(np.ceil(np.float32(2.0) * spread_a)), 1)
-    n_b = max(int(np.ceil(np.float32(2.0) * spread_b)), 1)
-    share = ONE / np.float32(n_a * n_b)
-    r, g, b = r * share, g * share, b * share
-    part_a, part_b = spread_a / np.float32(n_a), spread_b / np.float32(n_b)
-    for i in range(n_a):
-        at_a = mean_a + part_a * np.float32(2 * i + 1 - n_a)
-        if not two:
-            _add_one(bands, r, g, b, at_a, part_a, last_a)
-            continue
-        for k in range(n_b):
-            at_b = mean_b + part_b * np.float32(2 * k + 1 - n_b)
-            _add_two(bands, r, g, b, at_a, part_a, last_a, at_b, part_b, last_b)
+def _fill_shares(mean, spread, scale, last, first, w0, w1, w2, wide):
+    """`three_shares` of many spots, means and spreads times `scale`; a spread too wide for three hats marks `wide`."""
+    for i in range(mean.shape[0]):
+        extent = spread[i] * scale
+        wide[i] |= np.int32(extent > HALF)
+        first[i], w0[i], w1[i], w2[i] = three_shares(mean[i] * scale, min(extent, HALF), last)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
-def deposit(bands, r, g, b, mean_a, spread_a, last_a, mean_b, spread_b, last_b, two):
-    """bands[j, k] += (r, g, b) · Δ_j · Δ_k [BenArtzi07, eq. 4.15]; without `two`, bands[j, 0] += (r, g, b) · Δ_j.
+def _add_row(flat, at, w0, w1, w2, r, g, b):
+    """Add (r, g, b) to three neighbouring hats from flat[at] on, by their shares.
 
-    bands has two rows and, with `two`, two columns more than there are hats; they stay 0. Means and spreads are in
-    units of bands, last_a and last_b the numbers of the last hats.
+    An unsigned place needs no test for negative ones, and a slice would be counted as a reference: either would take
+    longer than the sums.
     """
-    if spread_a > HALF or spread_b > HALF:
-        _deposit_wide(bands, r, g, b, mean_a, spread_a, last_a, mean_b, spread_b, last_b, two)
-    elif two:
-        _add_two(bands, r, g, b, mean_a, spread_a, last_a, mean_b, spread_b, last_b)
-    else:
-        _add_one(bands, r, g, b, mean_a, spread_a, last_a)
+    place = np.uint64(at)
+    flat[place] += w0 * r
+    flat[place + np.uint64(1)] += w0 * g
+    flat[place + np.uint64(2)] += w0 * b
+    flat[place + np.uint64(3)] += w1 * r
+    flat[place + np.uint64(4)] += w1 * g
+    flat[place + np.uint64(5)] += w1 * b
+    flat[place + np.uint64(6)] += w2 * r
+    flat[place + np.uint64(7)] += w2 * g
+    flat[place + np.uint64(8)] += w2 * b
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _add_narrow(bands, colours, begin, end, spots):
+    """Add the spots [begin, end) that are not wide to the three hats of each curve that hold them."""
+    light, weight, wide = spots.light, spots.weight, spots.wide
+    first_a, first_b, a, b = spots.first_a, spots.first_b, spots.shares_a, spots.shares_b
+    flat, width, a0, a1, a2, b0, b1, b2 = bands.reshape(-1), 3 * bands.shape[1], a[0], a[1], a[2], b[0], b[1], b[2]
+    two = bands.shape[1] > 1
+    for i in range(begin, end):
+        m = light[i]
+        w = weight[i] if wide[i] == 0 else ZERO
+        red, green, blue = colours[m, 0] * w, colours[m, 1] * w, colours[m, 2] * w
+        at = np.int64(first_a[i]) * width
+        if two:
+            at += 3 * np.int64(first_b[i])
+            v0, v1, v2 = b0[i], b1[i], b2[i]
+            _add_row(flat, at, v0, v1, v2, a0[i] * red, a0[i] * green, a0[i] * blue)
+            _add_row(flat, at + width, v0, v1, v2, a1[i] * red, a1[i] * green, a1[i] * blue)
+            _add_row(flat, at + 2 * width, v0, v1, v2, a2[i] * red, a2[i] * green, a2[i] * blue)
+        else:
+            _add_row(flat, at, a0[i], a1[i], a2[i], red, green, blue)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def _share_and_add(bands, colours, begin, end, spots, scale_a, scale_b):
+    a, b, wide, two = spots.shares_a, spots.shares_b, spots.wide[begin:end], bands.shape[1] > 1
+    last_a, last_b = np.float32(bands.shape[0] - 3), np.float32(bands.shape[1] - 3)
+    wide[:] = np.int32(0)
+    _fill_shares(
+        spots.mean_a[begin:end], spots.spread_a[begin:end], scale_a, last_a, spots.first_a[begin:end],
+        a[0, begin:end], a[1, begin:end], a[2, begin:end], wide,
+    )  # fmt: skip
+    if two:
+        _fill_shares(
+            spots.mean_b[begin:end], spots.spread_b[begin:end], scale_b, last_b, spots.first_b[begin:end],
+            b[0, begin:end], b[1, begin:end], b[2, begin:end], wide,
+        )  # fmt: skip
+    _add_narrow(bands, colours, begin, end, spots)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def share_out(bands, colours, n, spots, scale_a, scale_b):
+    """bands[j, k] += weight · colour · Δ_j · Δ_k of the first n spots [BenArtzi07, eq. 4.15]; one curve: bands[j, 0].
+
+    bands (J + 2, K + 2, 3), or (J + 2, 1, 3) for one curve: two more than there are hats, which stay 0. Scales: bands a
+    radian. Wide spots are cut into even pieces of at most half a band's spread, gathered behind the n-th spot, where
+    there must be room, and shared out like the others whenever that is full.
+    """
+    _share_and_add(bands, colours, 0, n, spots, scale_a, scale_b)
+    light, weight, wide, two = spots.light, spots.weight, spots.wide, bands.shape[1] > 1
+    mean_a, mean_b, spread_a, spread_b = spots.mean_a, spots.mean_b, spots.spread_a, spots.spread_b
+    at = n
+    for i in range(n):
+        if wide[i] == 0 or not weight[i] > ZERO:
+            continue
+        n_a = max(int(np.ceil(TWICE * spread_a[i] * scale_a)), 1)
+        n_b = max(int(np.ceil(TWICE * spread_b[i] * scale_b)), 1) if two else 1
+        part_a = spread_a[i] / np.float32(n_a)
+        part_b = spread_b[i] / np.float32(n_b) if two else ZERO
+        share = weight[i] / np.float32(n_a * n_b)
+        for u in range(n_a):
+            for v in range(n_b):
+                if at == light.shape[0]:
+                    _share_and_add(bands, colours, n, at, spots, scale_a, scale_b)
+                    at = n
+                light[at], weight[at] = light[i], share
+                # A hair less than its share: rounding must not make a piece wide again.
+                mean_a[at], spread_a[at] = mean_a[i] + part_a * np.float32(2 * u + 1 - n_a), part_a * ALMOST
+                if two:
+                    mean_b[at], spread_b[at] = mean_b[i] + part_b * np.float32(2 * v + 1 - n_b), part_b * ALMOST
+                at += 1
+    _share_and_add(bands, colours, n, at, spots, scale_a, scale_b)

@@ -68,8 +68,8 @@ def rehearse_projection_details() -> None:
     model = MODELS[_LAYER.model]
     kind = model.factors[0].gamma
     optics = kernels.Optics(model.kind, np.array(_LAYER.quotient_parameters), kind, kind, n_a, n_b, one)
-    scratch.stack[0, :, :3] = np.eye(3, dtype=np.float32)
-    kernels._deposit_split(bands, one, one, one, one, one, one, one, one, optics, one, one, one, scratch)
+    kernels._split_curved(np.zeros((1, 3), np.int32), 0, one, one, optics, one, one, one, scratch)
+    kernels.share_out(bands, np.zeros((1, 3), np.float32), 0, scratch.spots, one, one)
     encoded = kernels.Encoded(*_nothing(n_a))
     cells, maxima = np.zeros((n_a, n_b), np.float32), np.zeros(n_a, np.float32)
     kernels.encode_bands(bands[:n_a, :n_b], one, cells, maxima, encoded, 0, 0)

@@ -1,6 +1,5 @@
 """From light and visibility to bands: closed forms, the dense twin, and every knob at its ends."""
 
-import numba as nb
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -24,7 +23,7 @@ from engine.material.kinds import (
 from engine.material.layer import make_layer
 from engine.scene.primitives import sphere
 from engine.transport._angle_kernels import fill_gammas, weigh
-from engine.transport._share_kernels import deposit, mean_and_spread
+from engine.transport._share_kernels import make_spots, mean_and_spread, share_out
 from engine.transport.projection import LayerShape, project_layer
 from tests.engine.transport.by_hand import bands_of, irradiance, light_of, points_at, project, square
 from tests.naive.curves import hats
@@ -45,11 +44,6 @@ LAYERS = [
     ("ashikhmin_shirley", {}, (32, 32)),
     ("ashikhmin_shirley_ratio", {}, (32, 1)),
 ]
-
-
-@nb.njit
-def share_out(bands, power, mean, spread, last, nothing):
-    deposit(bands, power, power, power, mean, spread, last, nothing, nothing, nothing, False)
 
 
 def noise(seed: int = 0) -> Environment:
@@ -211,9 +205,9 @@ def test_a_triangle_is_shared_out_as_by_the_closed_form(corners, n_bands) -> Non
     inside = corners[0] * (1 - u - v) + corners[1] * u + corners[2] * v
     expected = hats(inside, n_bands, domain=n_bands).mean(axis=0)
     mean, spread = mean_and_spread(*corners.astype(np.float32))
-    found = np.zeros((n_bands + 2, 1, 3), np.float32)
-    one, nothing = np.float32(1.0), np.float32(0.0)
-    share_out(found, one, mean, spread, np.float32(n_bands - 1), nothing)
+    found, one, spots = np.zeros((n_bands + 2, 1, 3), np.float32), np.float32(1.0), make_spots(4)
+    spots.light[0], spots.weight[0], spots.mean_a[0], spots.spread_a[0] = 0, one, mean, spread
+    share_out(found, np.ones((1, 3), np.float32), 1, spots, one, one)
     assert found[:, 0, 0].sum() == pytest.approx(1.0, abs=1e-5)
     assert np.abs(found[:n_bands, 0, 0] - expected).max() < 0.25 and not found[n_bands:].any()
 

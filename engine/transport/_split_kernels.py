@@ -1,0 +1,95 @@
+"""Splitting lights over which a curve's angle bends: near a pole γ is the distance from a point, and not linear.
+
+Of a spot at distance r from the pole, of extent s, the mean of γ² is r² + s²/12 (an equilateral triangle in the plane).
+Spread 0.204 s and mean sqrt(r² + s²/24) have just that, so that small lights need no splitting even at the pole itself.
+A light larger than a band is cut in four until it is far from the pole or small.
+"""
+
+import numba as nb
+import numpy as np
+
+from engine.material.kinds import THETA_D, THETA_I
+from engine.transport._angle_kernels import slope
+
+MAX_DEPTH = 3
+LEAVES = 4**MAX_DEPTH
+# A light that holds the pole: how far γ leaves a line, as a share of its extent.
+AT_THE_POLE = np.float32(0.35)
+SPREAD = np.float32(0.204)
+HALF = np.float32(0.5)
+_CHILDREN = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def is_curved(size, middle, scale, tolerance):
+    """Whether γ, a cone, bends over a triangle by more than `tolerance` bands and as much of its size.
+
+    Over a triangle of extent s at distance r from the pole it leaves its chord by s²/8r. A triangle far larger than a
+    band need not follow the band: there the bound is 0.3 · tolerance of the triangle. middle: γ at its centre.
+    """
+    nearest, bound = middle - HALF * size, tolerance * max(np.float32(1.0) / scale, np.float32(0.3) * size)
+    return size * size * np.float32(0.125) > nearest * bound and AT_THE_POLE * size > bound
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _from_pole(kind, x, y, z, ox, oy, oz):
+    """About γ of a direction of any length, from the distance to the pole: good where that is small."""
+    inverse = np.float32(1.0) / np.sqrt(x * x + y * y + z * z)
+    px, py, pz = np.float32(0.0), np.float32(0.0), np.float32(1.0)
+    if kind == THETA_D:
+        px, py, pz = ox, oy, oz
+    elif kind != THETA_I:
+        px, py, pz = -ox, -oy, oz
+    dx, dy, dz = x * inverse - px, y * inverse - py, z * inverse - pz
+    return slope(kind) * np.sqrt(dx * dx + dy * dy + dz * dz)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def split(stack, depths, size, scale_a, scale_b, optics, ox, oy, oz, x, y, z, shrink, begin):
+    """Cut the triangle stack[0] (corners by axes) where γ is curved; write centre and relative size of the leaves.
+
+    x, y, z, shrink from `begin` on, where there must be room for LEAVES; returns where they end.
+    """
+    six = np.empty((6, 3), np.float32)
+    slope_a, slope_b = slope(optics.kind_a), slope(optics.kind_b)
+    two, top, end = optics.n_b > 1, 0, begin
+    depths[0] = 0
+    while top >= 0:
+        part = HALF ** depths[top]
+        cx = stack[top, 0, 0] + stack[top, 1, 0] + stack[top, 2, 0]
+        cy = stack[top, 0, 1] + stack[top, 1, 1] + stack[top, 2, 1]
+        cz = stack[top, 0, 2] + stack[top, 1, 2] + stack[top, 2, 2]
+        curved = False
+        if depths[top] < MAX_DEPTH:
+            middle = _from_pole(optics.kind_a, cx, cy, cz, ox, oy, oz)
+            curved = is_curved(size * part * slope_a, middle, scale_a, optics.tolerance)
+            if two and not curved:
+                middle = _from_pole(optics.kind_b, cx, cy, cz, ox, oy, oz)
+                curved = is_curved(size * part * slope_b, middle, scale_b, optics.tolerance)
+        if curved:
+            _push_children(stack, depths, top, six)
+            top += 3
+            continue
+        inverse = np.float32(1.0) / np.sqrt(cx * cx + cy * cy + cz * cz)
+        x[end], y[end], z[end], shrink[end] = cx * inverse, cy * inverse, cz * inverse, part
+        end += 1
+        top -= 1
+    return end
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _push_children(stack, depths, top, six):
+    """Replace the triangle stack[top] by its four quarters."""
+    for i in range(3):
+        j = (i + 1) % 3
+        for axis in range(3):
+            six[i, axis] = stack[top, i, axis]
+        x, y, z = six[i, 0] + stack[top, j, 0], six[i, 1] + stack[top, j, 1], six[i, 2] + stack[top, j, 2]
+        inverse = np.float32(1.0) / np.sqrt(x * x + y * y + z * z)
+        six[3 + i, 0], six[3 + i, 1], six[3 + i, 2] = x * inverse, y * inverse, z * inverse
+    depth = depths[top] + 1
+    for child in range(4):
+        for corner in range(3):
+            for axis in range(3):
+                stack[top + child, corner, axis] = six[_CHILDREN[child, corner], axis]
+        depths[top + child] = depth
