@@ -2,7 +2,8 @@
 
 Found roughly after the first picture, finely after the last stage of the direct light, so that a person waits for
 neither; where the rays of a fine one are still there, another light lights their cells anew, at once, and what glossy
-surfaces send goes by albedo until the end.
+surfaces send goes by albedo until the end. Fine light is kept on disk, where a scene that is opened again, or a worker
+after one that died, finds it with the first picture.
 """
 
 from __future__ import annotations
@@ -11,7 +12,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from app.jobs.cache import Store, content_key
 from app.jobs.messages import (
     BouncesPlanned,
     Freeze,
@@ -29,11 +32,14 @@ from engine.indirect.layers import IndirectLayer, albedos_of
 from engine.indirect.light import IndirectLight
 from engine.indirect.representation import GatherPolynomial, Selected
 from engine.indirect.solver import FINE, ROUGH, Fineness, Solver, relit
+from engine.indirect.stored import NAMES, arrays_of
 from engine.material import MODELS
 from engine.render.bounces import planned_bounces
 from engine.transport.pipeline import Placement, SkyState
 
 Steps = Iterator[Response | None]
+# Raised when anything changes the numbers in what is kept on disk.
+STORED_VERSION = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +57,9 @@ class _Found:
 class IndirectTasks:
     """Indirect light of the scene that is open, and the freezing that was asked for last."""
 
-    def __init__(self, placement: Placement) -> None:
-        self._placement = placement
+    def __init__(self, placement: Placement, store: Store | None = None, scene_key: str = "") -> None:
+        """store: where fine light is kept for the next time, under keys of the scene; None for nowhere."""
+        self._placement, self._store, self._scene_key = placement, store, scene_key
         self._names = [described.name for described in placement.scene.description.objects]
         self._found: _Found | None = None
         self._wish: Freeze | None = None
@@ -94,11 +101,15 @@ class IndirectTasks:
             light = relit(found.light, self._placement, sky, found.fineness, n_bounces)
             yield from self._hold(replace(found, light=light, lit_by=lit_by))
             return
-        fineness = FINE if is_last else ROUGH
+        kept, key = self._kept_on_disk(models, lit_by, n_bounces)
+        fineness = FINE if is_last or kept is not None else ROUGH
         of_object: dict[int, list[str]] = {}
         for look in looks:
             of_object.setdefault(self._object(look.key), []).append(look.model)
         solver = Solver(self._placement, of_object, sky, n_bounces, fineness)
+        if kept is not None:
+            yield from self._hold(_Found(solver.restored(kept), fineness, models, lit_by, n_bounces, 0))
+            return
         steps = solver.solve([self._layer(look) for look in looks])
         while True:
             try:
@@ -106,7 +117,17 @@ class IndirectTasks:
                 yield Progress("indirect light", fraction, text=text)
             except StopIteration as end:
                 yield from self._hold(_Found(end.value, fineness, models, lit_by, n_bounces, 0))
+                if self._store is not None and fineness is FINE:
+                    self._store.put(key, arrays_of(end.value))
                 return
+
+    def _kept_on_disk(
+        self, models: tuple[tuple[str, str], ...], lit_by: str, n_bounces: int
+    ) -> tuple[dict[str, NDArray[np.generic]] | None, str]:
+        """Fine light that was found before, if it is kept, and its key. The curves that decided where it is finest do
+        not count: within a session they do not either."""
+        key = content_key("indirect", STORED_VERSION, NAMES, self._scene_key, models, lit_by, n_bounces, repr(FINE))
+        return (None if self._store is None else self._store.get(key)), key
 
     def freeze(self, request: Freeze) -> Steps:
         """The answer, if there is anything to answer with; it is given again when there is something finer."""

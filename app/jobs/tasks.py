@@ -5,8 +5,8 @@ A transport runs through stages, each a whole picture: *coarse* (every fourth pi
 eighth pixel, nothing traced). Within a stage the selected layer comes first. What a stage has replaced is dropped, and
 what is there already in such quality is not made again (see `layer_data`).
 
-Visibility and final transport are kept on disk, transport tile by tile, so that a scene seen before opens at once and a
-worker that died goes on where it was.
+Visibility, final transport and fine indirect light are kept on disk, transport tile by tile, so that a scene seen
+before opens at once and a worker that died goes on where it was.
 """
 
 from __future__ import annotations
@@ -171,7 +171,7 @@ class Tasks:
         if self._indirect is None:
             from app.jobs.indirect import IndirectTasks
 
-            self._indirect = IndirectTasks(self._placement)
+            self._indirect = IndirectTasks(self._placement, self._cache, self._scene_key)
         return self._indirect
 
     def _selected_first(self, request: ComputeTransport) -> list[LayerWork]:

@@ -70,6 +70,16 @@ class Cells:
         """Memory of what rays have found; the mesh is the scene's."""
         return sum(array.nbytes for array in self._table)
 
+    def table(self) -> kernels.Table:
+        """All that is known of them, to be stored: no longer than there are cells."""
+        n = len(self)
+        return kernels.Table(*self._table[:3], *(array[:n] for array in self._table[3:]))
+
+    def restore(self, table: kernels.Table) -> None:
+        """Become what `table` gave."""
+        for mine, stored in zip(self._table, table, strict=True):
+            mine[: len(stored)] = stored
+
     @property
     def objects(self) -> NDArray[np.int32]:
         """Which object each cell belongs to, (C,)."""

@@ -22,6 +22,7 @@ from engine.indirect.layers import IndirectLayer, albedos_of
 from engine.indirect.light import Footprint, GatherPoints, IndirectLight
 from engine.indirect.reflection import SentLight
 from engine.indirect.second_bounce import SecondRays, axes_of, lamps_of, no_records
+from engine.indirect.stored import cell_light_of, footprint_of, gathered_of, table_of
 from engine.light.emitters import EmitterPatches
 from engine.light.lights import TriangleLights, cut_lights
 from engine.scene.hits import PrimaryHits
@@ -88,6 +89,13 @@ class Solver:
                 return (yield from self._solve(Cells(self._placement.scene, self._placement.caster, size), layers))
             except TooManyCells:
                 size *= _GROWTH
+
+    def restored(self, arrays: Mapping[str, NDArray[np.generic]]) -> IndirectLight:
+        """What `solve` gave and `stored.arrays_of` made arrays of."""
+        cells = Cells(self._placement.scene, self._placement.caster, float(arrays["cell_size"][0]))
+        cells.restore(table_of(arrays))
+        points, light = self._points(gathered_of(arrays)), cell_light_of(arrays, cells.objects.copy())
+        return IndirectLight(points, footprint_of(arrays), cells, light, self._lamps, self._n_bounces)
 
     def _cell_size(self) -> float:
         """Metres, so that what a first look hits falls into about as many cells as wanted."""

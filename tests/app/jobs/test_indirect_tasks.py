@@ -1,0 +1,73 @@
+"""The worker's indirect light: what it keeps on disk and finds there again."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from app.document import document_from_description
+from app.indirect import reflections
+from app.jobs import indirect as indirect_module
+from app.jobs.cache import Store
+from app.jobs.indirect import IndirectTasks
+from app.jobs.messages import Freeze, Frozen, IndirectFound, Response
+from app.picture import Curves
+from app.sky import sky_of
+from engine.indirect.solver import ROUGH, Solver
+from engine.scene.load import Scene, load_scene
+from engine.transport.pipeline import Placement
+from tests.app.jobs.test_tasks import SCENE
+
+N_BOUNCES = 3
+
+
+@pytest.fixture
+def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Scene:
+    monkeypatch.setattr(indirect_module, "FINE", ROUGH)  # quicker, and as good for this
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE)
+    return load_scene(path)
+
+
+def found_by(tasks: IndirectTasks, scene: Scene, lit_by: str = "noon", is_last: bool = True) -> list[Response]:
+    """What the worker tells of the scene's light, a freezing for the ball's gloss having been asked for before."""
+    document = document_from_description("scene", scene.description)
+    looks = reflections(document, Curves())
+    list(tasks.freeze(Freeze(looks, "ball.1", 0)))
+    steps = tasks.find(looks, sky_of(scene, document.light), lit_by, N_BOUNCES, is_last)
+    return [answer for answer in steps if isinstance(answer, IndirectFound | Frozen)]
+
+
+def test_light_found_before_is_there_with_the_first_picture(
+    scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = Store(tmp_path / "cache")
+    where, frozen = found_by(IndirectTasks(Placement(scene), store, "scene"), scene)
+    calls: list[Any] = []
+    monkeypatch.setattr(Solver, "solve", lambda *arguments: calls.append(arguments) or iter(()))
+    # Another worker, at the stage that would be content with rough light: the fine one, nothing traced.
+    where_again, again = found_by(IndirectTasks(Placement(scene), store, "scene"), scene, is_last=False)
+    assert not calls
+    np.testing.assert_array_equal(where_again.rows, where.rows)
+    np.testing.assert_array_equal(again.bands, frozen.bands)
+    assert again.reflected.keys() == frozen.reflected.keys() == {"ground.0", "ball.0"}
+    for key, values in frozen.reflected.items():
+        assert values.max() > 0.0
+        np.testing.assert_array_equal(again.reflected[key], values)
+
+
+@pytest.mark.parametrize("change", [{"scene_key": "another"}, {"lit_by": "evening"}])
+def test_other_scenes_and_lights_are_found_anew(
+    scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: dict[str, str]
+) -> None:
+    store = Store(tmp_path / "cache")
+    found_by(IndirectTasks(Placement(scene), store, "scene"), scene)
+
+    def refuse(*arguments: object) -> None:
+        raise LookupError("traced")
+
+    monkeypatch.setattr(Solver, "solve", refuse)
+    tasks = IndirectTasks(Placement(scene), store, change.get("scene_key", "scene"))
+    with pytest.raises(LookupError, match="traced"):
+        found_by(tasks, scene, change.get("lit_by", "noon"))

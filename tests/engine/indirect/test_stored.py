@@ -1,0 +1,35 @@
+"""Indirect light as arrays and back."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from engine.indirect.layers import indirect_layer
+from engine.indirect.solver import Solver, relit
+from engine.indirect.stored import NAMES, arrays_of
+from engine.light.environment import constant_environment
+from engine.material import MODELS
+from engine.material.layer import make_layer
+from engine.render.still import finish
+from engine.transport.pipeline import SkyState
+from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of
+
+
+def test_stored_light_is_the_light():
+    fineness = replace(QUICK, n_samples=64)
+    placement, sky = placement_of(CORNER, **CORNER_VIEW), SkyState(constant_environment((1.0, 0.8, 0.6)))
+    layers = [matt(0, 0.5), indirect_layer(1, make_layer(MODELS["rough_conductor"]), (16, 8)), matt(2, 0.3)]
+    models = {0: ["lambert"], 1: ["rough_conductor"], 2: ["lambert"]}
+    light = finish(Solver(placement, models, sky, 4, fineness).solve(layers), lambda progress: None)
+    arrays = arrays_of(light)
+    assert tuple(arrays) == NAMES
+    for array in arrays.values():
+        array.setflags(write=False)  # as they come from a file
+    other = placement_of(CORNER, **CORNER_VIEW)
+    restored = Solver(other, models, sky, 4, fineness).restored(arrays)
+    assert light.picture(layers).max() > 0.0
+    np.testing.assert_array_equal(restored.picture(layers), light.picture(layers))
+    # Half of the sky on the same rays: the cells are where they were.
+    evening = SkyState(constant_environment((0.5, 0.4, 0.3)))
+    one, two = (relit(each, placement, evening, fineness, 4).picture(layers) for each in (light, restored))
+    np.testing.assert_array_equal(one, two)
