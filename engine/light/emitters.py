@@ -90,8 +90,13 @@ def _areas(corners: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _split_largest(corners: NDArray[np.float64], n_patches: int) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Halve the largest patch until there are `n_patches`: patches (M, 3, 3) and the triangle each came from (M,)."""
+    """Halve the largest patch until there are `n_patches`: patches (M, 3, 3) and the triangle each came from (M,).
+
+    Halves stand beside one another in the list, so that every n-th patch is spread over the whole emitter: visibility
+    takes some of them as samples. In the order of splitting, every eighth would lie in one eighth of it.
+    """
     patches, origin = list(corners), list(range(len(corners)))
+    places, widths = [float(i) for i in origin], [1.0] * len(corners)
     queue = [(-float(area), i) for i, area in enumerate(_areas(corners))]
     heapq.heapify(queue)
     while queue and len(patches) < n_patches:
@@ -100,9 +105,13 @@ def _split_largest(corners: NDArray[np.float64], n_patches: int) -> tuple[NDArra
         patches[i] = first
         patches.append(second)
         origin.append(origin[i])
+        widths[i] /= 2
+        places.append(places[i] + widths[i])
+        widths.append(widths[i])
         for child in (i, len(patches) - 1):
             heapq.heappush(queue, (0.5 * negative_area, child))
-    return np.array(patches).reshape(-1, 3, 3), np.array(origin, dtype=np.intp)
+    order = np.argsort(places, kind="stable")
+    return np.array(patches).reshape(-1, 3, 3)[order], np.array(origin, dtype=np.intp)[order]
 
 
 def _halves(patch: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -5,10 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from assets.generate.mesh import Mesh, axis_rotation, check, cleaned, face_normals, load_ply, save_ply
+from assets.generate.mesh import Mesh, axis_rotation, check, cleaned, face_normals, load_ply, merged, save_ply
 from assets.generate.scenes import SCENES
 from assets.generate.surfaces import arc_profile, bezier, carried, circle, rounded_profile, rounded_rectangle, tube
 from assets.generate.teapot import bernstein, bernstein_slope, load_patches, teapot
+from engine.scene.raycaster import RayCaster
 
 ASSETS = Path(__file__).resolve().parents[2] / "assets"
 PLY_FILES = sorted((ASSETS / "scenes").glob("*/*.ply"))
@@ -156,3 +157,14 @@ def test_teapot_stands_on_the_ground_with_normals_outward() -> None:
     # There only the body is: its normals lead away from the axis.
     outward = pot.positions[low][:, [0, 2]]
     assert (np.einsum("ij,ij->i", outward, pot.normals[low][:, [0, 2]]) > 0).all()
+
+
+def test_the_rooms_floor_has_no_joints() -> None:
+    # Narrower than a pixel, they were black dots in the sun: every millimetre across the planks is at height 0, level.
+    planks = merged([load_ply(ASSETS / "scenes" / "room" / f"{part}.ply") for part in ("planks", "dark_oak")])
+    caster = RayCaster(planks.positions, planks.faces)
+    x = np.arange(-2.05, 2.05, 0.001)
+    for z in (-2.4, 0.613, 2.2):
+        origins = np.stack([x, np.full_like(x, 0.1), np.full_like(x, z)], axis=1)
+        found = caster.intersect(origins, np.broadcast_to([0.0, -1.0, 0.0], origins.shape))
+        np.testing.assert_allclose(found.distance, 0.1, atol=1e-5)

@@ -54,6 +54,15 @@ def test_splitting_keeps_triangles_well_shaped() -> None:
     np.testing.assert_allclose(edges.max(axis=1) / edges.min(axis=1), np.sqrt(2.0), rtol=1e-4)
 
 
+@pytest.mark.parametrize("step", [4, 8, 16])
+def test_every_nth_patch_is_spread_over_the_emitter(step: int) -> None:
+    # Visibility takes every eighth patch as a sample: of each quarter of the square a quarter of them, or one off.
+    square = np.array([[[0, 0, 0], [1, 0, 0], [1, 0, 1]], [[0, 0, 0], [1, 0, 1], [0, 0, 1]]], float)
+    centres = emitter_patches(square, np.ones((2, 3)), 256).centre[step - 1 :: step]
+    quarters = np.bincount(2 * (centres[:, 0] > 0.5) + (centres[:, 2] > 0.5), minlength=4)
+    assert np.abs(quarters - 64 / step).max() <= 1
+
+
 def test_solid_angle_of_a_cube_face() -> None:
     # From the centre of a cube each face covers 4 pi / 6.
     face = SQUARE * np.array([2.0, 1.0, 2.0])
