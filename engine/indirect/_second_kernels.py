@@ -19,6 +19,8 @@ from engine.material._kernels import gamma, quotient_cosine
 
 N_BY_POWER, N_BY_POLE = 4, 4
 NO_LIGHT = 0xFFFF
+# Photons' errors are alike at neighbours, which looks calmer than those of rays, so that they have the say of several.
+PHOTONS_SAY = np.float32(8.0)
 PI = np.float32(math.pi)
 TINY = np.float32(1e-30)
 
@@ -276,13 +278,36 @@ def _add_gloss(g, o, x, y, z, ox, oy, oz, factor, out):
             out[c] += weight * g.gains[layer, c] * value
 
 
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def photons_ahead(lamps, m, pole, per_area, x, y, z, ox, oy, oz):
+    """How many photons are expected for each recorded ray that light m takes from (x, y, z) to (ox, oy, oz), both
+    local, by a glossy surface, but for what depends on where it lands: `per_area` of them start on a square metre."""
+    towards = fan_density(ZERO, ONE, pole, ox, oy, oz, x, y, z)
+    likelier = np.float32(N_BY_POWER)  # among a ray's candidates than as a photon's only one
+    if m < lamps.density.shape[0]:
+        back = fan_density(ZERO, ONE, pole, x, y, z, ox, oy, oz)
+        likelier += N_BY_POLE * back / max(lamps.density[m], TINY)
+    return per_area * towards / (oz * likelier)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def photon_share(ahead, cosine, area, fan):
+    """Of light that comes to a gather point what is left to photons, the rest to its rays: `area` is that of half the
+    disc in which photons count, `fan` how many rays a steradian were recorded."""
+    ratio = PHOTONS_SAY * ahead * cosine * area / max(fan, TINY)
+    return ONE - ONE / (ONE + ratio * ratio)
+
+
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def second_light(fans, position, records, begin, end, objects, g, lamps, table, wanted, first, out):
+def second_light(fans, position, records, begin, end, objects, g, lamps, table, area, per_area, wanted, first,
+                 out):  # fmt: skip
     """π times what comes back along the recorded rays of points [begin, end) from the glossy layers there, (n, 2, 3):
     of the lights, and how much of the radiosity beyond. Number `first` is out[0].
 
-    objects (C,) of the cells; of the objects that are not wanted (M,) nothing changes.
+    objects (C,) of the cells; area (p,), per_area (M,): of photons that bring the same light, see `photon_share`; of
+    the objects that are not wanted (M,) nothing changes.
     """
+    n_cosine, n_pole = np.float32(fans.tables_cosine.shape[1]), np.float32(fans.tables_pole.shape[1])
     gloss = np.zeros(3, np.float32)
     for i in range(begin, end):
         r = fans.rows[i]
@@ -311,7 +336,8 @@ def second_light(fans, position, records, begin, end, objects, g, lamps, table, 
             ox, oy, oz = _to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
             if oz <= HORIZON:
                 continue
-            seed = _seed(r, m)
+            fan = fan_density(n_cosine, n_pole, fans.poles[i], x, y, z, eye_x, eye_y, eye_z) / times
+            cosine, seed = z, _seed(r, m)
             light = np.int64(records.light[e])
             if light != NO_LIGHT:
                 frame, place, eye = (tx, ty, tz, nx, ny, nz), (px, py, pz), (ox, oy, oz)
@@ -319,6 +345,8 @@ def second_light(fans, position, records, begin, end, objects, g, lamps, table, 
                 m, x, y, z, _, _, share = _candidate(lamps, table, c, light, seed, g.poles[o], frame, place, eye)
                 if m >= 0:
                     gloss[:] = ZERO
+                    ahead = photons_ahead(lamps, m, g.poles[o], per_area[o], x, y, z, ox, oy, oz)
+                    share *= ONE - photon_share(ahead, cosine, area[i], fan)
                     _add_gloss(g, o, x, y, z, ox, oy, oz, PI * times * share * records.weight[e], gloss)
                     colour = lamps.radiance[m] if m < lamps.density.shape[0] else lamps.power[m]
                     for channel in range(3):

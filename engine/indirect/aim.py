@@ -55,9 +55,11 @@ class SecondAim:
     """The light along the remembered rays of one object's fans; what glossy surfaces send along them may be kept."""
 
     def __init__(
-        self, fans: kernels.Fans, position: NDArray[np.float32], records: second_kernels.Records, keeps: bool
-    ) -> None:
-        self._fans, self._position, self._records = fans, position, records
+        self, fans: kernels.Fans, position: NDArray[np.float32], records: second_kernels.Records,
+        area: NDArray[np.float32], keeps: bool,
+    ) -> None:  # fmt: skip
+        """area (p,): see `photons.Landed`."""
+        self._fans, self._position, self._records, self._area = fans, position, records, area
         self._first = int(records.start[0])
         self._kept = np.empty((int(records.start[-1]) - self._first, 2, 3), np.float32) if keeps else None
         self._known: tuple[tuple[bytes, ...], second_kernels.Lamps] | None = None
@@ -76,7 +78,7 @@ class SecondAim:
         if wanted.any():
             second_kernels.second_light(
                 self._fans, self._position, records, begin, end, light.objects, light.layers, light.lamps,
-                pole_tables(N_POLE_RAYS), wanted, first, sent,
+                pole_tables(N_POLE_RAYS), self._area, light.per_area, wanted, first, sent,
             )  # fmt: skip
         lit = np.empty((n, *light.radiosity.shape[2:]), np.float32)
         second_kernels.lit_second(

@@ -75,8 +75,9 @@ def direct_irradiance(cells: Cells, lights: tuple[Lights, ...], n_samples: int) 
 
 def radiosity(
     light: CellLight, albedos: NDArray[np.floating], n_bounces: int, edited: int = NOBODY
-) -> NDArray[np.float32]:
-    """Radiosity (C, D, 3) of the cells in a picture of N bounces, a polynomial in the albedo of the object `edited`.
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Radiosity (C, D, 3) of the cells in a picture of N bounces, a polynomial in the albedo of the object `edited`;
+    and the same in one of N - 1, for what comes by one more reflection on its way.
 
     albedos (M, 3); D = N powers, from 0 to N - 1, or 1 where nobody is edited. N ≥ 2.
     """
@@ -85,12 +86,15 @@ def radiosity(
     latest = np.zeros((len(light.objects), n_powers, 3), np.float32)
     latest[:, 0] = light.direct
     total, bright = latest.copy(), np.empty_like(latest)
+    before = np.zeros_like(total)
     for bounce in range(n_bounces - 2):
         kernels.brighten(latest, light.objects, albedos, edited, bright)
         latest = bounced(light.seen, bright, min(bounce + 2, n_powers))
+        before[:] = total
         total += latest
-    kernels.brighten(total, light.objects, albedos, edited, bright)
-    return bright
+    kernels.brighten(before, light.objects, albedos, edited, bright)
+    kernels.brighten(total, light.objects, albedos, edited, before)
+    return before, bright
 
 
 def bounced(seen: NDArray[np.uint16], bright: NDArray[np.float32], n_powers: int) -> NDArray[np.float32]:

@@ -11,9 +11,11 @@ from engine.indirect.cells import Cells
 from engine.indirect.gather import FanSize, Gathered, object_of_rows
 from engine.indirect.irradiance import NOBODY, CellLight, radiosity
 from engine.indirect.layers import IndirectLayer, albedos_of, seen_from
+from engine.indirect.photons import Landed, PhotonMap, Photons, Sent, farthest_of, joined_landed, sent_by
 from engine.indirect.reflection import Fans, SentLight
 from engine.indirect.second_bounce import SecondLight, glossy_tables, inverse_albedo, looks_of, matt_share, sent_on
 from engine.scene.hits import PrimaryHits
+from engine.scene.load import Scene
 
 Footprint = tuple[NDArray[np.int32], NDArray[np.float32]]
 
@@ -21,7 +23,8 @@ Footprint = tuple[NDArray[np.int32], NDArray[np.float32]]
 @dataclass(frozen=True, eq=False)
 class GatherPoints:
     """The gather points of a picture: gathered, their fans' rays; poles (M,) and sizes: what each object's fans are;
-    axes (M, 2, 3) of the objects; glossy: whether rays were recorded for the second bounce off glossy surfaces."""
+    axes (M, 2, 3) of the objects; glossy: whether rays were recorded for the second bounce off glossy surfaces;
+    photons that such surfaces threw, and which of them landed about the points."""
 
     hits: PrimaryHits
     gathered: Gathered
@@ -29,28 +32,52 @@ class GatherPoints:
     sizes: tuple[FanSize, ...]
     axes: NDArray[np.float32]
     glossy: bool
+    photons: Photons
+    landed: Landed
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory of rays and photons."""
+        return self.gathered.n_bytes + sum(array.nbytes for array in (*self.photons, *self.landed))
 
     def fans(self, i_object: int, half: int | None = None, keeps: bool = False) -> Fans:
         """The gather points of one object; with half, 0 or 1, by that half of their rays; keeps: see `Fans`."""
         pole, size = int(self.poles[i_object]), self.sizes[i_object]
-        return Fans(self.hits, self.gathered, i_object, pole, size, half, keeps)
+        return Fans(self.hits, self.gathered, i_object, pole, size, half, keeps, self.landed)
+
+    def reached_by(self, photon_map: PhotonMap, scene: Scene) -> "GatherPoints":
+        """The same with photons about them."""
+        farthest = farthest_of(scene, self.hits, self.gathered.rows)
+        objects = object_of_rows(self.hits, self.gathered.rows)
+        parts = [self.fans(i).landing(photon_map, i, farthest[objects == i]) for i in range(len(self.poles))]
+        return replace(self, landed=joined_landed(parts))
+
+    def thrown(self, layers: Sequence[IndirectLayer], edited: int = NOBODY) -> Sent:
+        """What the photons carry under these layers."""
+        tables = glossy_tables(layers, self.poles, self.axes)
+        return sent_by(self.photons, tables, edited, self._inverse(layers, edited))
 
     def sent(
-        self, bright: NDArray[np.float32], objects: NDArray[np.int32], layers: Sequence[IndirectLayer], lamps: Lamps,
-        edited: int = NOBODY,
+        self, radiosities: tuple[NDArray[np.float32], NDArray[np.float32]], objects: NDArray[np.int32],
+        layers: Sequence[IndirectLayer], lamps: Lamps, edited: int = NOBODY,
     ) -> SentLight:  # fmt: skip
-        """What surfaces with radiosity (C, D, 3), of these objects (C,), send on under these layers."""
+        """What surfaces with radiosities (C, D, 3) as `irradiance.radiosity` gives them, of these objects (C,), send on
+        under these layers."""
+        bright, beyond = radiosities
         if not self.glossy:
-            return SentLight(bright, None)
+            return SentLight(bright, None, None)
         n_objects = len(self.poles)
         share = matt_share(layers, n_objects)[objects]
-        inverse = np.ones(3, np.float32)
-        if edited != NOBODY:
-            inverse = inverse_albedo(albedos_of(layers, n_objects)[edited])
-        tables = glossy_tables(layers, self.poles, self.axes)
-        looks = looks_of(layers, n_objects)
-        second = SecondLight(objects, sent_on(bright, inverse), looks, tables, lamps, edited, inverse)
-        return SentLight(bright * share[:, None], second)
+        tables, inverse = glossy_tables(layers, self.poles, self.axes), self._inverse(layers, edited)
+        looks, per_area = looks_of(layers, n_objects), self.photons.per_area
+        second = SecondLight(objects, sent_on(beyond, inverse), per_area, looks, tables, lamps, edited, inverse)
+        return SentLight(bright * share[:, None], second, self.thrown(layers, edited))
+
+    def _inverse(self, layers: Sequence[IndirectLayer], edited: int) -> NDArray[np.float32]:
+        """One over the albedo (3,) of the object that is edited, 1 where none is."""
+        if edited == NOBODY:
+            return np.ones(3, np.float32)
+        return inverse_albedo(albedos_of(layers, len(self.poles))[edited])
 
     def reflected(
         self, layers: Sequence[IndirectLayer], light: SentLight, half: int | None = None
@@ -91,7 +118,7 @@ class IndirectLight:
 
     @property
     def n_bytes(self) -> int:
-        found = self.points.gathered.n_bytes + sum(a.nbytes for a in self.footprint)
+        found = self.points.n_bytes + sum(a.nbytes for a in self.footprint)
         return found + self.cells.n_bytes + self.light.n_bytes
 
     def by_albedo(self) -> "IndirectLight":
@@ -108,12 +135,16 @@ class IndirectLight:
 
     def radiosity(self, layers: Sequence[IndirectLayer], edited: int = NOBODY) -> NDArray[np.float32]:
         """Radiosity (C, D, 3) of the cells under these layers, see `irradiance.radiosity`."""
+        return self._radiosities(layers, edited)[0]
+
+    def _radiosities(
+        self, layers: Sequence[IndirectLayer], edited: int
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         return radiosity(self.light, albedos_of(layers, len(self.points.poles)), self.n_bounces, edited)
 
     def sent(self, layers: Sequence[IndirectLayer], edited: int = NOBODY) -> SentLight:
         """What surfaces send towards the gather points under these layers."""
-        bright = self.radiosity(layers, edited)
-        return self.points.sent(bright, self.light.objects, layers, self.lamps, edited)
+        return self.points.sent(self._radiosities(layers, edited), self.light.objects, layers, self.lamps, edited)
 
     def at_points(self, layers: Sequence[IndirectLayer], half: int | None = None) -> NDArray[np.float32]:
         """Indirect radiance (p, 3) of all gather points; of one half of the rays where one is named."""

@@ -22,13 +22,17 @@ def cosine_tables(n_rays: int) -> NDArray[np.float32]:
 @lru_cache(maxsize=8)
 def pole_tables(n_rays: int) -> NDArray[np.float32]:
     """(64, R, 3) unit vectors within 90° of +z with density 1 / (2π ln(1 + 1/ε) (1 - cos θ + ε))."""
-    u, v = _patterns(n_rays, 1)
+    return pole_vectors(*_patterns(n_rays, 1))
+
+
+def pole_vectors(u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Vectors (..., 3) of that density by numbers u and v (...) in [0, 1)."""
     away = EPSILON * np.expm1(u * np.log1p(1.0 / EPSILON))
     return _vectors(1.0 - away, np.sqrt(away * (2.0 - away)), 2 * np.pi * v)
 
 
 def _vectors(z: NDArray[np.float64], radius: NDArray[np.float64], angle: NDArray[np.float64]) -> NDArray[np.float32]:
-    vectors = np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=2)
+    vectors = np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=-1)
     vectors = np.ascontiguousarray(vectors, np.float32)
     vectors.setflags(write=False)
     return vectors

@@ -13,9 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.indirect import _reflection_kernels as kernels
+from engine.indirect._photon_kernels import reflect_photon_bands, reflect_photons
 from engine.indirect.aim import Aim, SecondAim
 from engine.indirect.curves import LayerCurves
 from engine.indirect.gather import FanSize, Gathered, object_of_rows
+from engine.indirect.photons import Landed, PhotonMap, Sent, land, landed_of, nothing_landed
 from engine.indirect.rays import cosine_tables, pole_tables
 from engine.indirect.second_bounce import SecondLight
 from engine.scene.hits import PrimaryHits
@@ -26,10 +28,11 @@ _PART = 128
 @dataclass(frozen=True, eq=False)
 class SentLight:
     """What surfaces send towards gather points: matt (C, D, 3), radiosity of the cells that goes to all sides alike,
-    and what glossy ones send to one side, None where that counts as matt."""
+    and what glossy ones send to one side, None where that counts as matt; and what photons carry from there."""
 
     matt: NDArray[np.float32]
     glossy: SecondLight | None
+    thrown: Sent | None = None
 
     @property
     def n_powers(self) -> int:
@@ -46,9 +49,10 @@ class Fans:
 
     def __init__(
         self, hits: PrimaryHits, gathered: Gathered, i_object: int, pole: int, size: FanSize,
-        half: int | None = None, keeps: bool = False,
+        half: int | None = None, keeps: bool = False, landed: Landed | None = None,
     ) -> None:  # fmt: skip
-        """keeps: what does not depend on curves, for the next sums over the same rays."""
+        """keeps: what does not depend on curves, for the next sums over the same rays; landed: photons about all of the
+        gather points, if any were looked for."""
         begin, end = np.searchsorted(object_of_rows(hits, gathered.rows), (i_object, i_object + 1))
         rows = gathered.rows[begin:end]
         records = gathered.records
@@ -59,7 +63,9 @@ class Fans:
         )  # fmt: skip
         self._keeps = keeps
         self._aims: dict[tuple[int, bytes], Aim] = {}
-        self._second = SecondAim(self._fans, hits.position, records, keeps)
+        self._landed = nothing_landed(len(rows)) if landed is None else landed_of(landed, int(begin), int(end))
+        self._second = SecondAim(self._fans, hits.position, records, self._landed.area, keeps)
+        self._hits, self._times = hits, records.times
 
     def __len__(self) -> int:
         return len(self._fans.rows)
@@ -68,6 +74,10 @@ class Fans:
     def n_bytes(self) -> int:
         """Memory of what is kept."""
         return self._second.n_bytes + sum(aim.n_bytes for aim in self._aims.values())
+
+    def landing(self, photon_map: PhotonMap, i_object: int, farthest: NDArray[np.float32]) -> Landed:
+        """The photons about the points, no farther than (p,)."""
+        return land(photon_map, i_object, self._hits, self._fans, self._times, farthest)
 
     def reflected(self, layers: Sequence[LayerCurves], light: SentLight) -> list[NDArray[np.float32]]:
         """Radiance (p, D, 3) of each layer towards the eye, without f_q and f_o."""
@@ -78,6 +88,8 @@ class Fans:
         def work(begin: int, end: int, second: kernels.Second) -> None:
             for each, aim, result in zip(optics, aims, out, strict=True):
                 kernels.reflect(self._fans, begin, end, each, aim.part(begin, end), light.padded, second, result)
+                if light.thrown is not None:
+                    reflect_photons(self._fans, begin, end, each, self._landed, light.thrown, result)
 
         self._in_parts(light, work, aims)
         return out
@@ -93,6 +105,8 @@ class Fans:
         def work(begin: int, end: int, second: kernels.Second) -> None:
             aimed = aim.part(begin, end)
             kernels.reflect_bands(self._fans, begin, end, optics, factor == 0, aimed, light.padded, second, out)
+            if light.thrown is not None:
+                reflect_photon_bands(self._fans, begin, end, optics, factor == 0, self._landed, light.thrown, out)
 
         self._in_parts(light, work, [aim])
         return out

@@ -63,7 +63,7 @@ def _thinned(
     place = np.arange(ends[-1] if n_points else 0) - np.repeat(ends - kept, kept)
     step = counts / np.maximum(kept, 1)
     chosen = np.repeat(start[:-1], kept) + ((place + 0.5) * np.repeat(step, kept)).astype(np.int64)
-    return which[chosen], step.astype(np.float32)
+    return which[chosen], np.maximum(step, 1.0).astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,12 +108,13 @@ class SecondRays:
 
 @dataclass(frozen=True, eq=False)
 class SecondLight:
-    """What glossy surfaces send on under certain curves: objects (C,) and radiosity (2, C, D, 4) of the cells, as it is
-    and as the object that is edited sends it on; looks (M), which differ where an object's surface sends something
+    """What glossy surfaces send on under certain curves: objects (C,) and radiosity (2, C, D, 4) of the cells, as it
+    lights others and as the object that is edited sends it on; per_area (M,): photons that started on a square metre; looks (M), which differ where an object's surface sends something
     else, tables of layers and lamps, the object that is edited and one over its albedo (3,)."""
 
     objects: NDArray[np.int32]
     radiosity: NDArray[np.float32]
+    per_area: NDArray[np.float32]
     looks: tuple[bytes, ...]
     layers: kernels.Glossy
     lamps: kernels.Lamps

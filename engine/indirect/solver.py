@@ -20,6 +20,7 @@ from engine.indirect.irradiance import CellLight, connect, direct_irradiance, ra
 from engine.indirect.lattice import COARSEST, Lattice
 from engine.indirect.layers import IndirectLayer, albedos_of
 from engine.indirect.light import Footprint, GatherPoints, IndirectLight
+from engine.indirect.photons import PhotonMap, PhotonSource, no_photons, nothing_landed
 from engine.indirect.reflection import SentLight
 from engine.indirect.second_bounce import SecondRays, axes_of, lamps_of, no_records
 from engine.indirect.stored import cell_light_of, footprint_of, gathered_of, table_of
@@ -34,23 +35,24 @@ from engine.transport.pipeline import Placement, SkyState
 class Fineness:
     """How finely indirect light is found.
 
-    n_rays a gather point, of which n_records at most are followed where they end on glossy surfaces; n_cells to aim
-    at; n_cell_rays between cells, a cell; n_samples of each kind of light, a cell; adaptive: refine the lattice of
-    gather points, else every eighth pixel.
+    n_rays a gather point, of which n_records at most are followed where they end on glossy surfaces; n_photons that
+    glossy surfaces throw; n_cells to aim at; n_cell_rays between cells, a cell; n_samples of each kind of light, a
+    cell; adaptive: refine the lattice of gather points, else every eighth pixel.
     """
 
     name: str
     n_rays: int
     n_records: int
+    n_photons: int
     n_cells: int
     n_cell_rays: int
     n_samples: int
     adaptive: bool
 
 
-ROUGH = Fineness("rough", 128, 32, 4000, 64, 64, False)
-FINE = Fineness("fine", 512, 96, 24000, 128, 256, True)
-STILL = Fineness("still", 1024, 1024, 48000, 128, 256, True)
+ROUGH = Fineness("rough", 128, 32, 1 << 15, 4000, 64, 64, False)
+FINE = Fineness("fine", 512, 96, 1 << 20, 24000, 128, 256, True)
+STILL = Fineness("still", 1024, 1024, 1 << 22, 48000, 128, 256, True)
 N_LIGHTS, N_PATCHES = 4000, 256
 # What a first look at the scene takes.
 _PILOT_POINTS, _PILOT_RAYS = 1024, 64
@@ -119,23 +121,36 @@ class Solver:
     def _solve(self, cells: Cells, layers: Sequence[IndirectLayer]) -> Generator[Progress, None, IndirectLight]:
         none = np.zeros((0, self._fineness.n_rays), np.uint16)
         nothing = Gathered(np.zeros(0, np.int32), none, no_records(0))
+        yield 0.0, "looking around"
+        photons = self._photons(cells)
         if self._fineness.adaptive:
-            points, found = yield from self._refined(cells, nothing, layers)
+            points, found = yield from self._refined(cells, nothing, layers, photons)
         else:
-            points, found = yield from self._even(cells, nothing)
+            points, found = yield from self._even(cells, nothing, photons)
         light = yield from self._light(cells, self._fineness)
         return IndirectLight(points, found, cells, light, self._lamps, self._n_bounces)
 
-    def _even(self, cells: Cells, nothing: Gathered) -> Generator[Progress, None, tuple[GatherPoints, Footprint]]:
+    def _photons(self, cells: Cells) -> PhotonMap:
+        """What glossy surfaces throw."""
+        if self._second is None:
+            return PhotonMap(no_photons(len(self._poles)))
+        source = PhotonSource(
+            self._placement.scene, cells, self._second.glossy, self._poles, self._axes, self._lamps
+        )
+        return PhotonMap(source.send(self._placement.hits, self._fineness.n_photons))
+
+    def _even(
+        self, cells: Cells, nothing: Gathered, photons: PhotonMap
+    ) -> Generator[Progress, None, tuple[GatherPoints, Footprint]]:
         """Every eighth pixel."""
         hits = self._placement.hits
         rows = lattice_rows(hits, COARSEST)
-        points = self._points((yield from self._gather(cells, nothing, rows)))
+        points = self._points((yield from self._gather(cells, nothing, rows)), photons)
         numbers, weights = footprint(hits, rows, COARSEST)
         return points, (_among_all(hits, rows, numbers), weights)
 
     def _refined(
-        self, cells: Cells, gathered: Gathered, layers: Sequence[IndirectLayer]
+        self, cells: Cells, gathered: Gathered, layers: Sequence[IndirectLayer], photons: PhotonMap
     ) -> Generator[Progress, None, tuple[GatherPoints, Footprint]]:
         """As many points as the picture of these layers needs, by a quarter of the light between cells."""
         n_rays, n_samples = self._fineness.n_cell_rays // 4, self._fineness.n_samples // 4
@@ -146,17 +161,21 @@ class Solver:
             gathered = yield from self._gather(cells, gathered, lattice.wanted())
             if bright is None:
                 light = yield from self._light(cells, replace(self._fineness, n_cell_rays=n_rays, n_samples=n_samples))
-                bright = radiosity(light, albedos_of(layers, len(self._poles)), self._n_bounces)
+                bright, _ = radiosity(light, albedos_of(layers, len(self._poles)), self._n_bounces)
             new_cells = np.zeros((len(cells) - len(bright), *bright.shape[1:]), np.float32)  # not known yet: dark
-            points = self._points(gathered)
-            # By albedo alone: what glossy surfaces send is noisier, and noise is no reason for more points.
-            values[gathered.rows] = points.reflected(layers, SentLight(np.concatenate([bright, new_cells]), None))
+            points = self._points(gathered, photons)
+            # By albedo and photons: what else glossy surfaces send is noisier, and noise no reason for more points.
+            sent = SentLight(np.concatenate([bright, new_cells]), None, points.thrown(layers))
+            values[gathered.rows] = points.reflected(layers, sent)
             if not lattice.refine(values):
                 return points, lattice.footprint()
 
-    def _points(self, gathered: Gathered) -> GatherPoints:
-        glossy = self._second is not None
-        return GatherPoints(self._placement.hits, gathered, self._poles, self._sizes, self._axes, glossy)
+    def _points(self, gathered: Gathered, photons: PhotonMap) -> GatherPoints:
+        points = GatherPoints(
+            self._placement.hits, gathered, self._poles, self._sizes, self._axes, self._second is not None,
+            photons.photons, nothing_landed(len(gathered.rows)),
+        )  # fmt: skip
+        return points.reached_by(photons, self._placement.scene)
 
     def _gather(
         self, cells: Cells, before: Gathered, rows: NDArray[np.int32]

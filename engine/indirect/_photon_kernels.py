@@ -1,0 +1,223 @@
+"""Compiled: light that leaves glossy surfaces, followed to where it lands, and what is reflected of it there.
+
+A photon starts at a place of a glossy surface, evenly by area, takes light from one of the lamps, by power, and goes
+about the pole of that surface's highlight: which curve the surface has is not known yet, and any will do. Where it
+lands it counts for the gather points around, by a kernel that falls to 0 at their radius r,
+
+    E(x) = Σ 2 (1 - d²/r²) / (π r²) Φ .
+
+A gather point's own rays find the same light where they happen to end on the glossy surface. Either counts by the
+balance heuristic, by how many samples each expects in the neighbourhood of that path, a disc of π r²/2 about the
+gather point being what a photon must hit [Georgiev12; Hachisuka12].
+"""
+
+import math
+
+import numba as nb
+import numpy as np
+
+from engine.indirect._cell_kernels import _point_in_triangle, _position, _shading_normal
+from engine.indirect._ray_kernels import HORIZON, fan_density, fan_direction, local_eye
+from engine.indirect._reflection_kernels import CONSTANT, HALF_PI, ONE, ZERO, _node
+from engine.indirect._second_kernels import (
+    TINY,
+    _add_gloss,
+    _pick_light,
+    _tangent,
+    _to_local,
+    _to_world,
+    photon_share,
+    photons_ahead,
+)
+from engine.material._kernels import gamma, quotient_cosine
+
+TWO = np.float32(2.0)
+# A photon that skims its landing place would count without bound.
+_LEAST_COSINE = np.float32(0.05)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def emit(numbers, about, triangles, per_area, mesh, poles, axes, lamps, offset,
+         starts, to_light, limits, onward, normals, power, ahead):  # fmt: skip
+    """n photons from the triangles (n,), by numbers (n, 5) in [0, 1) and unit vectors `about` (n, 3) of a pole table.
+
+    per_area (M,): how many start on a square metre of each object. Writes starts (n, 3) of rays to_light (n, 3), as
+    far as limits (n,), and onward (n, 3), normals (n, 3), power (n, 3) without the material, 0 where there is none;
+    ahead (n,): as `photons_ahead`.
+    """
+    for i in range(triangles.shape[0]):
+        triangle = triangles[i]
+        o = mesh.objects[triangle]
+        power[i] = ZERO
+        u, v = numbers[i, 0], numbers[i, 1]
+        if u + v > ONE:
+            u, v = ONE - u, ONE - v
+        px, py, pz = _position(mesh, triangle, u, v)
+        m = _pick_light(lamps, numbers[i, 2])
+        x, y, z = _point_in_triangle(lamps.corners, m, numbers[i, 3], numbers[i, 4])
+        is_sky = m < lamps.density.shape[0]
+        if not is_sky:
+            x, y, z = x - px, y - py, z - pz
+        length = np.sqrt(max(x * x + y * y + z * z, TINY))
+        x, y, z = x / length, y / length, z / length
+        geometry, limits[i] = ONE, np.float32(1e30)
+        if not is_sky:
+            facing = -(lamps.normals[m, 0] * x + lamps.normals[m, 1] * y + lamps.normals[m, 2] * z)
+            geometry, limits[i] = max(facing, ZERO) / (length * length), max(length * np.float32(0.9999), TINY)
+        nx, ny, nz = _shading_normal(mesh, triangle, u, v)
+        if nx * x + ny * y + nz * z < ZERO:
+            nx, ny, nz = -nx, -ny, -nz
+        tx, ty, tz = _tangent(axes, o, nx, ny, nz)
+        lx, ly, lz = _to_local(tx, ty, tz, nx, ny, nz, x, y, z)
+        if lz <= HORIZON or geometry <= ZERO:
+            continue
+        ox, oy, oz = fan_direction(about, i, False, ONE, ZERO, poles[o], lx, ly, lz)
+        if oz <= HORIZON:
+            continue
+        wx, wy, wz = _to_world(tx, ty, tz, nx, ny, nz, ox, oy, oz)
+        face = mesh.face_normals[triangle]
+        side = face[0] * x + face[1] * y + face[2] * z
+        if side * (face[0] * wx + face[1] * wy + face[2] * wz) <= ZERO:
+            continue
+        density = fan_density(ZERO, ONE, poles[o], ox, oy, oz, lx, ly, lz)
+        ahead[i] = photons_ahead(lamps, m, poles[o], per_area[o], lx, ly, lz, ox, oy, oz)
+        lift = offset if side >= ZERO else -offset
+        for axis in range(3):
+            starts[i, axis] = (px if axis == 0 else py if axis == 1 else pz) + lift * face[axis]
+            power[i, axis] = lamps.power[m, axis] * geometry * oz / (density * per_area[o])
+        to_light[i, 0], to_light[i, 1], to_light[i, 2] = x, y, z
+        onward[i, 0], onward[i, 1], onward[i, 2] = wx, wy, wz
+        normals[i, 0], normals[i, 1], normals[i, 2] = nx, ny, nz
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def send(photons, g, out):
+    """What each photon carries under the curves of the glossy layers g, (n, 3) watts."""
+    for i in range(out.shape[0]):
+        o = photons.sources[i]
+        nx, ny, nz = photons.normals[i, 0], photons.normals[i, 1], photons.normals[i, 2]
+        tx, ty, tz = _tangent(g.axes, o, nx, ny, nz)
+        to_light, onward = photons.to_light[i], photons.directions[i]
+        x, y, z = _to_local(tx, ty, tz, nx, ny, nz, to_light[0], to_light[1], to_light[2])
+        ox, oy, oz = _to_local(tx, ty, tz, nx, ny, nz, onward[0], onward[1], onward[2])
+        out[i] = ZERO
+        _add_gloss(g, o, x, y, z, ox, oy, oz, ONE, out[i])
+        for channel in range(3):
+            out[i, channel] *= photons.power[i, channel]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def weigh(fans, begin, end, times, geometric, position, photons, found, distances2, radii2, weights):
+    """How much each of the photons found (p, k) about points [begin, end) counts, (p, k): 1/m² over the cosine.
+
+    distances2 (p, k), radii2 (p,); a photon beyond the last is −1 in `found`.
+    """
+    n_cosine, n_pole = np.float32(fans.tables_cosine.shape[1]), np.float32(fans.tables_pole.shape[1])
+    for i in range(begin, end):
+        r = fans.rows[i]
+        tangent, normal, face = fans.tangent[r], fans.normal[r], geometric[r]
+        ox, oy, oz = local_eye(tangent, normal, fans.wo[r])
+        area = np.float32(math.pi / 2.0) * radii2[i]
+        for k in range(found.shape[1]):
+            weights[i, k] = ZERO
+            n = found[i, k]
+            if n < 0 or distances2[i, k] >= radii2[i]:
+                continue
+            dx, dy, dz = -photons.directions[n, 0], -photons.directions[n, 1], -photons.directions[n, 2]
+            cosine = face[0] * dx + face[1] * dy + face[2] * dz
+            x, y, z = _to_local(tangent[0], tangent[1], tangent[2], normal[0], normal[1], normal[2], dx, dy, dz)
+            off = ZERO
+            for axis in range(3):
+                off += face[axis] * (photons.positions[n, axis] - position[r, axis])
+            if z <= HORIZON or cosine <= ZERO or off * off > np.float32(0.07) * radii2[i]:
+                continue
+            fan = fan_density(n_cosine, n_pole, fans.poles[i], x, y, z, ox, oy, oz) / times[i]
+            share = photon_share(photons.ahead[n], z, area, fan)
+            kernel = (ONE - distances2[i, k] / radii2[i]) / area
+            weights[i, k] = share * kernel / max(cosine, _LEAST_COSINE)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _arrival(fans, i, n, directions):
+    """Local direction to where photon n comes from, and to the eye."""
+    r = fans.rows[i]
+    tangent, normal = fans.tangent[r], fans.normal[r]
+    x, y, z = _to_local(
+        tangent[0], tangent[1], tangent[2], normal[0], normal[1], normal[2],
+        -directions[n, 0], -directions[n, 1], -directions[n, 2],
+    )  # fmt: skip
+    ox, oy, oz = local_eye(tangent, normal, fans.wo[r])
+    return x, y, z, ox, oy, oz
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _counts(half, n):
+    return half < 0 or (n & 1) == half
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def reflect_photons(fans, begin, end, optics, landed, sent, out):
+    """Add what points [begin, end) reflect of photons to out (p, D, 3), without f_q and f_o."""
+    n_a, n_b, n_powers = optics.curve_a.shape[0], optics.curve_b.shape[0], out.shape[1]
+    scale = ONE if fans.half < 0 else TWO
+    for i in range(begin, end):
+        for e in range(landed.start[i], landed.start[i + 1]):
+            n = landed.photon[e]
+            power = sent.powers[n]
+            if not _counts(fans.half, n) or power >= n_powers:
+                continue
+            x, y, z, ox, oy, oz = _arrival(fans, i, n, sent.directions)
+            weight = scale * landed.weight[e] * np.float32(quotient_cosine(optics.model, optics.q, x, y, z, ox, oy, oz))
+            j, t = 0, ZERO
+            if optics.kind_a != CONSTANT:
+                angle = gamma(optics.kind_a, optics.q, x, y, z, ox, oy, oz)
+                if angle > HALF_PI:
+                    continue
+                j, t = _node(angle, n_a)
+            k, u = 0, ZERO
+            if optics.kind_b >= 0:
+                angle = gamma(optics.kind_b, optics.q, x, y, z, ox, oy, oz)
+                if angle > HALF_PI:
+                    continue
+                k, u = _node(angle, n_b)
+            j1, k1 = min(j + 1, n_a - 1), min(k + 1, n_b - 1)
+            for channel in range(3):
+                value = weight * ((ONE - t) * optics.curve_a[j, channel] + t * optics.curve_a[j1, channel])
+                if optics.kind_b >= 0:
+                    value *= (ONE - u) * optics.curve_b[k, channel] + u * optics.curve_b[k1, channel]
+                out[i, power, channel] += value * sent.light[n, channel]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def reflect_photon_bands(fans, begin, end, optics, of_a, landed, sent, out):
+    """As `reflect_photons`, by band of one of the curves, to out (3, J, D, p): of the first where of_a."""
+    n_a, n_b, n_bands, n_powers = optics.curve_a.shape[0], optics.curve_b.shape[0], out.shape[1], out.shape[2]
+    scale = ONE if fans.half < 0 else TWO
+    for i in range(begin, end):
+        for e in range(landed.start[i], landed.start[i + 1]):
+            n = landed.photon[e]
+            power = sent.powers[n]
+            if not _counts(fans.half, n) or power >= n_powers:
+                continue
+            x, y, z, ox, oy, oz = _arrival(fans, i, n, sent.directions)
+            weight = scale * landed.weight[e] * np.float32(quotient_cosine(optics.model, optics.q, x, y, z, ox, oy, oz))
+            angle = gamma(optics.kind_a, optics.q, x, y, z, ox, oy, oz)
+            if angle > HALF_PI:
+                continue
+            j, t = _node(angle, n_a)
+            k, u = 0, ZERO
+            if optics.kind_b >= 0:
+                angle = gamma(optics.kind_b, optics.q, x, y, z, ox, oy, oz)
+                if angle > HALF_PI:
+                    continue
+                k, u = _node(angle, n_b)
+            kept, kept_share, at, share, other = j, t, k, u, optics.curve_b
+            if not of_a:
+                kept, kept_share, at, share, other = k, u, j, t, optics.curve_a
+            after, above = min(kept + 1, n_bands - 1), min(at + 1, other.shape[0] - 1)
+            for channel in range(3):
+                value = weight * sent.light[n, channel]
+                if optics.kind_b >= 0:
+                    value *= (ONE - share) * other[at, channel] + share * other[above, channel]
+                out[channel, kept, power, i] += (ONE - kept_share) * value
+                out[channel, after, power, i] += kept_share * value
