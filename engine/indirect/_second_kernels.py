@@ -337,7 +337,7 @@ def second_light(fans, position, records, begin, end, objects, g, lamps, table, 
             if oz <= HORIZON:
                 continue
             fan = fan_density(n_cosine, n_pole, fans.poles[i], x, y, z, eye_x, eye_y, eye_z) / times
-            cosine, seed = z, _seed(r, m)
+            slant, seed = z, _seed(r, m)
             light = np.int64(records.light[e])
             if light != NO_LIGHT:
                 frame, place, eye = (tx, ty, tz, nx, ny, nz), (px, py, pz), (ox, oy, oz)
@@ -346,7 +346,7 @@ def second_light(fans, position, records, begin, end, objects, g, lamps, table, 
                 if m >= 0:
                     gloss[:] = ZERO
                     ahead = photons_ahead(lamps, m, g.poles[o], per_area[o], x, y, z, ox, oy, oz)
-                    share *= ONE - photon_share(ahead, cosine, area[i], fan)
+                    share *= ONE - photon_share(ahead, slant, area[i], fan)
                     _add_gloss(g, o, x, y, z, ox, oy, oz, PI * times * share * records.weight[e], gloss)
                     colour = lamps.radiance[m] if m < lamps.density.shape[0] else lamps.power[m]
                     for channel in range(3):

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +29,8 @@ from engine.scene.load import Scene
 
 _SEED = 20260812
 _N_NEAREST = 128
-# Pixels: a gather point takes photons from no farther than this.
-_FARTHEST = 12.0
+# Of the picture's height: a gather point takes photons from no farther than this.
+_FARTHEST = 1.0 / 24.0
 _N_THREADS = 2
 _PILOT, _LEAST_SHARE = 2048, 0.125
 
@@ -134,12 +134,13 @@ class PhotonSource:
         kept = kept[~caster.occluded(starts[kept], to_light[kept], limits[kept])]
         found = caster.intersect(starts[kept], onward[kept])
         ends = np.where(found.triangle >= 0, mesh.objects[found.triangle], -1)
-        positions = starts[kept] + np.where(ends >= 0, found.distance, 0.0)[:, None] * onward[kept]
+        far = np.where(ends >= 0, found.distance, np.float32(0.0))
+        positions = np.asarray(starts[kept] + far[:, None] * onward[kept], np.float32)
         faces = mesh.face_normals[found.triangle]
         seen = (ends >= 0) & self._is_seen(hits, ends, positions, faces, onward[kept])
         rows = kept[seen]
         return Photons(
-            positions[seen].astype(np.float32), ends[seen].astype(np.int32), onward[rows],
+            positions[seen], ends[seen].astype(np.int32), onward[rows],
             mesh.objects[triangles[rows]].astype(np.int32), normals[rows], to_light[rows], power[rows], ahead[rows],
             per_area,
         )  # fmt: skip
@@ -156,8 +157,9 @@ class PhotonSource:
         depth = np.maximum(forward, 1e-12) * math.tan(math.radians(camera.fov_y) / 2) * 2.0 / height
         x, y = width / 2 + right / depth, height / 2 - up / depth
         near = np.zeros(len(x), bool)
-        for dx in (-_FARTHEST, 0.0, _FARTHEST):
-            for dy in (-_FARTHEST, 0.0, _FARTHEST):
+        far = _FARTHEST * height
+        for dx in (-far, 0.0, far):
+            for dy in (-far, 0.0, far):
                 column, row = np.floor(np.clip([x + dx, y + dy], -1, max(width, height))).astype(np.int64)
                 inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
                 shown = hits.object_image[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
@@ -183,8 +185,8 @@ def _numbers(n: int, seed: int) -> NDArray[np.float64]:
 def _joined(parts: Sequence[Photons], per_area: NDArray[np.float32]) -> Photons:
     vectors, numbers, integers = np.zeros((0, 3), np.float32), np.zeros(0, np.float32), np.zeros(0, np.int32)
     none = Photons(vectors, integers, vectors, integers, vectors, vectors, vectors, numbers, per_area)
-    fields = zip(*(part[:-1] for part in (none, *parts)), strict=True)
-    return Photons(*(np.concatenate(arrays) for arrays in fields), per_area)
+    fields = zip(none, *parts, strict=True)
+    return Photons(*(np.concatenate(arrays) for arrays in fields))._replace(per_area=per_area)
 
 
 def no_photons(n_objects: int) -> Photons:
@@ -196,15 +198,18 @@ class PhotonMap:
     """Photons by the object they land on, to be looked up by place."""
 
     def __init__(self, photons: Photons) -> None:
-        from scipy.spatial import cKDTree
-
         self.photons = photons
         self._order = np.argsort(photons.objects, kind="stable").astype(np.int32)
         self._ends = np.searchsorted(photons.objects[self._order], np.arange(len(photons.per_area) + 1))
-        self._trees = [
-            cKDTree(photons.positions[self._order[begin:end]], balanced_tree=False, compact_nodes=False)
-            for begin, end in pairwise(self._ends)
-        ]
+        self._trees = {} if not len(self._order) else self._grown()
+
+    def _grown(self) -> dict[int, Any]:
+        from scipy.spatial import cKDTree  # late: scenes without photons need none of it
+
+        return {
+            o: cKDTree(self.photons.positions[self._order[begin:end]], balanced_tree=False, compact_nodes=False)
+            for o, (begin, end) in enumerate(pairwise(self._ends)) if end > begin
+        }  # fmt: skip
 
     def nearest(
         self, i_object: int, positions: NDArray[np.float32], farthest: NDArray[np.float32]
@@ -221,9 +226,9 @@ class PhotonMap:
 
 
 def farthest_of(scene: Scene, hits: PrimaryHits, rows: NDArray[np.integer]) -> NDArray[np.float32]:
-    """How far from each point a photon counts for it, (p,) metres: a few pixels of a surface that faces the eye."""
-    pixel = 2.0 * math.tan(math.radians(scene.description.camera.fov_y) / 2) / hits.resolution[1]
-    return np.asarray(_FARTHEST * pixel * np.linalg.norm(hits.position[rows] - scene.eye, axis=1), np.float32)
+    """How far from each point a photon counts for it, (p,) metres of a surface that faces the eye."""
+    height = 2.0 * math.tan(math.radians(scene.description.camera.fov_y) / 2)
+    return np.asarray(_FARTHEST * height * np.linalg.norm(hits.position[rows] - scene.eye, axis=1), np.float32)
 
 
 def land(
@@ -234,11 +239,15 @@ def land(
     found, distances2, radii2 = photon_map.nearest(i_object, hits.position[fans.rows], farthest)
     weights = np.empty(found.shape, np.float32)
     bounds = [len(found) * i // _N_THREADS for i in range(_N_THREADS + 1)]
+
+    def weigh(part: tuple[int, int]) -> None:
+        kernels.weigh(
+            fans, part[0], part[1], times, hits.geometric_normal, hits.position, photon_map.photons, found, distances2,
+            radii2, weights,
+        )  # fmt: skip
+
     with ThreadPoolExecutor(_N_THREADS) as pool:
-        list(pool.map(lambda part: kernels.weigh(
-            fans, *part, times, hits.geometric_normal, hits.position, photon_map.photons, found, distances2, radii2,
-            weights,
-        ), pairwise(bounds)))  # fmt: skip
+        list(pool.map(weigh, pairwise(bounds)))
     kept = weights > 0.0
     start = np.concatenate([[0], np.cumsum(kept.sum(axis=1))])
     return Landed(start, found[kept], weights[kept], np.asarray(np.pi / 2 * radii2, np.float32))

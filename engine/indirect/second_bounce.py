@@ -109,8 +109,9 @@ class SecondRays:
 @dataclass(frozen=True, eq=False)
 class SecondLight:
     """What glossy surfaces send on under certain curves: objects (C,) and radiosity (2, C, D, 4) of the cells, as it
-    lights others and as the object that is edited sends it on; per_area (M,): photons that started on a square metre; looks (M), which differ where an object's surface sends something
-    else, tables of layers and lamps, the object that is edited and one over its albedo (3,)."""
+    lights others and as the object that is edited sends it on; per_area (M,): photons that started on a square metre;
+    looks (M), which differ where an object's surface sends something else, tables of layers and lamps, the object that
+    is edited and one over its albedo (3,)."""
 
     objects: NDArray[np.int32]
     radiosity: NDArray[np.float32]

@@ -57,6 +57,7 @@ N_LIGHTS, N_PATCHES = 4000, 256
 # What a first look at the scene takes.
 _PILOT_POINTS, _PILOT_RAYS = 1024, 64
 _GROWTH = 1.26
+_PHOTONS_SHARE = np.float32(0.3)
 
 Progress = tuple[float, str]
 
@@ -164,8 +165,11 @@ class Solver:
                 bright, _ = radiosity(light, albedos_of(layers, len(self._poles)), self._n_bounces)
             new_cells = np.zeros((len(cells) - len(bright), *bright.shape[1:]), np.float32)  # not known yet: dark
             points = self._points(gathered, photons)
-            # By albedo and photons: what else glossy surfaces send is noisier, and noise no reason for more points.
-            sent = SentLight(np.concatenate([bright, new_cells]), None, points.thrown(layers))
+            # By albedo and a share of the photons: what glossy surfaces send is noisier, and noise is no reason for
+            # more points.
+            thrown = points.thrown(layers)
+            thrown = thrown._replace(light=_PHOTONS_SHARE * thrown.light)
+            sent = SentLight(np.concatenate([bright, new_cells]), None, thrown)
             values[gathered.rows] = points.reflected(layers, sent)
             if not lattice.refine(values):
                 return points, lattice.footprint()

@@ -1,0 +1,117 @@
+"""Caustics: photons against rays and paths that find the same light."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from engine.indirect.layers import indirect_layer
+from engine.indirect.reflection import SentLight
+from engine.light.environment import constant_environment
+from engine.material import MODELS, make_layer
+from engine.render.path_tracer import trace_paths
+from engine.render.still import finish
+from engine.transport.pipeline import SkyState
+from tests.engine.indirect.small_scenes import QUICK, matt, placed, placement_of, solve
+
+FLOOR = {"name": "floor", "primitive": "quad", "transform": [4, 0, 0, 0, 0, 0, 4, 0, 0, -4, 0, 0, 0, 0, 0, 1]}
+BALL = {"name": "ball", "primitive": "sphere", "smooth": True, "transform": placed(0, 0.4, 0, 0.8)}
+LAMP = {
+    "name": "lamp", "primitive": "cube", "emission": [20.0] * 3, "transform": placed(1.1, 1.2, 0.0, 0.3),
+}  # fmt: skip
+VIEW = {"eye": (0.6, 2.2, 2.2), "target": (0.4, 0.0, 0.0)}
+GOLD = {"distribution": "ggx", "alpha": 0.2, "eta": [0.2, 0.4, 1.4], "k": [3.9, 2.4, 1.6], "scale": 1.0}
+EVEN = constant_environment((1.0, 1.0, 1.0))
+FINENESS = replace(QUICK, n_photons=1 << 17, n_records=256)
+
+
+@pytest.fixture(scope="module")
+def under_lamp():
+    return _found([FLOOR, BALL, LAMP], None)
+
+
+@pytest.fixture(scope="module")
+def under_sky():
+    return _found([FLOOR, BALL], EVEN)
+
+
+def _found(objects, sky):
+    layers = [matt(0, 0.7), indirect_layer(1, make_layer(MODELS["rough_conductor"], GOLD), (128, 16))]
+    placement = placement_of(objects, **VIEW, n=64)
+    return solve(placement, layers, 2, FINENESS, sky), layers, placement
+
+
+def _without_photons(found):
+    landed = found.points.landed
+    nothing = landed._replace(weight=0 * landed.weight, area=0 * landed.area)
+    return replace(found, points=replace(found.points, landed=nothing))
+
+
+def _on_floor(found, layers, placement):
+    begin, end = placement.hits.object_ranges[0]
+    return found.picture(layers)[begin:end]
+
+
+@pytest.mark.parametrize("scene", ["under_lamp", "under_sky"])
+def test_photons_and_rays_bring_what_rays_alone_bring(scene, request):
+    found, layers, placement = request.getfixturevalue(scene)
+    rays = _on_floor(_without_photons(found), layers, placement).mean(axis=0)
+    weightless = found.points.landed._replace(weight=0 * found.points.landed.weight)
+    rest = replace(found, points=replace(found.points, landed=weightless))
+    assert _on_floor(rest, layers, placement).mean() < 0.7 * rays.mean()  # photons bring a good part
+    np.testing.assert_allclose(_on_floor(found, layers, placement).mean(axis=0), rays, rtol=0.06)
+
+
+def test_a_caustic_is_that_of_traced_paths(under_lamp):
+    found, layers, placement = under_lamp
+    materials = {
+        0: [make_layer(MODELS["lambert"], {"albedo": [0.7] * 3})], 1: [make_layer(MODELS["rough_conductor"], GOLD)]
+    }  # fmt: skip
+    rows = placement.rows_of(0)
+    truth = [
+        finish(trace_paths(placement, materials, SkyState(None), n, 256, rows=rows), lambda step: None).radiance
+        for n in (1, 2)
+    ]
+    truth, ours = truth[1] - truth[0], _on_floor(found, layers, placement)
+    assert ours.mean() == pytest.approx(truth.mean(), rel=0.06)
+    # Where it is, too: pixels are noisy in both, parts of the floor much less.
+    order = np.argsort(placement.hits.position[rows, 0])
+    parts = [(ours[some].mean(), truth[some].mean()) for some in np.array_split(order, 8)]
+    np.testing.assert_allclose(*np.transpose(parts), atol=0.2 * truth.mean())
+
+
+@pytest.mark.parametrize("edited", [0, 1])
+def test_bands_times_the_curve_are_the_reflection_of_photons(under_lamp, edited):
+    found, layers, _ = under_lamp
+    thrown = found.points.thrown(layers, edited)
+    assert set(thrown.powers) == {int(edited == 1)}
+    n_powers = 2
+    nothing = np.zeros((len(found.light.objects), n_powers, 3), np.float32)
+    light = SentLight(nothing, None, thrown)
+    for layer in (matt(0, 0.7), indirect_layer(0, make_layer(MODELS["rough_conductor"], GOLD), (32, 8))):
+        [whole] = found.points.fans(0).reflected([layer.curves], light)
+        assert whole[:, int(edited == 1)].max() > 0.0
+        for factor, curve in enumerate(layer.curves.curves):
+            bands = found.points.fans(0).by_band(layer.curves, factor, light)
+            contracted = np.einsum("cjnp,jc->pnc", bands, curve)
+            np.testing.assert_allclose(contracted, whole, rtol=1e-4, atol=1e-5 * whole.max())
+
+
+def test_the_light_of_an_edited_object_follows_its_albedo(under_lamp):
+    found, layers, _ = under_lamp
+    plain, edited = found.points.thrown(layers), found.points.thrown(layers, 1)
+    np.testing.assert_allclose(edited.light * layers[1].albedo, plain.light, rtol=1e-4, atol=1e-6 * plain.light.max())
+
+
+def test_photons_land_where_the_picture_shows_it(under_lamp):
+    found, _, _ = under_lamp
+    photons = found.points.photons
+    on_floor = photons.objects == 0
+    assert set(photons.sources) == {1} and on_floor.sum() > 1000
+    assert np.abs(photons.positions[on_floor, 1]).max() < 1e-4
+    assert (photons.directions[on_floor, 1] < 0.0).all()
+
+
+def test_matt_surfaces_throw_nothing():
+    found = solve(placement_of([FLOOR, BALL, LAMP], **VIEW), [matt(0, 0.7), matt(1, 0.7)], 2, FINENESS)
+    assert len(found.points.photons.power) == 0 and len(found.points.landed.weight) == 0
