@@ -97,7 +97,8 @@ class Solver:
         """What `solve` gave and `stored.arrays_of` made arrays of."""
         cells = Cells(self._placement.scene, self._placement.caster, float(arrays["cell_size"][0]))
         cells.restore(table_of(arrays))
-        points, light = self._points(gathered_of(arrays)), cell_light_of(arrays, cells.objects.copy())
+        points = self._points(gathered_of(arrays), self._photons(cells))
+        light = cell_light_of(arrays, cells.objects.copy())
         return IndirectLight(points, footprint_of(arrays), cells, light, self._lamps, self._n_bounces)
 
     def _cell_size(self) -> float:
