@@ -51,8 +51,8 @@ class Fineness:
 
 
 ROUGH = Fineness("rough", 128, 32, 1 << 15, 4000, 64, 64, False)
-FINE = Fineness("fine", 512, 96, 1 << 20, 24000, 128, 256, True)
-STILL = Fineness("still", 1024, 1024, 1 << 22, 48000, 128, 256, True)
+FINE = Fineness("fine", 512, 96, 1 << 19, 24000, 128, 256, True)
+STILL = Fineness("still", 1024, 1024, 1 << 20, 48000, 128, 256, True)
 N_LIGHTS, N_PATCHES = 4000, 256
 # What a first look at the scene takes.
 _PILOT_POINTS, _PILOT_RAYS = 1024, 64
