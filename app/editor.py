@@ -302,8 +302,8 @@ class Editor:
 
     @property
     def awaits_curve(self) -> bool:
-        """Whether a curve's transport, or a layer's picture, is to come at any moment."""
-        return self._negotiator.awaits_contraction
+        """Whether a curve's transport, a layer's picture or frozen light is to come at any moment."""
+        return self._negotiator.awaits_contraction or self._indirect.awaits_frozen
 
     @property
     def answer_arrives(self) -> bool:

@@ -57,6 +57,8 @@ class FreezeWish:
 
     def serves(self, other: FreezeWish) -> bool:
         """Whether its answer is one to the other as well."""
+        if self is other:
+            return True
         mine, theirs = ((wish.key, wish.factor, wish.second, len(wish.looks)) for wish in (self, other))
         if mine != theirs:
             return False
@@ -64,6 +66,8 @@ class FreezeWish:
 
     def same(self, other: FreezeWish) -> bool:
         """Whether it was also made with what the other has of the edited object's curves: glossy ones have a shape."""
+        if self is other:
+            return True
         mine, theirs = (tuple(look for look in wish.looks if self._is_shaped(look)) for wish in (self, other))
         return len(mine) == len(theirs) and all(_equal(*pair) for pair in zip(mine, theirs, strict=True))
 
@@ -99,6 +103,8 @@ class IndirectTalk:
         self._serial = 0
         self._asked_at = self._changed_at = -math.inf
         self._last: FreezeWish | None = None
+        self._wish_made_of: tuple[Document | None, Selection | None, int | None] = None, None, None
+        self._drawn: FreezeWish | None = None
         self._shown: dict[str, tuple[object, ...]] = {}
         self._noise: tuple[int, float] | None = None
         self._n_bounces = 1
@@ -113,6 +119,13 @@ class IndirectTalk:
     def is_shown(self) -> bool:
         """Whether the picture has indirect light, of whatever quality."""
         return bool(self._shown)
+
+    @property
+    def awaits_frozen(self) -> bool:
+        """Whether a freezing is under way of light that has been found."""
+        if self._asked is None or self._found is None:
+            return False
+        return self._frozen is None or self._frozen[0] is not self._asked[0]
 
     @property
     def noise(self) -> float | None:
@@ -139,6 +152,7 @@ class IndirectTalk:
         wish, _ = self._asked
         is_new = self._frozen is None or self._frozen[1].number != response.number
         self._frozen = wish, response
+        self._drawn = None
         self._shown.clear()
         return [IndirectFootprint(self._found.rows, self._found.weights)] if is_new else []
 
@@ -164,13 +178,24 @@ class IndirectTalk:
         fits = made_for.serves(wish)
         is_final = self._found is not None and (self._found.number, self._found.stage) == (frozen.number, FINE_STAGE)
         self._complete = fits and is_final and made_for.same(wish)
-        return self._radiances(document, frozen, made_for) if fits else []
+        if not fits or self._drawn is wish:
+            return []
+        self._drawn = wish
+        return self._radiances(document, frozen, made_for)
 
     def _none(self) -> list[PictureEvent]:
-        shown, self._shown, self._frozen, self._asked = self._shown, {}, None, None
+        shown, self._shown, self._frozen, self._asked, self._drawn = self._shown, {}, None, None, None
         return [IndirectRadiance(key, None) for key in shown]
 
     def _wish(self, document: Document, selected: Selection | None, second: int | None) -> FreezeWish:
+        """Made once: most ticks find everything as it was, and the processors are the worker's."""
+        made_of, (before, *rest) = (document, selected, second), self._wish_made_of
+        if self._last is None or before is not document or rest != [selected, second]:
+            self._wish_made_of = made_of
+            return self._new_wish(document, selected, second)
+        return self._last
+
+    def _new_wish(self, document: Document, selected: Selection | None, second: int | None) -> FreezeWish:
         key = factor = None
         # What is frozen by hand is not edited: it takes no part in the polynomial, and costs no bands.
         if selected is not None and not (document.object(selected.object).emits or document.is_frozen(selected.key)):
@@ -182,7 +207,8 @@ class IndirectTalk:
 
     def _ask(self, now: float, wish: FreezeWish, revision: int) -> None:
         if self._last is None or not (self._last.serves(wish) and self._last.same(wish)):
-            self._changed_at, self._last = now, wish
+            self._changed_at = now
+        self._last = wish
         if self._asked is not None and self._asked[1] == revision:
             asked = self._asked[0]
             waits = self._frozen is None or self._frozen[0] is not asked

@@ -70,21 +70,23 @@ class Bench:
     def wait_until(self, done: Callable[[], bool]) -> None:
         """Frames until `done()` after one of them; raises InsituError when that does not come."""
         end = time.monotonic() + EXACT_SECONDS
-        self.frame()
+        busy = self.frame()
         while not done():
             if self.editor.status.is_error or time.monotonic() > end:
                 raise InsituError(self.editor.status.message or "the picture does not become exact")
-            self.frame()
+            if busy or self.feed.take(self.editor, time.monotonic()):
+                busy = self.frame()
+            elif not self.editor.answer_arrives:  # the window rests as well: the processors are the worker's
+                time.sleep(CURVE_LOOK_SECONDS)
 
-    def frame(self) -> None:
-        """One frame as the window draws it."""
+    def frame(self) -> bool:
+        """One frame as the window draws it; whether another would show more."""
         started = time.perf_counter()
         self.feed.take(self.editor, time.monotonic())
         busy = self.feed.draw(self.editor, self._frame_ms)
         self.context.finish()
         self._frame_ms = 1e3 * (time.perf_counter() - started)
-        if not busy and self.editor.status.picture != "exact" and not self.editor.answer_arrives:
-            time.sleep(CURVE_LOOK_SECONDS)
+        return busy
 
     def switch(self, path: str) -> float:
         """Select a curve; seconds until its transport is uploaded and the picture drawn from it."""

@@ -126,6 +126,16 @@ def test_the_second_bounce_has_as_many_bands_as_are_asked_for(talk: Talk) -> Non
     assert all(look.coefficients[0] is looks[0].sent[0] for look in looks)
 
 
+def test_a_freezing_is_awaited_once_there_is_light_to_freeze(talk: Talk) -> None:
+    assert not talk.talk.awaits_frozen
+    talk.update()
+    assert not talk.talk.awaits_frozen  # finding the light takes long
+    talk.found()
+    assert talk.talk.awaits_frozen
+    talk.frozen()
+    assert not talk.talk.awaits_frozen
+
+
 def test_noise_is_that_of_the_light_on_screen(talk: Talk) -> None:
     talk.update()
     talk.found(1)
