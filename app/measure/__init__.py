@@ -67,6 +67,7 @@ class Effort:
 
 
 FULL = Effort("full")
+VISIBILITY_RESOLUTION = 512, 512
 QUICKLY = Effort("quick", 1, 1, 0, 10, 64, 200_000, 300, False, 300.0, QUICK, INDIRECT_QUICKLY)
 
 
@@ -137,9 +138,9 @@ def _measure(
     return figures, renderer
 
 
-def _open(source: str, side: int) -> Subject:
-    """A scene in its own resolution, or scaled down to `side` pixels."""
-    subject = open_subject(source)
+def _open(source: str, side: int, resolution: tuple[int, int] | None = None) -> Subject:
+    """A scene in this resolution or its own, scaled down to `side` pixels."""
+    subject = open_subject(source, resolution)
     return replace(subject, scene=replace(subject.scene, resolution=at_most(subject.scene.resolution, side)))
 
 
@@ -185,13 +186,15 @@ def _times(done: Precomputed) -> dict[str, float]:
 
 
 def _visibility_figures(subject: Subject, effort: Effort) -> list[Figure]:
-    """On the built-in shapes and the reference bunny; the scene itself is told beside them."""
+    """On the built-in shapes and the reference bunny, at the resolution of the built-in scenes: what neighbours share
+    grows with it, the bunny's own is half as fine. The scene itself is told beside them."""
     ratios: dict[str, list[Ratio]] = {}
     wrong: dict[str, float] = {}
     folder = reference_folder()
     scenes = {"shapes": "shapes"} | ({} if folder is None else {"bunny": str(folder / "bunny.toml")})
     for name, source in (scenes | {"this scene": subject.source}).items():
-        placement = Placement(_open(source, effort.side).scene)
+        resolution = VISIBILITY_RESOLUTION if name in scenes else None
+        placement = Placement(_open(source, effort.side, resolution).scene)
         ratios[name] = visibility_ratios(placement, effort.repetitions, effort.n_rays)
         wrong[name] = wrong_answers(placement, effort.n_wrong)
     parts = {name: [ratio.value for ratio in found] for name, found in ratios.items()}
