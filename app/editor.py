@@ -365,7 +365,7 @@ class Editor:
                 return [SkyChanged(response.radiance)]
             case Footprint():
                 return [FootprintChanged(response.rows, response.weights, response.stage)]
-            case BouncesPlanned():
+            case BouncesPlanned() if self.view.n_bounces == AS_PLANNED:  # else a person has chosen meanwhile
                 self.view = replace(self.view, n_bounces=response.n_bounces)
                 self._negotiator.took_bounces(response.n_bounces)
             case IndirectFound():

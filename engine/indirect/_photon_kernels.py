@@ -7,8 +7,8 @@ lands it counts for the gather points around, by a kernel that falls to 0 at the
     E(x) = Σ 2 (1 - d²/r²) / (π r²) Φ .
 
 A gather point's own rays find the same light where they happen to end on the glossy surface. Either counts by the
-balance heuristic, by how many samples each expects in the neighbourhood of that path, a disc of π r²/2 about the
-gather point being what a photon must hit [Georgiev12; Hachisuka12].
+power heuristic (`photon_share`), by how many samples each expects in the neighbourhood of that path, a disc of π r²/2
+about the gather point being what a photon must hit [Georgiev12; Hachisuka12].
 """
 
 import math
@@ -155,6 +155,23 @@ def _counts(half, n):
     return half < 0 or (n & 1) == half
 
 
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _on_curves(optics, x, y, z, ox, oy, oz):
+    """Whether light is within both curves, and node and share on the first and on the second, see `_node`."""
+    j, t, k, u = 0, ZERO, 0, ZERO
+    if optics.kind_a != CONSTANT:
+        angle = gamma(optics.kind_a, optics.q, x, y, z, ox, oy, oz)
+        if angle > HALF_PI:
+            return False, j, t, k, u
+        j, t = _node(angle, optics.curve_a.shape[0])
+    if optics.kind_b >= 0:
+        angle = gamma(optics.kind_b, optics.q, x, y, z, ox, oy, oz)
+        if angle > HALF_PI:
+            return False, j, t, k, u
+        k, u = _node(angle, optics.curve_b.shape[0])
+    return True, j, t, k, u
+
+
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def reflect_photons(fans, begin, end, optics, landed, sent, out):
     """Add what points [begin, end) reflect of photons to out (p, D, 3), without f_q and f_o."""
@@ -168,18 +185,9 @@ def reflect_photons(fans, begin, end, optics, landed, sent, out):
                 continue
             x, y, z, ox, oy, oz = _arrival(fans, i, n, sent.directions)
             weight = scale * landed.weight[e] * np.float32(quotient_cosine(optics.model, optics.q, x, y, z, ox, oy, oz))
-            j, t = 0, ZERO
-            if optics.kind_a != CONSTANT:
-                angle = gamma(optics.kind_a, optics.q, x, y, z, ox, oy, oz)
-                if angle > HALF_PI:
-                    continue
-                j, t = _node(angle, n_a)
-            k, u = 0, ZERO
-            if optics.kind_b >= 0:
-                angle = gamma(optics.kind_b, optics.q, x, y, z, ox, oy, oz)
-                if angle > HALF_PI:
-                    continue
-                k, u = _node(angle, n_b)
+            within, j, t, k, u = _on_curves(optics, x, y, z, ox, oy, oz)
+            if not within:
+                continue
             j1, k1 = min(j + 1, n_a - 1), min(k + 1, n_b - 1)
             for channel in range(3):
                 value = weight * ((ONE - t) * optics.curve_a[j, channel] + t * optics.curve_a[j1, channel])
@@ -191,7 +199,7 @@ def reflect_photons(fans, begin, end, optics, landed, sent, out):
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def reflect_photon_bands(fans, begin, end, optics, of_a, landed, sent, out):
     """As `reflect_photons`, by band of one of the curves, to out (3, J, D, p): of the first where of_a."""
-    n_a, n_b, n_bands, n_powers = optics.curve_a.shape[0], optics.curve_b.shape[0], out.shape[1], out.shape[2]
+    n_bands, n_powers = out.shape[1], out.shape[2]
     scale = ONE if fans.half < 0 else TWO
     for i in range(begin, end):
         for e in range(landed.start[i], landed.start[i + 1]):
@@ -201,16 +209,9 @@ def reflect_photon_bands(fans, begin, end, optics, of_a, landed, sent, out):
                 continue
             x, y, z, ox, oy, oz = _arrival(fans, i, n, sent.directions)
             weight = scale * landed.weight[e] * np.float32(quotient_cosine(optics.model, optics.q, x, y, z, ox, oy, oz))
-            angle = gamma(optics.kind_a, optics.q, x, y, z, ox, oy, oz)
-            if angle > HALF_PI:
+            within, j, t, k, u = _on_curves(optics, x, y, z, ox, oy, oz)
+            if not within:
                 continue
-            j, t = _node(angle, n_a)
-            k, u = 0, ZERO
-            if optics.kind_b >= 0:
-                angle = gamma(optics.kind_b, optics.q, x, y, z, ox, oy, oz)
-                if angle > HALF_PI:
-                    continue
-                k, u = _node(angle, n_b)
             kept, kept_share, at, share, other = j, t, k, u, optics.curve_b
             if not of_a:
                 kept, kept_share, at, share, other = k, u, j, t, optics.curve_a

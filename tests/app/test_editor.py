@@ -8,6 +8,7 @@ import pytest
 from app.commands import AddOperator, SetEditable, SetIntensity, SetParameter, SetRotation, SetVisible
 from app.editor import Editor, RenderReport
 from app.jobs.messages import (
+    BouncesPlanned,
     Cancel,
     ComputeTransport,
     Contract,
@@ -19,7 +20,7 @@ from app.jobs.messages import (
 )
 from app.negotiator import DRAG_QUALITY, N_LIGHTS_PREVIEW
 from app.picture import LayerRadiance, SceneFrame, SkyChanged, TransportReady
-from app.view_state import SetView
+from app.view_state import AS_PLANNED, SetView
 from engine.curve.bands import band_nodes
 from engine.curve.operators import Operator
 from engine.plan import band_counts
@@ -253,6 +254,21 @@ def test_answers_to_an_older_light_are_dropped(settled: Editor, client: FakeClie
     client.requests.append(older)  # the older request is answered after the newer was sent
     client.finish_stage("coarse", exact=False)
     assert settled.tick(2.8) == []
+
+
+def test_bounces_are_as_planned_unless_a_person_chose_meanwhile(client: FakeClient) -> None:
+    editor = Editor(client, "shelf")
+    client.open_scene({key: value for key, value in SCENE.items() if key != "bounces"})
+    editor.tick(0.0)
+    (request,) = computed(client)
+    assert request.n_bounces == AS_PLANNED
+    client.answer(request, BouncesPlanned(3, "the last carries 2 %"))
+    editor.tick(0.1)
+    assert editor.view.n_bounces == 3 and len(computed(client)) == 1  # the worker goes on by itself
+    editor.do(SetView.of(n_bounces=1))
+    client.answer(request, BouncesPlanned(3, "the last carries 2 %"))
+    editor.tick(0.11)
+    assert editor.view.n_bounces == 1
 
 
 def test_undo_of_another_layer_asks_for_its_picture_alone(settled: Editor, client: FakeClient) -> None:
