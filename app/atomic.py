@@ -69,14 +69,22 @@ def sweep_temporaries(folder: Path, name: str | None = None) -> None:
 
 
 def process_lives(pid: int) -> bool:
-    """Whether a process of this number exists, ours or another user's."""
+    """Whether a process of this number exists, ours or another user's.
+
+    One that has ended and waits only to be collected, a zombie, lives no more: in a container whose first process
+    collects none they stay for good, and with them would all that is kept for the living.
+    """
     try:
         os.kill(pid, 0)
     except (ProcessLookupError, OverflowError):
         return False
     except PermissionError:
-        return True
-    return True
+        pass
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text(errors="replace").rpartition(")")[2].split()
+    except OSError:  # no such folder on this system, or the process has just ended
+        return not Path("/proc/self/stat").exists()
+    return state[0] not in "ZX"
 
 
 def _keep_permissions(target: Path, descriptor: int) -> None:

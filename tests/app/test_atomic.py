@@ -106,3 +106,10 @@ def test_sweep_takes_only_what_dead_processes_left(tmp_path: Path) -> None:
     assert sorted(os.listdir(tmp_path)) == sorted([living, other])
     assert not process_lives(child.pid)
     assert process_lives(1)  # not ours to signal, perhaps, but there
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="this system does not tell the state of a process")
+def test_process_that_nobody_has_collected_lives_no_more() -> None:
+    with subprocess.Popen([sys.executable, "-c", ""]) as child:
+        os.waitid(os.P_PID, child.pid, os.WEXITED | os.WNOWAIT)  # ended, still to be collected
+        assert not process_lives(child.pid)
