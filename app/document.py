@@ -205,8 +205,9 @@ def _resolve_in_layer(state: ObjectState, index: int, name: str) -> Target:
 
 
 def all_factors(model: Model) -> tuple[Factor, ...]:
-    """The curves of a model that a person can edit: those of its transport, then the view's."""
-    return model.factors if model.view_factor is None else (*model.factors, model.view_factor)
+    """The curves of a model that a person can edit: those of its transport, then the view's; shared ones once."""
+    there = model.factors if model.view_factor is None else (*model.factors, model.view_factor)
+    return tuple(factor for factor in there if factor.name not in model.shared)
 
 
 def _split_object(document: Document, path: str) -> tuple[ObjectState, str]:

@@ -18,7 +18,7 @@ from typing import Protocol
 
 from app.commands import EditCommand
 from app.comparison import Comparison
-from app.document import Document, Selection, document_from_description, resolve
+from app.document import Document, Selection, all_factors, document_from_description, resolve
 from app.history import History
 from app.indirect import IndirectTalk
 from app.jobs.messages import (
@@ -484,7 +484,7 @@ class Editor:
         selected = self.view.selected
         if selected is not None and selected.factor is not None:
             model = self.document.layer(selected.key).model
-            names = [f.name for f in (*model.factors, model.view_factor) if f is not None]
+            names = [factor.name for factor in all_factors(model)]
             if selected.factor not in names:
                 self.select(selected.key)
 

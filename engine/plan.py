@@ -46,6 +46,9 @@ EDITABLE_BANDS = {
     kinds.GAMMA_ALPHA: 32,
     kinds.GAMMA_BETA: 32,
     kinds.GAMMA_RATIO: 32,
+    kinds.SLOPE_U: 32,
+    kinds.SLOPE_V: 32,
+    kinds.PHI_H: 16,
     kinds.THETA_D: 16,
     kinds.THETA_I: 16,
 }

@@ -29,12 +29,12 @@ class LayerCurves:
         other = second[0] if second else np.ones((1, 3), np.float32)
         q = np.asarray(self.quotient_parameters, np.float64)
         kind_a = kernels.CONSTANT if folded and kind_b < 0 and bool((first == first[0]).all()) else factors[0].gamma
-        return kernels.Optics(self.model.kind, q, kind_a, kind_b, first, other)
+        return kernels.Optics(self.model.number, q, kind_a, kind_b, first, other)
 
 
 def pole_of(model_names: Iterable[str]) -> int:
     """About which direction the rays of an object with layers of these models are dense."""
     gammas = {factor.gamma for name in model_names for factor in MODELS[name].factors}
-    if gammas & {kinds.THETA_H, kinds.GAMMA_ALPHA, kinds.GAMMA_BETA, kinds.GAMMA_RATIO}:
+    if gammas.intersection(kinds.HALF_ANGLES):
         return rays.HALF
     return rays.MIRROR if kinds.THETA_R in gammas else rays.NORMAL

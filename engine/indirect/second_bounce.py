@@ -202,7 +202,7 @@ def glossy_tables(
     factors = [each.sent.model.factors for each in chosen]
     return kernels.Glossy(
         first.astype(np.int64),
-        np.array([each.sent.model.kind for each in chosen], np.int64),
+        np.array([each.sent.model.number for each in chosen], np.int64),
         np.array([pair[0].gamma for pair in factors], np.int64),
         np.array([pair[1].gamma if len(pair) > 1 else -1 for pair in factors], np.int64),
         np.array([each.sent.quotient_parameters for each in chosen], float).reshape(-1, kinds.N_QUOTIENT_PARAMETERS),
@@ -226,7 +226,7 @@ def looks_of(layers: Sequence[IndirectLayer], n_objects: int) -> tuple[bytes, ..
 
 def is_glossy(layer: IndirectLayer) -> bool:
     """Whether what it sends on depends on the direction."""
-    return layer.sent.model.kind != kinds.LAMBERT
+    return not layer.sent.model.is_matt
 
 
 def matt_share(layers: Sequence[IndirectLayer], n_objects: int) -> NDArray[np.float32]:

@@ -1,35 +1,28 @@
 """Reflection models as editable factors [BenArtzi07, ch. 3].
 
     parameters --generate--> curves --operators--> edited curves --bands, wavelet--> coefficients
-         \\--quotient_parameters--> compiled quotient (`_kernels`, worker only)
+         \\--quotient_parameters--> compiled quotient (`Model.number`, worker only)
 
-`MODELS` lists what there is; `Layer` is one use of a model. Importing this package imports no compiler.
+`MODELS` lists what there is: every module of this package that has a `MODEL`, so that a file is all that a further one
+takes. `Layer` is one use of a model. Importing this package imports no compiler.
 """
 
-from engine.material import (
-    ashikhmin_shirley,
-    ashikhmin_shirley_ratio,
-    blinn_phong,
-    cook_torrance,
-    lambert,
-    phong,
-    rough_conductor,
-)
+import importlib
+import pkgutil
+
 from engine.material.layer import Layer, make_layer
 from engine.material.model import Factor, Model, validate_parameters
 from engine.material.parameters import Parameter, ParameterError
 
-MODELS: dict[str, Model] = {
-    model.name: model
-    for model in (
-        lambert.MODEL,
-        phong.MODEL,
-        blinn_phong.MODEL,
-        cook_torrance.MODEL,
-        rough_conductor.MODEL,
-        ashikhmin_shirley.MODEL,
-        ashikhmin_shirley_ratio.MODEL,
-    )
-}
+
+def _models() -> list[Model]:
+    """Of all modules here, matt ones first, by label."""
+    names = [name for _, name, _ in pkgutil.iter_modules(__path__) if not name.startswith("_")]
+    modules = [importlib.import_module(f"{__name__}.{name}") for name in names]
+    found: list[Model] = [module.MODEL for module in modules if hasattr(module, "MODEL")]
+    return sorted(found, key=lambda model: (not model.is_matt, model.label))
+
+
+MODELS: dict[str, Model] = {model.name: model for model in _models()}
 
 __all__ = ["MODELS", "Factor", "Layer", "Model", "Parameter", "ParameterError", "make_layer", "validate_parameters"]

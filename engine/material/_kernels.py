@@ -1,6 +1,7 @@
 """Compiled angles and quotients of all models, called once for each pixel, light and vertex: some 10^8 times.
 
 Scalar functions of one pair of unit directions in the local frame (z = normal): i towards the light, o towards the eye.
+Quotients of models that bring their own are called by address.
 Kernels validate nothing. Everything is finite for every input: cosines are divided by only where the expression as a
 whole stays finite, so G / (cos_i cos_o) cos_i is one expression and not a quotient of small numbers.
 """
@@ -8,10 +9,14 @@ whole stays finite, so G / (cos_i cos_o) cos_i is one expression and not a quoti
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
-from numba import njit
+from llvmlite import ir
+from numba import cfunc, njit, types
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from engine.material import kinds
@@ -19,6 +24,7 @@ from engine.material import kinds
 THETA_I, THETA_R, THETA_H, THETA_D, THETA_O = kinds.THETA_I, kinds.THETA_R, kinds.THETA_H, kinds.THETA_D, kinds.THETA_O
 GAMMA_ALPHA, GAMMA_BETA, GAMMA_RATIO = kinds.GAMMA_ALPHA, kinds.GAMMA_BETA, kinds.GAMMA_RATIO
 LAMBERT, PHONG, BLINN_PHONG, COOK_TORRANCE = kinds.LAMBERT, kinds.PHONG, kinds.BLINN_PHONG, kinds.COOK_TORRANCE
+SLOPE_U, SLOPE_V, PHI_H = kinds.SLOPE_U, kinds.SLOPE_V, kinds.PHI_H
 ROUGH_CONDUCTOR, ASHIKHMIN_SHIRLEY = kinds.ROUGH_CONDUCTOR, kinds.ASHIKHMIN_SHIRLEY
 ASHIKHMIN_SHIRLEY_RATIO = kinds.ASHIKHMIN_SHIRLEY_RATIO
 ROUGH_DISTRIBUTION, ROUGH_ALPHA, BECKMANN = kinds.ROUGH_DISTRIBUTION, kinds.ROUGH_ALPHA, kinds.BECKMANN
@@ -144,7 +150,11 @@ def gamma(kind: int, q: Array, ix: float, iy: float, iz: float, ox: float, oy: f
     if kind == THETA_D:
         return theta_d(ix, iy, iz, ox, oy, oz)
     sx, sy, sz = ix + ox, iy + oy, iz + oz
+    if kind == SLOPE_U or kind == SLOPE_V:
+        return math.atan2(abs(sx if kind == SLOPE_U else sy), sz)
     share = _share_of_u(sx, sy)
+    if kind == PHI_H:
+        return _angle(math.sqrt(share), 1.0 - share)
     if kind == GAMMA_BETA:
         share = 1.0 - share
     elif kind == GAMMA_RATIO:
@@ -204,12 +214,39 @@ def _smith(q: Array, iz: float, oz: float) -> float:
     return iz * _smith_ggx(iz, a2) * _smith_ggx(oz, a2)
 
 
+@intrinsic
+def _call(typingctx, address, q, ix, iy, iz, ox, oy, oz):  # type: ignore[no-untyped-def]
+    """Call a compiled quotient by its address."""
+
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        array = context.make_array(signature.args[1])(context, builder, arguments[1])
+        double = ir.DoubleType()
+        function = ir.FunctionType(double, [array.data.type, *[double] * 6])
+        pointer = builder.inttoptr(arguments[0], function.as_pointer())
+        return builder.call(pointer, [array.data, *arguments[2:]])
+
+    return types.float64(types.int64, q, *[types.float64] * 6), generate
+
+
+@cache
+def compiled_quotient(quotient: Callable[..., float]) -> Any:
+    """A model's own quotient, plain Python with `math`, compiled; its `address` is the number kernels know it by.
+
+    Called by address and not from a chain of all models, so that what no scene uses is never compiled, and a further
+    model does not have every kernel that reflects compiled anew. The call takes 2 ns. Kept for ever: kernels do not
+    hold what they call.
+    """
+    signature = types.float64(types.CPointer(types.float64), *[types.float64] * 6)
+    return cfunc(signature, cache=True, error_model="numpy", fastmath=_compile["fastmath"])(quotient)
+
+
 @njit(**_compile)
 def quotient_cosine(
     model_kind: int, q: Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz: float
 ) -> float:
     """rho_q(wi, wo) cos_i of a model (engine.material.kinds) with its quotient parameters q (8,), finite everywhere.
 
+    model_kind: the model's number (`compiled_quotient` gives it for one that brings its own quotient).
     0 where either direction is below the horizon or within 1e-12 of it.
     """
     if iz <= GRAZING or oz <= GRAZING:
@@ -220,6 +257,8 @@ def quotient_cosine(
         return _smith(q, iz, oz)
     if model_kind == PHONG:
         return iz * 1.0
+    if model_kind > ASHIKHMIN_SHIRLEY_RATIO:
+        return _call(model_kind, q, ix, iy, iz, ox, oy, oz)  # type: ignore[call-arg,no-any-return]
     if model_kind == COOK_TORRANCE:
         return _v_groove(ix, iy, iz, ox, oy, oz)
     cos_d = _cosine_difference(ix, iy, iz, ox, oy, oz)

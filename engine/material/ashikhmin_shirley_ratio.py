@@ -30,6 +30,7 @@ class AshikhminShirleyRatio(Model):
     label = "Anisotropy ratio"
     tooltip = "Brushed metal with one curve: how much narrower the highlight is across than along."
     kind = kinds.ASHIKHMIN_SHIRLEY_RATIO
+    highlight_in_quotient = True
     factors = (GAMMA_RATIO,)
     parameters = (
         Parameter(

@@ -13,7 +13,15 @@ GAMMA_ALPHA = 4  # eq. 3.7: arccos of cos(theta_h) ** cos(phi_h)^2
 GAMMA_BETA = 5  # eq. 3.8: arccos of cos(theta_h) ** sin(phi_h)^2
 GAMMA_RATIO = 6  # eq. 3.15: arccos of cos(theta_h) ** (n_u sin(phi_h)^2)
 THETA_O = 7  # eye and normal
+SLOPE_U = 8  # arctan |h_x| / h_z: the half vector's slope along the tangent
+SLOPE_V = 9  # arctan |h_y| / h_z: across
+PHI_H = 10  # azimuth of the half vector from the tangent, folded into [0, pi/2]; pi/4 where it is the normal
 
+# Angles of the half vector: a curve over one of them is a highlight. Those of HALF_AZIMUTHS make it anisotropic.
+HALF_AZIMUTHS = (GAMMA_ALPHA, GAMMA_BETA, GAMMA_RATIO, SLOPE_U, SLOPE_V, PHI_H)
+HALF_ANGLES = (THETA_H, *HALF_AZIMUTHS)
+
+# Models whose quotient stands in `_kernels`, where most pictures want it fast.
 LAMBERT = 0
 PHONG = 1
 BLINN_PHONG = 2
@@ -21,6 +29,8 @@ COOK_TORRANCE = 3
 ROUGH_CONDUCTOR = 4
 ASHIKHMIN_SHIRLEY = 5
 ASHIKHMIN_SHIRLEY_RATIO = 6
+# Any other model has its quotient in its own file; kernels know it by the address of its compiled form.
+OWN = -1
 
 # Places of the eight quotient parameters, by model.
 N_QUOTIENT_PARAMETERS = 8

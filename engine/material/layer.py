@@ -72,13 +72,11 @@ class Layer:
 
     def operators(self, factor: str) -> tuple[Edit, ...]:
         """The operators on a curve, lowest first. Raises ParameterError for a curve the model does not have."""
-        self.model.factor(factor)
-        return dict(self.edits).get(factor, ())
+        return dict(self.edits).get(self.model.leader(factor), ())
 
     def generated(self, factor: str) -> GeneratedCurve:
         """The curve below all operators."""
-        self.model.factor(factor)
-        return GeneratedCurve(self.model, factor, self.parameters)
+        return GeneratedCurve(self.model, self.model.leader(factor), self.parameters)
 
     def curve(self, factor: str) -> FinalCurve:
         """The curve with its operators on top, at least 0: a callable, angles (N,) to values (N, 3)."""
@@ -108,8 +106,7 @@ class Layer:
 
     def with_operators(self, factor: str, operators: Sequence[Edit]) -> Layer:
         """The layer with the operators of one curve replaced; none: the curve is as generated."""
-        self.model.factor(factor)
-        edits = {**dict(self.edits), factor: tuple(operators)}
+        edits = {**dict(self.edits), self.model.leader(factor): tuple(operators)}
         return self.replace(edits=tuple((name, edits[name]) for name in sorted(edits) if edits[name]))
 
 

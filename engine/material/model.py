@@ -3,15 +3,16 @@
     rho(wi, wo) = f_q  rho_q(wi, wo)  f_o(theta_o)  f_A(gamma_A)  f_B(gamma_B).
 
 A `Model` knows its parameter table, which angles its curves run over, how parameters generate the curves and the scale
-f_q, and which numbers its quotient needs. rho_q itself is compiled (`_kernels.quotient_cosine`); `brdf` states the
-whole formula once more, directly, as the oracle of tests and of the brute-force integrator. Each model stands in its
-own file and is found in `engine.material.MODELS`.
+f_q, and which numbers its quotient needs. rho_q itself is compiled: from `quotient`, a plain function of `math` in the
+model's file, or it stands in `_kernels.quotient_cosine` where pictures want it fast. `brdf` states the whole formula
+once more, directly, as the oracle of tests and of the brute-force integrator. Each model stands in its own file, which
+ends in `MODEL = ...`, and is found in `engine.material.MODELS`.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -44,15 +45,28 @@ THETA_D = Factor("theta_d", kinds.THETA_D, "difference θ_d", "Reflectance and t
 GAMMA_ALPHA = Factor("gamma_alpha", kinds.GAMMA_ALPHA, "along γ_α", "The highlight's profile along the tangent.")
 GAMMA_BETA = Factor("gamma_beta", kinds.GAMMA_BETA, "across γ_β", "The highlight's profile across the tangent.")
 GAMMA_RATIO = Factor("gamma_ratio", kinds.GAMMA_RATIO, "ratio γᵣ", "How far the highlight reaches across the tangent.")
+SLOPE_U = Factor("slope_u", kinds.SLOPE_U, "along θ_u", "The highlight's profile along the tangent.")
+SLOPE_V = Factor("slope_v", kinds.SLOPE_V, "across θ_v", "The highlight's profile across the tangent.")
+PHI_H = Factor("phi_h", kinds.PHI_H, "azimuth φₕ", "The highlight's strength from along the tangent, 0°, to across.")
 
 
 class Model(ABC):
-    """A reflection model. One instance each, compared by identity; pickled by name."""
+    """A reflection model. One instance each, compared by identity; pickled by name.
+
+    quotient: rho_q cos_i as f(q, ix, iy, iz, ox, oy, oz) of the quotient parameters and two local directions above the
+    horizon, finite and at least 0; a static method that calls nothing but `math`, None where `kind` names one that is
+    compiled already. is_matt: sends light on about evenly. highlight_in_quotient: a part of its distribution over the
+    half vector stands there and in no curve. shared: by name, the curve that a curve always equals.
+    """
 
     name: ClassVar[str]
     label: ClassVar[str]
     tooltip: ClassVar[str]
-    kind: ClassVar[int]
+    kind: ClassVar[int] = kinds.OWN
+    quotient: ClassVar[Callable[..., float] | None] = None
+    is_matt: ClassVar[bool] = False
+    highlight_in_quotient: ClassVar[bool] = False
+    shared: ClassVar[Mapping[str, str]] = {}
     parameters: ClassVar[tuple[Parameter, ...]]
     factors: ClassVar[tuple[Factor, ...]]
     view_factor: ClassVar[Factor | None] = None
@@ -72,6 +86,19 @@ class Model(ABC):
     def quotient_parameters(self, params: Parameters) -> Array:
         """What the compiled rho_q and angles of this model need, (8,)."""
         return np.zeros(kinds.N_QUOTIENT_PARAMETERS)
+
+    @property
+    def number(self) -> int:
+        """What kernels know the quotient by; for a model's own its address, compiled here the first time."""
+        if self.quotient is None:
+            return self.kind
+        from engine.material._kernels import compiled_quotient
+
+        return int(compiled_quotient(self.quotient).address)
+
+    def leader(self, name: str) -> str:
+        """The curve that a curve's operators are kept by: itself, unless it is shared. Raises ParameterError."""
+        return self.shared.get(name, self.factor(name).name)
 
     def parameter(self, name: str) -> Parameter:
         """The parameter of that name. Raises ParameterError naming those there are."""

@@ -46,7 +46,7 @@ def evaluate_by_curves(layer: Layer, wi: np.ndarray, wo: np.ndarray) -> np.ndarr
     wi, wo = np.ascontiguousarray(wi, np.float64), np.ascontiguousarray(wo, np.float64)
     q = layer.quotient_parameters()
     out = np.empty(len(wi))
-    kernels.quotient_cosines(layer.model.kind, q, wi, wo, out)
+    kernels.quotient_cosines(layer.model.number, q, wi, wo, out)
     value = np.repeat(out[:, None], 3, axis=1)
     view = layer.model.view_factor
     for factor in (*layer.model.factors, *((view,) if view else ())):

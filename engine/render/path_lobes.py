@@ -21,7 +21,6 @@ from engine.render.integrator import HALF_PI, evaluate_layer, evaluate_layers
 Floats = NDArray[np.float64]
 
 N_NUMBERS = 4  # random numbers that a direction takes
-_HALF_ANGLES = (kinds.THETA_H, kinds.GAMMA_ALPHA, kinds.GAMMA_BETA, kinds.GAMMA_RATIO)
 # Fine about the pole, where lobes down to a roughness of 1e-4 live.
 _THETA = np.concatenate([[0.0], np.geomspace(1e-6, 0.05, 96), np.linspace(0.05, HALF_PI, 161)[1:]])
 _SUB_PLACES = (0.125, 0.375, 0.625, 0.875)
@@ -81,10 +80,11 @@ def make_lobe(layer: Layer) -> Lobe | None:
     """The lobe of a layer, from its curves; None where nothing stands out of the cosine."""
     angles = {factor.gamma for factor in layer.model.factors}
     mirror = kinds.THETA_R in angles
-    if not mirror and not angles.intersection(_HALF_ANGLES):
+    if not mirror and not angles.intersection(kinds.HALF_ANGLES):
         return None
     edges = 2.0 * np.sin(_THETA / 2.0) ** 2
-    n_parts = _N_PHI if angles.intersection(_HALF_ANGLES[1:]) else 1
+    turned = layer.model.highlight_in_quotient or angles.intersection(kinds.HALF_AZIMUTHS)
+    n_parts = _N_PHI if turned else 1
     values = np.zeros((len(edges) - 1, n_parts))
     phi = HALF_PI * (np.arange(n_parts) + 0.5) / n_parts
     for place in _SUB_PLACES:
@@ -109,12 +109,12 @@ def _profile(layer: Layer, mirror: bool, vectors: Floats) -> Floats:
         return layer.curve("theta_r")(angles) @ LUMINANCE
     q = layer.quotient_parameters()
     value = vectors[:, 2].copy()
-    if layer.model.kind == kinds.ASHIKHMIN_SHIRLEY_RATIO:  # a part of its distribution stands in the quotient
+    if layer.model.highlight_in_quotient:
         rest = np.empty(len(vectors))
-        kernels.quotient_cosines(layer.model.kind, q, vectors, vectors, rest)
+        kernels.quotient_cosines(layer.model.number, q, vectors, vectors, rest)
         value *= rest
     for factor in layer.model.factors:
-        if factor.gamma in _HALF_ANGLES:
+        if factor.gamma in kinds.HALF_ANGLES:
             angles = np.empty(len(vectors))
             kernels.curve_angles(factor.gamma, q, vectors, vectors, angles)
             value *= layer.curve(factor.name)(np.clip(angles, 0.0, HALF_PI)) @ LUMINANCE

@@ -64,7 +64,7 @@ def project_points(hits: PrimaryHits, rows: np.ndarray, light: VisibleLight, lay
         np.empty(n_points * n_a * n_b, np.uint32),
     )
     q = np.asarray(layer.quotient_parameters, np.float64)
-    optics = kernels.Optics(model.kind, q, kind_a, kind_b, n_a, n_b, np.float32(light.lighting.tolerance))
+    optics = kernels.Optics(model.number, q, kind_a, kind_b, n_a, n_b, np.float32(light.lighting.tolerance))
     surface = kernels.Surface(hits.position, hits.tangent, hits.normal, hits.wo)
     bits = kernels.Bits(light.sphere.bits, light.fine.bits, light.patches.bits)
     n_values = kernels.project_tile(

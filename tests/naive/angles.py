@@ -21,5 +21,8 @@ def angle(kind, exponent, wi, wo):
         kinds.GAMMA_ALPHA: half[:, 2] ** cos2_phi,
         kinds.GAMMA_BETA: half[:, 2] ** (1 - cos2_phi),
         kinds.GAMMA_RATIO: half[:, 2] ** (exponent * (1 - cos2_phi)),
+        kinds.SLOPE_U: half[:, 2] / np.hypot(half[:, 0], half[:, 2]),
+        kinds.SLOPE_V: half[:, 2] / np.hypot(half[:, 1], half[:, 2]),
+        kinds.PHI_H: np.abs(half[:, 0]) / np.hypot(half[:, 0], half[:, 1]),
     }[kind]
     return np.arccos(np.clip(cosine, -1, 1)).astype(float)

@@ -22,7 +22,7 @@ def reflected(fans: Fans, i: int, layer: LayerCurves, radiosity: np.ndarray) -> 
             x, y, z = rays.fan_direction(table[pattern], k, is_cosine, cosine, sine, fans.poles[i], *eye)
             if fans.seen[i, m] != NO_CELL and z > rays.HORIZON:
                 density = rays.fan_density(*sizes, fans.poles[i], x, y, z, *eye)
-                value = quotient_cosine(layer.model.kind, q, x, y, z, *eye) / density / np.pi
+                value = quotient_cosine(layer.model.number, q, x, y, z, *eye) / density / np.pi
                 for factor, curve in zip(layer.model.factors, layer.curves, strict=False):
                     value = value * _curve_at(gamma(factor.gamma, q, x, y, z, *eye), curve)
                 total += value * radiosity[fans.seen[i, m]]

@@ -29,7 +29,7 @@ def dense_transport(hits, row, light: VisibleLight, layer: LayerShape, n_samples
     for m in range(len(sky.corners)):
         below = seen[sky.first[m] : sky.first[m] + sky.n_bits[m]]
         share = float(fine_seen[sky.fine[m]]) if sky.fine[m] >= 0 else below.mean()
-        weight = share * quotient_cosine(model.kind, q, *(frame @ sky.centres[:, m]), *wo)
+        weight = share * quotient_cosine(model.number, q, *(frame @ sky.centres[:, m]), *wo)
         if weight == 0.0:
             continue
         inside = samples_of(sky.directions[:, sky.corners[m]].T.astype(float), n_samples, random) @ frame.T

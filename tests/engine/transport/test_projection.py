@@ -14,6 +14,9 @@ from engine.material.kinds import (
     GAMMA_ALPHA,
     GAMMA_BETA,
     GAMMA_RATIO,
+    PHI_H,
+    SLOPE_U,
+    SLOPE_V,
     THETA_D,
     THETA_H,
     THETA_I,
@@ -32,7 +35,7 @@ from tests.naive.transport import dense_transport
 UP = np.array([[0.0, 1.0, 0.0]])
 ORIGIN = np.zeros((1, 3))
 LEANING_EYE = np.array([[0.6, 0.8, 0.1]])
-ANGLES = (THETA_I, THETA_R, THETA_H, THETA_D, GAMMA_ALPHA, GAMMA_BETA, GAMMA_RATIO, THETA_O)
+ANGLES = (THETA_I, THETA_R, THETA_H, THETA_D, GAMMA_ALPHA, GAMMA_BETA, GAMMA_RATIO, THETA_O, SLOPE_U, SLOPE_V, PHI_H)
 # A model, parameters away from the defaults, and bands of one curve or two.
 LAYERS = [
     ("lambert", {}, (16, 1)),
@@ -44,6 +47,10 @@ LAYERS = [
     ("ashikhmin_shirley", {}, (32, 32)),
     ("ashikhmin_shirley_ratio", {}, (32, 1)),
 ]
+LAYERS += [
+    (name, {}, (32, 8) if len(model.factors) > 1 else (32, 1))
+    for name, model in MODELS.items() if name not in [layer[0] for layer in LAYERS]
+]  # fmt: skip
 
 
 def noise(seed: int = 0) -> Environment:
@@ -173,7 +180,7 @@ def test_shares_sum_to_one(model, parameters, bands, n_bands) -> None:
     sky, q = light.lighting.sky, layer.quotient_parameters()
     frame = np.stack([hits.tangent[0], np.cross(hits.normal[0], hits.tangent[0]), hits.normal[0]]).astype(float)
     seen = light.sphere.unpacked(np.array([0]))[0].reshape(20, -1).mean(axis=1)
-    weights = [quotient_cosine(layer.model.kind, q, *(frame @ c), *(frame @ hits.wo[0])) for c in sky.centres.T]
+    weights = [quotient_cosine(layer.model.number, q, *(frame @ c), *(frame @ hits.wo[0])) for c in sky.centres.T]
     expected = (np.array(weights) * seen) @ sky.colours
     asked = (n_bands, 1) if bands[1] == 1 else (n_bands, min(n_bands, 64))
     found = bands_of(project(hits, light, layer, asked))[0].sum(axis=(0, 1))
@@ -230,14 +237,15 @@ def test_single_precision_angles_agree_with_the_models_own(kind) -> None:
         found = np.empty(len(near), np.float32)
         fill_gammas(kind, q, x, y, z, *o.astype(np.float32), found)
         expected = np.minimum([gamma(kind, q, *i, *o) for i in near], np.pi / 2)
-        # The narrowest of 512 bands is 3e-3 wide. γ_r loses digits where the half vector has no part across.
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-3 if kind == GAMMA_RATIO else 3e-4)
+        # The narrowest of 512 bands is 3e-3 wide. γ_r loses digits where the half vector has no part across, φ_h where
+        # it is all but the normal.
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-3 if kind in (GAMMA_RATIO, PHI_H) else 3e-4)
 
 
 @pytest.mark.parametrize(("model", "parameters", "bands"), LAYERS)
 def test_single_precision_weights_agree_with_the_models_own(model, parameters, bands) -> None:
     layer = make_layer(MODELS[model], parameters)
-    q, kind = layer.quotient_parameters(), layer.model.kind
+    q, kind = layer.quotient_parameters(), layer.model.number
     wi, wo = directions(500, 5), directions(12, 6)
     wo[:, 2] = np.abs(wo[:, 2])
     for o in wo:
