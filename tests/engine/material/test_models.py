@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from engine.curve.operators import Operator
 from engine.material import MODELS, make_layer
 
 GAMMA = np.linspace(0.0, math.pi / 2, 301)
@@ -39,6 +40,50 @@ def grid(n):
     return np.stack([x, y, np.broadcast_to(cosine[:, None], x.shape)], axis=-1).reshape(-1, 3)
 
 
+def half_grid():
+    """Half vectors (N, 3) and their solid angles (N,), finer about the pole: widths of 1e-4 are seen there."""
+    theta = np.concatenate([[0.0], np.geomspace(1e-6, 0.05, 100), np.linspace(0.05, math.pi / 2, 201)[1:]])
+    middle, phi = 0.5 * (theta[1:] + theta[:-1]), (np.arange(64) + 0.5) * (math.pi / 32)
+    x, y = np.sin(middle)[:, None] * np.cos(phi), np.sin(middle)[:, None] * np.sin(phi)
+    half = np.stack([x, y, np.broadcast_to(np.cos(middle)[:, None], x.shape)], axis=-1).reshape(-1, 3)
+    return half, np.repeat(-np.diff(np.cos(theta)) * (math.pi / 32), 64)
+
+
+def albedo_by_half_vectors(layer, theta_o, phi_o):
+    """The directional albedo, (3,), by d omega_i = 4 cos(theta_d) d omega_h."""
+    half, solid_angle = half_grid()
+    eye = np.array([math.sin(theta_o) * math.cos(phi_o), math.sin(theta_o) * math.sin(phi_o), math.cos(theta_o)])
+    cos_d = half @ eye
+    half, solid_angle, cos_d = half[cos_d > 0], solid_angle[cos_d > 0], cos_d[cos_d > 0]
+    wi = 2.0 * cos_d[:, None] * half - eye
+    weight = 4.0 * cos_d * solid_angle * np.maximum(wi[:, 2], 0.0)
+    return weight @ layer.model.brdf(layer.values, wi, np.broadcast_to(eye, wi.shape))
+
+
+WHITE = {"scale": 1.0, "albedo": 1.0, **WHITE_METAL}
+
+
+def white_layers():
+    """Every model as bright as it is physical, as it stands and with each parameter at either end."""
+    for model in MODELS.values():
+        white = {p.name: WHITE[p.name] for p in model.parameters if p.name in WHITE}
+        if any(p.name == "reflectance" for p in model.parameters):
+            white["reflectance"] = 1.0
+        yield model.name, white
+        for p in model.parameters:
+            if p.name not in WHITE:
+                yield from ((model.name, {**white, p.name: end}) for end in (p.choices or (p.minimum, p.maximum)))
+
+
+@pytest.mark.parametrize(("name", "parameters"), list(white_layers()))
+def test_no_parameter_makes_light_of_nothing(name, parameters):
+    # The furnace: a white layer sends on at most what it gets, whatever its sliders say.
+    layer = make_layer(MODELS[name], parameters)
+    eyes = (0.0, 0.0), (0.8, 0.7), (1.3, 0.0), (1.5, 1.5), (1.56, 0.7)
+    found = [albedo_by_half_vectors(layer, theta_o, phi_o) for theta_o, phi_o in eyes]
+    assert 0.0 < np.max(found) <= 1.0 + 1e-3
+
+
 def directional_albedo(layer, theta_o, phi_o=0.0, n=300):
     wi = grid(n)
     eye = [math.sin(theta_o) * math.cos(phi_o), math.sin(theta_o) * math.sin(phi_o), math.cos(theta_o)]
@@ -50,6 +95,40 @@ def directional_albedo(layer, theta_o, phi_o=0.0, n=300):
 def test_reflects_no_more_than_it_receives(name, parameters, theta_o):
     # White, F near 1: the directional albedo is at most 1; the slack is the grid's.
     assert directional_albedo(make_layer(MODELS[name], parameters), theta_o).max() <= 1.0 + 1e-3
+
+
+def test_bounded_ward_is_the_microfacet_distribution():
+    # Head-on in mirror direction: scale / (4 pi alpha^2); one width along and across is the round model.
+    up = np.array([[0.0, 0.0, 1.0]])
+    one = make_layer(MODELS["ward"], {"alpha": 0.3, "scale": 0.8})
+    assert one.model.brdf(one.values, up, up)[0] == pytest.approx(np.full(3, 0.8 / (4 * math.pi * 0.09)))
+    two = make_layer(MODELS["ward_anisotropic"], {"alpha_u": 0.3, "alpha_v": 0.3, "scale": 0.8})
+    wi, wo = hemisphere(1000, 7), hemisphere(1000, 8)
+    found, expected = (each.model.brdf(each.values, wi, wo) for each in (two, one))
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12 * expected.max())
+
+
+def test_smooth_oren_nayar_is_lambert():
+    rough, even = (make_layer(MODELS[name], {"albedo": 0.7}) for name in ("oren_nayar", "lambert"))
+    rough = rough.with_parameter("sigma", 0.0)
+    wi, wo = hemisphere(100, 7), hemisphere(100, 8)
+    assert rough.model.brdf(rough.values, wi, wo) == pytest.approx(even.model.brdf(even.values, wi, wo), rel=1e-12)
+
+
+def test_round_schlick_has_the_distribution_of_ggx():
+    # r = alpha^2: head-on in mirror direction Z / (4 pi) = 1 / (4 pi r), G = 1, S = R.
+    layer = make_layer(MODELS["schlick"], {"roughness": 0.04, "reflectance": 0.5})
+    up = np.array([[0.0, 0.0, 1.0]])
+    assert layer.model.brdf(layer.values, up, up)[0] == pytest.approx(np.full(3, 0.5 / (4 * math.pi * 0.04)))
+
+
+def test_homomorphic_slants_are_one_curve():
+    # An edit of P is seen by light and view; light and eye may still be exchanged.
+    edit = Operator("amplify", "y", 0.1, 0.3, 0.6, 0.9, magnitude=0.2)
+    layer = make_layer(MODELS["homomorphic"]).with_operators("theta_o", [edit])
+    assert layer.edits == (("theta_i", (edit,)),) and layer.operators("theta_o") == (edit,)
+    assert (layer.curve("theta_o")(GAMMA) == layer.curve("theta_i")(GAMMA)).all()
+    assert (layer.curve("theta_i")(GAMMA) != make_layer(MODELS["homomorphic"]).curve("theta_i")(GAMMA)).any()
 
 
 @pytest.mark.parametrize("name", MODELS)

@@ -31,9 +31,10 @@ def test_drives_tells_the_truth(model, parameter):
     other = parameter.choices[-1] if parameter.kind == "choice" else parameter.accept(0.9 * parameter.maximum)
     moved = {**defaults, parameter.name: other}
     gamma = np.linspace(0.0, 1.5, 7)
+    curves = list(zip("AB", model.factors, strict=False)) + ([("o", model.view_factor)] if model.view_factor else [])
     changed = {
         part
-        for part, factor in zip("AB", model.factors, strict=False)
+        for part, factor in curves
         if not np.array_equal(model.generate(factor.name, defaults, gamma), model.generate(factor.name, moved, gamma))
     }
     if not np.array_equal(model.scale(defaults), model.scale(moved)):
