@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import cache
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -228,7 +228,10 @@ def _call(typingctx, address, q, ix, iy, iz, ox, oy, oz):  # type: ignore[no-unt
     return types.float64(types.int64, q, *[types.float64] * 6), generate
 
 
-@cache
+_compiled: dict[Callable[..., float], Any] = {}
+_compiling = Lock()
+
+
 def compiled_quotient(quotient: Callable[..., float]) -> Any:
     """A model's own quotient, plain Python with `math`, compiled; its `address` is the number kernels know it by.
 
@@ -237,7 +240,11 @@ def compiled_quotient(quotient: Callable[..., float]) -> Any:
     hold what they call.
     """
     signature = types.float64(types.CPointer(types.float64), *[types.float64] * 6)
-    return cfunc(signature, cache=True, error_model="numpy", fastmath=_compile["fastmath"])(quotient)
+    with _compiling:
+        if quotient not in _compiled:
+            compiler = cfunc(signature, cache=True, error_model="numpy", fastmath=_compile["fastmath"])
+            _compiled[quotient] = compiler(quotient)
+        return _compiled[quotient]
 
 
 @njit(**_compile)

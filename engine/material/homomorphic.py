@@ -11,8 +11,8 @@ from engine.material.microfacet import cosine_power, directions
 from engine.material.model import THETA_H, THETA_I, THETA_O, Array, Factor, Model, Parameters, channels, grey, number
 from engine.material.parameters import TINT, Parameter
 
-Q = Factor("theta_h", THETA_H.gamma, "half Q(θₕ)", "Where light and eye mirror each other, and how far around.")
-P = Factor("theta_i", THETA_I.gamma, "slant P(θᵢ), P(θₒ)", "Brightness at slanted light, and as much at slanted view.")
+Q = Factor("theta_h", THETA_H.gamma, "Q, half θₕ", "Where light and eye mirror each other, and how far around.")
+P = Factor("theta_i", THETA_I.gamma, "P, slant θᵢ", "Brightness at slanted light, and just as much at slanted view.")
 
 
 class Homomorphic(Model):

@@ -45,8 +45,8 @@ THETA_D = Factor("theta_d", kinds.THETA_D, "difference θ_d", "Reflectance and t
 GAMMA_ALPHA = Factor("gamma_alpha", kinds.GAMMA_ALPHA, "along γ_α", "The highlight's profile along the tangent.")
 GAMMA_BETA = Factor("gamma_beta", kinds.GAMMA_BETA, "across γ_β", "The highlight's profile across the tangent.")
 GAMMA_RATIO = Factor("gamma_ratio", kinds.GAMMA_RATIO, "ratio γᵣ", "How far the highlight reaches across the tangent.")
-SLOPE_U = Factor("slope_u", kinds.SLOPE_U, "along θ_u", "The highlight's profile along the tangent.")
-SLOPE_V = Factor("slope_v", kinds.SLOPE_V, "across θ_v", "The highlight's profile across the tangent.")
+SLOPE_U = Factor("theta_u", kinds.SLOPE_U, "along θ_u", "The highlight's profile along the tangent.")
+SLOPE_V = Factor("theta_v", kinds.SLOPE_V, "across θ_v", "The highlight's profile across the tangent.")
 PHI_H = Factor("phi_h", kinds.PHI_H, "azimuth φₕ", "The highlight's strength from along the tangent, 0°, to across.")
 
 
