@@ -1,6 +1,8 @@
 """Compiled angles and quotients: parity with the obvious formulas, the identity of eq. 3.1, and nothing but numbers."""
 
 import math
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba import njit
 
-from engine.material import MODELS, kinds, make_layer
+from engine import material
+from engine.material import MODELS, kinds, make_layer, ward
 from engine.material._kernels import gamma, quotient_cosine
 from tests.naive import angles
 
@@ -115,6 +118,22 @@ def test_factors_times_quotient_is_the_formula(name, parameters, width):
     expected = layer.model.brdf(layer.values, wi, wo)
     found = product_of_factors(layer, wi, wo)
     np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-9 * expected.max() + 1e-300)
+
+
+def test_a_file_is_all_that_a_model_takes(tmp_path, monkeypatch):
+    # A copy of Ward's model under another name, in a folder that the package is told of: found, compiled, and right.
+    source = Path(ward.__file__).read_text(encoding="utf-8")
+    (tmp_path / "velour.py").write_text(source.replace('name = "ward"', 'name = "velour"'), encoding="utf-8")
+    monkeypatch.setattr(material, "__path__", [*material.__path__, str(tmp_path)])
+    try:
+        found = {model.name: model for model in material._models()}
+    finally:
+        sys.modules.pop("engine.material.velour", None)
+    assert found.keys() == {*MODELS, "velour"}
+    layer, (wi, wo) = make_layer(found["velour"]), pairs()
+    assert layer.model.number not in {model.number for model in MODELS.values()}
+    expected = layer.model.brdf(layer.values, wi, wo)
+    np.testing.assert_allclose(product_of_factors(layer, wi, wo), expected, rtol=1e-6, atol=1e-9 * expected.max())
 
 
 @pytest.mark.parametrize(("name", "parameters"), LAYERS)
