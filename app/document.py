@@ -16,6 +16,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
+from app.linked_layers import check_links, group_of, with_layer
 from app.paths import is_file_name
 from engine.errors import InsituError, LoadError
 from engine.material import MODELS
@@ -121,17 +122,16 @@ class Document:
         return replace(self, objects=tuple(changed if o.name == changed.name else o for o in self.objects))
 
     def with_layer(self, key: str, changed: Layer) -> Document:
-        """This document with one layer replaced."""
+        """This document with one layer replaced, and its curves in the layers that share them."""
         name, index = split_key(self, key)
         state = self.object(name)
-        layers = (*state.layers[:index], changed, *state.layers[index + 1 :])
-        return self.with_object(replace(state, layers=layers))
+        return self.with_object(replace(state, layers=with_layer(state.layers, index, changed)))
 
     def is_frozen(self, key: str) -> bool:
-        """Whether the layer, or the object it belongs to, refuses edits."""
+        """Whether the layer, one that shares its curves, or the object it belongs to, refuses edits."""
         name, index = split_key(self, key)
         state = self.object(name)
-        return state.frozen or state.layers[index].frozen
+        return state.frozen or any(state.layers[i].frozen for i in group_of(state.layers, index))
 
     def is_visible(self, key: str) -> bool:
         """Whether the layer takes part in the picture."""
@@ -246,7 +246,8 @@ def _object_state(source: str, described: ObjectDescription) -> ObjectState:
     layers = []
     for index, layer in enumerate(described.layers):
         layers.append(layer_from_description(source, layer_key(described.name, index), layer))
-    return ObjectState(described.name, tuple(layers), described.emission, described.editable)
+    linked = check_links(source, described.name, tuple(layers))
+    return ObjectState(described.name, linked, described.emission, described.editable)
 
 
 def layer_from_description(file: str, key: str, described: LayerDescription) -> Layer:
@@ -258,4 +259,4 @@ def layer_from_description(file: str, key: str, described: LayerDescription) -> 
         values = validate_parameters(model, described.parameters, file)
     except LoadError as error:
         raise LoadError(file, f"{key}: {error.what}", error.value, error.expected) from None
-    return Layer(model, described.name or model.name, tuple(values.items()))
+    return Layer(model, described.name or model.name, tuple(values.items()), follows=described.follows or "")

@@ -19,6 +19,7 @@ from app.atomic import write_atomically
 from app.commands import MAX_OPERATORS, CurveEdit
 from app.document import Document, LightState, ObjectState, Selection, all_factors, layer_from_description, layer_key
 from app.light_commands import MAX_INTENSITY, check_light
+from app.linked_layers import check_links
 from app.paths import full_path, is_file_name
 from app.toml_text import check_version, load_toml, toml_lines, toml_value
 from app.view_state import AS_PLANNED, SetView, ViewState
@@ -81,6 +82,7 @@ class CurveRecord(_Record):
 class LayerRecord(_Record):
     model: Text
     name: Name
+    follows: Name | None = None
     visible: Flag = True
     frozen: Flag = False
     values: dict[str, Parameter] = Field(default_factory=dict)
@@ -219,8 +221,8 @@ def _object_lines(state: ObjectState) -> Iterator[str]:
     yield from toml_lines({"name": state.name, **switches, "emission": state.emission})
     for layer in state.layers:
         yield "[[object.layer]]"
-        named = {"model": layer.model.name, "name": layer.name, "visible": layer.visible, "frozen": layer.frozen}
-        yield from toml_lines(named)
+        named = {"model": layer.model.name, "name": layer.name, "follows": layer.follows or None}
+        yield from toml_lines({**named, "visible": layer.visible, "frozen": layer.frozen})
         yield "[object.layer.values]"
         yield from toml_lines(layer.values)
         for factor, operators in layer.edits:
@@ -252,11 +254,14 @@ def _view_values(view: ViewState) -> dict[str, Any]:
 
 def _object(file: str, record: ObjectRecord) -> ObjectState:
     layers = tuple(_layer(file, layer_key(record.name, i), layer) for i, layer in enumerate(record.layers))
+    layers = check_links(file, record.name, layers)
     return ObjectState(record.name, layers, record.emission, record.editable, record.visible, record.frozen)
 
 
 def _layer(file: str, key: str, record: LayerRecord) -> Layer:
-    described = LayerDescription(model=record.model, name=record.name, parameters=record.values)
+    described = LayerDescription(
+        model=record.model, name=record.name, follows=record.follows, parameters=record.values
+    )
     layer = layer_from_description(file, key, described)
     known = [factor.name for factor in all_factors(layer.model)]
     names = [curve.factor for curve in record.curves]

@@ -55,7 +55,8 @@ class Layer:
     """One term of a material. `parameters` holds every parameter of the model, in the order of its table.
 
     `edits`: for each edited curve its name and operators, lowest first; curves without operators are left out.
-    `frozen`: the layer's curves are not offered for editing.
+    `frozen`: the layer's curves are not offered for editing. `follows`: the name of a layer of the same object that it
+    shares its curves with.
     """
 
     model: Model
@@ -64,6 +65,7 @@ class Layer:
     edits: tuple[tuple[str, tuple[Edit, ...]], ...] = ()
     visible: bool = True
     frozen: bool = False
+    follows: str = ""
 
     @property
     def values(self) -> dict[str, Value]:
@@ -108,6 +110,17 @@ class Layer:
         """The layer with the operators of one curve replaced; none: the curve is as generated."""
         edits = {**dict(self.edits), self.model.leader(factor): tuple(operators)}
         return self.replace(edits=tuple((name, edits[name]) for name in sorted(edits) if edits[name]))
+
+    def sharing(self, other: Layer) -> Layer:
+        """This layer with another's curves: the operators of those that both models have, and the parameters that drive
+        curves in both tables alike. Itself where nothing differs."""
+        curves = self.model.curve_names & other.model.curve_names
+        edits = {name: operators for name, operators in self.edits if name not in curves}
+        edits |= {name: operators for name, operators in other.edits if name in curves}
+        driving = self.model.driving & other.model.driving
+        values = self.values | {p.name: other.values[p.name] for p in driving}
+        shared = self.replace(parameters=tuple(values.items()), edits=tuple(sorted(edits.items())))
+        return self if shared == self else shared
 
 
 def make_layer(model: Model, parameters: Mapping[str, object] | None = None, name: str = "") -> Layer:

@@ -96,6 +96,17 @@ class Model(ABC):
 
         return int(compiled_quotient(self.quotient).address)
 
+    @property
+    def curve_names(self) -> frozenset[str]:
+        """Of all curves, the view's as well; shared ones once."""
+        there = self.factors + ((self.view_factor,) if self.view_factor else ())
+        return frozenset(factor.name for factor in there if factor.name not in self.shared)
+
+    @property
+    def driving(self) -> frozenset[Parameter]:
+        """The parameters that drive a curve."""
+        return frozenset(parameter for parameter in self.parameters if {"A", "B", "o"}.intersection(parameter.drives))
+
     def leader(self, name: str) -> str:
         """The curve that a curve's operators are kept by: itself, unless it is shared. Raises ParameterError."""
         return self.shared.get(name, self.factor(name).name)

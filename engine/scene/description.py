@@ -123,10 +123,12 @@ class EnvironmentDescription(_Description):
 
 
 class LayerDescription(_Description):
-    """One layer of a material: its model, an optional name, and the model's parameters as the file gives them."""
+    """One layer of a material: its model, an optional name, the model's parameters as the file gives them, and the name
+    of a layer that it shares its curves with."""
 
     model: Text
     name: Name | None = None
+    follows: Name | None = None
     parameters: dict[str, Parameter] = Field(default_factory=dict)
 
     @model_validator(mode="before")
@@ -134,7 +136,7 @@ class LayerDescription(_Description):
     def _gather_parameters(cls, data: Any) -> Any:
         if not isinstance(data, dict) or "parameters" in data:
             return data
-        own = {key: value for key, value in data.items() if key in ("model", "name")}
+        own = {key: value for key, value in data.items() if key in ("model", "name", "follows")}
         return own | {"parameters": {key: value for key, value in data.items() if key not in own}}
 
 
@@ -239,7 +241,8 @@ def _table(model: BaseModel, skip: str = "") -> list[str]:
 
 def _layer(layer: LayerDescription) -> str:
     """A layer as a TOML inline table."""
-    own = {"model": layer.model} | ({} if layer.name is None else {"name": layer.name}) | layer.parameters
+    named = {"model": layer.model, "name": layer.name, "follows": layer.follows}
+    own = {key: value for key, value in named.items() if value is not None} | layer.parameters
     return "{ " + ", ".join(f"{_key(key)} = {_toml(value)}" for key, value in own.items()) + " }"
 
 

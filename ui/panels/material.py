@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from app.commands import SetModel, SetParameter
+from app.linked_layers import group_of
 from engine.material import MODELS, Layer, Parameter
 from ui import theme as look
 from ui.panels import widgets
@@ -36,6 +37,9 @@ def draw(context: PanelContext) -> list[Action]:
     for parameter in layer.model.parameters:
         actions += _parameter(context, selection.key, layer, parameter, width)
     imgui.end_disabled()
+    sharing = [state.layers[i].name for i in group_of(state.layers, selection.layer) if i != selection.layer]
+    if sharing:
+        widgets.caption(f"Curves, and what drives them, are shared with {', '.join(sharing)}.")
     if context.status.material_note:
         widgets.caption(context.status.material_note)
     return actions
