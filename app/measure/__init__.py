@@ -38,7 +38,7 @@ from app.measure.speed import (
     wrong_answers,
 )
 from app.measure.subject import Subject, at_most, open_subject
-from app.measure.sweep import QUICK, Grid, largest_on_gpu, run_sweep, write_csv
+from app.measure.sweep import QUICK, Grid, SweepResult, largest_on_gpu, run_sweep, write_csv
 from engine.scene.builtin import DEFAULT_SCENE
 from engine.transport.pipeline import FINAL, PREVIEW, Placement
 
@@ -97,15 +97,7 @@ def run(
     sweep_source = _open(source, effort.grid.side)
     report(f"sweep at {_size(sweep_source)}")
     swept = run_sweep(sweep_source, effort.grid, _frame_seconds(renderer))
-    grid = effort.grid
-    how = (
-        f"transport with {max(grid.lights)} lights and the planned bands against our brute-force integrator with "
-        f"{20 * 4**grid.level} directions, at {grid.n_points} random points of {_size(sweep_source)}"
-    )
-    figures += [
-        Figure("oracle_error", (swept.oracle_error,), how),
-        Figure("oracle_mean", (abs(swept.oracle_mean),), how),
-    ]
+    figures += _oracle_figures(swept, effort.grid, _size(sweep_source))
     write_csv(output / "sweep.csv", swept.rows)
     write_plots(output, swept.rows, f"{subject.scene.description.name} at {_size(sweep_source)}")
     machine = facts | {"renderer": renderer.get("renderer"), "load_average_after": load_average()}
@@ -114,6 +106,20 @@ def run(
     for line in summary_lines(figures):
         report(line)
     return figures
+
+
+def _oracle_figures(swept: SweepResult, grid: Grid, size: str) -> list[Figure]:
+    how = (
+        f"transport with {grid.oracle_lights} lights and the planned bands against our brute-force integrator with "
+        f"{20 * 4**grid.level} directions, at {grid.n_points} random points of {size}"
+    )
+    found = swept.against_oracle
+    by_lights = {str(n): {"error": each.rmse, "mean": each.mean} for n, each in found.items()}
+    finest = found[grid.oracle_lights]
+    return [
+        Figure("oracle_error", (finest.rmse,), how, {"lights": by_lights}),
+        Figure("oracle_mean", (abs(finest.mean),), how),
+    ]
 
 
 def _measure(

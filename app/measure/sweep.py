@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.atomic import write_atomically
-from app.measure.accuracy import errors, layer_coefficients, oracle, random_rows, reflected, seen_scale
+from app.measure.accuracy import Errors, errors, layer_coefficients, oracle, random_rows, reflected, seen_scale
 from app.measure.speed import LayerTransport, Precomputed, precompute_on, visibility_seconds
 from app.measure.subject import Subject
 from engine.curve.operators import HALF_PI, Operator
@@ -49,7 +49,11 @@ EDIT = (
 
 @dataclass(frozen=True)
 class Grid:
-    """Which settings are measured. side: the longer side of the picture in pixels; level: of the oracle's sky."""
+    """Which settings are measured. side: the longer side of the picture in pixels; level: of the oracle's sky.
+
+    oracle_lights: as many as the panel offers; beside the most of `lights` they show whether it is the size of the
+    lights alone that keeps a picture from the oracle.
+    """
 
     lights: tuple[int, ...] = (100, 400, 1600, 4000)
     bands: tuple[int, ...] = (16, 32, 64, 128, 256)
@@ -57,6 +61,7 @@ class Grid:
     side: int = 256
     n_points: int = 1000
     level: int = 6
+    oracle_lights: int = 10_000
 
     def base_bands(self, subject: Subject) -> int:
         """The planned number of bands, or what in the grid is nearest to it."""
@@ -68,7 +73,7 @@ class Grid:
         return min(self.bands, key=lambda n: abs(math.log2(n / max(self.wavelets))))
 
 
-QUICK = Grid((100, 400), (16, 128), (1, 8, 128), side=48, n_points=24, level=5)
+QUICK = Grid((100, 400), (16, 128), (1, 8, 128), side=48, n_points=24, level=5, oracle_lights=1600)
 
 
 @dataclass(frozen=True)
@@ -90,11 +95,10 @@ class Row:
 
 @dataclass(frozen=True, eq=False)
 class SweepResult:
-    """All rows, and how far the best setting's picture is from the oracle."""
+    """All rows, and how far the pictures with the planned bands are from the oracle, by their number of lights."""
 
     rows: tuple[Row, ...]
-    oracle_error: float
-    oracle_mean: float
+    against_oracle: dict[int, Errors]
 
 
 def pareto_front(costs: Sequence[float], wrongs: Sequence[float]) -> list[bool]:
@@ -122,9 +126,16 @@ def run_sweep(
         precomputed.append(row)
         if row.visibility == "coherent" and row.lights == max(grid.lights):
             finest[row.bands] = done
-    against = errors(reflected(finest[grid.base_bands(subject)])[rows], truth)
+    planned = finest[grid.base_bands(subject)]
+    finer = precompute_on(
+        planned.placement, subject, replace(FINAL, n_lights=grid.oracle_lights), grid.base_bands(subject)
+    )
+    against = {
+        n: errors(reflected(done)[rows], truth)
+        for n, done in ((max(grid.lights), planned), (grid.oracle_lights, finer))
+    }
     edits = list(edit_rows(subject, finest[grid.edit_bands], grid, rows, frame_seconds or {}))
-    return SweepResult((*_marked(precomputed), *_marked(edits)), against.rmse, against.mean)
+    return SweepResult((*_marked(precomputed), *_marked(edits)), against)
 
 
 def write_csv(file: Path, rows: Sequence[Row]) -> None:

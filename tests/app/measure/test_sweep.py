@@ -17,7 +17,7 @@ from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.transport.pipeline import PREVIEW
 
-GRID = Grid((50, 400), (16, 64), (1, 64), side=24, n_points=8, level=4)
+GRID = Grid((50, 400), (16, 64), (1, 64), side=24, n_points=8, level=4, oracle_lights=2000)
 
 
 @pytest.mark.parametrize(
@@ -72,6 +72,8 @@ def test_a_sweep_has_every_setting_once_and_its_file_reads_back(tiny_scene: str,
         (64, "float", None),
     ]
     assert all(math.isfinite(row.error) and row.error >= 0 for row in result.rows)
+    assert list(result.against_oracle) == [400, 2000]
+    assert result.against_oracle[2000].rmse < result.against_oracle[400].rmse
     assert any(row.pareto for row in precomputed) and any(row.pareto for row in edits)
     # A frame with all coefficients is nearer to the truth than one with the first of them.
     assert edits[1].error < edits[0].error
