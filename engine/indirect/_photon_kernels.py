@@ -77,14 +77,16 @@ def emit(numbers, about, triangles, per_area, mesh, poles, axes, lamps, offset,
         wx, wy, wz = _to_world(tx, ty, tz, nx, ny, nz, ox, oy, oz)
         face = mesh.face_normals[triangle]
         side = face[0] * x + face[1] * y + face[2] * z
-        if side * (face[0] * wx + face[1] * wy + face[2] * wz) <= ZERO:
+        # Photons start evenly by true area, so what leaves goes by the cosine to the face, smooth or not.
+        leaving = face[0] * wx + face[1] * wy + face[2] * wz
+        if side * leaving <= ZERO:
             continue
         density = fan_density(ZERO, ONE, poles[o], ox, oy, oz, lx, ly, lz)
         ahead[i] = photons_ahead(lamps, m, poles[o], per_area[o], lx, ly, lz, ox, oy, oz)
         lift = offset if side >= ZERO else -offset
         for axis in range(3):
             starts[i, axis] = (px if axis == 0 else py if axis == 1 else pz) + lift * face[axis]
-            power[i, axis] = lamps.power[m, axis] * geometry * oz / (density * per_area[o])
+            power[i, axis] = lamps.power[m, axis] * geometry * abs(leaving) / (density * per_area[o])
         to_light[i, 0], to_light[i, 1], to_light[i, 2] = x, y, z
         onward[i, 0], onward[i, 1], onward[i, 2] = wx, wy, wz
         normals[i, 0], normals[i, 1], normals[i, 2] = nx, ny, nz

@@ -9,9 +9,10 @@ from engine.indirect.layers import indirect_layer
 from engine.indirect.reflection import SentLight
 from engine.light.environment import constant_environment
 from engine.material import MODELS, make_layer
+from engine.render.integrator import evaluate_layer
 from engine.render.path_tracer import trace_paths
 from engine.render.still import finish
-from engine.transport.pipeline import SkyState
+from engine.transport.pipeline import Placement, SkyState
 from tests.engine.indirect.small_scenes import QUICK, matt, placed, placement_of, solve
 
 FLOOR = {"name": "floor", "primitive": "quad", "transform": [4, 0, 0, 0, 0, 0, 4, 0, 0, -4, 0, 0, 0, 0, 0, 1]}
@@ -21,6 +22,12 @@ LAMP = {
 }  # fmt: skip
 VIEW = {"eye": (0.6, 2.2, 2.2), "target": (0.4, 0.0, 0.0)}
 GOLD = {"distribution": "ggx", "alpha": 0.2, "eta": [0.2, 0.4, 1.4], "k": [3.9, 2.4, 1.6], "scale": 1.0}
+# A glossy wall over the floor, and a spark that it mirrors.
+WALL = {"name": "wall", "primitive": "quad", "smooth": True, "transform": placed(0, 0.7, -0.5, 1.0)}
+SPARK = {
+    "name": "lamp", "primitive": "cube", "emission": [400.0] * 3, "transform": placed(0.1, 1.0, 0.7, 0.05),
+}  # fmt: skip
+SPARK_VIEW = {"eye": (0.6, 2.2, 2.2), "target": (0.1, 0.0, 0.3)}
 EVEN = constant_environment((1.0, 1.0, 1.0))
 FINENESS = replace(QUICK, n_photons=1 << 17, n_records=256)
 
@@ -117,3 +124,50 @@ def test_photons_land_where_the_picture_shows_it(under_lamp):
 def test_matt_surfaces_throw_nothing():
     found = solve(placement_of([FLOOR, BALL, LAMP], **VIEW), [matt(0, 0.7), matt(1, 0.7)], 2, FINENESS)
     assert len(found.points.photons.power) == 0 and len(found.points.landed.weight) == 0
+
+
+@pytest.mark.parametrize("lean", [0.0, 0.3])
+def test_photons_bring_what_a_sum_over_the_wall_brings(lean):
+    # Nothing is between wall, spark and floor, so that the irradiance of the floor is an integral over the wall. Its
+    # shading normals may lean: what leaves it goes by its true area all the same.
+    normal = np.array([0.0, -np.sin(lean), np.cos(lean)])
+    plain = placement_of([FLOOR, WALL, SPARK], **SPARK_VIEW).scene
+    normals = plain.normals.copy()
+    normals[plain.triangles[slice(*plain.triangle_ranges[1])]] = normal
+    placement = Placement(replace(plain, normals=normals))
+    gold = make_layer(MODELS["rough_conductor"], GOLD | {"alpha": 0.3})
+    layers = [matt(0, 0.7), indirect_layer(1, gold, (128, 16))]
+    found = solve(placement, layers, 2, replace(FINENESS, n_photons=1 << 19))
+    rows = found.points.gathered.rows
+    on_floor = rows < placement.hits.object_ranges[0, 1]
+    ours = found.at_points(layers)[on_floor]
+    truth = 0.7 / np.pi * _irradiance_by_wall(placement, gold, normal, placement.hits.position[rows[on_floor]])
+    np.testing.assert_allclose(ours.mean(axis=0), truth.mean(axis=0), rtol=0.01)
+
+
+def _irradiance_by_wall(placement, layer, normal, points, n=20):
+    """Irradiance (p, 3) of points of the floor, summed over n² places of the wall and the sides of the spark."""
+    side = (np.arange(n) + 0.5) / n - 0.5
+    x, y = (grid.ravel() for grid in np.meshgrid(side, side + 0.7))
+    places = np.stack([x, y, np.full(n * n, -0.5)], axis=1)
+    tangent = np.cross([0.0, 1.0, 0.0], normal)
+    tangent /= np.linalg.norm(tangent)
+    frame = np.stack([tangent, np.cross(normal, tangent), normal])
+    wo = points[:, None] - places
+    distance = np.linalg.norm(wo, axis=2, keepdims=True)
+    wo /= distance
+    onward = np.maximum(-wo[..., 1], 0.0) * np.maximum(wo[..., 2], 0.0) / distance[..., 0] ** 2 / n**2
+    total = np.zeros((len(points), 3))
+    patches = placement.patches(12)
+    powers = patches.radiance * patches.area[:, None]
+    for centre, facing, power in zip(patches.centre, patches.normal, powers, strict=True):
+        wi = centre - places
+        distance2 = (wi**2).sum(axis=1)
+        wi /= np.sqrt(distance2)[:, None]
+        lit = np.maximum(-(wi @ facing), 0.0) / distance2
+        if not lit.any():
+            continue
+        local = np.broadcast_to(wi @ frame.T, wo.shape).reshape(-1, 3), (wo @ frame.T).reshape(-1, 3)
+        reflected = evaluate_layer(layer, *local).reshape(wo.shape)
+        total += power * np.einsum("pn,n,pnc->pc", onward, lit, reflected)
+    return total
