@@ -1,5 +1,6 @@
 # Everything runs from .venv in this folder; `make run` and `make test` build it when it is missing or out of date.
 PYTHON := .venv/bin/python
+JOBS ?= 2
 STAMP := .venv/.insitu-setup
 
 .PHONY: setup run test lint measure clean
@@ -15,7 +16,7 @@ run: setup
 	@bash scripts/run.sh $(ARGS)
 
 test: setup
-	$(PYTHON) -m pytest $(ARGS)
+	$(PYTHON) -m pytest -n $(JOBS) --dist loadfile $(ARGS)
 
 lint: setup
 	.venv/bin/ruff check .

@@ -7,12 +7,26 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
+from app.jobs.kernels import Kernels
 from app.kernel_cache import use_kernel_cache
 
 use_kernel_cache()
 # The same examples each time, and no failure for a slow machine: time is measured elsewhere.
 settings.register_profile("insitu", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("insitu")
+
+COMPILING_SECONDS = 600.0
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Before several processes run the tests, compile what most tests need: once, not in each of them."""
+    if not getattr(session.config.option, "numprocesses", None):
+        return
+    kernels = Kernels()
+    if kernels.first_time:
+        kernels.prepare()
+        kernels.wait(COMPILING_SECONDS)
+
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -95,7 +95,7 @@ for name in {window_side_modules()!r}:
     if slow:
         sys.exit(f"{{name}} imports {{', '.join(slow)}}")
 """
-    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=180)
     assert done.returncode == 0, done.stderr
 
 
@@ -113,5 +113,5 @@ came = sorted(set(sys.modules) - there)
 if came:
     sys.exit(f"imported by a curve's first evaluation: {', '.join(came)}")
 """
-    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=180)
     assert done.returncode == 0, done.stderr

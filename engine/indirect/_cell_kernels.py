@@ -58,7 +58,7 @@ class Table(NamedTuple):
     side: np.ndarray
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def _position(mesh, triangle, u, v):
     i, j, k = mesh.triangles[triangle, 0], mesh.triangles[triangle, 1], mesh.triangles[triangle, 2]
     w = ONE - u - v
@@ -69,7 +69,7 @@ def _position(mesh, triangle, u, v):
     )
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def _shading_normal(mesh, triangle, u, v):
     """Interpolated where the object is smooth, else the face's; not turned."""
     face = mesh.face_normals[triangle]
@@ -173,7 +173,7 @@ def _take_place(table, cell, triangle, u, v, side):
     table.n_places[cell] = min(n + 1, N_PLACES)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def _place(table, mesh, cell, k):
     """Position, face normal and shading normal of the k-th place of a cell, turned to the side that was seen."""
     p = k % table.n_places[cell]
@@ -233,7 +233,7 @@ def _pick(cumulative, u):
     return low
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def _point_in_triangle(corners, m, u, v):
     """An evenly distributed point of triangle m of corners (M, 3, 3)."""
     if u + v > ONE:

@@ -21,7 +21,7 @@ ONE, ZERO, TWO = np.float32(1.0), np.float32(0.0), np.float32(2.0)
 HORIZON = np.float32(1e-4)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def fan_direction(table, k, is_cosine, cosine, sine, pole, ox, oy, oz):
     """Local direction of entry k of a table (R, 3), turned by an angle; below the horizon where there is no ray."""
     tx, ty, z = table[k, 0], table[k, 1], table[k, 2]
@@ -45,7 +45,7 @@ def fan_direction(table, k, is_cosine, cosine, sine, pole, ox, oy, oz):
     )
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def fan_density(n_cosine, n_pole, pole, x, y, z, ox, oy, oz):
     """Rays a steradian of the whole fan at a local direction above the horizon."""
     density = n_cosine * z * _INVERSE_PI
@@ -94,7 +94,7 @@ def turn_of(row):
     return seed, np.cos(angle), np.sin(angle)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def local_eye(tangent, normal, wo):
     """(ox, oy, oz) in the frame of tangent, bitangent, normal."""
     bx = normal[1] * tangent[2] - normal[2] * tangent[1]

@@ -82,7 +82,7 @@ def _seed(row, m):
     return mixed(np.uint64(row) * np.uint64(0x10001) + np.uint64(m) + np.uint64(0xABCD0000000))
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def _tangent(axes, o, nx, ny, nz):
     """Unit Y × n with the object's Y, or its X made perpendicular to n where Y is along it."""
     yx, yy, yz = axes[o, 0, 0], axes[o, 0, 1], axes[o, 0, 2]
@@ -108,7 +108,7 @@ def _to_world(tx, ty, tz, nx, ny, nz, x, y, z):
     return x * tx + y * bx + z * nx, x * ty + y * by + z * ny, x * tz + y * bz + z * nz
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def _towards_light(lamps, m, seed, px, py, pz):
     """Direction and distance from a place to a point of light m, and cos over distance² there; 1 for the sky."""
     x, y, z = _point_in_triangle(lamps.corners, m, uniform(seed ^ np.uint64(5)), uniform(seed ^ np.uint64(6)))
@@ -123,7 +123,7 @@ def _towards_light(lamps, m, seed, px, py, pz):
     return x, y, z, length, max(facing, ZERO) / (length * length)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def _about_pole(table, seed, pole, ox, oy, oz):
     """Local direction of a ray about the pole."""
     turn = np.float32(2.0 * math.pi) * uniform(seed ^ np.uint64(3))
@@ -132,7 +132,7 @@ def _about_pole(table, seed, pole, ox, oy, oz):
     return fan_direction(table[pattern], k, False, np.cos(turn), np.sin(turn), pole, ox, oy, oz)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def _pick_light(lamps, u):
     low, high = 0, lamps.cumulative.shape[0] - 1
     while low < high:
@@ -141,7 +141,7 @@ def _pick_light(lamps, u):
     return low
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def _sky_at(lamps, x, y, z):
     """The triangle of the sky in a direction, −1 where there is no sky."""
     height, width = lamps.raster.shape
@@ -166,7 +166,7 @@ def _brightest(lamps, m):
     return max(light[0], light[1], light[2])
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def _candidate(lamps, table, c, m, seed, pole, frame, place, eye):
     """Candidate c for the light m (−1: yet to be found): light, local direction, distance and share of it."""
     tx, ty, tz, nx, ny, nz = frame
@@ -244,7 +244,7 @@ def begin_second(which, n_rays, rows, hits, distance, origins, directions, mesh,
             starts[i, k, 2] = pz + lift * face[2]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def _add_gloss(g, o, x, y, z, ox, oy, oz, factor, out):
     """Add factor · Σ of object o's glossy layers f_q f_o ρ_q f_A f_B cos θ_i to out (3,)."""
     for layer in range(g.first[o], g.first[o + 1]):
@@ -278,7 +278,7 @@ def _add_gloss(g, o, x, y, z, ox, oy, oz, factor, out):
             out[c] += weight * g.gains[layer, c] * value
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def photons_ahead(lamps, m, pole, per_area, x, y, z, ox, oy, oz):
     """How many photons are expected for each recorded ray that light m takes from (x, y, z) to (ox, oy, oz), both
     local, by a glossy surface, but for what depends on where it lands: `per_area` of them start on a square metre."""

@@ -347,7 +347,7 @@ def start(*words: str | Path, folder: Path, **variables: str) -> subprocess.Pope
 
 def test_without_a_display_there_is_one_line_and_status_2(tmp_path: Path) -> None:
     process = start(folder=tmp_path)
-    out, error = process.communicate(timeout=60)
+    out, error = process.communicate(timeout=180)
     assert process.returncode == 2 and out == "" and error.count("\n") == 1
     assert "display" in error and "insitu render" in error and "insitu screenshot" in error
 
@@ -368,7 +368,7 @@ def test_ctrl_c_is_quiet(scene: Path, tmp_path: Path) -> None:
     wait_until_tracing(process)  # an hour of work
     process.send_signal(signal.SIGINT)
     try:
-        out, error = process.communicate(timeout=60)
+        out, error = process.communicate(timeout=180)
     finally:
         process.kill()
     # 130, or ended by the signal itself, which a shell calls 130 too.

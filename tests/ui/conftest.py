@@ -35,8 +35,8 @@ def opened(context: moderngl.Context, size: tuple[int, int], scale: float) -> It
     window = HeadlessWindow(editor, size=size, scale=scale, context=context)
     feed = PictureFeed(PlacementRenderer(context))
     window.shell.source = feed
-    assert window.run_until(lambda: editor.status.picture == "exact", 30.0), editor.status
-    assert window.run_until(lambda: feed.environment is not None, 30.0)  # its thumbnail is made by a thread
+    assert window.run_until(lambda: editor.status.picture == "exact", 90.0), editor.status
+    assert window.run_until(lambda: feed.environment is not None, 90.0)  # its thumbnail is made by a thread
     editor.select("teapot.1.theta_h")
     window.frames(4)
     assert context.error == "GL_NO_ERROR"

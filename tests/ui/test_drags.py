@@ -29,7 +29,7 @@ def picture(window: HeadlessWindow) -> np.ndarray:
     """The exact linear picture of now."""
     editor = window.shell.editor
     window.frames(2)
-    assert window.run_until(lambda: editor.status.picture == "exact", 30.0), editor.status
+    assert window.run_until(lambda: editor.status.picture == "exact", 90.0), editor.status
     source = window.shell.source
     assert source is not None
     return source.renderer.linear_image()  # type: ignore[attr-defined]

@@ -121,10 +121,10 @@ def test_the_mapping_of_a_probe_can_be_switched(window: HeadlessWindow, tmp_path
     window.frames(2)
     window.click_handle("light.mapping.0")
     assert editor.document.light.mapping == "latlong"
-    assert window.run_until(lambda: _asked_light(editor).mapping == "latlong", 10.0)
+    assert window.run_until(lambda: _asked_light(editor).mapping == "latlong", 90.0)
     window.key(imgui.Key.z, imgui.Key.mod_ctrl)
     assert editor.document == guessed
-    assert window.run_until(lambda: _asked_light(editor).mapping == "angular", 10.0)
+    assert window.run_until(lambda: _asked_light(editor).mapping == "angular", 90.0)
 
 
 @pytest.mark.gl
@@ -166,7 +166,7 @@ def test_what_a_journal_kept_is_offered_and_brought_back(window: HeadlessWindow,
     window.shell.offer_recovery(recovery)
     window.frames(3)
     window.click_handle("button.recover")
-    assert window.run_until(lambda: editor.document.layer("teapot.1").edits != (), 10.0)
+    assert window.run_until(lambda: editor.document.layer("teapot.1").edits != (), 90.0)
     (made,) = editor.document.layer("teapot.1").operators("theta_h")
     assert isinstance(made, Operator)
     assert made == edited.layer("teapot.1").operators("theta_h")[0]

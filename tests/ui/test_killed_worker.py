@@ -68,7 +68,7 @@ def _kill(window: HeadlessWindow, client: Client) -> None:
     victim = client.pid
     assert victim is not None
     os.kill(victim, signal.SIGKILL)
-    assert window.run_until(lambda: client.pid not in (None, victim), 10.0)
+    assert window.run_until(lambda: client.pid not in (None, victim), 90.0)
     window.frame()
     notice = window.shell.state.notice
     assert notice is not None and notice.is_error

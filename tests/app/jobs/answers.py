@@ -9,9 +9,11 @@ from app.jobs.client import Client
 from app.jobs.messages import OpenScene, Response, SceneOpened
 
 Answers = list[Response]
+# Long enough for a machine that does much else; only a worker that hangs is waited for so long.
+PATIENCE_SECONDS = 90.0
 
 
-def collect(client: Client, until: Callable[[Answers], bool], timeout_s: float = 10) -> Answers:
+def collect(client: Client, until: Callable[[Answers], bool], timeout_s: float = PATIENCE_SECONDS) -> Answers:
     """Answers until the condition holds for them."""
     answers: Answers = []
     deadline = time.monotonic() + timeout_s
@@ -36,7 +38,7 @@ def open_scene(client: Client) -> None:
 
 
 def wait_until_idle(client: Client) -> None:
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + PATIENCE_SECONDS
     while client.busy:
         assert time.monotonic() < deadline
         client.wait(0.05)

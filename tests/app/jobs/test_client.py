@@ -86,7 +86,7 @@ def test_worker_prints_nothing() -> None:
         "from app.jobs.client import Client; from tests.app.jobs.faulty_tasks import HANDLERS\n"
         "with Client(HANDLERS) as c:\n  while c.busy: c.wait(1); c.poll()\n"
     )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, timeout=20)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, timeout=90)
     assert (done.returncode, done.stdout, done.stderr) == (0, b"", b"")
 
 

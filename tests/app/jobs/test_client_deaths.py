@@ -282,5 +282,5 @@ def test_worker_ends_when_the_connection_closes_although_it_is_within_a_step() -
         process = client._process
         assert process is not None
         process.channel.close()
-        process.wait_until_gone(timeout_s=10)
+        process.wait_until_gone(timeout_s=90)
         assert process.reaped()

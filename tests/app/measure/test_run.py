@@ -19,7 +19,7 @@ from app.measure.launches import Screen, launch, open_screen
 from app.measure.sweep import Grid
 
 EFFORT = Effort(
-    "test", 1, 1, 0, 6, 32, 20_000, 50, False, 60.0, Grid((50, 400), (16, 64), (1, 64), side=24, n_points=6, level=4),
+    "test", 1, 1, 0, 6, 32, 20_000, 50, False, 600.0, Grid((50, 400), (16, 64), (1, 64), side=24, n_points=6, level=4),
     IndirectEffort(2, 1, (2, 4), 24, 32),
 )
 pytestmark = pytest.mark.slow

@@ -21,7 +21,7 @@ def test_stored_light_is_the_light():
     layers = [matt(0, 0.5), indirect_layer(1, make_layer(MODELS["rough_conductor"]), (16, 8)), matt(2, 0.3)]
     models = {0: ["lambert"], 1: ["rough_conductor"], 2: ["lambert"]}
     light = finish(Solver(placement, models, sky, 4, fineness).solve(layers), lambda progress: None)
-    arrays = arrays_of(light)
+    arrays = {name: array.copy() for name, array in arrays_of(light).items()}
     assert tuple(arrays) == NAMES
     for array in arrays.values():
         array.setflags(write=False)  # as they come from a file
