@@ -37,7 +37,7 @@ LEFT_OUT = "left out of a quick run"
 class IndirectEffort:
     """repetitions of edits of each object, rounds of selecting all of them, counts of objects the room is cut into and
     the side in pixels there; pictures' longest side; settings (objects, bounces) at which the representations are
-    compared, and the side there."""
+    compared, and the side there; warm_up: whether a first run, not counted, compiles what is missing."""
 
     repetitions: int = 20
     rounds: int = 3
@@ -46,6 +46,7 @@ class IndirectEffort:
     side: int = 4096
     settings: tuple[tuple[int, int], ...] = ((2, 4), (4, 4), (7, 4), (12, 4), (7, 2), (7, 3), (7, 5))
     representation_side: int = 256
+    warm_up: bool = True
 
 
 QUICKLY = IndirectEffort(3, 1, (2, 4), 32, 64, ((2, 2), (3, 3)), 32)
@@ -84,8 +85,8 @@ def _window_figures(effort: IndirectEffort, scratch: Path, timeout_s: float) -> 
         return measure_indirect(name, resolution, repetitions, effort.rounds, scratch / f"indirect {name}", timeout_s)
 
     try:
-        # Not counted: it may have to compile what only indirect light needs.
-        measure_indirect("cornell", WARM_UP, 0, 0, scratch / "indirect unmeasured", timeout_s)
+        if effort.warm_up:
+            measure_indirect("cornell", WARM_UP, 0, 0, scratch / "indirect unmeasured", timeout_s)
         found, pictures = found_of("cornell", effort.repetitions)
         figures = [_freeze_figure("freeze_s_cornell", found), *_cornell_figures(found, pictures)]
     except NotMeasured as error:
