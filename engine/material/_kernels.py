@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import cfunc, njit, types
+from numba import cfunc, config, njit, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
@@ -215,7 +215,7 @@ def _smith(q: Array, iz: float, oz: float) -> float:
 
 
 @intrinsic
-def _call(typingctx, address, q, ix, iy, iz, ox, oy, oz):  # type: ignore[no-untyped-def]
+def _call_compiled(typingctx, address, q, ix, iy, iz, ox, oy, oz):  # type: ignore[no-untyped-def]
     """Call a compiled quotient by its address."""
 
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
@@ -228,23 +228,35 @@ def _call(typingctx, address, q, ix, iy, iz, ox, oy, oz):  # type: ignore[no-unt
     return types.float64(types.int64, q, *[types.float64] * 6), generate
 
 
+_numbered: dict[int, Callable[..., float]] = {}
 _compiled: dict[Callable[..., float], Any] = {}
 _compiling = Lock()
 
 
-def compiled_quotient(quotient: Callable[..., float]) -> Any:
-    """A model's own quotient, plain Python with `math`, compiled; its `address` is the number kernels know it by.
+def _call_plain(number: int, q: Array, *directions: float) -> float:
+    """Where numba compiles nothing (NUMBA_DISABLE_JIT)."""
+    return _numbered[number](q, *directions)
+
+
+_call = _call_plain if config.DISABLE_JIT else _call_compiled
+
+
+def quotient_number(quotient: Callable[..., float]) -> int:
+    """The number by which kernels know a model's own quotient, plain Python with `math`: where its compiled form is.
 
     Called by address and not from a chain of all models, so that what no scene uses is never compiled, and a further
     model does not have every kernel that reflects compiled anew. The call takes 2 ns. Kept for ever: kernels do not
     hold what they call.
     """
+    if config.DISABLE_JIT:
+        _numbered[id(quotient)] = quotient
+        return id(quotient)
     signature = types.float64(types.CPointer(types.float64), *[types.float64] * 6)
     with _compiling:
         if quotient not in _compiled:
             compiler = cfunc(signature, cache=True, error_model="numpy", fastmath=_compile["fastmath"])
             _compiled[quotient] = compiler(quotient)
-        return _compiled[quotient]
+        return int(_compiled[quotient].address)
 
 
 @njit(**_compile)
@@ -253,7 +265,7 @@ def quotient_cosine(
 ) -> float:
     """rho_q(wi, wo) cos_i of a model (engine.material.kinds) with its quotient parameters q (8,), finite everywhere.
 
-    model_kind: the model's number (`compiled_quotient` gives it for one that brings its own quotient).
+    model_kind: the model's number (`quotient_number` gives it for one that brings its own quotient).
     0 where either direction is below the horizon or within 1e-12 of it.
     """
     if iz <= GRAZING or oz <= GRAZING:

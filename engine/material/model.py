@@ -92,9 +92,9 @@ class Model(ABC):
         """What kernels know the quotient by; for a model's own its address, compiled here the first time."""
         if self.quotient is None:
             return self.kind
-        from engine.material._kernels import compiled_quotient
+        from engine.material._kernels import quotient_number
 
-        return int(compiled_quotient(self.quotient).address)
+        return quotient_number(self.quotient)
 
     @property
     def curve_names(self) -> frozenset[str]:

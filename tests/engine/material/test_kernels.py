@@ -1,6 +1,9 @@
 """Compiled angles and quotients: parity with the obvious formulas, the identity of eq. 3.1, and nothing but numbers."""
 
+import json
 import math
+import os
+import subprocess
 import sys
 from pathlib import Path
 
@@ -134,6 +137,29 @@ def test_a_file_is_all_that_a_model_takes(tmp_path, monkeypatch):
     assert layer.model.number not in {model.number for model in MODELS.values()}
     expected = layer.model.brdf(layer.values, wi, wo)
     np.testing.assert_allclose(product_of_factors(layer, wi, wo), expected, rtol=1e-6, atol=1e-9 * expected.max())
+
+
+UNCOMPILED = """
+import json
+from engine.material import MODELS, make_layer
+from engine.material._kernels import quotient_cosine
+layers = [make_layer(model) for model in MODELS.values()]
+pair = (0.6, 0.0, 0.8, -0.48, 0.64, 0.6)
+found = [quotient_cosine(layer.model.number, layer.quotient_parameters(), *pair) for layer in layers]
+print(json.dumps([hasattr(quotient_cosine, "py_func"), *map(float, found)]))
+"""
+
+
+def test_quotients_are_plain_python_where_nothing_is_compiled():
+    # NUMBA_DISABLE_JIT, with which a debugger steps through them: the same numbers, models' own quotients included.
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    command = [sys.executable, "-c", UNCOMPILED]
+    said = subprocess.run(command, env=environment, stdout=subprocess.PIPE, check=True).stdout
+    compiled, *found = json.loads(said)
+    wi, wo = np.array([[0.6, 0.0, 0.8]]), np.array([[-0.48, 0.64, 0.6]])
+    layers = [make_layer(model) for model in MODELS.values()]
+    expected = [all_quotients(each.model.number, each.quotient_parameters(), wi, wo)[0] for each in layers]
+    assert not compiled and found == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize(("name", "parameters"), LAYERS)
