@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from app.document import Document, Target, all_factors, resolve
+from app.document import FRESNEL_TERM, Document, Target, all_factors, resolve, split_key
 from app.light_commands import SetEnvironment, SetIntensity, SetMapping, SetRotation
+from app.linked_layers import group_of, with_fresnel, without_fresnel
 from app.probe_file import likely_mapping
 from engine.curve.operators import Edit, Tabulated, collapse
 from engine.errors import InsituError, LoadError
@@ -57,11 +58,12 @@ class SetModel:
         if self.model not in MODELS:
             raise InsituError(f"there is no model {self.model!r}; there is: {', '.join(sorted(MODELS))}")
         model = MODELS[self.model]
-        values = tuple(make_layer(model, dict(self.parameters)).parameters)
+        key, layer = _leading(document, self.key) if layer.rises else (self.key, layer)
+        values = make_layer(model, dict(self.parameters)).with_fresnel(layer.fresnel).parameters
         names = {factor.name for factor in all_factors(model)}
         edits = tuple((factor, operators) for factor, operators in layer.edits if factor in names)
         name = model.name if layer.name == layer.model.name else layer.name
-        return document.with_layer(self.key, layer.replace(model=model, name=name, parameters=values, edits=edits))
+        return document.with_layer(key, layer.replace(model=model, name=name, parameters=values, edits=edits))
 
 
 @dataclass(frozen=True)
@@ -245,6 +247,25 @@ class SetFrozen:
 
 
 @dataclass(frozen=True)
+class SetFresnelTerm:
+    """Give a layer a second term that rises towards grazing angles (`app.linked_layers`), or take it away."""
+
+    key: str
+    present: bool
+
+    @property
+    def label(self) -> str:
+        return f"{'give' if self.present else 'take'} {self.key} its Fresnel term"
+
+    def apply(self, document: Document) -> Document:
+        _editable_layer(document, self.key)
+        name, index = split_key(document, self.key)
+        state = document.object(name)
+        change = with_fresnel if self.present else without_fresnel
+        return document.with_object(replace(state, layers=change(state.layers, index)))
+
+
+@dataclass(frozen=True)
 class SetEditable:
     """Declare an object editable, or fixed."""
 
@@ -261,8 +282,8 @@ class SetEditable:
 
 EditCommand = (
     SetParameter | SetModel | SetOperators | AddOperator | ReplaceOperator | RemoveOperator | MoveOperator
-    | MuteOperator | CollapseOperators | ResetCurve | SetVisible | SetFrozen | SetEditable | SetRotation
-    | SetIntensity | SetEnvironment | SetMapping
+    | MuteOperator | CollapseOperators | ResetCurve | SetVisible | SetFrozen | SetFresnelTerm | SetEditable
+    | SetRotation | SetIntensity | SetEnvironment | SetMapping
 )  # fmt: skip
 
 
@@ -297,6 +318,8 @@ def _set_switch(path: str, target: Target, value: Any) -> EditCommand:
     owner = target.key or target.object
     if target.name == "editable":
         return SetEditable(owner, value)
+    if target.name == FRESNEL_TERM:
+        return SetFresnelTerm(owner, value)
     return SetVisible(owner, value) if target.name == "visible" else SetFrozen(owner, value)
 
 
@@ -312,6 +335,14 @@ def _editable_layer(document: Document, key: str) -> Layer:
     if document.is_frozen(key):
         raise InsituError(f"{key} is frozen; thaw it to edit it")
     return layer
+
+
+def _leading(document: Document, key: str) -> tuple[str, Layer]:
+    """Key and value of the layer that a layer follows."""
+    name, index = split_key(document, key)
+    layers = document.object(name).layers
+    lead = group_of(layers, index)[0]
+    return f"{name}.{lead}", layers[lead]
 
 
 def _operators_with(

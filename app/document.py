@@ -16,13 +16,13 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
-from app.linked_layers import check_links, group_of, with_layer
+from app.described_layers import layers_from_descriptions
+from app.linked_layers import group_of, with_layer
 from app.paths import is_file_name
-from engine.errors import InsituError, LoadError
-from engine.material import MODELS
+from engine.errors import InsituError
 from engine.material.layer import Layer
-from engine.material.model import Factor, Model, validate_parameters
-from engine.scene.description import LayerDescription, ObjectDescription, SceneDescription
+from engine.material.model import Factor, Model
+from engine.scene.description import ObjectDescription, SceneDescription
 
 Mapping = Literal["latlong", "angular"]
 RGB = tuple[float, float, float]
@@ -155,6 +155,7 @@ class Target:
 
 
 SWITCHES = ("visible", "frozen", "editable")
+FRESNEL_TERM = "fresnel_term"
 LIGHT_FIELDS = ("rotation", "intensity", "environment", "mapping")
 
 
@@ -188,15 +189,15 @@ def resolve(document: Document, path: str) -> Target:
     index, rest = _split_layer(state, rest)
     if not rest:
         return Target("layer", state.name, index)
-    if rest in ("visible", "frozen"):
+    if rest in ("visible", "frozen", FRESNEL_TERM):
         return Target("switch", state.name, index, rest)
     return _resolve_in_layer(state, index, rest)
 
 
 def _resolve_in_layer(state: ObjectState, index: int, name: str) -> Target:
-    model = state.layers[index].model
-    factors = [factor.name for factor in all_factors(model)]
-    parameters = [parameter.name for parameter in model.parameters]
+    layer = state.layers[index]
+    factors = [factor.name for factor in all_factors(layer.model)]
+    parameters = [parameter.name for parameter in layer.table]
     if name in factors:
         return Target("factor", state.name, index, name)
     if name in parameters:
@@ -243,20 +244,5 @@ def document_from_description(source: str, description: SceneDescription) -> Doc
 
 
 def _object_state(source: str, described: ObjectDescription) -> ObjectState:
-    layers = []
-    for index, layer in enumerate(described.layers):
-        layers.append(layer_from_description(source, layer_key(described.name, index), layer))
-    linked = check_links(source, described.name, tuple(layers))
-    return ObjectState(described.name, linked, described.emission, described.editable)
-
-
-def layer_from_description(file: str, key: str, described: LayerDescription) -> Layer:
-    """A layer as a file describes it, unedited; LoadError names the file, the layer and its bad key."""
-    if described.model not in MODELS:
-        raise LoadError(file, f"{key}.model", described.model, " or ".join(sorted(MODELS)))
-    model = MODELS[described.model]
-    try:
-        values = validate_parameters(model, described.parameters, file)
-    except LoadError as error:
-        raise LoadError(file, f"{key}: {error.what}", error.value, error.expected) from None
-    return Layer(model, described.name or model.name, tuple(values.items()), follows=described.follows or "")
+    layers = layers_from_descriptions(source, described.name, described.layers)
+    return ObjectState(described.name, layers, described.emission, described.editable)

@@ -482,9 +482,13 @@ class Editor:
         self._negotiator.edited()
         self._indirect.edited()
         selected = self.view.selected
-        if selected is not None and selected.factor is not None:
-            model = self.document.layer(selected.key).model
-            names = [factor.name for factor in all_factors(model)]
+        if selected is None:
+            return
+        layers = self.document.object(selected.object).layers
+        if selected.layer >= len(layers):
+            self.select(selected.object)
+        elif selected.factor is not None:
+            names = [factor.name for factor in all_factors(layers[selected.layer].model)]
             if selected.factor not in names:
                 self.select(selected.key)
 
@@ -506,7 +510,8 @@ class Editor:
         layers = self.document.object(target.object).layers
         if not layers:
             raise InsituError(f"{target.object} has no layers to edit")
-        index = len(layers) - 1 if target.layer is None else target.layer
+        topmost = max(i for i, layer in enumerate(layers) if not layer.rises)
+        index = topmost if target.layer is None else target.layer
         factor = target.name if target.kind == "factor" else layers[index].model.factors[0].name
         return Selection(target.object, index, factor)
 

@@ -2,9 +2,8 @@
 
 A layer may follow another by its name. What makes the curves that both models have, operators and parameters alike, is
 then the same in all layers of that group, whichever of them is edited; what scales a layer or stands in its quotient
-stays its own. So a Fresnel term is a second layer that follows the highlight: the same model with reflectance 0, whose
-scale says how much it adds towards grazing angles (eq. 3.12: the highlight itself has reflectance 1). Each layer has
-its own transport, and pictures of layers are summed as ever.
+stays its own. A second Fresnel term (`Layer.rises`) shares everything with the layer it follows, R included. Each layer
+has its own transport, and pictures of layers are summed as ever.
 
 Layers with several terms inside were rejected: every part of the program that knows a layer by its key would have had
 to learn of terms, to no other effect.
@@ -14,10 +13,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from engine.errors import LoadError
+import numpy as np
+
+from engine.errors import InsituError
 from engine.material.layer import Layer
+from engine.material.model import channels
+from engine.material.parameters import FRESNEL, Parameter
 
 Layers = tuple[Layer, ...]
+FRESNEL_NAME = "fresnel"
 
 
 def group_of(layers: Sequence[Layer], index: int) -> tuple[int, ...]:
@@ -35,30 +39,77 @@ def with_layer(layers: Layers, index: int, changed: Layer) -> Layers:
     One that is of another model now begins with the curves of the others.
     """
     found = [*layers]
-    others = [i for i in group_of(layers, index) if i != index]
-    if others and changed.model is not layers[index].model:
-        changed = changed.sharing(layers[others[0]])
     found[index] = changed
+    group = group_of(layers, index)
+    lead = group[0]
+    if changed.rises:
+        found[lead] = layers[lead].sharing(changed)
+    source = lead if changed.rises else index
+    others = [i for i in group if i != source and not layers[i].rises]
+    if others and found[source].model is not layers[source].model:
+        found[source] = found[source].sharing(layers[others[0]])
     for i in others:
-        found[i] = layers[i].sharing(changed)
-        if layers[i].follows == layers[index].name != changed.name:
-            found[i] = found[i].replace(follows=changed.name)
+        found[i] = layers[i].sharing(found[source])
+    for i in (i for i in group if layers[i].rises):
+        found[i] = found[i].sharing(found[lead])
+    for i in group:
+        if layers[i].follows == layers[lead].name != found[lead].name:
+            found[i] = found[i].replace(follows=found[lead].name)
     return tuple(found)
 
 
-def check_links(file: str, name: str, layers: Layers) -> Layers:
-    """The layers of an object as a file has them, those that follow with the curves of the one they follow.
+def alike(layers: Layers) -> Layers:
+    """The layers, those that follow with the curves of the one they follow."""
+    leads = [layers[group_of(layers, index)[0]] for index in range(len(layers))]
+    return tuple(each if each is lead else each.sharing(lead) for each, lead in zip(layers, leads, strict=True))
 
-    Raises LoadError where a layer follows what is not there, or follows itself.
-    """
-    found = [*layers]
-    for i, layer in enumerate(layers):
-        if not layer.follows:
-            continue
-        leaders = [other for other in layers if not other.follows]
-        leader = next((other for other in leaders if other.name == layer.follows), None)
-        if leader is None:
-            there = " or ".join(other.name for other in leaders) or "no layer"
-            raise LoadError(file, f"{name}.{i}.follows", layer.follows, f"{there}, a layer that follows no other")
-        found[i] = layer.sharing(leader)
-    return tuple(found)
+
+def with_fresnel(layers: Layers, index: int) -> Layers:
+    """The layers with a Fresnel term for one of them, at the end; head-on it reflects as before, its colour being R."""
+    layer = layers[index]
+    if layer.fresnel is not None:
+        return layers
+    if layer.follows:
+        raise InsituError(f"{layer.name} follows {layer.follows}; give that layer the Fresnel term")
+    strength = _strength(layer)
+    fresnel: object = FRESNEL.default
+    if strength is not None:
+        now = channels(layer.values, strength.name)
+        fresnel = np.minimum(now, 1.0)
+        layer = layer.with_parameter(strength.name, _fitting(strength, np.maximum(now, 1.0)))
+    lead = layer.with_fresnel(fresnel)
+    term = lead.replace(name=_free_name(layers), follows=lead.name, visible=True, frozen=False, rises=True)
+    return (*layers[:index], lead, *layers[index + 1 :], term)
+
+
+def without_fresnel(layers: Layers, index: int) -> Layers:
+    """The layers without the Fresnel term of one of them (or that is the one): R goes back into its colour."""
+    lead = group_of(layers, index)[0]
+    layer = layers[lead]
+    if layer.fresnel is None:
+        return layers
+    strength = _strength(layer)
+    if strength is not None:
+        layer = layer.with_parameter(
+            strength.name, _fitting(strength, channels(layer.values, strength.name) * layer.fresnel)
+        )
+    kept = (*layers[:lead], layer.with_fresnel(None), *layers[lead + 1 :])
+    return tuple(each for each in kept if not (each.rises and each.follows == layer.name))
+
+
+def _strength(layer: Layer) -> Parameter | None:
+    """The parameter that is the layer's strength or colour and nothing else."""
+    return next((p for p in layer.model.parameters if p.drives == ("scale",) and p.kind != "choice"), None)
+
+
+def _fitting(parameter: Parameter, value: np.ndarray) -> object:
+    """A strength (3,) as the parameter takes it."""
+    inside = np.clip(value, parameter.minimum, parameter.maximum)
+    return tuple(inside.tolist()) if parameter.kind == "rgb" else float(inside.mean())
+
+
+def _free_name(layers: Layers) -> str:
+    """A name that no layer has."""
+    taken = {layer.name for layer in layers}
+    names = (FRESNEL_NAME, *(f"{FRESNEL_NAME} {number}" for number in range(2, len(layers) + 3)))
+    return next(name for name in names if name not in taken)

@@ -298,7 +298,10 @@ class Negotiator:
     def _outdated_layers(self, document: Document, selected_key: str | None) -> dict[str, Coefficients]:
         """The curves of those layers, but for the selected, whose radiance was made with other ones."""
         outdated: dict[str, Coefficients] = {}
+        there = {key for key, _ in document.layers()}
         for key, shown in self._layers.items():
+            if key not in there:  # a Fresnel term that was taken away: the transport asked for is that of before
+                continue
             wanted = self._curves.coefficients(document, key)
             if same_coefficients(shown.coefficients, wanted):
                 shown.coefficients = wanted

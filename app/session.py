@@ -17,15 +17,17 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from app.atomic import write_atomically
 from app.commands import MAX_OPERATORS, CurveEdit
-from app.document import Document, LightState, ObjectState, Selection, all_factors, layer_from_description, layer_key
+from app.described_layers import layers_from_descriptions
+from app.document import Document, LightState, ObjectState, Selection, all_factors, layer_key
 from app.light_commands import MAX_INTENSITY, check_light
-from app.linked_layers import check_links
+from app.linked_layers import FRESNEL_NAME, alike
 from app.paths import full_path, is_file_name
 from app.toml_text import check_version, load_toml, toml_lines, toml_value
 from app.view_state import AS_PLANNED, SetView, ViewState
 from engine.curve.operators import Operator, Tabulated
 from engine.errors import InsituError, LoadError
 from engine.material.layer import Layer
+from engine.material.parameters import FRESNEL
 from engine.scene.complaints import first_complaint
 from engine.scene.description import MAX_BOUNCES, MAX_OBJECTS, LayerDescription, Name, Number, Parameter, Radiance, Text
 
@@ -185,9 +187,14 @@ def load_session(path: Path) -> Session:
 
 
 def fit_session(session: Session, scene: Document, file: str) -> Document:
-    """The session's document for a scene as it is now; LoadError when the scene has other objects or layers."""
-    have = {state.name: len(state.layers) for state in scene.objects}
-    want = {state.name: len(state.layers) for state in session.document.objects}
+    """The session's document for a scene as it is now; LoadError when the scene has other objects or layers.
+
+    Fresnel terms may have come or gone.
+    """
+    have, want = (
+        {state.name: sum(not layer.rises for layer in state.layers) for state in document.objects}
+        for document in (scene, session.document)
+    )
     for name in have.keys() | want.keys():
         if have.get(name) != want.get(name):
             found = f"{want[name]} layers" if name in want else "not in the session"
@@ -221,16 +228,22 @@ def _object_lines(state: ObjectState) -> Iterator[str]:
     yield from toml_lines({"name": state.name, **switches, "emission": state.emission})
     for layer in state.layers:
         yield "[[object.layer]]"
-        named = {"model": layer.model.name, "name": layer.name, "follows": layer.follows or None}
+        model = FRESNEL_NAME if layer.rises else layer.model.name
+        named = {"model": model, "name": layer.name, "follows": layer.follows or None}
         yield from toml_lines({**named, "visible": layer.visible, "frozen": layer.frozen})
         yield "[object.layer.values]"
-        yield from toml_lines(layer.values)
-        for factor, operators in layer.edits:
+        yield from toml_lines({name: value for name, value in layer.values.items() if _is_written(layer, name)})
+        for factor, operators in () if layer.rises else layer.edits:
             yield "[[object.layer.curve]]"
             yield from toml_lines({"factor": factor})
             yield "operator = ["
             yield from (f"  {toml_value(_operator_values(operator))}," for operator in operators)
             yield "]"
+
+
+def _is_written(layer: Layer, parameter: str) -> bool:
+    """Of a layer and its Fresnel term R stands with the term, all else with the layer."""
+    return (parameter == FRESNEL.name) == layer.rises
 
 
 def _operator_values(operator: CurveEdit) -> dict[str, Any]:
@@ -253,16 +266,17 @@ def _view_values(view: ViewState) -> dict[str, Any]:
 
 
 def _object(file: str, record: ObjectRecord) -> ObjectState:
-    layers = tuple(_layer(file, layer_key(record.name, i), layer) for i, layer in enumerate(record.layers))
-    layers = check_links(file, record.name, layers)
-    return ObjectState(record.name, layers, record.emission, record.editable, record.visible, record.frozen)
+    described = [
+        LayerDescription(model=each.model, name=each.name, follows=each.follows, parameters=each.values)
+        for each in record.layers
+    ]
+    layers = layers_from_descriptions(file, record.name, described)
+    pairs = enumerate(zip(layers, record.layers, strict=True))
+    edited = alike(tuple(_edited(file, layer_key(record.name, i), *pair) for i, pair in pairs))
+    return ObjectState(record.name, edited, record.emission, record.editable, record.visible, record.frozen)
 
 
-def _layer(file: str, key: str, record: LayerRecord) -> Layer:
-    described = LayerDescription(
-        model=record.model, name=record.name, follows=record.follows, parameters=record.values
-    )
-    layer = layer_from_description(file, key, described)
+def _edited(file: str, key: str, layer: Layer, record: LayerRecord) -> Layer:
     known = [factor.name for factor in all_factors(layer.model)]
     names = [curve.factor for curve in record.curves]
     for curve in record.curves:

@@ -70,7 +70,7 @@ def build_default(identity: int, size: ImVec2, scale: float) -> None:
     column = imgui.internal.dock_builder_get_node(right).size.y
     accuracy, upper = _split(right, imgui.Dir.down, min(ACCURACY_HEIGHT * scale / column, 0.4))
     light, material = _split(
-        upper, imgui.Dir.down, min(LIGHT_HEIGHT * scale / (column - ACCURACY_HEIGHT * scale), 0.54)
+        upper, imgui.Dir.down, min(LIGHT_HEIGHT * scale / (column - ACCURACY_HEIGHT * scale), 0.5)
     )
     places = (left, picture, curve, material, light, accuracy)
     for panel, node in zip(PANELS, places, strict=True):

@@ -281,18 +281,21 @@ class PictureFeed:
 
     def _follow_layers(self, editor: Editor) -> None:
         """Gains, view curves and visibility; each setter of the renderer is free where nothing changed."""
-        document, there = editor.document, self.renderer.layer_keys
+        document, gone = editor.document, set(self.renderer.layer_keys)
         for state in document.objects:
             for index in range(len(state.layers)):
                 key = layer_key(state.name, index)
-                if key not in there:
+                if key not in gone:
                     continue
+                gone.remove(key)
                 self.renderer.set_layer_gain(key, editor.layer_gain(key).tolist())
                 self.renderer.set_layer_visible(key, document.is_visible(key))
                 curve = editor.view_curve(key)
                 if self._view_curves.get(key) is not curve:
                     self._view_curves[key] = curve
                     self.renderer.set_view_curve(key, curve)
+        for key in gone:  # it may come back, by undo, before the worker has heard of it
+            self.renderer.set_layer_visible(key, False)
 
     def _follow_curve(self, editor: Editor) -> None:
         selected = editor.view.selected

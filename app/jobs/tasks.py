@@ -133,6 +133,7 @@ class Tasks:
         if placement is None:
             raise InsituError("no scene is open")
         self._contracted = {}
+        self._layers = {work.key: self._layers[work.key] for work in request.layers if work.key in self._layers}
         if self._indirect is not None:
             self._indirect.forget_wish()
         if request.selected and request.factor:

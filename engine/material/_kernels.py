@@ -29,6 +29,7 @@ ROUGH_CONDUCTOR, ASHIKHMIN_SHIRLEY = kinds.ROUGH_CONDUCTOR, kinds.ASHIKHMIN_SHIR
 ASHIKHMIN_SHIRLEY_RATIO = kinds.ASHIKHMIN_SHIRLEY_RATIO
 ROUGH_DISTRIBUTION, ROUGH_ALPHA, BECKMANN = kinds.ROUGH_DISTRIBUTION, kinds.ROUGH_ALPHA, kinds.BECKMANN
 FACING_REFLECTANCE, RATIO_EXPONENT, GRAZING = kinds.FACING_REFLECTANCE, kinds.RATIO_EXPONENT, kinds.GRAZING
+RISES = kinds.RISES
 
 Array = NDArray[np.float64]
 
@@ -169,10 +170,15 @@ def _cosine_difference(ix: float, iy: float, iz: float, ox: float, oy: float, oz
 
 
 @njit(inline="always", **_compile)
-def _schlick(facing: float, cosine: float) -> float:
+def _rise(cosine: float) -> float:
     x = 1.0 - cosine
     x2 = x * x
-    return facing + (1.0 - facing) * x2 * x2 * x
+    return x2 * x2 * x
+
+
+@njit(inline="always", **_compile)
+def _schlick(facing: float, cosine: float) -> float:
+    return facing + (1.0 - facing) * _rise(cosine)
 
 
 @njit(inline="always", **_compile)
@@ -238,7 +244,8 @@ def _call_plain(number: int, q: Array, *directions: float) -> float:
     return _numbered[number](q, *directions)
 
 
-_call = _call_plain if config.DISABLE_JIT else _call_compiled
+_is_interpreted = bool(vars(config)["DISABLE_JIT"])
+_call = _call_plain if _is_interpreted else _call_compiled
 
 
 def quotient_number(quotient: Callable[..., float]) -> int:
@@ -248,7 +255,7 @@ def quotient_number(quotient: Callable[..., float]) -> int:
     model does not have every kernel that reflects compiled anew. The call takes 2 ns. Kept for ever: kernels do not
     hold what they call.
     """
-    if config.DISABLE_JIT:
+    if _is_interpreted:
         _numbered[id(quotient)] = quotient
         return id(quotient)
     signature = types.float64(types.CPointer(types.float64), *[types.float64] * 6)
@@ -261,6 +268,21 @@ def quotient_number(quotient: Callable[..., float]) -> int:
 
 @njit(**_compile)
 def quotient_cosine(
+    model_kind: int, q: Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz: float
+) -> float:
+    """rho_q(wi, wo) cos_i of a layer, finite everywhere: that of its model, of a second Fresnel term (q[RISES]) times
+    (1 - cos theta_d)^5 [BenArtzi07, eq. 3.12].
+
+    q (8,) are the layer's quotient parameters; model_kind is its model's number, see `model_quotient_cosine`.
+    """
+    quotient = model_quotient_cosine(model_kind, q, ix, iy, iz, ox, oy, oz)
+    if q[RISES] > 0.0:
+        quotient *= _rise(_cosine_difference(ix, iy, iz, ox, oy, oz))
+    return quotient
+
+
+@njit(**_compile)
+def model_quotient_cosine(
     model_kind: int, q: Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz: float
 ) -> float:
     """rho_q(wi, wo) cos_i of a model (engine.material.kinds) with its quotient parameters q (8,), finite everywhere.

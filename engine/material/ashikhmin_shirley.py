@@ -21,9 +21,8 @@ class AshikhminShirley(Model):
     h.k = cos(theta_d), as Ashikhmin and Shirley do.
 
     Fresnel is Schlick's with one grey facing reflectance, inside the quotient; colour is in `scale`. The two-term split
-    of eq. 3.12, with which a coloured Fresnel term is edited in real time, is two layers of which one follows the other
-    (`app.linked_layers`): reflectance 1 with scale R, and reflectance 0 with scale 1 - R. The model's diffuse part is a
-    `lambert` layer.
+    of eq. 3.12, with which a coloured Fresnel factor is edited in real time, is for layers of any model: see `Layer`.
+    The model's diffuse part is a `lambert` layer.
     """
 
     name = "ashikhmin_shirley"

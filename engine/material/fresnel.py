@@ -38,5 +38,11 @@ def schlick_fresnel(cosine: Array, facing: Array | float) -> Array:
     return np.asarray(facing + (1.0 - facing) * np.clip(1.0 - cosine, 0.0, 1.0) ** 5)
 
 
+def rise(wi: Array, wo: Array) -> Array:
+    """(1 - cos theta_d)^5 (N,) of unit directions (N, 3): what Schlick's factor adds towards grazing angles."""
+    cos_d = 0.5 * np.linalg.norm(wi + wo, axis=1)
+    return np.asarray(np.clip(1.0 - cos_d, 0.0, 1.0) ** 5)
+
+
 def _ratio(numerator: Array, denominator: Array) -> Array:
     return np.divide(numerator, denominator, out=np.zeros_like(denominator), where=denominator > 0.0)

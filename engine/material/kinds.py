@@ -32,8 +32,9 @@ ASHIKHMIN_SHIRLEY_RATIO = 6
 # Any other model has its quotient in its own file; kernels know it by the address of its compiled form.
 OWN = -1
 
-# Places of the eight quotient parameters, by model.
+# Places of the eight quotient parameters, by model; the last says of any whether it is a layer's second Fresnel term.
 N_QUOTIENT_PARAMETERS = 8
+RISES = 7
 ROUGH_DISTRIBUTION = 0  # rough_conductor: GGX or BECKMANN
 ROUGH_ALPHA = 1
 FACING_REFLECTANCE = 0  # blinn_phong and both of Ashikhmin and Shirley

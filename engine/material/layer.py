@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from engine.curve.bands import band_values
 from engine.curve.operators import Edit, apply_operators
 from engine.material import kinds
-from engine.material.model import Model
-from engine.material.parameters import Value
+from engine.material.fresnel import rise
+from engine.material.model import Model, channels, find_parameter
+from engine.material.parameters import FRESNEL, Parameter, Value
 
 Array = NDArray[np.float64]
 
@@ -57,6 +58,10 @@ class Layer:
     `edits`: for each edited curve its name and operators, lowest first; curves without operators are left out.
     `frozen`: the layer's curves are not offered for editing. `follows`: the name of a layer of the same object that it
     shares its curves with.
+
+    Any layer may be given Schlick's Fresnel factor R + (1 - R)(1 - cos theta_d)^5 per channel, by being made two of
+    all curves alike [BenArtzi07, eq. 3.12]: itself times R, and a second one, which `rises`, times
+    (1 - R)(1 - cos theta_d)^5. Both then have the further parameter `FRESNEL`, R, and no transport depends on it.
     """
 
     model: Model
@@ -66,6 +71,18 @@ class Layer:
     visible: bool = True
     frozen: bool = False
     follows: str = ""
+    rises: bool = False
+
+    @property
+    def table(self) -> tuple[Parameter, ...]:
+        """What a person may set: the parameters of the model, and R where it has one."""
+        return self.model.parameters if self.fresnel is None else (*self.model.parameters, FRESNEL)
+
+    @property
+    def fresnel(self) -> Array | None:
+        """R (3,); None for a layer without a second term."""
+        values = self.values
+        return channels(values, FRESNEL.name) if FRESNEL.name in values else None
 
     @property
     def values(self) -> dict[str, Value]:
@@ -91,11 +108,25 @@ class Layer:
 
     def scale(self) -> Array:
         """f_q, (3,)."""
-        return self.model.scale(self.values)
+        return self.model.scale(self.values) * self._share()
 
     def quotient_parameters(self) -> Array:
         """What the quotient's kernel needs, (8,)."""
-        return self.model.quotient_parameters(self.values)
+        q = self.model.quotient_parameters(self.values)
+        q[kinds.RISES] = float(self.rises)
+        return q
+
+    def brdf(self, wi: Array, wo: Array) -> Array:
+        """The whole formula without operators, 1/sr, (N, 3), of unit directions (N, 3) in the local frame."""
+        value = self.model.brdf(self.values, wi, wo) * self._share()
+        return value * rise(wi, wo)[:, None] if self.rises else value
+
+    def _share(self) -> Array:
+        """What of the model's strength belongs to this layer, (3,)."""
+        fresnel = self.fresnel
+        if fresnel is None:
+            return np.ones(3)
+        return 1.0 - fresnel if self.rises else fresnel
 
     def replace(self, **changes: Any) -> Layer:
         """The layer with some fields changed."""
@@ -103,7 +134,7 @@ class Layer:
 
     def with_parameter(self, name: str, value: object) -> Layer:
         """The layer with one parameter set. Raises ParameterError for an unknown one or a refused value."""
-        accepted = self.model.parameter(name).accept(value)
+        accepted = find_parameter(self.model.name, self.table, name).accept(value)
         return self.replace(parameters=tuple((key, accepted if key == name else old) for key, old in self.parameters))
 
     def with_operators(self, factor: str, operators: Sequence[Edit]) -> Layer:
@@ -111,9 +142,17 @@ class Layer:
         edits = {**dict(self.edits), self.model.leader(factor): tuple(operators)}
         return self.replace(edits=tuple((name, edits[name]) for name in sorted(edits) if edits[name]))
 
+    def with_fresnel(self, value: object) -> Layer:
+        """The layer with R set, which makes it one of two terms; None: it is the only one. Raises ParameterError."""
+        own = tuple(pair for pair in self.parameters if pair[0] != FRESNEL.name)
+        return self.replace(parameters=own if value is None else (*own, (FRESNEL.name, FRESNEL.accept(value))))
+
     def sharing(self, other: Layer) -> Layer:
         """This layer with another's curves: the operators of those that both models have, and the parameters that drive
-        curves in both tables alike. Itself where nothing differs."""
+        curves in both tables alike; where it is the second term of the other, all. Itself where nothing differs."""
+        if self.rises or other.rises:
+            shared = self.replace(model=other.model, parameters=other.parameters, edits=other.edits)
+            return self if shared == self else shared
         curves = self.model.curve_names & other.model.curve_names
         edits = {name: operators for name, operators in self.edits if name not in curves}
         edits |= {name: operators for name, operators in other.edits if name in curves}

@@ -111,13 +111,6 @@ class Model(ABC):
         """The curve that a curve's operators are kept by: itself, unless it is shared. Raises ParameterError."""
         return self.shared.get(name, self.factor(name).name)
 
-    def parameter(self, name: str) -> Parameter:
-        """The parameter of that name. Raises ParameterError naming those there are."""
-        for parameter in self.parameters:
-            if parameter.name == name:
-                return parameter
-        raise ParameterError(f"parameter of {self.name}", name, "one of " + ", ".join(p.name for p in self.parameters))
-
     def factor(self, name: str) -> Factor:
         """The factor (or view factor) of that name. Raises ParameterError naming those there are."""
         there = self.factors + ((self.view_factor,) if self.view_factor else ())
@@ -141,6 +134,14 @@ def _model_named(name: str) -> Model:
     from engine.material import MODELS
 
     return MODELS[name]
+
+
+def find_parameter(model_name: str, table: tuple[Parameter, ...], name: str) -> Parameter:
+    """The parameter of that name in a table. Raises ParameterError naming those there are."""
+    for parameter in table:
+        if parameter.name == name:
+            return parameter
+    raise ParameterError(f"parameter of {model_name}", name, "one of " + ", ".join(p.name for p in table))
 
 
 def validate_parameters(model: Model, mapping: Mapping[str, object], where: str) -> dict[str, Value]:

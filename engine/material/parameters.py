@@ -113,6 +113,15 @@ TINT = Parameter(
     ("scale",),
     maximum=4.0,
 )
+FRESNEL = Parameter(
+    "fresnel",
+    "rgb",
+    (0.5, 0.5, 0.5),
+    "Fresnel R",
+    "Share of each colour reflected head-on, rising to all of it at grazing angles: the layer reflects R of it, its "
+    "Fresnel term the rest.",
+    ("scale",),
+)
 FACING = Parameter(
     "reflectance",
     "scalar",

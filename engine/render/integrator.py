@@ -37,7 +37,7 @@ def evaluate_layers(layers: Sequence[Layer], wi: np.ndarray, wo: np.ndarray) -> 
 def evaluate_layer(layer: Layer, wi: np.ndarray, wo: np.ndarray) -> np.ndarray:
     """ρ(ωi, ωo) cosθi of one layer, (N, 3): the model's own formula, or quotient times curves where edits exist."""
     if not layer.edits:
-        return layer.model.brdf(layer.values, wi, wo) * np.maximum(wi[:, 2:3], 0.0)
+        return layer.brdf(wi, wo) * np.maximum(wi[:, 2:3], 0.0)
     return layer.scale() * evaluate_by_curves(layer, wi, wo)
 
 

@@ -107,7 +107,7 @@ def _profile(layer: Layer, mirror: bool, vectors: Floats) -> Floats:
     if mirror:
         angles = np.arctan2(np.hypot(vectors[:, 0], vectors[:, 1]), vectors[:, 2])
         return layer.curve("theta_r")(angles) @ LUMINANCE
-    q = layer.quotient_parameters()
+    q = layer.model.quotient_parameters(layer.values)  # of a second Fresnel term as well: light and eye are one here
     value = vectors[:, 2].copy()
     if layer.model.highlight_in_quotient:
         rest = np.empty(len(vectors))

@@ -10,7 +10,7 @@ import math
 import numba as nb
 import numpy as np
 
-from engine.material._kernels import gamma, quotient_cosine
+from engine.material._kernels import gamma, model_quotient_cosine
 from engine.material.kinds import (
     ASHIKHMIN_SHIRLEY,
     FACING_REFLECTANCE,
@@ -19,6 +19,7 @@ from engine.material.kinds import (
     GGX,
     GRAZING,
     LAMBERT,
+    RISES,
     ROUGH_ALPHA,
     ROUGH_CONDUCTOR,
     ROUGH_DISTRIBUTION,
@@ -157,7 +158,13 @@ def weigh(model_kind, q, x, y, z, ox, oy, oz, weights):
             weights[i] *= np.float32(0.125 / math.pi) * fresnel * c / (max(cos_d, np.float32(1e-6)) * max(c, oz))
     else:
         for i in range(x.shape[0]):
-            weights[i] *= np.float32(quotient_cosine(model_kind, q, x[i], y[i], z[i], ox, oy, oz))
+            weights[i] *= np.float32(model_quotient_cosine(model_kind, q, x[i], y[i], z[i], ox, oy, oz))
+    if q[RISES] > 0.0:
+        for i in range(x.shape[0]):
+            sx, sy, sz = x[i] + ox, y[i] + oy, z[i] + oz
+            away = max(np.float32(1.0) - np.float32(0.5) * np.sqrt(sx * sx + sy * sy + sz * sz), np.float32(0.0))
+            away2 = away * away
+            weights[i] *= away2 * away2 * away
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")

@@ -63,10 +63,10 @@ def test_two_terms_are_the_coloured_fresnel_term(two: Document) -> None:
     directions = np.random.default_rng(1).normal(size=(2, 200, 3))
     directions[..., 2] = np.abs(directions[..., 2])
     wi, wo = directions / np.linalg.norm(directions, axis=2, keepdims=True)
-    found = coat.model.brdf(coat.values, wi, wo) + rim.model.brdf(rim.values, wi, wo)
+    found = coat.brdf(wi, wo) + rim.brdf(wi, wo)
     for channel in range(3):
         one = coat.with_parameter("reflectance", R[channel]).with_parameter("scale", 1.0)
-        expected = one.model.brdf(one.values, wi, wo)[:, channel]
+        expected = one.brdf(wi, wo)[:, channel]
         np.testing.assert_allclose(found[:, channel], expected, rtol=1e-12)
 
 

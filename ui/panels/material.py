@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 from imgui_bundle import ImVec2, ImVec4, imgui
 
-from app.commands import SetModel, SetParameter
+from app.commands import SetFresnelTerm, SetModel, SetParameter
+from app.document import ObjectState, Selection
 from app.linked_layers import group_of
 from engine.material import MODELS, Layer, Parameter
 from ui import theme as look
@@ -31,23 +32,31 @@ def draw(context: PanelContext) -> list[Action]:
     editable = state.editable and not context.document.is_frozen(selection.key)
     actions: list[Action] = []
     width = _label_width(context, layer)
-    _heading(context, selection.object, layer, editable)
+    actions += _heading(context, selection, layer, editable)
     imgui.begin_disabled(not editable)
     actions += _model(context, selection.key, layer, width)
-    for parameter in layer.model.parameters:
+    for parameter in layer.table:
         actions += _parameter(context, selection.key, layer, parameter, width)
     imgui.end_disabled()
-    sharing = [state.layers[i].name for i in group_of(state.layers, selection.layer) if i != selection.layer]
-    if sharing:
-        widgets.caption(f"Curves, and what drives them, are shared with {', '.join(sharing)}.")
+    if note := _sharing_note(state, selection.layer):
+        widgets.caption(note)
     if context.status.material_note:
         widgets.caption(context.status.material_note)
     return actions
 
 
-def _heading(context: PanelContext, name: str, layer: Layer, editable: bool) -> None:
+def _sharing_note(state: ObjectState, index: int) -> str:
+    """Which layers are edited along with this one, and in what."""
+    layer, others = state.layers[index], [i for i in group_of(state.layers, index) if i != index]
+    if layer.rises:
+        return f"All of this is shared with {layer.follows}: edited in one, it follows in the other."
+    sharing = [state.layers[i].name for i in others if not state.layers[i].rises]
+    return f"Curves, and what drives them, are shared with {', '.join(sharing)}." if sharing else ""
+
+
+def _heading(context: PanelContext, selection: Selection, layer: Layer, editable: bool) -> list[Action]:
     context.theme.push_bold()
-    imgui.text_unformatted(name)
+    imgui.text_unformatted(selection.object)
     imgui.pop_font()
     if layer.name:
         imgui.same_line()
@@ -56,11 +65,26 @@ def _heading(context: PanelContext, name: str, layer: Layer, editable: bool) -> 
         imgui.same_line()
         imgui.text_disabled(Icon.FROZEN)
         widgets.tooltip("Frozen or fixed: thaw it, or make it editable, in the object list.")
+    return _fresnel_switch(context, selection.key, layer) if editable and (layer.rises or not layer.follows) else []
+
+
+def _fresnel_switch(context: PanelContext, key: str, layer: Layer) -> list[Action]:
+    """Whether there is a second term."""
+    there = layer.fresnel is not None
+    hint = (
+        "A second, additive layer of the same curves, edited once, that rises towards grazing angles: the colour "
+        "becomes R, what is reflected head-on, and the rest comes at grazing angles."
+    )
+    imgui.same_line()
+    imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() - imgui.get_style().frame_padding.y)  # words on one line
+    widgets.align_right(widgets.rich_width("Fresnel") + context.px(16))
+    pressed = widgets.segments(context, "material.fresnel_term", [("Fresnel", hint)], 0 if there else -1)
+    return [] if pressed is None else [SetFresnelTerm(key, not there)]
 
 
 def _label_width(context: PanelContext, layer: Layer) -> float:
     """A column, at scale 1, in which the model's longest label fits, within limits."""
-    longest = max((widgets.rich_width(widgets.subscripted(p.label)) for p in layer.model.parameters), default=0.0)
+    longest = max((widgets.rich_width(widgets.subscripted(p.label)) for p in layer.table), default=0.0)
     return min(max(longest / context.theme.scale + 10.0, widgets.LABEL_WIDTH), LARGEST_LABEL)
 
 

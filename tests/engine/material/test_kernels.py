@@ -123,6 +123,21 @@ def test_factors_times_quotient_is_the_formula(name, parameters, width):
     np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-9 * expected.max() + 1e-300)
 
 
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("width", [None, 0.3])
+def test_two_terms_are_a_coloured_fresnel_factor(name, width):
+    # Equation 3.12, of any model: rho (R + (1 - R)(1 - cos theta_d)^5), and each term by curves and quotient as well.
+    fresnel, (wi, wo) = np.array([0.9, 0.5, 0.04]), pairs(width)
+    plain = make_layer(MODELS[name])
+    terms = [plain.with_fresnel(fresnel), plain.with_fresnel(fresnel).replace(rises=True)]
+    cos_d = 0.5 * np.linalg.norm(wi + wo, axis=1)[:, None]
+    expected = plain.brdf(wi, wo) * (fresnel + (1.0 - fresnel) * (1.0 - cos_d) ** 5)
+    np.testing.assert_allclose(sum(term.brdf(wi, wo) for term in terms), expected, rtol=1e-12, atol=1e-300)
+    for term in terms:
+        direct = term.brdf(wi, wo)
+        np.testing.assert_allclose(product_of_factors(term, wi, wo), direct, rtol=1e-6, atol=1e-9 * direct.max())
+
+
 def test_a_file_is_all_that_a_model_takes(tmp_path, monkeypatch):
     # A copy of Ward's model under another name, in a folder that the package is told of: found, compiled, and right.
     source = Path(ward.__file__).read_text(encoding="utf-8")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from engine.errors import LoadError
-from engine.material import MODELS, ParameterError, validate_parameters
+from engine.material import MODELS, ParameterError, make_layer, validate_parameters
 
 ROUGH = MODELS["rough_conductor"]
 EVERY_PARAMETER = [(model, parameter) for model in MODELS.values() for parameter in model.parameters]
@@ -92,7 +92,7 @@ def test_refusals_name_key_value_and_range(key, value, expected):
 
 def test_unknown_names_are_named():
     with pytest.raises(ParameterError, match="parameter of lambert = 'alpha', expected one of albedo"):
-        MODELS["lambert"].parameter("alpha")
+        make_layer(MODELS["lambert"]).with_parameter("alpha", 0.5)
     with pytest.raises(ParameterError, match="curve of lambert = 'theta_h', expected one of theta_i, theta_o"):
         MODELS["lambert"].factor("theta_h")
 

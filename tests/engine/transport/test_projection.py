@@ -242,9 +242,10 @@ def test_single_precision_angles_agree_with_the_models_own(kind) -> None:
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-3 if kind in (GAMMA_RATIO, PHI_H) else 3e-4)
 
 
+@pytest.mark.parametrize("rises", [False, True])
 @pytest.mark.parametrize(("model", "parameters", "bands"), LAYERS)
-def test_single_precision_weights_agree_with_the_models_own(model, parameters, bands) -> None:
-    layer = make_layer(MODELS[model], parameters)
+def test_single_precision_weights_agree_with_the_models_own(model, parameters, bands, rises) -> None:
+    layer = make_layer(MODELS[model], parameters).replace(rises=rises)
     q, kind = layer.quotient_parameters(), layer.model.number
     wi, wo = directions(500, 5), directions(12, 6)
     wo[:, 2] = np.abs(wo[:, 2])
