@@ -19,7 +19,7 @@ VERSION = 1
 LEFT_WIDTH = 216.0
 RIGHT_WIDTH = 306.0
 CURVE_SHARE = 0.41
-LIGHT_HEIGHT, ACCURACY_HEIGHT = 268.0, 280.0
+LIGHT_HEIGHT, ACCURACY_HEIGHT = 246.0, 300.0
 DOCK_SPACE = "insitu.dock"
 
 
@@ -68,7 +68,7 @@ def build_default(identity: int, size: ImVec2, scale: float) -> None:
     right, middle = _split(rest, imgui.Dir.right, min(RIGHT_WIDTH * scale / (size.x - LEFT_WIDTH * scale), 0.4))
     curve, picture = _split(middle, imgui.Dir.down, CURVE_SHARE)
     column = imgui.internal.dock_builder_get_node(right).size.y
-    accuracy, upper = _split(right, imgui.Dir.down, min(ACCURACY_HEIGHT * scale / column, 0.4))
+    accuracy, upper = _split(right, imgui.Dir.down, min(ACCURACY_HEIGHT * scale / column, 0.45))
     light, material = _split(
         upper, imgui.Dir.down, min(LIGHT_HEIGHT * scale / (column - ACCURACY_HEIGHT * scale), 0.5)
     )
