@@ -12,8 +12,11 @@ NO_CELL = 0xFFFF
 MOST_CELLS = 0xFFFE
 NO_KEY = np.uint64(0)
 N_PLACES = 16
-_GRID_BITS = 17
+_GRID_BITS, _LEVEL_BITS = 16, 3
 _PLACE_BITS = 20
+# What a gloss shows is in focus: there a cell is to be no larger than an eighth of the ray that hits it.
+_FOCUS = np.float32(8.0)
+_MATT_LEVEL, _FINEST = 2, 3
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 
 
@@ -30,11 +33,12 @@ class Mesh(NamedTuple):
 
 
 class Hits(NamedTuple):
-    """First hits of R rays: triangle (R,) int32, −1 for none, barycentric u, v (R,)."""
+    """First hits of R rays: triangle (R,) int32, −1 for none, barycentric u, v (R,), distance (R,)."""
 
     triangle: np.ndarray
     u: np.ndarray
     v: np.ndarray
+    distance: np.ndarray
 
 
 class Table(NamedTuple):
@@ -87,10 +91,11 @@ def _shading_normal(mesh, triangle, u, v):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def find_keys(mesh, low, inverse_size, hits, there, directions, keys, sides):
+def find_keys(mesh, low, inverse_size, hits, there, directions, mirrored, keys, sides):
     """Key (R,) of the cell each ray hits, 0 for none, and which of its normals face away (R,).
 
-    A cell is what one object has in one cube of the grid (low (3,), 1 / its size) facing one of six ways.
+    A cell is what one object has in one cube of the grid (low (3,), 1 / its size) facing one of six ways. Cells that
+    mirrored (R,) rays find are of cubes from four times as large to half as large, by their distance.
     """
     most = np.int64((1 << _GRID_BITS) - 1)
     for r in range(keys.shape[0]):
@@ -113,10 +118,15 @@ def find_keys(mesh, low, inverse_size, hits, there, directions, keys, sides):
         else:
             facing = 4 if nz > ZERO else 5
         x, y, z = _position(mesh, triangle, hits.u[r], hits.v[r])
-        key = np.int64(mesh.objects[triangle]) * 6 + facing + 1
-        key = (key << _GRID_BITS) | min(max(np.int64((x - low[0]) * inverse_size), 0), most)
-        key = (key << _GRID_BITS) | min(max(np.int64((y - low[1]) * inverse_size), 0), most)
-        key = (key << _GRID_BITS) | min(max(np.int64((z - low[2]) * inverse_size), 0), most)
+        level, scale = _MATT_LEVEL, inverse_size
+        if mirrored[r]:
+            level, scale = 0, inverse_size / np.float32(1 << _MATT_LEVEL)
+            while level < _FINEST and hits.distance[r] * scale < _FOCUS:
+                level, scale = level + 1, np.float32(2.0) * scale
+        key = (np.int64(mesh.objects[triangle]) * 6 + facing + 1) << _LEVEL_BITS | level
+        key = (key << _GRID_BITS) | min(max(np.int64((x - low[0]) * scale), 0), most)
+        key = (key << _GRID_BITS) | min(max(np.int64((y - low[1]) * scale), 0), most)
+        key = (key << _GRID_BITS) | min(max(np.int64((z - low[2]) * scale), 0), most)
         keys[r] = np.uint64(key)
         sides[r] = side
 

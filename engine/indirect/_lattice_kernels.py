@@ -3,9 +3,8 @@
 import numba as nb
 import numpy as np
 
-# Corners whose normals differ by more than 25°, or that stand off each other's plane by more than 15°, have a crease
-# or an edge between them.
-_SAME_NORMAL = np.float32(0.906)
+# Corners whose normals differ by more than their object allows, or that stand off each other's plane by more than 15°,
+# have a crease or an edge between them.
 _SAME_PLANE = np.float32(0.259)
 # A pixel that lies on a corner beyond an edge takes the others, however far.
 _LEAST_SAY = np.float32(1e-6)
@@ -31,7 +30,7 @@ def _is_one_object(block, objects):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _are_one_surface(r, s, position, normal):
+def _are_one_surface(r, s, position, normal, least_alike):
     """Whether no edge lies between the points of two rows of one object."""
     alike, length2, off = np.float32(0.0), np.float32(0.0), np.float32(0.0)
     for axis in range(3):
@@ -39,31 +38,32 @@ def _are_one_surface(r, s, position, normal):
         alike += normal[r, axis] * normal[s, axis]
         length2 += step * step
         off += step * normal[r, axis]
-    return alike >= _SAME_NORMAL and off * off <= _SAME_PLANE * _SAME_PLANE * length2
+    return alike >= least_alike and off * off <= _SAME_PLANE * _SAME_PLANE * length2
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _is_smooth(block, row_image, position, normal):
+def _is_smooth(block, row_image, position, normal, least_alike):
     height, width = row_image.shape
     for k in range(4):
         y, x = _corner(block, k, height, width)
         r = row_image[y, x]
         for other in range(k):
             y, x = _corner(block, other, height, width)
-            if not _are_one_surface(r, row_image[y, x], position, normal):
+            if not _are_one_surface(r, row_image[y, x], position, normal, least_alike):
                 return False
     return True
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _can_stand_for(cy, cx, y, x, objects, row_image, position, normal):
+def _can_stand_for(cy, cx, y, x, objects, row_image, position, normal, least_alike):
     """Whether the corner's value is one for the pixel."""
     r, s = row_image[y, x], row_image[cy, cx]
-    return s >= 0 and objects[y, x] == objects[cy, cx] and _are_one_surface(r, s, position, normal)
+    o = objects[y, x]
+    return s >= 0 and o == objects[cy, cx] and _are_one_surface(r, s, position, normal, least_alike[o])
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _all_are_stood_for(block, objects, row_image, position, normal):
+def _all_are_stood_for(block, objects, row_image, position, normal, least_alike):
     height, width = row_image.shape
     y1, x1 = _corner(block, 3, height, width)
     for y in range(block[0], y1 + 1):
@@ -73,18 +73,19 @@ def _all_are_stood_for(block, objects, row_image, position, normal):
             found = False
             for k in range(4):
                 cy, cx = _corner(block, k, height, width)
-                found = found or _can_stand_for(cy, cx, y, x, objects, row_image, position, normal)
+                found = found or _can_stand_for(cy, cx, y, x, objects, row_image, position, normal, least_alike)
             if not found:
                 return False
     return True
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def must_split(blocks, objects, row_image, position, normal, values, tolerance, floor, out):
+def must_split(blocks, objects, row_image, position, normal, least_alike, values, tolerance, floor, out):
     """Whether each block (B, 3: y, x, size) shows more than its corners tell, into out (B,).
 
-    objects (H, W); row_image (H, W): the hits' row of each pixel, −1 for none; values (P, D) gathered at the corners'
-    rows; they may differ by `tolerance` of their mean and `floor` (D,).
+    objects (H, W); row_image (H, W): the hits' row of each pixel, −1 for none; least_alike (M,): the cosine by
+    which normals of an object may differ; values (P, D) gathered at the corners' rows; they may differ by `tolerance`
+    of their mean and `floor` (D,).
     """
     height, width = objects.shape
     for b in range(blocks.shape[0]):
@@ -93,10 +94,11 @@ def must_split(blocks, objects, row_image, position, normal, values, tolerance, 
         out[b] = block[2] > 1
         if block[2] == 1:
             continue
-        is_even = _is_one_object(block, objects) and _is_smooth(block, row_image, position, normal)
+        is_even = _is_one_object(block, objects)
+        is_even = is_even and _is_smooth(block, row_image, position, normal, least_alike[objects[block[0], block[1]]])
         if not is_even and block[2] > 2:
             continue
-        if not _all_are_stood_for(block, objects, row_image, position, normal):
+        if not _all_are_stood_for(block, objects, row_image, position, normal, least_alike):
             continue  # a groove, say, between corners that are alike
         if not is_even:
             out[b] = False
@@ -113,7 +115,7 @@ def must_split(blocks, objects, row_image, position, normal, values, tolerance, 
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def interpolate(blocks, objects, row_image, position, normal, point_of_row, rows, weights):
+def interpolate(blocks, objects, row_image, position, normal, least_alike, point_of_row, rows, weights):
     """For each point in these blocks the gather points at the corners (P, 4) and their weights (P, 4).
 
     Bilinear, but for corners beyond an edge, which have no say.
@@ -138,7 +140,7 @@ def interpolate(blocks, objects, row_image, position, normal, point_of_row, rows
                     if block[2] == 1:
                         cy, cx = y, x
                     weight = (v if k >> 1 else np.float32(1.0) - v) * (u if k & 1 else np.float32(1.0) - u)
-                    allowed = _can_stand_for(cy, cx, y, x, objects, row_image, position, normal)
+                    allowed = _can_stand_for(cy, cx, y, x, objects, row_image, position, normal, least_alike)
                     rows[r, k] = point_of_row[row_image[cy, cx]] if allowed else 0
                     weights[r, k] = max(weight, _LEAST_SAY) if allowed else np.float32(0.0)
                     total += weights[r, k]

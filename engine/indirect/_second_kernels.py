@@ -191,7 +191,7 @@ def _candidate(lamps, table, c, m, seed, pole, frame, place, eye):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def begin_second(which, n_rays, rows, hits, distance, origins, directions, mesh, poles, axes, lamps, table, offset,
+def begin_second(which, n_rays, rows, hits, origins, directions, mesh, poles, axes, lamps, table, offset,
                  normals, lights, candidates, weights, to_light, limits, to_pole, starts, there):  # fmt: skip
     """The further rays of the rays `which` (n,) of a chunk of fans, numbered point by point.
 
@@ -206,7 +206,7 @@ def begin_second(which, n_rays, rows, hits, distance, origins, directions, mesh,
         if nx * dx + ny * dy + nz * dz > ZERO:
             nx, ny, nz = -nx, -ny, -nz
         normals[i, 0], normals[i, 1], normals[i, 2] = nx, ny, nz
-        far = distance[w]
+        far = hits.distance[w]
         px, py, pz = origins[w, 0] + far * dx, origins[w, 1] + far * dy, origins[w, 2] + far * dz
         seed = _seed(rows[w // n_rays], w % n_rays)
         tx, ty, tz = _tangent(axes, o, nx, ny, nz)

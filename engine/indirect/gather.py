@@ -59,11 +59,12 @@ def joined(parts: Sequence[Gathered]) -> Gathered:
 
 def gather(
     hits: PrimaryHits, cells: Cells, rows: NDArray[np.int32], poles: NDArray[np.int64], size: FanSize,
-    second: SecondRays | None = None,
+    second: SecondRays | None = None, focused: bool = True,
 ) -> Iterator[Gathered]:  # fmt: skip
     """Trace the fans of the points `rows` (ascending), two chunks at a time.
 
-    poles: of every object; second: None to record nothing of glossy surfaces. Raises TooManyCells.
+    poles: of every object; second: None to record nothing of glossy surfaces; focused: whether what glossy surfaces
+    show is in cells by distance. Raises TooManyCells.
     """
     tables = cosine_tables(size.n_cosine), pole_tables(size.n_pole)
     surface = Surface(hits.position, hits.tangent, hits.normal, hits.wo)
@@ -77,7 +78,8 @@ def gather(
             chunk, point_poles[begin : begin + step], surface, hits.geometric_normal, np.float32(cells.caster.offset),
             *tables, 0, size.n_rays, rays.origins, rays.directions, rays.there,
         )  # fmt: skip
-        seen, found = cells.hit_by(rays)
+        mirrored = np.repeat(focused & (point_poles[begin : begin + step] != kernels.NORMAL), size.n_rays)
+        seen, found = cells.hit_by(rays, mirrored=mirrored)
         records = no_records(len(chunk)) if second is None else second.trace(cells, chunk, rays, seen, found)
         return Gathered(chunk, seen.reshape(len(chunk), -1), records)
 

@@ -1,5 +1,7 @@
 """The adaptive lattice of gather points over a picture: blocks in quarters, see `gather`."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +11,8 @@ from engine.scene.hits import PrimaryHits
 COARSEST = 8
 # What the corners of a block may differ by: a share of their mean, and of the picture's.
 TOLERANCE, FLOOR = 0.15, 0.03
+# How far normals may turn from a gather point to what it stands for: a gloss shows something else where they turn.
+MATT_TURN, GLOSSY_TURN = math.cos(math.radians(25.0)), math.cos(math.radians(4.0))
 
 
 class Lattice:
@@ -18,8 +22,10 @@ class Lattice:
     until `refine` finds nothing to do.
     """
 
-    def __init__(self, hits: PrimaryHits) -> None:
+    def __init__(self, hits: PrimaryHits, glossy: NDArray[np.bool_]) -> None:
+        """glossy (M,): the objects whose reflection turns with their normals."""
         self._hits = hits
+        self._least_alike = np.asarray(np.where(glossy, GLOSSY_TURN, MATT_TURN), np.float32)
         width, height = hits.resolution
         self._row_image = np.full((height, width), -1, np.int32)
         self._row_image.ravel()[hits.pixel] = np.arange(len(hits.pixel), dtype=np.int32)
@@ -48,7 +54,7 @@ class Lattice:
         split = np.empty(len(self._open), bool)
         kernels.must_split(
             self._open, self._objects, self._row_image, self._hits.position, self._hits.normal,
-            np.ascontiguousarray(values, np.float32), TOLERANCE, floor, split,
+            self._least_alike, np.ascontiguousarray(values, np.float32), TOLERANCE, floor, split,
         )  # fmt: skip
         split &= self._open[:, 2] > 1
         self._closed = np.concatenate([self._closed, self._open[~split]])
@@ -64,8 +70,8 @@ class Lattice:
         point_of_row = np.where(self._known, np.cumsum(self._known) - 1, -1).astype(np.int32)
         rows, weights = np.zeros((n_points, 4), np.int32), np.zeros((n_points, 4), np.float32)
         kernels.interpolate(
-            self._closed, self._objects, self._row_image, self._hits.position, self._hits.normal, point_of_row, rows,
-            weights,
+            self._closed, self._objects, self._row_image, self._hits.position, self._hits.normal,
+            self._least_alike, point_of_row, rows, weights,
         )  # fmt: skip
         return rows, weights
 

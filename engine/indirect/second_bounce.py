@@ -91,7 +91,7 @@ class SecondRays:
         starts = np.empty((n, 2, 3), np.float32)
         weights, limits, there = np.empty(n, np.float32), np.empty(n, np.float32), np.empty(n, bool)
         kernels.begin_second(
-            which, n_rays, rows, Hits(found.triangle, found.u, found.v), found.distance, rays.origins, rays.directions,
+            which, n_rays, rows, Hits(found.triangle, found.u, found.v, found.distance), rays.origins, rays.directions,
             cells.mesh, self.poles, self.axes, self.lamps, pole_tables(N_POLE_RAYS), np.float32(cells.caster.offset),
             normals, lights, candidates, weights, to_light, limits, to_pole, starts, there,
         )  # fmt: skip

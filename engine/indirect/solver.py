@@ -112,7 +112,7 @@ class Solver:
             size = (low * high) ** 0.5
             cells = Cells(scene, self._placement.caster, size)
             try:
-                pilot = gather(hits, cells, rows, self._poles, _fan_size(_PILOT_RAYS, HALF))
+                pilot = gather(hits, cells, rows, self._poles, _fan_size(_PILOT_RAYS, HALF), focused=False)
                 n_hits = sum(int((part.seen != NO_CELL).sum()) for part in pilot)
                 too_fine = len(cells) > min(self._fineness.n_cells / 2, max(n_hits / 4, 1.0))
             except TooManyCells:
@@ -156,7 +156,7 @@ class Solver:
     ) -> Generator[Progress, None, tuple[GatherPoints, Footprint]]:
         """As many points as the picture of these layers needs, by a quarter of the light between cells."""
         n_rays, n_samples = self._fineness.n_cell_rays // 4, self._fineness.n_samples // 4
-        lattice = Lattice(self._placement.hits)
+        lattice = Lattice(self._placement.hits, self._poles != NORMAL)
         values = np.zeros((len(self._placement.hits.pixel), 3), np.float32)
         bright = None
         while True:

@@ -3,16 +3,18 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
-from engine.indirect.lattice import COARSEST, Lattice
+from engine.indirect.lattice import COARSEST, GLOSSY_TURN, Lattice
 from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, placement_of
 
 HITS = placement_of(CORNER, **CORNER_VIEW, n=64).hits
 OBJECTS = HITS.object_image.ravel()[HITS.pixel]
+MATT = np.zeros(len(CORNER), bool)
 
 
 def refined(values: np.ndarray) -> Lattice:
-    lattice, turns = Lattice(HITS), 0
+    lattice, turns = Lattice(HITS, MATT), 0
     lattice.wanted()
     while lattice.refine(values):
         lattice.wanted()
@@ -51,7 +53,7 @@ def test_a_step_is_found():
 def test_a_groove_between_corners_that_are_alike_is_stood_for():
     normal = HITS.normal.copy()
     normal[np.random.default_rng(4).choice(len(normal), len(normal) // 40, replace=False)] *= -1.0
-    lattice = Lattice(replace(HITS, normal=normal))
+    lattice = Lattice(replace(HITS, normal=normal), MATT)
     lattice.wanted()
     while lattice.refine(np.ones((len(normal), 1))):
         lattice.wanted()
@@ -59,3 +61,18 @@ def test_a_groove_between_corners_that_are_alike_is_stood_for():
     np.testing.assert_allclose(weights.sum(axis=1), 1.0, rtol=1e-5)
     faces = np.einsum("pkc,pc->pk", normal[lattice.rows[rows]], normal)
     assert not weights[faces < 0.0].any()
+
+
+@pytest.mark.parametrize("glossy", [False, True])
+def test_a_gloss_is_stood_for_by_normals_like_its_own(glossy):
+    turn = np.array([0.25, 0.0, 0.0], np.float32) * np.sin(6.0 * HITS.position[:, :1])
+    normal = HITS.normal + turn
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    lattice = Lattice(replace(HITS, normal=normal), np.full(len(CORNER), glossy))
+    lattice.wanted()
+    while lattice.refine(np.ones((len(normal), 1))):
+        lattice.wanted()
+    rows, weights = lattice.footprint()
+    np.testing.assert_allclose(weights.sum(axis=1), 1.0, rtol=1e-5)
+    alike = np.einsum("pkc,pc->pk", normal[lattice.rows[rows]], normal)[weights > 0.0].min()
+    assert (alike > GLOSSY_TURN - 1e-5) == glossy
