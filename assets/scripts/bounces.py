@@ -18,7 +18,7 @@ from app.stills import render_picture
 from engine.indirect.series import BounceSeries
 from engine.render.display import display_picture
 
-SCENES = ("cornell", "vase", "room")
+SCENES = ("cornell", "vase", "room", "ring")
 SIDE = 320
 GAP = 6
 MOST_BYTES = 150_000
