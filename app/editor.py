@@ -19,6 +19,7 @@ from typing import Protocol
 from app.commands import EditCommand
 from app.comparison import Comparison
 from app.document import Document, Selection, all_factors, document_from_description, resolve
+from app.edited_curves import edited_layers
 from app.history import History
 from app.indirect import IndirectTalk
 from app.jobs.messages import (
@@ -314,6 +315,11 @@ class Editor:
         """Band values (J,3) of each transport factor of a layer, as the document has them."""
         return self.curves.coefficients(self.document, key)
 
+    @property
+    def edited_layers(self) -> tuple[str, ...]:
+        """Keys of the layers that follow the selected curve, the selected one first; none of a fixed object."""
+        return edited_layers(self.document, self.view.selected)
+
     def layer_gain(self, key: str) -> Array:
         """f_q of a layer, (3,)."""
         return self.curves.gain(self.document, key)
@@ -325,11 +331,11 @@ class Editor:
     def report_rendering(self, report: RenderReport) -> None:
         """What the renderer reached in the frame just drawn, for the present document and selection."""
         self._gauges.report = report
-        selected = self.view.selected
-        if report.exact and selected is not None and selected.factor is not None:
-            wanted = self.wanted_coefficients(selected.key)
-            if selected.factor in wanted:
-                self._negotiator.rendered(selected.key, selected.factor, wanted[selected.factor])
+        factor = None if self.view.selected is None else self.view.selected.factor
+        for key in self.edited_layers if report.exact else ():
+            wanted = self.wanted_coefficients(key)
+            if factor in wanted:
+                self._negotiator.rendered(key, factor, wanted[factor])
 
     @property
     def status(self) -> Status:
@@ -383,9 +389,9 @@ class Editor:
                 self._gauges.has_picture = True
                 self._gauges.picture_changed()
                 return [LayerRadiance(response.key, response.stage, response.radiance, made_with)]
-            case LayerTransport() if self._negotiator.took_transport(response, self.view.selected):
+            case LayerTransport() if self._negotiator.took_transport(response, self.document, self.view.selected):
                 self._gauges.picture_changed()
-                return [_transport_ready(response)]
+                return [_transport_ready(response, self.edited_layers)]
             case StageDone():
                 self._take_stage(response)
         return []
@@ -516,7 +522,7 @@ class Editor:
         return Selection(target.object, index, factor)
 
 
-def _transport_ready(response: LayerTransport) -> TransportReady:
+def _transport_ready(response: LayerTransport, beside: tuple[str, ...]) -> TransportReady:
     return TransportReady(
         response.key,
         response.factor,
@@ -524,6 +530,7 @@ def _transport_ready(response: LayerTransport) -> TransportReady:
         response.coefficients_first,
         response.norms,
         response.scale,
+        beside,
     )
 
 

@@ -14,13 +14,14 @@ object sends on keeps its shape while its curve is dragged; it is frozen anew as
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from app.document import Document, Selection
+from app.edited_curves import edited_layers
 from app.jobs.messages import Freeze, Frozen, IndirectFound, IndirectNoise, LayerReflection, Request
 from app.picture import Array, Curves, IndirectFootprint, IndirectRadiance, PictureEvent
 from engine.indirect.equivalence import albedo_of
@@ -48,12 +49,17 @@ def reflections(document: Document, curves: Curves, second: int | None = None) -
 
 @dataclass(frozen=True, eq=False)
 class FreezeWish:
-    """What the indirect light is frozen for; two serve the same if what they hold fixed is the same."""
+    """What the indirect light is frozen for; two serve the same if what they hold fixed is the same.
+
+    edited: of layers that share the selected curve which of theirs it is: like what else is edited of the object they
+    have a shape, and are frozen anew once the hand rests.
+    """
 
     looks: tuple[LayerReflection, ...]
     key: str | None
     factor: int | None
     second: int | None
+    edited: Mapping[str, int] = field(default_factory=dict)
 
     def serves(self, other: FreezeWish) -> bool:
         """Whether its answer is one to the other as well."""
@@ -78,7 +84,7 @@ class FreezeWish:
         if (mine.key, mine.model, mine.quotient_parameters) != (theirs.key, theirs.model, theirs.quotient_parameters):
             return False
         for i, (one, two) in enumerate(zip(mine.coefficients, theirs.coefficients, strict=True)):
-            if (mine.key, i) == (self.key, self.factor) or one is two:
+            if (mine.key, i) == (self.key, self.factor) or self.edited.get(mine.key) == i or one is two:
                 continue
             if not np.allclose(one, two, rtol=1e-6, atol=0.0):
                 return False
@@ -197,13 +203,17 @@ class IndirectTalk:
 
     def _new_wish(self, document: Document, selected: Selection | None, second: int | None) -> FreezeWish:
         key = factor = None
+        edited: dict[str, int] = {}
         # What is frozen by hand is not edited: it takes no part in the polynomial, and costs no bands.
         if selected is not None and not (document.object(selected.object).emits or document.is_frozen(selected.key)):
             key = selected.key
             names = list(self._curves.coefficients(document, key))
             if selected.factor in names and document.object(selected.object).editable:
                 factor = names.index(selected.factor)
-        return FreezeWish(reflections(document, self._curves, second), key, factor, second)
+                for other in edited_layers(document, selected)[1:]:
+                    theirs = list(self._curves.coefficients(document, other))
+                    edited |= {other: theirs.index(selected.factor)} if selected.factor in theirs else {}
+        return FreezeWish(reflections(document, self._curves, second), key, factor, second, edited)
 
     def _ask(self, now: float, wish: FreezeWish, revision: int) -> None:
         if self._last is None or not (self._last.serves(wish) and self._last.same(wish)):

@@ -10,7 +10,7 @@ right after an undo, a crash, or a selection that changed in mid-computation.
   turned, drag-quality transport is asked for at once, one request at a time.
 - The selected curve wants its layer's transport, the layer's other factor contracted with its present curve ("curve
   switching", [BenArtzi07, eq. 4.16]), in half or single floats; it is asked for again when that other curve or the
-  precision has changed.
+  precision has changed. So do layers that share the curve (`edited_curves`).
 - A layer that is not selected wants its radiance with its present curves: undo may have changed them.
 
 At most one contraction is under way, because a newer one cancels the older; the selected curve's goes first.
@@ -19,12 +19,13 @@ At most one contraction is under way, because a newer one cancels the older; the
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from app.document import Document, LightState, Selection
+from app.edited_curves import EditedCurves, curve_wishes, edited_layers
 from app.indirect import reflections
 from app.jobs.messages import ComputeTransport, Contract, Failed, LayerPicture, LayerTransport, Request, StageDone
 from app.picture import Array, Coefficients, Curves
@@ -35,7 +36,6 @@ from app.wishes import (
     LayerShape,
     LayerShown,
     TransportWish,
-    curve_wish,
     layer_work,
     same_coefficients,
     transport_wish,
@@ -72,13 +72,12 @@ class Negotiator:
         self._exact = False
         self._complete = False
         self._released = False
-        self._last_curve: CurveWish | None = None
+        self._edited = EditedCurves()
         self._forget_answers()
 
     def _forget_answers(self) -> None:
         self._layers: dict[str, LayerShown] = {}
-        self._curve: CurveShown | None = None
-        self._asked_curve: CurveWish | None = None
+        self._edited.forget_answers()
         self._asked_pictures: dict[str, Coefficients] = {}
         self._contraction: Contraction | None = None
 
@@ -110,7 +109,8 @@ class Negotiator:
     def worker_restarted(self) -> None:
         """A new worker begins anew with what was asked; its first stages are no longer the final picture."""
         self._running, self._exact = self._asked is not None, False
-        self._contraction, self._asked_curve, self._asked_pictures = None, None, {}
+        self._contraction, self._asked_pictures = None, {}
+        self._edited.forget_asked()
 
     def resume(self) -> None:
         """Ask once more for what was cancelled or failed."""
@@ -118,10 +118,9 @@ class Negotiator:
 
     def rendered(self, key: str, factor: str, coefficients: Array) -> None:
         """The renderer has stepped a layer's picture to these coefficients exactly."""
-        shown, curve = self._layers.get(key), self._curve
-        if shown is not None and curve is not None and (curve.key, curve.factor) == (key, factor):
-            if curve.stage == shown.stage:
-                shown.coefficients = {**shown.coefficients, factor: coefficients}
+        shown = self._layers.get(key)
+        if shown is not None and self._edited.stage_of(key, factor) == shown.stage:
+            shown.coefficients = {**shown.coefficients, factor: coefficients}
 
     # --------------------------------------------------------------------------------------------- what is to be told
 
@@ -236,7 +235,8 @@ class Negotiator:
         self._ask_transport(wish, now, document, selected, dragging)
         self._released = False
         if not self._drag_quality:
-            self._ask_contraction(now, document, curve_wish(document, selected, self._curves, self._precision))
+            self._edited.wished = curve_wishes(document, selected, self._curves, self._precision)
+            self._ask_contraction(now, document)
 
     def _ask_transport(
         self, wish: TransportWish, now: float, document: Document, selected: Selection | None, dragging: bool
@@ -250,7 +250,7 @@ class Negotiator:
             self._compute(wish, document, selected, DRAG_QUALITY)
 
     def _compute(self, wish: TransportWish, document: Document, selected: Selection | None, n_lights: int) -> None:
-        curve = curve_wish(document, selected, self._curves, self._precision)
+        self._edited.wished = curves = curve_wishes(document, selected, self._curves, self._precision)
         work = tuple(layer_work(shape, self._curves.coefficients(document, shape.key)) for shape in wish.layers)
         staying = self._staying(wish, n_lights)
         was_fixed = [shape.key for shape in self.layers_asked if shape.is_fixed and shape.key in staying]
@@ -260,17 +260,17 @@ class Negotiator:
         self._forget_answers()
         self._layers = staying
         self._becoming_editable = tuple(s.key for s in wish.layers if s.key in was_fixed and not s.is_fixed)
-        self._asked_curve = curve
         request = ComputeTransport(
             wish.light,
             work,
-            None if curve is None else curve.key,
-            None if curve is None else curve.factor,
+            curves[0].key if curves else None,
+            curves[0].factor if curves else None,
             min(N_LIGHTS_PREVIEW, wish.n_lights),
             n_lights,
             self._precision,
             wish.n_bounces,
             reflections(document, self._curves) if wish.n_bounces != 1 else (),
+            tuple(curve.key for curve in curves[1:]),
             revision=self.revision,
         )
         self._transport_id = self._send(request)
@@ -282,21 +282,25 @@ class Negotiator:
         alike = wish.alike(self._asked)
         return {key: shown for key, shown in self._layers.items() if key in alike}
 
-    def _ask_contraction(self, now: float, document: Document, curve: CurveWish | None) -> None:
-        outdated = self._outdated_layers(document, None if curve is None else curve.key)
-        has_curve = curve is None or self._has(curve)
-        self._last_curve = curve
-        self._complete = has_curve and not outdated and not self._waits(now)
-        if curve is not None and not has_curve and not curve.same(self._asked_curve):
-            if not self._can_contract(curve.key, self._curves.coefficients(document, curve.key)):
-                return
-            if not self._waits(now) or not curve.same_curve(self._contraction.wish if self._contraction else None):
-                self._contract(curve, document, now)
-        elif not self._waits(now):
-            self._ask_picture(now, document, outdated)
+    def _ask_contraction(self, now: float, document: Document) -> None:
+        edited = self._edited
+        outdated = self._outdated_layers(document, [wish.key for wish in edited.wished])
+        self._complete = edited.has_all(self._layers) and not outdated and not self._waits(now)
+        missing = [wish for wish in edited.missing(self._layers) if self._has_transport(document, wish)]
+        if not missing:
+            if not self._waits(now):
+                self._ask_picture(now, document, outdated)
+            return
+        under_way = None if self._contraction is None else self._contraction.wish
+        if not self._waits(now) or not any(wish.same_curve(under_way) for wish in edited.wished):
+            self._contract(missing[0], document, now)
 
-    def _outdated_layers(self, document: Document, selected_key: str | None) -> dict[str, Coefficients]:
-        """The curves of those layers, but for the selected, whose radiance was made with other ones."""
+    def _has_transport(self, document: Document, wish: CurveWish) -> bool:
+        """Whether the worker can hand out a curve's transport, as far as it was asked to compute it."""
+        return self._can_contract(wish.key, self._curves.coefficients(document, wish.key))
+
+    def _outdated_layers(self, document: Document, edited: Collection[str]) -> dict[str, Coefficients]:
+        """The curves of those layers, but for those that are edited, whose radiance was made with other ones."""
         outdated: dict[str, Coefficients] = {}
         there = {key for key, _ in document.layers()}
         for key, shown in self._layers.items():
@@ -305,7 +309,7 @@ class Negotiator:
             wanted = self._curves.coefficients(document, key)
             if same_coefficients(shown.coefficients, wanted):
                 shown.coefficients = wanted
-            elif key != selected_key:
+            elif key not in edited:
                 outdated[key] = wanted
         return outdated
 
@@ -325,14 +329,18 @@ class Negotiator:
     def _contract(self, curve: CurveWish, document: Document, now: float) -> None:
         if self._contraction is not None:  # it is replaced unanswered: what it was to bring is to be asked for again
             self._asked_pictures.pop(self._contraction.wish.key, None)
-            self._asked_curve = self._asked_curve if self._contraction.wish.factor is None else None
+            if self._contraction.wish.factor is not None:
+                self._edited.withdraw(self._contraction.wish.key)
         wanted = self._curves.coefficients(document, curve.key)
         if curve.factor is not None:
-            self._asked_curve = curve
+            self._edited.ask(curve)
+        is_follower = curve.factor is not None and curve.key != self._edited.wished[0].key
         shown = self._layers.get(curve.key)
         new_picture = curve.factor is None or shown is None or not same_coefficients(shown.coefficients, wanted)
         given = tuple(wanted.items())
-        request = Contract(curve.key, curve.factor, given, curve.precision, new_picture, revision=self.revision)
+        request = Contract(
+            curve.key, curve.factor, given, curve.precision, new_picture, is_follower, revision=self.revision
+        )
         self._contraction = Contraction(self._send(request), curve, now)
 
     def _asked_shape(self, key: str) -> LayerShape | None:
@@ -343,15 +351,6 @@ class Negotiator:
         """Whether the transport asked for is over the layer's present curves and bands."""
         shape = self._asked_shape(key)
         return shape is not None and shape.takes(wanted)
-
-    def _has(self, curve: CurveWish) -> bool:
-        """Whether the curve's transport has come, in the stage and with the other curve of its layer's radiance."""
-        shown = self._layers.get(curve.key)
-        if shown is None or curve.factor is None:
-            return False
-        if self._curve != CurveShown(curve.key, curve.factor, shown.stage, curve.precision):
-            return False
-        return same_coefficients({name: shown.coefficients[name] for name in curve.others}, curve.others)
 
     def _transport_wish(self, document: Document, n_lights: int, n_bounces: int) -> TransportWish:
         made_of = (document, n_lights, n_bounces)
@@ -379,22 +378,18 @@ class Negotiator:
             self._contraction = None
         return coefficients
 
-    def took_transport(self, response: LayerTransport, selected: Selection | None) -> bool:
-        """Note a curve's transport; whether it is the selected curve's."""
-        came = CurveWish(response.key, response.factor, {}, response.precision)
-        if self._contraction is not None and came.same_curve(self._contraction.wish):
+    def took_transport(self, response: LayerTransport, document: Document, selected: Selection | None) -> bool:
+        """Note a curve's transport; whether it is that of a layer which follows the selected curve."""
+        came = CurveShown(response.key, response.factor, response.stage, response.precision)
+        under_way = None if self._contraction is None else self._contraction.wish
+        if under_way is not None and under_way.same_curve(CurveWish(came.key, came.factor, {}, came.precision)):
             self._contraction = None
-        if selected is None or (selected.key, selected.factor) != (response.key, response.factor):
-            if came.same_curve(self._asked_curve):  # not kept: selected again, it is asked for again
-                self._asked_curve = None
-            return False
-        self._curve = CurveShown(response.key, response.factor, response.stage, response.precision)
-        return True
+        is_selected = selected is not None and selected.factor == came.factor
+        return self._edited.took(came, edited_layers(document, selected) if is_selected else ())
 
     def took_stage(self, response: StageDone) -> None:
         """Note the end of a stage: what did not come with it, or came with older curves, is asked for again."""
-        if self._last_curve is None or not self._has(self._last_curve):
-            self._asked_curve = None
+        self._edited.took_stage(self._layers)
         self._asked_pictures = {}
         if response.id == self._transport_id and response.exact:
             self._running, self._exact = False, not self._drag_quality

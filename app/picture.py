@@ -67,7 +67,8 @@ class LayerRadiance:
 
 @dataclass(frozen=True, eq=False)
 class TransportReady:
-    """The selected curve's transport: ``coefficients_first`` (J,p,3) in the Daubechies-4 domain, times ``scale``."""
+    """The selected curve's transport in one layer: ``coefficients_first`` (J,p,3) in the Daubechies-4 domain, times
+    ``scale``. ``beside``: all layers that follow the curve."""
 
     key: str
     factor: str
@@ -75,6 +76,7 @@ class TransportReady:
     coefficients_first: NDArray[np.floating]
     norms: NDArray[np.floating]
     scale: NDArray[np.floating]
+    beside: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

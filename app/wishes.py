@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.document import Document, LightState, Selection
+from app.document import Document, LightState
 from app.jobs.messages import LayerWork
 from app.picture import Array, Coefficients, Curves
 from engine.material.layer import Layer
@@ -121,9 +121,9 @@ class LayerShown:
     coefficients: Coefficients
 
 
-@dataclass
+@dataclass(frozen=True)
 class CurveShown:
-    """The transport that was delivered last for a selected curve."""
+    """The transport that was delivered last for a selected curve of a layer."""
 
     key: str
     factor: str
@@ -149,19 +149,6 @@ def transport_wish(document: Document, n_lights: int, n_bounces: int, curves: Cu
         if key.rpartition(".")[0] not in emitters
     )
     return TransportWish(replace(document.light, intensity=1.0), shapes, n_lights, n_bounces)
-
-
-def curve_wish(
-    document: Document, selected: Selection | None, curves: Curves, precision: Precision
-) -> CurveWish | None:
-    """The selected curve's transport; None where none is selected, or one that is applied in image space or fixed."""
-    if selected is None or document.object(selected.object).emits or not document.object(selected.object).editable:
-        return None
-    coefficients = curves.coefficients(document, selected.key)
-    if selected.factor not in coefficients:
-        return None
-    others = {name: values for name, values in coefficients.items() if name != selected.factor}
-    return CurveWish(selected.key, selected.factor, others, precision)
 
 
 def same_coefficients(one: Mapping[str, Array], two: Mapping[str, Array]) -> bool:

@@ -70,7 +70,7 @@ class PictureFeed:
         self._description: SceneDescription | None = None
         self._names: list[str] = []
         self._view_curves: dict[str, NDArray[np.float64]] = {}
-        self._wanted: NDArray[np.float64] | None = None
+        self._wanted: dict[str, NDArray[np.float64]] = {}
         self._compared: object = None
         self._rotation: float | None = None
         self._texture: moderngl.Texture | None = None
@@ -198,14 +198,16 @@ class PictureFeed:
                 if self._compared is not None:
                     self.renderer.snapshot_compare({key: _look(look) for key, look in event.looks.items()})
             case TransportReady():
-                self.renderer.begin_transport(event.key, event.coefficients_first, event.norms, event.scale)
+                numbers = event.coefficients_first
+                self.renderer.begin_transport(event.key, numbers, event.norms, event.scale, event.beside)
 
     def _take_scene(self, event: SceneFrame) -> None:
         self.renderer.set_frame(picture_frame(event))
         self._description = event.description
         self._names = [described.name for described in event.description.objects]
         self._view_curves.clear()
-        self._wanted = self._compared = self._rotation = None
+        self._wanted = {}
+        self._compared = self._rotation = None
 
     def _take_radiance(self, editor: Editor, event: LayerRadiance) -> None:
         renderer = self.renderer
@@ -213,7 +215,7 @@ class PictureFeed:
             renderer.set_layer(event.key, self._names.index(event.key.rpartition(".")[0]), len(event.radiance))
         selected = editor.view.selected
         made_with = None
-        if selected is not None and selected.key == event.key and selected.factor is not None:
+        if selected is not None and selected.factor is not None and event.key in editor.edited_layers:
             bands = event.coefficients.get(selected.factor)
             made_with = None if bands is None else forward(bands)
         renderer.set_layer_radiance(event.key, event.radiance, made_with)
@@ -236,7 +238,7 @@ class PictureFeed:
         report = self.renderer.update(limit, budget if uploaded else (1.0 - UPLOAD_SHARE) * budget)
         self._spent_ms = 1e3 * (time.perf_counter() - started)
         self._texture = self.renderer.composite(self._display_view(editor))
-        wanted = 0 if self._wanted is None else len(self._wanted)
+        wanted = max(map(len, self._wanted.values()), default=0)
         exact = uploaded and report.exact and not self._waiting
         editor.report_rendering(
             RenderReport(
@@ -298,19 +300,16 @@ class PictureFeed:
             self.renderer.set_layer_visible(key, False)
 
     def _follow_curve(self, editor: Editor) -> None:
-        selected = editor.view.selected
-        if selected is None or selected.factor is None or selected.key not in self.renderer.layer_keys:
-            self._wanted = None
-            return
-        if not editor.document.object(selected.object).editable:  # it has no transport to be drawn from
-            self._wanted = None
-            return
-        coefficients = editor.wanted_coefficients(selected.key).get(selected.factor)
-        if coefficients is None:
-            self._wanted = None
-        elif self._wanted is None or coefficients is not self._wanted:
-            self.renderer.wanted(selected.key, forward(coefficients))
-            self._wanted = coefficients
+        """The selected curve, in all layers that follow it."""
+        factor = None if editor.view.selected is None else editor.view.selected.factor
+        found: dict[str, NDArray[np.float64]] = {}
+        for key in editor.edited_layers:
+            coefficients = editor.wanted_coefficients(key).get(factor or "")
+            if coefficients is not None and key in self.renderer.layer_keys:
+                found[key] = coefficients
+                if self._wanted.get(key) is not coefficients:
+                    self.renderer.wanted(key, forward(coefficients))
+        self._wanted = found
 
     def _follow_comparison(self, editor: Editor) -> None:
         compared = editor.view.compare

@@ -80,6 +80,7 @@ class LayerReflection:
 class ComputeTransport(Request):
     """Compute the transport of all layers under one light, coarse to fine; earlier contractions are cancelled.
 
+    selected, factor: the curve whose transport is handed out as well, in the layer of that key and in `followers`.
     With n_bounces > 1 the indirect light is found as well; `looks` say where the picture of it bends. 0 asks for as
     many bounces as the scene requires, and for `BouncesPlanned`.
     """
@@ -93,13 +94,15 @@ class ComputeTransport(Request):
     precision: Precision = "half"
     n_bounces: int = 1
     looks: tuple[LayerReflection, ...] = ()
+    followers: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class Contract(Request):
     """Hand out one layer's transport over the bands of `factor`, its other factors contracted with these curves.
 
-    `factor` None asks for the layer's picture alone, `picture` False for the transport alone.
+    `factor` None asks for the layer's picture alone, `picture` False for the transport alone. `beside`: what was handed
+    out before stays of interest, for the layers follow one curve; coming stages bring all of it.
     """
 
     key: str
@@ -107,6 +110,7 @@ class Contract(Request):
     coefficients: tuple[tuple[str, NDArray[np.floating]], ...]
     precision: Precision = "half"
     picture: bool = True
+    beside: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -73,7 +73,7 @@ class Tasks:
         self._light: tuple[str, VisibleLight] | None = None
         self._indirect: IndirectTasks | None = None
         self._contracted: dict[str, dict[str, np.ndarray]] = {}
-        self._selected: tuple[str, str] | None = None
+        self._selected: dict[str, str] = {}
         self._precision: Precision = "half"
         self._environments: dict[tuple[str, str], Environment] = {}
         self._sky_shown: object = None
@@ -95,7 +95,8 @@ class Tasks:
             yield from self._indirect_tasks().freeze(request)
             return
         if request.factor is not None:
-            self._selected, self._precision = (request.key, request.factor), request.precision
+            others = self._selected if request.beside else {}
+            self._selected, self._precision = {**others, request.key: request.factor}, request.precision
         self._contracted[request.key] = dict(request.coefficients)
         data = self._layers.get(request.key)
         if data is not None and data.takes(self._contracted[request.key]):
@@ -113,7 +114,7 @@ class Tasks:
             raise InsituError(f"{path}: camera = sees no surface, expected an object in view; nothing was changed")
         self._placement, self._layers, self._light = placement, {}, None
         self._indirect = None
-        self._selected, self._sky_shown = None, None
+        self._selected, self._sky_shown = {}, None
         self._scene_key = _scene_key(scene)
         self._recall_visibility(placement)
         description = scene.description.model_dump_json(by_alias=True)
@@ -137,7 +138,7 @@ class Tasks:
         if self._indirect is not None:
             self._indirect.forget_wish()
         if request.selected and request.factor:
-            self._selected = (request.selected, request.factor)
+            self._selected = dict.fromkeys((request.selected, *request.followers), request.factor)
         self._precision = request.precision
         sky = sky_of(placement.scene, request.light, self._environment)
         if (image := self._sky_image(sky, request.light)) is not None:
@@ -274,7 +275,7 @@ class Tasks:
 
     def _selected_factor(self, key: str) -> str | None:
         """The curve that is selected, where it is one of this layer's."""
-        return self._selected[1] if self._selected is not None and self._selected[0] == key else None
+        return self._selected.get(key)
 
     def _hold(self, data: LayerData) -> LayerData:
         """Keep it, with the coefficients asked for last: a Contract may have come since the request."""

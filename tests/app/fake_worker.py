@@ -78,7 +78,7 @@ class FakeClient:
         request: ComputeTransport = self.sent(ComputeTransport)[-1]
         for layer in request.layers:
             self.answer(request, LayerPicture(layer.key, stage, np.zeros((4, 3)), layer.coefficients))
-            if layer.key == request.selected and request.factor is not None:
+            if layer.key in (request.selected, *request.followers) and request.factor is not None:
                 self.answer(request, transport(layer.key, request.factor, stage, request.precision))
         self.answer(request, StageDone(stage, exact, 0.1, 2_000_000))
 
@@ -111,7 +111,7 @@ class ServingClient(FakeClient):
         self._answers: dict[type[Request], list[Response]] = {}
         self._made: dict[str, LayerPicture] = {}
         self._paused = False
-        self._selected: tuple[str, str] | None = None
+        self._selected: dict[str, str] = {}
         self._precision: Precision = "half"
 
     def send(self, request: Request) -> int:
@@ -122,13 +122,14 @@ class ServingClient(FakeClient):
             self._answers = {OpenScene: [stamped(SceneOpened(text), id, sent.revision)]}
         elif isinstance(sent, ComputeTransport):
             if sent.selected is not None and sent.factor is not None:
-                self._selected = (sent.selected, sent.factor)
+                self._selected = dict.fromkeys((sent.selected, *sent.followers), sent.factor)
             self._precision = sent.precision
             stages = ["drag"] if sent.n_lights_final == 0 else ["coarse", "final"]
             self._answers = {ComputeTransport: [a for stage in stages for a in self._stage(sent, stage, stages[-1])]}
         elif isinstance(sent, Contract):
             if sent.factor is not None:
-                self._selected, self._precision = (sent.key, sent.factor), sent.precision
+                others = self._selected if sent.beside else {}
+                self._selected, self._precision = {**others, sent.key: sent.factor}, sent.precision
             self._answers[Contract] = self._contraction(sent)
         return id
 
@@ -153,8 +154,8 @@ class ServingClient(FakeClient):
         answers: list[Response] = []
         for layer in request.layers:
             answers.append(LayerPicture(layer.key, stage, np.zeros((4, 3)), layer.coefficients))
-            if self._selected is not None and layer.key == self._selected[0]:
-                answers.append(transport(layer.key, self._selected[1], stage, self._precision))
+            if self._selected.get(layer.key) in layer.factors and not layer.fixed:
+                answers.append(transport(layer.key, self._selected[layer.key], stage, self._precision))
         answers.append(StageDone(stage, stage == last, 0.1))
         return [stamped(answer, request.id, request.revision) for answer in answers]
 

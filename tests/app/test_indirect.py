@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.commands import SetFrozen
+from app.commands import SetFresnelTerm, SetFrozen
 from app.document import Selection, document_from_description
 from app.indirect import FREEZE_PATIENCE, REST_SECONDS, IndirectTalk
 from app.jobs.messages import Freeze, Frozen, IndirectFound, IndirectNoise
@@ -96,6 +96,20 @@ def test_the_selected_curve_needs_no_other_freezing_and_moves_all_layers(talk: T
     talk.edit("pot.1", "theta_h", LIFT)
     assert {event.key for event in talk.update()} == {"pot.0", "pot.1", "floor.0"}
     assert len(talk.asked) == 1 and not talk.talk.is_complete
+
+
+def test_a_layer_that_shares_the_curve_needs_no_other_freezing_either(talk: Talk) -> None:
+    talk.document = SetFresnelTerm("pot.1", True).apply(talk.document)
+    talk.update()
+    talk.found()
+    talk.frozen()
+    talk.update()
+    talk.edit("pot.1", "theta_h", LIFT)
+    assert {event.key for event in talk.update()} == {"pot.0", "pot.1", "pot.2", "floor.0"}
+    assert len(talk.asked) == 1 and not talk.talk.is_complete
+    talk.now += REST_SECONDS
+    talk.update()
+    assert len(talk.asked) == 2
 
 
 def test_what_a_glossy_object_sends_is_frozen_anew_once_the_hand_rests(talk: Talk) -> None:

@@ -12,10 +12,12 @@ from app.commands import (
     ResetCurve,
     SetEditable,
     SetEnvironment,
+    SetFresnelTerm,
     SetIntensity,
     SetModel,
     SetParameter,
     SetRotation,
+    SetVisible,
 )
 from app.document import LightState
 from app.editor import Editor, RenderReport
@@ -36,6 +38,11 @@ ACTIONS: dict[str, Any] = {
     "index": lambda editor: editor.do(SetParameter("pot.1", "eta", 1.7)),
     "model": lambda editor: editor.do(SetModel("pot.0", "phong")),
     "fewer curves": lambda editor: editor.do(SetModel("pot.1", "lambert")),
+    "Fresnel term": lambda editor: editor.do(SetFresnelTerm("pot.1", True)),
+    "no Fresnel term": lambda editor: editor.do(SetFresnelTerm("pot.1", False)),
+    "edit the term": lambda editor: editor.do(AddOperator("pot.2", "theta_h", LIFT)),
+    "select the term": lambda editor: editor.select("pot.2.theta_h"),
+    "hide the term": lambda editor: editor.do(SetVisible("pot.2", False)),
     "turn": lambda editor: editor.do(SetRotation(editor.document.light.rotation + 10.0)),
     "sky": lambda editor: editor.do(SetEnvironment("studio")),
     "dim": lambda editor: editor.do(SetIntensity(0.5)),
@@ -63,21 +70,21 @@ class Renderer:
     def __init__(self, editor: Editor) -> None:
         self.editor = editor
         self.shown: dict[str, dict[str, Any]] = {}
-        self.curve: tuple[str, str] | None = None
-        self.precision = ""
+        self.curves: dict[str, tuple[str, str]] = {}
 
     def frame(self, now: float) -> None:
         for event in self.editor.tick(now):
             if isinstance(event, LayerRadiance):
                 self.shown[event.key] = dict(event.coefficients)
             elif isinstance(event, TransportReady):
-                self.curve = (event.key, event.factor)
-                self.precision = {np.float16: "half", np.float32: "float"}[event.coefficients_first.dtype.type]
+                precision = {np.float16: "half", np.float32: "float"}[event.coefficients_first.dtype.type]
+                self.curves = {key: curve for key, curve in self.curves.items() if key in event.beside}
+                self.curves[event.key] = event.factor, precision
         selected = self.editor.view.selected
-        mine = selected is not None and self.curve == (selected.key, selected.factor)
-        if mine and selected is not None and selected.factor is not None and selected.key in self.shown:
-            wanted = self.editor.wanted_coefficients(selected.key)
-            self.shown[selected.key][selected.factor] = wanted[selected.factor]
+        for key in self.editor.edited_layers:
+            factor, _ = self.curves.get(key, ("", ""))
+            if selected is not None and factor == selected.factor and key in self.shown:
+                self.shown[key][factor] = self.editor.wanted_coefficients(key)[factor]
         self.editor.report_rendering(RenderReport(exact=True))
 
 
@@ -102,12 +109,9 @@ def test_the_picture_comes_right(seed: int, actions: list[str], step: float) -> 
     for key, _ in editor.document.layers():
         assert same_coefficients(renderer.shown[key], editor.wanted_coefficients(key)), key
     selected = editor.view.selected
-    if (
-        selected is not None
-        and editor.document.object(selected.object).editable
-        and selected.factor in editor.wanted_coefficients(selected.key)
-    ):
-        assert renderer.curve == (selected.key, selected.factor) and renderer.precision == editor.view.precision
+    for key in editor.edited_layers:
+        if selected is not None and selected.factor in editor.wanted_coefficients(key):
+            assert renderer.curves[key] == (selected.factor, editor.view.precision)
     n_requests = len(client.requests)
     for _ in range(20):
         now += 0.3

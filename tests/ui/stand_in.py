@@ -136,7 +136,7 @@ class StandInClient:
             contracted = transport_of(layer.key, layer.bands[0])
             radiance = np.einsum("jpc,jc->pc", contracted, layer.coefficients[0]).astype(np.float32)
             yield LayerPicture(layer.key, "final", radiance, layer.coefficients)
-            if layer.key == request.selected and request.factor is not None:
+            if layer.key in (request.selected, *request.followers) and request.factor is not None:
                 made_with = dict(zip(layer.factors, layer.coefficients, strict=True))
                 yield self._transport(layer.key, request.factor, made_with, request.precision)
         yield StageDone("final", True, 0.1, 1_000_000)

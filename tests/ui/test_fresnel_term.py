@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
+from tests.ui.stand_in import StandInClient
 from ui.headless import HeadlessWindow
 
 pytestmark = pytest.mark.gl
@@ -38,3 +40,28 @@ def test_it_comes_and_goes(window: HeadlessWindow) -> None:
     window.frames(2)
     assert window.run_until(exact, 30.0)
     assert source.renderer.linear_image() == pytest.approx(without, rel=1e-3)  # type: ignore[attr-defined]
+
+
+def test_both_terms_follow_every_frame(window: HeadlessWindow) -> None:
+    # In the stand-in both layers have the same transport: so their pictures are the same, while the hand moves as well.
+    editor, source = window.shell.editor, window.shell.source
+    assert source is not None
+    renderer = source.renderer  # type: ignore[attr-defined]
+    window.click_handle("material.fresnel_term.0")
+    window.frames(2)
+    assert window.run_until(lambda: editor.status.picture == "exact", 30.0)
+    assert renderer.transport_keys == ("teapot.1", "teapot.2")
+    client, before = editor._client, renderer.layer_radiance("teapot.2")
+    assert isinstance(client, StandInClient)
+    n_requests = len(client.requests)
+    x, y = window.shell.handle_position("curve.magnitude")
+    window.move(x, y)
+    window.press()
+    for step in range(1, 5):
+        window.move(x, y - 10.0 * step)
+        window.frame()
+        first, second = (renderer.layer_radiance(key) for key in ("teapot.1", "teapot.2"))
+        np.testing.assert_allclose(second, first, rtol=2e-3)
+        assert (second > 1.01 * before).any() and len(client.requests) == n_requests
+        before = second
+    window.release()

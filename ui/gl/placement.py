@@ -1,7 +1,8 @@
 """The renderer of Placement mode: what the window calls each frame.
 
-A picture is the sum of layers, each with an accumulator B at its samples. The selected layer also has its transport on
-the GPU, and its curve is followed by increments; the others stand as the worker computed them.
+A picture is the sum of layers, each with an accumulator B at its samples. The selected layer, and those that share its
+curve, also have their transport on the GPU, and the curve is followed by increments (`edited`); the others stand as the
+worker computed them.
 
 In a frame the window calls ``upload`` (a slice of a transport under way), ``wanted`` (the curve of now), ``update`` (as
 many terms as the time allows) and ``composite`` (the display texture). No call waits for the GPU, except the read-backs
@@ -18,7 +19,7 @@ active makes that transport stale: increments go on from the new picture, but no
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import moderngl
@@ -27,15 +28,14 @@ from numpy.typing import NDArray
 
 from engine.plan import Precision
 from ui.gl.accumulate import TermSum
-from ui.gl.composite import Compositor, FootprintTextures
+from ui.gl.composite import Compositor
 from ui.gl.context import GraphicsError
+from ui.gl.edited import EditedLayers
 from ui.gl.layers import LayerStack, Look
 from ui.gl.passes import Box, Passes
 from ui.gl.picture_frame import PictureFrame
-from ui.gl.refine import Refiner
 from ui.gl.textures import TextureMemory
 from ui.gl.tonemap import Display, DisplayView
-from ui.gl.transport import TransportUpload
 
 
 @dataclass(frozen=True)
@@ -50,24 +50,6 @@ class UpdateReport:
     remaining: int = 0
     image_error: float = 0.0
     exact: bool = True
-
-
-@dataclass(eq=False)
-class _Arriving:
-    """A transport on its way to the GPU, with the footprint its samples belong to."""
-
-    key: str
-    upload: TransportUpload
-    footprint: FootprintTextures | None
-
-
-@dataclass(eq=False)
-class _Active:
-    """The transport at work."""
-
-    key: str
-    refiner: Refiner
-    footprint: FootprintTextures | None
 
 
 @dataclass(eq=False)
@@ -94,9 +76,7 @@ class PlacementRenderer:
         self._passes = Passes(context)
         self._terms = TermSum(self._passes, self.memory)
         self._picture: _Picture | None = None
-        self._wanted: dict[str, NDArray[np.float64]] = {}
-        self._arriving: _Arriving | None = None
-        self._active: _Active | None = None
+        self._edited = EditedLayers(self.memory, self._terms)
 
     # ------------------------------------------------------------------------------------------------ the view
 
@@ -146,7 +126,7 @@ class PlacementRenderer:
     def set_layer(self, key: str, i_object: int, n_samples: int) -> None:
         """Add a layer, black; an old one of that key loses its picture and transport."""
         self._shown().layers.put(key, i_object, n_samples)
-        self._drop_transport_of(key)
+        self._edited.drop(key)
         self._release_unused_footprints()
 
     def set_layer_radiance(
@@ -160,11 +140,7 @@ class PlacementRenderer:
         picture = self._shown()
         n_before = picture.layers[key].accumulator.n_samples
         picture.layers.set_radiance(key, radiance)
-        if self._active is not None and self._active.key == key:
-            if len(radiance) == n_before:
-                self._active.refiner.start_from(coefficients)
-            else:
-                self._release_active()
+        self._edited.start_from(key, coefficients, len(radiance) == n_before)
         self._release_unused_footprints()
 
     def set_indirect_footprint(self, rows: NDArray[np.integer], weights: NDArray[np.floating]) -> None:
@@ -180,8 +156,7 @@ class PlacementRenderer:
     def remove_layer(self, key: str) -> None:
         """Take a layer out of the picture."""
         self._shown().layers.remove(key)
-        self._drop_transport_of(key)
-        self._wanted.pop(key, None)
+        self._edited.forget(key)
         self._release_unused_footprints()
 
     @property
@@ -207,58 +182,43 @@ class PlacementRenderer:
         transport: NDArray[np.floating],
         norms: NDArray[np.floating],
         scale: NDArray[np.floating] | None = None,
+        beside: Collection[str] = (),
     ) -> None:
         """Start to upload a layer's transport (J,p,3), true values transport·scale, in the Daub4 domain.
 
         Its numbers are float16 or float32, and so they stay on the GPU. norms (J,3) are the lengths ‖T_k‖ of the true
         values over the p samples; scale (J,) or (J,3), None is 1. The active transport and the picture stay until
-        ``upload`` is done; another one under way is given up.
+        ``upload`` is done; then all transports are dropped but those of layers `beside` it, which follow the same
+        curve. Another one under way is given up unless it is one of these.
         """
-        layers = self._shown().layers
-        self.cancel_transport()
-        upload = TransportUpload(self.memory, transport, norms, scale)
-        self._arriving = _Arriving(key, upload, layers.footprint)
-        try:
-            layers.check_sample_count(key, layers[key].i_object, upload.target.n_samples)
-        except GraphicsError:
-            self.cancel_transport()
-            raise
+        self._edited.begin(self._shown().layers, key, transport, norms, scale, beside)
 
     def upload(self, time_budget_s: float) -> bool:
         """Go on with the upload for about this long; True when none is under way any more."""
-        if self._arriving is None:
+        if self._edited.upload_fraction is None:
             return True
-        try:
-            if not self._arriving.upload.advance(time_budget_s):
-                return False
-            self._activate(self._arriving)
-        except GraphicsError:
-            self.cancel_transport()
-            raise
-        self._arriving = None
+        is_over = self._edited.upload(time_budget_s)
         self._release_unused_footprints()
-        return True
+        return is_over
 
     @property
     def upload_fraction(self) -> float | None:
         """How much of the transport under way is there; None when there is none."""
-        return None if self._arriving is None else self._arriving.upload.fraction
+        return self._edited.upload_fraction
 
     @property
-    def transport_key(self) -> str | None:
-        """The layer whose transport is active."""
-        return None if self._active is None else self._active.key
+    def transport_keys(self) -> tuple[str, ...]:
+        """The layers whose transport is active."""
+        return self._edited.keys
 
     @property
     def transport_precision(self) -> Precision | None:
         """Whether the active transport is of half or single floats; None where none is active."""
-        return None if self._active is None else self._active.refiner.transport.precision
+        return self._edited.precision
 
     def cancel_transport(self) -> None:
         """Give up an upload under way; the active transport stays."""
-        if self._arriving is not None:
-            self._arriving.upload.target.release()
-            self._arriving = None
+        self._edited.cancel()
 
     def wanted(self, key: str, coefficients: NDArray[np.floating]) -> None:
         """The curve (J,3), Daub4 domain, that the layer should show; kept for its transport where that is not there.
@@ -266,64 +226,36 @@ class PlacementRenderer:
         Raises GraphicsError on numbers that are not finite; a number of bands that the active transport does not have
         waits for the next one.
         """
-        values = np.array(coefficients, dtype=np.float64)
-        if values.ndim != 2 or values.shape[1] != 3 or not np.isfinite(values).all():
-            raise GraphicsError(f"layer {key}: coefficients of shape {values.shape}, expected (J, 3), all finite")
-        if self._active is not None and self._active.key == key and self._active.refiner.fits(values):
-            self._active.refiner.want(values)
-        self._wanted[key] = values
+        self._edited.want(key, coefficients)
 
     def update(self, max_coefficients: int | None = None, budget_s: float | None = None) -> UpdateReport:
         """Move the picture towards what is wanted: at most so many terms, and as many as fit into `budget_s`.
 
         With neither, all. A rebuild that drift makes due may take 128 terms, whatever is allowed.
         """
-        active = self._active
-        if active is None or active.key not in self._wanted:
+        if not self._edited.keys:
             return UpdateReport()
-        layers, refiner = self._shown().layers, active.refiner
-        layer = layers[active.key]
-        done, accumulator = refiner.step(layer.accumulator, refiner.term_limit(max_coefficients, budget_s))
-        if done.swapped:
-            layers.exchange(active.key, accumulator, active.footprint)
-            self._release_unused_footprints()
-        if done.swapped or done.shown_changed:
-            layers.dirty.add(layer.i_object)
-            layer.mean = refiner.mean_radiance()
-        return UpdateReport(done.applied, len(refiner.state.pending()), self.image_error(), refiner.is_exact)
+        done = self._edited.update(self._shown().layers, max_coefficients, budget_s)
+        self._release_unused_footprints()
+        return UpdateReport(done.applied, done.remaining, self.image_error(), done.exact)
 
     def rebase(self) -> bool:
-        """Let the coming updates sum the edited layer from zero; False when its transport is stale or missing."""
-        return self._active is not None and self._active.refiner.request_rebuild()
+        """Let the coming updates sum the edited layers from zero; False when a transport is stale or missing."""
+        return self._edited.rebase()
 
     def image_error(self) -> float:
         """sqrt(Σ_k |Δc_k|²‖T_k‖² / values) / mean radiance, over the pixels that see a surface.
 
         An estimate: the T_k are not orthogonal over the picture, and f_o is left out.
         """
-        if self._active is None or self._active.key not in self._wanted:
+        if not self._edited.keys:
             return 0.0
-        picture, refiner = self._shown(), self._active.refiner
-        layer = picture.layers[self._active.key]
-        pixels_per_sample = picture.compositor.object_size(layer.i_object) / max(1, refiner.transport.n_samples)
-        missing = refiner.state.remaining_effect() * max(map(abs, layer.gain)) * pixels_per_sample**0.5
+        picture = self._shown()
+        size = picture.compositor.object_size(picture.layers[self._edited.keys[0]].i_object)
+        missing = self._edited.missing(picture.layers, size)
         missing /= max(1, 3 * picture.compositor.frame.n_pixels) ** 0.5
         mean = picture.layers.mean_radiance()
         return missing / mean if missing > 0.0 and mean > 0.0 else 0.0
-
-    def _activate(self, arrived: _Arriving) -> None:
-        refiner = Refiner(self.memory, self._terms, arrived.upload.target, arrived.upload.norms)
-        wanted = self._wanted.get(arrived.key)
-        if wanted is not None and refiner.fits(wanted):
-            try:
-                refiner.want(wanted)
-            except GraphicsError:
-                refiner.release_spare()
-                raise
-        else:
-            self._wanted.pop(arrived.key, None)
-        self._release_active()
-        self._active = _Active(arrived.key, refiner, arrived.footprint)
 
     # ----------------------------------------------------------------------------------------------- the picture
 
@@ -415,25 +347,11 @@ class PlacementRenderer:
             raise GraphicsError("no picture yet: set_frame comes first")
         return self._picture
 
-    def _drop_transport_of(self, key: str) -> None:
-        if self._active is not None and self._active.key == key:
-            self._release_active()
-        if self._arriving is not None and self._arriving.key == key:
-            self.cancel_transport()
-
-    def _release_active(self) -> None:
-        if self._active is not None:
-            self._active.refiner.release()
-            self._active = None
-
     def _release_unused_footprints(self) -> None:
-        others = [work.footprint for work in (self._active, self._arriving) if work is not None]
-        self._shown().layers.release_unused_footprints(others)
+        self._shown().layers.release_unused_footprints(self._edited.footprints)
 
     def _release_picture(self) -> None:
-        self.cancel_transport()
-        self._release_active()
-        self._wanted.clear()
+        self._edited.clear()
         if self._picture is not None:
             self._picture.layers.release()
             self._picture.display.release()

@@ -256,6 +256,24 @@ def test_a_picture_alone_leaves_the_selection(source: str, store: Store) -> None
     assert {a.key for a in later if isinstance(a, LayerTransport)} == {"ground.0"}
 
 
+def test_layers_that_share_a_curve_get_their_transport_as_well(source: str, store: Store) -> None:
+    tasks = opened(source, store)
+    quickly = {"n_lights_final": PREVIEW_LIGHTS, "selected": "ball.0", "factor": "theta_i"}
+    answers = run_in_process(tasks, compute(**quickly, followers=("ground.0",)))
+    assert {a.key for a in answers if isinstance(a, LayerTransport)} == {"ball.0", "ground.0"}
+    nothing = {"selected": None, "factor": None, "n_lights_final": PREVIEW_LIGHTS}
+
+    def coming() -> set[tuple[str, str]]:
+        later = run_in_process(tasks, compute(**nothing))
+        return {(a.key, a.factor) for a in later if isinstance(a, LayerTransport)}
+
+    run_in_process(tasks, contraction("theta_h"))
+    assert coming() == {(GLOSS, "theta_h")}
+    ground = tuple(zip(("theta_i",), work("ground.0", "lambert").coefficients, strict=True))
+    run_in_process(tasks, Contract("ground.0", "theta_i", ground, beside=True))
+    assert coming() == {(GLOSS, "theta_h"), ("ground.0", "theta_i")}
+
+
 def test_a_transport_alone_comes_without_the_picture(source: str, store: Store) -> None:
     tasks = opened(source, store)
     run_in_process(tasks, compute())

@@ -251,3 +251,30 @@ def test_a_rebuild_on_request_goes_in_chunks_and_shows_when_complete(renderer: P
     np.testing.assert_array_equal(renderer.layer_radiance("ball.0"), before)
     assert renderer.update(max_coefficients=5).exact
     np.testing.assert_allclose(renderer.layer_radiance("ball.0"), before, rtol=1e-4, atol=1e-5)
+
+
+def test_layers_that_share_a_curve_follow_in_one_update(renderer: PlacementRenderer) -> None:
+    # Transports of two layers, of other bands and samples, arrive one after the other and stay; a third drops them.
+    first, coefficients, rng = _problem(16, 300)
+    second, others, _ = _problem(32, 300, seed=2)
+    start_layer(renderer, first, coefficients)
+    renderer.set_layer("ball.1", 0, 300)
+    renderer.begin_transport("ball.1", second, norms_of(second), beside=("ball.0", "ball.1"))
+    renderer.wanted("ball.1", others)
+    while not renderer.upload(1.0):
+        pass
+    finish(renderer)
+    for _ in range(5):
+        coefficients, others = coefficients + rng.normal(size=(16, 3)), others + rng.normal(size=(32, 3))
+        renderer.wanted("ball.0", coefficients)
+        renderer.wanted("ball.1", others)
+        report = renderer.update(max_coefficients=8)
+        assert report.applied == 16 and 24 <= report.remaining < 32 and report.image_error > 0.0 and not report.exact
+        assert renderer.update().remaining == 0
+        assert relative_error(renderer.layer_radiance("ball.0"), contracted(first, coefficients)) < 1e-5
+        assert relative_error(renderer.layer_radiance("ball.1"), contracted(second, others)) < 1e-5
+    assert renderer.transport_keys == ("ball.0", "ball.1") and renderer.rebase()
+    renderer.begin_transport("ball.0", first, norms_of(first))
+    while not renderer.upload(1.0):
+        pass
+    assert renderer.transport_keys == ("ball.0",)

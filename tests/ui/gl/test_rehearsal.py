@@ -56,7 +56,7 @@ def test_a_rehearsal_leaves_no_picture_and_changes_none(
 ) -> None:
     for _ in rehearse(renderer):
         pass
-    assert renderer.frame is None and renderer.layer_keys == () and renderer.transport_key is None
+    assert renderer.frame is None and renderer.layer_keys == () and renderer.transport_keys == ()
     unrehearsed = PlacementRenderer(context)
     np.testing.assert_array_equal(draw_everything(renderer), draw_everything(unrehearsed))
     unrehearsed.release()

@@ -1,0 +1,105 @@
+"""Which curves' transport is wanted, asked for and there: the selected layer's, and of layers that share its curve.
+
+All of them follow the hand in every frame, each from its own transport. The selected one's is asked for first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from app.document import Document, Selection
+from app.linked_layers import group_of
+from app.picture import Curves
+from app.wishes import CurveShown, CurveWish, LayerShown, same_coefficients
+from engine.plan import Precision
+
+
+def edited_layers(document: Document, selected: Selection | None) -> tuple[str, ...]:
+    """Keys of the layers that follow the selected curve, that of the selected layer first.
+
+    None where no curve is selected, or one of an emitter or a fixed object. Of layers that share it, those in sight.
+    """
+    if selected is None or selected.factor is None:
+        return ()
+    state = document.object(selected.object)
+    if state.emits or not state.editable:
+        return ()
+    others = [i for i in group_of(state.layers, selected.layer) if i != selected.layer and state.layers[i].visible]
+    sharing = [i for i in others if selected.factor in state.layers[i].model.curve_names]
+    return tuple(f"{selected.object}.{i}" for i in (selected.layer, *sharing))
+
+
+def curve_wishes(
+    document: Document, selected: Selection | None, curves: Curves, precision: Precision
+) -> tuple[CurveWish, ...]:
+    """The transport of the selected curve in the layers that follow it; none of a curve applied in image space."""
+    wishes = []
+    for key in edited_layers(document, selected):
+        coefficients = curves.coefficients(document, key)
+        if selected is not None and selected.factor in coefficients:
+            others = {name: values for name, values in coefficients.items() if name != selected.factor}
+            wishes.append(CurveWish(key, selected.factor, others, precision))
+    return tuple(wishes)
+
+
+class EditedCurves:
+    """The books of the talk about them; `layers` are the radiances that came with the transport asked last."""
+
+    def __init__(self) -> None:
+        self.wished: tuple[CurveWish, ...] = ()
+        self._asked: dict[str, CurveWish] = {}
+        self._shown: dict[str, CurveShown] = {}
+
+    def forget_answers(self) -> None:
+        """Other transport was asked for, and with it what is wanted now."""
+        self._asked, self._shown = {wish.key: wish for wish in self.wished}, {}
+
+    def forget_asked(self) -> None:
+        """A new worker knows nothing of what was asked."""
+        self._asked = {}
+
+    def ask(self, wish: CurveWish) -> None:
+        """It is being asked for."""
+        self._asked[wish.key] = wish
+
+    def withdraw(self, key: str) -> None:
+        """What was asked for will not come, or was not kept: selected again, it is asked for again."""
+        self._asked.pop(key, None)
+
+    def missing(self, layers: Mapping[str, LayerShown]) -> list[CurveWish]:
+        """Those that are neither there nor asked for."""
+        due = [wish for wish in self.wished if not self.has(wish, layers)]
+        return [wish for wish in due if not wish.same(self._asked.get(wish.key))]
+
+    def has_all(self, layers: Mapping[str, LayerShown]) -> bool:
+        return all(self.has(wish, layers) for wish in self.wished)
+
+    def has(self, wish: CurveWish, layers: Mapping[str, LayerShown]) -> bool:
+        """Whether it has come, in the stage and with the other curve of its layer's radiance."""
+        shown = layers.get(wish.key)
+        if shown is None or wish.factor is None:
+            return False
+        if self._shown.get(wish.key) != CurveShown(wish.key, wish.factor, shown.stage, wish.precision):
+            return False
+        return same_coefficients({name: shown.coefficients[name] for name in wish.others}, wish.others)
+
+    def took(self, came: CurveShown, edited: tuple[str, ...]) -> bool:
+        """Note one that came; whether its layer is among those that follow the selected curve now."""
+        if came.key not in edited:
+            asked = self._asked.get(came.key)
+            if asked is not None and (asked.factor, asked.precision) == (came.factor, came.precision):
+                self.withdraw(came.key)
+            return False
+        self._shown = {key: shown for key, shown in self._shown.items() if key in edited} | {came.key: came}
+        return True
+
+    def took_stage(self, layers: Mapping[str, LayerShown]) -> None:
+        """A stage is over: what did not come with it is asked for again."""
+        for wish in self.wished:
+            if not self.has(wish, layers):
+                self.withdraw(wish.key)
+
+    def stage_of(self, key: str, factor: str) -> str | None:
+        """The stage of a curve's transport, where it is the one that is there."""
+        shown = self._shown.get(key)
+        return None if shown is None or shown.factor != factor else shown.stage
