@@ -101,7 +101,7 @@ class Bench:
         """One edit of the selected curve and the frame that follows it, with so many coefficients."""
         key, factor = self.selected
         self.editor.do(SetOperators(key, factor, operators))
-        self.renderer.wanted(key, forward(self.editor.wanted_coefficients(key)[factor]))
+        self.renderer.wanted(key, forward(self.editor.wanted_coefficients(key)[factor]), factor)
         return self.draw(terms)
 
     def draw(self, terms: int | None) -> UpdateReport:

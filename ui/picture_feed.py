@@ -189,7 +189,7 @@ class PictureFeed:
                 own = len(event.rows) == 0
                 self.renderer.set_footprint(None if own else event.rows, None if own else event.weights)
             case LayerRadiance():
-                self._take_radiance(editor, event)
+                self._take_radiance(event)
             case IndirectFootprint():
                 self.renderer.set_indirect_footprint(event.rows, event.weights)
             case IndirectRadiance() if event.key in self.renderer.layer_keys:
@@ -198,8 +198,8 @@ class PictureFeed:
                 if self._compared is not None:
                     self.renderer.snapshot_compare({key: _look(look) for key, look in event.looks.items()})
             case TransportReady():
-                numbers = event.coefficients_first
-                self.renderer.begin_transport(event.key, numbers, event.norms, event.scale, event.beside)
+                numbers, curve = event.coefficients_first, event.factor
+                self.renderer.begin_transport(event.key, numbers, event.norms, event.scale, event.beside, curve)
 
     def _take_scene(self, event: SceneFrame) -> None:
         self.renderer.set_frame(picture_frame(event))
@@ -209,16 +209,12 @@ class PictureFeed:
         self._wanted = {}
         self._compared = self._rotation = None
 
-    def _take_radiance(self, editor: Editor, event: LayerRadiance) -> None:
+    def _take_radiance(self, event: LayerRadiance) -> None:
         renderer = self.renderer
         if event.key not in renderer.layer_keys:
             renderer.set_layer(event.key, self._names.index(event.key.rpartition(".")[0]), len(event.radiance))
-        selected = editor.view.selected
-        made_with = None
-        if selected is not None and selected.factor is not None and event.key in editor.edited_layers:
-            bands = event.coefficients.get(selected.factor)
-            made_with = None if bands is None else forward(bands)
-        renderer.set_layer_radiance(event.key, event.radiance, made_with)
+        bands = event.coefficients.get(renderer.transport_curve(event.key) or "")
+        renderer.set_layer_radiance(event.key, event.radiance, None if bands is None else forward(bands))
 
     # ---------------------------------------------------------------------------------------------------- each frame
 
@@ -301,14 +297,14 @@ class PictureFeed:
 
     def _follow_curve(self, editor: Editor) -> None:
         """The selected curve, in all layers that follow it."""
-        factor = None if editor.view.selected is None else editor.view.selected.factor
+        factor = (editor.view.selected and editor.view.selected.factor) or ""
         found: dict[str, NDArray[np.float64]] = {}
         for key in editor.edited_layers:
-            coefficients = editor.wanted_coefficients(key).get(factor or "")
+            coefficients = editor.wanted_coefficients(key).get(factor)
             if coefficients is not None and key in self.renderer.layer_keys:
                 found[key] = coefficients
                 if self._wanted.get(key) is not coefficients:
-                    self.renderer.wanted(key, forward(coefficients))
+                    self.renderer.wanted(key, forward(coefficients), factor)
         self._wanted = found
 
     def _follow_comparison(self, editor: Editor) -> None:

@@ -27,6 +27,7 @@ class _Arriving:
     """A transport on its way to the GPU, with the footprint its samples belong to and the layers that stay beside."""
 
     key: str
+    curve: str
     upload: TransportUpload
     footprint: FootprintTextures | None
     beside: Collection[str]
@@ -34,8 +35,9 @@ class _Arriving:
 
 @dataclass(eq=False)
 class _Active:
-    """A transport at work."""
+    """A transport at work, over the bands of a curve."""
 
+    curve: str
     refiner: Refiner
     footprint: FootprintTextures | None
 
@@ -50,11 +52,11 @@ class Progress:
 
 
 class EditedLayers:
-    """Transports by layer key, and the coefficients (J,3) that each layer should show."""
+    """Transports by layer key, and the coefficients (J,3) of a curve that each layer should show."""
 
     def __init__(self, memory: TextureMemory, terms: TermSum) -> None:
         self._memory, self._terms = memory, terms
-        self._wanted: dict[str, NDArray[np.float64]] = {}
+        self._wanted: dict[str, tuple[str, NDArray[np.float64]]] = {}
         self._arriving: list[_Arriving] = []
         self._active: dict[str, _Active] = {}
 
@@ -87,11 +89,12 @@ class EditedLayers:
         norms: NDArray[np.floating],
         scale: NDArray[np.floating] | None,
         beside: Collection[str],
+        curve: str,
     ) -> None:
-        """Start to upload a layer's transport. Others under way, but for layers `beside` it, are given up."""
+        """Start to upload a transport over a curve. Others under way, but for layers `beside` it, are given up."""
         self.cancel(keep=[other for other in beside if other != key])
         upload = TransportUpload(self._memory, transport, norms, scale)
-        arriving = _Arriving(key, upload, layers.footprint, beside)
+        arriving = _Arriving(key, curve, upload, layers.footprint, beside)
         self._arriving.append(arriving)
         try:
             layers.check_sample_count(key, layers[key].i_object, upload.target.n_samples)
@@ -119,15 +122,19 @@ class EditedLayers:
         for arriving in [each for each in self._arriving if each.key not in keep]:
             self._give_up(arriving)
 
-    def want(self, key: str, coefficients: NDArray[np.floating]) -> None:
+    def curve(self, key: str) -> str | None:
+        """The curve of a layer's transport at work."""
+        return self._active[key].curve if key in self._active else None
+
+    def want(self, key: str, coefficients: NDArray[np.floating], curve: str) -> None:
         """The curve that a layer should show; kept for its transport where that is not there."""
         values = np.array(coefficients, dtype=np.float64)
         if values.ndim != 2 or values.shape[1] != 3 or not np.isfinite(values).all():
             raise GraphicsError(f"layer {key}: coefficients of shape {values.shape}, expected (J, 3), all finite")
         active = self._active.get(key)
-        if active is not None and active.refiner.fits(values):
+        if active is not None and active.curve == curve and active.refiner.fits(values):
             active.refiner.want(values)
-        self._wanted[key] = values
+        self._wanted[key] = curve, values
 
     def start_from(self, key: str, coefficients: NDArray[np.floating] | None, same_samples: bool) -> None:
         """A layer's picture was replaced by one made with these coefficients, None where they are unknown."""
@@ -191,8 +198,8 @@ class EditedLayers:
 
     def _activate(self, arrived: _Arriving) -> None:
         refiner = Refiner(self._memory, self._terms, arrived.upload.target, arrived.upload.norms)
-        wanted = self._wanted.get(arrived.key)
-        if wanted is not None and refiner.fits(wanted):
+        curve, wanted = self._wanted.get(arrived.key, ("", None))
+        if wanted is not None and curve == arrived.curve and refiner.fits(wanted):
             try:
                 refiner.want(wanted)
             except GraphicsError:
@@ -202,7 +209,7 @@ class EditedLayers:
             self._wanted.pop(arrived.key, None)
         for key in [each for each in self._active if each == arrived.key or each not in arrived.beside]:
             self._stop(key)
-        self._active[arrived.key] = _Active(refiner, arrived.footprint)
+        self._active[arrived.key] = _Active(arrived.curve, refiner, arrived.footprint)
 
     def _give_up(self, arriving: _Arriving) -> None:
         arriving.upload.target.release()

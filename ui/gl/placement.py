@@ -134,8 +134,8 @@ class PlacementRenderer:
     ) -> None:
         """Replace a layer's picture by radiance (p,3) at the samples of the current footprint.
 
-        coefficients (J,3), Daub4 domain: the edited curve that the radiance was contracted with. None when unknown:
-        an active transport then waits for its successor.
+        coefficients (J,3), Daub4 domain: those of the active transport's curve that the radiance was contracted with.
+        None when unknown: an active transport then waits for its successor.
         """
         picture = self._shown()
         n_before = picture.layers[key].accumulator.n_samples
@@ -183,15 +183,16 @@ class PlacementRenderer:
         norms: NDArray[np.floating],
         scale: NDArray[np.floating] | None = None,
         beside: Collection[str] = (),
+        curve: str = "",
     ) -> None:
-        """Start to upload a layer's transport (J,p,3), true values transport·scale, in the Daub4 domain.
+        """Start to upload a layer's transport (J,p,3) over a curve, true values transport·scale, in the Daub4 domain.
 
         Its numbers are float16 or float32, and so they stay on the GPU. norms (J,3) are the lengths ‖T_k‖ of the true
         values over the p samples; scale (J,) or (J,3), None is 1. The active transport and the picture stay until
         ``upload`` is done; then all transports are dropped but those of layers `beside` it, which follow the same
         curve. Another one under way is given up unless it is one of these.
         """
-        self._edited.begin(self._shown().layers, key, transport, norms, scale, beside)
+        self._edited.begin(self._shown().layers, key, transport, norms, scale, beside, curve)
 
     def upload(self, time_budget_s: float) -> bool:
         """Go on with the upload for about this long; True when none is under way any more."""
@@ -220,13 +221,17 @@ class PlacementRenderer:
         """Give up an upload under way; the active transport stays."""
         self._edited.cancel()
 
-    def wanted(self, key: str, coefficients: NDArray[np.floating]) -> None:
+    def transport_curve(self, key: str) -> str | None:
+        """The curve of a layer's active transport; None where there is none."""
+        return self._edited.curve(key)
+
+    def wanted(self, key: str, coefficients: NDArray[np.floating], curve: str = "") -> None:
         """The curve (J,3), Daub4 domain, that the layer should show; kept for its transport where that is not there.
 
         Raises GraphicsError on numbers that are not finite; a number of bands that the active transport does not have
         waits for the next one.
         """
-        self._edited.want(key, coefficients)
+        self._edited.want(key, coefficients, curve)
 
     def update(self, max_coefficients: int | None = None, budget_s: float | None = None) -> UpdateReport:
         """Move the picture towards what is wanted: at most so many terms, and as many as fit into `budget_s`.

@@ -278,3 +278,16 @@ def test_layers_that_share_a_curve_follow_in_one_update(renderer: PlacementRende
     while not renderer.upload(1.0):
         pass
     assert renderer.transport_keys == ("ball.0",)
+
+
+def test_a_transport_is_not_stepped_by_another_curve_of_as_many_bands(renderer: PlacementRenderer) -> None:
+    # Between the selection of a layer's other curve and its transport the picture stays.
+    transport, coefficients, _ = _problem(16, 200)
+    start_layer(renderer, transport, coefficients)
+    renderer.wanted("ball.0", coefficients + 1.0, "the other")
+    assert renderer.update().applied == 0 and renderer.transport_curve("ball.0") == ""
+    renderer.begin_transport("ball.0", 2.0 * transport, norms_of(2.0 * transport), curve="the other")
+    while not renderer.upload(1.0):
+        pass
+    finish(renderer)
+    assert relative_error(renderer.layer_radiance("ball.0"), contracted(2.0 * transport, coefficients + 1.0)) < 1e-5
