@@ -1,9 +1,8 @@
 """Session files: a document and how it was looked at, as versioned TOML (``NAME.insitu``).
 
 The scene's own file is referred to and never written. All values are checked by pydantic models and by the parameter
-tables before anything changes; a file that is wrong in one place is refused with that place. Numbers are written in
-the shortest form that reads back the same, so a document saved and opened is equal to the last bit. Angles of
-operators are radians as inside, for the same reason.
+tables before anything changes; a file that is wrong in one place is refused with that place. A document saved and
+opened is equal to the last bit (see `app.layer_records`).
 """
 
 from __future__ import annotations
@@ -13,94 +12,34 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from app.atomic import write_atomically
-from app.commands import MAX_OPERATORS, CurveEdit
-from app.described_layers import layers_from_descriptions
-from app.document import Document, LightState, ObjectState, Selection, all_factors, layer_key
+from app.document import Document, LightState, ObjectState, Selection, all_factors
+from app.layer_records import MAX_LAYERS, Flag, LayerRecord, Record, layer_lines, layers_of
 from app.light_commands import MAX_INTENSITY, check_light
-from app.linked_layers import FRESNEL_NAME, alike
 from app.paths import full_path, is_file_name
-from app.toml_text import check_version, load_toml, toml_lines, toml_value
+from app.toml_text import check_version, load_toml, toml_lines
 from app.view_state import AS_PLANNED, SetView, ViewState
-from engine.curve.operators import Operator, Tabulated
 from engine.errors import InsituError, LoadError
-from engine.material.layer import Layer
-from engine.material.parameters import FRESNEL
 from engine.scene.complaints import first_complaint
-from engine.scene.description import MAX_BOUNCES, MAX_OBJECTS, LayerDescription, Name, Number, Parameter, Radiance, Text
+from engine.scene.description import MAX_BOUNCES, MAX_OBJECTS, Name, Number, Radiance, Text
 
 SUFFIX = ".insitu"
 SESSION_VERSION = 1
 MAX_SESSION_BYTES = 64 * 2**20
-MAX_TABLE = 8192
-
-Flag = Annotated[bool, Field(strict=True)]
-Triple = tuple[Number, Number, Number]
 
 
-class _Record(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class OperatorRecord(_Record):
-    """An operator, or (kind "curve") the table that a collapsed curve became."""
-
-    kind: Literal["translate", "amplify", "curve"]
-    axis: Literal["x", "y"] | None = None
-    regions: tuple[Number, Number, Number, Number] | None = None
-    magnitude: Number | None = None
-    baseline: Number = 0.0
-    channels: tuple[Flag, Flag, Flag] = (True, True, True)
-    muted: Flag = False
-    gammas: Annotated[tuple[Number, ...], Field(max_length=MAX_TABLE)] = ()
-    values: Annotated[tuple[Triple, ...], Field(max_length=MAX_TABLE)] = ()
-
-    @model_validator(mode="after")
-    def _is_an_edit(self) -> OperatorRecord:
-        try:
-            self.edit()
-        except (ValueError, TypeError) as error:
-            raise ValueError(f"kind: a complete operator ({error})") from None
-        return self
-
-    def edit(self) -> CurveEdit:
-        """The operator itself."""
-        if self.kind == "curve":
-            return Tabulated(self.gammas, self.values, self.muted)
-        if self.axis is None or self.regions is None or self.magnitude is None:
-            raise ValueError("with axis, regions and magnitude")
-        return Operator(self.kind, self.axis, *self.regions, self.magnitude, self.baseline, self.channels, self.muted)
-
-
-class CurveRecord(_Record):
-    """The operators on one curve, in the order in which they apply."""
-
-    factor: Text
-    operators: Annotated[tuple[OperatorRecord, ...], Field(alias="operator", max_length=MAX_OPERATORS)]
-
-
-class LayerRecord(_Record):
-    model: Text
-    name: Name
-    follows: Name | None = None
-    visible: Flag = True
-    frozen: Flag = False
-    values: dict[str, Parameter] = Field(default_factory=dict)
-    curves: tuple[CurveRecord, ...] = Field(default=(), alias="curve", max_length=8)
-
-
-class ObjectRecord(_Record):
+class ObjectRecord(Record):
     name: Name
     visible: Flag = True
     frozen: Flag = False
     editable: Flag = True
     emission: Radiance | None = None
-    layers: tuple[LayerRecord, ...] = Field(default=(), alias="layer", max_length=64)
+    layers: tuple[LayerRecord, ...] = Field(default=(), alias="layer", max_length=MAX_LAYERS)
 
 
-class LightRecord(_Record):
+class LightRecord(Record):
     environment: Text
     mapping: Literal["latlong", "angular"] = "latlong"
     rotation: Number = 0.0
@@ -108,7 +47,7 @@ class LightRecord(_Record):
     radiance: Radiance | None = None
 
 
-class ViewRecord(_Record):
+class ViewRecord(Record):
     selected: Text | None = None
     exposure: Annotated[Number, Field(ge=-20.0, le=20.0)] = 0.0
     tone_mapping: Literal["filmic", "linear", "false_colour"] = "filmic"
@@ -121,14 +60,14 @@ class ViewRecord(_Record):
     precision: Literal["half", "float"] = "half"
 
 
-class JournalRecord(_Record):
+class JournalRecord(Record):
     """In a journal only: when it was written (seconds since 1970), and as what the session was saved last."""
 
     written_at: Number
     session_path: Text | None = None
 
 
-class SessionRecord(_Record):
+class SessionRecord(Record):
     """A whole session file."""
 
     version: Annotated[int, Field(strict=True)]
@@ -187,19 +126,14 @@ def load_session(path: Path) -> Session:
 
 
 def fit_session(session: Session, scene: Document, file: str) -> Document:
-    """The session's document for a scene as it is now; LoadError when the scene has other objects or layers.
+    """The session's document for a scene as it is now; LoadError when the scene has other objects.
 
-    Fresnel terms may have come or gone.
+    Layers are the session's own: an object may have been given another material.
     """
-    have, want = (
-        {state.name: sum(not layer.rises for layer in state.layers) for state in document.objects}
-        for document in (scene, session.document)
-    )
-    for name in have.keys() | want.keys():
-        if have.get(name) != want.get(name):
-            found = f"{want[name]} layers" if name in want else "not in the session"
-            there = f"{have[name]} layers as in the scene" if name in have else "only objects of the scene"
-            raise LoadError(file, f"object {name!r}", found, there)
+    have, want = ({state.name for state in document.objects} for document in (scene, session.document))
+    for name in sorted(have ^ want):
+        found, there = ("not in the session", "all objects") if name in have else ("in the session", "only objects")
+        raise LoadError(file, f"object {name!r}", found, f"{there} of the scene")
     saved = {state.name: state for state in session.document.objects}
     objects = tuple(replace(saved[state.name], emission=state.emission) for state in scene.objects)
     return Document(scene.source, objects, session.document.light)
@@ -226,38 +160,7 @@ def _object_lines(state: ObjectState) -> Iterator[str]:
     switches = {"visible": state.visible, "frozen": state.frozen, "editable": state.editable}
     yield "[[object]]"
     yield from toml_lines({"name": state.name, **switches, "emission": state.emission})
-    for layer in state.layers:
-        yield "[[object.layer]]"
-        model = FRESNEL_NAME if layer.rises else layer.model.name
-        named = {"model": model, "name": layer.name, "follows": layer.follows or None}
-        yield from toml_lines({**named, "visible": layer.visible, "frozen": layer.frozen})
-        yield "[object.layer.values]"
-        yield from toml_lines({name: value for name, value in layer.values.items() if _is_written(layer, name)})
-        for factor, operators in () if layer.rises else layer.edits:
-            yield "[[object.layer.curve]]"
-            yield from toml_lines({"factor": factor})
-            yield "operator = ["
-            yield from (f"  {toml_value(_operator_values(operator))}," for operator in operators)
-            yield "]"
-
-
-def _is_written(layer: Layer, parameter: str) -> bool:
-    """Of a layer and its Fresnel term R stands with the term, all else with the layer."""
-    return (parameter == FRESNEL.name) == layer.rises
-
-
-def _operator_values(operator: CurveEdit) -> dict[str, Any]:
-    if isinstance(operator, Tabulated):
-        return {"kind": "curve", "muted": operator.muted, "gammas": operator.gammas, "values": operator.values}
-    return {
-        "kind": operator.kind,
-        "axis": operator.axis,
-        "regions": operator.regions,
-        "magnitude": operator.magnitude,
-        "baseline": operator.baseline,
-        "channels": operator.channels,
-        "muted": operator.muted,
-    }
+    yield from layer_lines(state.layers, "object.layer")
 
 
 def _view_values(view: ViewState) -> dict[str, Any]:
@@ -266,24 +169,8 @@ def _view_values(view: ViewState) -> dict[str, Any]:
 
 
 def _object(file: str, record: ObjectRecord) -> ObjectState:
-    described = [
-        LayerDescription(model=each.model, name=each.name, follows=each.follows, parameters=each.values)
-        for each in record.layers
-    ]
-    layers = layers_from_descriptions(file, record.name, described)
-    pairs = enumerate(zip(layers, record.layers, strict=True))
-    edited = alike(tuple(_edited(file, layer_key(record.name, i), *pair) for i, pair in pairs))
-    return ObjectState(record.name, edited, record.emission, record.editable, record.visible, record.frozen)
-
-
-def _edited(file: str, key: str, layer: Layer, record: LayerRecord) -> Layer:
-    known = [factor.name for factor in all_factors(layer.model)]
-    names = [curve.factor for curve in record.curves]
-    for curve in record.curves:
-        if curve.factor not in known or names.count(curve.factor) > 1:
-            raise LoadError(file, f"{key}: curve", curve.factor, f"each of {', '.join(known)} once at most")
-        layer = layer.with_operators(curve.factor, [operator.edit() for operator in curve.operators])
-    return layer.replace(visible=record.visible, frozen=record.frozen)
+    layers = layers_of(file, record.name, record.layers)
+    return ObjectState(record.name, layers, record.emission, record.editable, record.visible, record.frozen)
 
 
 def _view(record: ViewRecord, document: Document) -> ViewState:

@@ -1,0 +1,143 @@
+"""Layers in TOML, whole: model, parameters, and the operators on each curve. Sessions and materials are made of them.
+
+Checked by pydantic models and by the parameter tables. Numbers are written in the shortest form that reads back the
+same, so layers written and read are equal to the last bit; angles of operators are radians as inside, likewise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from app.commands import MAX_OPERATORS, CurveEdit
+from app.described_layers import layers_from_descriptions
+from app.document import all_factors, layer_key
+from app.linked_layers import FRESNEL_NAME, Layers, alike
+from app.toml_text import toml_lines, toml_value
+from engine.curve.operators import Operator, Tabulated
+from engine.errors import LoadError
+from engine.material.layer import Layer
+from engine.material.parameters import FRESNEL
+from engine.scene.description import LayerDescription, Name, Number, Parameter, Text
+
+MAX_TABLE = 8192
+MAX_LAYERS = 64
+
+Flag = Annotated[bool, Field(strict=True)]
+Triple = tuple[Number, Number, Number]
+
+
+class Record(BaseModel):
+    """Frozen, without unknown keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class OperatorRecord(Record):
+    """An operator, or (kind "curve") the table that a collapsed curve became."""
+
+    kind: Literal["translate", "amplify", "curve"]
+    axis: Literal["x", "y"] | None = None
+    regions: tuple[Number, Number, Number, Number] | None = None
+    magnitude: Number | None = None
+    baseline: Number = 0.0
+    channels: tuple[Flag, Flag, Flag] = (True, True, True)
+    muted: Flag = False
+    gammas: Annotated[tuple[Number, ...], Field(max_length=MAX_TABLE)] = ()
+    values: Annotated[tuple[Triple, ...], Field(max_length=MAX_TABLE)] = ()
+
+    @model_validator(mode="after")
+    def _is_an_edit(self) -> OperatorRecord:
+        try:
+            self.edit()
+        except (ValueError, TypeError) as error:
+            raise ValueError(f"kind: a complete operator ({error})") from None
+        return self
+
+    def edit(self) -> CurveEdit:
+        """The operator itself."""
+        if self.kind == "curve":
+            return Tabulated(self.gammas, self.values, self.muted)
+        if self.axis is None or self.regions is None or self.magnitude is None:
+            raise ValueError("with axis, regions and magnitude")
+        return Operator(self.kind, self.axis, *self.regions, self.magnitude, self.baseline, self.channels, self.muted)
+
+
+class CurveRecord(Record):
+    """The operators on one curve, in the order in which they apply."""
+
+    factor: Text
+    operators: Annotated[tuple[OperatorRecord, ...], Field(alias="operator", max_length=MAX_OPERATORS)]
+
+
+class LayerRecord(Record):
+    model: Text
+    name: Name
+    follows: Name | None = None
+    visible: Flag = True
+    frozen: Flag = False
+    values: dict[str, Parameter] = Field(default_factory=dict)
+    curves: tuple[CurveRecord, ...] = Field(default=(), alias="curve", max_length=8)
+
+
+def layers_of(file: str, name: str, records: Sequence[LayerRecord]) -> Layers:
+    """The layers of the object or material called `name`, edits and all. Raises LoadError for `file`."""
+    described = [
+        LayerDescription(model=each.model, name=each.name, follows=each.follows, parameters=each.values)
+        for each in records
+    ]
+    pairs = enumerate(zip(layers_from_descriptions(file, name, described), records, strict=True))
+    return alike(tuple(_edited(file, layer_key(name, i), *pair) for i, pair in pairs))
+
+
+def _edited(file: str, key: str, layer: Layer, record: LayerRecord) -> Layer:
+    known = [factor.name for factor in all_factors(layer.model)]
+    names = [curve.factor for curve in record.curves]
+    for curve in record.curves:
+        if curve.factor not in known or names.count(curve.factor) > 1:
+            raise LoadError(file, f"{key}: curve", curve.factor, f"each of {', '.join(known)} once at most")
+        layer = layer.with_operators(curve.factor, [operator.edit() for operator in curve.operators])
+    return layer.replace(visible=record.visible, frozen=record.frozen)
+
+
+def layer_lines(layers: Layers, table: str) -> Iterator[str]:
+    """The TOML lines of layers, an array of tables called `table`: "object.layer"."""
+    for layer in layers:
+        yield f"[[{table}]]"
+        model = FRESNEL_NAME if layer.rises else layer.model.name
+        named = {"model": model, "name": layer.name, "follows": layer.follows or None}
+        yield from toml_lines({**named, "visible": layer.visible, "frozen": layer.frozen})
+        yield f"[{table}.values]"
+        yield from toml_lines({name: value for name, value in layer.values.items() if _is_written(layer, name)})
+        for factor, operators in () if layer.rises else layer.edits:
+            yield f"[[{table}.curve]]"
+            yield from toml_lines({"factor": factor})
+            yield from operator_lines(operators)
+
+
+def operator_lines(operators: Sequence[CurveEdit]) -> Iterator[str]:
+    """The TOML lines of a curve's operators."""
+    yield "operator = ["
+    yield from (f"  {toml_value(_operator_values(operator))}," for operator in operators)
+    yield "]"
+
+
+def _is_written(layer: Layer, parameter: str) -> bool:
+    """Of a layer and its Fresnel term R stands with the term, all else with the layer."""
+    return (parameter == FRESNEL.name) == layer.rises
+
+
+def _operator_values(operator: CurveEdit) -> dict[str, Any]:
+    if isinstance(operator, Tabulated):
+        return {"kind": "curve", "muted": operator.muted, "gammas": operator.gammas, "values": operator.values}
+    return {
+        "kind": operator.kind,
+        "axis": operator.axis,
+        "regions": operator.regions,
+        "magnitude": operator.magnitude,
+        "baseline": operator.baseline,
+        "channels": operator.channels,
+        "muted": operator.muted,
+    }
