@@ -8,15 +8,14 @@ apply: the first works on the generated curve, each next one on what the ones be
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
-from app.document import FRESNEL_TERM, Document, Target, all_factors, resolve, split_key
+from app.document import Document, all_factors, resolve, split_key
 from app.light_commands import SetEnvironment, SetIntensity, SetMapping, SetRotation
 from app.linked_layers import group_of, with_fresnel, without_fresnel
-from app.probe_file import likely_mapping
+from app.material_commands import AddLayers, RemoveLayer, SetMaterial
 from engine.curve.operators import Edit, Tabulated, collapse
-from engine.errors import InsituError, LoadError
+from engine.errors import InsituError
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
 
@@ -283,44 +282,8 @@ class SetEditable:
 EditCommand = (
     SetParameter | SetModel | SetOperators | AddOperator | ReplaceOperator | RemoveOperator | MoveOperator
     | MuteOperator | CollapseOperators | ResetCurve | SetVisible | SetFrozen | SetFresnelTerm | SetEditable
-    | SetRotation | SetIntensity | SetEnvironment | SetMapping
+    | SetMaterial | AddLayers | RemoveLayer | SetRotation | SetIntensity | SetEnvironment | SetMapping
 )  # fmt: skip
-
-
-def set_path(document: Document, path: str, value: Any) -> EditCommand:
-    """The command that gives what ``path`` names the value ``value``: ``"teapot.1.alpha"``, ``"light.rotation"``…
-
-    Raises InsituError for a path that names nothing with a value. The command line and scripts set by path.
-    """
-    target = resolve(document, path)
-    if target.kind == "parameter" and target.key is not None and target.name is not None:
-        return SetParameter(target.key, target.name, value)
-    if target.kind == "light":
-        return _set_light(path, target, value)
-    if target.kind == "switch":
-        return _set_switch(path, target, value)
-    raise InsituError(f"{path!r} is a {target.kind} and has no value; name a parameter of it")
-
-
-def _set_light(path: str, target: Target, value: Any) -> EditCommand:
-    if target.name == "environment":
-        if not isinstance(value, str):
-            raise LoadError(path, "value", value, "a built-in environment's name or a file's path")
-        return SetEnvironment(value, likely_mapping(Path(value)))
-    if target.name == "mapping":
-        return SetMapping(value)
-    return SetRotation(value) if target.name == "rotation" else SetIntensity(value)
-
-
-def _set_switch(path: str, target: Target, value: Any) -> EditCommand:
-    if not isinstance(value, bool):
-        raise LoadError(path, "value", value, "true or false")
-    owner = target.key or target.object
-    if target.name == "editable":
-        return SetEditable(owner, value)
-    if target.name == FRESNEL_TERM:
-        return SetFresnelTerm(owner, value)
-    return SetVisible(owner, value) if target.name == "visible" else SetFrozen(owner, value)
 
 
 def operator_title(operator: CurveEdit) -> str:

@@ -155,6 +155,7 @@ class Target:
 
 
 SWITCHES = ("visible", "frozen", "editable")
+MATERIAL = "material"
 FRESNEL_TERM = "fresnel_term"
 LIGHT_FIELDS = ("rotation", "intensity", "environment", "mapping")
 
@@ -184,7 +185,7 @@ def resolve(document: Document, path: str) -> Target:
     state, rest = _split_object(document, path)
     if not rest:
         return Target("object", state.name)
-    if rest in SWITCHES:
+    if rest in (*SWITCHES, MATERIAL) and rest not in [layer.name for layer in state.layers]:
         return Target("switch", state.name, name=rest)
     index, rest = _split_layer(state, rest)
     if not rest:

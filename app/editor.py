@@ -18,7 +18,7 @@ from typing import Protocol
 
 from app.commands import EditCommand
 from app.comparison import Comparison
-from app.document import Document, Selection, all_factors, document_from_description, resolve
+from app.document import Document, Selection, all_factors, document_from_description, layer_key, resolve
 from app.edited_curves import edited_layers
 from app.history import History
 from app.indirect import IndirectTalk
@@ -43,6 +43,7 @@ from app.jobs.messages import (
 )
 from app.journal import Journal, Recovery
 from app.known_light import KnownLight
+from app.material_commands import SetMaterial
 from app.negotiator import Negotiator
 from app.paths import full_path
 from app.picture import (
@@ -149,6 +150,8 @@ class Editor:
             if isinstance(command, SetView | OpenPanel):
                 self.view = command.apply(self.view)
             elif self.history.do(command, merge_key):
+                if isinstance(command, SetMaterial):
+                    self.curves.replan(layer_key(command.object, index) for index in range(len(command.layers)))
                 self._document_changed()
         except (InsituError, ValueError) as error:
             return self._refuse(str(error))

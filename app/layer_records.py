@@ -88,27 +88,39 @@ def layers_of(file: str, name: str, records: Sequence[LayerRecord]) -> Layers:
         LayerDescription(model=each.model, name=each.name, follows=each.follows, parameters=each.values)
         for each in records
     ]
-    pairs = enumerate(zip(layers_from_descriptions(file, name, described), records, strict=True))
-    return alike(tuple(_edited(file, layer_key(name, i), *pair) for i, pair in pairs))
+    plain = layers_from_descriptions(file, name, described)
+    return alike(
+        tuple(
+            with_curves(file, layer_key(name, i), layer, record.curves).replace(
+                visible=record.visible, frozen=record.frozen
+            )
+            for i, (layer, record) in enumerate(zip(plain, records, strict=True))
+        )
+    )
 
 
-def _edited(file: str, key: str, layer: Layer, record: LayerRecord) -> Layer:
+def with_curves(file: str, key: str, layer: Layer, curves: Sequence[CurveRecord]) -> Layer:
+    """The layer with the operators of its curves; LoadError for `file` and the layer called `key`."""
     known = [factor.name for factor in all_factors(layer.model)]
-    names = [curve.factor for curve in record.curves]
-    for curve in record.curves:
+    names = [curve.factor for curve in curves]
+    for curve in curves:
         if curve.factor not in known or names.count(curve.factor) > 1:
             raise LoadError(file, f"{key}: curve", curve.factor, f"each of {', '.join(known)} once at most")
         layer = layer.with_operators(curve.factor, [operator.edit() for operator in curve.operators])
-    return layer.replace(visible=record.visible, frozen=record.frozen)
+    return layer
+
+
+def description_of(layer: Layer) -> dict[str, Any]:
+    """A layer without its edits as a scene file has it: an inline table's keys and values."""
+    written = {name: value for name, value in layer.values.items() if _is_written(layer, name)}
+    return _named(layer) | written
 
 
 def layer_lines(layers: Layers, table: str) -> Iterator[str]:
     """The TOML lines of layers, an array of tables called `table`: "object.layer"."""
     for layer in layers:
         yield f"[[{table}]]"
-        model = FRESNEL_NAME if layer.rises else layer.model.name
-        named = {"model": model, "name": layer.name, "follows": layer.follows or None}
-        yield from toml_lines({**named, "visible": layer.visible, "frozen": layer.frozen})
+        yield from toml_lines({**_named(layer), "visible": layer.visible, "frozen": layer.frozen})
         yield f"[{table}.values]"
         yield from toml_lines({name: value for name, value in layer.values.items() if _is_written(layer, name)})
         for factor, operators in () if layer.rises else layer.edits:
@@ -122,6 +134,11 @@ def operator_lines(operators: Sequence[CurveEdit]) -> Iterator[str]:
     yield "operator = ["
     yield from (f"  {toml_value(_operator_values(operator))}," for operator in operators)
     yield "]"
+
+
+def _named(layer: Layer) -> dict[str, str | None]:
+    model = FRESNEL_NAME if layer.rises else layer.model.name
+    return {"model": model, "name": layer.name, "follows": layer.follows or None}
 
 
 def _is_written(layer: Layer, parameter: str) -> bool:

@@ -1,4 +1,4 @@
-"""Where Insitu keeps what outlives a run: the autosave journals and the interface's layout.
+"""Where Insitu keeps what outlives a run: the autosave journals, a person's own materials and the interface's layout.
 
 The folder comes from the environment variable ``INSITU_STATE`` where it is set (tests, kiosks), else from the
 platform's own convention (``platformdirs``). The transport cache has its own folder, see ``app.jobs.cache``:
@@ -27,6 +27,13 @@ def state_directory() -> Path:
 def journal_directory() -> Path:
     """The folder of the autosave journals, one file for each running editor."""
     folder = state_directory() / "journals"
+    folder.mkdir(exist_ok=True, mode=0o700)
+    return folder
+
+
+def material_directory() -> Path:
+    """The folder of a person's own materials."""
+    folder = state_directory() / "materials"
     folder.mkdir(exist_ok=True, mode=0o700)
     return folder
 

@@ -7,7 +7,7 @@ Shapes: P pixels that see a reflecting object, p those of one layer, J bands.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -141,6 +141,11 @@ class Curves:
         self._cached = {}
         known = planned if self.most_bands == MOST_BANDS else {}
         self._planned = {key: (layers[key].model, counts) for key, counts in known.items() if key in layers}
+
+    def replan(self, keys: Iterable[str]) -> None:
+        """These layers have become others: they are planned anew."""
+        for key in keys:
+            self._planned.pop(key, None)
 
     def bands(self, key: str, layer: Layer) -> dict[str, int]:
         """J of each of the layer's transport factors.

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from app.commands import set_path
 from app.document import Document, document_from_description
 from app.memory import require_memory_for
 from app.session import SUFFIX, fit_session, load_session
+from app.set_path import set_path
 from engine.errors import InsituError
 from engine.scene.builtin import DEFAULT_SCENE, builtin_scenes
 

@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Literal
 
-from app.commands import set_path
 from app.editor import Editor, WorkerClient
 from app.jobs.client import Client
 from app.light_commands import SetRotation
@@ -27,6 +26,7 @@ from app.script import (
     UndoSteps,
     WaitFor,
 )
+from app.set_path import set_path
 from engine.errors import InsituError
 from engine.scene.builtin import builtin_environments, builtin_scenes
 from ui.gl.placement import PlacementRenderer

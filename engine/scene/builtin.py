@@ -1,4 +1,4 @@
-"""The scenes and environments that come with the program: names and where their files stand.
+"""The scenes, environments and materials that come with the program: names and where their files stand.
 
 They lie in `assets/` beside the `engine` package, in a checkout and in an installed copy alike.
 """
@@ -18,3 +18,8 @@ def builtin_scenes() -> dict[str, Path]:
 def builtin_environments() -> dict[str, Path]:
     """Name -> lat-long EXR, by name."""
     return {path.stem: path for path in sorted((ASSETS / "environments").glob("*.exr"))}
+
+
+def builtin_materials() -> list[Path]:
+    """The files of the library's materials, by name."""
+    return sorted((ASSETS / "materials").glob("*.toml"))

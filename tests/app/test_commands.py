@@ -27,9 +27,9 @@ from app.commands import (
     SetParameter,
     SetRotation,
     SetVisible,
-    set_path,
 )
 from app.document import Document
+from app.set_path import set_path
 from engine.curve.operators import Operator, Tabulated
 from engine.errors import InsituError
 

@@ -6,10 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from app.commands import SetRotation, set_path
 from app.document import resolve
+from app.light_commands import SetRotation
 from app.project import open_project
 from app.script import Capture, DragItem, RedoSteps, Rotate, SelectPath, SetValues, UndoSteps, load_script
+from app.set_path import set_path
 from engine.scene.builtin import ASSETS
 
 

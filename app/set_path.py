@@ -1,0 +1,61 @@
+"""The edit that gives what a path names a value: how the command line and scripts say what a hand does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from app.commands import EditCommand, SetEditable, SetFresnelTerm, SetFrozen, SetParameter, SetVisible
+from app.document import FRESNEL_TERM, MATERIAL, Document, Target, resolve
+from app.library import Library
+from app.light_commands import SetEnvironment, SetIntensity, SetMapping, SetRotation
+from app.material_commands import SetMaterial
+from app.material_file import load_material
+from app.paths import is_file_name
+from app.probe_file import likely_mapping
+from engine.errors import InsituError, LoadError
+
+
+def set_path(document: Document, path: str, value: Any) -> EditCommand:
+    """The command that gives what ``path`` names the value ``value``: ``"teapot.1.alpha"``, ``"light.rotation"``…
+
+    Raises InsituError for a path that names nothing with a value. The command line and scripts set by path.
+    """
+    target = resolve(document, path)
+    if target.kind == "parameter" and target.key is not None and target.name is not None:
+        return SetParameter(target.key, target.name, value)
+    if target.kind == "light":
+        return _set_light(path, target, value)
+    if target.kind == "switch":
+        return _set_switch(path, target, value)
+    raise InsituError(f"{path!r} is a {target.kind} and has no value; name a parameter of it")
+
+
+def _set_light(path: str, target: Target, value: Any) -> EditCommand:
+    if target.name == "environment":
+        if not isinstance(value, str):
+            raise LoadError(path, "value", value, "a built-in environment's name or a file's path")
+        return SetEnvironment(value, likely_mapping(Path(value)))
+    if target.name == "mapping":
+        return SetMapping(value)
+    return SetRotation(value) if target.name == "rotation" else SetIntensity(value)
+
+
+def _set_switch(path: str, target: Target, value: Any) -> EditCommand:
+    if target.name == MATERIAL:
+        return _set_material(path, target.object, value)
+    if not isinstance(value, bool):
+        raise LoadError(path, "value", value, "true or false")
+    owner = target.key or target.object
+    if target.name == "editable":
+        return SetEditable(owner, value)
+    if target.name == FRESNEL_TERM:
+        return SetFresnelTerm(owner, value)
+    return SetVisible(owner, value) if target.name == "visible" else SetFrozen(owner, value)
+
+
+def _set_material(path: str, name: str, value: Any) -> SetMaterial:
+    if not isinstance(value, str):
+        raise LoadError(path, "value", value, "the name of a material in the library, or a material's file")
+    material = load_material(Path(value)) if is_file_name(value) else Library().entry(value).material
+    return SetMaterial(name, material.layers, material.name)
