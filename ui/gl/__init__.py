@@ -21,5 +21,8 @@ where a sample lies. ``coefficients`` keeps the books without GL, ``transport`` 
 terms, ``refine`` joins the three; ``layers``, ``composite`` and ``tonemap`` make the picture. ``placement`` is what the
 window talks to, with a ``picture_frame`` as the camera's view.
 
+Apart from the picture, a material is seen by its BRDF in GLSL: ``python_to_glsl`` translates the models' own functions,
+``brdf_source`` joins them to layers, a ``brdf_stack`` has a material's curves and numbers and draws brdf/*.frag.glsl.
+
 All pictures have row 0 at the top and are stored so: texture row 0 is the picture's top row.
 """

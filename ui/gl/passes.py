@@ -24,9 +24,14 @@ class Passes:
         self._programs = ProgramCache(context)
         self._arrays: dict[int, moderngl.VertexArray] = {}
 
-    def full_screen(self, fragment: str, **defines: int) -> moderngl.Program:
-        """The program of a fragment shader that runs once for each texel of the target's box."""
-        return self._programs.get("common/full_screen.vert.glsl", fragment, **defines)
+    def full_screen(
+        self, fragment: str, made: Mapping[str, str] | None = None, /, **defines: int
+    ) -> moderngl.Program:
+        """The program of a fragment shader that runs once for each texel of the target's box.
+
+        `made`: texts that it includes and that stand in no file.
+        """
+        return self._programs.get("common/full_screen.vert.glsl", fragment, made, **defines)
 
     def points(self, name: str, **defines: int) -> moderngl.Program:
         """The program of ``placement/name`` that draws points."""

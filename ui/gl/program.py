@@ -1,7 +1,8 @@
 """Shaders from the ``shaders`` folder: includes, compile-time switches, programs made once.
 
 ``#include "common/x.glsl"`` is relative to the folder and taken once; switches become ``#define`` lines after
-``#version``. ``#line`` keeps the compiler's line numbers those of the file.
+``#version``. ``#line`` keeps the compiler's line numbers those of the file. What is included may also be a text that
+was made for the program, in place of a file (`ui.gl.brdf_source`).
 """
 
 from __future__ import annotations
@@ -18,19 +19,27 @@ SHADER_FOLDER = Path(__file__).resolve().parents[2] / "shaders"
 _INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$')
 
 
-def load_shader(name: str, defines: Mapping[str, int] | None = None, folder: Path = SHADER_FOLDER) -> str:
-    """The source of ``folder/name`` with its includes and switches in place; GraphicsError when one is missing."""
-    lines = _expanded(name, folder, set()).splitlines()
+def load_shader(
+    name: str,
+    defines: Mapping[str, int] | None = None,
+    folder: Path = SHADER_FOLDER,
+    made: Mapping[str, str] | None = None,
+) -> str:
+    """The source of ``folder/name`` with its includes and switches in place; GraphicsError when one is missing.
+
+    ``made``: texts, by the name that includes them, that stand in no file.
+    """
+    lines = _expanded(name, folder, set(), made or {}).splitlines()
     if not lines or not lines[0].startswith("#version"):
         raise GraphicsError(f"shader {name}: the first line must be #version")
     switches = [f"#define {key} {value}" for key, value in (defines or {}).items()]
     return "\n".join([lines[0], *switches, "#line 2", *lines[1:], ""])
 
 
-def _expanded(name: str, folder: Path, seen: set[str]) -> str:
+def _expanded(name: str, folder: Path, seen: set[str], made: Mapping[str, str]) -> str:
     seen.add(name)
     try:
-        text = (folder / name).read_text(encoding="utf-8")
+        text = made[name] if name in made else (folder / name).read_text(encoding="utf-8")
     except OSError as failure:
         raise GraphicsError(f"shader {name} cannot be read: {failure}") from failure
     out: list[str] = []
@@ -39,7 +48,7 @@ def _expanded(name: str, folder: Path, seen: set[str]) -> str:
         if found is None:
             out.append(line)
         elif found[1] not in seen:
-            out += ["#line 1", _expanded(found[1], folder, seen), f"#line {number + 1}"]
+            out += ["#line 1", _expanded(found[1], folder, seen, made), f"#line {number + 1}"]
         else:
             out.append("")
     return "\n".join(out)
@@ -50,17 +59,25 @@ class ProgramCache:
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
-        self._programs: dict[tuple[str, str, tuple[tuple[str, int], ...]], moderngl.Program] = {}
+        self._programs: dict[tuple[object, ...], moderngl.Program] = {}
 
-    def get(self, vertex: str, fragment: str, **defines: int) -> moderngl.Program:
-        """The program of two shader files; raises GraphicsError with the compiler's own words."""
-        key = (vertex, fragment, tuple(sorted(defines.items())))
+    def get(
+        self, vertex: str, fragment: str, made: Mapping[str, str] | None = None, /, **defines: int
+    ) -> moderngl.Program:
+        """The program of two shader files; raises GraphicsError with the compiler's own words.
+
+        ``made``: texts that the fragment shader includes and that stand in no file.
+        """
+        made = made or {}
+        key = (vertex, fragment, tuple(sorted(defines.items())), tuple(sorted(made.items())))
         if key not in self._programs:
-            self._programs[key] = self._compiled(vertex, fragment, defines)
+            self._programs[key] = self._compiled(vertex, fragment, defines, made)
         return self._programs[key]
 
-    def _compiled(self, vertex: str, fragment: str, defines: Mapping[str, int]) -> moderngl.Program:
-        sources = load_shader(vertex), load_shader(fragment, defines)
+    def _compiled(
+        self, vertex: str, fragment: str, defines: Mapping[str, int], made: Mapping[str, str]
+    ) -> moderngl.Program:
+        sources = load_shader(vertex), load_shader(fragment, defines, made=made)
         try:
             return self._context.program(vertex_shader=sources[0], fragment_shader=sources[1])
         except moderngl.Error as failure:

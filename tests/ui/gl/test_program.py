@@ -8,7 +8,7 @@ import pytest
 from ui.gl.context import GraphicsError, create_headless_context
 from ui.gl.program import SHADER_FOLDER, ProgramCache, load_shader
 
-OWN_FOLDERS = ("common", "placement")
+OWN_FOLDERS = ("brdf", "common", "placement")
 
 
 def test_includes_are_taken_once_and_switches_follow_the_version(tmp_path: Path) -> None:
