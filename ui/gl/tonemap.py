@@ -112,7 +112,7 @@ class Display:
         return round(min(max(view.compare_divider or 0.0, 0.0), 1.0) * self._size[0])
 
     def _tone_map(self, source: moderngl.Texture, exposure: float, tone_mapping: ToneMapping, region: Box) -> None:
-        program = self._passes.full_screen("placement/display.frag.glsl", **_switches(tone_mapping))
+        program = self._passes.full_screen("placement/display.frag.glsl", **tone_switches(tone_mapping))
         textures = {"linear_picture": source}
         self._passes.draw(program, self._target, region, textures, exposure=_exposure_factor(exposure))
 
@@ -146,7 +146,7 @@ class Display:
 
     def _edge_array(self, tone_mapping: ToneMapping) -> moderngl.VertexArray:
         if tone_mapping not in self._edge_arrays:
-            program = self._passes.points("edge", **_switches(tone_mapping))
+            program = self._passes.points("edge", **tone_switches(tone_mapping))
             content = [(self._edges, "1i 1i 1f", "pixel", "neighbour", "weight")]
             self._edge_arrays[tone_mapping] = self._memory.context.vertex_array(program, content)
         return self._edge_arrays[tone_mapping]
@@ -171,7 +171,8 @@ def outline_pixels(mask: NDArray[np.bool_]) -> NDArray[np.int32]:
     return np.flatnonzero(~mask & neighbours.any(axis=0)).astype(np.int32)
 
 
-def _switches(tone_mapping: ToneMapping) -> dict[str, int]:
+def tone_switches(tone_mapping: ToneMapping) -> dict[str, int]:
+    """Compile-time switches of shaders that include common/tone_mapping.glsl."""
     if tone_mapping not in _SWITCHES:
         raise GraphicsError(f"tone mapping {tone_mapping!r}, expected one of {', '.join(_SWITCHES)}")
     return {name: int(name == _SWITCHES[tone_mapping]) for name in _SWITCHES.values()}

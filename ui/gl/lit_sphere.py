@@ -1,0 +1,83 @@
+"""A sphere of a material under a fixed set of lights, small: what a person knows a material by.
+
+Drawn in steps that add to one another, each with directions of its own: after the first it is there, after `N_STEPS`
+it is smooth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.material.layer import Layer
+from ui.gl.brdf_stack import BrdfStack
+from ui.gl.passes import Passes
+from ui.gl.textures import TextureMemory, read_texture
+from ui.gl.tonemap import ToneMapping, tone_switches
+
+N_STEPS = 8
+# Turns of the directions from one step to the next [Roberts' R2 sequence, the plastic number].
+TURNS = np.array([0.7548776662466927, 0.5698402909980532])
+
+
+class LitSphere:
+    """One sphere of `side` texels; `texture` is RGBA8, sRGB with straight alpha, row 0 at the top."""
+
+    def __init__(self, passes: Passes, memory: TextureMemory, side: int) -> None:
+        self._passes, self._memory, self.side = passes, memory, side
+        self._sum = memory.texture((side, side), 4, "f4")
+        self._sum_target = memory.framebuffer([self._sum])
+        self.texture = memory.texture((side, side), 4, "f1")
+        self._target = memory.framebuffer([self.texture])
+        self.steps = 0
+
+    def restart(self) -> None:
+        """The material is another: the next step begins anew."""
+        self.steps = 0
+
+    def step(self, stack: BrdfStack, tone_mapping: ToneMapping = "filmic") -> bool:
+        """Draw one step more, and the picture so far; whether there are more. Raises GraphicsError, Untranslatable."""
+        box = (0, 0, self.side, self.side)
+        if self.steps < N_STEPS:
+            turn = tuple(float(value) for value in (0.5 + self.steps * TURNS) % 1.0)
+            stack.draw("sphere.frag.glsl", self._sum_target, box, add=self.steps > 0, side=float(self.side), turn=turn)
+            self.steps += 1
+        self.show(tone_mapping)
+        return self.steps < N_STEPS
+
+    def show(self, tone_mapping: ToneMapping) -> None:
+        """Tone map what there is."""
+        program = self._passes.full_screen("brdf/sphere_shown.frag.glsl", **tone_switches(tone_mapping))
+        box = (0, 0, self.side, self.side)
+        self._passes.draw(program, self._target, box, {"summed": self._sum}, side=float(self.side))
+
+    def release(self) -> None:
+        """Free textures."""
+        for target in (self._sum_target, self._target):
+            self._memory.release_framebuffer(target)
+        for texture in (self._sum, self.texture):
+            self._memory.release(texture)
+
+
+def sphere_picture(
+    context: moderngl.Context, layers: Sequence[Layer], side: int, steps: int = N_STEPS
+) -> NDArray[np.uint8]:
+    """A lit sphere of visible layers, (side, side, 4) sRGB with straight alpha, row 0 at the top: thumbnails.
+
+    Made at once, and waits for the GPU: a few ms on one, some 10 ms a step for 96 texels without. Where many are made,
+    keep a `LitSphere` and a `BrdfStack`, and make a step of one a frame. Raises GraphicsError, Untranslatable.
+    """
+    passes, memory = Passes(context), TextureMemory(context)
+    stack, sphere = BrdfStack(passes, memory), LitSphere(passes, memory, side)
+    try:
+        stack.set_layers(tuple(layer for layer in layers if layer.visible))
+        for _ in range(steps):
+            sphere.step(stack)
+        return read_texture(sphere.texture, np.uint8).astype(np.uint8)
+    finally:
+        sphere.release()
+        stack.release()
+        passes.release()
