@@ -14,6 +14,7 @@ from app.linked_layers import FRESNEL_NAME, Layers, alike
 from engine.errors import LoadError
 from engine.material import MODELS
 from engine.material.layer import Layer
+from engine.material.maps import map_values
 from engine.material.model import validate_parameters
 from engine.material.parameters import FRESNEL, ParameterError
 from engine.scene.description import LayerDescription
@@ -43,7 +44,9 @@ def _plain(file: str, key: str, described: LayerDescription) -> Layer:
         values = validate_parameters(model, described.parameters, file)
     except LoadError as error:
         raise LoadError(file, f"{key}: {error.what}", error.value, error.expected) from None
-    return Layer(model, described.name or model.name, tuple(values.items()), follows=described.follows or "")
+    return Layer(
+        model, described.name or model.name, tuple(values.items()), follows=described.follows or "", maps=described.maps
+    )
 
 
 def _leader(file: str, key: str, follows: str | None, layers: Sequence[Layer | None]) -> int:
@@ -60,9 +63,10 @@ def _two_terms(file: str, key: str, described: LayerDescription, lead: Layer | N
     assert lead is not None
     if lead.fresnel is not None:
         raise LoadError(file, f"{key}.follows", lead.name, "a layer that has no Fresnel term yet")
-    unknown = next((name for name in described.parameters if name != FRESNEL.name), None)
+    given = described.parameters | map_values(described.maps)
+    unknown = next((name for name in given if name != FRESNEL.name), None)
     if unknown is not None:
-        raise LoadError(file, f"{key}: {unknown}", described.parameters[unknown], f"only {FRESNEL.name}")
+        raise LoadError(file, f"{key}: {unknown}", given[unknown], f"only {FRESNEL.name}")
     try:
         lead = lead.with_fresnel(described.parameters.get(FRESNEL.name, FRESNEL.default))
     except ParameterError as error:

@@ -11,7 +11,7 @@ from engine.plan import N_LIGHTS, Plan, plan_scene
 from engine.render.bounces import planned_bounces
 from engine.render.indirect import still_albedos
 from engine.render.pilot import estimate_cost
-from engine.render.still import StillLayer, StillProgress, finish, still_layers
+from engine.render.still import StillLayer, StillProgress, finish, still_layers, with_maps
 from engine.transport.pipeline import Placement
 
 
@@ -29,7 +29,7 @@ def plan_project(
         overrides=overrides,
     )  # fmt: skip
     placement = Placement(project.scene)
-    planned_layers = still_layers(layers.items(), project.object_names, plan)
+    planned_layers = with_maps(placement, still_layers(layers.items(), project.object_names, plan))
     if plan.bounces is None:
         plan = _with_planned_bounces(plan, placement, planned_layers)
     return finish(estimate_cost(placement, planned_layers, sky, plan), report)

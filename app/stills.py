@@ -28,6 +28,7 @@ from engine.render.still import (
     render_still,
     still_layers,
     still_quality,
+    with_maps,
 )
 from engine.transport.pipeline import Placement
 
@@ -63,7 +64,7 @@ def render_picture(
     sky = project.sky
     placement = Placement(project.scene)
     plan = plan_still(project, sky.environment is not None, n_lights)
-    layers = still_layers(project.layers.items(), project.object_names, plan)
+    layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
     series = series or BounceSeries(plan.bounces or _required_bounces(placement, layers))
     if reference:
         steps = _reference(placement, project, series.n_bounces, n_samples)

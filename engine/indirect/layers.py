@@ -15,7 +15,8 @@ from engine.scene.hits import PrimaryHits
 @dataclass(frozen=True, eq=False)
 class IndirectLayer:
     """A visible layer of one object: its curves towards the eye, and as second bounce, f_q (3,), f_o (N, 3) at even
-    angles from 0 to π/2, and its equivalent albedo (3,)."""
+    angles from 0 to π/2, and its equivalent albedo (3,). Of textures and weight maps their mean over the surface is in
+    f_q and in the albedo."""
 
     i_object: int
     curves: LayerCurves
@@ -26,16 +27,21 @@ class IndirectLayer:
 
 
 def indirect_layer(
-    i_object: int, layer: Layer, bands: tuple[int, ...], second: int | None = None
+    i_object: int, layer: Layer, bands: tuple[int, ...], second: int | None = None, mean: object = 1.0
 ) -> IndirectLayer:
-    """A layer with its curves as they are, on this many bands; at the second bounce on no more than `second`."""
+    """A layer with its curves as they are, on this many bands; at the second bounce on no more than `second`.
+
+    mean (3,): of its texture and weight map over the surface.
+    """
+    share = np.broadcast_to(np.asarray(mean, np.float64), 3)
     view = layer.model.view_factor
     angles = np.linspace(0.0, np.pi / 2, N_VIEW_SAMPLES)
     seen = np.ones((N_VIEW_SAMPLES, 3)) if view is None else layer.curve(view.name)(angles)
     sent = tuple(n if second is None else min(n, second) for n in bands)
     return IndirectLayer(
-        i_object, _curves(layer, bands), _curves(layer, sent), layer.scale(), seen, equivalent_albedo(layer, bands)
-    )
+        i_object, _curves(layer, bands), _curves(layer, sent), share * layer.scale(), seen,
+        share * equivalent_albedo(layer, bands),
+    )  # fmt: skip
 
 
 def _curves(layer: Layer, bands: tuple[int, ...]) -> LayerCurves:

@@ -164,5 +164,11 @@ class IndirectLight:
 
     def picture(self, layers: Sequence[IndirectLayer], half: int | None = None) -> NDArray[np.float32]:
         """Indirect radiance (P, 3) of all points of the picture."""
-        found, (rows, weights) = self.at_points(layers, half), self.footprint
+        return self.reflecting(layers, self.sent(layers), half)
+
+    def reflecting(
+        self, layers: Sequence[IndirectLayer], light: SentLight, half: int | None = None
+    ) -> NDArray[np.float32]:
+        """What some layers reflect of light that all of them sent, (P, 3)."""
+        found, (rows, weights) = self.points.reflected(layers, light, half), self.footprint
         return np.asarray(np.einsum("pk,pkc->pc", weights, found[rows]), np.float32)

@@ -18,6 +18,7 @@ from engine.curve.bands import band_values
 from engine.curve.operators import Edit, apply_operators
 from engine.material import kinds
 from engine.material.fresnel import rise
+from engine.material.maps import LayerMaps
 from engine.material.model import Model, channels, find_parameter
 from engine.material.parameters import FRESNEL, Parameter, Value
 
@@ -57,7 +58,7 @@ class Layer:
 
     `edits`: for each edited curve its name and operators, lowest first; curves without operators are left out.
     `frozen`: the layer's curves are not offered for editing. `follows`: the name of a layer of the same object that it
-    shares its curves with.
+    shares its curves with. `maps`: the images that multiply it, pixel by pixel; a formula knows nothing of them.
 
     Any layer may be given Schlick's Fresnel factor R + (1 - R)(1 - cos theta_d)^5 per channel, by being made two of
     all curves alike [BenArtzi07, eq. 3.12]: itself times R, and a second one, which `rises`, times
@@ -72,6 +73,7 @@ class Layer:
     frozen: bool = False
     follows: str = ""
     rises: bool = False
+    maps: LayerMaps = LayerMaps()
 
     @property
     def table(self) -> tuple[Parameter, ...]:
@@ -151,7 +153,9 @@ class Layer:
         """This layer with another's curves: the operators of those that both models have, and the parameters that drive
         curves in both tables alike; where it is the second term of the other, all. Itself where nothing differs."""
         if self.rises or other.rises:
-            shared = self.replace(model=other.model, parameters=other.parameters, edits=other.edits)
+            shared = self.replace(
+                model=other.model, parameters=other.parameters, edits=other.edits, maps=other.maps
+            )
             return self if shared == self else shared
         curves = self.model.curve_names & other.model.curve_names
         edits = {name: operators for name, operators in self.edits if name not in curves}

@@ -1,14 +1,17 @@
 """The indirect light of a still: what the editor shows when everything rests, by the same sums."""
 
 from collections.abc import Generator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine.indirect.layers import IndirectLayer, albedos_of, indirect_layer
+from engine.indirect.light import IndirectLight
 from engine.indirect.series import BounceSeries
 from engine.indirect.solver import STILL, Fineness, Solver
 from engine.render.still import StillLayer, StillProgress
+from engine.scene.hits import PrimaryHits
 from engine.transport.pipeline import Placement, SkyState
 
 
@@ -26,7 +29,22 @@ def indirect_radiance(
             fraction, text = next(steps)
             yield StillProgress(fraction, text)
         except StopIteration as end:
-            return np.asarray(end.value.picture(reflecting), np.float32)
+            return _picture(end.value, layers, reflecting, placement.hits)
+
+
+def _picture(
+    found: IndirectLight, layers: Sequence[StillLayer], reflecting: Sequence[IndirectLayer], hits: PrimaryHits
+) -> NDArray[np.float32]:
+    """Layers with images one by one: what they reflect varies slowly between gather points, the images do not."""
+    light = found.sent(reflecting)
+    pairs = list(zip(layers, reflecting, strict=True))
+    total = found.reflecting([seen for each, seen in pairs if each.seen is None], light)
+    for each, seen in pairs:
+        begin, end = hits.object_ranges[each.i_object]
+        if (factor := each.factor(hits, np.arange(begin, end))) is not None:
+            alone = found.reflecting([replace(seen, gain=each.layer.scale())], light)
+            total[begin:end] += alone[begin:end] * factor
+    return total
 
 
 def still_albedos(layers: Sequence[StillLayer], n_objects: int) -> NDArray[np.float64]:
@@ -36,6 +54,8 @@ def still_albedos(layers: Sequence[StillLayer], n_objects: int) -> NDArray[np.fl
 
 def _reflecting(layers: Sequence[StillLayer], second: int | None = None) -> list[IndirectLayer]:
     return [
-        indirect_layer(each.i_object, each.layer, each.bands[: len(each.layer.model.factors)], second)
+        indirect_layer(
+            each.i_object, each.layer, each.bands[: len(each.layer.model.factors)], second, each.mean_factor
+        )
         for each in layers
     ]

@@ -25,12 +25,17 @@ def local_frames(hits: PrimaryHits, rows: np.ndarray) -> np.ndarray:
     return np.stack([tangent, np.cross(normal, tangent), normal], axis=1)
 
 
-def evaluate_layers(layers: Sequence[Layer], wi: np.ndarray, wo: np.ndarray) -> np.ndarray:
-    """Σ over visible layers of ρ(ωi, ωo) cosθi, (N, 3), for local directions (N, 3)."""
+def evaluate_layers(
+    layers: Sequence[Layer], wi: np.ndarray, wo: np.ndarray, factors: np.ndarray | None = None
+) -> np.ndarray:
+    """Σ over visible layers of ρ(ωi, ωo) cosθi, (N, 3), for local directions (N, 3).
+
+    factors (N or 1, K, 3): what multiplies the first K visible layers; none, or K = 0, multiplies nothing.
+    """
     total = np.zeros((len(wi), 3))
-    for layer in layers:
-        if layer.visible:
-            total += evaluate_layer(layer, wi, wo)
+    for k, layer in enumerate(layer for layer in layers if layer.visible):
+        value = evaluate_layer(layer, wi, wo)
+        total += value if factors is None or k >= factors.shape[1] else value * factors[:, k]
     return total
 
 
@@ -65,10 +70,12 @@ def integrate_direct(
     rotation: float,
     patches: EmitterPatches | None,
     level: int = 6,
+    factors: np.ndarray | None = None,
 ) -> np.ndarray:
     """Radiance (len(rows), 3) float64 towards the eye after one reflection.
 
-    layers_of(object_id) gives the layers of an object; rotation in degrees; level: sky triangles, 20·4^level.
+    layers_of(object_id) gives the layers of an object; rotation in degrees; level: sky triangles, 20·4^level; factors
+    (P, K, 3): what multiplies the first K visible layers at each of the hits.
     """
     radiance = np.zeros((len(rows), 3))
     objects = hits.object_image.ravel()[hits.pixel]
@@ -77,11 +84,12 @@ def integrate_direct(
     frames = local_frames(hits, rows)
     for i, row in enumerate(rows):
         layers = layers_of(int(objects[row]))
+        own = None if factors is None else factors[row : row + 1]
         if sky_power is not None:
-            radiance[i] += _reflect(hits, row, frames[i], caster, layers, sky_directions, sky_power, None)
+            radiance[i] += _reflect(hits, row, frames[i], caster, layers, sky_directions, sky_power, None, own)
         if patches is not None:
             wi, distance, power = patch_samples(patches, hits.position[row].astype(np.float64))
-            radiance[i] += _reflect(hits, row, frames[i], caster, layers, wi, power, distance)
+            radiance[i] += _reflect(hits, row, frames[i], caster, layers, wi, power, distance, own)
     return radiance
 
 
@@ -105,8 +113,9 @@ def _reflect(
     wi: np.ndarray,
     power: np.ndarray,
     distance: np.ndarray | None,
+    factors: np.ndarray | None,
 ) -> np.ndarray:
-    """Σ V ρ cosθ (L ΔΩ) at one point over samples wi (M, 3) with power (M, 3).
+    """Σ V ρ cosθ (L ΔΩ) at one point over samples wi (M, 3) with power (M, 3); factors (1, K, 3) of the layers.
 
     As in path tracers, light that the shading normal faces but the surface does not starts from the other side.
     """
@@ -119,4 +128,4 @@ def _reflect(
     reach = None if distance is None else (distance[above] * 0.9999).astype(np.float32)
     lit = above[~caster.occluded(origins, towards.astype(np.float32), reach)]
     wo = np.tile(frame @ hits.wo[row].astype(np.float64), (len(lit), 1))
-    return (evaluate_layers(layers, local[lit], wo) * power[lit]).sum(axis=0)
+    return (evaluate_layers(layers, local[lit], wo, factors) * power[lit]).sum(axis=0)

@@ -140,12 +140,17 @@ class Scattering:
     def reflects(self) -> bool:
         return bool(self.layers)
 
-    def evaluate(self, wi: Floats, wo: Floats) -> tuple[Floats, Floats]:
-        """ρ cosθ (N, 3) of local directions and the density (N,) of drawing wi; both 0 below the horizon."""
+    def evaluate(
+        self, wi: Floats, wo: Floats, factors: NDArray[np.floating] | None = None
+    ) -> tuple[Floats, Floats]:
+        """ρ cosθ (N, 3) of local directions and the density (N,) of drawing wi; both 0 below the horizon.
+
+        factors (N, K, 3): what multiplies the first K layers; directions are drawn as without them.
+        """
         value, pdf = np.zeros((len(wi), 3)), np.zeros(len(wi))
         above = np.flatnonzero(wi[:, 2] > kinds.GRAZING)
         wi, wo = wi[above], wo[above]
-        value[above] = evaluate_layers(self.layers, wi, wo)
+        value[above] = evaluate_layers(self.layers, wi, wo, None if factors is None else factors[above])
         pdf[above] = self._shares[0] / math.pi * wi[:, 2]
         for share, lobe in zip(self._shares[1:], self._lobes, strict=True):
             pdf[above] += share * lobe.pdf(wi, wo)

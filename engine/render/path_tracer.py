@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from engine.indirect.series import MOST_BOUNCES
 from engine.light.environment import LUMINANCE
 from engine.material.layer import Layer
+from engine.render.maps import MapFactors
 from engine.render.path_lights import EmitterLight, LightSamples, PathLight, SkyLight
 from engine.render.path_lobes import N_NUMBERS, Scattering
 from engine.render.still import Picture, StillProgress, compose
@@ -56,7 +57,8 @@ class PathEstimate:
 
 @dataclass(frozen=True, eq=False)
 class _Vertices:
-    """Points where paths reflect, as `PrimaryHits` names them, (N, 3) float64; objects (N,)."""
+    """Points where paths reflect, as `PrimaryHits` names them, (N, 3) float64; objects (N,); factors (N, K, 3) of the
+    layers' textures and weight maps."""
 
     objects: Rows
     position: Floats
@@ -64,6 +66,7 @@ class _Vertices:
     geometric_normal: Floats
     frame: Floats
     wo: Floats
+    factors: NDArray[np.float32]
 
     def origins(self, wi: Floats) -> NDArray[np.float32]:
         """Where rays along wi (N, 3) start: on the side of the surface that they leave to."""
@@ -95,6 +98,7 @@ class PathTracer:
         self._lights += [self._sky] if self._sky is not None else []
         self._scattering = {i: Scattering(layers_of.get(i, ())) for i in range(len(scene.emission))}
         able = [s.reflects and not shines for s, shines in zip(self._scattering.values(), scene.emitters, strict=True)]
+        self.maps = MapFactors(scene, layers_of)
         self._reflecting = np.array([*able, False])  # the last one: -1, the background
 
     def follow(self, start: _Vertices, numbers: Floats) -> Floats:
@@ -121,9 +125,8 @@ class PathTracer:
         """What samples (N,) of a light bring, (N, 3), without the path's weight."""
         found = np.zeros((len(drawn.pdf), 3))
         useful = np.flatnonzero(drawn.pdf > 0.0)
-        value, pdf = self._evaluate(
-            vertices.objects[useful], vertices.of(useful).to_local(drawn.wi[useful]), wo[useful]
-        )
+        able = vertices.of(useful)
+        value, pdf = self._evaluate(able, able.to_local(drawn.wi[useful]), wo[useful])
         bright = value.max(axis=1, initial=0.0) > 0.0
         rows, value, pdf = useful[bright], value[bright], pdf[bright]
         distance = None if drawn.distance is None else (drawn.distance[rows] * 0.9999).astype(np.float32)
@@ -138,7 +141,7 @@ class PathTracer:
     ) -> tuple[Rows, _Vertices, Floats]:
         """Draw directions, add the light they find to the radiance, and give what is left where they hit something."""
         local = self._sample(vertices.objects, u[:, :N_NUMBERS], wo)
-        value, pdf = self._evaluate(vertices.objects, local, wo)
+        value, pdf = self._evaluate(vertices, local, wo)
         kept = np.flatnonzero((value.max(axis=1, initial=0.0) > 0.0) & (pdf > 0.0))
         path, vertices, pdf = path[kept], vertices.of(kept), pdf[kept]
         weight = np.minimum(weight[kept] * (value[kept] / pdf[:, None]), _BRIGHTEST)
@@ -157,13 +160,13 @@ class PathTracer:
             radiance[path[lamp]] += weight[lamp] * (pdf[lamp] / (pdf[lamp] + other))[:, None] * glow[lamp]
         rows = np.flatnonzero(self._reflecting[ids]) if on else np.zeros(0, np.int64)
         frames = shading_frames(self._scene, self._caster, found, ids, rows, -directions[rows])
-        return path[rows], _vertices(ids[rows], frames), weight[rows]
+        return path[rows], _vertices(ids[rows], frames, self.maps.of_hits(found, ids, rows)), weight[rows]
 
-    def _evaluate(self, objects: Rows, wi: Floats, wo: Floats) -> tuple[Floats, Floats]:
+    def _evaluate(self, vertices: _Vertices, wi: Floats, wo: Floats) -> tuple[Floats, Floats]:
         value, pdf = np.zeros((len(wi), 3)), np.zeros(len(wi))
-        for i in np.unique(objects):
-            rows = np.flatnonzero(objects == i)
-            value[rows], pdf[rows] = self._scattering[int(i)].evaluate(wi[rows], wo[rows])
+        for i in np.unique(vertices.objects):
+            rows = np.flatnonzero(vertices.objects == i)
+            value[rows], pdf[rows] = self._scattering[int(i)].evaluate(wi[rows], wo[rows], vertices.factors[rows])
         return value, pdf
 
     def _sample(self, objects: Rows, u: Floats, wo: Floats) -> Floats:
@@ -194,12 +197,14 @@ def trace_paths(
         raise ValueError(f"n_samples = {n_samples}, expected 1 to {MOST_SAMPLES}")
     rows = np.arange(len(placement.hits.pixel)) if rows is None else np.asarray(rows)
     tracer = PathTracer(placement.scene, placement.caster, layers_of, sky)
+    seen = tracer.maps.of_eye(placement)
     sizes = _pass_sizes(n_samples)
     halves, counts = np.zeros((2, len(rows), 3)), np.zeros(2, int)
     for i_pass, n in enumerate(sizes):
         progress = _progress(halves, counts, n_samples)
         blocks = np.array_split(np.arange(len(rows)), max(1, -(-len(rows) * n // _BATCH)))
-        work = _pass_work(placement.hits, rows, tracer, _sobol_points(n, n_bounces, (seed, i_pass)), (seed, i_pass))
+        points = _sobol_points(n, n_bounces, (seed, i_pass))
+        work = _pass_work(placement.hits, seen, rows, tracer, points, (seed, i_pass))
         with ThreadPoolExecutor(_N_THREADS) as pool:
             for i in range(0, len(blocks), _N_THREADS):
                 group = list(enumerate(blocks))[i : i + _N_THREADS]
@@ -253,8 +258,9 @@ def _pass_sizes(n_samples: int) -> list[int]:
 
 
 def _pass_work(
-    hits: PrimaryHits, rows: Rows, tracer: PathTracer, points: NDArray[np.uint32], seed: tuple[int, int]
-) -> Callable[[tuple[int, Rows]], Floats]:
+    hits: PrimaryHits, factors: NDArray[np.float32], rows: Rows, tracer: PathTracer, points: NDArray[np.uint32],
+    seed: tuple[int, int],
+) -> Callable[[tuple[int, Rows]], Floats]:  # fmt: skip
     """The sum over one pass's samples, (p, 3), of a numbered block of the rows."""
     objects = hits.object_image.ravel()[hits.pixel].astype(np.int64)
     n = len(points)
@@ -263,7 +269,7 @@ def _pass_work(
         i_block, places = block
         own = np.repeat(rows[places], n)
         names = ("position", "offset_position", "normal", "geometric_normal", "tangent", "wo")
-        start = _vertices(objects[own], {name: getattr(hits, name)[own] for name in names})
+        start = _vertices(objects[own], {name: getattr(hits, name)[own] for name in names}, factors[own])
         generator = np.random.default_rng((*seed, 1 + i_block))
         shifts = generator.integers(1 << 32, size=(len(places), 1, *points.shape[1:]), dtype=np.uint32)
         numbers: Floats = ((points ^ shifts) * np.float64(2.0**-32)).reshape(-1, *points.shape[1:])
@@ -272,7 +278,9 @@ def _pass_work(
     return work
 
 
-def _vertices(objects: Rows, fields: Mapping[str, NDArray[np.float32]]) -> _Vertices:
+def _vertices(
+    objects: Rows, fields: Mapping[str, NDArray[np.float32]], factors: NDArray[np.float32]
+) -> _Vertices:
     exact = {name: field.astype(np.float64) for name, field in fields.items()}
     tangent, normal = exact["tangent"], exact["normal"]
     return _Vertices(
@@ -282,6 +290,7 @@ def _vertices(objects: Rows, fields: Mapping[str, NDArray[np.float32]]) -> _Vert
         geometric_normal=exact["geometric_normal"],
         frame=np.stack([tangent, np.cross(normal, tangent), normal], axis=1),
         wo=exact["wo"],
+        factors=factors,
     )
 
 

@@ -4,6 +4,7 @@ For every pixel that sees a reflecting object, over the layers of that object,
 
     L = sum over layers of f_q f_o(theta_o) sum_jk c_j c_k U_jk        [BenArtzi07, eq. 3.1 and 4.16],
 
+times texture and weight map where a layer has them;
 for the others the emitter or the background they see. Transport is contracted tile by tile and never kept, so a still
 needs the memory of its visibility and no more. The reference picture goes the same way with `integrate_direct` in the
 place of transport.
@@ -21,7 +22,9 @@ from engine.light.emitters import EmitterPatches
 from engine.material.layer import Layer
 from engine.plan import Plan
 from engine.render.integrator import integrate_direct
+from engine.render.maps import MapFactors
 from engine.scene.hits import PrimaryHits
+from engine.texture.surface import SeenMaps, see_maps
 from engine.transport.bandstore import BandStore, BandTile
 from engine.transport.pipeline import FINAL, Placement, Quality, SkyState
 from engine.transport.projection import LayerShape, VisibleLight, project_layer
@@ -40,13 +43,37 @@ Result = TypeVar("Result")
 class StillLayer:
     """A visible layer of one object (its index in the scene) and the bands (J, K) it is computed with.
 
-    editable: whether an editor would keep these bands; a still never does.
+    editable: whether an editor would keep these bands; a still never does. seen: its images, where it has some and
+    they were sampled (see `with_maps`).
     """
 
     i_object: int
     layer: Layer
     bands: tuple[int, int]
     editable: bool
+    seen: SeenMaps | None = None
+
+    @property
+    def mean_factor(self) -> NDArray[np.float64]:
+        """By what its images multiply it on average over the surface, (3,)."""
+        return np.ones(3) if self.seen is None else self.seen.means.factor(self.layer.maps)
+
+    def factor(self, hits: PrimaryHits, rows: NDArray[np.integer]) -> NDArray[np.floating] | None:
+        """By what they multiply it at some rows of its object, (p, 3); None where there are none."""
+        if self.seen is None:
+            return None
+        own = rows - hits.object_ranges[self.i_object, 0]
+        return self.layer.maps.factor(self.seen.texture[own], self.seen.weight[own])
+
+
+def with_maps(placement: Placement, layers: Iterable[StillLayer]) -> tuple[StillLayer, ...]:
+    """The layers with their images sampled at the placement's points. Raises LoadError."""
+    scene, caster, hits = placement.scene, placement.caster, placement.hits
+    return tuple(
+        each if each.layer.maps.is_plain
+        else replace(each, seen=see_maps(scene, caster, hits, each.i_object, each.layer.maps.images))
+        for each in layers
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -150,24 +177,25 @@ def _contract(each: StillLayer, tile: BandTile) -> NDArray[np.float32]:
 
 
 def _seen(hits: PrimaryHits, rows: NDArray[np.integer], each: StillLayer) -> NDArray[np.float64]:
-    """f_q f_o(theta_o), (p, 3)."""
-    view = each.layer.model.view_factor
-    if view is None:
-        return np.tile(each.layer.scale(), (len(rows), 1))
-    cosine = np.einsum("pc,pc->p", hits.normal[rows], hits.wo[rows], dtype=np.float64)
-    return each.layer.scale() * each.layer.curve(view.name)(np.arccos(np.clip(cosine, 0.0, 1.0)))
+    """f_q f_o(theta_o), times texture and weight, (p, 3)."""
+    view, factor = each.layer.model.view_factor, each.factor(hits, rows)
+    seen = np.tile(each.layer.scale(), (len(rows), 1))
+    if view is not None:
+        cosine = np.einsum("pc,pc->p", hits.normal[rows], hits.wo[rows], dtype=np.float64)
+        seen *= each.layer.curve(view.name)(np.arccos(np.clip(cosine, 0.0, 1.0)))
+    return seen if factor is None else seen * factor
 
 
 def _reference_work(
     placement: Placement, layers_of: Mapping[int, Sequence[Layer]], sky: SkyState, patches: EmitterPatches | None,
     level: int,
 ) -> Callable[[NDArray[np.integer]], NDArray[np.float64]]:  # fmt: skip
-    environment = sky.environment
+    environment, factors = sky.environment, MapFactors(placement.scene, layers_of).of_eye(placement)
     if environment is not None and sky.scale != 1.0:
         environment = replace(environment, radiance=environment.radiance * np.float32(sky.scale))
     return lambda block: integrate_direct(
         placement.hits, block, placement.caster, lambda i: layers_of.get(i, ()), environment, sky.rotation, patches,
-        level,
+        level, factors,
     )  # fmt: skip
 
 

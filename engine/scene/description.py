@@ -13,9 +13,20 @@ import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainValidator, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    PlainValidator,
+    ValidationError,
+    model_validator,
+)
 
 from engine.errors import LoadError
+from engine.material.maps import LayerMaps, map_fields, map_values, maps_from
+from engine.material.parameters import ParameterError
 from engine.scene.complaints import first_complaint
 from engine.scene.files import read_regular_file
 from engine.scene.transform import check_transform
@@ -53,6 +64,18 @@ def _parameter(value: object) -> ParameterValue:
     raise ValueError("a finite number, a list of them, a string or a boolean")
 
 
+def _maps(value: object) -> LayerMaps:
+    """A layer's images, from their parts by name."""
+    if isinstance(value, LayerMaps):
+        return value
+    if not isinstance(value, dict):
+        raise ValueError("a table")
+    try:
+        return maps_from(value)
+    except ParameterError as error:
+        raise ValueError(f"{error.what}: {error.expected}") from None
+
+
 def _is_finite(value: object) -> bool:
     """Whether it is a number that a float can hold."""
     return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= 1e300
@@ -75,6 +98,7 @@ Pixels = Annotated[int, Field(ge=1, le=MAX_RESOLUTION, strict=True)]
 Name = Annotated[str, PlainValidator(_name)]
 Text = Annotated[str, Field(min_length=1, max_length=4096, strict=True)]
 ParameterValue = bool | float | str | tuple[float, ...]
+Maps = Annotated[LayerMaps, PlainValidator(_maps), PlainSerializer(map_values, return_type=dict)]
 Parameter = Annotated[Any, PlainValidator(_parameter)]  # a ParameterValue; "Any" serializes as what it is
 
 
@@ -123,12 +147,13 @@ class EnvironmentDescription(_Description):
 
 
 class LayerDescription(_Description):
-    """One layer of a material: its model, an optional name, the model's parameters as the file gives them, and the name
-    of a layer that it shares its curves with."""
+    """One layer of a material: its model, an optional name, the model's parameters as the file gives them, the name of
+    a layer that it shares its curves with, and its texture and weight map."""
 
     model: Text
     name: Name | None = None
     follows: Name | None = None
+    maps: Maps = LayerMaps()
     parameters: dict[str, Parameter] = Field(default_factory=dict)
 
     @model_validator(mode="before")
@@ -137,7 +162,9 @@ class LayerDescription(_Description):
         if not isinstance(data, dict) or "parameters" in data:
             return data
         own = {key: value for key, value in data.items() if key in ("model", "name", "follows")}
-        return own | {"parameters": {key: value for key, value in data.items() if key not in own}}
+        maps = {key: value for key, value in data.items() if key in map_fields()}
+        rest = {key: value for key, value in data.items() if key not in own and key not in maps}
+        return own | {"maps": _maps(maps), "parameters": rest}
 
 
 class ObjectDescription(_Description):
@@ -242,7 +269,7 @@ def _table(model: BaseModel, skip: str = "") -> list[str]:
 def _layer(layer: LayerDescription) -> str:
     """A layer as a TOML inline table."""
     named = {"model": layer.model, "name": layer.name, "follows": layer.follows}
-    own = {key: value for key, value in named.items() if value is not None} | layer.parameters
+    own = {key: value for key, value in named.items() if value is not None} | layer.parameters | map_values(layer.maps)
     return "{ " + ", ".join(f"{_key(key)} = {_toml(value)}" for key, value in own.items()) + " }"
 
 

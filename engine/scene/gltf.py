@@ -222,8 +222,25 @@ def _read_primitive(file: _File, primitive: Fields) -> Mesh:
     if len(corners) and corners.max() >= len(vertices):
         k = int(np.argmax(corners >= len(vertices)))
         raise primitive.error(f"index {k}", int(corners[k]), f"an index from 0 to {len(vertices) - 1}")
-    mesh = Mesh(vertices, corners.reshape(-1, 3).astype(np.int32), normals)
+    triangles = corners.reshape(-1, 3).astype(np.int32)
+    mesh = Mesh(vertices, triangles, normals, _read_uvs(file, attributes, len(vertices), triangles))
     return validate_mesh(mesh, file.path, f"{primitive.place}: ")
+
+
+def _read_uvs(
+    file: _File, attributes: Fields, n_vertices: int, triangles: npt.NDArray[np.int32]
+) -> npt.NDArray[np.float32] | None:
+    """Texture coordinates of the corners, (T, 3, 2), v turned upwards: in glTF it grows downwards."""
+    if not attributes.has("TEXCOORD_0"):
+        return None
+    values = _read_accessor(file, attributes, "TEXCOORD_0", "VEC2", (5126, 5121, 5123))
+    if len(values) != n_vertices:
+        found = f"{len(values)} texture coordinates"
+        raise attributes.error("TEXCOORD_0", found, f"{n_vertices}, as there are positions")
+    scale = 1.0 if values.dtype.kind == "f" else 1.0 / np.iinfo(values.dtype).max
+    uvs = values.astype(np.float32) * np.float32(scale)
+    uvs[:, 1] = np.float32(1.0) - uvs[:, 1]
+    return uvs[triangles]
 
 
 def _read_accessor(file: _File, owner: Fields, key: str, kind: str, components: tuple[int, ...]) -> npt.NDArray:

@@ -17,10 +17,12 @@ from engine.errors import LoadError
 from engine.scene.defects import count_defects
 from engine.scene.description import SceneDescription, load_description
 from engine.scene.files import resolve_inside
-from engine.scene.mesh import Mesh, face_normals, join_meshes, place_mesh
+from engine.scene.mesh import Mesh, face_normals, join_meshes, join_uvs, place_mesh
 from engine.scene.parts import ObjectMesh, object_meshes
+from engine.texture.store import TextureStore
 
 MAX_EXTENT = 1e9
+NEEDS_UVS = "a mesh with texture coordinates (OBJ vt, PLY s t or u v, GLB TEXCOORD_0) or a primitive"
 MAX_TRIANGLES = 50_000_000
 _FAR = 16.0
 
@@ -32,6 +34,8 @@ class Scene:
     vertices (V, 3) and normals (V, 3, unit) float32 in the world less `origin`; triangles (T, 3) int32, counter-
     clockwise seen from the front; object_of_triangle (T,) int32; triangle_ranges (M, 2); geometric_normals (T, 3)
     float32; smooth (M,) bool: whether normals are interpolated; emission (M, 3) float32, zero where nothing shines.
+    uvs (T, 3, 2) float32: texture coordinates of the triangles' corners, v upwards, 0 in objects without, None where no
+    object has them; has_uvs (M,) bool; textures: the scene's images.
     """
 
     description: SceneDescription
@@ -46,6 +50,10 @@ class Scene:
     smooth: npt.NDArray[np.bool_]
     emission: npt.NDArray[np.float32]
     origin: npt.NDArray[np.float64]
+    file: Path
+    uvs: npt.NDArray[np.float32] | None
+    has_uvs: npt.NDArray[np.bool_]
+    textures: TextureStore
     environment_path: Path | None = None
     notes: tuple[str, ...] = field(default=())
 
@@ -58,6 +66,12 @@ class Scene:
     def eye(self) -> npt.NDArray[np.float64]:
         """The camera's position in the frame of the arrays (3,)."""
         return np.subtract(self.description.camera.position, self.origin)
+
+    def check_has_uvs(self, i_object: int, what: str) -> None:
+        """Raises LoadError where a map is wanted on a mesh without texture coordinates."""
+        if not self.has_uvs[i_object]:
+            name = self.description.objects[i_object].name
+            raise LoadError(self.file, f"object {name!r}: {what}", "a mesh without texture coordinates", NEEDS_UVS)
 
 
 def load_scene(path: str | Path, resolution: tuple[int, int] | None = None) -> Scene:
@@ -81,7 +95,7 @@ def build_scene(description: SceneDescription, path: Path, resolution: tuple[int
     counts = ranges[:, 1] - ranges[:, 0]
     objects = description.objects
     emission = np.array([o.emission if o.emission is not None else (0.0, 0.0, 0.0) for o in objects], np.float32)
-    return Scene(
+    scene = Scene(
         description=description,
         folder=folder,
         resolution=resolution or description.camera.resolution,
@@ -94,9 +108,29 @@ def build_scene(description: SceneDescription, path: Path, resolution: tuple[int
         smooth=np.array([o.smooth for o in objects]),
         emission=emission,
         origin=origin,
+        file=path,
+        uvs=join_uvs(placed),
+        has_uvs=np.array([mesh.uvs is not None for mesh in placed]),
+        textures=TextureStore(path),
         environment_path=environment_path,
         notes=tuple(notes + place_notes + _layer_notes(description)),
     )
+    _load_maps(scene)
+    return scene
+
+
+def _load_maps(scene: Scene) -> None:
+    """Read the images that the scene's layers name, so that what is wrong with them is said at once.
+
+    A scene file may name only what stands in its folder; full paths are for a person to choose.
+    """
+    for i, described in enumerate(scene.description.objects):
+        for maps in (layer.maps for layer in described.layers if not layer.maps.is_plain and not described.emits):
+            scene.check_has_uvs(i, "texture" if maps.texture else "weight")
+            for what, name in (("texture", maps.texture), ("weight", maps.weight)):
+                if name:
+                    resolve_inside(scene.folder, name.rpartition("#")[0] or name, scene.file, what)
+            scene.textures.load(maps.images)
 
 
 def _place_all(items: list[ObjectMesh], path: Path) -> tuple[list[Mesh], list[str]]:
@@ -109,7 +143,8 @@ def _place_all(items: list[ObjectMesh], path: Path) -> tuple[list[Mesh], list[st
         if not extent <= MAX_EXTENT:
             raise LoadError(path, f"{where}: coordinates once placed", f"{extent:g}", f"at most {MAX_EXTENT:g} m")
         defects = count_defects(mesh)
-        mesh = Mesh(mesh.vertices, mesh.triangles[defects.solid], mesh.normals)
+        uvs = None if mesh.uvs is None else mesh.uvs[defects.solid]
+        mesh = Mesh(mesh.vertices, mesh.triangles[defects.solid], mesh.normals, uvs)
         if not len(mesh.triangles):
             raise LoadError(path, f"{where}: faces with an area", 0, "at least one")
         placed.append(mesh)

@@ -18,6 +18,7 @@ from engine.scene.files import read_regular_file
 
 MAX_MESH_BYTES = 512 * 2**20
 MAX_COORDINATE = 1e12
+MAX_UV = 1e4  # beyond, single precision no longer tells texels apart
 
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
@@ -25,11 +26,16 @@ Indices = npt.NDArray[np.int32]
 
 @dataclass(frozen=True)
 class Mesh:
-    """Vertices (V, 3) float64, normals (V, 3) float64 of any length or None, triangles (T, 3) int32 by right hand."""
+    """Vertices (V, 3) float64, normals (V, 3) float64 of any length or None, triangles (T, 3) int32 by right hand.
+
+    uvs (T, 3, 2) float32 or None: texture coordinates of each triangle's corners, v upwards. They stand at corners and
+    not at vertices, so that a seam of a texture splits no vertex and bends no normal.
+    """
 
     vertices: Floats
     triangles: Indices
     normals: Floats | None = None
+    uvs: npt.NDArray[np.float32] | None = None
 
 
 def read_mesh(path: Path) -> Mesh:
@@ -64,6 +70,10 @@ def validate_mesh(mesh: Mesh, file: Path, place: str = "") -> Mesh:
     if mesh.normals is not None and not np.isfinite(mesh.normals).all():
         k = int(np.argmin(np.isfinite(mesh.normals).all(axis=1)))
         raise LoadError(file, f"{place}normal {k}", mesh.normals[k].tolist(), "finite numbers")
+    if mesh.uvs is not None and not (np.abs(mesh.uvs) <= MAX_UV).all():
+        k = int(np.argmin((np.abs(mesh.uvs) <= MAX_UV).all(axis=(1, 2))))
+        expected = f"finite numbers up to {MAX_UV:g}"
+        raise LoadError(file, f"{place}texture coordinates of face {k}", mesh.uvs[k].tolist(), expected)
     return mesh
 
 
@@ -135,15 +145,17 @@ def place_mesh(mesh: Mesh, matrix: npt.NDArray[np.float64]) -> Mesh:
     cofactor = np.cross(linear[[1, 2, 0]], linear[[2, 0, 1]])
     mirrored = np.dot(linear[0], cofactor[0]) < 0.0
     triangles = mesh.triangles[:, ::-1] if mirrored else mesh.triangles
+    uvs = mesh.uvs[:, ::-1] if mirrored and mesh.uvs is not None else mesh.uvs
     if mesh.normals is None:
-        return Mesh(vertices, triangles, smooth_normals(vertices, triangles))
+        return Mesh(vertices, triangles, smooth_normals(vertices, triangles), uvs)
     turned = mesh.normals @ (cofactor / np.abs(cofactor).max() * (-1.0 if mirrored else 1.0)).T
     fallback = smooth_normals(vertices, triangles) if _are_short(turned).any() else np.array([0.0, 1.0, 0.0])
-    return Mesh(vertices, triangles, normalize(turned, fallback))
+    return Mesh(vertices, triangles, normalize(turned, fallback), uvs)
 
 
 def join_meshes(meshes: list[Mesh]) -> Mesh:
-    """Several meshes as one; those without normals get smooth ones if any other has its own."""
+    """Several meshes as one; those without normals get smooth ones if any other has its own, those without texture
+    coordinates (0, 0)."""
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
     normals = None
     if any(mesh.normals is not None for mesh in meshes):
@@ -151,4 +163,13 @@ def join_meshes(meshes: list[Mesh]) -> Mesh:
                for mesh in meshes)
         normals = np.concatenate(list(own))
     shifted = [mesh.triangles + int(start) for mesh, start in zip(meshes, starts[:-1], strict=True)]
-    return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(shifted).astype(np.int32), normals)
+    triangles = np.concatenate(shifted).astype(np.int32)
+    return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), triangles, normals, join_uvs(meshes))
+
+
+def join_uvs(meshes: list[Mesh]) -> npt.NDArray[np.float32] | None:
+    """Texture coordinates (T, 3, 2) of several meshes, 0 in those that have none; None if none has any."""
+    if all(mesh.uvs is None for mesh in meshes):
+        return None
+    own = (np.zeros((len(mesh.triangles), 3, 2), np.float32) if mesh.uvs is None else mesh.uvs for mesh in meshes)
+    return np.ascontiguousarray(np.concatenate(list(own)), np.float32)

@@ -1,8 +1,9 @@
 """A strict reader of Wavefront OBJ files: vertices, normals and polygons, every line understood or refused by number.
 
-Materials, texture coordinates, groups, lines and points say nothing that a scene file does not say itself and are
-stepped over; a material library is never opened, but one outside the folder is refused, so that a file that reaches
-out is noticed. Corners with the same position and normal become one vertex, whatever their texture coordinates.
+Materials, groups, lines and points say nothing that a scene file does not say itself and are stepped over; a material
+library is never opened, but one outside the folder is refused, so that a file that reaches out is noticed. Corners with
+the same position and normal become one vertex, whatever their texture coordinates; those count where all corners of the
+file have them.
 """
 
 from __future__ import annotations
@@ -17,19 +18,21 @@ from engine.errors import LoadError
 from engine.scene.files import resolve_inside
 from engine.scene.mesh import Mesh, fan_triangles
 
-_IGNORED = frozenset(("vt", "vp", "o", "g", "s", "usemtl", "l", "p", "mg", "usemap", "maplib", "lod", "shadow_obj",
+_IGNORED = frozenset(("vp", "o", "g", "s", "usemtl", "l", "p", "mg", "usemap", "maplib", "lod", "shadow_obj",
                       "trace_obj", "bevel", "c_interp", "d_interp"))
 _MAX_INDEX_DIGITS = 12
 
 
 @dataclass
 class _Lines:
-    """What has been read so far; corners are pairs (position, normal or −1), faces their numbers of corners."""
+    """What has been read so far; corners are (position, normal or −1, texture or −1), faces their numbers of
+    corners."""
 
     file: Path
     positions: list[list[float]] = field(default_factory=list)
     normals: list[list[float]] = field(default_factory=list)
-    corners: list[tuple[int, int]] = field(default_factory=list)
+    textures: list[list[float]] = field(default_factory=list)
+    corners: list[tuple[int, int, int]] = field(default_factory=list)
     lengths: list[int] = field(default_factory=list)
     lines: list[int] = field(default_factory=list)
     number: int = 0
@@ -61,6 +64,8 @@ def _read_line(state: _Lines, words: list[str]) -> None:
         state.positions.append(_numbers(state, words, (3, 4, 6, 7)))
     elif words[0] == "vn":
         state.normals.append(_numbers(state, words, (3,)))
+    elif words[0] == "vt":
+        state.textures.append((_numbers(state, words, (1, 2, 3)) + [0.0])[:2])
     elif words[0] == "mtllib":
         for name in words[1:]:
             resolve_inside(state.file.parent, name, state.file, f"line {state.number}: mtllib")
@@ -89,7 +94,8 @@ def _read_face(state: _Lines, words: list[str]) -> None:
             raise _refused(state, word, "v, v/vt, v//vn or v/vt/vn")
         position = _index(state, word, parts[0], len(state.positions), "v")
         normal = _index(state, word, parts[2], len(state.normals), "vn") if len(parts) == 3 and parts[2] else -1
-        state.corners.append((position, normal))
+        texture = _index(state, word, parts[1], len(state.textures), "vt") if len(parts) > 1 and parts[1] else -1
+        state.corners.append((position, normal, texture))
     state.lengths.append(len(words))
     state.lines.append(state.number)
 
@@ -112,6 +118,7 @@ def _assemble(state: _Lines) -> Mesh:
     corners = np.array(state.corners, np.int64)
     _check_range(state, corners[:, 0], len(state.positions), "v")
     _check_range(state, corners[:, 1], len(state.normals), "vn")
+    _check_range(state, corners[:, 2], len(state.textures), "vt")
     has_normals = bool((corners[:, 1] >= 0).all())
     if not has_normals:
         corners[:, 1] = 0
@@ -119,7 +126,17 @@ def _assemble(state: _Lines) -> Mesh:
     keys, index = np.unique(corners[:, 0] * width + corners[:, 1], return_inverse=True)
     positions = np.array(state.positions)[keys // width]
     normals = np.array(state.normals)[keys % width] if has_normals else None
-    return Mesh(positions, fan_triangles(index.astype(np.int32), np.array(state.lengths)), normals)
+    lengths = np.array(state.lengths)
+    return Mesh(positions, fan_triangles(index.astype(np.int32), lengths), normals, _uvs(state, corners[:, 2], lengths))
+
+
+def _uvs(state: _Lines, textures: npt.NDArray[np.int64], lengths: npt.NDArray[np.int64]) -> npt.NDArray | None:
+    """Of each triangle's corners, (T, 3, 2), where all corners have some."""
+    if (textures < 0).any():
+        return None
+    # In double precision here: what is too large for single is to be found by `validate_mesh`, not by a warning.
+    values = np.clip(np.array(state.textures), -1e30, 1e30).astype(np.float32)
+    return values[textures[fan_triangles(np.arange(len(textures), dtype=np.int32), lengths)]]
 
 
 def _check_range(state: _Lines, indices: npt.NDArray[np.int64], count: int, kind: str) -> None:

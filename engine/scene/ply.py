@@ -2,7 +2,8 @@
 
 Every count in the header is held against the bytes that are there before anything is allocated, so a truncated file,
 a negative count and a header that claims 10⁹ vertices all end in one line that says which. Polygons become fans of
-triangles; properties other than x y z, nx ny nz and the face's vertex indices are stepped over.
+triangles; properties other than x y z, nx ny nz, texture coordinates (s t, u v or texture_u texture_v) and the face's
+vertex indices are stepped over.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ _MAX_COUNT = 2**31 - 1
 _TYPES = {"char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
           "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
           "double": "f8", "float64": "f8"}
+_UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
 _FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
 Column = npt.NDArray[np.float64] | npt.NDArray[np.int64]
@@ -65,7 +67,18 @@ def parse_ply(data: bytes, file: Path) -> Mesh:
     faces = columns.get(("face", "vertex_indices"), columns.get(("face", "vertex_index")))
     if not isinstance(faces, _Lists):
         raise LoadError(file, "element face", "no list vertex_indices", "a list of vertex indices")
-    return Mesh(vertices, _triangulate(faces, len(vertices), file), normals)
+    triangles = _triangulate(faces, len(vertices), file)
+    return Mesh(vertices, triangles, normals, _uvs(columns, triangles))
+
+
+def _uvs(columns: dict, triangles: npt.NDArray[np.int32]) -> npt.NDArray[np.float32] | None:
+    """Of each triangle's corners, (T, 3, 2), where the vertices have some."""
+    for names in _UV_NAMES:
+        found = [columns.get(("vertex", name)) for name in names]
+        if not any(column is None or isinstance(column, _Lists) for column in found):
+            values = np.stack(found, axis=1).astype(np.float64)  # type: ignore[arg-type]
+            return np.clip(values, -1e30, 1e30).astype(np.float32)[triangles]
+    return None
 
 
 def _parse_header(data: bytes, file: Path) -> tuple[list[_Element], str, int]:

@@ -1,6 +1,8 @@
 """Meshes of unit size for `primitive = ...` in a scene file, centred at the origin.
 
-quad: 1×1 in the XY plane, front along +Z; cube: edge 1; sphere: diameter 1, with its exact normals.
+quad: 1×1 in the XY plane, front along +Z; cube: edge 1; sphere: diameter 1, with its exact normals. A texture fills
+the quad, each side of the cube and, as a map in longitude and latitude, the sphere; u grows to the right and v upwards
+as one looks at the front.
 """
 
 from __future__ import annotations
@@ -10,13 +12,14 @@ import numpy as np
 from engine.scene.mesh import Mesh
 
 _RINGS, _SEGMENTS = 64, 128
+_SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]], np.float32)  # (u, v) of a side's four corners
 
 
 def quad() -> Mesh:
     """The unit square of the XY plane, normal +Z."""
     vertices = np.array([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.5, 0.5, 0.0], [-0.5, 0.5, 0.0]])
     triangles = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
-    return Mesh(vertices, triangles, np.tile([0.0, 0.0, 1.0], (4, 1)))
+    return Mesh(vertices, triangles, np.tile([0.0, 0.0, 1.0], (4, 1)), _SQUARE[triangles])
 
 
 def cube() -> Mesh:
@@ -25,7 +28,8 @@ def cube() -> Mesh:
     sides = [(x, y, z), (y, z, x), (z, x, y), (-x, z, y), (-y, x, z), (-z, y, x)]  # (normal, s, t), s × t = normal
     corners = [0.5 * (n + a * s + b * t) for n, s, t in sides for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
     triangles = (np.arange(6)[:, None, None] * 4 + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
-    return Mesh(np.array(corners), triangles.astype(np.int32), np.repeat([n for n, _, _ in sides], 4, axis=0))
+    normals = np.repeat([n for n, _, _ in sides], 4, axis=0)
+    return Mesh(np.array(corners), triangles.astype(np.int32), normals, _SQUARE[triangles % 4])
 
 
 def sphere() -> Mesh:
@@ -34,7 +38,8 @@ def sphere() -> Mesh:
     phi = np.arange(_SEGMENTS) * (2 * np.pi / _SEGMENTS)
     ring = np.stack(np.broadcast_arrays(np.sin(theta) * np.sin(phi), np.cos(theta), np.sin(theta) * np.cos(phi)), -1)
     normals = np.concatenate([[[0.0, 1.0, 0.0]], ring.reshape(-1, 3), [[0.0, -1.0, 0.0]]])
-    return Mesh(0.5 * normals, _sphere_triangles(), normals)
+    triangles = _sphere_triangles()
+    return Mesh(0.5 * normals, triangles, normals, _sphere_uvs(triangles))
 
 
 def _sphere_triangles() -> np.ndarray:
@@ -49,6 +54,19 @@ def _sphere_triangles() -> np.ndarray:
         faces.append(np.stack([up + here, down + there, up + there], 1))
     faces.append(np.stack([np.full(n, last + n), last + there, last + here], 1))
     return np.concatenate(faces).astype(np.int32)
+
+
+def _sphere_uvs(triangles: np.ndarray) -> np.ndarray:
+    """(u, v) = (φ / 2π, 1 − θ / π) of the corners, (T, 3, 2): u goes on to 1 at the seam, and at a pole is that of the
+    middle of the other two corners."""
+    n = _SEGMENTS
+    pole = (triangles == 0) | (triangles == triangles.max())
+    ring, column = np.divmod(triangles - 1, n)
+    u = np.where(pole, 0.0, column / n)
+    u = np.where(~pole & (u == 0.0) & (u.max(axis=1, keepdims=True) > 0.5), 1.0, u)
+    middle = u.sum(axis=1, keepdims=True) / 2.0
+    v = np.where(pole, triangles == 0, 1.0 - (ring + 1) / _RINGS)
+    return np.stack([np.where(pole, middle, u), v], axis=2).astype(np.float32)
 
 
 PRIMITIVES = {"quad": quad, "cube": cube, "sphere": sphere}

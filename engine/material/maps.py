@@ -1,0 +1,164 @@
+"""What of a layer lies in images: a texture that multiplies it, and a weight map that blends it with others.
+
+Both multiply the layer's radiance pixel by pixel, as f_q and f_o do, by
+
+    factor(u, v) = (1 - s + s t(s_u u, s_v v)) w(u, v),     w = 1 - map where it is inverted,
+
+with t the texture's linear RGB, s its strength and (s_u, s_v) its repeats [DESIGN.md, 6]. No transport depends on it:
+the images are sampled once for each pixel and only the few numbers here follow the hand. For further bounces the
+factor's mean over the surface multiplies the layer's albedo.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.material.parameters import ParameterError
+
+Space = Literal["", "srgb", "linear"]
+SPACES: tuple[Space, ...] = ("", "srgb", "linear")
+MAX_REPEATS = 1000.0
+MAX_NAME = 4096
+
+
+@dataclass(frozen=True)
+class LayerMaps:
+    """The images of one layer. Names are files: relative to the scene's folder, or full paths that a person chose.
+
+    texture: empty for none. texture_space: how its numbers are meant; empty: sRGB where they have 8 bits, else linear.
+    texture_scale: how often it repeats along u and v; texture_strength: 0 is as without it. weight: a grey image, the
+    share of the layer, always linear; empty for none. weight_invert: one minus that share.
+    """
+
+    texture: str = ""
+    texture_space: Space = ""
+    texture_scale: tuple[float, float] = (1.0, 1.0)
+    texture_strength: float = 1.0
+    weight: str = ""
+    weight_invert: bool = False
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether there is neither texture nor weight map."""
+        return not (self.texture or self.weight)
+
+    @property
+    def images(self) -> Images:
+        """What has to be sampled for it: two of equal images differ in numbers alone."""
+        if not self.texture:
+            return Images(weight=self.weight)
+        return Images(self.texture, self.texture_space, self.texture_scale, self.weight)
+
+    def factor(self, texture: NDArray[np.floating], weight: NDArray[np.floating]) -> NDArray[np.floating]:
+        """The factor (N, 3) of texels (N, 3) and weights (N,)."""
+        tinted = 1.0 + self.texture_strength * (texture - 1.0)
+        return np.asarray(tinted * (1.0 - weight if self.weight_invert else weight)[..., None])
+
+
+@dataclass(frozen=True)
+class Images:
+    """The part of `LayerMaps` that samples depend on."""
+
+    texture: str = ""
+    texture_space: Space = ""
+    texture_scale: tuple[float, float] = (1.0, 1.0)
+    weight: str = ""
+
+
+@dataclass(frozen=True)
+class MapMeans:
+    """Means over a surface: of the texture, of the weight map, of their product (RGB each, the weight grey)."""
+
+    texture: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    weight: float = 1.0
+    both: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+    def factor(self, maps: LayerMaps) -> NDArray[np.float64]:
+        """The mean of the factor, (3,)."""
+        texture, both = np.asarray(self.texture), np.asarray(self.both)
+        weight, product = (1.0 - self.weight, texture - both) if maps.weight_invert else (self.weight, both)
+        return np.asarray((1.0 - maps.texture_strength) * weight + maps.texture_strength * product)
+
+
+def map_fields() -> tuple[str, ...]:
+    """The names by which scenes, sessions and paths call the parts of `LayerMaps`."""
+    return tuple(field.name for field in dataclasses.fields(LayerMaps))
+
+
+def set_map_field(maps: LayerMaps, name: str, value: object) -> LayerMaps:
+    """The maps with one part set. Raises ParameterError for a value that the part does not take."""
+    if name not in _ACCEPTED:
+        raise ParameterError(name, value, "one of " + ", ".join(_ACCEPTED))
+    changes: dict[str, Any] = {name: _ACCEPTED[name](name, value)}
+    return dataclasses.replace(maps, **changes)
+
+
+def maps_from(values: Mapping[str, object]) -> LayerMaps:
+    """The maps of parts by name, the rest as by default. Raises ParameterError."""
+    maps = LayerMaps()
+    for name, value in values.items():
+        maps = set_map_field(maps, name, value)
+    return maps
+
+
+def map_values(maps: LayerMaps) -> dict[str, Any]:
+    """The parts that differ from the default, by name: what files say of it."""
+    plain = LayerMaps()
+    return {name: getattr(maps, name) for name in map_fields() if getattr(maps, name) != getattr(plain, name)}
+
+
+def _file_name(name: str, value: object) -> str:
+    if isinstance(value, str) and len(value) <= MAX_NAME and value.isprintable():
+        return value
+    raise ParameterError(name, value, "the name of an image (PNG, JPEG or EXR), or nothing")
+
+
+def _space(name: str, value: object) -> Space:
+    for space in SPACES:
+        if value == space:
+            return space
+    raise ParameterError(name, value, '"srgb" or "linear"')
+
+
+def _scale(name: str, value: object) -> tuple[float, float]:
+    pair = [value, value] if _is_number(value) else value
+    if isinstance(pair, (list, tuple)) and len(pair) == 2 and all(map(_is_repeat, pair)):
+        return float(pair[0]), float(pair[1])
+    raise ParameterError(name, value, f"a number or two from {-MAX_REPEATS:g} to {MAX_REPEATS:g}, none 0")
+
+
+def _strength(name: str, value: object) -> float:
+    if _is_number(value) and 0.0 <= float(value) <= 1.0:  # type: ignore[arg-type]
+        return float(value)  # type: ignore[arg-type]
+    raise ParameterError(name, value, "a number from 0 to 1")
+
+
+def _flag(name: str, value: object) -> bool:
+    if isinstance(value, bool):
+        return value
+    raise ParameterError(name, value, "true or false")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _is_repeat(value: object) -> bool:
+    return _is_number(value) and 1e-3 <= abs(value) <= MAX_REPEATS  # type: ignore[arg-type]
+
+
+_ACCEPTED = {
+    "texture": _file_name,
+    "texture_space": _space,
+    "texture_scale": _scale,
+    "texture_strength": _strength,
+    "weight": _file_name,
+    "weight_invert": _flag,
+}

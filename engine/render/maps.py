@@ -1,0 +1,65 @@
+"""The factors by which textures and weight maps multiply layers where paths meet surfaces.
+
+What the eye sees of an image is filtered over the pixel, as in the editor; where a path goes on from there the image is
+looked up between texels, at each vertex. The editor has the image's mean there: a red and white cloth throws pink light
+on what stands on it, wherever it stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.material.layer import Layer
+from engine.material.maps import LayerMaps
+from engine.scene.load import Scene
+from engine.scene.raycaster import Intersections
+from engine.texture.surface import look_up, see_maps, uvs_at
+from engine.transport.pipeline import Placement
+
+Factors = NDArray[np.float32]
+
+
+class MapFactors:
+    """Factors (N, K, 3) of the visible layers of each object, in their order; K the most layers of an object that has
+    maps, 0 where none has."""
+
+    def __init__(self, scene: Scene, layers_of: Mapping[int, Sequence[Layer]]) -> None:
+        self._scene = scene
+        self._maps: dict[int, list[tuple[int, LayerMaps]]] = {}
+        n_layers = 0
+        for i_object, layers in layers_of.items():
+            visible = [layer for layer in layers if layer.visible]
+            found = [(k, layer.maps) for k, layer in enumerate(visible) if not layer.maps.is_plain]
+            if found:
+                self._maps[i_object] = found
+                n_layers = max(n_layers, len(visible))
+                scene.check_has_uvs(i_object, "texture")
+        self._n_layers = n_layers
+
+    def of_eye(self, placement: Placement) -> Factors:
+        """At all points of the hits, (P, K, 3)."""
+        hits = placement.hits
+        factors = self._ones(len(hits.pixel))
+        for i_object, found in self._maps.items():
+            begin, end = hits.object_ranges[i_object]
+            for k, maps in found:
+                seen = see_maps(self._scene, placement.caster, hits, i_object, maps.images)
+                factors[begin:end, k] = maps.factor(seen.texture, seen.weight)
+        return factors
+
+    def of_hits(self, found: Intersections, ids: NDArray[np.integer], rays: NDArray[np.integer]) -> Factors:
+        """Where some of the rays that were found hit objects ids (R,), (N, K, 3)."""
+        factors = self._ones(len(rays))
+        for i_object, layers in self._maps.items():
+            mine = np.flatnonzero(ids[rays] == i_object)
+            at = rays[mine]
+            uv = uvs_at(self._scene, found.triangle[at], found.u[at], found.v[at])
+            for k, maps in layers:
+                factors[mine, k] = maps.factor(*look_up(maps.images, self._scene.textures, uv))
+        return factors
+
+    def _ones(self, n: int) -> Factors:
+        return np.ones((n, self._n_layers, 3), np.float32)

@@ -1,0 +1,50 @@
+"""The pictures of a GLB file: in its binary chunk, as data in its JSON, or files beside it. Bytes here, no pixels."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+from pathlib import Path
+from urllib.parse import unquote
+
+from engine.scene.files import read_regular_file, resolve_inside
+from engine.scene.glb import Fields, parse_glb
+from engine.scene.mesh import MAX_MESH_BYTES
+
+MAX_IMAGE_BYTES = 256 * 2**20
+
+
+def read_image(path: Path, index: int) -> bytes:
+    """The bytes of one image of a GLB file; raises LoadError naming the place and what was expected there."""
+    root, binary = parse_glb(read_regular_file(path, MAX_MESH_BYTES), path)
+    images = root.children("images")
+    if index >= len(images):
+        raise root.error(f"images {index}", "nothing", f"an image from 0 to {len(images) - 1}" if images else "images")
+    image = images[index]
+    uri = image.text("uri")
+    if uri is None:
+        return _from_chunk(root, image, binary)
+    if uri.startswith("data:"):
+        return _from_data(image, uri)
+    place = resolve_inside(path.parent, unquote(uri), path, f"{image.place}: uri")
+    return read_regular_file(place, MAX_IMAGE_BYTES)
+
+
+def _from_chunk(root: Fields, image: Fields, binary: bytes) -> bytes:
+    """The bytes of a buffer view."""
+    views = root.children("bufferViews")
+    view = views[image.integer("bufferView", 0, len(views) - 1)]
+    view.integer("buffer", 0, 0)
+    start = view.integer("byteOffset", 0, len(binary), 0)
+    return binary[start : start + view.integer("byteLength", 1, len(binary) - start)]
+
+
+def _from_data(image: Fields, uri: str) -> bytes:
+    """The bytes of a `data:` URI in base64."""
+    kind, comma, text = uri.partition(",")
+    try:
+        if not comma or not kind.endswith(";base64"):
+            raise ValueError
+        return base64.b64decode(text, validate=True)
+    except (ValueError, binascii.Error):
+        raise image.error("uri", uri, "data in base64") from None

@@ -1,0 +1,77 @@
+"""Filtered look-ups: means are kept, texels are met, a slant neither blurs nor shimmers."""
+
+import numpy as np
+import pytest
+
+from engine.texture.pyramid import MOST_PROBES, Pyramid, make_pyramid
+
+
+def noise(height: int, width: int) -> np.ndarray:
+    return np.random.default_rng(3).random((height, width, 3)).astype(np.float32)
+
+
+@pytest.mark.parametrize("size", [(8, 8), (7, 5), (13, 1), (1, 6), (33, 100)])
+def test_every_level_has_the_mean_of_the_image(size: tuple[int, int]) -> None:
+    image = noise(*size)
+    pyramid = make_pyramid(image)
+    assert pyramid.levels[-1].shape == (1, 1, 3)
+    for level in pyramid.levels:
+        np.testing.assert_allclose(level.mean(axis=(0, 1)), image.mean(axis=(0, 1)), rtol=1e-5)
+
+
+def test_middles_of_texels_have_their_values_and_v_grows_upwards() -> None:
+    image = noise(3, 4)
+    column, row = np.meshgrid(np.arange(4), np.arange(3))
+    uv = np.stack([(column + 0.5) / 4, 1.0 - (row + 0.5) / 3], axis=2).reshape(-1, 2)
+    pyramid = make_pyramid(image)
+    np.testing.assert_allclose(pyramid.at(uv), image.reshape(-1, 3), atol=1e-6)
+    np.testing.assert_allclose(pyramid.at(uv + [3.0, -2.0]), image.reshape(-1, 3), atol=1e-5)  # it repeats
+    # Half way between two texels is half of both.
+    np.testing.assert_allclose(pyramid.at(np.array([[0.25, 5 / 6]]))[0], image[0, :2].mean(axis=0), atol=1e-6)
+
+
+def over(pyramid: Pyramid, uv: np.ndarray, across: tuple[float, float], down: tuple[float, float]) -> np.ndarray:
+    sides = [np.tile(np.array(side, np.float64), (len(uv), 1)) for side in (across, down)]
+    return pyramid.over(uv, *sides)
+
+
+def test_a_pixel_that_sees_all_of_an_image_sees_its_mean() -> None:
+    image = noise(16, 16)
+    uv = np.random.default_rng(1).random((50, 2))
+    found = over(make_pyramid(image), uv, (1.0, 0.0), (0.0, 1.0))
+    np.testing.assert_allclose(found, np.tile(image.mean(axis=(0, 1)), (50, 1)), atol=1e-6)
+    beyond = over(make_pyramid(image), uv, (np.inf, 0.0), (np.nan, 1.0))  # a plane seen edge on
+    np.testing.assert_allclose(beyond, np.tile(image.mean(axis=(0, 1)), (50, 1)), atol=0.02)
+
+
+def test_a_slanted_pixel_is_blurred_along_its_longer_side_only() -> None:
+    # Stripes along v, seen by pixels eight stripes long in v and a quarter of a texel wide in u: as sharp as ever.
+    stripes = np.repeat(np.tile(np.float32([0.0, 1.0]), 16)[None, :, None], 32, axis=0)
+    pyramid = make_pyramid(stripes)
+    u = (np.arange(32) + 0.5) / 32
+    uv = np.stack([u, np.full(32, 0.3)], axis=1)
+    np.testing.assert_allclose(over(pyramid, uv, (0.25 / 32, 0.0), (0.0, 8 / 32))[:, 0], stripes[0, :, 0], atol=1e-6)
+    # The same pixels across the stripes see the mean of them.
+    across = over(pyramid, uv, (8 / 32, 0.0), (0.0, 0.25 / 32))
+    np.testing.assert_allclose(across, 0.5, atol=1e-6)
+
+
+def test_a_turned_footprint_is_the_mean_over_its_ellipse() -> None:
+    # Against many points of the pixel's own parallelogram, of a smooth image: the shape of the filter does not matter.
+    x, y = np.meshgrid((np.arange(64) + 0.5) / 64, (np.arange(64) + 0.5) / 64)
+    image = (0.5 + 0.4 * np.sin(2 * np.pi * (x + 2 * y)))[..., None].astype(np.float32)
+    pyramid = make_pyramid(image)
+    a, b = np.array([0.16, 0.08]), np.array([-0.01, 0.02])
+    uv = np.random.default_rng(5).random((20, 2))
+    places = (np.arange(16) + 0.5) / 16 - 0.5
+    covered = uv[:, None, None] + places[:, None, None] * a + places[None, :, None] * b
+    expected = pyramid.at(covered.reshape(-1, 2)).reshape(20, 256).mean(axis=1)
+    np.testing.assert_allclose(over(pyramid, uv, tuple(a), tuple(b))[:, 0], expected, atol=0.02)
+
+
+def test_no_pixel_takes_more_look_ups_than_the_most() -> None:
+    # Of 1,000 texels by a tenth of one the width is that of the longer side shared among the most look-ups.
+    ramp = np.linspace(0.0, 1.0, 2048, dtype=np.float32)[None, :, None]
+    pyramid = make_pyramid(ramp)
+    found = over(pyramid, np.array([[0.5, 0.5]]), (1000 / 2048, 0.0), (0.0, 1e-4))
+    assert found[0, 0] == pytest.approx(0.5, abs=1e-3) and MOST_PROBES == 16
