@@ -13,6 +13,7 @@ from typing import Any
 from app.document import Document, all_factors, resolve, split_key
 from app.light_commands import SetEnvironment, SetIntensity, SetMapping, SetRotation
 from app.linked_layers import group_of, with_fresnel, without_fresnel
+from app.map_commands import SetMap
 from app.material_commands import AddLayers, RemoveLayer, SetMaterial
 from engine.curve.operators import Edit, Tabulated, collapse
 from engine.errors import InsituError
@@ -282,7 +283,7 @@ class SetEditable:
 EditCommand = (
     SetParameter | SetModel | SetOperators | AddOperator | ReplaceOperator | RemoveOperator | MoveOperator
     | MuteOperator | CollapseOperators | ResetCurve | SetVisible | SetFrozen | SetFresnelTerm | SetEditable
-    | SetMaterial | AddLayers | RemoveLayer | SetRotation | SetIntensity | SetEnvironment | SetMapping
+    | SetMap | SetMaterial | AddLayers | RemoveLayer | SetRotation | SetIntensity | SetEnvironment | SetMapping
 )  # fmt: skip
 
 

@@ -21,6 +21,7 @@ from app.linked_layers import group_of, with_layer
 from app.paths import is_file_name
 from engine.errors import InsituError
 from engine.material.layer import Layer
+from engine.material.maps import map_fields
 from engine.material.model import Factor, Model
 from engine.scene.description import ObjectDescription, SceneDescription
 
@@ -144,7 +145,7 @@ class Document:
 class Target:
     """What a path names. ``key`` is None for an object or the light, ``name`` None for an object or a layer."""
 
-    kind: Literal["object", "layer", "factor", "parameter", "switch", "light"]
+    kind: Literal["object", "layer", "factor", "parameter", "map", "switch", "light"]
     object: str = ""
     layer: int | None = None
     name: str | None = None
@@ -203,6 +204,8 @@ def _resolve_in_layer(state: ObjectState, index: int, name: str) -> Target:
         return Target("factor", state.name, index, name)
     if name in parameters:
         return Target("parameter", state.name, index, name)
+    if name in map_fields():
+        return Target("map", state.name, index, name)
     raise _unknown(f"curve or parameter of {layer_key(state.name, index)}", name, [*factors, *parameters])
 
 

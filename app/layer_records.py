@@ -19,8 +19,9 @@ from app.toml_text import toml_lines, toml_value
 from engine.curve.operators import Operator, Tabulated
 from engine.errors import LoadError
 from engine.material.layer import Layer
+from engine.material.maps import LayerMaps, map_values
 from engine.material.parameters import FRESNEL
-from engine.scene.description import LayerDescription, Name, Number, Parameter, Text
+from engine.scene.description import LayerDescription, Maps, Name, Number, Parameter, Text
 
 MAX_TABLE = 8192
 MAX_LAYERS = 64
@@ -78,6 +79,7 @@ class LayerRecord(Record):
     follows: Name | None = None
     visible: Flag = True
     frozen: Flag = False
+    maps: Maps = LayerMaps()
     values: dict[str, Parameter] = Field(default_factory=dict)
     curves: tuple[CurveRecord, ...] = Field(default=(), alias="curve", max_length=8)
 
@@ -85,7 +87,9 @@ class LayerRecord(Record):
 def layers_of(file: str, name: str, records: Sequence[LayerRecord]) -> Layers:
     """The layers of the object or material called `name`, edits and all. Raises LoadError for `file`."""
     described = [
-        LayerDescription(model=each.model, name=each.name, follows=each.follows, parameters=each.values)
+        LayerDescription(
+            model=each.model, name=each.name, follows=each.follows, maps=each.maps, parameters=each.values
+        )
         for each in records
     ]
     plain = layers_from_descriptions(file, name, described)
@@ -113,7 +117,7 @@ def with_curves(file: str, key: str, layer: Layer, curves: Sequence[CurveRecord]
 def description_of(layer: Layer) -> dict[str, Any]:
     """A layer without its edits as a scene file has it: an inline table's keys and values."""
     written = {name: value for name, value in layer.values.items() if _is_written(layer, name)}
-    return _named(layer) | written
+    return _named(layer) | written | _maps(layer)
 
 
 def layer_lines(layers: Layers, table: str) -> Iterator[str]:
@@ -121,6 +125,8 @@ def layer_lines(layers: Layers, table: str) -> Iterator[str]:
     for layer in layers:
         yield f"[[{table}]]"
         yield from toml_lines({**_named(layer), "visible": layer.visible, "frozen": layer.frozen})
+        if maps := _maps(layer):
+            yield f"maps = {toml_value(maps)}"
         yield f"[{table}.values]"
         yield from toml_lines({name: value for name, value in layer.values.items() if _is_written(layer, name)})
         for factor, operators in () if layer.rises else layer.edits:
@@ -139,6 +145,11 @@ def operator_lines(operators: Sequence[CurveEdit]) -> Iterator[str]:
 def _named(layer: Layer) -> dict[str, str | None]:
     model = FRESNEL_NAME if layer.rises else layer.model.name
     return {"model": model, "name": layer.name, "follows": layer.follows or None}
+
+
+def _maps(layer: Layer) -> dict[str, Any]:
+    """What is said of its images; of a Fresnel term nothing: they are those of its layer."""
+    return {} if layer.rises else map_values(layer.maps)
 
 
 def _is_written(layer: Layer, parameter: str) -> bool:

@@ -9,6 +9,7 @@ from app.commands import EditCommand, SetEditable, SetFresnelTerm, SetFrozen, Se
 from app.document import FRESNEL_TERM, MATERIAL, Document, Target, resolve
 from app.library import Library
 from app.light_commands import SetEnvironment, SetIntensity, SetMapping, SetRotation
+from app.map_commands import SetMap
 from app.material_commands import SetMaterial
 from app.material_file import load_material
 from app.paths import is_file_name
@@ -24,6 +25,8 @@ def set_path(document: Document, path: str, value: Any) -> EditCommand:
     target = resolve(document, path)
     if target.kind == "parameter" and target.key is not None and target.name is not None:
         return SetParameter(target.key, target.name, value)
+    if target.kind == "map" and target.key is not None and target.name is not None:
+        return SetMap(target.key, target.name, value)
     if target.kind == "light":
         return _set_light(path, target, value)
     if target.kind == "switch":

@@ -1,0 +1,62 @@
+"""Textures and weight maps in documents: edits by path, sessions, layers that share."""
+
+from pathlib import Path
+
+import pytest
+
+from app.commands import SetFresnelTerm
+from app.document import Document
+from app.map_commands import SetMap, image_name, scene_folder
+from app.session import load_session, save_session
+from app.set_path import set_path
+from app.view_state import ViewState
+from engine.errors import InsituError
+from engine.material.maps import LayerMaps
+
+SET = {
+    "texture": "wood/oak.png", "texture_space": "linear", "texture_scale": [2, 0.1 + 0.2], "texture_strength": 1 / 3,
+    "weight": "/elsewhere/mask.exr", "weight_invert": True,
+}  # fmt: skip
+MAPS = LayerMaps("wood/oak.png", "linear", (2.0, 0.1 + 0.2), 1 / 3, "/elsewhere/mask.exr", True)
+
+
+@pytest.fixture
+def mapped(document: Document) -> Document:
+    for name, value in SET.items():
+        document = set_path(document, f"pot.1.{name}", value).apply(document)
+    return document
+
+
+def test_every_part_is_set_by_its_path(mapped: Document, document: Document) -> None:
+    assert mapped.layer("pot.1").maps == MAPS and mapped.layer("pot.0").maps.is_plain
+    assert mapped.object("floor") is document.object("floor")
+    assert SetMap("pot.1", "texture", "").apply(mapped).layer("pot.1").maps.images.weight == MAPS.weight
+
+
+def test_a_session_brings_maps_back_equal(mapped: Document, tmp_path: Path) -> None:
+    path = save_session(tmp_path / "mine.insitu", mapped, ViewState())
+    assert load_session(path).document == mapped
+    assert path.read_text().count("maps = {") == 1  # of layers without, nothing is said
+
+
+def test_values_out_of_range_are_refused(document: Document) -> None:
+    for name, value in (("texture_scale", 0), ("texture_strength", 1.5), ("weight", 3), ("texture_space", "gamma")):
+        with pytest.raises(InsituError, match=f"{name} = "):
+            set_path(document, f"pot.1.{name}", value).apply(document)
+
+
+def test_a_fresnel_term_has_the_maps_of_its_layer(mapped: Document, tmp_path: Path) -> None:
+    two = SetFresnelTerm("pot.1", True).apply(mapped)
+    term = next(key for key, layer in two.layers() if layer.rises)
+    assert two.layer(term).maps == MAPS
+    plain = SetMap(term, "texture", "").apply(two)  # edited in the term, both have it
+    assert plain.layer("pot.1").maps == plain.layer(term).maps != MAPS
+    path = save_session(tmp_path / "mine.insitu", two, ViewState())
+    assert load_session(path).document == two
+
+
+def test_files_in_the_scenes_folder_are_named_from_there(tmp_path: Path) -> None:
+    scene = tmp_path / "scene" / "scene.toml"
+    assert image_name(scene.parent / "maps" / "a.png", str(scene)) == "maps/a.png"
+    assert image_name(tmp_path / "b.png", str(scene)) == str((tmp_path / "b.png").resolve())
+    assert scene_folder("teatray").name == "teatray"
