@@ -93,11 +93,15 @@ class Selection(NamedTuple):
 
 @dataclass(frozen=True)
 class Document:
-    """A scene's materials and light. ``source`` is a built-in scene's name or the path of a scene file."""
+    """A scene's materials and light. ``source`` is a built-in scene's name or the path of a scene file.
+
+    ``first_bands``: J of the sharpest curves at the first bounce from the eye; None as many as are planned.
+    """
 
     source: str
     objects: tuple[ObjectState, ...] = ()
     light: LightState = LightState()
+    first_bands: int | None = None
 
     def object(self, name: str) -> ObjectState:
         """The object called ``name``; InsituError with the names there are when it is not there."""

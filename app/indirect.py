@@ -86,8 +86,10 @@ class FreezeWish:
         for i, (one, two) in enumerate(zip(mine.coefficients, theirs.coefficients, strict=True)):
             if (mine.key, i) == (self.key, self.factor) or self.edited.get(mine.key) == i or one is two:
                 continue
-            if not np.allclose(one, two, rtol=1e-6, atol=0.0):
+            if not _close(one, two):
                 return False
+        if any(a.shape != b.shape for a, b in zip(mine.coefficients, theirs.coefficients, strict=True)):
+            return False  # another choice of bands: what is kept of the selected curve has other ones
         if self.key is not None and _object(mine.key) == _object(self.key):
             return True  # its albedo is a variable
         return np.array_equal(mine.gain, theirs.gain) and np.array_equal(mine.view_curve, theirs.view_curve)
@@ -273,7 +275,11 @@ def _radiance(frozen: Frozen, key: str, albedo: Array, curve: Array | None) -> N
 def _equal(one: LayerReflection, two: LayerReflection) -> bool:
     """Whether two looks of one layer reflect alike."""
     mine, theirs = ((*look.coefficients, look.gain, look.view_curve) for look in (one, two))
-    return all(a is b or np.allclose(a, b, rtol=1e-6, atol=0.0) for a, b in zip(mine, theirs, strict=True))
+    return all(a is b or _close(a, b) for a, b in zip(mine, theirs, strict=True))
+
+
+def _close(one: NDArray[np.floating], two: NDArray[np.floating]) -> bool:
+    return one.shape == two.shape and bool(np.allclose(one, two, rtol=1e-6, atol=0.0))
 
 
 def _object(key: str) -> str:

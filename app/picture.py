@@ -17,7 +17,7 @@ from app.document import Document
 from engine.curve.operators import HALF_PI
 from engine.material.layer import Layer
 from engine.material.model import Model
-from engine.plan import MOST_BANDS, band_counts
+from engine.plan import MOST_BANDS, band_counts, bands_by_hand
 from engine.scene.description import SceneDescription
 
 Array = NDArray[np.float64]
@@ -147,8 +147,8 @@ class Curves:
         for key in keys:
             self._planned.pop(key, None)
 
-    def bands(self, key: str, layer: Layer) -> dict[str, int]:
-        """J of each of the layer's transport factors.
+    def bands(self, key: str, layer: Layer, chosen: int | None = None) -> dict[str, int]:
+        """J of each of the layer's transport factors; ``chosen`` for the sharpest where a person did.
 
         Planned when the layer is first seen and kept while it is edited, so that transport outlives edits; a new model
         is planned anew.
@@ -157,12 +157,12 @@ class Curves:
         if model is not layer.model:
             counts = band_counts(layer, self.most_bands)
             self._planned[key] = (layer.model, counts)
-        return counts
+        return counts if chosen is None else bands_by_hand(layer, counts, chosen)
 
     def coefficients(self, document: Document, key: str, most: int | None = None) -> dict[str, Array]:
         """Band values of each transport factor of a layer, (J,3) by factor [BenArtzi07, eq. 4.17], of `most` bands."""
         layer = document.layer(key)
-        counts = self.bands(key, layer)
+        counts = self.bands(key, layer, document.first_bands)
         return {name: self._band_values(key, layer, name, min(n, most or n)) for name, n in counts.items()}
 
     def view_curve(self, document: Document, key: str) -> Array:

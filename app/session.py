@@ -19,6 +19,7 @@ from app.document import Document, LightState, ObjectState, Selection, all_facto
 from app.layer_records import MAX_LAYERS, Flag, LayerRecord, Record, layer_lines, layers_of
 from app.light_commands import MAX_INTENSITY, check_light
 from app.paths import full_path, is_file_name
+from app.series_commands import FirstBands
 from app.toml_text import check_version, load_toml, toml_lines
 from app.view_state import AS_PLANNED, SetView, ViewState
 from engine.errors import InsituError, LoadError
@@ -73,6 +74,7 @@ class SessionRecord(Record):
     version: Annotated[int, Field(strict=True)]
     scene: Text
     light: LightRecord
+    first_bands: FirstBands | None = None
     view: ViewRecord = ViewRecord()
     journal: JournalRecord | None = None
     objects: tuple[ObjectRecord, ...] = Field(alias="object", min_length=1, max_length=MAX_OBJECTS)
@@ -121,7 +123,7 @@ def load_session(path: Path) -> Session:
     folder = path.resolve().parent
     objects = tuple(_object(str(path), each) for each in record.objects)
     light = LightState(**{**record.light.model_dump(), "environment": full_path(record.light.environment, folder)})
-    document = Document(full_path(record.scene, folder), objects, check_light(light, str(path)))
+    document = Document(full_path(record.scene, folder), objects, check_light(light, str(path)), record.first_bands)
     return Session(document, _view(record.view, document), record.journal)
 
 
@@ -136,7 +138,7 @@ def fit_session(session: Session, scene: Document, file: str) -> Document:
         raise LoadError(file, f"object {name!r}", found, f"{there} of the scene")
     saved = {state.name: state for state in session.document.objects}
     objects = tuple(replace(saved[state.name], emission=state.emission) for state in scene.objects)
-    return Document(scene.source, objects, session.document.light)
+    return Document(scene.source, objects, session.document.light, session.document.first_bands)
 
 
 def dump_session(
@@ -147,6 +149,7 @@ def dump_session(
     lines = [
         "# An Insitu session: materials and light on top of a scene. Angles of operators in radians.",
         *toml_lines({"version": SESSION_VERSION, "scene": _written_path(document.source, folder)}),
+        *toml_lines({"first_bands": document.first_bands}),
     ]
     if journal is not None:
         lines += ["[journal]", *toml_lines(journal.model_dump())]

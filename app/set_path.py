@@ -14,6 +14,7 @@ from app.material_commands import SetMaterial
 from app.material_file import load_material
 from app.paths import is_file_name
 from app.probe_file import likely_mapping
+from app.series_commands import FIRST_BANDS, set_first_bands
 from engine.errors import InsituError, LoadError
 
 
@@ -22,6 +23,8 @@ def set_path(document: Document, path: str, value: Any) -> EditCommand:
 
     Raises InsituError for a path that names nothing with a value. The command line and scripts set by path.
     """
+    if path == FIRST_BANDS:
+        return set_first_bands(value)
     target = resolve(document, path)
     if target.kind == "parameter" and target.key is not None and target.name is not None:
         return SetParameter(target.key, target.name, value)

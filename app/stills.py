@@ -58,8 +58,9 @@ def render_picture(
 ) -> NDArray[np.float32]:  # fmt: skip
     """Linear radiance (H, W, 3) of a project, with the editor's transport or by brute force.
 
-    series: None for as many bounces as the scene says, or requires; by brute force its bands do not matter. n_samples:
-    paths a pixel, by brute force; without them direct light alone is integrated over all directions, without noise.
+    series: None for as many bounces as the scene says, or requires; of the first bounce the document may say how many
+    bands; by brute force bands do not matter. n_samples: paths a pixel, by brute force; without them direct light alone
+    is integrated over all directions, without noise.
     """
     sky = project.sky
     placement = Placement(project.scene)
@@ -69,7 +70,7 @@ def render_picture(
     if reference:
         steps = _reference(placement, project, series.n_bounces, n_samples)
     else:
-        layers = _at_most(layers, series.first)
+        layers = _at_most(layers, series.first or project.document.first_bands)
         indirect = None
         if series.n_bounces > 1:
             indirect = finish(indirect_radiance(placement, layers, sky, series), report)

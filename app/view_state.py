@@ -77,7 +77,7 @@ class ViewState:
 
 
 VIEW_FIELDS = frozenset(f.name for f in fields(ViewState))
-_LIMITS: dict[str, tuple[float, float]] = {
+LIMITS: dict[str, tuple[float, float]] = {
     "exposure": (-20.0, 20.0),
     "compare_divider": (0.0, 1.0),
     "frame_budget_ms": (2.0, 200.0),
@@ -120,8 +120,8 @@ ViewCommand = SetView | OpenPanel
 def _in_range(name: str, value: Any) -> Any:
     if name == "regions":
         return _ordered_regions(value)
-    if name in _LIMITS:
-        low, high = _LIMITS[name]
+    if name in LIMITS:
+        low, high = LIMITS[name]
         return type(low)(min(max(value, low), high))
     return value
 

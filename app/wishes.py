@@ -58,7 +58,8 @@ def layer_shape(document: Document, key: str, layer: Layer, curves: Curves) -> L
     if not document.object(key.rpartition(".")[0]).editable:
         baked = b"".join(values.tobytes() for values in curves.coefficients(document, key).values())
     quotient = tuple(layer.quotient_parameters().tolist())
-    return LayerShape(key, layer.model.name, quotient, tuple(curves.bands(key, layer).items()), baked)
+    bands = tuple(curves.bands(key, layer, document.first_bands).items())
+    return LayerShape(key, layer.model.name, quotient, bands, baked)
 
 
 def layer_work(shape: LayerShape, coefficients: Coefficients) -> LayerWork:

@@ -52,6 +52,7 @@ EDITABLE_BANDS = {
     kinds.THETA_D: 16,
     kinds.THETA_I: 16,
 }
+SLOW_ANGLES = (kinds.THETA_I, kinds.THETA_O, kinds.THETA_D)
 BANDWIDTH_TOLERANCE = 0.02
 N_LIGHTS = 4000
 N_PATCHES = 256
@@ -119,6 +120,20 @@ class Plan:
     def layer(self, key: str) -> LayerPlan:
         """The plan of one layer, which must be in it."""
         return next(plan for plan in self.layers if plan.key == key)
+
+
+def bands_by_hand(layer: Layer, planned: Mapping[str, int], sharpest: int) -> dict[str, int]:
+    """J of each transport factor where a person chose J (a power of two) for the sharpest instead of as ``planned``.
+
+    Other curves of highlights are scaled with it, what varies slowly keeps its few.
+    """
+    most = max((planned[f.name] for f in layer.model.factors if f.gamma not in SLOW_ANGLES), default=1)
+    counts = {}
+    for place, factor in enumerate(layer.model.factors):
+        usual = planned[factor.name]
+        wanted = min(usual, sharpest) if factor.gamma in SLOW_ANGLES else sharpest * usual // most
+        counts[factor.name] = max(1, min(wanted, MOST_BANDS_OVERRULED[place]))
+    return counts
 
 
 def band_counts(layer: Layer, most: int = MOST_BANDS) -> dict[str, int]:

@@ -160,8 +160,8 @@ class WideCurves(Curves):
         super().__init__()
         self.wide_key = wide_key
 
-    def bands(self, key: str, layer: Layer) -> dict[str, int]:
-        counts = super().bands(key, layer)
+    def bands(self, key: str, layer: Layer, chosen: int | None = None) -> dict[str, int]:
+        counts = super().bands(key, layer, chosen)
         return counts | {next(iter(counts)): WIDE} if key == self.wide_key else counts
 
 

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Literal
 
+from app.commands import EditCommand
 from app.editor import Editor, WorkerClient
 from app.jobs.client import Client
 from app.light_commands import SetRotation
@@ -26,7 +27,9 @@ from app.script import (
     UndoSteps,
     WaitFor,
 )
+from app.series_commands import set_series
 from app.set_path import set_path
+from app.view_state import ViewCommand
 from engine.errors import InsituError
 from engine.scene.builtin import builtin_environments, builtin_scenes
 from ui.gl.placement import PlacementRenderer
@@ -113,7 +116,7 @@ def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
     match step:
         case SetValues():
             for path, value in step.values:
-                _refused(editor.do(set_path(editor.document, path, value)))
+                _refused(editor.do(_setting(editor, path, value)))
         case SelectPath():
             _refused(editor.select(step.path))
         case DragItem():
@@ -134,6 +137,13 @@ def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
         case AssertErrorBelow():
             _assert_error(editor, step.bound)
     window.frames(2)
+
+
+def _setting(editor: Editor, path: str, value: object) -> EditCommand | ViewCommand:
+    try:
+        return set_series(path, value) or set_path(editor.document, path, value)
+    except InsituError as error:
+        raise ScriptError(str(error)) from error
 
 
 def _drag_item(window: HeadlessWindow, step: DragItem) -> None:

@@ -7,16 +7,14 @@ from pathlib import Path
 
 from app.document import Document, document_from_description
 from app.sky import sky_of
-from engine.material import kinds
 from engine.material.layer import Layer
-from engine.plan import MOST_BANDS_OVERRULED, band_counts
+from engine.plan import band_counts, bands_by_hand
 from engine.scene.builtin import builtin_scenes
 from engine.scene.load import Scene, load_scene
 from engine.transport.pipeline import SkyState
 from engine.transport.projection import LayerShape
 
 Bands = dict[str, int]
-SLOW_CURVES = (kinds.THETA_I, kinds.THETA_O, kinds.THETA_D)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,20 +60,9 @@ def at_most(resolution: tuple[int, int], side: int) -> tuple[int, int]:
 
 
 def layer_bands(layer: Layer, most: int | None = None) -> Bands:
-    """J of each of a layer's curves: as planned, or with `most` (a power of two) for the sharpest.
-
-    Other curves of highlights are scaled with it, slow ones keep their few.
-    """
+    """J of each of a layer's curves: as planned, or with `most` (a power of two) for the sharpest."""
     planned = band_counts(layer)
-    sharp = {factor.name: planned[factor.name] for factor in layer.model.factors if factor.gamma not in SLOW_CURVES}
-    if most is None:
-        return planned
-    bands = {}
-    for place, factor in enumerate(layer.model.factors):
-        usual = planned[factor.name]
-        wanted = most * usual // max(sharp.values()) if factor.name in sharp else min(usual, most)
-        bands[factor.name] = max(1, min(wanted, MOST_BANDS_OVERRULED[place]))
-    return bands
+    return planned if most is None else bands_by_hand(layer, planned, most)
 
 
 def layer_shape(layer: Layer, bands: Bands) -> LayerShape:

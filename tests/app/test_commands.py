@@ -29,9 +29,10 @@ from app.commands import (
     SetVisible,
 )
 from app.document import Document
+from app.series_commands import SetFirstBands
 from app.set_path import set_path
 from engine.curve.operators import Operator, Tabulated
-from engine.errors import InsituError
+from engine.errors import InsituError, LoadError
 
 LIFT = Operator("translate", "y", 0.1, 0.2, 0.3, 0.4, magnitude=1.0)
 SHIFT = Operator("translate", "x", 0.1, 0.3, 0.5, 0.7, magnitude=0.05)
@@ -189,6 +190,8 @@ def test_refusals_are_one_line(document: Document, command: EditCommand) -> None
         ("pot.frozen", True, SetFrozen("pot", True)),
         ("pot.1.visible", False, SetVisible("pot.1", False)),
         ("floor.editable", False, SetEditable("floor", False)),
+        ("series.first", 128.0, SetFirstBands(128)),
+        ("series.first", "auto", SetFirstBands(None)),
     ],
 )
 def test_setting_by_path(document: Document, path: str, value: Any, command: EditCommand) -> None:
@@ -201,6 +204,12 @@ def test_setting_by_path(document: Document, path: str, value: Any, command: Edi
 def test_setting_what_has_no_such_value_is_refused(document: Document, path: str, value: Any) -> None:
     with pytest.raises(InsituError):
         set_path(document, path, value)
+
+
+@pytest.mark.parametrize("bands", [0, 3, 1024, True, 16.5, "16"])
+def test_bands_at_the_first_bounce_are_powers_of_two(document: Document, bands: Any) -> None:
+    with pytest.raises(LoadError, match="one of 1, 2, 4"):
+        SetFirstBands(bands).apply(document)
 
 
 def test_labels_say_what_was_done() -> None:

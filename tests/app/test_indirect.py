@@ -10,6 +10,7 @@ from app.document import Selection, document_from_description
 from app.indirect import FREEZE_PATIENCE, REST_SECONDS, IndirectTalk
 from app.jobs.messages import Freeze, Frozen, IndirectFound, IndirectNoise
 from app.picture import Curves, IndirectFootprint, IndirectRadiance
+from app.series_commands import SetFirstBands
 from engine.curve.operators import Operator
 from engine.scene.description import parse_description
 from tests.app.fake_worker import SCENE, FakeClient
@@ -138,6 +139,17 @@ def test_the_second_bounce_has_as_many_bands_as_are_asked_for(talk: Talk) -> Non
     looks = [next(look for look in request.looks if look.key == "pot.1") for request in talk.asked]
     assert [len(look.sent[0]) for look in looks] == [64, 8, 1]
     assert all(look.coefficients[0] is looks[0].sent[0] for look in looks)
+
+
+def test_other_bands_at_the_first_bounce_are_frozen_anew(talk: Talk) -> None:
+    talk.update()
+    talk.found()
+    talk.frozen()
+    talk.update()
+    talk.document = SetFirstBands(16).apply(talk.document)
+    assert talk.update() == [] and not talk.talk.is_complete and len(talk.asked) == 2
+    look = next(look for look in talk.asked[-1].looks if look.key == "pot.1")
+    assert [len(values) for values in look.coefficients] == [16, 16]
 
 
 def test_a_freezing_is_awaited_once_there_is_light_to_freeze(talk: Talk) -> None:

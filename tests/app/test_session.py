@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from app.commands import AddOperator, CollapseOperators, SetEnvironment, SetFrozen, SetParameter, SetVisible
 from app.document import Document, Selection, document_from_description
+from app.series_commands import SetFirstBands
 from app.session import fit_session, load_session, save_session
 from app.view_state import ViewState
 from engine.curve.operators import Operator
@@ -39,6 +40,7 @@ def edited(document: Document) -> Document:
         SetFrozen("floor", True),
         SetVisible("pot.0", False),
         SetEnvironment("constant", "angular", (1.0, 0.1, 1e-5)),
+        SetFirstBands(256),
     ):
         document = command.apply(document)
     return document

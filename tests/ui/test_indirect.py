@@ -11,6 +11,7 @@ from app.commands import AddOperator, SetParameter, SetVisible
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks
+from app.series_commands import SetFirstBands
 from app.view_state import SetView
 from engine.curve.operators import Operator
 from tests.ui.small_scene import SCENE, linear_picture, opened_window, wait_until_exact, write_small_scene
@@ -109,12 +110,17 @@ def test_bounces_are_planned_where_the_scene_names_none(
         assert difference(linear_picture(planned), linear_picture(window)) < 2e-3
 
 
-def test_a_second_bounce_by_albedo_is_another_picture(window: HeadlessWindow) -> None:
-    before = linear_picture(window)
-    window.shell.editor.do(SetView.of(second_bands=1))
+def test_fewer_bands_of_either_bounce_are_another_picture(window: HeadlessWindow) -> None:
+    editor, before = window.shell.editor, linear_picture(window)
+    editor.do(SetView.of(second_bands=1))
     wait_until_exact(window)
     assert difference(linear_picture(window), before) > 1e-4
-    window.shell.editor.do(SetView.of(second_bands=None))
+    editor.do(SetView.of(second_bands=None))
+    editor.do(SetFirstBands(4))
+    wait_until_exact(window)
+    assert difference(linear_picture(window), before) > 1e-2
+    assert max(n for _, counts in editor.status.bands for n in counts) == 4
+    editor.undo()
     wait_until_exact(window)
     np.testing.assert_allclose(linear_picture(window), before, rtol=1e-5, atol=1e-6)
 

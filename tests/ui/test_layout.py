@@ -11,6 +11,7 @@ import pytest
 from imgui_bundle import imgui
 
 from app.editor import Editor
+from app.indirect import IndirectTalk
 from app.jobs.messages import Progress
 from app.view_state import SetView
 from tests.ui.conftest import opened
@@ -35,11 +36,15 @@ def rectangles(window: HeadlessWindow) -> dict[str, tuple[float, float, float, f
 
 
 @pytest.mark.parametrize(("size", "scale"), SIZES)
-def test_no_panel_overlaps_or_is_cut_off(context: moderngl.Context, size: tuple[int, int], scale: float) -> None:
+def test_no_panel_overlaps_or_is_cut_off(
+    context: moderngl.Context, monkeypatch: pytest.MonkeyPatch, size: tuple[int, int], scale: float
+) -> None:
+    monkeypatch.setattr(IndirectTalk, "noise", 0.123)
     for window in opened(context, size, scale):
         client = window.shell.editor._client
         assert isinstance(client, StandInClient)
         # The longest contents: work under way and every figure known.
+        window.shell.editor.do(SetView.of(n_bounces=4))
         client.say(Progress("final", 0.3, 79.0, "teapot.1"))
         window.frames(4)
         places = rectangles(window)

@@ -66,12 +66,28 @@ def test_a_script_edits_captures_and_undoes(window: HeadlessWindow, tmp_path: Pa
     assert np.abs(edited[450:770, 230:730] - undone[450:770, 230:730]).max() > 100
 
 
+def test_a_script_chooses_the_series(window: HeadlessWindow, tmp_path: Path) -> None:
+    editor = window.shell.editor
+    series = '[[step]]\nset = { "series.bounces" = 3, "series.first" = 128, "series.second" = 8 }\n'
+    run(window, tmp_path, series)
+    view = editor.view
+    assert (view.n_bounces, editor.document.first_bands, view.second_bands) == (3, 128, 8)
+    # 64 × 16 as planned for the coat, 16 for the base: with 128 for the sharpest, what varies slowly stays.
+    assert [len(values) for values in editor.wanted_coefficients("teapot.1").values()] == [128, 16]
+    assert [len(values) for values in editor.wanted_coefficients("teapot.0").values()] == [16]
+    run(window, tmp_path, '[[step]]\nundo = 1\n[[step]]\nset = { "series.second" = "all" }\n')
+    assert editor.document.first_bands is None and editor.view.second_bands is None
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
         ('[[step]]\ndrag = { item = "curve.nose", by = [1, 1] }', "step 1: no handle 'curve.nose'"),
         ('[[step]]\nselect = "teapot.1.theta_x"', "step 1: there is no"),
         ('[[step]]\nset = { "teapot.1.alpha" = 7.0 }', "alpha"),
+        ('[[step]]\nset = { "series.first" = 48 }', "one of 1, 2, 4"),
+        ('[[step]]\nset = { "series.second" = 2 }', "1, 8, 16 or all"),
+        ('[[step]]\nset = { "series.bounces" = 0 }', "from 1 to 8"),
         ("[[step]]\nundo = 5", "step 1: nothing to undo"),
         ("[[step]]\nassert_error_below = 1e-30", "step 1: image error"),
     ],

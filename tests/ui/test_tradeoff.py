@@ -38,8 +38,9 @@ def test_memory_is_that_of_transport_and_of_the_graphics_card() -> None:
 
 
 def test_noise_is_told_once_it_is_known() -> None:
-    assert "Indirect noise" not in rows(STATUS, None)
-    assert rows(replace(STATUS, indirect_noise=0.0123), None)["Indirect noise"][0] == "1.2 %"
+    assert "noise" not in rows(STATUS, None)["Image error"][0]
+    noisy = replace(STATUS, image_error=0.002, indirect_noise=0.0123)
+    assert rows(noisy, None)["Image error"][0] == "0.002, indirect noise 1.2 %"
 
 
 @pytest.mark.gl

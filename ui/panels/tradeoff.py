@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from imgui_bundle import ImVec2, imgui
 
+from app.series_commands import SetFirstBands
 from app.status import Status
 from app.view_state import SetView
 from ui import theme as look
@@ -15,7 +18,17 @@ from ui.theme import Icon
 LEAST_BUDGET, LARGEST_BUDGET = 2.0, 200.0
 LIGHT_CHOICES = (400, 1000, 4000, 10000)
 BOUNCE_CHOICES = (1, 2, 3, 4)
-SECOND_BANDS = {"1": 1, "8": 8, "16": 16, "All": None}
+FIRST_BANDS = {"Auto": None, "16": 16, "32": 32, "64": 64, "128": 128, "256": 256}
+SECOND_BANDS = {"All": None, "16": 16, "8": 8, "1": 1}
+FIRST_HINT = (
+    "Bands J of the sharpest curves at the first bounce from the eye: more follow finer edits, and take more memory "
+    "and time. Auto: as many as each curve needs."
+)
+SECOND_HINT = (
+    "Bands of each curve at the second bounce. 1: by albedo, as if surfaces were matt there; more let glossy ones "
+    "throw light where they do."
+)
+GAP = 4.0
 VALUE_COLUMN = 112.0
 SMALLEST_ERROR = 1e-7
 
@@ -25,7 +38,7 @@ def draw(context: PanelContext) -> list[Action]:
     actions = _budget(context)
     actions += _quality(context)
     imgui.spacing()
-    imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(imgui.get_style().item_spacing.x, context.px(3)))
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(imgui.get_style().item_spacing.x, context.px(1)))
     selected = context.view.selected
     for name, value, hint in figures(context.status, None if selected is None else selected.key):
         _figure(context, name, value, hint)
@@ -61,8 +74,7 @@ def _quality(context: PanelContext) -> list[Action]:
     pressed = widgets.segments(context, "accuracy.bounces", choices, chosen, least=_share(context, len(choices)))
     if pressed is not None:
         actions.append(SetView.of(n_bounces=BOUNCE_CHOICES[pressed]))
-    if context.view.n_bounces > 1:
-        actions += _second_bounce(context)
+    actions += _series(context)
     widgets.label(context, "Transport")
     options = (
         ("Half", "Half floats on the graphics card: half the memory, errors of a thousandth."),
@@ -77,14 +89,50 @@ def _quality(context: PanelContext) -> list[Action]:
     return actions
 
 
-def _second_bounce(context: PanelContext) -> list[Action]:
-    widgets.label(context, "2nd bounce")
-    hint = ("Bands of each curve at the second bounce. 1: by albedo, as if surfaces were matt there; more let glossy "
-            "ones throw light where they do. The first bounce has all, later ones go by albedo.")  # fmt: skip
-    chosen = list(SECOND_BANDS.values()).index(context.view.second_bands)
-    choices = [(name, hint) for name in SECOND_BANDS]
-    pressed = widgets.segments(context, "accuracy.second", choices, chosen, least=_share(context, len(choices)))
-    return [] if pressed is None else [SetView.of(second_bands=list(SECOND_BANDS.values())[pressed])]
+def _series(context: PanelContext) -> list[Action]:
+    """The bands of each bounce from the eye: the first and the second can be chosen, later ones go by albedo."""
+    actions: list[Action] = []
+    widgets.label(context, "Bands")
+    n_later = context.view.n_bounces - 2
+    later = "  1" * n_later
+    gap = context.px(GAP)
+    room = imgui.get_content_region_avail().x - (imgui.calc_text_size(later).x if later else 0.0)
+    both = context.view.n_bounces > 1
+    first = context.document.first_bands
+    chosen = _bands_combo(context, "accuracy.first", FIRST_BANDS, first, (room - gap) / 2 if both else room, FIRST_HINT)
+    actions += [SetFirstBands(pick) for pick in chosen]
+    if both:
+        imgui.same_line(0.0, gap)
+        second = context.view.second_bands
+        chosen = _bands_combo(context, "accuracy.second", SECOND_BANDS, second, (room - gap) / 2, SECOND_HINT)
+        actions += [SetView.of(second_bands=pick) for pick in chosen]
+    if n_later > 0:
+        imgui.same_line(0.0, 0.0)
+        imgui.push_style_color(imgui.Col_.text, look.pack(look.TEXT_SOFT))
+        imgui.text_unformatted(later)
+        imgui.pop_style_color()
+        widgets.tooltip("Bounces after the second go by albedo: one band each.")
+    return actions
+
+
+def _bands_combo(
+    context: PanelContext, name: str, choices: Mapping[str, int | None], chosen: int | None, width: float, hint: str
+) -> list[int | None]:
+    """A list of numbers of bands; what was picked of it, if anything."""
+    picked = []
+    shown = next((text for text, bands in choices.items() if bands == chosen), str(chosen))
+    imgui.set_next_item_width(width)
+    if imgui.begin_combo(f"##{name}", shown):
+        for text, bands in choices.items():
+            pressed, _ = imgui.selectable(text, bands == chosen)
+            context.handles.note_item(f"{name}.{text}")
+            if pressed and bands != chosen:
+                picked.append(bands)
+        imgui.end_combo()
+    else:
+        context.handles.note_item(name)
+    widgets.tooltip(hint)
+    return picked
 
 
 def _share(context: PanelContext, count: int) -> float:
@@ -98,7 +146,6 @@ def _short(count: int) -> str:
 
 def figures(status: Status, selected: str | None = None) -> list[tuple[str, str, str]]:
     """(name, value, explanation) of every measured figure; selected: the key of the layer that is."""
-    error = "–" if status.image_error is None else error_text(status.image_error)
     shown = f"{status.shown_coefficients} of {status.wanted_coefficients}" if status.wanted_coefficients else "–"
     bands = dict(status.bands)
     if selected in bands:
@@ -112,8 +159,7 @@ def figures(status: Status, selected: str | None = None) -> list[tuple[str, str,
             "Wavelet coefficients of the selected curve that the picture shows, and the bands of its layer's transport."
             f"\n{plan}",
         ),
-        ("Image error", error, "What the missing coefficients would still change, relative to the picture's mean."),
-        *([] if status.indirect_noise is None else [_noise(status.indirect_noise)]),
+        _error(status),
         (
             "Memory",
             f"{status.memory_mb:.0f} MB, transport {status.transport_mb:.0f} MB",
@@ -123,9 +169,15 @@ def figures(status: Status, selected: str | None = None) -> list[tuple[str, str,
     ]
 
 
-def _noise(noise: float) -> tuple[str, str, str]:
-    hint = "What chance is left in the light of further bounces, relative to its mean: its two halves apart tell it."
-    return "Indirect noise", f"{100.0 * noise:.1f} %", hint
+def _error(status: Status) -> tuple[str, str, str]:
+    """What the picture lacks, and where there is indirect light the chance that is left in it."""
+    error = "–" if status.image_error is None else error_text(status.image_error)
+    hint = "What the missing coefficients would still change, relative to the picture's mean."
+    if status.indirect_noise is None:
+        return "Image error", error, hint
+    noise = "what chance is left in the light of further bounces, relative to its mean; its two halves apart tell it."
+    both = f"{error}, indirect noise {100.0 * status.indirect_noise:.1f} %"
+    return "Image error", both, f"{hint}\nIndirect noise: {noise}"
 
 
 def _bands(counts: tuple[int, ...]) -> str:
