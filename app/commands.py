@@ -20,6 +20,7 @@ from engine.curve.operators import Edit, Tabulated, collapse
 from engine.errors import InsituError
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
+from engine.measured.measurement import Measurement
 
 CurveEdit = Edit
 MAX_OPERATORS = 256
@@ -39,6 +40,8 @@ class SetParameter:
 
     def apply(self, document: Document) -> Document:
         layer = _editable_layer(document, self.key)
+        if isinstance(layer.values.get(self.name), Measurement):
+            raise InsituError(f"{self.key}.{self.name} is what was imported; give {self.key} another material instead")
         return document.with_layer(self.key, layer.with_parameter(self.name, self.value))
 
 

@@ -11,7 +11,6 @@ did: a refused command comes back as one line of text.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
@@ -32,6 +31,7 @@ from app.jobs.messages import (
     IndirectNoise,
     LayerPicture,
     LayerTransport,
+    MeasurementsRead,
     OpenScene,
     Progress,
     Request,
@@ -44,6 +44,7 @@ from app.jobs.messages import (
 from app.journal import Journal, Recovery
 from app.known_light import KnownLight
 from app.material_commands import SetMaterial
+from app.measurements import document_with_read, layers_of_document, unread_files
 from app.negotiator import Negotiator
 from app.paths import full_path
 from app.picture import (
@@ -56,6 +57,7 @@ from app.picture import (
     SkyChanged,
     TransportReady,
 )
+from app.reading import Reading, describe_reading
 from app.session import SUFFIX, Session, fit_session, load_session
 from app.session_keeper import SessionKeeper
 from app.status import Gauges, RenderReport, Status
@@ -125,6 +127,7 @@ class Editor:
         self._indirect = IndirectTalk(client.send, self.curves)
         self._comparison = Comparison(client.send, self.curves)
         self._known_light = KnownLight()
+        self._reading = Reading(client.send)
         self._opening: Opening | None = None
         self._gauges = Gauges()
         self.open(source)
@@ -149,6 +152,8 @@ class Editor:
         try:
             if isinstance(command, SetView | OpenPanel):
                 self.view = command.apply(self.view)
+            elif self._reading.postpones(command):
+                return None
             elif self.history.do(command, merge_key):
                 if isinstance(command, SetMaterial):
                     self.curves.replan(layer_key(command.object, index) for index in range(len(command.layers)))
@@ -257,11 +262,17 @@ class Editor:
         """Stop the worker; what it has delivered stays on screen."""
         self._client.send(Cancel())
         self._negotiator.cancelled()
+        self._reading.forget()
         if self._opening is not None:
             self._opening = None
             self._negotiator.scene_opened(is_new=False)
         self._gauges.progress = None
         self.notify("stopped; the picture stays a preview until the light or a roughness changes")
+
+    @property
+    def is_reading(self) -> bool:
+        """Whether an edit waits for a file that the worker reads."""
+        return self._reading.is_under_way
 
     def resume_work(self) -> None:
         """Ask again for what was stopped or failed."""
@@ -360,6 +371,8 @@ class Editor:
                 self._gauges.progress = response
             case Failed():
                 self._take_failure(response)
+            case MeasurementsRead():
+                self._take_measurements(response)
             case WorkerRestarted():
                 self._negotiator.worker_restarted()
                 self.notify(f"the worker was started again ({response.reason}); your edits are untouched", True)
@@ -406,6 +419,7 @@ class Editor:
         description = SceneDescription.model_validate_json(response.description)
         try:
             document = document_from_description(opening.source, description)
+            document = document_with_read(document, response.measurements)
         except InsituError as error:
             self._take_failure(Failed(str(error), id=response.id))
             return []
@@ -426,27 +440,37 @@ class Editor:
         kept = "; the unsaved edits before it can be recovered at the next start" if left_unsaved else ""
         self.notify(f"opened {description.name}{kept}")
         if opening.session is not None:
-            self._restore(opening, opening.session, response.bands)
+            self._restore(opening, opening.session, response)
         return [SceneFrame(opening.source, description, response.arrays, response.notes)]
 
-    def _restore(self, opening: Opening, session: Session, bands: Mapping[str, dict[str, int]]) -> None:
+    def _restore(self, opening: Opening, session: Session, opened: SceneOpened) -> None:
         """Put a session's document and view in the place of the scene's, where they fit."""
         file = str(opening.session_path or opening.source)
         try:
-            document = fit_session(session, self.document, file)
+            document = document_with_read(fit_session(session, self.document, file), opened.measurements)
         except InsituError as error:
             self.notify(f"opened the scene without its session: {error}", True)
             return
         described = dict(self.document.layers())
-        self.curves.opened({key: layer for key, layer in document.layers() if layer == described.get(key)}, bands)
+        unchanged = {key: layer for key, layer in document.layers() if layer == described.get(key)}
+        self.curves.opened(unchanged, opened.bands)
         self.history = History(document)
         selected = session.view.selected or self.view.selected
         self.view = replace(session.view, selected=selected, panels=self.view.panels)
         self._keeper.opened(document, opening.session_path, opening.recovery)
         self.notify("recovered what was not saved" if opening.recovery else f"opened {file}")
 
+    def _take_measurements(self, response: MeasurementsRead) -> None:
+        """Carry out the edit that waited for them."""
+        self._gauges.progress = None
+        command = self._reading.took(response)
+        if command is not None and self.do(command) is None:
+            self.select(command.object)
+            self.notify(describe_reading(command.layers))
+
     def _take_failure(self, response: Failed) -> None:
         self._gauges.progress = None
+        self._reading.forget(response.id)
         self._negotiator.took_failure(response)
         self._comparison.took_failure(response.id)
         refused = self._negotiator.asked_light if self._negotiator.is_transport(response.id) else None
@@ -477,7 +501,9 @@ class Editor:
 
     def _open(self, opening: Opening) -> None:
         self._negotiator.scene_closed()
-        id = self._client.send(OpenScene(opening.source, self.resolution))
+        layers = [] if opening.session is None else layers_of_document(opening.session.document)
+        id = self._client.send(OpenScene(opening.source, self.resolution, unread_files(layers)))
+        self._reading.forget()
         self._opening = replace(opening, id=id)
         self._gauges.progress = None
 

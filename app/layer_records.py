@@ -7,6 +7,7 @@ same, so layers written and read are equal to the last bit; angles of operators 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -15,12 +16,14 @@ from app.commands import MAX_OPERATORS, CurveEdit
 from app.described_layers import layers_from_descriptions
 from app.document import all_factors, layer_key
 from app.linked_layers import FRESNEL_NAME, Layers, alike
+from app.paths import written_path
 from app.toml_text import toml_lines, toml_value
 from engine.curve.operators import Operator, Tabulated
 from engine.errors import LoadError
 from engine.material.layer import Layer
 from engine.material.maps import LayerMaps, map_values
-from engine.material.parameters import FRESNEL
+from engine.material.parameters import FRESNEL, Value
+from engine.measured.measurement import Measurement
 from engine.scene.description import LayerDescription, Maps, Name, Number, Parameter, Text
 
 MAX_TABLE = 8192
@@ -116,19 +119,18 @@ def with_curves(file: str, key: str, layer: Layer, curves: Sequence[CurveRecord]
 
 def description_of(layer: Layer) -> dict[str, Any]:
     """A layer without its edits as a scene file has it: an inline table's keys and values."""
-    written = {name: value for name, value in layer.values.items() if _is_written(layer, name)}
-    return _named(layer) | written | _maps(layer)
+    return _named(layer) | _written(layer, None) | _maps(layer)
 
 
-def layer_lines(layers: Layers, table: str) -> Iterator[str]:
-    """The TOML lines of layers, an array of tables called `table`: "object.layer"."""
+def layer_lines(layers: Layers, table: str, folder: Path | None = None) -> Iterator[str]:
+    """The TOML lines of layers, an array of tables called `table`: "object.layer". Files are named from `folder`."""
     for layer in layers:
         yield f"[[{table}]]"
         yield from toml_lines({**_named(layer), "visible": layer.visible, "frozen": layer.frozen})
         if maps := _maps(layer):
             yield f"maps = {toml_value(maps)}"
         yield f"[{table}.values]"
-        yield from toml_lines({name: value for name, value in layer.values.items() if _is_written(layer, name)})
+        yield from toml_lines(_written(layer, folder))
         for factor, operators in () if layer.rises else layer.edits:
             yield f"[[{table}.curve]]"
             yield from toml_lines({"factor": factor})
@@ -150,6 +152,17 @@ def _named(layer: Layer) -> dict[str, str | None]:
 def _maps(layer: Layer) -> dict[str, Any]:
     """What is said of its images; of a Fresnel term nothing: they are those of its layer."""
     return {} if layer.rises else map_values(layer.maps)
+
+
+def _written(layer: Layer, folder: Path | None) -> dict[str, Any]:
+    """The parameters that stand with a layer; a measurement by its file's name."""
+    return {name: _plain(value, folder) for name, value in layer.values.items() if _is_written(layer, name)}
+
+
+def _plain(value: Value, folder: Path | None) -> float | str | tuple[float, ...] | None:
+    if not isinstance(value, Measurement):
+        return value
+    return written_path(value.file, folder) if value.file else None
 
 
 def _is_written(layer: Layer, parameter: str) -> bool:

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -28,6 +28,7 @@ from app.atomic import write_atomically
 from app.described_layers import layers_from_descriptions
 from app.layer_records import MAX_LAYERS, CurveRecord, Record, description_of, operator_lines, with_curves
 from app.linked_layers import Layers, alike
+from app.measurements import with_full_paths
 from app.toml_text import check_version, load_toml, toml_lines, toml_value
 from engine.errors import InsituError, LoadError
 from engine.scene.complaints import first_complaint
@@ -72,7 +73,8 @@ class MaterialRecord(Record):
 
 def load_material(path: Path) -> Material:
     """Read a material file; LoadError names the place of the first thing wrong."""
-    return _material(load_toml(path, MAX_MATERIAL_BYTES), str(path))
+    material = _material(load_toml(path, MAX_MATERIAL_BYTES), str(path))
+    return replace(material, layers=with_full_paths(material.layers, path.resolve().parent))
 
 
 def parse_material(text: str, where: str) -> Material:

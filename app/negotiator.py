@@ -28,6 +28,7 @@ from app.document import Document, LightState, Selection
 from app.edited_curves import EditedCurves, curve_wishes, edited_layers
 from app.indirect import reflections
 from app.jobs.messages import ComputeTransport, Contract, Failed, LayerPicture, LayerTransport, Request, StageDone
+from app.measurements import measured_files
 from app.picture import Array, Coefficients, Curves
 from app.wishes import (
     Contraction,
@@ -271,6 +272,7 @@ class Negotiator:
             wish.n_bounces,
             reflections(document, self._curves) if wish.n_bounces != 1 else (),
             tuple(curve.key for curve in curves[1:]),
+            measured_files(document),
             revision=self.revision,
         )
         self._transport_id = self._send(request)

@@ -51,3 +51,12 @@ def is_file_name(source: str) -> bool:
 def full_path(source: str, folder: Path | None = None) -> str:
     """A file's absolute path, from ``folder`` or where we are; the name of a built-in one as it is."""
     return str(((folder or Path()) / source).resolve()) if is_file_name(source) else source
+
+
+def written_path(source: str, folder: Path | None) -> str:
+    """A file's name as it is written to a file in ``folder``: relative to it where it is inside, else absolute."""
+    if not is_file_name(source):
+        return source
+    path = Path(source).resolve()
+    inside = folder is not None and path.is_relative_to(folder)
+    return str(path.relative_to(folder)) if inside and folder is not None else str(path)

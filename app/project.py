@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from app.document import Document, document_from_description
+from app.measurements import document_with_read, layers_of_document, unread_files
 from app.memory import require_memory_for
 from app.session import SUFFIX, fit_session, load_session
 from app.set_path import set_path
@@ -80,12 +81,30 @@ def open_project(
     path = builtin_scenes().get(scene_source) or Path(scene_source)
     scene = load_scene(path, resolution)
     require_memory_for(scene.resolution)
-    document = document_from_description(scene_source, scene.description)
+    document = _read(document_from_description(scene_source, scene.description), scene.folder, path)
     if session is not None:
-        document = fit_session(session, document, source)
+        document = _read(fit_session(session, document, source))
     for where, value in values:
-        document = set_path(document, where, value).apply(document)
+        document = _read(set_path(document, where, value).apply(document))
     return Project(scene, document)
+
+
+def _read(document: Document, folder: Path | None = None, scene: Path | None = None) -> Document:
+    """The document with its measured BRDFs read: from where they are, or from a scene's folder alone."""
+    names = unread_files(layers_of_document(document))
+    if not names:
+        return document
+    from app.jobs.cache import Store
+    from app.jobs.measured import described_paths
+    from engine.measured.tables import finish_reading, read_measurement
+
+    paths = {name: Path(name) for name in names}
+    if folder is not None and scene is not None:
+        paths = described_paths(names, folder, scene)
+    store = Store()
+    return document_with_read(
+        document, {name: finish_reading(read_measurement(path, store)) for name, path in paths.items()}
+    )
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:

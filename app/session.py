@@ -18,7 +18,8 @@ from app.atomic import write_atomically
 from app.document import Document, LightState, ObjectState, Selection, all_factors
 from app.layer_records import MAX_LAYERS, Flag, LayerRecord, Record, layer_lines, layers_of
 from app.light_commands import MAX_INTENSITY, check_light
-from app.paths import full_path, is_file_name
+from app.measurements import with_full_paths
+from app.paths import full_path, written_path
 from app.series_commands import FirstBands
 from app.toml_text import check_version, load_toml, toml_lines
 from app.view_state import AS_PLANNED, SetView, ViewState
@@ -145,25 +146,25 @@ def dump_session(
     document: Document, view: ViewState, folder: Path | None = None, journal: JournalRecord | None = None
 ) -> str:
     """The TOML text. Files inside ``folder`` are written relative to it, so that the folder can move."""
-    light = {**vars(document.light), "environment": _written_path(document.light.environment, folder)}
+    light = {**vars(document.light), "environment": written_path(document.light.environment, folder)}
     lines = [
         "# An Insitu session: materials and light on top of a scene. Angles of operators in radians.",
-        *toml_lines({"version": SESSION_VERSION, "scene": _written_path(document.source, folder)}),
+        *toml_lines({"version": SESSION_VERSION, "scene": written_path(document.source, folder)}),
         *toml_lines({"first_bands": document.first_bands}),
     ]
     if journal is not None:
         lines += ["[journal]", *toml_lines(journal.model_dump())]
     lines += ["[light]", *toml_lines(light), "[view]", *toml_lines(_view_values(view))]
     for state in document.objects:
-        lines += _object_lines(state)
+        lines += _object_lines(state, folder)
     return "\n".join(lines) + "\n"
 
 
-def _object_lines(state: ObjectState) -> Iterator[str]:
+def _object_lines(state: ObjectState, folder: Path | None) -> Iterator[str]:
     switches = {"visible": state.visible, "frozen": state.frozen, "editable": state.editable}
     yield "[[object]]"
     yield from toml_lines({"name": state.name, **switches, "emission": state.emission})
-    yield from layer_lines(state.layers, "object.layer")
+    yield from layer_lines(state.layers, "object.layer", folder)
 
 
 def _view_values(view: ViewState) -> dict[str, Any]:
@@ -172,7 +173,7 @@ def _view_values(view: ViewState) -> dict[str, Any]:
 
 
 def _object(file: str, record: ObjectRecord) -> ObjectState:
-    layers = layers_of(file, record.name, record.layers)
+    layers = with_full_paths(layers_of(file, record.name, record.layers), Path(file).resolve().parent)
     return ObjectState(record.name, layers, record.emission, record.editable, record.visible, record.frozen)
 
 
@@ -189,11 +190,3 @@ def _selection(path: str | None, document: Document) -> Selection | None:
                 name, _, index = key.rpartition(".")
                 return Selection(name, int(index), factor.name)
     return None
-
-
-def _written_path(source: str, folder: Path | None) -> str:
-    if not is_file_name(source):
-        return source
-    path = Path(source).resolve()
-    inside = folder is not None and path.is_relative_to(folder)
-    return str(path.relative_to(folder)) if inside and folder is not None else str(path)

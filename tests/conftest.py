@@ -64,3 +64,21 @@ def raised_float_errors() -> Iterator[None]:
     """NumPy raises on overflow, division by zero and invalid operations; underflow to 0 is wanted."""
     with np.errstate(all="raise", under="ignore"):
         yield
+
+
+@pytest.fixture(scope="session")
+def measured_samples() -> np.ndarray:
+    """A made up measurement (90, 90, 180, 3), with noise of 5 % and one sample in fifty missing."""
+    from tests.naive.measured import analytic_samples
+
+    return analytic_samples(noise=0.05, gaps=0.02)
+
+
+@pytest.fixture(scope="session")
+def merl_file(measured_samples: np.ndarray, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """It as a file."""
+    from engine.measured.merl import merl_bytes
+
+    path = tmp_path_factory.mktemp("measured") / "gloss.binary"
+    path.write_bytes(merl_bytes(measured_samples))
+    return path

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from app.document import LightState
+    from engine.measured.measurement import Measurement
     from engine.plan import Precision
 
 
@@ -38,10 +39,21 @@ class Request(Message):
 
 @dataclass(frozen=True)
 class OpenScene(Request):
-    """Load a scene and trace its primary hits; what was asked of the scene before is cancelled."""
+    """Load a scene and trace its primary hits; what was asked of the scene before is cancelled.
+
+    measured: files of measured BRDFs that are to be read besides those that the scene names.
+    """
 
     source: str
     resolution: tuple[int, int] | None = None
+    measured: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class ReadMeasured(Request):
+    """Read files of measured BRDFs, fill them and fit factors to them; answered by `MeasurementsRead`."""
+
+    files: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +94,8 @@ class ComputeTransport(Request):
 
     selected, factor: the curve whose transport is handed out as well, in the layer of that key and in `followers`.
     With n_bounces > 1 the indirect light is found as well; `looks` say where the picture of it bends. 0 asks for as
-    many bounces as the scene requires, and for `BouncesPlanned`.
+    many bounces as the scene requires, and for `BouncesPlanned`. measured: (file, number) of the tables that layers
+    need, which a worker that has just been started reads first.
     """
 
     light: LightState
@@ -95,6 +108,7 @@ class ComputeTransport(Request):
     n_bounces: int = 1
     looks: tuple[LayerReflection, ...] = ()
     followers: tuple[str, ...] = ()
+    measured: tuple[tuple[str, int], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,13 +167,21 @@ class SceneOpened(Response):
     """The scene as the window needs it; `description` is JSON, `arrays` the primary hits by name.
 
     `bands`: how many each curve of the scene's own layers needs, by layer key and factor; planned here because it takes
-    longer than the window may be blocked.
+    longer than the window may be blocked. `measurements`: what was read, by the names that asked for it.
     """
 
     description: str
     notes: tuple[str, ...] = ()
     arrays: dict[str, NDArray[np.generic]] = field(default_factory=dict)
     bands: dict[str, dict[str, int]] = field(default_factory=dict)
+    measurements: dict[str, Measurement] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class MeasurementsRead(Response):
+    """The measurements of a `ReadMeasured`, by file."""
+
+    found: dict[str, Measurement]
 
 
 @dataclass(frozen=True, eq=False)

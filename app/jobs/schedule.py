@@ -12,33 +12,46 @@ import logging
 from collections.abc import Callable, Iterator
 from typing import Any, Protocol
 
-from app.jobs.messages import Cancel, ComputeTransport, Contract, Failed, Freeze, OpenScene, Request, Response, stamped
+from app.jobs.messages import (
+    Cancel,
+    ComputeTransport,
+    Contract,
+    Failed,
+    Freeze,
+    OpenScene,
+    ReadMeasured,
+    Request,
+    Response,
+    stamped,
+)
 from engine.errors import InsituError
 
 _log = logging.getLogger("insitu.jobs")
 Steps = Iterator[Response | None]
 
 _CANCELS: dict[type[Request], tuple[type[Request], ...]] = {
-    Cancel: (OpenScene, ComputeTransport, Contract, Freeze),
-    OpenScene: (OpenScene, ComputeTransport, Contract, Freeze),
+    Cancel: (OpenScene, ComputeTransport, Contract, Freeze, ReadMeasured),
+    OpenScene: (OpenScene, ComputeTransport, Contract, Freeze, ReadMeasured),
     ComputeTransport: (ComputeTransport, Contract, Freeze),
     Contract: (Contract,),
     Freeze: (Freeze,),
+    ReadMeasured: (ReadMeasured,),
 }
-_QUICK: tuple[type[Request], ...] = (Contract, Freeze)  # the first goes first
+_QUICK: tuple[type[Request], ...] = (Contract, Freeze, ReadMeasured)  # the first goes first
 
 
 class Handlers(Protocol):
     """What does the work. A step may yield None when it has nothing to tell; errors are raised.
 
-    `quick` answers a Contract or a Freeze and may be called while a `handle` of ComputeTransport is suspended between
-    two steps: when that is not far enough yet, it notes the wish, yields nothing, and the transport answers later.
+    `quick` answers a Contract, a Freeze or a ReadMeasured and may be called while a `handle` of ComputeTransport is
+    suspended between two steps: when that is not far enough yet, it notes the wish, yields nothing, and the transport
+    answers later.
     A job that is cancelled is closed: GeneratorExit is raised where it is suspended.
     """
 
     def handle(self, request: Request) -> Steps: ...
 
-    def quick(self, request: Contract | Freeze) -> Steps: ...
+    def quick(self, request: Contract | Freeze | ReadMeasured) -> Steps: ...
 
 
 class _Job:

@@ -12,7 +12,9 @@ from app.jobs.messages import (
     Contract,
     Failed,
     Freeze,
+    MeasurementsRead,
     OpenScene,
+    ReadMeasured,
     Request,
     Response,
     SceneOpened,
@@ -20,10 +22,11 @@ from app.jobs.messages import (
 
 # Each kind, in the order in which a new worker needs them, and what is built on it.
 _BUILT_ON: dict[type[Request], tuple[type[Request], ...]] = {
-    OpenScene: (ComputeTransport, Contract, Freeze),
+    OpenScene: (ComputeTransport, Contract, Freeze, ReadMeasured),
     ComputeTransport: (Contract, Freeze),
     Contract: (),
     Freeze: (),
+    ReadMeasured: (),
 }
 
 
@@ -38,6 +41,7 @@ class Standing:
         """Note a request that is sent now."""
         if isinstance(request, Cancel):
             self._clear_from(ComputeTransport)
+            self._clear_from(ReadMeasured)
             self._fall_back()
         elif type(request) in _BUILT_ON:
             self._clear_from(type(request))
@@ -47,10 +51,10 @@ class Standing:
         return any(request.id == response.id for request in self._requests.values())
 
     def settle(self, response: Response) -> None:
-        """Note a current answer: a failed request stands no longer."""
+        """Note a current answer: a request that failed, or was answered once and for all, stands no longer."""
         if isinstance(response, SceneOpened):
             self._opened = self._requests[OpenScene]
-        elif isinstance(response, Failed):
+        elif isinstance(response, (Failed, MeasurementsRead)):
             self.drop(response.id)
 
     def drop(self, id: int) -> None:

@@ -19,24 +19,28 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from app.document import LightState, document_from_description
+from app.document import Document, LightState, document_from_description
 from app.jobs.cache import Store, content_key
 from app.jobs.kernels import FIRST_TIME, INDIRECT, Kernels, are_compiled, note_compiled
 from app.jobs.layer_data import STAGES, LayerData, LitBy, joined, kept_of_tile, shape_of, store_of
+from app.jobs.measured import described_paths, ensure_tables, read_files
 from app.jobs.messages import (
     ComputeTransport,
     Contract,
     Footprint,
     Freeze,
     LayerWork,
+    MeasurementsRead,
     OpenScene,
     Progress,
+    ReadMeasured,
     Request,
     Response,
     SceneOpened,
     SkyImage,
     StageDone,
 )
+from app.measurements import document_with_read, layers_of_document, unread_files
 from app.sky import sky_of
 from engine.errors import InsituError
 from engine.light.environment import Environment, downsampled, load_environment
@@ -88,9 +92,13 @@ class Tasks:
             case ComputeTransport():
                 yield from self._compute(request)
 
-    def quick(self, request: Contract | Freeze) -> Iterator[Response | None]:
+    def quick(self, request: Contract | Freeze | ReadMeasured) -> Iterator[Response | None]:
         """One layer's picture, and its transport along one curve ("curve switching", [BenArtzi07, eq. 4.16]); or the
-        indirect light, frozen for what is selected."""
+        indirect light, frozen for what is selected; or what files of measured BRDFs hold."""
+        if isinstance(request, ReadMeasured):
+            found = yield from read_files({file: Path(file) for file in request.files}, self._cache)
+            yield MeasurementsRead(found)
+            return
         if isinstance(request, Freeze):
             yield from self._indirect_tasks().freeze(request)
             return
@@ -112,6 +120,9 @@ class Tasks:
         placement = Placement(scene)
         if not len(placement.hits.pixel):
             raise InsituError(f"{path}: camera = sees no surface, expected an object in view; nothing was changed")
+        document = document_from_description(request.source, scene.description)
+        names = described_paths(unread_files(layers_of_document(document)), scene.folder, path)
+        measurements = yield from read_files(names | {file: Path(file) for file in request.measured}, self._cache)
         self._placement, self._layers, self._light = placement, {}, None
         self._indirect = None
         self._selected, self._sky_shown = {}, None
@@ -119,7 +130,8 @@ class Tasks:
         self._recall_visibility(placement)
         description = scene.description.model_dump_json(by_alias=True)
         notes = scene.notes + self._cache.take_notes()
-        yield SceneOpened(description, notes, _frame_arrays(placement), _planned_bands(scene, request.source))
+        bands = _planned_bands(document_with_read(document, measurements))
+        yield SceneOpened(description, notes, _frame_arrays(placement), bands, measurements)
 
     def _recall_visibility(self, placement: Placement) -> None:
         kept = self._cache.get(content_key("visibility", self._scene_key))
@@ -133,6 +145,7 @@ class Tasks:
         placement = self._placement
         if placement is None:
             raise InsituError("no scene is open")
+        yield from ensure_tables(request.measured, self._cache)
         self._contracted = {}
         self._layers = {work.key: self._layers[work.key] for work in request.layers if work.key in self._layers}
         if self._indirect is not None:
@@ -378,9 +391,8 @@ def _scene_key(scene: Scene) -> str:
     )  # fmt: skip
 
 
-def _planned_bands(scene: Scene, source: str) -> dict[str, dict[str, int]]:
+def _planned_bands(document: Document) -> dict[str, dict[str, int]]:
     """Of each layer as the scene describes it."""
-    document = document_from_description(source, scene.description)
     return {key: band_counts(layer) for key, layer in document.layers()}
 
 

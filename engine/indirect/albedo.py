@@ -37,7 +37,7 @@ def albedo_bands(
     eyes = np.stack([np.sin(eyes) * np.cos(turns), np.sin(eyes) * np.sin(turns), np.cos(eyes)], axis=1)
     found = np.zeros((len(eyes), n_a, n_b))
     kernels.albedo_bands(
-        model.number, np.array(quotient_parameters), model.factors[0].gamma, kind_b, pole_of([model_name]),
+        model.number, model.bound(np.array(quotient_parameters)), model.factors[0].gamma, kind_b, pole_of([model_name]),
         eyes.astype(np.float32), cosine_tables(_N_RAYS), pole_tables(_N_RAYS), found,
     )  # fmt: skip
     return found.reshape(N_VIEWS, N_AZIMUTHS, n_a, n_b).mean(axis=1) / N_VIEWS

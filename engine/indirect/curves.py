@@ -21,13 +21,18 @@ class LayerCurves:
     quotient_parameters: NDArray[np.float64]
     curves: tuple[NDArray[np.float64], ...]
 
+    @property
+    def bound_parameters(self) -> NDArray[np.float64]:
+        """The quotient parameters as kernels of this process take them."""
+        return self.model.bound(np.asarray(self.quotient_parameters, np.float64))
+
     def optics(self, folded: bool = False) -> kernels.Optics:
         """For the kernels; folded: no angle need be found where the only curve is the same at all of them."""
         first, *second = (np.ascontiguousarray(curve, np.float32) for curve in self.curves)
         factors = self.model.factors
         kind_b = factors[1].gamma if len(factors) > 1 else -1
         other = second[0] if second else np.ones((1, 3), np.float32)
-        q = np.asarray(self.quotient_parameters, np.float64)
+        q = self.bound_parameters
         kind_a = kernels.CONSTANT if folded and kind_b < 0 and bool((first == first[0]).all()) else factors[0].gamma
         return kernels.Optics(self.model.number, q, kind_a, kind_b, first, other)
 

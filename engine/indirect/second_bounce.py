@@ -205,7 +205,7 @@ def glossy_tables(
         np.array([each.sent.model.number for each in chosen], np.int64),
         np.array([pair[0].gamma for pair in factors], np.int64),
         np.array([pair[1].gamma if len(pair) > 1 else -1 for pair in factors], np.int64),
-        np.array([each.sent.quotient_parameters for each in chosen], float).reshape(-1, kinds.N_QUOTIENT_PARAMETERS),
+        np.array([each.sent.bound_parameters for each in chosen], float).reshape(-1, kinds.N_QUOTIENT_PARAMETERS),
         np.concatenate([none, *(curve for pair in curves for curve in pair)]),
         begins[:, 0].copy(), lengths[:, 0].copy(), begins[:, 1].copy(), lengths[:, 1].copy(),
         np.array([each.gain for each in chosen], np.float32).reshape(-1, 3),

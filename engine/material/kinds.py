@@ -39,9 +39,16 @@ ROUGH_DISTRIBUTION = 0  # rough_conductor: GGX or BECKMANN
 ROUGH_ALPHA = 1
 FACING_REFLECTANCE = 0  # blinn_phong and both of Ashikhmin and Shirley
 RATIO_EXPONENT = 1  # ashikhmin_shirley_ratio: n_u
+# Measured models: which table and how smooth its curves; in the process that computes where both are in memory. Then
+# the colour that is looked up, or MEAN of all, or EACH, left from COLOURS on; and the part.
+TABLE, SMOOTHING, CHANNEL, PART, COLOURS = 0, 1, 2, 3, 4
 
 GGX = 0
 BECKMANN = 1
+MEAN = 3
+EACH = 4
+DIFFUSE = 0
+SPECULAR = 1
 
 # Cosines to the normal at or below this reflect nothing: the least for which 1/cosine is a sane number.
 GRAZING = 1e-12

@@ -56,7 +56,9 @@ class Model(ABC):
     quotient: rho_q cos_i as f(q, ix, iy, iz, ox, oy, oz) of the quotient parameters and two local directions above the
     horizon, finite and at least 0; a static method that calls nothing but `math`, None where `kind` names one that is
     compiled already. is_matt: sends light on about evenly. highlight_in_quotient: a part of its distribution over the
-    half vector stands there and in no curve. shared: by name, the curve that a curve always equals.
+    half vector stands there and in no curve. shared: by name, the curve that a curve always equals. is_coloured: the
+    quotient differs by colour, and q[CHANNEL] says which is wanted, MEAN for one number.
+    needs_file: it is made by importing a file, and not chosen.
     """
 
     name: ClassVar[str]
@@ -66,6 +68,8 @@ class Model(ABC):
     quotient: ClassVar[Callable[..., float] | None] = None
     is_matt: ClassVar[bool] = False
     highlight_in_quotient: ClassVar[bool] = False
+    is_coloured: ClassVar[bool] = False
+    needs_file: ClassVar[bool] = False
     shared: ClassVar[Mapping[str, str]] = {}
     parameters: ClassVar[tuple[Parameter, ...]]
     factors: ClassVar[tuple[Factor, ...]]
@@ -86,6 +90,10 @@ class Model(ABC):
     def quotient_parameters(self, params: Parameters) -> Array:
         """What the compiled rho_q and angles of this model need, (8,)."""
         return np.zeros(kinds.N_QUOTIENT_PARAMETERS)
+
+    def bound(self, q: Array) -> Array:
+        """Quotient parameters as kernels of this process take them: addresses in place of what names a table."""
+        return q
 
     @property
     def number(self) -> int:

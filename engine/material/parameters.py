@@ -11,8 +11,9 @@ from typing import Literal, cast
 import numpy as np
 
 from engine.errors import InsituError
+from engine.measured.measurement import Measurement
 
-Value = float | tuple[float, float, float] | str
+Value = float | tuple[float, float, float] | str | Measurement
 Drive = Literal["A", "B", "o", "scale", "quotient"]
 
 
@@ -35,7 +36,7 @@ class Parameter:
     """
 
     name: str
-    kind: Literal["scalar", "rgb", "choice"]
+    kind: Literal["scalar", "rgb", "choice", "file"]
     default: Value
     label: str
     tooltip: str
@@ -49,16 +50,23 @@ class Parameter:
     @property
     def expected(self) -> str:
         """What the parameter takes, in words."""
+        if self.kind == "file":
+            return "the name of a file with a measured BRDF"
         if self.kind == "choice":
             return " or ".join(f'"{choice}"' for choice in self.choices)
         numbers = "a number" if self.kind == "scalar" else "a number or three"
         return f"{numbers} from {self.minimum:g} to {self.maximum:g}"
 
     def accept(self, value: object) -> Value:
-        """The value in its plain form: float, triple of floats (one number stands for three) or choice.
+        """The value in its plain form: float, triple of floats (one number stands for three), choice or measurement
+        (of a name: one that has not been read).
 
         Raises ParameterError for anything else, anything out of range, and anything not finite.
         """
+        if self.kind == "file":
+            if not isinstance(value, (str, Measurement)) or not value:
+                raise ParameterError(self.name, value, self.expected)
+            return Measurement(value) if isinstance(value, str) else value
         if self.kind == "choice":
             if value not in self.choices:
                 raise ParameterError(self.name, value, self.expected)

@@ -12,6 +12,7 @@ import numpy as np
 from engine.curve.operators import HALF_PI
 from engine.light.emitters import EmitterPatches
 from engine.light.environment import Environment, triangle_integrals
+from engine.material import kinds
 from engine.material.layer import Layer
 from engine.render import _kernels as kernels
 from engine.scene.hits import PrimaryHits
@@ -50,15 +51,24 @@ def evaluate_by_curves(layer: Layer, wi: np.ndarray, wo: np.ndarray) -> np.ndarr
     """ρ_q f_o f_A f_B cosθi of one layer, without f_q, (N, 3) [BenArtzi07, eq. 3.1]."""
     wi, wo = np.ascontiguousarray(wi, np.float64), np.ascontiguousarray(wo, np.float64)
     q = layer.quotient_parameters()
-    out = np.empty(len(wi))
-    kernels.quotient_cosines(layer.model.number, q, wi, wo, out)
-    value = np.repeat(out[:, None], 3, axis=1)
+    value = _quotients(layer, q, wi, wo)
     view = layer.model.view_factor
     for factor in (*layer.model.factors, *((view,) if view else ())):
         angle = np.empty(len(wi))
         kernels.curve_angles(factor.gamma, q, wi, wo, angle)
         value *= layer.curve(factor.name)(np.clip(angle, 0.0, HALF_PI))
     return value
+
+
+def _quotients(layer: Layer, q: np.ndarray, wi: np.ndarray, wo: np.ndarray) -> np.ndarray:
+    """ρ_q cosθi (N, 3): the same in all colours, but of models that are coloured."""
+    model, q = layer.model, np.array(layer.model.bound(q))
+    value = np.empty((3, len(wi)))
+    for channel in range(3 if model.is_coloured else 1):
+        if model.is_coloured:
+            q[kinds.CHANNEL] = channel
+        kernels.quotient_cosines(model.number, q, wi, wo, value[channel])
+    return value.T.copy() if model.is_coloured else np.repeat(value[0][:, None], 3, axis=1)
 
 
 def integrate_direct(

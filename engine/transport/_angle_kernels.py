@@ -13,6 +13,7 @@ import numpy as np
 from engine.material._kernels import gamma, model_quotient_cosine
 from engine.material.kinds import (
     ASHIKHMIN_SHIRLEY,
+    COLOURS,
     FACING_REFLECTANCE,
     GAMMA_ALPHA,
     GAMMA_BETA,
@@ -159,6 +160,26 @@ def weigh(model_kind, q, x, y, z, ox, oy, oz, weights):
     else:
         for i in range(x.shape[0]):
             weights[i] *= np.float32(model_quotient_cosine(model_kind, q, x[i], y[i], z[i], ox, oy, oz))
+    _rise(q, x, y, z, ox, oy, oz, weights)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def tint(model_number, q, lights, x, y, z, ox, oy, oz, weights, colours, tinted):
+    """tinted[m] = ρ_q cosθ · colours[m] of each light m, of a model whose quotient differs by colour.
+
+    q[CHANNEL] is EACH; weights (n,) take what is the same in all colours.
+    """
+    for i in range(x.shape[0]):
+        model_quotient_cosine(model_number, q, x[i], y[i], z[i], ox, oy, oz)
+        m, above = lights[i], z[i] > GRAZING and oz > GRAZING
+        for channel in range(3):
+            tinted[m, channel] = colours[m, channel] * np.float32(q[COLOURS + channel]) if above else np.float32(0.0)
+    _rise(q, x, y, z, ox, oy, oz, weights)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
+def _rise(q, x, y, z, ox, oy, oz, weights):
+    """weights (n,) *= (1 - cos θ_d)^5 where the layer is a second Fresnel term."""
     if q[RISES] > 0.0:
         for i in range(x.shape[0]):
             sx, sy, sz = x[i] + ox, y[i] + oy, z[i] + oz

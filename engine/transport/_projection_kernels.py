@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
-from engine.transport._angle_kernels import HALF_PI, fill_gammas, is_cone, slope, weigh
+from engine.transport._angle_kernels import HALF_PI, fill_gammas, is_cone, slope, tint, weigh
 from engine.transport._band_kernels import encode_bands
 from engine.transport._seen_kernels import gather_local, list_visible, patch_colours, set_frame, to_local, towards
 from engine.transport._share_kernels import Spots, make_spots, mean_and_spread, share_out
@@ -64,8 +64,8 @@ class Surface(NamedTuple):
 
 
 class Optics(NamedTuple):
-    """A layer: model and angle numbers, quotient parameters q (8,), bands (J, K), and how many bands γ may bend over a
-    light before it is split."""
+    """A layer: model and angle numbers, quotient parameters q (8,), bands (J, K), how many bands γ may bend over a
+    light before it is split, and whether the quotient differs by colour: then q is written to."""
 
     model: int
     q: np.ndarray
@@ -74,6 +74,7 @@ class Optics(NamedTuple):
     n_a: int
     n_b: int
     tolerance: np.float32
+    coloured: bool = False
 
 
 class Encoded(NamedTuple):
@@ -87,7 +88,8 @@ class Encoded(NamedTuple):
 
 
 class _Scratch(NamedTuple):
-    """Room for one point: corner directions x, y, z; centres cx, cy, cz and sizes of what is listed in `spots`."""
+    """Room for one point: corner directions x, y, z; centres cx, cy, cz and sizes of what is listed in `spots`; colours
+    of the lights, times those of the quotient."""
 
     x: np.ndarray
     y: np.ndarray
@@ -102,6 +104,7 @@ class _Scratch(NamedTuple):
     spots: Spots
     stack: np.ndarray
     depths: np.ndarray
+    tinted: np.ndarray
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
@@ -172,7 +175,11 @@ def _project_lights(bands, corners, sizes, colours, n_directions, n_lights, opti
     listed, lights, curved = scratch.sizes, spots.light, scratch.curved[:n]
     for i in range(n):
         listed[i], curved[i] = sizes[lights[i]], np.int32(0)
-    weigh(optics.model, q, cx[:n], cy[:n], cz[:n], ox, oy, oz, spots.weight)
+    if optics.coloured:
+        tint(optics.model, q, lights, cx[:n], cy[:n], cz[:n], ox, oy, oz, spots.weight, colours, scratch.tinted)
+        colours = scratch.tinted
+    else:
+        weigh(optics.model, q, cx[:n], cy[:n], cz[:n], ox, oy, oz, spots.weight)
     fill_gammas(optics.kind_a, q, cx[:n], cy[:n], cz[:n], ox, oy, oz, mean_a)
     _mark_curved(optics.kind_a, scale_a, optics.tolerance, listed, mean_a[:n], curved)
     if not is_cone(optics.kind_a):
@@ -200,7 +207,7 @@ def _make_scratch(n_directions, n_lights):
         np.empty(n_directions, np.float32), np.empty(n_directions, np.float32),
         np.empty(n, np.float32), np.empty(n, np.float32), np.empty(n, np.float32), np.empty(n, np.float32),
         np.empty(n_lights, np.int32), make_spots(n + _ROOM),
-        np.empty((depth, 3, 3), np.float32), np.empty(depth, np.int64),
+        np.empty((depth, 3, 3), np.float32), np.empty(depth, np.int64), np.empty((n_lights, 3), np.float32),
     )  # fmt: skip
 
 

@@ -67,7 +67,7 @@ def rehearse_projection_details() -> None:
     bands, one = np.zeros((n_a + 2, n_b + 2, 3), np.float32), np.float32(1.0)
     model = MODELS[_LAYER.model]
     kind = model.factors[0].gamma
-    optics = kernels.Optics(model.number, np.array(_LAYER.quotient_parameters), kind, kind, n_a, n_b, one)
+    optics = kernels.Optics(model.number, np.array(_LAYER.quotient_parameters), kind, kind, n_a, n_b, one, False)
     kernels._split_curved(np.zeros((1, 3), np.int32), 0, one, one, optics, one, one, one, scratch)
     kernels.share_out(bands, np.zeros((1, 3), np.float32), 0, scratch.spots, one, one)
     encoded = kernels.Encoded(*_nothing(n_a))

@@ -18,6 +18,7 @@ from app.jobs.messages import (
     StageDone,
     stamped,
 )
+from engine.measured.measurement import Measurement
 from engine.plan import Precision
 from engine.scene.description import parse_description
 
@@ -68,10 +69,14 @@ class FakeClient:
         """Let the next poll return these, as answers to this request."""
         self._due += [stamped(response, request.id, request.revision) for response in responses]
 
-    def open_scene(self, scene: dict[str, Any] = SCENE, bands: dict[str, dict[str, int]] | None = None) -> None:
+    def open_scene(
+        self, scene: dict[str, Any] = SCENE, bands: dict[str, dict[str, int]] | None = None,
+        measurements: dict[str, Measurement] | None = None,
+    ) -> None:  # fmt: skip
         """Answer the newest OpenScene."""
         text = parse_description(scene, "scene.toml").model_dump_json(by_alias=True)
-        self.answer(self.sent(OpenScene)[-1], SceneOpened(text, ("a note",), bands=bands or {}))
+        opened = SceneOpened(text, ("a note",), bands=bands or {}, measurements=measurements or {})
+        self.answer(self.sent(OpenScene)[-1], opened)
 
     def finish_stage(self, stage: str, exact: bool) -> None:
         """Answer the newest ComputeTransport with one stage: all layers' pictures, then the selected's transport."""

@@ -29,7 +29,7 @@ def test_cached_curves_are_those_of_the_document(name: str) -> None:
     layer = make_layer(MODELS[name])
     document = Document("shelf", (ObjectState("pot", (layer,)),))
     curves = Curves()
-    for parameter in layer.model.parameters:
+    for parameter in (each for each in layer.model.parameters if each.kind != "file"):
         document = SetParameter("pot.0", parameter.name, another_value(parameter)).apply(document)
         compare(curves, document)
     for factor in all_factors(layer.model):

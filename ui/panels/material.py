@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 from imgui_bundle import ImVec2, ImVec4, imgui
 
 from app.commands import SetFresnelTerm, SetModel, SetParameter
 from app.document import ObjectState, Selection
 from app.linked_layers import group_of
+from app.reading import describe_measurement
 from engine.material import MODELS, Layer, Parameter
+from engine.measured.measurement import Measurement
 from ui import theme as look
 from ui.panels import widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag
@@ -92,7 +95,7 @@ def _model(context: PanelContext, key: str, layer: Layer, width: float) -> list[
     actions: list[Action] = []
     widgets.label(context, "Model", width)
     if imgui.begin_combo("##model", layer.model.label):
-        for model in MODELS.values():
+        for model in (each for each in MODELS.values() if not each.needs_file or each is layer.model):
             pressed, _ = imgui.selectable(model.label, model is layer.model)
             widgets.tooltip(model.tooltip)
             if pressed and model is not layer.model:
@@ -109,7 +112,9 @@ def _parameter(context: PanelContext, key: str, layer: Layer, parameter: Paramet
     widgets.label(context, parameter.label, width)
     value = layer.values[parameter.name]
     imgui.push_id(parameter.name)
-    if isinstance(value, str):
+    if isinstance(value, Measurement):
+        actions = _measured(value)
+    elif isinstance(value, str):
         actions = _choice(context, key, parameter, value)
     elif isinstance(value, tuple):
         actions = _colour(context, key, parameter, value)
@@ -117,6 +122,14 @@ def _parameter(context: PanelContext, key: str, layer: Layer, parameter: Paramet
         actions = _scalar(context, key, parameter, value)
     imgui.pop_id()
     return actions
+
+
+def _measured(value: Measurement) -> list[Action]:
+    """The file's name; what is known of it as a hint."""
+    imgui.align_text_to_frame_padding()
+    imgui.text_unformatted(Path(value.file).name or "nothing")
+    widgets.tooltip(f"{describe_measurement(value)}, so that unedited layers are the measurement.\n{value.file}")
+    return []
 
 
 def _hint(parameter: Parameter) -> str:

@@ -21,8 +21,8 @@ from tests.naive import angles
 ANGLES = {"i": 0, "r": 1, "h": 2, "d": 3, "alpha": 4, "beta": 5, "ratio": 6, "o": 7, "u": 8, "v": 9, "phi": 10}
 LAYERS = [
     *((name, {}) for name in MODELS),
-    *((model.name, {p.name: end}) for model in MODELS.values() for p in model.parameters if p.kind != "choice"
-      for end in (p.minimum, p.maximum) if "scale" not in p.drives or p.drives[1:]),
+    *((model.name, {p.name: end}) for model in MODELS.values() for p in model.parameters
+      if p.kind not in ("choice", "file") for end in (p.minimum, p.maximum) if "scale" not in p.drives or p.drives[1:]),
     ("lambert", {"albedo": [0.7, 0.3, 0.1]}),
     ("phong", {}),
     ("phong", {"exponent": 0}),

@@ -71,7 +71,7 @@ def white_layers():
             white["reflectance"] = 1.0
         yield model.name, white
         for p in model.parameters:
-            if p.name not in WHITE:
+            if p.name not in WHITE and p.kind != "file":
                 yield from ((model.name, {**white, p.name: end}) for end in (p.choices or (p.minimum, p.maximum)))
 
 
@@ -222,6 +222,7 @@ def layers(draw):
             "scalar": numbers,
             "rgb": st.tuples(numbers, numbers, numbers),
             "choice": st.sampled_from(p.choices or ("",)),
+            "file": st.just(p.default),
         }
         values[p.name] = draw(kinds[p.kind])
     return make_layer(model, values)

@@ -8,6 +8,7 @@ import pytest
 
 from engine.errors import LoadError
 from engine.material import MODELS, ParameterError, make_layer, validate_parameters
+from tests.naive.measured import drawn_measurement
 
 ROUGH = MODELS["rough_conductor"]
 EVERY_PARAMETER = [(model, parameter) for model in MODELS.values() for parameter in model.parameters]
@@ -21,6 +22,7 @@ def test_tables_are_complete(model, parameter):
     assert parameter.label and parameter.tooltip.endswith(".") and parameter.expected
     assert parameter.drives and set(parameter.drives) <= PARTS
     assert parameter.minimum < parameter.maximum
+    assert (parameter.kind == "file") <= model.needs_file
     assert len({p.name for p in model.parameters}) == len(model.parameters)
 
 
@@ -28,7 +30,11 @@ def test_tables_are_complete(model, parameter):
 def test_drives_tells_the_truth(model, parameter):
     # A parameter changes exactly the parts it says it drives.
     defaults = model.defaults()
-    other = parameter.choices[-1] if parameter.kind == "choice" else parameter.accept(0.9 * parameter.maximum)
+    if parameter.kind == "file":
+        other = drawn_measurement()
+    else:
+        defaults |= {"file": drawn_measurement()} if model.needs_file else {}
+        other = parameter.choices[-1] if parameter.kind == "choice" else parameter.accept(0.9 * parameter.maximum)
     moved = {**defaults, parameter.name: other}
     gamma = np.linspace(0.0, 1.5, 7)
     curves = list(zip("AB", model.factors, strict=False)) + ([("o", model.view_factor)] if model.view_factor else [])

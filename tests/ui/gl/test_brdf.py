@@ -111,7 +111,7 @@ def test_every_parameter_at_its_ends_gives_numbers(stack: BrdfStack, name: str) 
     random = hemisphere(200, seed=4)
     wi, wo = np.concatenate([wi, random, random]), np.concatenate([wo, random * [-1, -1, 1], hemisphere(200, seed=5)])
     below = (wi[:, 2] <= 0.0) | (wo[:, 2] <= 0.0)
-    for parameter in MODELS[name].parameters:
+    for parameter in (each for each in MODELS[name].parameters if each.kind != "file"):
         for end in parameter.choices or (parameter.minimum, parameter.maximum):
             stack.set_layers((make_layer(MODELS[name], {parameter.name: end}),))
             found = stack.evaluate(wi, wo)

@@ -1,0 +1,47 @@
+"""The worker's share of measured BRDFs: files read into tables, once, and kept on disk as what was made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterable, Mapping
+from pathlib import Path
+
+from app.jobs.messages import Progress, Response
+from engine.errors import InsituError
+from engine.measured.measurement import Measurement
+from engine.measured.tables import ArrayStore, is_known, read_measurement
+from engine.scene.files import resolve_inside
+
+STAGE = "measured BRDF"
+
+Reading = Generator[Response | None, None, dict[str, Measurement]]
+
+
+def read_files(files: Mapping[str, Path], store: ArrayStore | None) -> Reading:
+    """The measurements of files, by the names they are asked for by. Raises LoadError."""
+    found: dict[str, Measurement] = {}
+    for name, path in files.items():
+        steps = read_measurement(path, store)
+        while True:
+            try:
+                fraction, text = next(steps)
+            except StopIteration as end:
+                found[name] = end.value
+                break
+            yield Progress(STAGE, (len(found) + fraction) / len(files), text=text)
+    return found
+
+
+def described_paths(names: Iterable[str], folder: Path, scene: Path) -> dict[str, Path]:
+    """Where files that a scene names are: in its folder. Raises LoadError for any other place."""
+    return {name: resolve_inside(folder, name, scene, "layer: file") for name in names}
+
+
+def ensure_tables(
+    wanted: Iterable[tuple[str, int]], store: ArrayStore | None
+) -> Generator[Response | None, None, None]:
+    """Read the files whose tables this process does not have. Raises InsituError where one has changed since."""
+    missing = [(file, number) for file, number in wanted if not is_known(number)]
+    found = yield from read_files({file: Path(file) for file, _ in missing}, store)
+    for file, number in missing:
+        if found[file].number != number:
+            raise InsituError(f"{file}: the file has changed since it was imported; import it again")

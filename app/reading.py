@@ -1,0 +1,80 @@
+"""Materials that wait for a file: measured BRDFs are read by the worker before their layers are put on an object.
+
+The edit is carried out when the answer comes, as one step of the history; until then the document is as it was.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from app.jobs.messages import MeasurementsRead, ReadMeasured, Request
+from app.linked_layers import Layers
+from app.material_commands import AddLayers, SetMaterial
+from app.measurements import FILE, measurement_in, unread_files, with_read
+from engine.material import MODELS
+from engine.material.layer import Layer, make_layer
+from engine.measured.measurement import Measurement
+
+
+def measured_layers(file: Path) -> Layers:
+    """The diffuse part and the highlight of a file that is still to be read."""
+    parts = (("measured_diffuse", "diffuse"), ("measured", "highlight"))
+    return tuple(make_layer(MODELS[model], {FILE: str(file.resolve())}, name) for model, name in parts)
+
+
+def import_measured(object_name: str, file: Path) -> SetMaterial:
+    """The edit that makes an object of what was measured."""
+    return SetMaterial(object_name, measured_layers(file), file.stem)
+
+
+class Reading:
+    """At most one edit that waits; a newer one takes its place. ``send`` hands a request over."""
+
+    def __init__(self, send: Callable[[Request], int]) -> None:
+        self._send = send
+        self._waiting: tuple[int, SetMaterial | AddLayers] | None = None
+
+    @property
+    def is_under_way(self) -> bool:
+        """Whether an edit waits for its files."""
+        return self._waiting is not None
+
+    def postpones(self, command: object) -> bool:
+        """Whether a command has to wait; it is then asked for what it waits for."""
+        if not isinstance(command, SetMaterial | AddLayers):
+            return False
+        files = unread_files(command.layers)
+        if files:
+            self._waiting = self._send(ReadMeasured(files)), command
+        return bool(files)
+
+    def took(self, response: MeasurementsRead) -> SetMaterial | AddLayers | None:
+        """The edit that waited for this answer, complete."""
+        if self._waiting is None or self._waiting[0] != response.id:
+            return None
+        (_, command), self._waiting = self._waiting, None
+        return replace(command, layers=with_read(command.layers, response.found))
+
+    def forget(self, id: int | None = None) -> None:
+        """Give up what waits, or what waits for that request."""
+        if self._waiting is not None and id in (None, self._waiting[0]):
+            self._waiting = None
+
+
+def describe_reading(layers: tuple[Layer, ...]) -> str:
+    """What was found in the files of layers just read, in one line."""
+    there = dict.fromkeys(found for layer in layers if (found := measurement_in(layer)) is not None)
+    return "; ".join(describe_measurement(each) for each in there)
+
+
+def describe_measurement(measurement: Measurement) -> str:
+    """A file, what was filled in it, and how far its factors alone are off."""
+    report, name = measurement.report, Path(measurement.file).name
+    if report is None:
+        return f"{name}: not read"
+    filled = f"{report.n_missing:,} missing samples and {report.n_below:,} below the horizon filled"
+    off = f"curves alone off by a factor of {math.exp(report.error):.2f} (log RMS {report.error:.3f})"
+    return f"{name}: {filled}; {off}, which is kept beside them"

@@ -1,0 +1,20 @@
+"""The specular part of a measured surface, with curves over half and difference angle [BenArtzi07, 3.6]."""
+
+from __future__ import annotations
+
+from engine.material.model import THETA_D, THETA_H
+from engine.measured.material import MeasuredModel, parameters
+
+
+class Measured(MeasuredModel):
+    """rho_s = s q_s G(theta_d) H(theta_h): what of the measurement lies above its diffuse part."""
+
+    name = "measured"
+    label = "Measured, highlight"
+    tooltip = "The highlight of a measured surface, as it was measured and as you bend it."
+    part = "specular"
+    factors = (THETA_H, THETA_D)
+    parameters = parameters("A", "B")
+
+
+MODEL = Measured()

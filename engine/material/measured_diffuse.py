@@ -1,0 +1,22 @@
+"""The diffuse part of a measured surface, with curves over the light's and the view's angle [BenArtzi07, 3.6]."""
+
+from __future__ import annotations
+
+from engine.material.model import THETA_I, THETA_O
+from engine.measured.material import MeasuredModel, parameters
+
+
+class MeasuredDiffuse(MeasuredModel):
+    """rho_d = d q_d G(theta_i) H(theta_o): what of the measurement lies under the product of the factors d G H."""
+
+    name = "measured_diffuse"
+    label = "Measured, diffuse part"
+    tooltip = "What a measured surface scatters evenly."
+    is_matt = True
+    part = "diffuse"
+    factors = (THETA_I,)
+    view_factor = THETA_O
+    parameters = parameters("A", "o")
+
+
+MODEL = MeasuredDiffuse()

@@ -1,0 +1,136 @@
+"""Compiled look-up of a measurement's quotients: once for each pixel and light, like all of `engine.material._kernels`.
+
+Called by address. The table and the factors' curves lie where the quotient parameters say (`engine.measured.tables`).
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+
+import numpy as np
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from engine.material import kinds
+from engine.material._kernels import _compile, _is_interpreted, theta_d, theta_h
+from engine.measured.coordinates import N_NODES, SHAPE
+
+Array = NDArray[np.float64]
+
+TABLE, CURVES, CHANNEL, PART = kinds.TABLE, kinds.SMOOTHING, kinds.CHANNEL, kinds.PART
+COLOURS, MEAN, EACH, DIFFUSE = kinds.COLOURS, kinds.MEAN, kinds.EACH, kinds.DIFFUSE
+N_H, N_D, N_PHI = SHAPE
+LAST = N_NODES - 1
+PER_RADIAN = LAST / (math.pi / 2)
+# Where in the array of the factors each begins, and how long one is.
+ROW = 3 * N_NODES
+THETA_I, THETA_O, THETA_D, THETA_H = 6, 6 + ROW, 6 + 2 * ROW, 6 + 3 * ROW
+
+
+@intrinsic
+def _float_compiled(typingctx, address, index):  # type: ignore[no-untyped-def]
+    """The index-th single float from an address on."""
+
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        pointer = builder.inttoptr(arguments[0], ir.FloatType().as_pointer())
+        return builder.load(builder.gep(pointer, [arguments[1]]))
+
+    return types.float32(types.int64, types.int64), generate
+
+
+def _float_plain(address: int, index: int) -> float:
+    """Where numba compiles nothing."""
+    return float(ctypes.c_float.from_address(address + 4 * index).value)
+
+
+_float = _float_plain if _is_interpreted else _float_compiled
+
+
+@njit(inline="always", **_compile)
+def _between(address: int, begin: int, position: float, channel: int) -> float:
+    """A curve of a colour at a position among its nodes."""
+    node = min(int(position), LAST - 1)
+    t = position - node
+    at = begin + 3 * node + channel
+    return (1.0 - t) * _float(address, at) + t * _float(address, at + 3)  # type: ignore[call-arg,no-any-return]
+
+
+@njit(inline="always", **_compile)
+def _phi_d(ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) -> float:
+    """Azimuth of the light about the half vector, from the plane it has with the normal, in [0, pi)."""
+    sx, sy, sz = ix + ox, iy + oy, iz + oz
+    dx, dy, dz = ix - ox, iy - oy, iz - oz
+    flat = math.sqrt(sx * sx + sy * sy)
+    length = math.sqrt(flat * flat + sz * sz)
+    if flat <= 1e-9 * length or length <= 1e-12:
+        angle = math.atan2(dy, dx)
+    else:
+        cosine, sine = sx / flat, sy / flat
+        x = (sz * (cosine * dx + sine * dy) - flat * dz) / length
+        angle = math.atan2(cosine * dy - sine * dx, x)
+    return angle + math.pi if angle < 0.0 else angle
+
+
+@njit(inline="always", **_compile)
+def _cell(address: int, at: int, next_d: int, next_phi: int, v: float, w: float) -> float:
+    """Between four samples of one theta_h."""
+    near = (1.0 - w) * _float(address, at) + w * _float(address, at + next_phi)  # type: ignore[call-arg]
+    at += next_d
+    far = (1.0 - w) * _float(address, at) + w * _float(address, at + next_phi)  # type: ignore[call-arg]
+    return (1.0 - v) * near + v * far
+
+
+@njit(**_compile)
+def _quotient_of(
+    table: int, curves: int, channel: int, diffuse: bool, at: int, next_h: int, next_d: int, next_phi: int, u: float,
+    v: float, w: float, slant_i: float, slant_o: float, at_d: float, at_h: float,
+) -> float:  # fmt: skip
+    """What of the sample between eight belongs to a part, divided by the part's factors; one colour."""
+    at += channel
+    value = _cell(table, at, next_d, next_phi, v, w)
+    value += u * (_cell(table, at + next_h, next_d, next_phi, v, w) - value)
+    matt = _float(curves, channel)  # type: ignore[call-arg]
+    matt *= _between(curves, THETA_I, slant_i, channel) * _between(curves, THETA_O, slant_o, channel)
+    if diffuse:
+        return min(value / matt, 1.0)
+    shine = _float(curves, 3 + channel)  # type: ignore[call-arg]
+    shine *= _between(curves, THETA_D, at_d, channel) * _between(curves, THETA_H, at_h, channel)
+    return max(value - matt, 0.0) / shine
+
+
+def quotient(q: Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) -> float:
+    """rho_q cos_i of a measured layer, of the colour q[CHANNEL] or the mean of all; 1 where nothing was read.
+
+    Where EACH is asked for the three are left in q as well, which is then the caller's alone.
+    """
+    table, curves, each = int(q[TABLE]), int(q[CURVES]), q[CHANNEL] == EACH
+    if table == 0:
+        if each:
+            q[COLOURS] = q[COLOURS + 1] = q[COLOURS + 2] = iz
+        return iz
+    at_d = min(theta_d(ix, iy, iz, ox, oy, oz) * PER_RADIAN, LAST)
+    at_h = min(math.sqrt(theta_h(ix, iy, iz, ox, oy, oz) * (PER_RADIAN * LAST)), LAST)
+    around = _phi_d(ix, iy, iz, ox, oy, oz) * (N_PHI / math.pi)
+    a, b, c = min(at_h, N_H - 1.0), min(at_d, N_D - 1.0), around
+    i, j, k = min(int(a), N_H - 2), min(int(b), N_D - 2), int(c)
+    w = c - k
+    k %= N_PHI
+    next_phi = 3 if k < N_PHI - 1 else 3 - 3 * N_PHI
+    at = 3 * ((i * N_D + j) * N_PHI + k)
+    slant_i = math.acos(min(iz, 1.0)) * PER_RADIAN
+    slant_o = math.acos(min(oz, 1.0)) * PER_RADIAN
+    diffuse, channel = q[PART] == DIFFUSE, int(q[CHANNEL])
+    first, end = (0, 3) if channel >= MEAN else (channel, channel + 1)
+    total = 0.0
+    for colour in range(first, end):
+        found = iz * _quotient_of(
+            table, curves, colour, diffuse, at, 3 * N_D * N_PHI, 3 * N_PHI, next_phi, a - i, b - j, w, slant_i,
+            slant_o, at_d, at_h,
+        )  # fmt: skip
+        total += found
+        if each:
+            q[COLOURS + colour] = found
+    return total / (end - first)

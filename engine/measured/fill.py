@@ -1,0 +1,56 @@
+"""What a measurement does not say: samples below the horizon, and gaps.
+
+Gaps are filled around phi_d, where reflection changes slowest, by a straight line between the nearest samples there
+are; rows without any, and what lies below the horizon, take the nearest sample of the grid. Below the horizon nothing
+is ever seen, but interpolation beside it looks there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.measured.coordinates import above_horizon
+
+
+@dataclass(frozen=True, eq=False)
+class Filled:
+    """A table (90, 90, 180, 3) float32 without gaps, where it was `measured` (90, 90, 180), and how many samples of it
+    were filled: missing above the horizon, and below it."""
+
+    table: NDArray[np.float32]
+    measured: NDArray[np.bool_]
+    n_missing: int
+    n_below: int
+
+
+def fill_samples(samples: NDArray[np.float32]) -> Filled | None:
+    """The samples with all that are negative in any channel filled; None where there is no other."""
+    measured: NDArray[np.bool_] = np.asarray((samples >= 0.0).all(axis=-1))
+    if not measured.any():
+        return None
+    above = above_horizon()
+    missing = np.asarray(above & ~measured)
+    n_missing, n_below = int(missing.sum()), int((~above & ~measured).sum())
+    table = np.ascontiguousarray(samples, np.float32).copy()
+    known = measured.copy()
+    _fill_around(table, known, above)
+    if not known.all():
+        from scipy.ndimage import distance_transform_edt
+
+        nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
+        table = np.ascontiguousarray(table[tuple(nearest)])
+    return Filled(table, measured & above, n_missing, n_below)
+
+
+def _fill_around(table: NDArray[np.float32], known: NDArray[np.bool_], above: NDArray[np.bool_]) -> None:
+    """Fill rows over phi_d that have gaps above the horizon and samples beside them."""
+    gaps = above & ~known
+    n = table.shape[2]
+    for i, j in np.argwhere(gaps.any(axis=2) & known.any(axis=2)):
+        at, there = np.flatnonzero(gaps[i, j]), np.flatnonzero(known[i, j])
+        for channel in range(3):
+            table[i, j, at, channel] = np.interp(at, there, table[i, j, there, channel], period=n)
+        known[i, j, at] = True

@@ -1,0 +1,167 @@
+"""Factors of a measurement: diffuse apart from specular, each a product of two curves per colour [BenArtzi07, 3.6].
+
+    rho ~ d G_d(theta_i) H_d(theta_o)  +  s G_s(theta_d) H_s(theta_h),     everything at least 0
+
+in the spirit of SACLS [Lawrence06]: alternating least squares under constraints. In each step all curves but one stand
+still, and the best value of each node of that one follows in closed form and is kept non-negative.
+
+Diffuse: what a view sees of a light at the same slants whatever stands between them in azimuth. Of all samples of one
+(theta_i, theta_o), away from the highlight, a low quantile is taken; a product g(theta_i) g(theta_o) is fitted to
+those, one curve for both because light and eye may be exchanged. Specular: alternating sums over what lies above it.
+
+Errors are taken relative to the fit of the step before (iteratively reweighted): reflection spans five decades, ratios
+are what a person sees, and what remains for the quotient is then a number near 1. Plain least squares, as printed,
+follows the peak alone. Logarithms would do as well, but for the zeros that a remainder is full of.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.measured.coordinates import HALF_PI, N_NODES, grid_directions
+
+Floats = NDArray[np.float64]
+
+METHOD = "alternating constrained least squares of relative errors, diffuse from the low quantile away from highlights"
+# Samples of phi_d that take part: every fourth.
+EVERY = 4
+# 1/sr below which differences do not count: dark samples are mostly noise.
+DARK = 1e-3
+# Of the largest value of a curve: what it is kept above, so that a quotient is finite.
+LEAST = 1e-5
+LEAST_STRENGTH = 1e-6
+_SLANTS = 30  # rings of theta_i and theta_o
+_QUANTILE = 0.1
+_AWAY = np.radians(25.0)  # of theta_h, outside of which no highlight is expected
+_STEPS = 20
+_GRAZING = np.cos(np.radians(85.0))
+N_NODES_LESS = N_NODES - 1
+
+
+@dataclass(frozen=True, eq=False)
+class Factors:
+    """strengths (3,) in 1/sr; curves (91, 3) with a maximum of 1, positive, at the nodes of `coordinates`."""
+
+    diffuse: Floats
+    slant: Floats
+    specular: Floats
+    theta_d: Floats
+    theta_h: Floats
+    error: float
+
+
+def fit_factors(table: NDArray[np.float32], measured: NDArray[np.bool_]) -> Iterator[float | Factors]:
+    """Fit to a filled table (90, 90, 180, 3), by the samples that were `measured`; yields the share done, then the
+    factors."""
+    wi, wo = grid_directions(EVERY)
+    cosines = wi[..., 2], wo[..., 2]
+    weights = np.where(measured[:, :, ::EVERY], np.minimum(*cosines).clip(0.0, 1.0), 0.0)
+    weights[np.minimum(*cosines) < _GRAZING] = 0.0
+    if not weights.any():
+        weights = measured[:, :, ::EVERY].astype(float)
+    slants = [np.arccos(np.clip(c, 0.0, 1.0)) for c in cosines]
+    found = []
+    for channel in range(3):
+        samples = table[:, :, ::EVERY, channel].astype(float)
+        found.append(_fit_channel(samples, weights, slants))
+        yield (channel + 1) / 4
+    diffuse, slant, specular, over_d, over_h = (np.stack(parts, axis=-1) for parts in zip(*found, strict=True))
+    factors = Factors(diffuse, slant, specular, over_d, over_h, 0.0)
+    yield Factors(diffuse, slant, specular, over_d, over_h, _log_error(table, measured, factors, slants))
+
+
+def _fit_channel(samples: Floats, weights: Floats, slants: list[Floats]) -> tuple[float, Floats, float, Floats, Floats]:
+    """d, g (91,), s, G (91,), H (91,) of one colour."""
+    strength, slant = _diffuse(samples, weights, slants)
+    matt = strength * _at_slants(slant, slants[0]) * _at_slants(slant, slants[1])
+    over_h, over_d = _specular(np.maximum(samples - matt, 0.0), matt, weights)
+    over_h, over_d = (np.append(curve, curve[-1]) for curve in (over_h, over_d))
+    shine = max(over_h.max() * over_d.max(), LEAST_STRENGTH)
+    return max(strength, LEAST_STRENGTH), slant, shine, _scaled(over_d), _scaled(over_h)
+
+
+def _scaled(curve: Floats) -> Floats:
+    """With a maximum of 1, and nowhere 0."""
+    peak = curve.max()
+    return np.maximum(curve / peak, LEAST) if peak > 0.0 else np.ones_like(curve)
+
+
+def _diffuse(samples: Floats, weights: Floats, slants: list[Floats]) -> tuple[float, Floats]:
+    """d and g (91,) with maximum 1 of the product d g(theta_i) g(theta_o) under the samples."""
+    theta_h = HALF_PI * (np.arange(samples.shape[0]) / N_NODES_LESS) ** 2
+    there = (weights > 0.0) & (theta_h >= _AWAY)[:, None, None]
+    if not there.any():
+        return 0.0, np.ones(N_NODES)
+    rings = [np.minimum((s[there] / HALF_PI * _SLANTS).astype(int), _SLANTS - 1) for s in slants]
+    envelope = _quantiles(samples[there], rings[0] * _SLANTS + rings[1]).reshape(_SLANTS, _SLANTS)
+    envelope = np.fmin(envelope, envelope.T)
+    known = np.isfinite(envelope)
+    log = np.log(np.maximum(np.where(known, envelope, 1.0), 1e-9))
+    curve = np.zeros(_SLANTS)
+    seen = known.any(axis=1)
+    for _ in range(100):  # log e_ij = u_i + u_j, damped for it stands on both sides
+        curve[seen] += 0.5 * ((log - curve[:, None] - curve) * known).sum(axis=1)[seen] / known.sum(axis=1)[seen]
+    if not seen.any():
+        return 0.0, np.ones(N_NODES)
+    middles = (np.arange(_SLANTS) + 0.5) * (N_NODES_LESS / _SLANTS)
+    nodes = np.exp(np.interp(np.arange(N_NODES), middles[seen], curve[seen]))
+    peak = float(nodes.max())
+    return peak * peak, np.maximum(nodes / peak, LEAST)
+
+
+def _specular(above: Floats, matt: Floats, weights: Floats) -> tuple[Floats, Floats]:
+    """H (90,) over theta_h and G (90,) over theta_d of the product that lies on the matt part."""
+    over_d = np.ones(above.shape[1])
+    total = weights.sum(axis=(1, 2))
+    over_h = np.divide((above * weights).sum(axis=(1, 2)), total, out=np.zeros_like(total), where=total > 0.0)
+    for _ in range(_STEPS):
+        fit = over_h[:, None, None] * over_d[:, None]
+        relative = weights / (matt + fit + DARK) ** 2
+        over_h = _solved(np.einsum("hdp,hdp,d->h", relative, above, over_d), np.einsum("hdp,d->h", relative, over_d**2))
+        over_d = _solved(np.einsum("hdp,hdp,h->d", relative, above, over_h), np.einsum("hdp,h->d", relative, over_h**2))
+    return over_h, over_d
+
+
+def _solved(products: Floats, squares: Floats) -> Floats:
+    """The least squares value of each node; of nodes that no sample has, that of the nearest one."""
+    known = squares > 1e-12 * squares.max(initial=0.0)
+    if not known.any():
+        return np.zeros_like(products)
+    at = np.arange(len(products))
+    return np.asarray(np.interp(at, at[known], products[known] / squares[known]))
+
+
+def _quantiles(values: Floats, group: NDArray[np.integer]) -> Floats:
+    """The low quantile of each group (n^2,), NaN for those without values."""
+    order = np.lexsort((values, group))
+    counts = np.bincount(group, minlength=_SLANTS * _SLANTS)
+    first = np.cumsum(counts) - counts
+    at = first + (_QUANTILE * np.maximum(counts - 1, 0)).astype(int)
+    found = values[order][np.minimum(at, len(values) - 1)]
+    return np.where(counts > 0, found, np.nan)
+
+
+def _at_slants(curve: Floats, theta: Floats) -> Floats:
+    return np.asarray(np.interp(theta * (N_NODES_LESS / HALF_PI), np.arange(N_NODES), curve))
+
+
+def _log_error(
+    table: NDArray[np.float32], measured: NDArray[np.bool_], factors: Factors, slants: list[Floats]
+) -> float:
+    """RMS of ln((rho + DARK) / (fit + DARK)) over the samples that were measured."""
+    there = measured[:, :, ::EVERY]
+    squares = 0.0
+    for c in range(3):
+        slanted = [_at_slants(factors.slant[:, c], slant) for slant in slants]
+        matt = factors.diffuse[c] * slanted[0] * slanted[1]
+        shine = factors.specular[c] * factors.theta_h[:-1, None, None, c] * factors.theta_d[:-1, None, c]
+        apart = np.log((table[:, :, ::EVERY, c] + DARK) / (matt + shine + DARK))[there]
+        squares += float((apart * apart).mean()) / 3.0
+    return squares**0.5
+
+
+

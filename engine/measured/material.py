@@ -1,0 +1,109 @@
+"""What the measured models share: parameters, binding to the table in memory, and the formula for brute force."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from engine.material import kinds
+from engine.material.model import Array, Model, Parameters, channels, number
+from engine.material.parameters import Parameter
+from engine.measured.measurement import NOTHING, Measurement, Part
+
+
+class MeasuredModel(Model):
+    """One part of a measurement; see `engine.measured`. Without a file it reflects evenly, rho = scale / pi.
+
+    Where there is no table, in the window, the quotient counts as 1, as it does for Phong: lobes and lit spheres show
+    the product of the factors.
+    """
+
+    kind = kinds.PHONG
+    is_coloured = True
+    needs_file = True
+    part: ClassVar[Part]
+
+    @property
+    def number(self) -> int:
+        from engine.material._kernels import quotient_number
+        from engine.measured._kernels import quotient
+
+        return quotient_number(quotient)
+
+    def generate(self, factor_name: str, params: Parameters, gamma: Array) -> Array:
+        self.factor(factor_name)
+        return measurement_of(params).curve(factor_name, gamma, number(params, "smoothing"))
+
+    def samples(self, factor_name: str, params: Parameters) -> Array:
+        """The factor as it was found, (91, 3), before any smoothing."""
+        return measurement_of(params).nodes(factor_name)
+
+    def scale(self, params: Parameters) -> Array:
+        return channels(params, "scale") * getattr(measurement_of(params), self.part)
+
+    def quotient_parameters(self, params: Parameters) -> Array:
+        q = super().quotient_parameters(params)
+        q[kinds.TABLE], q[kinds.SMOOTHING] = measurement_of(params).number, number(params, "smoothing")
+        q[kinds.CHANNEL], q[kinds.PART] = kinds.MEAN, kinds.DIFFUSE if self.part == "diffuse" else kinds.SPECULAR
+        return q
+
+    def bound(self, q: Array) -> Array:
+        bound = np.array(q, float)
+        if q[kinds.TABLE]:
+            from engine.measured.tables import table_of
+
+            table = table_of(int(q[kinds.TABLE]))
+            bound[kinds.TABLE] = table.samples.ctypes.data
+            bound[kinds.SMOOTHING] = table.curves(float(q[kinds.SMOOTHING])).ctypes.data
+        return bound
+
+    def brdf(self, params: Parameters, wi: Array, wo: Array) -> Array:
+        measurement = measurement_of(params)
+        if not measurement.is_read:
+            above = (wi[:, 2] > kinds.GRAZING) & (wo[:, 2] > kinds.GRAZING)
+            return channels(params, "scale") * np.where(above, 1.0 / np.pi, 0.0)[:, None]
+        from engine.measured.evaluate import evaluate_part
+        from engine.measured.tables import table_of
+
+        table = table_of(measurement.number)
+        smoothing = number(params, "smoothing")
+        return channels(params, "scale") * evaluate_part(table.samples, measurement, self.part, smoothing, wi, wo)
+
+
+def measurement_of(params: Parameters) -> Measurement:
+    """The measurement of a layer's parameters."""
+    value = params["file"]
+    assert isinstance(value, Measurement)
+    return value
+
+
+def parameters(*curves: str) -> tuple[Parameter, ...]:
+    """The table of a measured model whose curves are these: "A", "B", "o"."""
+    return (
+        Parameter(
+            "file",
+            "file",
+            NOTHING,
+            "Measured",
+            "The file the reflection was measured in; curves are factors fitted to it, and what they leave is kept.",
+            (*curves, "scale", "quotient"),  # type: ignore[arg-type]
+        ),
+        Parameter(
+            "smoothing",
+            "scalar",
+            0.0,
+            "Smoothing",
+            "Takes noise out of the curves, which edits would show; unedited the picture stays as measured.",
+            (*curves, "quotient"),  # type: ignore[arg-type]
+        ),
+        Parameter(
+            "scale",
+            "rgb",
+            (1.0, 1.0, 1.0),
+            "Scale",
+            "Strength and colour: 1 is as measured.",
+            ("scale",),
+            maximum=4.0,
+        ),
+    )

@@ -1,0 +1,83 @@
+"""A measurement as a layer carries it: the file, a number that names its table, and the factors fitted to it.
+
+Small, frozen and hashable, so that layers stay values; the table itself stays in the process that computes
+(`engine.measured.tables`). Until a file has been read only its name is there, and the layer reflects evenly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.measured.coordinates import N_NODES, node_position
+
+Floats = NDArray[np.float64]
+Part = Literal["diffuse", "specular"]
+RGB = tuple[float, float, float]
+
+# The factors of both parts: of light and view, then of difference and half angle.
+CURVES = ("theta_i", "theta_o", "theta_d", "theta_h")
+# Nodes over which a smoothing of 1 averages, to either side.
+_WIDEST = 8.0
+EVEN: RGB = (1.0 / np.pi, 1.0 / np.pi, 1.0 / np.pi)
+
+
+@dataclass(frozen=True)
+class FitReport:
+    """What was found in a file: samples filled, missing above the horizon and below it; what the factors alone are off,
+    natural logarithm, RMS over all samples and colours; and how they were found."""
+
+    n_missing: int
+    n_below: int
+    error: float
+    method: str
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """file: its name; number: names the table, 0 while nothing was read; strengths (1/sr per channel) and curves of the
+    factors [BenArtzi07, 3.6]: rho_d = diffuse G(theta_i) H(theta_o), rho_s = specular G(theta_d) H(theta_h). Each curve
+    is float32 (91, 3) as bytes, in the order of `CURVES`, positive, with a maximum of 1."""
+
+    file: str
+    number: int = 0
+    diffuse: RGB = EVEN
+    specular: RGB = EVEN
+    curves: tuple[bytes, ...] = ()
+    report: FitReport | None = None
+
+    @property
+    def is_read(self) -> bool:
+        return self.number != 0
+
+    def nodes(self, name: str, smoothing: float = 0.0) -> Floats:
+        """A factor at its nodes (91, 3), smoothed where that is above 0, at most 1."""
+        if not self.curves:
+            return np.ones((N_NODES, 3))
+        return smoothed(self.curves[CURVES.index(name)], smoothing)
+
+    def curve(self, name: str, gamma: Floats, smoothing: float = 0.0) -> Floats:
+        """A factor at angles (N,): (N, 3)."""
+        values = self.nodes(name, smoothing)
+        position = node_position(np.asarray(gamma, float), name == "theta_h")
+        nodes = np.arange(N_NODES)
+        return np.stack([np.interp(position, nodes, values[:, c]) for c in range(3)], axis=1)
+
+
+NOTHING = Measurement("")
+
+
+@lru_cache(maxsize=64)
+def smoothed(curve: bytes, smoothing: float) -> Floats:
+    """The nodes of a curve (91, 3), of smoothing > 0 their geometric mean under a bell: ratios are what noise has."""
+    values = np.frombuffer(curve, np.float32).reshape(N_NODES, 3).astype(float)
+    if smoothing > 0.0:
+        apart = np.subtract.outer(np.arange(N_NODES), np.arange(N_NODES)) / (_WIDEST * smoothing)
+        bell = np.exp(-0.5 * apart * apart)
+        values = np.exp(bell @ np.log(values) / bell.sum(axis=1, keepdims=True))
+    values.setflags(write=False)
+    return values

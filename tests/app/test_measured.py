@@ -1,0 +1,185 @@
+"""Measured materials in documents: read by the worker, put on objects as one step, written by their file's name."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.commands import SetParameter
+from app.document import Document, LightState, document_from_description
+from app.editor import Editor
+from app.jobs.cache import Store
+from app.jobs.in_process import InProcessClient, run_in_process
+from app.jobs.messages import (
+    ComputeTransport,
+    Failed,
+    LayerPicture,
+    MeasurementsRead,
+    OpenScene,
+    Progress,
+    ReadMeasured,
+    SceneOpened,
+)
+from app.jobs.tasks import Tasks
+from app.material_file import Material, dump_material, load_material, parse_material
+from app.measurements import measured_files, measurement_in, unread_files
+from app.picture import Curves
+from app.project import open_project
+from app.reading import import_measured, measured_layers
+from app.session import load_session
+from app.wishes import layer_work, transport_wish
+from engine.errors import InsituError, LoadError
+from engine.measured import tables
+from engine.scene.description import SceneDescription
+from tests.app.fake_worker import FakeClient
+from tests.naive.measured import drawn_measurement
+
+SCENE = """version = 1
+bounces = 1
+[camera]
+position = [0, 0, 3]
+target = [0, 0, 0]
+resolution = [12, 12]
+[environment]
+radiance = [0.4, 0.5, 0.7]
+[[object]]
+name = "ball"
+primitive = "sphere"
+layer = [{ model = "measured_diffuse", file = "NAME" }, { model = "measured", file = "NAME", smoothing = 0.3 }]
+"""
+
+
+@pytest.fixture
+def scene(tmp_path: Path, merl_file: Path) -> Path:
+    shutil.copy(merl_file, tmp_path / "gloss.binary")
+    (tmp_path / "scene.toml").write_text(SCENE.replace("NAME", "gloss.binary"))
+    return tmp_path / "scene.toml"
+
+
+def document_of(opened: SceneOpened, source: Path) -> Document:
+    from app.measurements import document_with_read
+
+    description = SceneDescription.model_validate_json(opened.description)
+    return document_with_read(document_from_description(str(source), description), opened.measurements)
+
+
+def compute(document: Document) -> ComputeTransport:
+    curves = Curves(16)
+    wish = transport_wish(document, 80, 1, curves)
+    works = tuple(layer_work(shape, curves.coefficients(document, shape.key)) for shape in wish.layers)
+    return ComputeTransport(LightState(), works, None, None, 80, 80, measured=measured_files(document))
+
+
+def test_a_worker_reads_what_a_scene_names(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    store = Store(tmp_path / "cache")
+    tasks = Tasks(store)
+    *_, opened = run_in_process(tasks, OpenScene(str(scene)))
+    assert isinstance(opened, SceneOpened) and opened.measurements["gloss.binary"].is_read
+    document = document_of(opened, scene)
+    number = opened.measurements["gloss.binary"].number
+    assert measured_files(document) == ((str(scene.parent / "gloss.binary"), number),)
+    request = compute(document)
+    before = {a.key: a.radiance for a in run_in_process(tasks, request) if isinstance(a, LayerPicture)}
+    assert set(before) == {"ball.0", "ball.1"} and all(picture.max() > 0.0 for picture in before.values())
+    # One that has just been started has no table, and reads it first; nothing is fitted for it is kept.
+    monkeypatch.setattr(tables, "_tables", {})
+    monkeypatch.delattr(tables, "fit_factors")
+    after = {a.key: a.radiance for a in run_in_process(tasks, request) if isinstance(a, LayerPicture)}
+    assert all(np.array_equal(after[key], before[key]) for key in before)
+    changed = replace(request, measured=tuple((file, number + 1) for file, number in request.measured))
+    *_, failed = run_in_process(tasks, changed)
+    assert isinstance(failed, Failed) and "has changed since it was imported" in failed.line
+
+
+@pytest.mark.parametrize("name", ["../gloss.binary", "/etc/passwd", "there_is_none.binary"])
+def test_scenes_read_files_of_their_own_folder_alone(scene: Path, name: str) -> None:
+    scene.write_text(SCENE.replace("NAME", name))
+    with pytest.raises(LoadError, match=r"expected a (relative path|readable file)"):
+        open_project(str(scene))
+
+
+def test_an_empty_name_is_none(scene: Path) -> None:
+    with pytest.raises(LoadError, match="expected the name of a file with a measured BRDF"):
+        scene.write_text(SCENE.replace("NAME", ""))
+        open_project(str(scene))
+
+
+def test_an_import_is_one_step(client: FakeClient, tmp_path: Path) -> None:
+    editor = Editor(client, "shelf")
+    client.open_scene()
+    editor.tick(0.0)
+    before, file = editor.document, tmp_path / "drawn.binary"
+    assert editor.do(import_measured("pot", file)) is None
+    (asked,) = client.sent(ReadMeasured)
+    assert asked.files == (str(file),) and editor.document is before and editor.is_reading
+    client.answer(asked, Progress("measured BRDF", 0.5, text="fitting"))
+    editor.tick(0.1)
+    assert editor.status.text == "fitting"
+    client.answer(asked, MeasurementsRead({str(file): replace(drawn_measurement(), file=str(file))}))
+    editor.tick(0.2)
+    layers = editor.document.object("pot").layers
+    assert [layer.name for layer in layers] == ["diffuse", "highlight"] and not editor.is_reading
+    assert unread_files(layers) == () and editor.history.undo_label == "drawn on pot"
+    editor.tick(5.0)
+    assert client.sent(ComputeTransport)[-1].measured == ((str(file), 5),)
+    assert "is what was imported" in str(editor.do(SetParameter("pot.0", "file", "x.binary")))
+    editor.undo()
+    assert editor.document.objects == before.objects
+
+
+def test_an_import_that_fails_or_is_cancelled_changes_nothing(client: FakeClient, tmp_path: Path) -> None:
+    editor = Editor(client, "shelf")
+    client.open_scene()
+    editor.tick(0.0)
+    before = editor.document
+    for end in (lambda asked: client.answer(asked, Failed("x.binary: size = 3 bytes")), lambda _: editor.cancel_work()):
+        editor.do(import_measured("pot", tmp_path / "x.binary"))
+        asked = client.sent(ReadMeasured)[-1]
+        end(asked)
+        editor.tick(0.1)
+        assert not editor.is_reading
+        client.answer(asked, MeasurementsRead({asked.files[0]: drawn_measurement()}))
+        editor.tick(0.2)
+        assert editor.document is before
+
+
+def test_the_worker_answers_an_import_between_other_work(merl_file: Path, tmp_path: Path) -> None:
+    client = InProcessClient(Tasks(Store(tmp_path / "cache")))
+    client.send(ReadMeasured((str(merl_file),)))
+    answers = client.poll(float("inf"))
+    assert isinstance(answers[-1], MeasurementsRead) and answers[-1].found[str(merl_file)].is_read
+
+
+def test_sessions_and_materials_name_the_file(client: FakeClient, tmp_path: Path) -> None:
+    # Relative to the session's folder, so that both can move; read again when the session is opened.
+    editor = Editor(client, "shelf")
+    client.open_scene()
+    editor.tick(0.0)
+    file = tmp_path / "data" / "drawn.binary"
+    measurement = replace(drawn_measurement(), file=str(file))
+    editor.do(import_measured("pot", file))
+    client.answer(client.sent(ReadMeasured)[-1], MeasurementsRead({str(file): measurement}))
+    editor.tick(0.1)
+    assert editor.save(tmp_path / "x.insitu") is None
+    assert 'file = "data/drawn.binary"' in (tmp_path / "x.insitu").read_text()
+    session = load_session(tmp_path / "x.insitu")
+    assert unread_files(session.document.object("pot").layers) == (str(file),)
+    other = Editor(client, str(tmp_path / "x.insitu"))
+    opening = client.sent(OpenScene)[-1]
+    assert opening.measured == (str(file),)
+    client.open_scene(measurements={str(file): measurement})
+    other.tick(0.0)
+    assert other.document.objects == editor.document.objects
+    text = dump_material(Material("drawn", editor.document.object("pot").layers))
+    assert unread_files(parse_material(text, "the clipboard").layers) == (str(file),)
+    (tmp_path / "drawn.toml").write_text(text.replace(str(file), "data/drawn.binary"))
+    assert unread_files(load_material(tmp_path / "drawn.toml").layers) == (str(file),)
+
+
+def test_measured_layers_are_of_one_file(tmp_path: Path) -> None:
+    found = [measurement_in(layer) for layer in measured_layers(tmp_path / "x.binary")]
+    assert found[0] == found[1] and found[0] is not None and not found[0].is_read
+    with pytest.raises(InsituError, match="has not been read"):
+        tables.table_of(12345)

@@ -1,0 +1,166 @@
+"""From samples to layers: what is filled, what is fitted, and that an unedited import is the measurement."""
+
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine.errors import InsituError, LoadError
+from engine.light.environment import load_environment
+from engine.material import MODELS, make_layer
+from engine.material.layer import Layer
+from engine.measured.coordinates import above_horizon, node_angles
+from engine.measured.evaluate import evaluate_table
+from engine.measured.fill import fill_samples
+from engine.measured.fit import fit_factors
+from engine.measured.measurement import Measurement
+from engine.measured.tables import finish_reading, read_measurement, table_of
+from engine.plan import plan_scene
+from engine.render.integrator import evaluate_by_curves
+from engine.render.still import finish, render_reference, render_still, still_layers, still_quality
+from engine.scene.load import load_scene
+from engine.transport.pipeline import Placement, SkyState
+from tests.naive.measured import analytic_samples, drawn_measurement
+
+
+@pytest.fixture(scope="module")
+def measurement(merl_file: Path) -> Measurement:
+    return finish_reading(read_measurement(merl_file))
+
+
+def both_parts(measurement: Measurement, **parameters: object) -> list[Layer]:
+    return [make_layer(MODELS[name], {"file": measurement, **parameters}) for name in ("measured_diffuse", "measured")]
+
+
+def hemisphere(count: int, seed: int) -> np.ndarray:
+    v = np.random.default_rng(seed).normal(size=(count, 3))
+    v[:, 2] = np.abs(v[:, 2])
+    return v / np.linalg.norm(v, axis=1, keepdims=True)
+
+
+def relative_rmse(picture: np.ndarray, reference: np.ndarray) -> float:
+    cap = np.percentile(reference, 99.9)
+    picture, reference = np.minimum(picture, cap), np.minimum(reference, cap)
+    return float(np.sqrt(np.mean((picture - reference) ** 2)) / reference.mean())
+
+
+def test_gaps_are_filled_and_counted(measured_samples: np.ndarray, measurement: Measurement) -> None:
+    samples = measured_samples
+    # All that is negative is filled; what was measured stays; a gap is about as bright as beside it (noise is 5 %).
+    filled = fill_samples(samples)
+    assert filled is not None and (filled.table >= 0.0).all()
+    there = (samples >= 0.0).all(axis=-1)
+    np.testing.assert_array_equal(filled.table[there], samples[there])
+    assert filled.n_below == (~above_horizon()).sum() and filled.n_missing == (~there & above_horizon()).sum()
+    gaps = ~there & above_horizon()
+    assert np.abs(np.log(filled.table[gaps] / analytic_samples()[gaps])).mean() < 0.08
+    report = measurement.report
+    assert report is not None and (report.n_missing, report.n_below) == (filled.n_missing, filled.n_below)
+
+
+def test_nothing_measured_is_refused(tmp_path: Path) -> None:
+    from engine.measured.merl import merl_bytes
+
+    path = tmp_path / "x.binary"
+    path.write_bytes(merl_bytes(np.full((90, 90, 180, 3), -1.0, np.float32)))
+    with pytest.raises(LoadError, match="samples = all negative, expected some that are not"):
+        finish_reading(read_measurement(path))
+    with pytest.raises(LoadError, match=r"name = \.txt, expected a measured BRDF"):
+        finish_reading(read_measurement(tmp_path / "x.txt"))
+
+
+def test_factors_of_a_product_are_found() -> None:
+    # Matt 0.1 plus exp(-30 tan²) (0.2 + 0.8 theta_d / 90°): both strengths and both curves, to a few percent.
+    theta_h, theta_d = node_angles(True)[:-1], np.arange(90.0) / 90.0
+    shine = np.exp(-30.0 * np.tan(theta_h) ** 2)[:, None] * (0.2 + 0.8 * theta_d)
+    table = np.broadcast_to((0.1 + shine)[:, :, None, None], (90, 90, 180, 3)).astype(np.float32)
+    *_, factors = fit_factors(table, above_horizon())
+    assert not isinstance(factors, float)
+    assert factors.diffuse == pytest.approx(np.full(3, 0.1), rel=0.05) and factors.slant.min() > 0.9
+    expected = shine[:, 45] / shine[0, 45]
+    np.testing.assert_allclose(factors.theta_h[:-1, 0], expected, atol=0.01)
+    assert factors.theta_d[20, 0] / factors.theta_d[70, 0] == pytest.approx(shine[0, 20] / shine[0, 70], rel=0.03)
+    assert factors.error < 0.05
+
+
+@pytest.mark.parametrize("smoothing", [0.0, 0.5])
+def test_unedited_layers_are_the_measurement(measurement: Measurement, smoothing: float) -> None:
+    # Curves times compiled quotients, both parts together, against the interpolated table: to 1e-5 over random pairs.
+    wi, wo = hemisphere(20_000, 3), hemisphere(20_000, 4)
+    layers = both_parts(measurement, smoothing=smoothing)
+    expected = evaluate_table(table_of(measurement.number).samples, wi, wo)
+    np.testing.assert_allclose(sum(layer.brdf(wi, wo) for layer in layers), expected, rtol=1e-12)
+    found = sum(layer.scale() * evaluate_by_curves(layer, wi, wo) for layer in layers) / wi[:, 2:]
+    np.testing.assert_allclose(found, expected, rtol=1e-5)
+
+
+def test_a_layer_is_a_small_value(measurement: Measurement) -> None:
+    # It travels by pickling, compares and hashes, and says so where its table is not.
+    layer = both_parts(measurement)[1]
+    data = pickle.dumps(layer)
+    again = pickle.loads(data)
+    assert len(data) < 10_000 and again == layer and hash(measurement) == hash(again.values["file"])
+    stranger = make_layer(MODELS["measured"], {"file": drawn_measurement()})
+    with pytest.raises(InsituError, match="has not been read"):
+        evaluate_by_curves(stranger, hemisphere(1, 1), hemisphere(1, 2))
+
+
+def test_what_was_made_of_a_file_is_kept(
+    merl_file: Path, measurement: Measurement, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # The store is asked by the file's content; what comes from it is the same measurement, and nothing is fitted.
+    from engine.measured import tables
+
+    kept: dict[str, dict[str, np.ndarray]] = {}
+
+    class Kept:
+        def get(self, key):
+            return kept.get(key)
+
+        def put(self, key, arrays):
+            kept[key] = dict(arrays)
+            return True
+
+    for fits in (True, False):
+        monkeypatch.setattr(tables, "_tables", {})
+        if not fits:
+            monkeypatch.delattr(tables, "fit_factors")
+        found = finish_reading(read_measurement(merl_file, Kept()))
+        assert found == measurement and len(kept) == 1
+
+
+SCENE = """
+version = 1
+[camera]
+position = [0.2, 1.0, 2.4]
+target = [0.0, 0.45, 0.0]
+resolution = [{size}, {size}]
+[[object]]
+name = "bunny"
+{shape}
+"""
+
+
+def bunny_under_galileo(tmp_path: Path, layers: list[Layer], data: Path, size: int) -> tuple[np.ndarray, np.ndarray]:
+    """The pixels of the bunny: by transport, and by brute force over 20,480 directions with the table itself."""
+    bunny = data / "meshes" / "bunny.ply"
+    (tmp_path / "bunny.ply").write_bytes(bunny.read_bytes())
+    shape = 'mesh = "bunny.ply"\ntransform = [8,0,0,0.15, 0,8,0,-0.3, 0,0,8,0, 0,0,0,1]\nsmooth = true'
+    (tmp_path / "scene.toml").write_text(SCENE.format(size=size, shape=shape))
+    placement = Placement(load_scene(tmp_path / "scene.toml"))
+    sky = SkyState(load_environment(data / "probes" / "galileo_probe.hdr", "angular"))
+    named = {f"bunny.{i}": layer for i, layer in enumerate(layers)}
+    plan = plan_scene(placement.scene, named, has_sky=True, still=True)
+    steps = render_still(placement, still_layers(named.items(), ["bunny"], plan), sky, still_quality(plan))
+    picture = finish(steps, lambda step: None)
+    reference = finish(render_reference(placement, {0: layers}, sky, 16, 5), lambda step: None)
+    seen = placement.hits.object_image == 0
+    assert seen.sum() > 100
+    return picture[seen], reference[seen]
+
+
+def test_picture_of_an_unedited_import(tmp_path: Path, measurement: Measurement, shared_data: Path) -> None:
+    # Within 1 % of the measurement evaluated directly, the colour of the quotient included.
+    picture, reference = bunny_under_galileo(tmp_path, both_parts(measurement), shared_data, 22)
+    assert relative_rmse(picture, reference) < 0.01
