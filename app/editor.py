@@ -158,6 +158,8 @@ class Editor:
                 if isinstance(command, SetMaterial):
                     self.curves.replan(layer_key(command.object, index) for index in range(len(command.layers)))
                 self._document_changed()
+                if isinstance(command, SetMaterial) and self.view.selected is not None:
+                    self.select(self.view.selected.object)  # its layers are others
         except (InsituError, ValueError) as error:
             return self._refuse(str(error))
         return None

@@ -10,8 +10,8 @@
     operator = [{ kind = "amplify", axis = "y", regions = [0.1, 0.2, 0.4, 0.6], magnitude = 0.5 }]
 
 `layer` is what a scene file has there, so it can be copied from one to the other by hand; a session's form was rejected
-for being long. `hidden` lists the layers that are not shown. `part` is only in what was copied: a curve's name makes it
-that curve of the first layer.
+for being long. `hidden` lists the layers that are not shown. `part` is only in what was copied: "layer" makes it one to
+put on top of others, a curve's name that curve of the first layer.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ MATERIAL_VERSION = 1
 MAX_MATERIAL_BYTES = 4 * 2**20
 MAX_NAME = 64
 SUFFIX = ".toml"
+LAYER = "layer"
 
 Index = Annotated[int, Field(strict=True, ge=0, lt=MAX_LAYERS)]
 ShortText = Annotated[str, Field(min_length=1, max_length=MAX_NAME, strict=True)]
@@ -45,7 +46,7 @@ ShortText = Annotated[str, Field(min_length=1, max_length=MAX_NAME, strict=True)
 
 @dataclass(frozen=True)
 class Material:
-    """All layers of an object under a name. `part`: the curve of the first layer that was copied; "": all of it."""
+    """All layers of an object under a name. `part`: what was copied, LAYER or a curve of the first layer; "": all."""
 
     name: str
     layers: Layers
@@ -135,6 +136,6 @@ def _material(tree: dict[str, Any], file: str) -> Material:
             for i, layer in enumerate(plain)
         )
     )
-    if record.part is not None and record.part not in layers[0].model.curve_names:
-        raise LoadError(file, "part", record.part, f"a curve of {layers[0].model.name}")
+    if record.part not in (None, LAYER, *layers[0].model.curve_names):
+        raise LoadError(file, "part", str(record.part), f"{LAYER}, or a curve of {layers[0].model.name}")
     return Material(record.name, layers, record.category, record.part or "")

@@ -25,7 +25,8 @@ AS_PLANNED = 0
 HALF_PI = 1.5707963267948966
 DEFAULT_REGIONS = (0.1, 0.25, 0.45, 0.6)
 DEFAULT_PANELS = MappingProxyType(
-    {"objects": True, "viewport": True, "curve": True, "material": True, "light": True, "accuracy": True}
+    {"objects": True, "viewport": True, "curve": True, "material": True, "light": True, "accuracy": True,
+     "library": True}
 )
 
 

@@ -14,23 +14,32 @@ from typing import cast
 from app.commands import EditCommand
 from app.editor import Editor
 from app.journal import Recovery
+from app.library import Library
 from app.light_commands import SetEnvironment
+from app.material_file import MAX_MATERIAL_BYTES, dump_material, parse_material
+from app.pasting import pasted
 from app.probe_file import likely_mapping
 from app.session import SUFFIX
 from app.view_state import ViewCommand
+from engine.errors import InsituError
+from ui.clipboard import Clipboard
 from ui.panels.actions import (
     Action,
     AskFile,
     BeginDrag,
     CancelDrag,
     CancelWork,
+    Copy,
+    DeleteMaterial,
     EndDrag,
     Hold,
     OpenFile,
+    Paste,
     Quit,
     Recover,
     Redo,
     ResetLayout,
+    SaveMaterial,
     SaveSession,
     Screenshot,
     Select,
@@ -56,8 +65,10 @@ class Outcome:
 class Actor:
     """Carries actions out on one editor. `recovery` is the journal that the recovery strip offers, if any."""
 
-    def __init__(self, editor: Editor) -> None:
+    def __init__(self, editor: Editor, library: Library | None = None, clipboard: Clipboard | None = None) -> None:
         self._editor = editor
+        self.library = library or Library()
+        self._clipboard = clipboard or Clipboard()
         self._folder: Path | None = None
         self.recovery: Recovery | None = None
 
@@ -113,6 +124,13 @@ class Actor:
                 self.open(action.path)
             case CancelWork():
                 editor.cancel_work()
+            case SaveMaterial() | DeleteMaterial():
+                self._change_library(action)
+            case Copy():
+                self._clipboard.put(dump_material(action.material))
+                editor.notify(f"copied {action.what}")
+            case Paste():
+                self._paste(action.as_layers)
             case _:
                 editor.do(cast(EditCommand | ViewCommand, action))
 
@@ -155,6 +173,24 @@ class Actor:
             self._folder = path.resolve().parent
         self._editor.save(path)
         return outcome
+
+    def _change_library(self, action: SaveMaterial | DeleteMaterial) -> None:
+        try:
+            if isinstance(action, DeleteMaterial):
+                self.library.delete(action.path)
+            else:
+                entry = self.library.save(action.name, self._editor.document.object(action.object).layers)
+                self._editor.notify(f"kept {entry.name} in the library")
+        except InsituError as error:
+            self._editor.notify(str(error), True)
+
+    def _paste(self, as_layers: bool) -> None:
+        editor = self._editor
+        try:
+            material = parse_material(self._clipboard.text()[:MAX_MATERIAL_BYTES], "clipboard")
+            editor.do(pasted(material, editor.document, editor.view.selected, as_layers))
+        except InsituError as error:
+            editor.notify(str(error), True)
 
     def _recover(self, accept: bool) -> None:
         recovery, self.recovery = self.recovery, None

@@ -15,8 +15,9 @@ from imgui_bundle import ImVec2, imgui
 from app.atomic import write_atomically
 from app.view_state import OpenPanel
 
-VERSION = 1
+VERSION = 2
 LEFT_WIDTH = 216.0
+LIBRARY_SHARE = 0.56
 RIGHT_WIDTH = 306.0
 CURVE_SHARE = 0.41
 LIGHT_HEIGHT, ACCURACY_HEIGHT = 244.0, 302.0
@@ -42,7 +43,8 @@ CURVE = Panel("curve", "Curve")
 MATERIAL = Panel("material", "Material")
 LIGHT = Panel("light", "Light")
 ACCURACY = Panel("accuracy", "Speed and accuracy")
-PANELS = (OBJECTS, VIEWPORT, CURVE, MATERIAL, LIGHT, ACCURACY)
+LIBRARY = Panel("library", "Library")
+PANELS = (OBJECTS, VIEWPORT, CURVE, MATERIAL, LIGHT, ACCURACY, LIBRARY)
 
 
 def begin_dock_space(scale: float, rebuild: bool) -> None:
@@ -59,7 +61,7 @@ def begin_dock_space(scale: float, rebuild: bool) -> None:
 
 
 def build_default(identity: int, size: ImVec2, scale: float) -> None:
-    """Objects left, the picture above the curve, material, light and accuracy in a column on the right."""
+    """Objects over the library, the picture over the curve, material, light and accuracy in a column on the right."""
     builder = imgui.internal
     builder.dock_builder_remove_node(identity)
     builder.dock_builder_add_node(identity, int(imgui.internal.DockNodeFlagsPrivate_.dock_space))
@@ -72,7 +74,8 @@ def build_default(identity: int, size: ImVec2, scale: float) -> None:
     light, material = _split(
         upper, imgui.Dir.down, min(LIGHT_HEIGHT * scale / (column - ACCURACY_HEIGHT * scale), 0.5)
     )
-    places = (left, picture, curve, material, light, accuracy)
+    library, objects = _split(left, imgui.Dir.down, LIBRARY_SHARE)
+    places = (objects, picture, curve, material, light, accuracy, library)
     for panel, node in zip(PANELS, places, strict=True):
         builder.dock_builder_dock_window(panel.window, node)
     picture_node = builder.dock_builder_get_node(picture)

@@ -30,6 +30,7 @@ from ui.gl.interface import InterfaceRenderer
 from ui.panels import (
     curve_editor,
     dialogs,
+    library,
     light,
     material,
     menus,
@@ -126,6 +127,7 @@ class Shell:
         self._told: Status | None = None
         self._told_at = -math.inf
         self.inputs = 0
+        self._library_unread = True
         self.environments: tuple[str, ...] = ()
         self.scenes: tuple[str, ...] = ()
 
@@ -181,6 +183,7 @@ class Shell:
         self._n_frames += 1
         self._told, self._told_at = _telling(self.editor.status), now
         self._take_message(now)
+        self._read_library()
         imgui.new_frame()
         self.handles.begin_frame()
         actions = self._panels(self._context(now))
@@ -252,7 +255,12 @@ class Shell:
         held = self.state.grip is not None  # a key held down repeats without an event of its own
         redraw_in = HELD_SECONDS if held else 0.1 if since < SETTLE_SECONDS else None
         settling = since < 0.05 or self._n_frames < FIRST_FRAMES
-        return FrameResult(busy or settling, redraw_in, screenshot, quit)
+        return FrameResult(busy or settling or self._library_unread, redraw_in, screenshot, quit)
+
+    def _read_library(self) -> None:
+        """A material a frame, once the window has its first ones behind it."""
+        if self._library_unread and self._n_frames > FIRST_FRAMES:
+            self._library_unread = self.actor.library.read_next()
 
     def _take_message(self, now: float) -> None:
         """Show what the editor has to say, once."""
@@ -274,6 +282,7 @@ class Shell:
             redo_label=editor.history.redo_label,
             environments=self.environments,
             scenes=self.scenes,
+            library=self.actor.library.entries,
             now=now,
         )
         if source is None:
@@ -298,6 +307,7 @@ class Shell:
         layout.begin_dock_space(self.theme.scale, self._rebuild_layout)
         self._rebuild_layout = False
         actions += _window(context, layout.OBJECTS, objects.draw)
+        actions += _window(context, layout.LIBRARY, library.draw)
         actions += _picture_window(context)
         actions += _window(context, layout.CURVE, curve_editor.draw)
         actions += _window(context, layout.MATERIAL, material.draw)

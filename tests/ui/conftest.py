@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import moderngl
 import pytest
@@ -13,6 +14,12 @@ from ui.gl.context import create_headless_context
 from ui.gl.placement import PlacementRenderer
 from ui.headless import HeadlessWindow
 from ui.picture_feed import PictureFeed
+
+
+@pytest.fixture(autouse=True)
+def state_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Layouts and materials of a test: never the user's own."""
+    monkeypatch.setenv("INSITU_STATE", str(tmp_path / "state"))
 
 
 @pytest.fixture(scope="session")

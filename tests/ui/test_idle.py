@@ -45,6 +45,7 @@ def test_another_stage_or_a_message_is_shown_at_once(window: HeadlessWindow, cli
 
 
 def test_a_window_nobody_touches_asks_for_no_frames(window: HeadlessWindow, client: StandInClient) -> None:
+    window.frames(60)  # until the library has been read
     window._time += 60.0  # since the last event of a hand
     result = window.frame()
     assert not result.busy and result.redraw_in is None

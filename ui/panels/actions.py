@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from app.commands import EditCommand
+from app.material_file import Material
 from app.view_state import OpenPanel, SetView
 from ui.panels.state import Grip
 
@@ -93,6 +94,37 @@ class Screenshot:
 
 
 @dataclass(frozen=True)
+class SaveMaterial:
+    """Keep an object's material in the library, under a name."""
+
+    object: str
+    name: str
+
+
+@dataclass(frozen=True)
+class DeleteMaterial:
+    """Delete one of the person's own materials."""
+
+    path: Path
+
+
+@dataclass(frozen=True)
+class Copy:
+    """Put a material, or a part of one, on the clipboard; `what` names it to the person."""
+
+    material: Material
+    what: str
+
+
+@dataclass(frozen=True)
+class Paste:
+    """Take what is on the clipboard: a material replaces the selected object's (`as_layers`: comes on top of it), a
+    layer comes on top, a curve takes the selected one's place."""
+
+    as_layers: bool = False
+
+
+@dataclass(frozen=True)
 class Recover:
     """Take back (True) or throw away (False) what a journal kept when the program last ended early."""
 
@@ -116,6 +148,6 @@ class Quit:
 
 WindowAction = (
     BeginDrag | EndDrag | CancelDrag | Hold | Undo | Redo | Select | SetPanel | OpenFile | AskFile | SaveSession
-    | Screenshot | Recover | ResetLayout | CancelWork | Quit
+    | Screenshot | SaveMaterial | DeleteMaterial | Copy | Paste | Recover | ResetLayout | CancelWork | Quit
 )  # fmt: skip
 Action = EditCommand | SetView | OpenPanel | WindowAction

@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 from imgui_bundle import ImVec2, imgui
 
 from app.document import Document
+from app.library import Entry
+from app.linked_layers import Layers
 from app.status import Status
 from app.view_state import ViewState
 from ui.panels.state import PanelState
@@ -67,6 +69,11 @@ class Picture:
         return (ImVec2(0, 1), ImVec2(1, 0)) if self.flipped else (ImVec2(0, 0), ImVec2(1, 1))
 
 
+def no_thumbnail(layers: Layers) -> Picture | None:
+    """Before there is anything that draws them."""
+    return None
+
+
 def nothing_there(column: int, row: int) -> str | None:
     """What is at a pixel before there is a picture."""
     return None
@@ -78,7 +85,8 @@ class PanelContext:
 
     `undo_label` and `redo_label` name what would be undone or redone. `object_at` tells the object's name at a pixel
     (column, row) of the picture. `heading` is where the camera looks, degrees clockwise from -Z seen from above.
-    `now` is seconds of the window's clock.
+    `library` are its materials, `thumbnail` a material's picture, None while there is none. `now` is seconds of the
+    window's clock.
     """
 
     document: Document
@@ -94,6 +102,8 @@ class PanelContext:
     object_at: Callable[[int, int], str | None] = nothing_there
     heading: float = 0.0
     environments: tuple[str, ...] = ()
+    library: tuple[Entry, ...] = ()
+    thumbnail: Callable[[Layers], Picture | None] = no_thumbnail
     scenes: tuple[str, ...] = ()
     now: float = 0.0
 

@@ -8,10 +8,11 @@ from imgui_bundle import ImVec2, imgui
 
 from app.commands import MuteOperator, RemoveOperator
 from app.document import Selection
+from app.pasting import copied_curve, copied_material
 from app.view_state import SetView, Tool
 from engine.curve.operators import Operator
 from ui import theme as look
-from ui.panels.actions import Action, AskFile, Quit, Redo, SaveSession, Screenshot, Select, Undo
+from ui.panels.actions import Action, AskFile, Copy, Paste, Quit, Redo, SaveSession, Screenshot, Select, Undo
 from ui.panels.context import PanelContext
 
 CTRL, SHIFT = int(imgui.Key.mod_ctrl), int(imgui.Key.mod_shift)
@@ -39,7 +40,12 @@ SHORTCUTS = (
     Shortcut("Edit", "Ctrl Y", "Redo (also Ctrl Shift Z)", "redo", CTRL | int(Key.y)),
     Shortcut("", "", "", "redo", CTRL | SHIFT | int(Key.z)),
     Shortcut("Edit", "Esc", "Cancel the drag; else let go of operator, selection", "deselect", int(Key.escape)),
+    Shortcut("Edit", "Ctrl C", "Copy the object's material", "copy_material", CTRL | int(Key.c)),
+    Shortcut("Edit", "Ctrl Shift C", "Copy the curve", "copy_curve", CTRL | SHIFT | int(Key.c)),
+    Shortcut("Edit", "Ctrl V", "Paste: material, layer or curve", "paste", CTRL | int(Key.v)),
+    Shortcut("Edit", "Ctrl Shift V", "Paste the material's layers on top", "paste_layers", CTRL | SHIFT | int(Key.v)),
     Shortcut("Picture", "Click", "Select the object"),
+    Shortcut("Picture", "Drop", "A material of the library onto an object"),
     Shortcut("Picture", "Shift drag", "Turn the light around the scene"),
     Shortcut("Picture", "C", "Compare: remember this picture as A, show A | B", "compare", int(Key.c)),
     Shortcut("Picture", "F", "Fit the picture, or show it pixel for pixel", "fit", int(Key.f)),
@@ -64,7 +70,7 @@ SHORTCUTS = (
     Shortcut("", "", "", "help", int(Key.f1)),
 )
 # What would change the document under a gesture's hand.
-EDITING = frozenset({"undo", "redo", "mute", "delete", "deselect"})
+EDITING = frozenset({"undo", "redo", "mute", "delete", "deselect", "paste", "paste_layers"})
 
 
 def keyboard(context: PanelContext) -> list[Action]:
@@ -102,13 +108,29 @@ def perform(context: PanelContext, name: str) -> list[Action]:
         "brighter": [SetView.of(exposure=view.exposure + 1.0 / 3.0)],
         "log": [SetView.of(log_y=not view.log_y, curve_zoom=None)],
         "help": [SetView.of(show_shortcuts=not view.show_shortcuts)],
+        "paste": [Paste()],
+        "paste_layers": [Paste(as_layers=True)],
         "deselect": _deselect(context),
     }
     if name in simple:
         return simple[name]
     if name in ("translate", "amplify") or name.startswith("axis_"):
         return [SetView.of(active_tool=_tool(view.active_tool, name), operator=None)]
+    if name in ("copy_material", "copy_curve"):
+        return _copy(context, name)
     return _on_operator(context, name)
+
+
+def _copy(context: PanelContext, name: str) -> list[Action]:
+    """The selected object's material, or the selected curve."""
+    selected, document = context.view.selected, context.document
+    if selected is None:
+        return []
+    if name == "copy_material":
+        return [Copy(copied_material(document, selected.object), f"the material of {selected.object}")]
+    if selected.factor is None:
+        return []
+    return [Copy(copied_curve(document, selected.key, selected.factor), f"the curve {selected.factor}")]
 
 
 def _deselect(context: PanelContext) -> list[Action]:

@@ -73,11 +73,17 @@ def _edit(context: PanelContext) -> list[Action]:
     actions = _entry(context, undo, "undo", context.undo_label is not None)
     actions += _entry(context, redo, "redo", context.redo_label is not None)
     imgui.separator()
+    selected = context.view.selected
+    curve = selected is not None and selected.factor is not None
+    actions += _entry(context, "Copy the material", "copy_material", selected is not None)
+    actions += _entry(context, "Copy the curve", "copy_curve", curve)
+    actions += _entry(context, "Paste", "paste", selected is not None)
+    actions += _entry(context, "Paste as further layers", "paste_layers", selected is not None)
+    imgui.separator()
     operator = context.view.operator is not None
     actions += _entry(context, "Mute the operator", "mute", operator)
     actions += _entry(context, "Delete the operator", "delete", operator)
-    selected = context.view.selected
-    if imgui.menu_item_simple("Reset the curve", None, False, selected is not None and selected.factor is not None):
+    if imgui.menu_item_simple("Reset the curve", None, False, curve):
         assert selected is not None and selected.factor is not None
         actions += [ResetCurve(selected.key, selected.factor), SetView.of(operator=None)]
     return actions

@@ -6,11 +6,15 @@ from imgui_bundle import ImVec2, ImVec4, imgui
 
 from app.commands import SetEditable, SetFrozen, SetVisible
 from app.document import ObjectState, layer_key
+from app.material_commands import AddLayers, RemoveLayer, new_layer
+from app.pasting import copied_layer, copied_material
+from engine.material import MODELS
 from engine.material.layer import Layer
 from ui import theme as look
 from ui.panels import widgets
-from ui.panels.actions import Action, Select
+from ui.panels.actions import Action, Copy, Paste, Select
 from ui.panels.context import PanelContext
+from ui.panels.library import apply, dropped_material
 from ui.theme import Icon
 
 BUTTONS = 3
@@ -43,6 +47,7 @@ def _object(context: PanelContext, state: ObjectState) -> list[Action]:
         imgui.dummy(ImVec2(context.px(18), imgui.get_frame_height()))
     imgui.same_line()
     actions += _name(context, state.name, state.name, _object_icon(state), corner, width, not state.visible)
+    actions += _drop(context, state) + _object_menu(context, state)
     actions += _object_buttons(context, state, inside)
     if is_open and len(state.layers) > 1:
         for index, layer in enumerate(state.layers):
@@ -136,6 +141,7 @@ def _layer(context: PanelContext, state: ObjectState, index: int, layer: Layer) 
     edited = Icon.CHANGED if layer.edits else ""
     faint = not (layer.visible and state.visible)
     actions += _name(context, path, layer.name or layer.model.label, "", corner, width, faint)
+    actions += _drop(context, state) + _layer_menu(context, state, path, layer)
     if edited:
         _edited_mark(context, corner, width)
     if _toggle(context, f"visible.{path}", Icon.VISIBLE, Icon.HIDDEN, layer.visible, inside,
@@ -146,6 +152,55 @@ def _layer(context: PanelContext, state: ObjectState, index: int, layer: Layer) 
                "Indirect light then keeps nothing ready for it."):  # fmt: skip
         actions.append(SetFrozen(path, not layer.frozen))
     imgui.pop_id()
+    return actions
+
+
+def _drop(context: PanelContext, state: ObjectState) -> list[Action]:
+    """A material of the library that is let go on the row drawn last."""
+    if not imgui.begin_drag_drop_target():
+        return []
+    entry = dropped_material(context)
+    imgui.end_drag_drop_target()
+    return [] if entry is None else [apply(entry, state.name), Select(state.name)]
+
+
+def _object_menu(context: PanelContext, state: ObjectState) -> list[Action]:
+    """The right button on an object."""
+    actions: list[Action] = []
+    if state.layers and imgui.begin_popup_context_item("menu"):
+        if imgui.menu_item_simple("Copy the material"):
+            actions.append(Copy(copied_material(context.document, state.name), f"the material of {state.name}"))
+        if imgui.menu_item_simple("Paste"):
+            actions += [Select(state.name), Paste()]
+        if imgui.menu_item_simple("Paste as further layers"):
+            actions += [Select(state.name), Paste(as_layers=True)]
+        if imgui.begin_menu("Add a layer"):
+            actions += _new_layers(state)
+            imgui.end_menu()
+        imgui.end_popup()
+    return actions
+
+
+def _new_layers(state: ObjectState) -> list[Action]:
+    for model in MODELS.values():
+        pressed = imgui.menu_item_simple(model.label)
+        widgets.tooltip(model.tooltip)
+        if pressed:
+            return [AddLayers(state.name, (new_layer(model.name),)), Select(state.name)]
+    return []
+
+
+def _layer_menu(context: PanelContext, state: ObjectState, path: str, layer: Layer) -> list[Action]:
+    """The right button on a layer."""
+    actions: list[Action] = []
+    if imgui.begin_popup_context_item("menu"):
+        if imgui.menu_item_simple("Copy the layer"):
+            actions.append(Copy(copied_layer(context.document, path), f"the layer {layer.name}"))
+        if imgui.menu_item_simple("Paste"):
+            actions += [Select(path), Paste()]
+        if imgui.menu_item_simple("Delete the layer", None, False, len(state.layers) > 1):
+            actions.append(RemoveLayer(path))
+        imgui.end_popup()
     return actions
 
 

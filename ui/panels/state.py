@@ -66,6 +66,14 @@ class FileQuestion:
 
 
 @dataclass(frozen=True)
+class LibraryState:
+    """What is searched for in the library, and the name under which a material is about to be kept."""
+
+    search: str = ""
+    name: str = ""
+
+
+@dataclass(frozen=True)
 class PanelState:
     """The window's own state. `journal` says what recovery would bring back, None when there is nothing.
 
@@ -77,3 +85,4 @@ class PanelState:
     notice: Notice | None = None
     question: FileQuestion | None = None
     journal: str | None = None
+    library: LibraryState = LibraryState()

@@ -12,6 +12,7 @@ from ui import theme as look
 from ui.panels import widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag, Hold, Recover, Select
 from ui.panels.context import PanelContext, Picture
+from ui.panels.library import apply, dropped_material
 from ui.panels.state import Grip
 from ui.theme import Icon
 
@@ -96,6 +97,21 @@ def _interact(context: PanelContext, picture: Picture, placed: Placed) -> list[A
         actions += _drag(context, placed, grip, mouse)
     if imgui.is_item_deactivated() and grip is not None:
         actions += [EndDrag(), Hold(None)]
+    return actions + _drop(context, picture, placed)
+
+
+def _drop(context: PanelContext, picture: Picture, placed: Placed) -> list[Action]:
+    """A material of the library over the picture: the object that would take it is outlined, and takes it."""
+    if not imgui.begin_drag_drop_target():
+        return []
+    mouse = imgui.get_mouse_pos()
+    pixel = placed.pixel(mouse.x, mouse.y, picture)
+    name = context.object_at(*pixel) if pixel else None
+    actions: list[Action] = [SetView.of(hovered=name)] if name != context.view.hovered else []
+    entry = dropped_material(context) if name else None
+    if entry is not None and name:
+        actions += [apply(entry, name), Select(name), SetView.of(hovered=None)]
+    imgui.end_drag_drop_target()
     return actions
 
 

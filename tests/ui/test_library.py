@@ -1,0 +1,91 @@
+"""The library and the clipboard by hand: a material dragged onto an object, kept, copied, pasted."""
+
+from __future__ import annotations
+
+import pytest
+from imgui_bundle import imgui
+
+from app.library import Library
+from ui.headless import HeadlessWindow
+
+
+@pytest.fixture
+def shelf(window: HeadlessWindow) -> HeadlessWindow:
+    """A window whose library has been read."""
+    window.frames(60)
+    assert window.shell.actor.library.entries
+    return window
+
+
+def find(window: HeadlessWindow, words: str) -> None:
+    """Type into the search field."""
+    window.click_handle("library.search")
+    window.type(words)
+    window.frames(2)
+
+
+def object_pixel(window: HeadlessWindow, name: str) -> tuple[float, float]:
+    """A place on screen where the picture shows the object."""
+    x, y = window.shell.handle_position("viewport.corner")
+    source = window.shell.source
+    assert source is not None and source.picture is not None
+    centre_x, centre_y = window.shell.handle_position("viewport.centre")
+    scale = 2.0 * (centre_x - x) / source.picture.width
+    places = ((c, r) for r in range(source.picture.height) for c in range(source.picture.width))
+    column, row = next(place for place in places if source.object_at(*place) == name)
+    return x + (column + 0.5) * scale, y + (row + 0.5) * scale
+
+
+def test_a_material_dragged_onto_an_object_becomes_its_own(shelf: HeadlessWindow) -> None:
+    editor = shelf.shell.editor
+    find(shelf, "metals gold")
+    shown = [name for name in shelf.shell.handles.names() if name.startswith("library.")]
+    assert "library.Gold" in shown and "library.Silver" not in shown and "library.category.Cloth" not in shown
+    before = editor.document
+    x, y = shelf.shell.handle_position("viewport.centre")
+    shelf.drag(shelf.shell.handle_position("library.Gold"), (x, 4.0))  # past all objects
+    assert editor.document is before
+    shelf.drag(shelf.shell.handle_position("library.Gold"), object_pixel(shelf, "tray"))
+    assert [layer.name for layer in editor.document.object("tray").layers] == ["metal"]
+    assert editor.view.selected is not None and editor.view.selected.object == "tray"
+    assert editor.undo() == "Gold on tray" and editor.document == before
+
+
+def test_the_selected_material_is_kept_under_a_name(shelf: HeadlessWindow) -> None:
+    editor = shelf.shell.editor
+    shelf.click_handle("button.library.keep")
+    shelf.frames(3)
+    shelf.type("My pot")
+    shelf.key(imgui.Key.enter)
+    shelf.frames(2)
+    assert Library().entry("My pot").material.layers == editor.document.object("teapot").layers
+
+
+def test_materials_and_curves_are_copied_and_pasted_with_keys(shelf: HeadlessWindow) -> None:
+    editor, ctrl, shift = shelf.shell.editor, imgui.Key.mod_ctrl, imgui.Key.mod_shift
+    tray = editor.document.object("tray").layers
+    shelf.key(imgui.Key.c, ctrl, shift)
+    editor.select("tray.0")
+    assert editor.view.selected is not None and editor.view.selected.factor is not None
+    shelf.frames(1)
+    shelf.key(imgui.Key.v, ctrl)
+    found = editor.document.layer("tray.0").coefficients(editor.view.selected.factor, 16)
+    assert found == pytest.approx(editor.document.layer("teapot.1").coefficients("theta_h", 16), rel=1e-3, abs=1e-3)
+    editor.undo()
+
+    editor.select("teapot")
+    shelf.frames(1)
+    shelf.key(imgui.Key.c, ctrl)
+    editor.select("tray")
+    shelf.frames(1)
+    shelf.key(imgui.Key.v, ctrl, shift)
+    copied = editor.document.object("teapot").layers
+    assert editor.document.object("tray").layers[len(tray) :] == copied
+    shelf.key(imgui.Key.v, ctrl)
+    assert editor.document.object("tray").layers == copied
+
+    before = editor.document
+    imgui.set_clipboard_text("a shopping list")
+    shelf.key(imgui.Key.v, ctrl)
+    assert editor.document is before
+    assert "a material that was copied" in editor.status.message
