@@ -90,6 +90,8 @@ class EditedCurves:
             if asked is not None and (asked.factor, asked.precision) == (came.factor, came.precision):
                 self.withdraw(came.key)
             return False
+        # The renderer keeps no transport but theirs: of any other layer it is asked for again when it is selected.
+        self._asked = {key: wish for key, wish in self._asked.items() if key in edited}
         self._shown = {key: shown for key, shown in self._shown.items() if key in edited} | {came.key: came}
         return True
 

@@ -22,6 +22,7 @@ from app.commands import (
 from app.document import LightState
 from app.editor import Editor, RenderReport
 from app.jobs.messages import ComputeTransport, Contract
+from app.material_commands import AddLayers, RemoveLayer, SetMaterial, new_layer
 from app.picture import LayerRadiance, TransportReady
 from app.view_state import SetView
 from app.wishes import TransportWish, same_coefficients
@@ -43,6 +44,9 @@ ACTIONS: dict[str, Any] = {
     "edit the term": lambda editor: editor.do(AddOperator("pot.2", "theta_h", LIFT)),
     "select the term": lambda editor: editor.select("pot.2.theta_h"),
     "hide the term": lambda editor: editor.do(SetVisible("pot.2", False)),
+    "another material": lambda editor: editor.do(SetMaterial("pot", (new_layer("ward"),))),
+    "a layer more": lambda editor: editor.do(AddLayers("pot", (new_layer("schlick"),))),
+    "a layer less": lambda editor: editor.do(RemoveLayer("pot.0")),
     "turn": lambda editor: editor.do(SetRotation(editor.document.light.rotation + 10.0)),
     "sky": lambda editor: editor.do(SetEnvironment("studio")),
     "dim": lambda editor: editor.do(SetIntensity(0.5)),
@@ -88,6 +92,25 @@ class Renderer:
         self.editor.report_rendering(RenderReport(exact=True))
 
 
+def settle(editor: Editor, renderer: Renderer, now: float) -> float:
+    """Frames until the picture is exact; what the clock says then."""
+    for _ in range(400):
+        now += 0.3
+        renderer.frame(now)
+        if editor.status.picture == "exact":
+            break
+    assert editor.status.picture == "exact"
+    return now
+
+
+def test_a_curve_selected_again_is_there_again() -> None:
+    editor = Editor(ServingClient(0), "shelf")
+    renderer, now = Renderer(editor), 0.0
+    for path in ("pot.1.theta_h", "floor.0", "pot.1.theta_h", "floor.0", "pot.1.theta_d", "pot.1.theta_h"):
+        editor.select(path)
+        now = settle(editor, renderer, now)
+
+
 @settings(max_examples=120, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.lists(st.sampled_from(sorted(ACTIONS)), max_size=25), st.floats(0.001, 0.3))
 def test_the_picture_comes_right(seed: int, actions: list[str], step: float) -> None:
@@ -100,12 +123,7 @@ def test_the_picture_comes_right(seed: int, actions: list[str], step: float) -> 
         now += step
         renderer.frame(now)
     editor.end_drag()
-    for _ in range(400):
-        now += 0.3
-        renderer.frame(now)
-        if editor.status.picture == "exact":
-            break
-    assert editor.status.picture == "exact"
+    settle(editor, renderer, now)
     for key, _ in editor.document.layers():
         assert same_coefficients(renderer.shown[key], editor.wanted_coefficients(key)), key
     selected = editor.view.selected
