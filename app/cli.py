@@ -235,6 +235,46 @@ def measure(
     return 0
 
 
+@cli.command("import-brdf")
+def import_brdf(
+    file: Annotated[Path, typer.Argument(help="A measured BRDF: MERL FILE.binary.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="OUT.toml, a material; scenes take its layers.")],
+    smooth: Annotated[float, typer.Option("--smooth", min=0.0, max=1.0, help="Takes noise out of the curves.")] = 0.0,
+) -> int:
+    """Turn measured data into an editable material, and say how well its factors alone fit."""
+    from app.brdf_files import import_file, import_lines
+
+    started = time.monotonic()
+    with _progress() as report:
+        measurement = import_file(file, output, smooth, report)
+    for line in import_lines(measurement):
+        print(line)
+    print(f"{output}: {file.name}, {time.monotonic() - started:.1f} s")
+    return 0
+
+
+@cli.command("export-brdf")
+def export_brdf(
+    scene: Annotated[str, typer.Argument(help="A scene file, a session, or a built-in scene's name.")],
+    object_: Annotated[str, typer.Argument(metavar="OBJECT", help="Whose material is written.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="OUT.binary, in the MERL format.")],
+    set_: Values = None,
+) -> int:
+    """Write an object's material, all its layers and edits, as a table of 90 x 90 x 180 angles."""
+    from app.brdf_files import check_merl_name, export_layers
+    from engine.measured.tabulate import left_out
+
+    check_merl_name(output)
+    started = time.monotonic()
+    layers = open_project(scene, (1, 1), _assignments(set_)).document.object(object_).layers
+    with _progress() as report:
+        export_layers(layers, output, report)
+    for note in left_out(layers):
+        print(f"note: {note}")
+    print(f"{output}: {object_}, {len(layers)} layers, {time.monotonic() - started:.1f} s")
+    return 0
+
+
 @cli.command()
 def doctor(context: typer.Context) -> int:
     """Say what works here and how to mend the rest."""

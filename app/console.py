@@ -17,7 +17,8 @@ from engine.errors import InsituError
 FAILED, USAGE, INTERRUPTED = 1, 2, 130
 ERROR_FILE = "last-error.txt"
 
-COMMANDS = ("edit", "render", "precompute", "screenshot", "plan", "measure", "doctor")
+COMMANDS = ("edit", "render", "precompute", "screenshot", "plan", "measure", "doctor", "import-brdf",
+            "export-brdf")
 """Words that are commands when they come first; a file of such a name is opened as ./render."""
 
 

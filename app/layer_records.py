@@ -117,9 +117,9 @@ def with_curves(file: str, key: str, layer: Layer, curves: Sequence[CurveRecord]
     return layer
 
 
-def description_of(layer: Layer) -> dict[str, Any]:
-    """A layer without its edits as a scene file has it: an inline table's keys and values."""
-    return _named(layer) | _written(layer, None) | _maps(layer)
+def description_of(layer: Layer, folder: Path | None = None) -> dict[str, Any]:
+    """A layer without its edits as a scene file in that folder has it: an inline table's keys and values."""
+    return _named(layer) | _written(layer, folder) | _maps(layer)
 
 
 def layer_lines(layers: Layers, table: str, folder: Path | None = None) -> Iterator[str]:

@@ -95,15 +95,15 @@ def save_material(path: Path, material: Material) -> None:
         raise InsituError(f"{path}: not saved, {error.strerror or error}; what was there is untouched") from error
 
 
-def dump_material(material: Material) -> str:
-    """The TOML text that reads back as an equal material."""
+def dump_material(material: Material, folder: Path | None = None) -> str:
+    """The TOML text that reads back as an equal material; measured files inside ``folder`` are named from there."""
     head = {"version": MATERIAL_VERSION, "name": material.name, "category": material.category}
     hidden = [index for index, layer in enumerate(material.layers) if not layer.visible]
     lines = [
         "# An Insitu material. Angles of operators in radians.",
         *toml_lines(head | {"part": material.part or None, "hidden": hidden or None}),
         "layer = [",
-        *(f"  {toml_value(description_of(layer))}," for layer in material.layers),
+        *(f"  {toml_value(description_of(layer, folder))}," for layer in material.layers),
         "]",
         *_curve_lines(material.layers),
     ]

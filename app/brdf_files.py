@@ -1,0 +1,80 @@
+"""What `insitu import-brdf` and `insitu export-brdf` do: measured files to materials, materials to MERL files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.atomic import write_atomically
+from app.jobs.cache import Store
+from app.material_file import Material, dump_material
+from app.measurements import with_read
+from app.reading import measured_layers
+from engine.errors import InsituError
+from engine.material.layer import Layer
+from engine.measured.measurement import Measurement
+from engine.measured.merl import SUFFIX, merl_bytes
+from engine.measured.tables import read_measurement
+from engine.measured.tabulate import tabulate_layers
+
+Report = Callable[[float, str], None]
+
+
+def import_file(file: Path, output: Path, smoothing: float, report: Report) -> Measurement:
+    """Read and fit a measured file, and write the material that it becomes. Raises InsituError."""
+    if output.suffix != ".toml":
+        raise InsituError(f"{output}: the name of a material ends in .toml")
+    steps = read_measurement(file.resolve(), Store())
+    while True:
+        try:
+            report(*next(steps))
+        except StopIteration as end:
+            measurement: Measurement = end.value
+            break
+    layers = with_read(measured_layers(file), {str(file.resolve()): measurement})
+    smooth = tuple(layer.with_parameter("smoothing", smoothing) for layer in layers)
+    text = dump_material(Material(file.stem[:64], smooth, "Measured"), output.resolve().parent)
+    _write(output, text.encode())
+    return measurement
+
+
+def import_lines(measurement: Measurement) -> list[str]:
+    """What a person is told of an import."""
+    report = measurement.report
+    assert report is not None
+    rgb = [" ".join(f"{value:.4g}" for value in each) for each in (measurement.diffuse, measurement.specular)]
+    return [
+        f"method        {report.method}",
+        f"filled        {report.n_missing:,} samples missing above the horizon, {report.n_below:,} below it",
+        f"factors       diffuse {rgb[0]}, highlight {rgb[1]} (1/sr, red green blue)",
+        f"fit error     {report.error:.3f} log RMS of the factors alone; the layers keep what is left, and have none",
+    ]
+
+
+def export_layers(layers: Sequence[Layer], output: Path, report: Report) -> None:
+    """Write what layers reflect as a MERL file. Raises InsituError."""
+    check_merl_name(output)
+    table: NDArray[np.float32] | None = None
+    for step in tabulate_layers(layers):
+        if isinstance(step, float):
+            report(step, "evaluating the layers")
+        else:
+            table = step
+    assert table is not None
+    _write(output, merl_bytes(table))
+
+
+def check_merl_name(path: Path) -> None:
+    """Raises InsituError for a name that no reader of such files would take."""
+    if path.suffix.lower() != SUFFIX:
+        raise InsituError(f"{path}: the name of a MERL file ends in {SUFFIX}")
+
+
+def _write(path: Path, data: bytes) -> None:
+    try:
+        write_atomically(path, data)
+    except OSError as error:
+        raise InsituError(f"{path}: not written, {error.strerror or error}; what was there is untouched") from error

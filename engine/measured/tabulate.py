@@ -1,0 +1,64 @@
+"""Any layers as a table of measurements: what a MERL file of a material is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.material import kinds
+from engine.material.layer import Layer
+from engine.measured.coordinates import SHAPE, grid_directions
+from engine.measured.merl import LARGEST, MISSING, SCALE
+from engine.render.integrator import evaluate_layers
+
+Floats = NDArray[np.float64]
+
+# Cosines below which light and eye count as below the horizon.
+HORIZON = 1e-6
+N_TURNS = 16
+
+
+def tabulate_layers(layers: Sequence[Layer]) -> Iterator[float | NDArray[np.float32]]:
+    """The sum of the visible layers, edits and all, (90, 90, 180, 3) in 1/sr, -1 below the horizon; yields the share
+    done, then the table.
+
+    Such a table knows no azimuth of the half vector: what does is averaged over all.
+    """
+    shown = [layer for layer in layers if layer.visible]
+    turns = 2.0 * np.pi * np.arange(N_TURNS) / N_TURNS if any(map(is_anisotropic, shown)) else np.zeros(1)
+    wi, wo = grid_directions()
+    table = np.full((*SHAPE, 3), MISSING, np.float32)
+    for i in range(SHAPE[0]):
+        above = (wi[i, ..., 2] > HORIZON) & (wo[i, ..., 2] > HORIZON)
+        pair = wi[i][above], wo[i][above]
+        cosine = pair[0][:, 2:]
+        total = np.zeros((len(cosine), 3))
+        for turn in turns:
+            total += evaluate_layers(shown, *(_turned(directions, turn) for directions in pair)) / cosine
+        table[i][above] = np.minimum(total / len(turns), LARGEST * SCALE)
+        yield (i + 1) / SHAPE[0]
+    yield table
+
+
+def left_out(layers: Sequence[Layer]) -> tuple[str, ...]:
+    """What of the layers such a table cannot hold, in words."""
+    shown = [layer for layer in layers if layer.visible]
+    turned = [layer.name for layer in shown if is_anisotropic(layer)]
+    images = [layer.name for layer in shown if not layer.maps.is_plain]
+    notes = [f"{', '.join(turned)}: averaged around the normal, which the format does not tell apart"] if turned else []
+    return (*notes, *([f"{', '.join(images)}: without its images"] if images else []))
+
+
+def is_anisotropic(layer: Layer) -> bool:
+    """Whether it changes when the surface turns about its normal."""
+    return any(factor.gamma in kinds.HALF_AZIMUTHS for factor in layer.model.factors)
+
+
+def _turned(directions: Floats, angle: float) -> Floats:
+    if angle == 0.0:
+        return directions
+    x, y = np.cos(angle), np.sin(angle)
+    about = np.array([[x, -y, 0.0], [y, x, 0.0], [0.0, 0.0, 1.0]])
+    return np.ascontiguousarray(directions @ about.T)
