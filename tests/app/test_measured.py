@@ -73,6 +73,7 @@ def compute(document: Document) -> ComputeTransport:
 
 
 def test_a_worker_reads_what_a_scene_names(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tables, "_tables", {})
     store = Store(tmp_path / "cache")
     tasks = Tasks(store)
     *_, opened = run_in_process(tasks, OpenScene(str(scene)))
