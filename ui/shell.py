@@ -23,10 +23,12 @@ from imgui_bundle import ImVec2, imgui
 
 from app.editor import Editor
 from app.journal import Recovery
+from app.library import Entry
 from app.status import Status
 from ui import layout, theme
 from ui.actor import Actor
 from ui.gl.interface import InterfaceRenderer
+from ui.gl.thumbnails import Thumbnails
 from ui.panels import (
     curve_editor,
     dialogs,
@@ -128,6 +130,7 @@ class Shell:
         self._told_at = -math.inf
         self.inputs = 0
         self._library_unread = True
+        self._thumbnails = Thumbnails(context)
         self.environments: tuple[str, ...] = ()
         self.scenes: tuple[str, ...] = ()
 
@@ -198,6 +201,7 @@ class Shell:
         target.use()
         target.clear(*theme.BACKDROP)
         self._interface.render(target)
+        self._thumbnails_go_on()
         self._remember_layout()
         return self._result(working or bool(actions), outcome.screenshot, outcome.quit)
 
@@ -223,6 +227,7 @@ class Shell:
         imgui.set_current_context(self._imgui)
         layout.save(self._layout_file, self.theme.scale)
         self._interface.release()
+        self._thumbnails.release()
         imgui.destroy_context(self._imgui)
 
     @property
@@ -255,7 +260,24 @@ class Shell:
         held = self.state.grip is not None  # a key held down repeats without an event of its own
         redraw_in = HELD_SECONDS if held else 0.1 if since < SETTLE_SECONDS else None
         settling = since < 0.05 or self._n_frames < FIRST_FRAMES
-        return FrameResult(busy or settling or self._library_unread, redraw_in, screenshot, quit)
+        follows = self._library_unread or self._thumbnails_follow
+        return FrameResult(busy or settling or follows, redraw_in, screenshot, quit)
+
+    def _thumbnail(self, entry: Entry) -> Picture | None:
+        return self._picture(self._thumbnails.texture(entry))
+
+    @property
+    def _at_leisure(self) -> bool:
+        """Whether nobody waits for a frame: neither a hand nor the picture."""
+        return not self._hand_is_busy and self.editor.status.picture == "exact"
+
+    @property
+    def _thumbnails_follow(self) -> bool:
+        """Whether there is one to be made now."""
+        return self._thumbnails.is_waiting and self._at_leisure
+
+    def _thumbnails_go_on(self) -> None:
+        self._thumbnails.step(may_draw=self._at_leisure)
 
     def _read_library(self) -> None:
         """A material a frame, once the window has its first ones behind it."""
@@ -283,6 +305,7 @@ class Shell:
             environments=self.environments,
             scenes=self.scenes,
             library=self.actor.library.entries,
+            thumbnail=self._thumbnail,
             now=now,
         )
         if source is None:

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import moderngl
+import numpy as np
 import pytest
 from imgui_bundle import imgui
+from PIL import Image
 
 from app.library import Library
+from ui.gl.lit_sphere import sphere_picture
+from ui.gl.textures import read_texture
+from ui.gl.thumbnails import SIDE, Thumbnails, entry_picture
 from ui.headless import HeadlessWindow
 
 
@@ -89,3 +95,29 @@ def test_materials_and_curves_are_copied_and_pasted_with_keys(shelf: HeadlessWin
     shelf.key(imgui.Key.v, ctrl)
     assert editor.document is before
     assert "a material that was copied" in editor.status.message
+
+
+def test_pictures_of_materials_are_what_would_be_drawn_now(context: moderngl.Context) -> None:
+    library = Library()
+    for name in ("Gold", "Velvet, red", "Plastic, red"):
+        entry = library.entry(name)
+        file = entry_picture(entry)
+        assert file is not None, f"{entry.path} has no picture: python -m ui.gl.thumbnails makes it"
+        there = np.asarray(Image.open(file).convert("RGBA")).astype(float)
+        drawn = sphere_picture(context, entry.material.layers, SIDE)
+        assert np.abs(there - drawn).mean() < 3.0, f"{file} is outdated: python -m ui.gl.thumbnails makes it anew"
+    assert all(entry_picture(entry) for entry in library.entries)
+
+
+def test_own_materials_are_drawn_when_there_is_time(context: moderngl.Context) -> None:
+    library, thumbnails = Library(), Thumbnails(context)
+    entry = library.save("Mine", library.entry("Gold").material.layers)
+    assert thumbnails.texture(entry) is None and thumbnails.is_waiting
+    assert not thumbnails.step(may_draw=False)
+    while thumbnails.is_waiting:
+        thumbnails.step(may_draw=True)
+    drawn, builtin = thumbnails.texture(entry), Image.open(library.entry("Gold").path.with_suffix(".png"))
+    assert drawn is not None
+    there = read_texture(drawn, np.uint8).astype(float)
+    assert np.abs(there - np.asarray(builtin.convert("RGBA"))).mean() < 3.0
+    thumbnails.release()

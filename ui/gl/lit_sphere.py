@@ -1,6 +1,6 @@
 """A sphere of a material under a fixed set of lights, small: what a person knows a material by.
 
-Drawn in steps that add to one another, each with directions of its own: after the first it is there, after `N_STEPS`
+Drawn in steps that add to one another, each with directions of its own: after the first it is there, after `n_steps`
 it is smooth.
 """
 
@@ -26,13 +26,13 @@ TURNS = np.array([0.7548776662466927, 0.5698402909980532])
 class LitSphere:
     """One sphere of `side` texels; `texture` is RGBA8, sRGB with straight alpha, row 0 at the top."""
 
-    def __init__(self, passes: Passes, memory: TextureMemory, side: int) -> None:
+    def __init__(self, passes: Passes, memory: TextureMemory, side: int, n_steps: int = N_STEPS) -> None:
         self._passes, self._memory, self.side = passes, memory, side
         self._sum = memory.texture((side, side), 4, "f4")
         self._sum_target = memory.framebuffer([self._sum])
         self.texture = memory.texture((side, side), 4, "f1")
         self._target = memory.framebuffer([self.texture])
-        self.steps = 0
+        self.n_steps, self.steps = n_steps, 0
 
     def restart(self) -> None:
         """The material is another: the next step begins anew."""
@@ -41,12 +41,12 @@ class LitSphere:
     def step(self, stack: BrdfStack, tone_mapping: ToneMapping = "filmic") -> bool:
         """Draw one step more, and the picture so far; whether there are more. Raises GraphicsError, Untranslatable."""
         box = (0, 0, self.side, self.side)
-        if self.steps < N_STEPS:
+        if self.steps < self.n_steps:
             turn = tuple(float(value) for value in (0.5 + self.steps * TURNS) % 1.0)
             stack.draw("sphere.frag.glsl", self._sum_target, box, add=self.steps > 0, side=float(self.side), turn=turn)
             self.steps += 1
         self.show(tone_mapping)
-        return self.steps < N_STEPS
+        return self.steps < self.n_steps
 
     def show(self, tone_mapping: ToneMapping) -> None:
         """Tone map what there is."""
@@ -71,7 +71,7 @@ def sphere_picture(
     keep a `LitSphere` and a `BrdfStack`, and make a step of one a frame. Raises GraphicsError, Untranslatable.
     """
     passes, memory = Passes(context), TextureMemory(context)
-    stack, sphere = BrdfStack(passes, memory), LitSphere(passes, memory, side)
+    stack, sphere = BrdfStack(passes, memory), LitSphere(passes, memory, side, steps)
     try:
         stack.set_layers(tuple(layer for layer in layers if layer.visible))
         for _ in range(steps):

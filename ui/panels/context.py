@@ -13,7 +13,6 @@ from imgui_bundle import ImVec2, imgui
 
 from app.document import Document
 from app.library import Entry
-from app.linked_layers import Layers
 from app.status import Status
 from app.view_state import ViewState
 from ui.panels.state import PanelState
@@ -69,7 +68,7 @@ class Picture:
         return (ImVec2(0, 1), ImVec2(1, 0)) if self.flipped else (ImVec2(0, 0), ImVec2(1, 1))
 
 
-def no_thumbnail(layers: Layers) -> Picture | None:
+def no_thumbnail(entry: Entry) -> Picture | None:
     """Before there is anything that draws them."""
     return None
 
@@ -103,7 +102,7 @@ class PanelContext:
     heading: float = 0.0
     environments: tuple[str, ...] = ()
     library: tuple[Entry, ...] = ()
-    thumbnail: Callable[[Layers], Picture | None] = no_thumbnail
+    thumbnail: Callable[[Entry], Picture | None] = no_thumbnail
     scenes: tuple[str, ...] = ()
     now: float = 0.0
 

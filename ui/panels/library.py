@@ -169,7 +169,7 @@ def _thumbnail(context: PanelContext, entry: Entry, corner: ImVec2, side: float,
     draw_list, rounding = imgui.get_window_draw_list(), context.px(5)
     end = ImVec2(corner.x + side, corner.y + side)
     draw_list.add_rect_filled(corner, end, look.pack(look.WELL), rounding)
-    picture = None if entry.problem else context.thumbnail(entry.material.layers)
+    picture = None if entry.problem else context.thumbnail(entry)
     if picture is not None:
         upper, lower = picture.corners()
         draw_list.add_image_rounded(picture.reference, corner, end, upper, lower, look.pack(look.grey(255)), rounding)

@@ -1,0 +1,116 @@
+"""Pictures of the library's materials. Those that come with the program are files beside them, since drawing one the
+first time compiles a shader, for some 100 ms without a graphics card; of a person's own, spheres are drawn, a step a
+frame, while the window has nothing else to do.
+
+`python -m ui.gl.thumbnails` writes those files anew.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import moderngl
+import numpy as np
+from PIL import Image
+
+from app.library import Entry, Library
+from ui.gl.brdf_stack import BrdfStack
+from ui.gl.context import GraphicsError, create_headless_context
+from ui.gl.lit_sphere import LitSphere, sphere_picture
+from ui.gl.passes import Passes
+from ui.gl.python_to_glsl import Untranslatable
+from ui.gl.textures import TextureMemory, read_texture
+
+SIDE = 96
+MANY_STEPS = 64
+
+
+class Thumbnails:
+    """The pictures that panels asked for, by the file of the material; nothing is made that nobody looks at."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._passes, self._memory = Passes(context), TextureMemory(context)
+        self._stack = BrdfStack(self._passes, self._memory)
+        self._sphere: LitSphere | None = None
+        self._done: dict[Path, tuple[Entry, moderngl.Texture | None]] = {}
+        self._wanted: dict[Path, Entry] = {}
+
+    def texture(self, entry: Entry) -> moderngl.Texture | None:
+        """The picture, RGBA8 with row 0 at the top; None while there is none, or where it cannot be drawn."""
+        known, texture = self._done.get(entry.path, (None, None))
+        if known is None or known.material is not entry.material:
+            self._wanted[entry.path] = entry
+        return texture
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether a picture is wanted that is not there."""
+        return bool(self._wanted)
+
+    def step(self, may_draw: bool) -> bool:
+        """Go on with the picture that was wanted first: read it, or where that `may` be draw a part of it.
+
+        Whether a picture has come.
+        """
+        ready = (e for e in self._wanted.values() if may_draw or entry_picture(e) is not None)
+        entry = next(ready, None)
+        if entry is None:
+            return False
+        file = entry_picture(entry)
+        try:
+            texture = self._drawn(entry) if file is None else self._read(file)
+        except (GraphicsError, Untranslatable, OSError):
+            texture = None
+        else:
+            if texture is None:
+                return False
+        del self._wanted[entry.path]
+        self._memory.release(self._done.get(entry.path, (entry, None))[1])
+        self._done[entry.path] = entry, texture
+        return True
+
+    def release(self) -> None:
+        """Free all textures."""
+        for _, texture in self._done.values():
+            self._memory.release(texture)
+        if self._sphere is not None:
+            self._sphere.release()
+        self._stack.release()
+        self._passes.release()
+        self._done, self._wanted = {}, {}
+
+    def _read(self, file: Path) -> moderngl.Texture:
+        pixels = np.asarray(Image.open(file).convert("RGBA"))
+        return self._memory.texture((pixels.shape[1], pixels.shape[0]), 4, "f1", pixels)
+
+    def _drawn(self, entry: Entry) -> moderngl.Texture | None:
+        """One step; the picture when that was the last one."""
+        if self._sphere is None:
+            self._sphere = LitSphere(self._passes, self._memory, SIDE)
+        if self._stack.set_layers(tuple(layer for layer in entry.material.layers if layer.visible)):
+            self._sphere.restart()
+        if self._sphere.step(self._stack):
+            return None
+        pixels = read_texture(self._sphere.texture, np.uint8)
+        self._sphere.restart()
+        return self._memory.texture((SIDE, SIDE), 4, "f1", pixels)
+
+
+def entry_picture(entry: Entry) -> Path | None:
+    """The file with the picture of a material that comes with the program."""
+    file = entry.path.with_suffix(".png")
+    return None if entry.is_own or not file.is_file() else file
+
+
+def main() -> None:
+    library = Library()
+    library.read_all()
+    context = create_headless_context()
+    for entry in library.entries:
+        if not entry.is_own:
+            pixels = sphere_picture(context, entry.material.layers, SIDE, MANY_STEPS)
+            Image.fromarray(pixels).save(entry.path.with_suffix(".png"), optimize=True)
+
+
+if __name__ == "__main__":
+    main()
