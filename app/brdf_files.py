@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-
-import numpy as np
-from numpy.typing import NDArray
 
 from app.atomic import write_atomically
 from app.jobs.cache import Store
@@ -54,17 +51,14 @@ def import_lines(measurement: Measurement) -> list[str]:
     ]
 
 
-def export_layers(layers: Sequence[Layer], output: Path, report: Report) -> None:
-    """Write what layers reflect as a MERL file. Raises InsituError."""
+def export_steps(layers: Sequence[Layer], output: Path) -> Iterator[float]:
+    """Write what layers reflect as a MERL file; yields the share done. Raises InsituError."""
     check_merl_name(output)
-    table: NDArray[np.float32] | None = None
     for step in tabulate_layers(layers):
         if isinstance(step, float):
-            report(step, "evaluating the layers")
+            yield step
         else:
-            table = step
-    assert table is not None
-    _write(output, merl_bytes(table))
+            _write(output, merl_bytes(step))
 
 
 def check_merl_name(path: Path) -> None:

@@ -261,14 +261,15 @@ def export_brdf(
     set_: Values = None,
 ) -> int:
     """Write an object's material, all its layers and edits, as a table of 90 x 90 x 180 angles."""
-    from app.brdf_files import check_merl_name, export_layers
+    from app.brdf_files import check_merl_name, export_steps
     from engine.measured.tabulate import left_out
 
     check_merl_name(output)
     started = time.monotonic()
     layers = open_project(scene, (1, 1), _assignments(set_)).document.object(object_).layers
     with _progress() as report:
-        export_layers(layers, output, report)
+        for fraction in export_steps(layers, output):
+            report(fraction, "evaluating the layers")
     for note in left_out(layers):
         print(f"note: {note}")
     print(f"{output}: {object_}, {len(layers)} layers, {time.monotonic() - started:.1f} s")

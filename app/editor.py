@@ -31,6 +31,7 @@ from app.jobs.messages import (
     IndirectNoise,
     LayerPicture,
     LayerTransport,
+    MeasuredWritten,
     MeasurementsRead,
     OpenScene,
     Progress,
@@ -40,11 +41,12 @@ from app.jobs.messages import (
     SkyImage,
     StageDone,
     WorkerRestarted,
+    WriteMeasured,
 )
 from app.journal import Journal, Recovery
 from app.known_light import KnownLight
 from app.material_commands import SetMaterial
-from app.measurements import document_with_read, layers_of_document, unread_files
+from app.measurements import document_with_read, layers_of_document, measured_files, unread_files
 from app.negotiator import Negotiator
 from app.paths import full_path
 from app.picture import (
@@ -57,7 +59,7 @@ from app.picture import (
     SkyChanged,
     TransportReady,
 )
-from app.reading import Reading, describe_reading
+from app.reading import Reading, describe_reading, import_measured
 from app.session import SUFFIX, Session, fit_session, load_session
 from app.session_keeper import SessionKeeper
 from app.status import Gauges, RenderReport, Status
@@ -152,7 +154,7 @@ class Editor:
         try:
             if isinstance(command, SetView | OpenPanel):
                 self.view = command.apply(self.view)
-            elif self._reading.postpones(command):
+            elif self._reading.postpones(command, self.document):
                 return None
             elif self.history.do(command, merge_key):
                 if isinstance(command, SetMaterial):
@@ -271,6 +273,20 @@ class Editor:
         self._gauges.progress = None
         self.notify("stopped; the picture stays a preview until the light or a roughness changes")
 
+    def import_measured(self, path: Path) -> str | None:
+        """Make the selected object of what a file measured, once the worker has read it; None, or why not."""
+        if self.view.selected is None:
+            return self._refuse(f"{path.name}: no object is selected to be made of it")
+        return self.do(import_measured(self.view.selected.object, path))
+
+    def export_measured(self, path: Path) -> str | None:
+        """Have the selected object's material written as a MERL file; None, or one line that says why not."""
+        if self.view.selected is None:
+            return self._refuse(f"{path.name}: no object is selected whose material could be written")
+        layers = self.document.object(self.view.selected.object).layers
+        self._client.send(WriteMeasured(str(path.resolve()), layers, measured_files(self.document)))
+        return None
+
     @property
     def is_reading(self) -> bool:
         """Whether an edit waits for a file that the worker reads."""
@@ -375,6 +391,9 @@ class Editor:
                 self._take_failure(response)
             case MeasurementsRead():
                 self._take_measurements(response)
+            case MeasuredWritten():
+                self._gauges.progress = None
+                self.notify("; ".join((f"written {response.path}", *response.notes)))
             case WorkerRestarted():
                 self._negotiator.worker_restarted()
                 self.notify(f"the worker was started again ({response.reason}); your edits are untouched", True)

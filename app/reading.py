@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from app.document import Document
 from app.jobs.messages import MeasurementsRead, ReadMeasured, Request
 from app.linked_layers import Layers
 from app.material_commands import AddLayers, SetMaterial
@@ -17,6 +18,9 @@ from app.measurements import FILE, measurement_in, unread_files, with_read
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
 from engine.measured.measurement import Measurement
+
+# Of files that can be imported.
+MEASURED_ENDINGS = (".binary",)
 
 
 def measured_layers(file: Path) -> Layers:
@@ -42,12 +46,14 @@ class Reading:
         """Whether an edit waits for its files."""
         return self._waiting is not None
 
-    def postpones(self, command: object) -> bool:
-        """Whether a command has to wait; it is then asked for what it waits for."""
+    def postpones(self, command: object, document: Document) -> bool:
+        """Whether a command has to wait; it is then asked for what it waits for. Raises InsituError where it would not
+        be carried out."""
         if not isinstance(command, SetMaterial | AddLayers):
             return False
         files = unread_files(command.layers)
         if files:
+            command.apply(document)
             self._waiting = self._send(ReadMeasured(files)), command
         return bool(files)
 

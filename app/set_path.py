@@ -14,6 +14,7 @@ from app.material_commands import SetMaterial
 from app.material_file import load_material
 from app.paths import is_file_name
 from app.probe_file import likely_mapping
+from app.reading import MEASURED_ENDINGS, import_measured
 from app.series_commands import FIRST_BANDS, set_first_bands
 from engine.errors import InsituError, LoadError
 
@@ -62,6 +63,8 @@ def _set_switch(path: str, target: Target, value: Any) -> EditCommand:
 
 def _set_material(path: str, name: str, value: Any) -> SetMaterial:
     if not isinstance(value, str):
-        raise LoadError(path, "value", value, "the name of a material in the library, or a material's file")
+        raise LoadError(path, "value", value, "the name of a material in the library, a material's or a measured file")
+    if Path(value).suffix.lower() in MEASURED_ENDINGS:
+        return import_measured(name, Path(value))
     material = load_material(Path(value)) if is_file_name(value) else Library().entry(value).material
     return SetMaterial(name, material.layers, material.name)

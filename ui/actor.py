@@ -19,6 +19,7 @@ from app.light_commands import SetEnvironment
 from app.material_file import MAX_MATERIAL_BYTES, dump_material, parse_material
 from app.pasting import pasted
 from app.probe_file import likely_mapping
+from app.reading import MEASURED_ENDINGS
 from app.session import SUFFIX
 from app.view_state import ViewCommand
 from engine.errors import InsituError
@@ -32,7 +33,9 @@ from ui.panels.actions import (
     Copy,
     DeleteMaterial,
     EndDrag,
+    ExportMeasured,
     Hold,
+    ImportMeasured,
     OpenFile,
     Paste,
     Quit,
@@ -122,6 +125,11 @@ class Actor:
                 editor.select(action.path)
             case OpenFile():
                 self.open(action.path)
+            case ImportMeasured():
+                self.open(str(action.path))
+            case ExportMeasured():
+                self._folder = action.path.resolve().parent
+                editor.export_measured(action.path)
             case CancelWork():
                 editor.cancel_work()
             case SaveMaterial() | DeleteMaterial():
@@ -142,22 +150,26 @@ class Actor:
             self._editor.notify(f"{len(paths)} files were dropped; drop one scene, session or environment", True)
 
     def open(self, path: str) -> None:
-        """Open a scene or session, or light the scene by an environment; anything else is refused in one line."""
+        """Open a scene or session, light the scene by an environment, or make the selected object of what was measured;
+        anything else is refused in one line."""
         suffix = Path(path).suffix.lower()
-        if suffix in SCENE_ENDINGS or suffix in ENVIRONMENT_ENDINGS:
-            self._open_file(Path(path), suffix in ENVIRONMENT_ENDINGS)
+        if suffix in (*SCENE_ENDINGS, *ENVIRONMENT_ENDINGS, *MEASURED_ENDINGS):
+            self._open_file(Path(path), suffix)
         elif suffix or Path(path).is_absolute():
-            self._editor.notify(f"{path}: expected a scene (.toml), a session ({SUFFIX}) or light (.exr, .hdr)", True)
+            known = f"a scene (.toml), a session ({SUFFIX}), light (.exr, .hdr) or a measured BRDF (.binary)"
+            self._editor.notify(f"{path}: expected {known}", True)
         else:  # a built-in scene, from the menu
             self._editor.open(path)
 
-    def _open_file(self, path: Path, is_light: bool) -> None:
+    def _open_file(self, path: Path, suffix: str) -> None:
         if not path.is_file():
             what = "is a folder" if path.is_dir() else "there is no such file"
             self._editor.notify(f"{path}: {what}; nothing was changed", True)
             return
         self._folder = path.resolve().parent
-        if is_light:
+        if suffix in MEASURED_ENDINGS:
+            self._editor.import_measured(path)
+        elif suffix in ENVIRONMENT_ENDINGS:
             file = path.resolve()
             self._editor.do(SetEnvironment(str(file), likely_mapping(file)))
         else:

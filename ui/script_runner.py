@@ -117,6 +117,7 @@ def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
         case SetValues():
             for path, value in step.values:
                 _refused(editor.do(_setting(editor, path, value)))
+                _wait_for_files(window, editor)
         case SelectPath():
             _refused(editor.select(step.path))
         case DragItem():
@@ -144,6 +145,16 @@ def _setting(editor: Editor, path: str, value: object) -> EditCommand | ViewComm
         return set_series(path, value) or set_path(editor.document, path, value)
     except InsituError as error:
         raise ScriptError(str(error)) from error
+
+
+def _wait_for_files(window: HeadlessWindow, editor: Editor) -> None:
+    """Until a material is there that had to be read from a measured file."""
+    if not editor.is_reading:
+        return
+    if not window.run_until(lambda: not editor.is_reading, WAIT_SECONDS):
+        raise ScriptError(f"the measured file is still being read after {WAIT_SECONDS:.0f} s")
+    if editor.status.is_error:
+        raise ScriptError(editor.status.message)
 
 
 def _drag_item(window: HeadlessWindow, step: DragItem) -> None:

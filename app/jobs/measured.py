@@ -1,14 +1,17 @@
-"""The worker's share of measured BRDFs: files read into tables, once, and kept on disk as what was made of them."""
+"""The worker's share of measured BRDFs: files read into tables, once, and kept on disk as what was made of them; and
+materials written as such files."""
 
 from __future__ import annotations
 
 from collections.abc import Generator, Iterable, Mapping
 from pathlib import Path
 
-from app.jobs.messages import Progress, Response
+from app.brdf_files import export_steps
+from app.jobs.messages import MeasuredWritten, Progress, Response, WriteMeasured
 from engine.errors import InsituError
 from engine.measured.measurement import Measurement
 from engine.measured.tables import ArrayStore, is_known, read_measurement
+from engine.measured.tabulate import left_out
 from engine.scene.files import resolve_inside
 
 STAGE = "measured BRDF"
@@ -45,3 +48,11 @@ def ensure_tables(
     for file, number in missing:
         if found[file].number != number:
             raise InsituError(f"{file}: the file has changed since it was imported; import it again")
+
+
+def write_file(request: WriteMeasured, store: ArrayStore | None) -> Generator[Response | None, None, None]:
+    """Write a MERL file, whole or not at all. Raises InsituError."""
+    yield from ensure_tables(request.measured, store)
+    for fraction in export_steps(request.layers, Path(request.path)):
+        yield Progress(STAGE, fraction, text=f"writing {Path(request.path).name}")
+    yield MeasuredWritten(request.path, left_out(request.layers))

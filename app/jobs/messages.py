@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from app.document import LightState
+    from engine.material.layer import Layer
     from engine.measured.measurement import Measurement
     from engine.plan import Precision
 
@@ -54,6 +55,15 @@ class ReadMeasured(Request):
     """Read files of measured BRDFs, fill them and fit factors to them; answered by `MeasurementsRead`."""
 
     files: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class WriteMeasured(Request):
+    """Write what layers reflect as a MERL file; answered by `MeasuredWritten`. measured: see `ComputeTransport`."""
+
+    path: str
+    layers: tuple[Layer, ...]
+    measured: tuple[tuple[str, int], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,6 +192,14 @@ class MeasurementsRead(Response):
     """The measurements of a `ReadMeasured`, by file."""
 
     found: dict[str, Measurement]
+
+
+@dataclass(frozen=True)
+class MeasuredWritten(Response):
+    """A MERL file is there; `notes` say what of the layers it does not hold."""
+
+    path: str
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,6 +22,7 @@ from app.jobs.messages import (
     ReadMeasured,
     Request,
     Response,
+    WriteMeasured,
     stamped,
 )
 from engine.errors import InsituError
@@ -30,20 +31,21 @@ _log = logging.getLogger("insitu.jobs")
 Steps = Iterator[Response | None]
 
 _CANCELS: dict[type[Request], tuple[type[Request], ...]] = {
-    Cancel: (OpenScene, ComputeTransport, Contract, Freeze, ReadMeasured),
-    OpenScene: (OpenScene, ComputeTransport, Contract, Freeze, ReadMeasured),
+    Cancel: (OpenScene, ComputeTransport, Contract, Freeze, ReadMeasured, WriteMeasured),
+    OpenScene: (OpenScene, ComputeTransport, Contract, Freeze, ReadMeasured, WriteMeasured),
     ComputeTransport: (ComputeTransport, Contract, Freeze),
     Contract: (Contract,),
     Freeze: (Freeze,),
     ReadMeasured: (ReadMeasured,),
+    WriteMeasured: (WriteMeasured,),
 }
-_QUICK: tuple[type[Request], ...] = (Contract, Freeze, ReadMeasured)  # the first goes first
+_QUICK: tuple[type[Request], ...] = (Contract, Freeze, ReadMeasured, WriteMeasured)  # the first goes first
 
 
 class Handlers(Protocol):
     """What does the work. A step may yield None when it has nothing to tell; errors are raised.
 
-    `quick` answers a Contract, a Freeze or a ReadMeasured and may be called while a `handle` of ComputeTransport is
+    `quick` answers any other request and may be called while a `handle` of ComputeTransport is
     suspended between two steps: when that is not far enough yet, it notes the wish, yields nothing, and the transport
     answers later.
     A job that is cancelled is closed: GeneratorExit is raised where it is suspended.
@@ -51,7 +53,7 @@ class Handlers(Protocol):
 
     def handle(self, request: Request) -> Steps: ...
 
-    def quick(self, request: Contract | Freeze | ReadMeasured) -> Steps: ...
+    def quick(self, request: Contract | Freeze | ReadMeasured | WriteMeasured) -> Steps: ...
 
 
 class _Job:

@@ -12,21 +12,24 @@ from app.jobs.messages import (
     Contract,
     Failed,
     Freeze,
+    MeasuredWritten,
     MeasurementsRead,
     OpenScene,
     ReadMeasured,
     Request,
     Response,
     SceneOpened,
+    WriteMeasured,
 )
 
 # Each kind, in the order in which a new worker needs them, and what is built on it.
 _BUILT_ON: dict[type[Request], tuple[type[Request], ...]] = {
-    OpenScene: (ComputeTransport, Contract, Freeze, ReadMeasured),
+    OpenScene: (ComputeTransport, Contract, Freeze, ReadMeasured, WriteMeasured),
     ComputeTransport: (Contract, Freeze),
     Contract: (),
     Freeze: (),
     ReadMeasured: (),
+    WriteMeasured: (),
 }
 
 
@@ -42,6 +45,7 @@ class Standing:
         if isinstance(request, Cancel):
             self._clear_from(ComputeTransport)
             self._clear_from(ReadMeasured)
+            self._clear_from(WriteMeasured)
             self._fall_back()
         elif type(request) in _BUILT_ON:
             self._clear_from(type(request))
@@ -54,7 +58,7 @@ class Standing:
         """Note a current answer: a request that failed, or was answered once and for all, stands no longer."""
         if isinstance(response, SceneOpened):
             self._opened = self._requests[OpenScene]
-        elif isinstance(response, (Failed, MeasurementsRead)):
+        elif isinstance(response, (Failed, MeasurementsRead, MeasuredWritten)):
             self.drop(response.id)
 
     def drop(self, id: int) -> None:

@@ -23,7 +23,7 @@ from app.document import Document, LightState, document_from_description
 from app.jobs.cache import Store, content_key
 from app.jobs.kernels import FIRST_TIME, INDIRECT, Kernels, are_compiled, note_compiled
 from app.jobs.layer_data import STAGES, LayerData, LitBy, joined, kept_of_tile, shape_of, store_of
-from app.jobs.measured import described_paths, ensure_tables, read_files
+from app.jobs.measured import described_paths, ensure_tables, read_files, write_file
 from app.jobs.messages import (
     ComputeTransport,
     Contract,
@@ -39,6 +39,7 @@ from app.jobs.messages import (
     SceneOpened,
     SkyImage,
     StageDone,
+    WriteMeasured,
 )
 from app.measurements import document_with_read, layers_of_document, unread_files
 from app.sky import sky_of
@@ -92,12 +93,15 @@ class Tasks:
             case ComputeTransport():
                 yield from self._compute(request)
 
-    def quick(self, request: Contract | Freeze | ReadMeasured) -> Iterator[Response | None]:
+    def quick(self, request: Contract | Freeze | ReadMeasured | WriteMeasured) -> Iterator[Response | None]:
         """One layer's picture, and its transport along one curve ("curve switching", [BenArtzi07, eq. 4.16]); or the
-        indirect light, frozen for what is selected; or what files of measured BRDFs hold."""
+        indirect light, frozen for what is selected; or files of measured BRDFs, read or written."""
         if isinstance(request, ReadMeasured):
             found = yield from read_files({file: Path(file) for file in request.files}, self._cache)
             yield MeasurementsRead(found)
+            return
+        if isinstance(request, WriteMeasured):
+            yield from write_file(request, self._cache)
             return
         if isinstance(request, Freeze):
             yield from self._indirect_tasks().freeze(request)

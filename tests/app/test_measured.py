@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.commands import SetParameter
+from app.commands import SetFrozen, SetParameter
 from app.document import Document, LightState, document_from_description
 from app.editor import Editor
 from app.jobs.cache import Store
@@ -16,11 +16,13 @@ from app.jobs.messages import (
     ComputeTransport,
     Failed,
     LayerPicture,
+    MeasuredWritten,
     MeasurementsRead,
     OpenScene,
     Progress,
     ReadMeasured,
     SceneOpened,
+    WriteMeasured,
 )
 from app.jobs.tasks import Tasks
 from app.material_file import Material, dump_material, load_material, parse_material
@@ -29,9 +31,11 @@ from app.picture import Curves
 from app.project import open_project
 from app.reading import import_measured, measured_layers
 from app.session import load_session
+from app.set_path import set_path
 from app.wishes import layer_work, transport_wish
 from engine.errors import InsituError, LoadError
 from engine.measured import tables
+from engine.measured.merl import merl_samples, read_merl
 from engine.scene.description import SceneDescription
 from tests.app.fake_worker import FakeClient
 from tests.naive.measured import drawn_measurement
@@ -151,6 +155,39 @@ def test_the_worker_answers_an_import_between_other_work(merl_file: Path, tmp_pa
     client.send(ReadMeasured((str(merl_file),)))
     answers = client.poll(float("inf"))
     assert isinstance(answers[-1], MeasurementsRead) and answers[-1].found[str(merl_file)].is_read
+
+
+def test_a_material_is_exported_by_the_worker(client: FakeClient, tmp_path: Path) -> None:
+    editor = Editor(client, "shelf")
+    client.open_scene()
+    editor.tick(0.0)
+    assert editor.export_measured(tmp_path / "pot.binary") is None
+    (asked,) = client.sent(WriteMeasured)
+    assert asked.layers == editor.document.object("pot").layers
+    answers = run_in_process(Tasks(Store(tmp_path / "cache")), asked)
+    samples = merl_samples(read_merl(tmp_path / "pot.binary"), tmp_path / "pot.binary")
+    assert samples.max() > 0.2 and {type(answer) for answer in answers} == {Progress, MeasuredWritten}
+    client.answer(asked, answers[-1])
+    editor.tick(0.1)
+    assert editor.status.message == f"written {tmp_path / 'pot.binary'}" and not editor.status.is_error
+
+
+def test_an_import_needs_an_object(client: FakeClient, tmp_path: Path) -> None:
+    editor = Editor(client, "shelf")
+    client.open_scene()
+    editor.tick(0.0)
+    editor.select(None)
+    assert "no object is selected" in str(editor.import_measured(tmp_path / "x.binary"))
+    editor.select("pot")
+    editor.do(SetFrozen("pot", True))
+    assert "frozen" in str(editor.import_measured(tmp_path / "x.binary")) and not client.sent(ReadMeasured)
+
+
+def test_a_path_gives_an_object_what_was_measured(client: FakeClient, tmp_path: Path) -> None:
+    editor = Editor(client, "shelf")
+    client.open_scene()
+    editor.tick(0.0)
+    assert set_path(editor.document, "pot.material", "x.binary") == import_measured("pot", Path("x.binary"))
 
 
 def test_sessions_and_materials_name_the_file(client: FakeClient, tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from engine.curve.operators import Operator
 from tests.ui.stand_in import StandInClient
 from ui.actor import picture_name, suggested_name
 from ui.headless import HeadlessWindow
-from ui.panels.actions import OpenFile, SaveSession
+from ui.panels.actions import ExportMeasured, ImportMeasured, OpenFile, SaveSession
 from ui.panels.dialogs import answer, entries
 from ui.panels.state import FileQuestion
 
@@ -67,6 +67,10 @@ def test_answers_become_actions(tmp_path: Path) -> None:
     assert save == SaveSession(tmp_path / "work.insitu")
     opened, _ = answer(FileQuestion("open_scene", tmp_path), tmp_path / "scene.toml")
     assert opened == OpenFile(str(tmp_path / "scene.toml"))
+    imported, _ = answer(FileQuestion("open_measured", tmp_path), tmp_path / "nickel.binary")
+    assert imported == ImportMeasured(tmp_path / "nickel.binary")
+    exported, _ = answer(FileQuestion("save_measured", tmp_path), tmp_path / "copper")
+    assert exported == ExportMeasured(tmp_path / "copper.binary")
 
 
 def test_names_are_suggested() -> None:

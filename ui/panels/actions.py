@@ -80,6 +80,20 @@ class AskFile:
 
 
 @dataclass(frozen=True)
+class ImportMeasured:
+    """Make the selected object of what a file measured."""
+
+    path: Path
+
+
+@dataclass(frozen=True)
+class ExportMeasured:
+    """Write the selected object's material as a MERL file."""
+
+    path: Path
+
+
+@dataclass(frozen=True)
 class SaveSession:
     """Save the session to `path`, or where it was saved last; asks for a name the first time."""
 
@@ -148,6 +162,7 @@ class Quit:
 
 WindowAction = (
     BeginDrag | EndDrag | CancelDrag | Hold | Undo | Redo | Select | SetPanel | OpenFile | AskFile | SaveSession
-    | Screenshot | SaveMaterial | DeleteMaterial | Copy | Paste | Recover | ResetLayout | CancelWork | Quit
+    | ImportMeasured | ExportMeasured | Screenshot | SaveMaterial | DeleteMaterial | Copy | Paste | Recover
+    | ResetLayout | CancelWork | Quit
 )  # fmt: skip
 Action = EditCommand | SetView | OpenPanel | WindowAction

@@ -11,21 +11,26 @@ from pathlib import Path
 
 from imgui_bundle import ImVec2, imgui
 
+from app.reading import MEASURED_ENDINGS
 from ui import theme as look
 from ui.panels import widgets
-from ui.panels.actions import Action, OpenFile, SaveSession, SetPanel
+from ui.panels.actions import Action, ExportMeasured, ImportMeasured, OpenFile, SaveSession, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.state import FileQuestion
 
 TITLES = {
     "open_scene": "Open a scene or a session",
     "open_environment": "Open an environment",
+    "open_measured": "Import a measured BRDF onto the selected object",
     "save_session": "Save the session",
+    "save_measured": "Export the selected object's material as a MERL file",
 }
 ENDINGS = {
     "open_scene": (".toml", ".insitu"),
     "open_environment": (".exr", ".hdr"),
+    "open_measured": MEASURED_ENDINGS,
     "save_session": (".insitu",),
+    "save_measured": (".binary",),
 }
 MOST_ENTRIES = 2000
 WIDTH, HEIGHT = 560.0, 420.0
@@ -125,10 +130,14 @@ def _name_line(context: PanelContext, question: FileQuestion) -> list[Action]:
 
 
 def answer(question: FileQuestion, path: Path) -> list[Action]:
-    """What the person decided, and the browser closed. A session's name gets its ending."""
-    if question.purpose == "save_session":
-        return [SaveSession(path if path.suffix else path.with_suffix(".insitu")), SetPanel({"question": None})]
-    return [OpenFile(str(path)), SetPanel({"question": None})]
+    """What the person decided, and the browser closed. The name of what is saved gets its ending."""
+    purpose = question.purpose
+    if purpose.startswith("save") and not path.suffix:
+        path = path.with_suffix(ENDINGS[purpose][0])
+    actions: dict[str, Action] = {
+        "open_measured": ImportMeasured(path), "save_measured": ExportMeasured(path), "save_session": SaveSession(path)
+    }  # fmt: skip
+    return [actions.get(purpose, OpenFile(str(path))), SetPanel({"question": None})]
 
 
 def _asked(question: FileQuestion) -> Action:

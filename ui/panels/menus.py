@@ -58,6 +58,13 @@ def _file(context: PanelContext) -> list[Action]:
         imgui.end_menu()
     if imgui.menu_item_simple("Open environment…"):
         actions.append(AskFile("open_environment"))
+    selected = context.view.selected is not None
+    if imgui.menu_item_simple("Import measured BRDF…", None, False, selected):
+        actions.append(AskFile("open_measured"))
+    widgets.tooltip("Make the selected object of a measured material (MERL .binary): curves to edit, nothing lost.")
+    if imgui.menu_item_simple("Export as measured BRDF…", None, False, selected):
+        actions.append(AskFile("save_measured"))
+    widgets.tooltip("Write the selected object's material, edits and all, as a table of angles (MERL .binary).")
     imgui.separator()
     actions += _entry(context, "Save session", "save")
     actions += _entry(context, "Save session as…", "save_as")

@@ -182,7 +182,7 @@ def _object_menu(context: PanelContext, state: ObjectState) -> list[Action]:
 
 
 def _new_layers(state: ObjectState) -> list[Action]:
-    for model in MODELS.values():
+    for model in (each for each in MODELS.values() if not each.needs_file):
         pressed = imgui.menu_item_simple(model.label)
         widgets.tooltip(model.tooltip)
         if pressed:

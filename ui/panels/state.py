@@ -58,7 +58,7 @@ class Notice:
 
 @dataclass(frozen=True)
 class FileQuestion:
-    """A file is being asked for: why ("open_scene", "open_environment", "save_session"), where, and the name so far."""
+    """A file is being asked for: why (a key of `ui.panels.dialogs.TITLES`), where, and the name so far."""
 
     purpose: str
     folder: Path
