@@ -28,6 +28,10 @@ from app.jobs.messages import Contract, LayerPicture, Request
 from app.negotiator import CONTRACT_PATIENCE, Negotiator
 from app.picture import Coefficients, ComparedRefined, Curves, LayerLook, PictureEvent, view_curve_of
 from app.wishes import same_coefficients
+from engine.material.layer import Layer
+from engine.material.maps import LayerMaps
+
+Samples = Callable[[str, LayerMaps], NDArray[np.float16] | None]
 
 
 @dataclass(frozen=True)
@@ -42,8 +46,9 @@ class Asked:
 class Comparison:
     """Follows one A after another. ``send`` hands a request to the worker; ``curves`` are those of side B."""
 
-    def __init__(self, send: Callable[[Request], int], curves: Curves) -> None:
-        self._send, self._curves = send, curves
+    def __init__(self, send: Callable[[Request], int], curves: Curves, samples: Samples) -> None:
+        """samples: those of a layer's images, None where they are not known."""
+        self._send, self._curves, self._samples = send, curves, samples
         self._document: Document | None = None
         self._forget_revision()
 
@@ -125,8 +130,14 @@ class Comparison:
             if self._asked is None or now - self._asked.at > CONTRACT_PATIENCE:
                 self._ask(missing[0], talk.revision, now)
             return []
+        if any(self._lacks_images(key, layer) for key, layer in compared.layers()):
+            return []
         self._exact = True
         return [ComparedRefined(self._looks(compared, differing))]
+
+    def _lacks_images(self, key: str, layer: Layer) -> bool:
+        """Whether A has images in this layer that nobody sampled, or not lately."""
+        return not layer.maps.is_plain and self._samples(key, layer.maps) is None
 
     def _differing(self, compared: Document, document: Document, talk: Negotiator) -> list[str]:
         """Keys of the layers whose curves are not those on screen."""
@@ -152,6 +163,7 @@ class Comparison:
                 view_curve_of(layer),
                 compared.is_visible(key),
                 self._pictures[key] if key in differing else None,
+                (self._samples(key, layer.maps), layer.maps.texture_strength, layer.maps.inverts),
             )
             for key, layer in compared.layers()
             if not compared.object(key.rpartition(".")[0]).emits

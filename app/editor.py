@@ -31,6 +31,8 @@ from app.jobs.messages import (
     IndirectNoise,
     LayerPicture,
     LayerTransport,
+    MapsRefused,
+    MapsSampled,
     MeasuredWritten,
     MeasurementsRead,
     OpenScene,
@@ -45,6 +47,7 @@ from app.jobs.messages import (
 )
 from app.journal import Journal, Recovery
 from app.known_light import KnownLight
+from app.maps import MapTalk
 from app.material_commands import SetMaterial
 from app.measurements import document_with_read, layers_of_document, measured_files, unread_files
 from app.negotiator import Negotiator
@@ -127,7 +130,8 @@ class Editor:
         self._keeper = SessionKeeper(journal)
         self._negotiator = Negotiator(client.send, self.curves)
         self._indirect = IndirectTalk(client.send, self.curves)
-        self._comparison = Comparison(client.send, self.curves)
+        self._maps = MapTalk(client.send, self.curves)
+        self._comparison = Comparison(client.send, self.curves, self._maps.samples)
         self._known_light = KnownLight()
         self._reading = Reading(client.send)
         self._opening: Opening | None = None
@@ -309,6 +313,7 @@ class Editor:
             self._negotiator.update(
                 now, self.document, view.selected, view.n_lights, self.history.dragging, view.precision, view.n_bounces
             )
+            events += self._maps.update(self.document)
             if not self._negotiator.drag_quality:
                 revision = self._negotiator.revision
                 events += self._indirect.update(
@@ -332,6 +337,11 @@ class Editor:
     def indirect_light(self) -> IndirectTalk:
         """What is known and shown of the indirect light."""
         return self._indirect
+
+    @property
+    def maps(self) -> MapTalk:
+        """What is known and shown of textures and weight maps."""
+        return self._maps
 
     @property
     def awaits_curve(self) -> bool:
@@ -374,7 +384,7 @@ class Editor:
         """The truth about what is on screen."""
         status = self._gauges.status(
             self._negotiator, self._client.alive, self._opening is not None, self.view.precision,
-            self._indirect.is_complete,
+            self._indirect.is_complete and self._maps.is_complete,
         )  # fmt: skip
         return replace(status, compared_exact=self._comparison.exact, indirect_noise=self._indirect.noise)
 
@@ -394,6 +404,14 @@ class Editor:
             case MeasuredWritten():
                 self._gauges.progress = None
                 self.notify("; ".join((f"written {response.path}", *response.notes)))
+            case MapsSampled() if self._opening is None:
+                self._maps.took(response)
+                self._indirect.means_changed()
+                self._gauges.picture_changed()
+            case MapsRefused() if self._opening is None:
+                if self._maps.refuse(response, self.history):
+                    self._document_changed()
+                self.notify(response.line, True)
             case WorkerRestarted():
                 self._negotiator.worker_restarted()
                 self.notify(f"the worker was started again ({response.reason}); your edits are untouched", True)
@@ -449,6 +467,7 @@ class Editor:
         self._gauges = Gauges(notes=response.notes, memory_mb=self._gauges.memory_mb)
         self._negotiator.scene_opened()
         self._indirect.scene_opened()
+        self._maps.scene_opened()
         self._known_light = KnownLight()
         self.view = replace(
             self.view, selected=None, hovered=None, compare=None, operator=None, curve_zoom=None,
@@ -537,6 +556,7 @@ class Editor:
         self._gauges.picture_changed()
         self._negotiator.edited()
         self._indirect.edited()
+        self._maps.edited()
         selected = self.view.selected
         if selected is None:
             return

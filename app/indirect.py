@@ -40,7 +40,7 @@ def reflections(document: Document, curves: Curves, second: int | None = None) -
             key, layer.model.name, tuple(layer.quotient_parameters().tolist()),
             tuple(curves.coefficients(document, key).values()),
             tuple(curves.coefficients(document, key, second).values()),
-            curves.gain(document, key), curves.view_curve(document, key),
+            curves.sent_gain(document, key), curves.view_curve(document, key),
         )
         for key, layer in document.layers()
         if key.rpartition(".")[0] not in emitters and document.is_visible(key)
@@ -164,6 +164,10 @@ class IndirectTalk:
         self._shown.clear()
         return [IndirectFootprint(self._found.rows, self._found.weights)] if is_new else []
 
+    def means_changed(self) -> None:
+        """What layers send on became known otherwise than by an edit: the mean of a texture."""
+        self._wish_made_of = None, None, None
+
     def took_noise(self, response: IndirectNoise) -> None:
         """How noisy what was found is."""
         self._noise = response.number, response.noise
@@ -252,7 +256,7 @@ class IndirectTalk:
         for key, e in frozen.albedos.items():
             if document.is_visible(key):
                 values = tuple(self._curves.coefficients(document, key).values())
-                gain, view = self._curves.gain(document, key), self._curves.view_curve(document, key)
+                gain, view = self._curves.sent_gain(document, key), self._curves.view_curve(document, key)
                 total += albedo_of(e, values, gain, view)
         return total
 

@@ -8,7 +8,7 @@ Shapes: P pixels that see a reflecting object, p those of one layer, J bands.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from app.document import Document
 from engine.curve.operators import HALF_PI
 from engine.material.layer import Layer
+from engine.material.maps import Images, MapMeans
 from engine.material.model import Model
 from engine.plan import MOST_BANDS, band_counts, bands_by_hand
 from engine.scene.description import SceneDescription
@@ -96,13 +97,26 @@ class IndirectRadiance:
 
 
 @dataclass(frozen=True, eq=False)
+class LayerMapsChanged:
+    """One layer's images (p,4) as the eye sees them, texture RGB and weight; None: it has none. ``has_weight``: whether
+    there is a weight map among them; ``thumbnails`` (h,w,3) as in ``messages.MapsSampled``."""
+
+    key: str
+    samples: NDArray[np.float16] | None
+    has_weight: bool = False
+    thumbnails: Mapping[str, NDArray[np.uint8]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
 class LayerLook:
-    """How a layer looks in another document: f_q, f_o, visibility, and its radiance (p,3), None where as on screen."""
+    """How a layer looks in another document: f_q, f_o, visibility, and its radiance (p,3), None where as on screen;
+    ``maps``: the samples of its images, None for none, the texture's strength, and whether the weight is inverted."""
 
     gain: Array
     view_curve: Array
     visible: bool
     radiance: NDArray[np.floating] | None = None
+    maps: tuple[NDArray[np.float16] | None, float, bool] = (None, 1.0, False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +134,7 @@ PictureEvent = (
     | TransportReady
     | IndirectFootprint
     | IndirectRadiance
+    | LayerMapsChanged
     | ComparedRefined
 )
 
@@ -133,6 +148,7 @@ class Curves:
 
     def __init__(self, most_bands: int = MOST_BANDS) -> None:
         self.most_bands = most_bands
+        self.map_means: dict[tuple[str, Images], MapMeans] = {}
         self._cached: dict[tuple[str, str, int], tuple[Layer, Array]] = {}
         self._planned: dict[str, tuple[Model, dict[str, int]]] = {}
 
@@ -176,6 +192,12 @@ class Curves:
     def gain(self, document: Document, key: str) -> Array:
         """f_q of a layer, (3,)."""
         return document.layer(key).scale()
+
+    def sent_gain(self, document: Document, key: str) -> Array:
+        """f_q of a layer for all but the eye, (3,): with the mean of its texture and weight map, once that is known."""
+        layer = document.layer(key)
+        means = None if layer.maps.is_plain else self.map_means.get((key.rpartition(".")[0], layer.maps.images))
+        return layer.scale() if means is None else layer.scale() * means.factor(layer.maps)
 
     def _band_values(self, key: str, layer: Layer, factor: str, n_bands: int) -> Array:
         known = self._known(key, layer, factor, n_bands)

@@ -16,6 +16,7 @@ from app.editor import Editor
 from app.journal import Recovery
 from app.library import Library
 from app.light_commands import SetEnvironment
+from app.map_commands import SetMap, image_name
 from app.material_file import MAX_MATERIAL_BYTES, dump_material, parse_material
 from app.pasting import pasted
 from app.probe_file import likely_mapping
@@ -37,6 +38,7 @@ from ui.panels.actions import (
     Hold,
     ImportMeasured,
     OpenFile,
+    OpenImage,
     Paste,
     Quit,
     Recover,
@@ -53,6 +55,7 @@ from ui.panels.state import FileQuestion, PanelState
 
 SCENE_ENDINGS = (".toml", SUFFIX)
 ENVIRONMENT_ENDINGS = (".exr", ".hdr", ".pic")
+PICTURE_ENDINGS = (".png", ".jpg", ".jpeg")
 
 
 @dataclass(frozen=True)
@@ -93,7 +96,7 @@ class Actor:
             case SetPanel():
                 return replace(outcome, state=replace(state, **action.changes))
             case AskFile():
-                question = FileQuestion(action.purpose, self._folder or Path.cwd())
+                question = FileQuestion(action.purpose, self._folder or Path.cwd(), key=action.key)
                 return replace(outcome, state=replace(state, question=question))
             case Screenshot():
                 return replace(outcome, screenshot=action.path or picture_name(Path.cwd(), datetime.now()))
@@ -130,6 +133,8 @@ class Actor:
             case ExportMeasured():
                 self._folder = action.path.resolve().parent
                 editor.export_measured(action.path)
+            case OpenImage():
+                self._open_image(action.path, action.key, action.name)
             case CancelWork():
                 editor.cancel_work()
             case SaveMaterial() | DeleteMaterial():
@@ -147,26 +152,46 @@ class Actor:
         if len(paths) == 1:
             self.open(paths[0])
         elif paths:
-            self._editor.notify(f"{len(paths)} files were dropped; drop one scene, session or environment", True)
+            wanted = "one scene, session, environment or texture"
+            self._editor.notify(f"{len(paths)} files were dropped; drop {wanted}", True)
 
     def open(self, path: str) -> None:
-        """Open a scene or session, light the scene by an environment, or make the selected object of what was measured;
-        anything else is refused in one line."""
+        """Open a scene or session, light the scene by an environment, make the selected object of what was measured, or
+        give the selected layer a texture; anything else is refused in one line."""
         suffix = Path(path).suffix.lower()
         if suffix in (*SCENE_ENDINGS, *ENVIRONMENT_ENDINGS, *MEASURED_ENDINGS):
             self._open_file(Path(path), suffix)
+        elif suffix in PICTURE_ENDINGS:
+            self._drop_picture(Path(path))
         elif suffix or Path(path).is_absolute():
-            known = f"a scene (.toml), a session ({SUFFIX}), light (.exr, .hdr) or a measured BRDF (.binary)"
-            self._editor.notify(f"{path}: expected {known}", True)
+            known = f"a scene (.toml), a session ({SUFFIX}), light (.exr, .hdr), a measured BRDF (.binary)"
+            self._editor.notify(f"{path}: expected {known} or a texture (.png, .jpg)", True)
         else:  # a built-in scene, from the menu
             self._editor.open(path)
 
+    def _drop_picture(self, path: Path) -> None:
+        selected = self._editor.view.selected
+        if selected is None:
+            self._editor.notify(f"{path.name}: select the layer that it is to be the texture of", True)
+        else:
+            self._open_image(path, selected.key, "texture")
+
+    def _open_image(self, path: Path, key: str, name: str) -> None:
+        if self._is_there(path):
+            self._editor.do(SetMap(key, name, image_name(path, self._editor.document.source)))
+
+    def _is_there(self, path: Path) -> bool:
+        """Whether it is a file, and if so its folder remembered; else that is said."""
+        if path.is_file():
+            self._folder = path.resolve().parent
+            return True
+        what = "is a folder" if path.is_dir() else "there is no such file"
+        self._editor.notify(f"{path}: {what}; nothing was changed", True)
+        return False
+
     def _open_file(self, path: Path, suffix: str) -> None:
-        if not path.is_file():
-            what = "is a folder" if path.is_dir() else "there is no such file"
-            self._editor.notify(f"{path}: {what}; nothing was changed", True)
+        if not self._is_there(path):
             return
-        self._folder = path.resolve().parent
         if suffix in MEASURED_ENDINGS:
             self._editor.import_measured(path)
         elif suffix in ENVIRONMENT_ENDINGS:

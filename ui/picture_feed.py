@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 
 import moderngl
@@ -30,6 +30,7 @@ from app.picture import (
     IndirectFootprint,
     IndirectRadiance,
     LayerLook,
+    LayerMapsChanged,
     LayerRadiance,
     PictureEvent,
     SceneFrame,
@@ -70,6 +71,9 @@ class PictureFeed:
         self._description: SceneDescription | None = None
         self._names: list[str] = []
         self._view_curves: dict[str, NDArray[np.float64]] = {}
+        self._maps: dict[str, LayerMapsChanged] = {}
+        self._map_thumbnails: dict[str, dict[str, moderngl.Texture]] = {}
+        self._retired: list[moderngl.Texture] = []
         self._wanted: dict[str, NDArray[np.float64]] = {}
         self._compared: object = None
         self._rotation: float | None = None
@@ -96,6 +100,10 @@ class PictureFeed:
         """The environment's thumbnail, row 0 at the top."""
         return self._thumbnail
 
+    def map_thumbnails(self, key: str) -> Mapping[str, moderngl.Texture]:
+        """The "texture" and the "weight" of a layer, small, row 0 at the top; those there are."""
+        return self._map_thumbnails.get(key, {})
+
     @property
     def heading(self) -> float:
         """Where the camera looks, degrees clockwise from -Z seen from above."""
@@ -115,6 +123,7 @@ class PictureFeed:
     def take(self, editor: Editor, now: float) -> bool:
         """Take the worker's answers and ask it for what is missing. Whether there is something to draw."""
         until = time.perf_counter() + TAKING_SECONDS
+        self._release_retired()
         scene_came = False
         for event in editor.tick(now):
             if isinstance(event, SceneFrame):  # what was before it is void
@@ -162,7 +171,14 @@ class PictureFeed:
         self._threads.shutdown(wait=False, cancel_futures=True)
         if self._thumbnail is not None:
             self._thumbnail.release()
+        self._forget_thumbnails(list(self._map_thumbnails))
+        self._release_retired()
         self.renderer.release()
+
+    def _release_retired(self) -> None:
+        for texture in self._retired:
+            texture.release()
+        self._retired.clear()
 
     # ------------------------------------------------------------------------------------------ the worker's answers
 
@@ -194,6 +210,8 @@ class PictureFeed:
                 self.renderer.set_indirect_footprint(event.rows, event.weights)
             case IndirectRadiance() if event.key in self.renderer.layer_keys:
                 self.renderer.set_layer_indirect(event.key, event.radiance)
+            case LayerMapsChanged():
+                self._take_maps(event)
             case ComparedRefined():
                 if self._compared is not None:
                     self.renderer.snapshot_compare({key: _look(look) for key, look in event.looks.items()})
@@ -206,6 +224,8 @@ class PictureFeed:
         self._description = event.description
         self._names = [described.name for described in event.description.objects]
         self._view_curves.clear()
+        self._maps = {}
+        self._forget_thumbnails(list(self._map_thumbnails))
         self._wanted = {}
         self._compared = self._rotation = None
 
@@ -213,8 +233,29 @@ class PictureFeed:
         renderer = self.renderer
         if event.key not in renderer.layer_keys:
             renderer.set_layer(event.key, self._names.index(event.key.rpartition(".")[0]), len(event.radiance))
+            if event.key in self._maps:
+                renderer.set_layer_maps(event.key, self._maps[event.key].samples)
         bands = event.coefficients.get(renderer.transport_curve(event.key) or "")
         renderer.set_layer_radiance(event.key, event.radiance, None if bands is None else forward(bands))
+
+    def _take_maps(self, event: LayerMapsChanged) -> None:
+        self._maps[event.key] = event
+        self._forget_thumbnails([event.key])
+        self._map_thumbnails[event.key] = {
+            name: self._small_texture(pixels) for name, pixels in event.thumbnails.items()
+        }
+        if event.key in self.renderer.layer_keys:
+            self.renderer.set_layer_maps(event.key, event.samples)
+
+    def _forget_thumbnails(self, keys: Iterable[str]) -> None:
+        """What panels may have drawn in this frame is freed in the next."""
+        self._retired += [texture for key in keys for texture in self._map_thumbnails.pop(key, {}).values()]
+
+    def _small_texture(self, pixels: NDArray[np.uint8]) -> moderngl.Texture:
+        """A texture of pixels (h,w,3)."""
+        alpha = np.full((*pixels.shape[:2], 1), 255, dtype=np.uint8)
+        data = np.concatenate([pixels, alpha], axis=2).tobytes()
+        return self.renderer.context.texture((pixels.shape[1], pixels.shape[0]), 4, data)
 
     # ---------------------------------------------------------------------------------------------------- each frame
 
@@ -272,10 +313,7 @@ class PictureFeed:
     def _show_thumbnail(self, pixels: NDArray[np.uint8]) -> None:
         if self._thumbnail is not None:
             self._thumbnail.release()
-        alpha = np.full((*pixels.shape[:2], 1), 255, dtype=np.uint8)
-        size = (pixels.shape[1], pixels.shape[0])
-        data = np.concatenate([pixels, alpha], axis=2).tobytes()
-        self._thumbnail = self.renderer.context.texture(size, 4, data)
+        self._thumbnail = self._small_texture(pixels)
 
     def _follow_layers(self, editor: Editor) -> None:
         """Gains, view curves and visibility; each setter of the renderer is free where nothing changed."""
@@ -288,6 +326,9 @@ class PictureFeed:
                 gone.remove(key)
                 self.renderer.set_layer_gain(key, editor.layer_gain(key).tolist())
                 self.renderer.set_layer_visible(key, document.is_visible(key))
+                maps, shown = state.layers[index].maps, self._maps.get(key)
+                inverts = maps.weight_invert and shown is not None and shown.has_weight
+                self.renderer.set_map_numbers(key, maps.texture_strength, inverts)
                 curve = editor.view_curve(key)
                 if self._view_curves.get(key) is not curve:
                     self._view_curves[key] = curve
@@ -340,7 +381,7 @@ def _stops(light: LightState) -> float:
 
 def _look(look: LayerLook) -> Look:
     red, green, blue = (float(value) for value in look.gain)
-    return Look((red, green, blue), look.view_curve, look.visible, look.radiance)
+    return Look((red, green, blue), look.view_curve, look.visible, look.radiance, look.maps)
 
 
 def picture_frame(event: SceneFrame) -> PictureFrame:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -67,6 +67,8 @@ class PictureSource(Protocol):
 
     @property
     def heading(self) -> float: ...
+
+    def map_thumbnails(self, key: str) -> Mapping[str, moderngl.Texture]: ...
 
     def take(self, editor: Editor, now: float) -> bool: ...
 
@@ -314,9 +316,23 @@ class Shell:
             context,
             picture=self._picture(source.picture),
             environment=self._picture(source.environment),
+            map_thumbnails=self._map_thumbnails(source),
+            map_refusal=self._map_refusal(),
             heading=source.heading,
             object_at=source.object_at,
         )
+
+    def _map_thumbnails(self, source: PictureSource) -> dict[str, Picture]:
+        """Of the selected layer's images."""
+        selected = self.editor.view.selected
+        textures = {} if selected is None else source.map_thumbnails(selected.key)
+        found = {name: self._picture(texture) for name, texture in textures.items()}
+        return {name: picture for name, picture in found.items() if picture is not None}
+
+    def _map_refusal(self) -> str | None:
+        editor = self.editor
+        selected = editor.view.selected
+        return None if selected is None else editor.maps.refusal(selected.key, editor.document.layer(selected.key).maps)
 
     def _picture(self, texture: moderngl.Texture | None) -> Picture | None:
         if texture is None:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from app.document import LightState
     from engine.material.layer import Layer
+    from engine.material.maps import Images, MapMeans
     from engine.measured.measurement import Measurement
     from engine.plan import Precision
 
@@ -152,6 +153,13 @@ class Freeze(Request):
     factor: int | None = None
     by_albedo: bool = False
     serial: int = 0
+
+
+@dataclass(frozen=True)
+class SampleMaps(Request):
+    """Sample the images of some layers, by key, where the eye sees them; each is answered on its own."""
+
+    layers: tuple[tuple[str, Images], ...]
 
 
 @dataclass(frozen=True)
@@ -300,6 +308,27 @@ class Frozen(Response):
     reflected: dict[str, NDArray[np.float32]]
     bands: NDArray[np.float32]
     albedos: dict[str, NDArray[np.float64]]
+
+
+@dataclass(frozen=True, eq=False)
+class MapsSampled(Response):
+    """A layer's images as the eye sees them: `samples` (p,4) float16 at every pixel of its object, the texture's linear
+    RGB and the weight; their means over the surface; `thumbnails` (h,w,3) uint8 sRGB, by "texture" and "weight"."""
+
+    key: str
+    images: Images
+    samples: NDArray[np.float16]
+    means: MapMeans
+    thumbnails: dict[str, NDArray[np.uint8]]
+
+
+@dataclass(frozen=True)
+class MapsRefused(Response):
+    """A layer's images cannot be used; `line` is one sentence for the person."""
+
+    key: str
+    images: Images
+    line: str
 
 
 @dataclass(frozen=True)

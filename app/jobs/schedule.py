@@ -1,9 +1,9 @@
 """What the worker does next: one long job and one quick one of each kind, all advanced step by step.
 
-A job is the iterator that a handler returns; each `next` is one step, short enough (about 100 ms) that a new request
-is noticed soon. A contraction is quick, and so is a freezing: they are served between the steps of a transport that is
-under way. There are no threads and no queue but four places, one for the newest request of each kind, so an old request
-cannot pile up.
+A job is the iterator that a handler returns; each `next` is one step, short enough (about 100 ms) that a new request is
+noticed soon. A contraction is quick, and so are a freezing and the sampling of images: they are served between the
+steps of a transport that is under way. There are no threads and no queue but seven places, one for the newest request of
+each kind, so an old request cannot pile up.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from app.jobs.messages import (
     ReadMeasured,
     Request,
     Response,
+    SampleMaps,
     WriteMeasured,
     stamped,
 )
@@ -32,14 +33,16 @@ Steps = Iterator[Response | None]
 
 _CANCELS: dict[type[Request], tuple[type[Request], ...]] = {
     Cancel: (OpenScene, ComputeTransport, Contract, Freeze, ReadMeasured, WriteMeasured),
-    OpenScene: (OpenScene, ComputeTransport, Contract, Freeze, ReadMeasured, WriteMeasured),
+    OpenScene: (OpenScene, ComputeTransport, Contract, Freeze, ReadMeasured, WriteMeasured, SampleMaps),
     ComputeTransport: (ComputeTransport, Contract, Freeze),
     Contract: (Contract,),
     Freeze: (Freeze,),
     ReadMeasured: (ReadMeasured,),
     WriteMeasured: (WriteMeasured,),
+    SampleMaps: (SampleMaps,),
 }
-_QUICK: tuple[type[Request], ...] = (Contract, Freeze, ReadMeasured, WriteMeasured)  # the first goes first
+# The first goes first.
+_QUICK: tuple[type[Request], ...] = (SampleMaps, Contract, Freeze, ReadMeasured, WriteMeasured)
 
 
 class Handlers(Protocol):
@@ -53,7 +56,7 @@ class Handlers(Protocol):
 
     def handle(self, request: Request) -> Steps: ...
 
-    def quick(self, request: Contract | Freeze | ReadMeasured | WriteMeasured) -> Steps: ...
+    def quick(self, request: SampleMaps | Contract | Freeze | ReadMeasured | WriteMeasured) -> Steps: ...
 
 
 class _Job:

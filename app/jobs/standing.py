@@ -18,18 +18,20 @@ from app.jobs.messages import (
     ReadMeasured,
     Request,
     Response,
+    SampleMaps,
     SceneOpened,
     WriteMeasured,
 )
 
 # Each kind, in the order in which a new worker needs them, and what is built on it.
 _BUILT_ON: dict[type[Request], tuple[type[Request], ...]] = {
-    OpenScene: (ComputeTransport, Contract, Freeze, ReadMeasured, WriteMeasured),
+    OpenScene: (ComputeTransport, Contract, Freeze, ReadMeasured, WriteMeasured, SampleMaps),
     ComputeTransport: (Contract, Freeze),
     Contract: (),
     Freeze: (),
     ReadMeasured: (),
     WriteMeasured: (),
+    SampleMaps: (),
 }
 
 

@@ -36,6 +36,7 @@ from app.jobs.messages import (
     ReadMeasured,
     Request,
     Response,
+    SampleMaps,
     SceneOpened,
     SkyImage,
     StageDone,
@@ -93,15 +94,21 @@ class Tasks:
             case ComputeTransport():
                 yield from self._compute(request)
 
-    def quick(self, request: Contract | Freeze | ReadMeasured | WriteMeasured) -> Iterator[Response | None]:
+    def quick(
+        self, request: SampleMaps | Contract | Freeze | ReadMeasured | WriteMeasured
+    ) -> Iterator[Response | None]:
         """One layer's picture, and its transport along one curve ("curve switching", [BenArtzi07, eq. 4.16]); or the
-        indirect light, frozen for what is selected; or files of measured BRDFs, read or written."""
+        indirect light, frozen for what is selected; or files of measured BRDFs, read or written; or images as the eye
+        sees them."""
         if isinstance(request, ReadMeasured):
             found = yield from read_files({file: Path(file) for file in request.files}, self._cache)
             yield MeasurementsRead(found)
             return
         if isinstance(request, WriteMeasured):
             yield from write_file(request, self._cache)
+            return
+        if isinstance(request, SampleMaps):
+            yield from self._sample_maps(request)
             return
         if isinstance(request, Freeze):
             yield from self._indirect_tasks().freeze(request)
@@ -113,6 +120,15 @@ class Tasks:
         data = self._layers.get(request.key)
         if data is not None and data.takes(self._contracted[request.key]):
             yield from self._hold(data).answers(request.factor, request.precision, request.picture)
+
+    def _sample_maps(self, request: SampleMaps) -> Steps:
+        if self._placement is None:
+            raise InsituError("no scene is open")
+        from app.jobs.maps import sampled_maps
+
+        for key, images in request.layers:
+            yield None
+            yield sampled_maps(self._placement, key, images)
 
     # --------------------------------------------------------------------------------------------------- scenes
 

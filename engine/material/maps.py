@@ -50,6 +50,11 @@ class LayerMaps:
         return not (self.texture or self.weight)
 
     @property
+    def inverts(self) -> bool:
+        """Whether one minus the weight counts; there is nothing to invert without a map."""
+        return self.weight_invert and self.weight != ""
+
+    @property
     def images(self) -> Images:
         """What has to be sampled for it: two of equal images differ in numbers alone."""
         if not self.texture:
@@ -59,7 +64,7 @@ class LayerMaps:
     def factor(self, texture: NDArray[np.floating], weight: NDArray[np.floating]) -> NDArray[np.floating]:
         """The factor (N, 3) of texels (N, 3) and weights (N,)."""
         tinted = 1.0 + self.texture_strength * (texture - 1.0)
-        return np.asarray(tinted * (1.0 - weight if self.weight_invert else weight)[..., None])
+        return np.asarray(tinted * (1.0 - weight if self.inverts else weight)[..., None])
 
 
 @dataclass(frozen=True)
@@ -83,7 +88,7 @@ class MapMeans:
     def factor(self, maps: LayerMaps) -> NDArray[np.float64]:
         """The mean of the factor, (3,)."""
         texture, both = np.asarray(self.texture), np.asarray(self.both)
-        weight, product = (1.0 - self.weight, texture - both) if maps.weight_invert else (self.weight, both)
+        weight, product = (1.0 - self.weight, texture - both) if maps.inverts else (self.weight, both)
         return np.asarray((1.0 - maps.texture_strength) * weight + maps.texture_strength * product)
 
 

@@ -1,7 +1,8 @@
 #version 410 core
 // Provides: one layer's share of the outgoing radiance, f_q * f_o(theta_o) * B, at each pixel of an object (the
 // pixels in sample layout; blending sums the layers). FOOTPRINT: the layer was computed at fewer samples, and four of
-// them with weights stand for a pixel. VIEW_CURVE: f_o is not 1 everywhere.
+// them with weights stand for a pixel. VIEW_CURVE: f_o is not 1 everywhere. MAPS: a texture and a weight map multiply
+// the layer, at every pixel, however coarse the rest is.
 #include "common/sample_layout.glsl"
 
 const float HALF_PI = 1.57079632679490;
@@ -17,6 +18,12 @@ uniform sampler2D footprint_weights;
 #if VIEW_CURVE
 uniform sampler2D theta_o;     // radians
 uniform sampler2D view_curve;  // f_o at VIEW_CURVE_SIZE angles, 0 to pi/2 inclusive
+#endif
+
+#if MAPS
+uniform sampler2D maps;  // linear RGB and weight, at the object's own rows
+uniform float texture_strength;
+uniform int inverts_weight;
 #endif
 
 layout(location = 0) out vec4 radiance;
@@ -44,6 +51,10 @@ void main() {
     int i = min(int(position), int(VIEW_CURVE_SIZE) - 2);
     vec3 low = texelFetch(view_curve, ivec2(i, 0), 0).rgb, high = texelFetch(view_curve, ivec2(i + 1, 0), 0).rgb;
     value *= mix(low, high, position - float(i));
+#endif
+#if MAPS
+    vec4 seen = texelFetch(maps, texel - ivec2(0, first_row), 0);
+    value *= (1.0 + texture_strength * (seen.rgb - 1.0)) * (inverts_weight != 0 ? 1.0 - seen.a : seen.a);
 #endif
     radiance = vec4(value, 0.0);
 }

@@ -114,20 +114,22 @@ def test_dropped_files_do_the_right_thing_or_say_why_not(tmp_path: Path) -> None
     said = [json.loads(line) for line in done.stdout.splitlines()]
     assert len(said) == len(drops), done.stdout + done.stderr
     lit = [str(probe.resolve()), "angular", "stand-in"]
+    expected = "expected a scene (.toml), a session (.insitu), light (.exr, .hdr), a measured BRDF (.binary) "
+    expected += "or a texture (.png, .jpg)"
     assert said[0] == ["", False, *lit]
-    for words_said, expected in zip(
+    for words_said, line in zip(
         said[1:7],
         (
-            f"{note}: expected a scene (.toml), a session (.insitu) or light (.exr, .hdr)",
+            f"{note}: {expected}",
             f"{missing}: there is no such file; nothing was changed",
             f"{lost}: there is no such file; nothing was changed",
-            f"{tmp_path}: expected a scene (.toml), a session (.insitu) or light (.exr, .hdr)",
-            "2 files were dropped; drop one scene, session or environment",
+            f"{tmp_path}: {expected}",
+            "2 files were dropped; drop one scene, session, environment or texture",
             "the dropped file's name is not UTF-8; rename it to open it here",
         ),
         strict=True,
     ):
-        assert words_said == [expected, True, *lit]
+        assert words_said == [line, True, *lit]
     # A scene is opened, with its own light.
     assert said[7][0].startswith("opened stand-in; the unsaved edits before it can be recovered")
     assert said[7][1:] == [False, "scene", "latlong", str(scene.resolve())]

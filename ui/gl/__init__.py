@@ -8,7 +8,7 @@ What flows where in Placement, from the worker's arrays to the screen::
     TransportTexture ──► increment.frag: Σ_k Δc_k T_k ──► increments (8 lanes)
                                                               │ scatter.frag, blending adds
     radiance (p,3) ─────────── upload ───────────► accumulator, one a layer
-                                                              │ shade.frag: f_q·f_o(θ_o), footprint; blending adds
+                                                              │ shade.frag: f_q·f_o(θ_o), images, footprint; adds
                                                               ▼
     environment, emitters ─► backdrop.frag ─► backdrop    shaded, one row range an object
                                                  │            │

@@ -34,6 +34,14 @@ class FootprintTextures:
     n_samples_needed: NDArray[np.int64]  # (O,) one more than the largest sample index of each object
 
 
+@dataclass(eq=False)
+class MapTexture:
+    """A layer's images at the pixels of its object, RGB and weight, in the layout of `shaded`; and what they are of."""
+
+    texture: moderngl.Texture
+    samples: NDArray[np.float16]
+
+
 class ShadedLayer(Protocol):
     """What the compositor must know of a layer to draw it."""
 
@@ -47,6 +55,10 @@ class ShadedLayer(Protocol):
     def view_curve(self) -> moderngl.Texture | None: ...
     @property
     def visible(self) -> bool: ...
+    @property
+    def maps(self) -> MapTexture | None: ...
+    @property
+    def map_numbers(self) -> tuple[float, bool]: ...
 
 
 class Compositor:
@@ -137,6 +149,17 @@ class Compositor:
             raise
         return FootprintTextures(addresses, packed, np.array(needed, dtype=np.int64))
 
+    def make_maps(self, i_object: int, samples: NDArray[np.float16]) -> MapTexture:
+        """The texture of an object's samples (p,4), texture RGB and weight."""
+        expected = (self.object_size(i_object), 4)
+        if samples.shape != expected:
+            raise GraphicsError(f"maps of shape {samples.shape}, expected {expected}")
+        size = (SAMPLES_PER_ROW, row_count(len(samples)))
+        return MapTexture(self._memory.texture(size, 4, "f2", pack_samples(samples, 4)), samples)
+
+    def release_maps(self, maps: MapTexture | None) -> None:
+        self._memory.release(None if maps is None else maps.texture)
+
     def release_footprint(self, footprint: FootprintTextures) -> None:
         self._memory.release(footprint.addresses)
         self._memory.release(footprint.weights)
@@ -185,17 +208,22 @@ class Compositor:
     def _shade_layer(self, layer: ShadedLayer, box: Box, add: bool) -> None:
         textures = {"accumulator": layer.accumulator.texture}
         uniforms: dict[str, object] = {"gain": layer.gain}
-        if layer.footprint is None:
+        if layer.footprint is None or layer.maps is not None:
             uniforms["first_row"] = box[1]
-        else:
+        if layer.footprint is not None:
             textures["footprint_addresses"] = layer.footprint.addresses
             textures["footprint_weights"] = layer.footprint.weights
         if layer.view_curve is not None:
             textures["theta_o"], textures["view_curve"] = self._theta_o, layer.view_curve
+        if layer.maps is not None:
+            textures["maps"] = layer.maps.texture
+            strength, inverts = layer.map_numbers
+            uniforms |= {"texture_strength": strength, "inverts_weight": int(inverts)}
         program = self._passes.full_screen(
             "placement/shade.frag.glsl",
             FOOTPRINT=int(layer.footprint is not None),
             VIEW_CURVE=int(layer.view_curve is not None),
+            MAPS=int(layer.maps is not None),
         )
         self._passes.draw(program, self._shaded_target, box, textures, add=add, **uniforms)
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ui.gl.accumulate import Accumulator
-from ui.gl.composite import VIEW_CURVE_SIZE, Compositor, FootprintTextures
+from ui.gl.composite import VIEW_CURVE_SIZE, Compositor, FootprintTextures, MapTexture
 from ui.gl.context import GraphicsError
 from ui.gl.textures import TextureMemory
 
@@ -30,7 +30,8 @@ class Indirect:
 
 @dataclass(eq=False)
 class Layer:
-    """One layer as it is drawn; `mean` (3,) is its mean radiance before f_q and f_o, of direct light."""
+    """One layer as it is drawn; `mean` (3,) is its mean radiance before f_q and f_o, of direct light. map_numbers: the
+    texture's strength, and whether the weight is inverted."""
 
     i_object: int
     accumulator: Accumulator
@@ -39,6 +40,8 @@ class Layer:
     gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
     view_curve: moderngl.Texture | None = None
     visible: bool = True
+    maps: MapTexture | None = None
+    map_numbers: tuple[float, bool] = (1.0, False)
     mean: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
 
 
@@ -46,13 +49,14 @@ class Layer:
 class Look:
     """Another look of a layer: f_q, f_o (256,3), visibility, and a radiance (p,3) at every pixel of its object.
 
-    `radiance` None: as in its accumulator.
+    `radiance` None: as in its accumulator. maps: samples of its images (p,4) or None, with their two numbers.
     """
 
     gain: tuple[float, float, float]
     view_curve: NDArray[np.floating]
     visible: bool
     radiance: NDArray[np.floating] | None = None
+    maps: tuple[NDArray[np.float16] | None, float, bool] = (None, 1.0, False)
 
 
 class LayerStack:
@@ -85,7 +89,7 @@ class LayerStack:
         return found + [replace(layer, accumulator=p.accumulator, footprint=p.footprint) for layer, p in parts]
 
     def put(self, key: str, i_object: int, n_samples: int) -> None:
-        """Add a layer, black; an old one of that key loses its picture and keeps gain, view curve and visibility."""
+        """Add a layer, black; an old one of that key loses its picture and keeps all else."""
         n_objects = self._compositor.frame.n_objects
         if not 0 <= i_object < n_objects:
             raise GraphicsError(f"layer {key}: object {i_object}, expected 0 to {n_objects - 1}")
@@ -94,6 +98,7 @@ class LayerStack:
         old = self._layers.get(key)
         if old is not None:
             layer.gain, layer.view_curve, layer.visible = old.gain, old.view_curve, old.visible
+            layer.maps, layer.map_numbers = old.maps, old.map_numbers
             self.dirty.add(old.i_object)
             _release(old)
         self._layers[key] = layer
@@ -104,6 +109,7 @@ class LayerStack:
         del self._layers[key]
         _release(layer)
         self._memory.release(layer.view_curve)
+        self._compositor.release_maps(layer.maps)
         self.dirty.add(layer.i_object)
 
     def set_radiance(self, key: str, radiance: NDArray[np.floating]) -> None:
@@ -176,6 +182,22 @@ class LayerStack:
             layer.view_curve = made
         self.dirty.add(layer.i_object)
 
+    def set_maps(self, key: str, samples: NDArray[np.float16] | None) -> None:
+        """A layer's images (p,4) at every pixel of its object, texture RGB and weight; None: it has none."""
+        layer = self[key]
+        made = None if samples is None else self._compositor.make_maps(layer.i_object, samples)
+        self._compositor.release_maps(layer.maps)
+        layer.maps = made
+        self.dirty.add(layer.i_object)
+
+    def set_map_numbers(self, key: str, strength: float, inverts: bool) -> None:
+        """How strong a layer's texture is, and whether one minus the weight counts."""
+        layer = self[key]
+        if layer.map_numbers != (strength, inverts):
+            layer.map_numbers = strength, inverts
+            if layer.maps is not None:
+                self.dirty.add(layer.i_object)
+
     @contextmanager
     def looking(self, looks: Mapping[str, Look]) -> Iterator[None]:
         """The layers with other looks for a while; their own come back unharmed, and their objects are to be shaded."""
@@ -192,12 +214,20 @@ class LayerStack:
                     worn.accumulator.release()
                 if worn is not layer:
                     self._memory.release(worn.view_curve)
+                if worn.maps is not layer.maps:
+                    self._compositor.release_maps(worn.maps)
                 self._layers[key] = layer
                 self.dirty.add(layer.i_object)
 
     def _put_on(self, key: str, look: Look, own: Layer) -> None:
         worn = self._layers[key]
         worn.gain, worn.visible = look.gain, look.visible
+        samples, strength, inverts = look.maps
+        worn.map_numbers = strength, inverts
+        if samples is None:
+            worn.maps = None
+        elif own.maps is None or own.maps.samples is not samples:
+            worn.maps = self._compositor.make_maps(own.i_object, samples)
         self.set_view_curve(key, look.view_curve)
         if look.radiance is not None:
             n_pixels = self._compositor.object_size(own.i_object)

@@ -170,6 +170,14 @@ class PlacementRenderer:
     def set_layer_visible(self, key: str, visible: bool) -> None:
         self._shown().layers.set_visible(key, visible)
 
+    def set_layer_maps(self, key: str, samples: NDArray[np.float16] | None) -> None:
+        """A layer's images (p,4) at every pixel of its object, texture RGB and weight; None: it has none."""
+        self._shown().layers.set_maps(key, samples)
+
+    def set_map_numbers(self, key: str, strength: float, inverts: bool) -> None:
+        """How strong a layer's texture is, from 0 to 1, and whether one minus the weight counts."""
+        self._shown().layers.set_map_numbers(key, strength, inverts)
+
     def set_view_curve(self, key: str, curve: NDArray[np.floating] | None) -> None:
         """f_o (256,3) at angles θ_o from 0 to π/2 inclusive, linear between; None is 1 everywhere."""
         self._shown().layers.set_view_curve(key, curve)

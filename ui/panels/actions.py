@@ -74,9 +74,19 @@ class OpenFile:
 
 @dataclass(frozen=True)
 class AskFile:
-    """Ask for a file name without stopping the picture."""
+    """Ask for a file name without stopping the picture; of an image for the layer `key`."""
 
     purpose: str
+    key: str = ""
+
+
+@dataclass(frozen=True)
+class OpenImage:
+    """Make a file the "texture" or the "weight" of a layer."""
+
+    path: Path
+    key: str
+    name: str
 
 
 @dataclass(frozen=True)
@@ -161,8 +171,8 @@ class Quit:
 
 
 WindowAction = (
-    BeginDrag | EndDrag | CancelDrag | Hold | Undo | Redo | Select | SetPanel | OpenFile | AskFile | SaveSession
-    | ImportMeasured | ExportMeasured | Screenshot | SaveMaterial | DeleteMaterial | Copy | Paste | Recover
-    | ResetLayout | CancelWork | Quit
+    BeginDrag | EndDrag | CancelDrag | Hold | Undo | Redo | Select | SetPanel | OpenFile | OpenImage | AskFile
+    | SaveSession | ImportMeasured | ExportMeasured | Screenshot | SaveMaterial | DeleteMaterial | Copy | Paste
+    | Recover | ResetLayout | CancelWork | Quit
 )  # fmt: skip
 Action = EditCommand | SetView | OpenPanel | WindowAction

@@ -6,7 +6,7 @@ dragged, so that scripts and tests take hold by name ("curve.b") through the sam
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from imgui_bundle import ImVec2, imgui
@@ -82,6 +82,7 @@ def nothing_there(column: int, row: int) -> str | None:
 class PanelContext:
     """Read by every panel. `picture` is the scene, `environment` the thumbnail; None until there is one.
 
+    `map_thumbnails` are the selected layer's "texture" and "weight", `map_refusal` says why they cannot be used.
     `undo_label` and `redo_label` name what would be undone or redone. `object_at` tells the object's name at a pixel
     (column, row) of the picture. `heading` is where the camera looks, degrees clockwise from -Z seen from above.
     `library` are its materials, `thumbnail` a material's picture, None while there is none. `now` is seconds of the
@@ -96,6 +97,8 @@ class PanelContext:
     handles: Handles = field(default_factory=Handles)
     picture: Picture | None = None
     environment: Picture | None = None
+    map_thumbnails: Mapping[str, Picture] = field(default_factory=dict)
+    map_refusal: str | None = None
     undo_label: str | None = None
     redo_label: str | None = None
     object_at: Callable[[int, int], str | None] = nothing_there

@@ -11,10 +11,11 @@ from pathlib import Path
 
 from imgui_bundle import ImVec2, imgui
 
+from app.map_commands import IMAGE_SUFFIXES
 from app.reading import MEASURED_ENDINGS
 from ui import theme as look
 from ui.panels import widgets
-from ui.panels.actions import Action, ExportMeasured, ImportMeasured, OpenFile, SaveSession, SetPanel
+from ui.panels.actions import Action, ExportMeasured, ImportMeasured, OpenFile, OpenImage, SaveSession, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.state import FileQuestion
 
@@ -22,6 +23,8 @@ TITLES = {
     "open_scene": "Open a scene or a session",
     "open_environment": "Open an environment",
     "open_measured": "Import a measured BRDF onto the selected object",
+    "open_texture": "Open a texture",
+    "open_weight": "Open a weight map",
     "save_session": "Save the session",
     "save_measured": "Export the selected object's material as a MERL file",
 }
@@ -29,6 +32,8 @@ ENDINGS = {
     "open_scene": (".toml", ".insitu"),
     "open_environment": (".exr", ".hdr"),
     "open_measured": MEASURED_ENDINGS,
+    "open_texture": IMAGE_SUFFIXES,
+    "open_weight": IMAGE_SUFFIXES,
     "save_session": (".insitu",),
     "save_measured": (".binary",),
 }
@@ -132,6 +137,8 @@ def _name_line(context: PanelContext, question: FileQuestion) -> list[Action]:
 def answer(question: FileQuestion, path: Path) -> list[Action]:
     """What the person decided, and the browser closed. The name of what is saved gets its ending."""
     purpose = question.purpose
+    if question.key:
+        return [OpenImage(path, question.key, purpose.removeprefix("open_")), SetPanel({"question": None})]
     if purpose.startswith("save") and not path.suffix:
         path = path.with_suffix(ENDINGS[purpose][0])
     actions: dict[str, Action] = {

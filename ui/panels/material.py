@@ -14,7 +14,7 @@ from app.reading import describe_measurement
 from engine.material import MODELS, Layer, Parameter
 from engine.measured.measurement import Measurement
 from ui import theme as look
-from ui.panels import widgets
+from ui.panels import maps, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag
 from ui.panels.context import PanelContext
 from ui.theme import Icon
@@ -40,6 +40,7 @@ def draw(context: PanelContext) -> list[Action]:
     actions += _model(context, selection.key, layer, width)
     for parameter in layer.table:
         actions += _parameter(context, selection.key, layer, parameter, width)
+    actions += maps.draw(context, selection.key, layer.maps, width)
     imgui.end_disabled()
     if note := _sharing_note(state, selection.layer):
         widgets.caption(note)

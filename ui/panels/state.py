@@ -58,11 +58,13 @@ class Notice:
 
 @dataclass(frozen=True)
 class FileQuestion:
-    """A file is being asked for: why (a key of `ui.panels.dialogs.TITLES`), where, and the name so far."""
+    """A file is being asked for: why (a key of `ui.panels.dialogs.TITLES`), where, and the name so far; of an
+    image for which layer."""
 
     purpose: str
     folder: Path
     name: str = ""
+    key: str = ""
 
 
 @dataclass(frozen=True)

@@ -151,6 +151,8 @@ def test_the_mean_of_a_factor_follows_from_three_means() -> None:
     means = MapMeans(tuple(texture.mean(axis=0).tolist()), float(weight.mean()), both)
     for maps in (LayerMaps("a", weight="b"), LayerMaps("a", texture_strength=0.3, weight="b", weight_invert=True)):
         np.testing.assert_allclose(means.factor(maps), maps.factor(texture, weight).mean(axis=0), rtol=1e-12)
+    alone = LayerMaps("a", weight_invert=True)  # without a map there is nothing to invert
+    np.testing.assert_array_equal(alone.factor(texture, np.ones(1000)), texture)
 
 
 def test_what_a_scene_says_of_maps_survives_text_and_json(tmp_path: Path) -> None:

@@ -1,0 +1,137 @@
+"""Textures and weight maps on the window's side: which images are to be sampled, and what is known of them.
+
+The worker samples a layer's images once for each pixel of its object; strength and inversion are numbers that the
+renderer multiplies by, and repeats or another file ask for new samples. Until those are here the old ones stay on
+screen. What was sampled is kept for a while, so that undo shows it at once. Compared with the document whenever that
+has changed, one request at a time, as everything else is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.document import Document
+from app.history import History
+from app.jobs.messages import MapsRefused, MapsSampled, Request, SampleMaps
+from app.picture import Curves, LayerMapsChanged
+from engine.material.maps import Images, LayerMaps
+
+MOST_KEPT = 24
+
+Surface = tuple[str, Images]
+
+
+class MapTalk:
+    """The talk with the worker about images. ``send`` hands a request over; ``curves`` learn the means."""
+
+    def __init__(self, send: Callable[[Request], int], curves: Curves) -> None:
+        self._send, self._curves = send, curves
+        self.scene_opened()
+
+    def scene_opened(self) -> None:
+        """Another scene: nothing is known of its images."""
+        self._known: dict[Surface, MapsSampled] = {}
+        self._refused: dict[Surface, str] = {}
+        self._shown: dict[str, MapsSampled] = {}
+        self._asked: tuple[tuple[str, Images], ...] = ()
+        self._document: Document | None = None
+        self._missing: tuple[tuple[str, Images], ...] = ()
+        self._curves.map_means.clear()
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the images of all layers are in the picture, as far as they can be used."""
+        return not self._missing
+
+    def refusal(self, key: str, maps: LayerMaps) -> str | None:
+        """Why a layer's images cannot be used, in one line."""
+        return self._refused.get((_object(key), maps.images))
+
+    def known(self, key: str, maps: LayerMaps) -> MapsSampled | None:
+        """What is known of a layer's images: samples, means, thumbnails."""
+        return self._known.get((_object(key), maps.images))
+
+    def edited(self) -> None:
+        """The document changed: until the next update it is not known whether anything is missing."""
+        self._document = None
+
+    def took(self, response: MapsSampled) -> None:
+        """Images were sampled."""
+        surface = (_object(response.key), response.images)
+        self._known.pop(surface, None)
+        self._known[surface] = response
+        self._curves.map_means[surface] = response.means
+        shown = {id(each) for each in self._shown.values()}
+        spare = [key for key, each in self._known.items() if id(each) not in shown and each is not response]
+        for key in spare[: max(0, len(self._known) - MOST_KEPT)]:
+            del self._known[key]
+        self.edited()
+
+    def refuse(self, response: MapsRefused, history: History) -> bool:
+        """Images cannot be used. Where choosing them was the last step, that step is gone as if it had never been;
+        whether it was. Else they stay in the document, and the layer is shown without."""
+        self._refused[_object(response.key), response.images] = response.line
+        self.edited()
+        document = history.document
+        if all(key != response.key for key, _ in document.layers()):
+            return False
+        layer = document.layer(response.key)
+        if layer.maps.images != response.images:
+            return False
+        return history.retract(lambda before: _only_chose(response.key, response.images, before, document))
+
+    def update(self, document: Document) -> list[LayerMapsChanged]:
+        """Ask for what is missing; the layers whose samples are others than those shown."""
+        if document is self._document:
+            return []
+        self._document = document
+        wanted = _wanted(document)
+        events = [self._drop(key) for key in list(self._shown) if key not in wanted]
+        missing = []
+        for key, maps in wanted.items():
+            surface = (_object(key), maps.images)
+            found = self._known.get(surface)
+            if found is None and surface not in self._refused:
+                missing.append((key, maps.images))
+            elif found is None and key in self._shown:
+                events.append(self._drop(key))
+            elif found is not None and self._shown.get(key) is not found:
+                self._shown[key] = found
+                events.append(LayerMapsChanged(key, found.samples, bool(found.images.weight), found.thumbnails))
+        self._missing = tuple(missing)
+        if self._missing and self._missing != self._asked:
+            self._send(SampleMaps(self._missing))
+        self._asked = self._missing
+        return events
+
+    def _drop(self, key: str) -> LayerMapsChanged:
+        del self._shown[key]
+        return LayerMapsChanged(key, None)
+
+    def samples(self, key: str, maps: LayerMaps) -> NDArray[np.float16] | None:
+        """The samples of a layer's images, where they are known."""
+        found = self.known(key, maps)
+        return None if found is None else found.samples
+
+
+def _wanted(document: Document) -> dict[str, LayerMaps]:
+    """The layers that have images and are seen by their material."""
+    emitters = {state.name for state in document.objects if state.emits}
+    return {
+        key: layer.maps for key, layer in document.layers()
+        if not layer.maps.is_plain and _object(key) not in emitters
+    }  # fmt: skip
+
+
+def _only_chose(key: str, images: Images, before: Document, after: Document) -> bool:
+    """Whether all that happened between two documents is that a layer got these images."""
+    if all(each != key for each, _ in before.layers()) or before.layer(key).maps.images == images:
+        return False
+    return before.with_layer(key, before.layer(key).replace(maps=after.layer(key).maps)) == after
+
+
+def _object(key: str) -> str:
+    return key.rpartition(".")[0]

@@ -1,0 +1,67 @@
+"""Images sampled by the worker, and their thumbnails."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from app.jobs.cache import Store
+from app.jobs.in_process import run_in_process
+from app.jobs.maps import thumbnail
+from app.jobs.messages import MapsRefused, MapsSampled, OpenScene, SampleMaps, SceneOpened
+from app.jobs.tasks import Tasks
+from engine.material.maps import Images
+from engine.texture.pyramid import make_pyramid
+
+SCENE = """
+version = 1
+[camera]
+position = [0, 0, 3]
+target = [0, 0, 0]
+fov_y = 20
+resolution = [12, 12]
+[[object]]
+name = "card"
+primitive = "quad"
+layer = [{ model = "lambert" }]
+[[object]]
+name = "bare"
+mesh = "bare.obj"
+layer = [{ model = "lambert" }]
+"""
+
+
+@pytest.fixture
+def tasks(tmp_path: Path) -> Tasks:
+    (tmp_path / "scene.toml").write_text(SCENE)
+    (tmp_path / "bare.obj").write_text("v -0.1 -0.1 1\nv 0.1 -0.1 1\nv 0 0.1 1\nf 1 2 3\n")
+    Image.fromarray(np.full((4, 4, 3), (255, 188, 0), np.uint8)).save(tmp_path / "tan.png")
+    Image.fromarray(np.full((4, 4), 51, np.uint8)).save(tmp_path / "fifth.png")
+    tasks = Tasks(Store(tmp_path / "cache"))
+    assert isinstance(run_in_process(tasks, OpenScene(str(tmp_path / "scene.toml")))[-1], SceneOpened)
+    return tasks
+
+
+def test_each_layer_is_answered_on_its_own(tasks: Tasks) -> None:
+    images, missing = Images("tan.png", weight="fifth.png"), Images("gone.png")
+    request = SampleMaps((("card.0", images), ("card.1", missing), ("bare.0", images)))
+    sampled, refused, without = run_in_process(tasks, request)
+    assert isinstance(sampled, MapsSampled) and (sampled.key, sampled.images) == ("card.0", images)
+    assert sampled.samples.dtype == np.float16 and sampled.samples.shape[1] == 4
+    # sRGB (255, 188, 0) is (1, 0.503, 0); 51 of 255 is a fifth.
+    np.testing.assert_allclose(sampled.samples, np.tile([1.0, 0.503, 0.0, 0.2], (len(sampled.samples), 1)), atol=1e-3)
+    assert sampled.means.weight == pytest.approx(0.2) and sampled.means.both[0] == pytest.approx(0.2)
+    assert set(sampled.thumbnails) == {"texture", "weight"}
+    assert sampled.thumbnails["texture"].shape == (4, 4, 3)
+    assert (sampled.thumbnails["texture"] == (255, 188, 0)).all() and (sampled.thumbnails["weight"] == 51).all()
+    assert isinstance(refused, MapsRefused) and "gone.png" in refused.line and "\n" not in refused.line
+    assert isinstance(without, MapsRefused) and "without texture coordinates" in without.line
+
+
+def test_thumbnails_are_small_and_keep_their_aspect() -> None:
+    image = np.zeros((100, 400, 3), np.float32)
+    image[:, 200:] = 1.0
+    small = thumbnail(make_pyramid(image))
+    assert small.shape == (16, 64, 3) and small.flags.c_contiguous
+    assert (small[:, 1:30] == 0).all() and (small[:, 34:-1] == 255).all()

@@ -1,0 +1,118 @@
+"""Images in the window: loaded by the browser or dropped, seen in the panel, edited by hand, undone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.commands import SetVisible
+from app.jobs.messages import MapsSampled, SampleMaps
+from app.map_commands import SetMap
+from engine.material.maps import LayerMaps, MapMeans
+from tests.ui.stand_in import StandInClient, scene_arrays
+from ui.headless import HeadlessWindow
+from ui.panels.actions import AskFile, OpenImage
+from ui.panels.dialogs import answer
+from ui.panels.maps import image_label
+from ui.panels.state import FileQuestion, PanelState
+from ui.picture_feed import PictureFeed
+
+pytestmark = pytest.mark.gl
+
+MEANS = MapMeans((0.5, 0.5, 0.5), 0.25, (0.125, 0.125, 0.125))
+
+
+def sample(window: HeadlessWindow) -> None:
+    """The stand-in's worker samples what was asked last: a texture of a half, a weight of a quarter."""
+    client = window.shell.editor._client
+    assert isinstance(client, StandInClient)
+    window.frames(2)
+    request = next(r for r in reversed(client.requests) if isinstance(r, SampleMaps))
+    for key, images in request.layers:
+        start, stop = scene_arrays()["object_ranges"][0]
+        samples = np.full((int(stop - start), 4), (0.5, 0.5, 0.5, 0.25 if images.weight else 1.0), np.float16)
+        names = {name: np.full((8, 16, 3), 128, np.uint8) for name in ("texture", "weight") if getattr(images, name)}
+        client.say(MapsSampled(key, images, samples, MEANS, names, id=request.id))
+    window.frames(4)
+    assert window.run_until(lambda: window.shell.editor.status.picture == "exact", 30.0)
+
+
+def linear(window: HeadlessWindow) -> np.ndarray:
+    source = window.shell.source
+    assert isinstance(source, PictureFeed)
+    return source.renderer.linear_image()
+
+
+def maps_of(window: HeadlessWindow) -> LayerMaps:
+    return window.shell.editor.document.layer("teapot.0").maps
+
+
+def test_load_edit_and_clear(window: HeadlessWindow, tmp_path: Path) -> None:
+    editor, actor = window.shell.editor, window.shell.actor
+    editor.select("teapot.0")
+    editor.do(SetVisible("teapot.1", False))  # what is left is the base alone
+    window.frames(3)
+    plain = linear(window)
+    window.click_handle("material.texture")
+    window.frames(2)
+    question = window.shell.state.question
+    assert question is not None and (question.purpose, question.key) == ("open_texture", "teapot.0")
+    (tmp_path / "oak.png").touch()
+    actor.perform(answer(question, tmp_path / "oak.png")[:1], window.shell.state, 0.0)
+    assert maps_of(window).texture == str(tmp_path / "oak.png")
+    window.shell.state = PanelState()
+    sample(window)
+    np.testing.assert_allclose(linear(window)[:, :12], 0.5 * plain[:, :12], rtol=1e-3)
+    assert "material.texture_strength" in window.shell.handles.names()
+    window.drag_handle("material.texture_strength", (-1000, 0))
+    assert maps_of(window).texture_strength == 0.0
+    window.frames(2)
+    np.testing.assert_allclose(linear(window)[:, :12], plain[:, :12], rtol=1e-3)
+    editor.undo()
+    window.click_handle("material.texture_space.0")
+    assert maps_of(window).texture_space == "srgb"
+    window.drag_handle("material.texture_scale.u", (60, 0))
+    assert maps_of(window).texture_scale[0] > 1.0 and maps_of(window).texture_scale[1] == 1.0
+    window.click_handle("button.clear_texture")
+    assert maps_of(window).is_plain
+    window.frames(2)
+    np.testing.assert_allclose(linear(window)[:, :12], plain[:, :12], rtol=1e-3)
+
+
+def test_a_weight_map_is_inverted_by_a_button(window: HeadlessWindow) -> None:
+    editor = window.shell.editor
+    editor.select("teapot.0")
+    editor.do(SetVisible("teapot.1", False))  # what is left is the base alone
+    window.frames(3)
+    plain = linear(window)
+    editor.do(SetMap("teapot.0", "weight", "mask.png"))
+    window.frames(2)
+    sample(window)
+    np.testing.assert_allclose(linear(window)[:, :12], 0.125 * plain[:, :12], rtol=1e-3)
+    window.click_handle("material.weight_invert.0")
+    window.frames(2)
+    assert maps_of(window).weight_invert
+    np.testing.assert_allclose(linear(window)[:, :12], 0.375 * plain[:, :12], rtol=1e-3)
+
+
+def test_dropped_pictures_are_textures_of_what_is_selected(window: HeadlessWindow, tmp_path: Path) -> None:
+    editor, actor = window.shell.editor, window.shell.actor
+    editor.select("teapot.0")
+    actor.drop([str(tmp_path / "gone.png")])
+    assert maps_of(window).is_plain and "no such file" in editor.status.message
+    (tmp_path / "oak.jpg").touch()
+    actor.drop([str(tmp_path / "oak.jpg")])
+    assert maps_of(window).texture == str(tmp_path / "oak.jpg")
+    editor.undo()
+    editor.select(None)
+    actor.drop([str(tmp_path / "oak.jpg")])
+    assert maps_of(window).is_plain and "select the layer" in editor.status.message
+
+
+def test_the_browser_answers_for_the_layer_it_was_asked_for(tmp_path: Path) -> None:
+    question = FileQuestion("open_weight", tmp_path, key="tray.0")
+    assert answer(question, tmp_path / "a.png")[0] == OpenImage(tmp_path / "a.png", "tray.0", "weight")
+    assert AskFile("open_texture", "tray.0").key == "tray.0"
+    assert image_label("maps/oak.png") == "oak.png" and image_label("cup.glb#2") == "cup.glb#2"

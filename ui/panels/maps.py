@@ -1,0 +1,164 @@
+"""The images of the selected layer: its texture and its weight map, a part of the material panel."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from imgui_bundle import ImVec2, imgui
+
+from app.map_commands import SetMap
+from engine.material.maps import MAX_REPEATS, SPACES, LayerMaps
+from ui import theme as look
+from ui.panels import widgets
+from ui.panels.actions import Action, AskFile, BeginDrag, EndDrag
+from ui.panels.context import PanelContext, Picture
+from ui.theme import Icon
+
+LABELS = {"texture": "Texture", "weight": "Weight map"}
+HINTS = {
+    "texture": "An image whose colours multiply the layer: PNG, JPEG or OpenEXR, laid out by the mesh's texture "
+    "coordinates. A PNG or JPEG may also be dropped on the window.",
+    "weight": "A grey image that says how much of the layer there is: white all of it, black none. Two layers with one "
+    "map, in one of them inverted, are blended by it.",
+}
+SPACE_CHOICES = (
+    ("Auto", "Auto: as files of this kind usually are, sRGB with 8 bits a channel, else linear."),
+    ("sRGB", "sRGB: meant for a screen."),
+    ("Linear", "Linear: proportional to reflectance."),
+)
+
+
+def draw(context: PanelContext, key: str, maps: LayerMaps, width: float) -> list[Action]:
+    """The rows of both images."""
+    actions = _image(context, key, "texture", maps, width)
+    if maps.texture:
+        actions += _strength(context, key, maps, width) + _repeats(context, key, maps, width)
+    actions += _image(context, key, "weight", maps, width)
+    if context.map_refusal:
+        widgets.caption(context.map_refusal)
+    return actions
+
+
+def image_label(name: str) -> str:
+    """A file as a person reads it; of a picture inside a GLB file its number as well."""
+    return Path(name).name
+
+
+def _image(context: PanelContext, key: str, what: str, maps: LayerMaps, width: float) -> list[Action]:
+    """The picture and its file's name, which asks for another; a weight map's inversion; a button to take it away."""
+    widgets.label(context, LABELS[what], width)
+    name = maps.texture if what == "texture" else maps.weight
+    side, gap = imgui.get_frame_height(), context.px(4)
+    right = side + gap if name else 0.0
+    if name and what == "weight":
+        right += _segment_width(context, "Invert") + gap
+    if name and (thumbnail := context.map_thumbnails.get(what)) is not None:
+        _thumbnail(thumbnail, side)
+        imgui.same_line(0.0, gap)
+    actions = _file_button(context, key, what, name, imgui.get_content_region_avail().x - right)
+    if not name:
+        return actions
+    imgui.same_line(0.0, gap)
+    if what == "weight":
+        actions += _invert(context, key, maps)
+        imgui.same_line(0.0, gap)
+    if widgets.icon_button(context, f"clear_{what}", Icon.CLOSE, "Takes the image away; Ctrl+Z brings it back."):
+        actions.append(SetMap(key, what, ""))
+    return actions
+
+
+def _thumbnail(picture: Picture, side: float) -> None:
+    """The image within a square, its aspect kept."""
+    corner, shrink = imgui.get_cursor_screen_pos(), side / max(picture.width, picture.height)
+    size = ImVec2(picture.width * shrink, picture.height * shrink)
+    low = ImVec2(corner.x + 0.5 * (side - size.x), corner.y + 0.5 * (side - size.y))
+    draw_list = imgui.get_window_draw_list()
+    draw_list.add_rect_filled(corner, ImVec2(corner.x + side, corner.y + side), look.pack(look.FRAME))
+    draw_list.add_image(picture.reference, low, ImVec2(low.x + size.x, low.y + size.y), *picture.corners())
+    imgui.dummy(ImVec2(side, side))
+
+
+def _file_button(context: PanelContext, key: str, what: str, name: str, room: float) -> list[Action]:
+    text = _fitting(image_label(name) if name else "Load an image…", room)
+    imgui.push_style_color(imgui.Col_.text, look.pack(look.TEXT if name else look.TEXT_SOFT))
+    imgui.push_style_var(imgui.StyleVar_.button_text_align, ImVec2(0.0, 0.5))
+    pressed = imgui.button(f"{text}##{what}", ImVec2(max(room, 1.0), 0.0))
+    imgui.pop_style_var()
+    imgui.pop_style_color()
+    context.handles.note_item(f"material.{what}")
+    widgets.tooltip(f"{name}\n\n{HINTS[what]}" if name else HINTS[what])
+    return [AskFile(f"open_{what}", key)] if pressed else []
+
+
+def _fitting(text: str, room: float) -> str:
+    """As much of a text as fits a button of that width, its end kept: that is where file names differ."""
+    room -= 2.0 * imgui.get_style().frame_padding.x
+    if imgui.calc_text_size(text).x <= room:
+        return text
+    while len(text) > 4 and imgui.calc_text_size("…" + text).x > room:
+        text = text[1:]
+    return "…" + text
+
+
+def _strength(context: PanelContext, key: str, maps: LayerMaps, width: float) -> list[Action]:
+    widgets.label(context, "Strength", width)
+    hand, moved = widgets.slider(
+        context, "texture_strength", maps.texture_strength, 0.0, 1.0, handle="material.texture_strength"
+    )
+    widgets.tooltip("How much of the texture counts: 1 is all of it, 0 is the plain layer.")
+    return _edits(hand, key, "texture_strength", moved)
+
+
+def _repeats(context: PanelContext, key: str, maps: LayerMaps, width: float) -> list[Action]:
+    """How often the texture repeats across and upwards, and how its numbers are meant."""
+    widgets.label(context, "Repeats", width)
+    gap = context.px(4)
+    room = imgui.get_content_region_avail().x - _segment_width(context, "Linear") - 2.0 * gap
+    actions: list[Action] = []
+    for index, (axis, across) in enumerate((("u", "across"), ("v", "upwards"))):
+        imgui.set_next_item_width(0.5 * room)
+        value = maps.texture_scale[index]
+        changed, moved = imgui.drag_float(
+            f"##repeats_{axis}", value, 0.01 * max(abs(value), 0.1), -MAX_REPEATS, MAX_REPEATS, f"{axis} × %.3g"
+        )
+        context.handles.note_item(f"material.texture_scale.{axis}")
+        hint = f"How often the texture repeats {across}; below 0 it is mirrored."
+        widgets.tooltip(f"{hint} Drag sideways, or double-click to type.")
+        pair = (moved, maps.texture_scale[1]) if index == 0 else (maps.texture_scale[0], moved)
+        usable = 1e-3 <= abs(moved) <= MAX_REPEATS
+        actions += _edits(widgets.touch(changed and usable), key, "texture_scale", pair)
+        imgui.same_line(0.0, gap)
+    return actions + _space(context, key, maps)
+
+
+def _space(context: PanelContext, key: str, maps: LayerMaps) -> list[Action]:
+    """One button that goes through the three."""
+    chosen = SPACES.index(maps.texture_space)
+    text, meaning = SPACE_CHOICES[chosen]
+    hint = f"How the file's numbers are meant. {meaning} Click for another way to read them."
+    least = _segment_width(context, "Linear") / context.theme.scale
+    pressed = widgets.segments(context, "material.texture_space", [(text, hint)], -1, least=least)
+    return [] if pressed is None else [SetMap(key, "texture_space", SPACES[(chosen + 1) % len(SPACES)])]
+
+
+def _invert(context: PanelContext, key: str, maps: LayerMaps) -> list[Action]:
+    hint = "One minus the map counts: the layer is where the map is black."
+    pressed = widgets.segments(context, "material.weight_invert", [("Invert", hint)], 0 if maps.weight_invert else -1)
+    return [] if pressed is None else [SetMap(key, "weight_invert", not maps.weight_invert)]
+
+
+def _segment_width(context: PanelContext, text: str) -> float:
+    """Of a button of `widgets.segments` with such a text."""
+    return widgets.rich_width(text) + context.px(16)
+
+
+def _edits(hand: widgets.Touch, key: str, name: str, value: object) -> list[Action]:
+    """One drag of a control as one step of the history."""
+    actions: list[Action] = []
+    if hand.began:
+        actions.append(BeginDrag(f"{key} {name.replace('_', ' ')}"))
+    if hand.changed:
+        actions.append(SetMap(key, name, value))
+    if hand.ended:
+        actions.append(EndDrag())
+    return actions
