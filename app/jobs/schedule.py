@@ -2,8 +2,8 @@
 
 A job is the iterator that a handler returns; each `next` is one step, short enough (about 100 ms) that a new request is
 noticed soon. A contraction is quick, and so are a freezing and the sampling of images: they are served between the
-steps of a transport that is under way. There are no threads and no queue but seven places, one for the newest request of
-each kind, so an old request cannot pile up.
+steps of a transport that is under way. There are no threads and no queue but seven places, one for the newest request
+of each kind, so an old request cannot pile up.
 """
 
 from __future__ import annotations
