@@ -3,17 +3,19 @@
 Found roughly after the first picture, finely after the last stage of the direct light, so that a person waits for
 neither; where the rays of a fine one are still there, another light lights their cells anew, at once, and what glossy
 surfaces send goes by albedo until the end. Fine light is kept on disk, where a scene that is opened again, or a worker
-after one that died, finds it with the first picture.
+after one that died, finds it with the first picture; while it is being found its finished parts are, from which either
+goes on.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from app.jobs.array_record import Arrays, RecordError
 from app.jobs.cache import Store, content_key
 from app.jobs.messages import (
     BouncesPlanned,
@@ -25,6 +27,7 @@ from app.jobs.messages import (
     Progress,
     Response,
 )
+from app.jobs.tiles import Tiles
 from engine.indirect.albedo import albedo_bands, albedo_of
 from engine.indirect.curves import LayerCurves
 from engine.indirect.irradiance import NOBODY
@@ -39,7 +42,8 @@ from engine.transport.pipeline import Placement, SkyState
 
 Steps = Iterator[Response | None]
 # Raised when anything changes the numbers in what is kept on disk.
-STORED_VERSION = 1
+STORED_VERSION = 2
+MOST_PARTS = 1024
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +56,25 @@ class _Found:
     lit_by: str
     depth: int  # bounces that the rays were found for
     number: int
+
+
+class _KeptParts:
+    """The finished parts of light that is being found, as the solver keeps them."""
+
+    def __init__(self, tiles: Tiles) -> None:
+        self._tiles = tiles
+
+    def part(self, index: int) -> Arrays | None:
+        if index not in self._tiles.complete_tiles:
+            return None
+        try:
+            return self._tiles.tile(index)
+        except (OSError, RecordError):  # sound when the file was opened: found anew
+            return None
+
+    def keep(self, index: int, arrays: Arrays) -> None:
+        if index < MOST_PARTS:
+            self._tiles.append_tile(index, arrays)
 
 
 class IndirectTasks:
@@ -110,16 +133,16 @@ class IndirectTasks:
         if kept is not None:
             yield from self._hold(_Found(solver.restored(kept), fineness, models, lit_by, n_bounces, 0))
             return
-        steps = solver.solve([self._layer(look) for look in looks])
-        while True:
-            try:
-                fraction, text = next(steps)
-                yield Progress("indirect light", fraction, text=text)
-            except StopIteration as end:
-                yield from self._hold(_Found(end.value, fineness, models, lit_by, n_bounces, 0))
-                if self._store is not None and fineness is FINE:
-                    self._store.put(key, arrays_of(end.value))
-                return
+        layers = [self._layer(look) for look in looks]
+        if self._store is None or fineness is not FINE:
+            light = yield from _told(solver.solve(layers))
+            yield from self._hold(_Found(light, fineness, models, lit_by, n_bounces, 0))
+            return
+        with self._store.open_tiles(key, MOST_PARTS) as tiles:
+            light = yield from _told(solver.solve(layers, _KeptParts(tiles)))
+            yield from self._hold(_Found(light, fineness, models, lit_by, n_bounces, 0))
+            if self._store.put(key, arrays_of(light)):
+                tiles.finish()
 
     def _kept_on_disk(
         self, models: tuple[tuple[str, str], ...], lit_by: str, n_bounces: int
@@ -195,3 +218,13 @@ class IndirectTasks:
 
     def _object(self, key: str) -> int:
         return self._names.index(key.rpartition(".")[0])
+
+
+def _told(steps: Generator[tuple[float, str], None, IndirectLight]) -> Generator[Response | None, None, IndirectLight]:
+    """The steps of a solver as progress."""
+    while True:
+        try:
+            fraction, text = next(steps)
+        except StopIteration as end:
+            return end.value  # type: ignore[no-any-return]
+        yield Progress("indirect light", fraction, text=text)

@@ -5,8 +5,8 @@ A transport runs through stages, each a whole picture: *coarse* (every fourth pi
 eighth pixel, nothing traced). Within a stage the selected layer comes first. What a stage has replaced is dropped, and
 what is there already in such quality is not made again (see `layer_data`).
 
-Visibility, final transport and fine indirect light are kept on disk, transport tile by tile, so that a scene seen
-before opens at once and a worker that died goes on where it was.
+Visibility, final transport and fine indirect light are kept on disk, the latter two part by part while they are made,
+so that a scene seen before opens at once and a worker that died goes on where it was.
 """
 
 from __future__ import annotations

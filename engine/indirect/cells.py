@@ -6,6 +6,7 @@ evenly among the rays that hit it: what those rays need to know on average is wh
 """
 
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from threading import Lock
 
@@ -22,6 +23,7 @@ MOST_CELLS = kernels.MOST_CELLS
 _SLOTS = 1 << 18
 # Rays a chunk: what the caster takes at once without splitting it over threads of its own.
 CHUNK = 32768
+NO_TURN = nullcontext()
 
 
 class TooManyCells(Exception):
@@ -85,16 +87,20 @@ class Cells:
         """Which object each cell belongs to, (C,)."""
         return self._table.objects[: len(self)]
 
-    def seen_by(self, rays: Rays, first_open: int = 0) -> NDArray[np.uint16]:
+    def seen_by(
+        self, rays: Rays, first_open: int = 0, turn: AbstractContextManager[None] = NO_TURN
+    ) -> NDArray[np.uint16]:
         """The cell each ray hits, (R,), NO_CELL where it leaves the scene or hits what does not reflect.
 
-        Cells from `first_open` on take the hits for their places. Raises TooManyCells.
+        Cells from `first_open` on take the hits for their places. turn: entered while they are numbered.
+        Raises TooManyCells.
         """
-        return self.hit_by(rays, first_open)[0]
+        return self.hit_by(rays, first_open, turn=turn)[0]
 
     def hit_by(
-        self, rays: Rays, first_open: int = 0, mirrored: NDArray[np.bool_] | None = None
-    ) -> tuple[NDArray[np.uint16], Intersections]:
+        self, rays: Rays, first_open: int = 0, mirrored: NDArray[np.bool_] | None = None,
+        turn: AbstractContextManager[None] = NO_TURN,
+    ) -> tuple[NDArray[np.uint16], Intersections]:  # fmt: skip
         """As `seen_by`, with where the rays end; mirrored (R,): rays of a gloss, that find smaller cells near by."""
         found = self.caster.intersect(rays.origins, rays.directions)
         hits = kernels.Hits(found.triangle, found.u, found.v, found.distance)
@@ -104,7 +110,7 @@ class Cells:
         kernels.find_keys(
             self.mesh, self._low, np.float32(1.0 / self.size), hits, rays.there, rays.directions, in_focus, keys, sides
         )
-        with self._lock:
+        with turn, self._lock:
             if not kernels.take_hits(self._table, self.mesh, hits, keys, sides, first_open, seen):
                 raise TooManyCells(f"cells of {self.size:.3g} m")
         return seen, found

@@ -8,7 +8,6 @@ crease, or where what its corners gather differs; the others interpolate between
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +18,7 @@ from engine.indirect._second_kernels import Records
 from engine.indirect.cells import CHUNK, Cells, room_for_rays
 from engine.indirect.rays import cosine_tables, pole_tables
 from engine.indirect.second_bounce import SecondRays, joined_records, no_records
+from engine.indirect.turns import Turn, by_turns
 from engine.scene.hits import PrimaryHits
 from engine.transport._projection_kernels import Surface
 
@@ -71,7 +71,7 @@ def gather(
     step = max(1, CHUNK // size.n_rays)
     point_poles = poles[object_of_rows(hits, rows)]
 
-    def trace(begin: int) -> Gathered:
+    def trace(begin: int, turn: Turn) -> Gathered:
         chunk = rows[begin : begin + step]
         rays = room_for_rays(len(chunk) * size.n_rays)
         kernels.fan_rays(
@@ -79,14 +79,11 @@ def gather(
             *tables, 0, size.n_rays, rays.origins, rays.directions, rays.there,
         )  # fmt: skip
         mirrored = np.repeat(focused & (point_poles[begin : begin + step] != kernels.NORMAL), size.n_rays)
-        seen, found = cells.hit_by(rays, mirrored=mirrored)
-        records = no_records(len(chunk)) if second is None else second.trace(cells, chunk, rays, seen, found)
+        seen, found = cells.hit_by(rays, mirrored=mirrored, turn=turn)
+        records = no_records(len(chunk)) if second is None else second.trace(cells, chunk, rays, seen, found, turn)
         return Gathered(chunk, seen.reshape(len(chunk), -1), records)
 
-    begins = range(0, len(rows), step)
-    with ThreadPoolExecutor(2) as pool:
-        for i in range(0, len(begins), 2):
-            yield from pool.map(trace, begins[i : i + 2])
+    yield from by_turns(trace, range(0, len(rows), step), 1 if second is None else 2)
 
 
 def object_of_rows(hits: PrimaryHits, rows: NDArray[np.integer]) -> NDArray[np.int64]:

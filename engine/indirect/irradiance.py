@@ -21,6 +21,7 @@ from engine.indirect import _reflection_kernels as kernels
 from engine.indirect._cell_kernels import Lights
 from engine.indirect.cells import CHUNK, Cells
 from engine.indirect.rays import cosine_tables
+from engine.indirect.turns import Turn, by_turns
 
 NOBODY = -1
 MOST_GENERATIONS = 4
@@ -52,17 +53,17 @@ def connect(cells: Cells, n_bounces: int, n_rays: int) -> Iterator[tuple[float, 
         end = len(cells)
         look = partial(_look, cells, tables, end)
         parts = [(i, min(i + step, end)) for i in range(begin, end, step)]
-        with ThreadPoolExecutor(2) as pool:
-            for k in range(0, len(parts), 2):
-                for seen in pool.map(look, parts[k : k + 2]):
-                    yield (generation + (k + 1) / len(parts)) / generations, seen
+        for k, seen in enumerate(by_turns(look, parts, 1)):
+            yield (generation + (k + 1) / len(parts)) / generations, seen
         begin = end
 
 
-def _look(cells: Cells, tables: NDArray[np.float32], first_open: int, part: tuple[int, int]) -> NDArray[np.uint16]:
+def _look(
+    cells: Cells, tables: NDArray[np.float32], first_open: int, part: tuple[int, int], turn: Turn
+) -> NDArray[np.uint16]:
     """What the cells [begin, end) of a part see, (end - begin, R)."""
     rays = cells.rays(*part, tables)
-    return cells.seen_by(rays, first_open).reshape(part[1] - part[0], -1)
+    return cells.seen_by(rays, first_open, turn).reshape(part[1] - part[0], -1)
 
 
 def direct_irradiance(cells: Cells, lights: tuple[Lights, ...], n_samples: int) -> NDArray[np.float32]:

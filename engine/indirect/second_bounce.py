@@ -10,6 +10,7 @@ evaluated anew.
 """
 
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from engine.indirect import _second_kernels as kernels
 from engine.indirect._cell_kernels import NO_CELL, Hits
-from engine.indirect.cells import Cells, Rays
+from engine.indirect.cells import NO_TURN, Cells, Rays
 from engine.indirect.layers import IndirectLayer
 from engine.indirect.rays import pole_tables
 from engine.light.emitters import EmitterPatches
@@ -78,9 +79,11 @@ class SecondRays:
     most: int
 
     def trace(
-        self, cells: Cells, rows: NDArray[np.int32], rays: Rays, seen: NDArray[np.uint16], found: Intersections
-    ) -> kernels.Records:
-        """The records of a chunk of fans: rays and what they hit, (p · R), point by point."""
+        self, cells: Cells, rows: NDArray[np.int32], rays: Rays, seen: NDArray[np.uint16], found: Intersections,
+        turn: AbstractContextManager[None] = NO_TURN,
+    ) -> kernels.Records:  # fmt: skip
+        """The records of a chunk of fans: rays and what they hit, (p · R), point by point; turn: see `Cells.seen_by`.
+        """
         n_rays = len(seen) // max(len(rows), 1)
         ends = np.where(seen == NO_CELL, -1, cells.mesh.objects[found.triangle])
         which = np.flatnonzero((ends >= 0) & self.glossy[ends])
@@ -99,7 +102,7 @@ class SecondRays:
         blocked = np.ones(n, bool)
         blocked[asked] = cells.caster.occluded(starts[asked, 0], to_light[asked], limits[asked])
         lights[blocked] = kernels.NO_LIGHT
-        beyond = cells.seen_by(Rays(np.ascontiguousarray(starts[:, 1]), to_pole, there))
+        beyond = cells.seen_by(Rays(np.ascontiguousarray(starts[:, 1]), to_pole, there), turn=turn)
         start = np.searchsorted(which, np.arange(len(rows) + 1) * n_rays)
         distance = found.distance[which].astype(np.float32)
         ray = (which % n_rays).astype(np.uint16)

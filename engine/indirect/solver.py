@@ -5,7 +5,7 @@ on the cells on the light as well; curves, albedos and which object is edited co
 asks for the cells' irradiance anew, a material for nothing but sums.
 """
 
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,10 +20,18 @@ from engine.indirect.irradiance import CellLight, connect, direct_irradiance, ra
 from engine.indirect.lattice import COARSEST, Lattice
 from engine.indirect.layers import IndirectLayer, albedos_of
 from engine.indirect.light import Footprint, GatherPoints, IndirectLight
+from engine.indirect.parts import Keeper, Parts
 from engine.indirect.photons import PhotonMap, PhotonSource, no_photons, nothing_landed
 from engine.indirect.reflection import SentLight
 from engine.indirect.second_bounce import SecondRays, axes_of, lamps_of, no_records
-from engine.indirect.stored import cell_light_of, footprint_of, gathered_of, table_of
+from engine.indirect.stored import (
+    arrays_of_gathered,
+    arrays_of_table,
+    cell_light_of,
+    footprint_of,
+    gathered_of,
+    table_of,
+)
 from engine.light.emitters import EmitterPatches
 from engine.light.lights import TriangleLights, cut_lights
 from engine.scene.hits import PrimaryHits
@@ -57,6 +65,8 @@ N_LIGHTS, N_PATCHES = 4000, 256
 # What a first look at the scene takes.
 _PILOT_POINTS, _PILOT_RAYS = 1024, 64
 _GROWTH = 1.26
+# Gather points a part that is kept: a second or two of work, so that keeping it costs little.
+PART_POINTS = 4096
 _PHOTONS_SHARE = np.float32(0.3)
 
 Progress = tuple[float, str]
@@ -84,13 +94,20 @@ class Solver:
         second = SecondRays(is_glossy, self._poles, self._axes, self._lamps, fineness.n_records)
         self._second = second if glossy else None
 
-    def solve(self, layers: Sequence[IndirectLayer]) -> Generator[Progress, None, IndirectLight]:
-        """The indirect light; the layers only say where the picture of it is not smooth."""
-        size = self._cell_size()
+    def solve(
+        self, layers: Sequence[IndirectLayer], keeper: Keeper | None = None
+    ) -> Generator[Progress, None, IndirectLight]:
+        """The indirect light; the layers only say where the picture of it is not smooth.
+
+        keeper: where parts are kept that this run has finished, and found that another has.
+        """
+        size, parts = self._cell_size(), Parts(keeper)
         while True:
+            cells = Cells(self._placement.scene, self._placement.caster, size)
             try:
-                return (yield from self._solve(Cells(self._placement.scene, self._placement.caster, size), layers))
+                return (yield from self._solve(cells, layers, parts))
             except TooManyCells:
+                parts.too_fine()
                 size *= _GROWTH
 
     def restored(self, arrays: Mapping[str, NDArray[np.generic]]) -> IndirectLight:
@@ -120,16 +137,18 @@ class Solver:
             low, high = (size, high) if too_fine else (low, size)
         return high
 
-    def _solve(self, cells: Cells, layers: Sequence[IndirectLayer]) -> Generator[Progress, None, IndirectLight]:
+    def _solve(
+        self, cells: Cells, layers: Sequence[IndirectLayer], parts: Parts
+    ) -> Generator[Progress, None, IndirectLight]:
         none = np.zeros((0, self._fineness.n_rays), np.uint16)
         nothing = Gathered(np.zeros(0, np.int32), none, no_records(0))
         yield 0.0, "looking around"
         photons = self._photons(cells)
         if self._fineness.adaptive:
-            points, found = yield from self._refined(cells, nothing, layers, photons)
+            points, found = yield from self._refined(cells, nothing, layers, photons, parts)
         else:
-            points, found = yield from self._even(cells, nothing, photons)
-        light = yield from self._light(cells, self._fineness)
+            points, found = yield from self._even(cells, nothing, photons, parts)
+        light = yield from self._light(cells, self._fineness, parts)
         return IndirectLight(points, found, cells, light, self._lamps, self._n_bounces)
 
     def _photons(self, cells: Cells) -> PhotonMap:
@@ -142,17 +161,17 @@ class Solver:
         return PhotonMap(source.send(self._placement.hits, self._fineness.n_photons))
 
     def _even(
-        self, cells: Cells, nothing: Gathered, photons: PhotonMap
+        self, cells: Cells, nothing: Gathered, photons: PhotonMap, parts: Parts
     ) -> Generator[Progress, None, tuple[GatherPoints, Footprint]]:
         """Every eighth pixel."""
         hits = self._placement.hits
         rows = lattice_rows(hits, COARSEST)
-        points = self._points((yield from self._gather(cells, nothing, rows)), photons)
+        points = self._points((yield from self._gather(cells, nothing, rows, parts)), photons)
         numbers, weights = footprint(hits, rows, COARSEST)
         return points, (_among_all(hits, rows, numbers), weights)
 
     def _refined(
-        self, cells: Cells, gathered: Gathered, layers: Sequence[IndirectLayer], photons: PhotonMap
+        self, cells: Cells, gathered: Gathered, layers: Sequence[IndirectLayer], photons: PhotonMap, parts: Parts
     ) -> Generator[Progress, None, tuple[GatherPoints, Footprint]]:
         """As many points as the picture of these layers needs, by a quarter of the light between cells."""
         n_rays, n_samples = self._fineness.n_cell_rays // 4, self._fineness.n_samples // 4
@@ -160,9 +179,10 @@ class Solver:
         values = np.zeros((len(self._placement.hits.pixel), 3), np.float32)
         bright = None
         while True:
-            gathered = yield from self._gather(cells, gathered, lattice.wanted())
+            gathered = yield from self._gather(cells, gathered, lattice.wanted(), parts)
             if bright is None:
-                light = yield from self._light(cells, replace(self._fineness, n_cell_rays=n_rays, n_samples=n_samples))
+                coarser = replace(self._fineness, n_cell_rays=n_rays, n_samples=n_samples)
+                light = yield from self._light(cells, coarser, parts)
                 bright, _ = radiosity(light, albedos_of(layers, len(self._poles)), self._n_bounces)
             new_cells = np.zeros((len(cells) - len(bright), *bright.shape[1:]), np.float32)  # not known yet: dark
             points = self._points(gathered, photons)
@@ -183,28 +203,50 @@ class Solver:
         return points.reached_by(photons, self._placement.scene)
 
     def _gather(
-        self, cells: Cells, before: Gathered, rows: NDArray[np.int32]
+        self, cells: Cells, before: Gathered, rows: NDArray[np.int32], parts: Parts
     ) -> Generator[Progress, None, Gathered]:
         """The gather points with those of some more rows."""
-        parts = [before]
-        hits = self._placement.hits
-        sizes = np.array([size.n_pole for size in self._sizes])[object_of_rows(hits, rows)]
+        found = [before]
+        n_pole = np.array([size.n_pole for size in self._sizes])[object_of_rows(self._placement.hits, rows)]
         done = 0
-        for n_pole in np.unique(sizes):
-            size = FanSize(self._fineness.n_rays - int(n_pole), int(n_pole))
-            for part in gather(hits, cells, rows[sizes == n_pole], self._poles, size, self._second):
-                parts.append(part)
-                done += len(part.rows)
-                yield done / len(rows), "looking around"
-        return joined(parts)
+        for n in np.unique(n_pole):
+            own, size = rows[n_pole == n], FanSize(self._fineness.n_rays - int(n), int(n))
+            for begin in range(0, len(own), PART_POINTS):
+                part = own[begin : begin + PART_POINTS]
+                for gathered in self._gathered(cells, part, size, parts):
+                    found.append(gathered)
+                    done += len(gathered.rows)
+                    yield done / len(rows), "looking around"
+        return joined(found)
 
-    def _light(self, cells: Cells, fineness: Fineness) -> Generator[Progress, None, CellLight]:
-        parts = [np.zeros((0, fineness.n_cell_rays), np.uint16)]
+    def _gathered(
+        self, cells: Cells, rows: NDArray[np.int32], size: FanSize, parts: Parts
+    ) -> Iterator[Gathered]:
+        """One part of the gather points: what was kept of it, or what is traced."""
+        kept = parts.begin(b"fans", rows.tobytes(), repr((size, cells.size)).encode())
+        if kept is not None:
+            cells.restore(table_of(kept))
+            yield gathered_of(kept)
+            return
+        found = []
+        for each in gather(self._placement.hits, cells, rows, self._poles, size, self._second):
+            found.append(each)
+            yield each
+        parts.keep({**arrays_of_gathered(joined(found)), **arrays_of_table(cells.table())})
+
+    def _light(self, cells: Cells, fineness: Fineness, parts: Parts) -> Generator[Progress, None, CellLight]:
+        kept = parts.begin(b"light", repr(fineness).encode())
+        if kept is not None:
+            cells.restore(table_of(kept))
+            return cell_light_of(kept, cells.objects.copy())
+        found = [np.zeros((0, fineness.n_cell_rays), np.uint16)]
         for fraction, seen in connect(cells, self._n_bounces, fineness.n_cell_rays):
-            parts.append(seen)
+            found.append(seen)
             yield fraction, "light between surfaces"
         direct = direct_irradiance(cells, self._lights, fineness.n_samples)
-        return CellLight(cells.objects.copy(), np.concatenate(parts), direct)
+        light = CellLight(cells.objects.copy(), np.concatenate(found), direct)
+        parts.keep({"cell_seen": light.seen, "direct": direct, **arrays_of_table(cells.table())})
+        return light
 
 
 def relit(

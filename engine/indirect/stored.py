@@ -33,6 +33,17 @@ def arrays_of(light: IndirectLight) -> Arrays:
     return dict(zip(NAMES, (*own, *gathered.records, *cells.table()), strict=True))
 
 
+def arrays_of_gathered(gathered: Gathered) -> Arrays:
+    """What `gathered_of` reads."""
+    records = {_RECORDS + name: array for name, array in zip(Records._fields, gathered.records, strict=True)}
+    return {"rows": gathered.rows, "seen": gathered.seen, **records}
+
+
+def arrays_of_table(table: Table) -> Arrays:
+    """What `table_of` reads."""
+    return {_CELLS + name: array for name, array in zip(Table._fields, table, strict=True)}
+
+
 def gathered_of(arrays: Mapping[str, NDArray[np.generic]]) -> Gathered:
     """The gather points among the arrays, as copies: kernels are compiled for arrays that can be written."""
     records = Records(*(np.array(arrays[_RECORDS + name]) for name in Records._fields))

@@ -1,5 +1,9 @@
 """The worker's indirect light: what it keeps on disk and finds there again."""
 
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +18,15 @@ from app.jobs.indirect import IndirectTasks
 from app.jobs.messages import Freeze, Frozen, IndirectFound, Response
 from app.picture import Curves
 from app.sky import sky_of
+from engine.indirect import solver as solver_module
+from engine.indirect.gather import Gathered, gather
 from engine.indirect.solver import ROUGH, Solver
 from engine.scene.load import Scene, load_scene
 from engine.transport.pipeline import Placement
 from tests.app.jobs.test_tasks import SCENE
 
 N_BOUNCES = 3
+ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture
@@ -71,3 +78,55 @@ def test_other_scenes_and_lights_are_found_anew(
     tasks = IndirectTasks(Placement(scene), store, change.get("scene_key", "scene"))
     with pytest.raises(LookupError, match="traced"):
         found_by(tasks, scene, change.get("lit_by", "noon"))
+
+
+# Dies in the middle of its third part.
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from app.jobs import indirect, tiles
+from app.jobs.cache import Store
+from engine.indirect import solver
+from engine.scene.load import load_scene
+from engine.transport.pipeline import Placement
+from tests.app.jobs.test_indirect_tasks import PART_POINTS, found_by
+
+indirect.FINE, solver.PART_POINTS = solver.ROUGH, PART_POINTS
+append = tiles.Tiles.append_tile
+
+def append_and_die(self, index, arrays):
+    if index == 2:
+        with open(self._path, "ab") as file:
+            file.write(b"half a record")
+        os.kill(os.getpid(), signal.SIGKILL)
+    return append(self, index, arrays)
+
+tiles.Tiles.append_tile = append_and_die
+folder = Path(sys.argv[1])
+scene = load_scene(folder / "scene.toml")
+found_by(indirect.IndirectTasks(Placement(scene), Store(folder / "cache"), "scene"), scene)
+"""
+PART_POINTS = 8
+
+
+def test_a_search_that_was_killed_goes_on(scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(solver_module, "PART_POINTS", PART_POINTS)
+    killed = subprocess.run([sys.executable, "-c", KILLED, str(tmp_path)], cwd=ROOT, timeout=300, check=False)
+    assert killed.returncode == -signal.SIGKILL
+    assert [path.suffix for path in (tmp_path / "cache").iterdir()] == [".tiles"]
+    gathered: list[int] = []
+
+    def counted(*given: Any, **named: Any) -> Iterator[Gathered]:
+        gathered.extend([] if named else [len(given[2])])  # the first look is named otherwise
+        return gather(*given, **named)
+
+    monkeypatch.setattr(solver_module, "gather", counted)
+    store = Store(tmp_path / "cache")
+    where, frozen = found_by(IndirectTasks(Placement(scene), store, "scene"), scene)
+    n_resumed = sum(gathered)
+    where_at_once, at_once = found_by(IndirectTasks(Placement(scene)), scene)
+    assert sum(gathered) - n_resumed == n_resumed + 2 * PART_POINTS
+    np.testing.assert_array_equal(where.rows, where_at_once.rows)
+    np.testing.assert_array_equal(frozen.bands, at_once.bands)
+    assert not store.take_notes()
+    assert [path.suffix for path in (tmp_path / "cache").iterdir()] == [".arrays"]

@@ -1,0 +1,81 @@
+"""The parts of a long computation, kept so that one that was interrupted goes on where it was.
+
+Parts follow from what goes into them and from the parts before, so each is kept with a digest of all of that: what has
+another digest belongs to other materials or another grid, and is found anew, with all that comes after it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.indirect.cells import TooManyCells
+
+Arrays = Mapping[str, NDArray[np.generic]]
+_DIGEST = "digest"
+_TOO_FINE = b"the grid is too fine"
+
+
+class Keeper(Protocol):
+    """Where parts are kept, by their index. `part` is None where there is none, or no sound one."""
+
+    def part(self, index: int) -> Arrays | None: ...
+
+    def keep(self, index: int, arrays: Arrays) -> None: ...
+
+
+class Parts:
+    """One run through the parts, in their order: `begin` each; where it has to be found, `keep` it."""
+
+    def __init__(self, keeper: Keeper | None = None) -> None:
+        """keeper: None to keep nothing."""
+        self._keeper = keeper
+        self._index = 0
+        self._done = self._under_way = b""
+
+    def begin(self, *inputs: bytes) -> Arrays | None:
+        """The next part if it was kept, else None. Raises TooManyCells where an earlier run did."""
+        stored, digest = self._stored()
+        if digest is not None and digest == self._after(_TOO_FINE):
+            raise TooManyCells("as before")
+        self._under_way = self._after(*inputs)
+        if stored is None or digest != self._under_way:
+            return None
+        self._end(self._under_way)
+        return stored
+
+    def keep(self, arrays: Arrays) -> None:
+        """What the part is that was begun."""
+        self._store(self._under_way, arrays)
+
+    def too_fine(self) -> None:
+        """It ends here: the next parts are those of a coarser grid."""
+        digest = self._after(_TOO_FINE)
+        if self._stored()[1] == digest:
+            self._end(digest)
+        else:
+            self._store(digest, {})
+
+    def _store(self, digest: bytes, arrays: Arrays) -> None:
+        if self._keeper is not None:
+            self._keeper.keep(self._index, {_DIGEST: np.frombuffer(digest, np.uint8), **arrays})
+        self._end(digest)
+
+    def _stored(self) -> tuple[Arrays | None, bytes | None]:
+        stored = None if self._keeper is None else self._keeper.part(self._index)
+        return stored, None if stored is None else stored[_DIGEST].tobytes()
+
+    def _after(self, *inputs: bytes) -> bytes:
+        """The digest of a part with these inputs after those that are done."""
+        digest = hashlib.blake2b(self._done, digest_size=20)
+        for each in inputs:
+            digest.update(len(each).to_bytes(8, "little"))
+            digest.update(each)
+        return digest.digest()
+
+    def _end(self, digest: bytes) -> None:
+        self._index, self._done = self._index + 1, digest

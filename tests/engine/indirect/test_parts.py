@@ -1,0 +1,143 @@
+"""An interrupted search for indirect light goes on where it was, and finds the same to the last bit."""
+
+import threading
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from engine.indirect import cells as cells_module
+from engine.indirect import solver as solver_module
+from engine.indirect.layers import IndirectLayer, indirect_layer
+from engine.indirect.parts import Keeper
+from engine.indirect.solver import Solver
+from engine.indirect.stored import Arrays, arrays_of
+from engine.indirect.turns import Turn, by_turns
+from engine.material import MODELS
+from engine.material.layer import make_layer
+from engine.render.still import finish
+from engine.transport.pipeline import SkyState
+from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placed, placement_of
+
+FINENESS = replace(QUICK, n_rays=64, n_cells=300, n_cell_rays=32, n_samples=32, n_photons=1 << 10)
+MODELS_OF = {0: ["lambert"], 1: ["rough_conductor"], 2: ["lambert"]}
+LAMP = {"name": "lamp", "primitive": "cube", "emission": [30.0] * 3, "transform": placed(0.3, 1.5, 0.3, 0.2)}
+
+
+class Killed(Exception):
+    """The end of a run."""
+
+
+class Memory:
+    """Parts by index; the `lives`-th that is kept is the last thing that happens."""
+
+    def __init__(self, lives: int = -1) -> None:
+        self.parts: dict[int, Mapping[str, NDArray[np.generic]]] = {}
+        self.lives, self.read = lives, 0
+
+    def part(self, index: int) -> Mapping[str, NDArray[np.generic]] | None:
+        self.read += index in self.parts
+        return self.parts.get(index)
+
+    def keep(self, index: int, arrays: Mapping[str, NDArray[np.generic]]) -> None:
+        self.parts[index] = {name: np.array(array) for name, array in arrays.items()}
+        self.lives -= 1
+        if self.lives == 0:
+            raise Killed
+
+
+@pytest.fixture(autouse=True)
+def small_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(solver_module, "PART_POINTS", 48)
+
+
+def layers_of(albedo: float = 0.5) -> list[IndirectLayer]:
+    return [matt(0, albedo), indirect_layer(1, make_layer(MODELS["rough_conductor"]), (16, 8)), matt(2, 0.3)]
+
+
+def found(keeper: Keeper | None, albedo: float = 0.5) -> Arrays:
+    solver = Solver(placement_of([*CORNER, LAMP], **CORNER_VIEW), MODELS_OF, SkyState(None), 4, FINENESS)
+    return arrays_of(finish(solver.solve(layers_of(albedo), keeper), lambda progress: None))
+
+
+def assert_same(one: Arrays, two: Arrays) -> None:
+    for name, array in one.items():
+        np.testing.assert_array_equal(two[name], array, err_msg=name)
+
+
+@pytest.fixture(scope="module")
+def at_once() -> Arrays:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(solver_module, "PART_POINTS", 1 << 20)
+        return found(None)
+
+
+def test_what_is_resumed_is_what_is_found_at_once(at_once: Arrays) -> None:
+    memory = Memory(lives=2)
+    for lives in (3, -1):
+        with pytest.raises(Killed):
+            found(memory)
+        memory.lives, memory.read = lives, 0
+    resumed = found(memory)
+    assert memory.read == 5 and len(memory.parts) > 6
+    assert_same(at_once, resumed)
+
+
+def test_a_part_that_is_gone_is_found_anew(at_once: Arrays) -> None:
+    memory = Memory()
+    found(memory)
+    del memory.parts[1]
+    assert_same(at_once, found(memory))
+    memory.parts[2] = {**memory.parts[2], "digest": memory.parts[0]["digest"]}
+    assert_same(at_once, found(memory))
+
+
+def test_parts_for_other_materials_are_not_taken() -> None:
+    memory = Memory()
+    found(memory)
+    # Another picture decides where more points are needed; where all start they are the same.
+    brighter = found(None, 0.99)
+    assert_same(brighter, found(memory, 0.99))
+
+
+def test_a_grid_that_was_too_fine_is_not_tried_again(at_once: Arrays, monkeypatch: pytest.MonkeyPatch) -> None:
+    n_cells = len(at_once["cells.objects"])
+    monkeypatch.setattr(cells_module, "MOST_CELLS", n_cells - 20)
+    coarser = found(None)
+    assert len(coarser["cells.objects"]) <= n_cells - 20
+    memory = Memory()
+    assert_same(coarser, found(memory))
+    ends = [index for index, part in memory.parts.items() if set(part) == {"digest"}]
+    assert len(ends) == 1 and 0 < ends[0] < len(memory.parts) - 1
+    n_parts, memory.read = len(memory.parts), 0
+    assert_same(coarser, found(memory))
+    assert len(memory.parts) == n_parts and memory.read >= n_parts
+
+
+def test_turns_come_in_order_whoever_is_first() -> None:
+    log: list[tuple[int, int]] = []
+
+    def work(item: int, turn: Turn) -> int:
+        for stage in (0, 1):
+            time.sleep(0.002 * (item % 2 == 0))  # the first of two is the later one
+            with turn:
+                log.append((stage, item))
+        return -item
+
+    assert list(by_turns(work, range(5), 2)) == [0, -1, -2, -3, -4]
+    assert log == [(0, 0), (0, 1), (1, 0), (1, 1), (0, 2), (0, 3), (1, 2), (1, 3), (0, 4), (1, 4)]
+
+
+def test_nobody_waits_for_one_that_failed() -> None:
+    def work(item: int, turn: Turn) -> None:
+        if item == 0:
+            raise Killed
+        with turn:
+            pass
+
+    with pytest.raises(Killed):
+        list(by_turns(work, range(2), 1))
+    assert not any("ThreadPool" in thread.name for thread in threading.enumerate())
