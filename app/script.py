@@ -63,6 +63,13 @@ class DragPoints:
 
 
 @dataclass(frozen=True)
+class Show:
+    """Open a panel and bring it before those that share its place."""
+
+    panel: str
+
+
+@dataclass(frozen=True)
 class Rotate:
     """Turn the environment to so many degrees."""
 
@@ -109,6 +116,7 @@ Step = (
     | SelectPath
     | DragItem
     | DragPoints
+    | Show
     | Rotate
     | UndoSteps
     | RedoSteps
@@ -152,6 +160,7 @@ class StepRecord(_Record):
     set: Annotated[dict[Text, Parameter], Field(min_length=1)] | None = None
     select: Text | None = None
     drag: DragRecord | None = None
+    show: Text | None = None
     rotate: Annotated[Number, Field(ge=-1e9, le=1e9)] | None = None
     undo: Count | None = None
     redo: Count | None = None
@@ -175,6 +184,7 @@ _STEPS: dict[str, Callable[[Any, Path], Step]] = {
     "set": lambda values, folder: SetValues(tuple(values.items())),
     "select": lambda path, folder: SelectPath(path),
     "drag": lambda drag, folder: drag.step(),
+    "show": lambda panel, folder: Show(panel),
     "rotate": lambda degrees, folder: Rotate(degrees),
     "undo": lambda count, folder: UndoSteps(count),
     "redo": lambda count, folder: RedoSteps(count),

@@ -17,16 +17,18 @@ from engine.plan import Precision
 ToneMapping = Literal["filmic", "linear", "false_colour"]
 Tool = Literal["translate_x", "translate_y", "translate_xy", "amplify_x", "amplify_y", "amplify_xy"]
 Channel = Literal["rgb", "r", "g", "b"]
+BrdfPlot = Literal["lobe", "slice", "albedo"]
 
 TONE_MAPPINGS: tuple[ToneMapping, ...] = ("filmic", "linear", "false_colour")
 TOOLS: tuple[Tool, ...] = ("translate_x", "translate_y", "translate_xy", "amplify_x", "amplify_y", "amplify_xy")
 CHANNELS: tuple[Channel, ...] = ("rgb", "r", "g", "b")
+BRDF_PLOTS: tuple[BrdfPlot, ...] = ("lobe", "slice", "albedo")
 AS_PLANNED = 0
 HALF_PI = 1.5707963267948966
 DEFAULT_REGIONS = (0.1, 0.25, 0.45, 0.6)
 DEFAULT_PANELS = MappingProxyType(
     {"objects": True, "viewport": True, "curve": True, "material": True, "light": True, "accuracy": True,
-     "library": True}
+     "library": True, "brdf": True}
 )
 
 
@@ -41,6 +43,8 @@ class ViewState:
     ``compare`` is the document that A/B shows left of ``compare_divider`` (0 the left edge, 1 the right).
     ``regions`` are a ≤ b ≤ c ≤ d of the operator being shown or about to be made; ``operator`` is its index in the
     selected curve's list, None for one about to be made. ``curve_zoom`` is (γ low, γ high, y low, y high); None fits.
+    The BRDF panel shows ``brdf_plot`` of the selected layer, or with ``brdf_whole`` of all layers of its object, in the
+    plane along the tangent or ``brdf_across`` it; its lobe answers light from ``lobe_angle``.
     """
 
     selected: Selection | None = None
@@ -56,6 +60,11 @@ class ViewState:
     active_tool: Tool = "translate_y"
     regions: tuple[float, float, float, float] = DEFAULT_REGIONS
     operator: int | None = None
+    brdf_plot: BrdfPlot = "lobe"
+    brdf_whole: bool = False
+    brdf_across: bool = False
+    lobe_angle: float = 0.7853981633974483
+    lobe_log: bool = False
     frame_budget_ms: float = 16.0
     precision: Precision = "half"
     n_lights: int = 4000
@@ -81,6 +90,7 @@ VIEW_FIELDS = frozenset(f.name for f in fields(ViewState))
 LIMITS: dict[str, tuple[float, float]] = {
     "exposure": (-20.0, 20.0),
     "compare_divider": (0.0, 1.0),
+    "lobe_angle": (0.0, 1.55),
     "frame_budget_ms": (2.0, 200.0),
     "n_lights": (20, 20000),
     "n_bounces": (1, 8),

@@ -22,7 +22,7 @@ from app.pasting import pasted
 from app.probe_file import likely_mapping
 from app.reading import MEASURED_ENDINGS
 from app.session import SUFFIX
-from app.view_state import ViewCommand
+from app.view_state import OpenPanel, ViewCommand
 from engine.errors import InsituError
 from ui.clipboard import Clipboard
 from ui.panels.actions import (
@@ -49,6 +49,7 @@ from ui.panels.actions import (
     Screenshot,
     Select,
     SetPanel,
+    ShowPanel,
     Undo,
 )
 from ui.panels.state import FileQuestion, PanelState
@@ -95,6 +96,9 @@ class Actor:
                 return replace(outcome, state=replace(state, grip=None))
             case SetPanel():
                 return replace(outcome, state=replace(state, **action.changes))
+            case ShowPanel():
+                self._editor.do(OpenPanel(action.name))
+                return replace(outcome, state=replace(state, front=action.name))
             case AskFile():
                 question = FileQuestion(action.purpose, self._folder or Path.cwd(), key=action.key)
                 return replace(outcome, state=replace(state, question=question))

@@ -15,7 +15,7 @@ from imgui_bundle import ImVec2, imgui
 from app.atomic import write_atomically
 from app.view_state import OpenPanel
 
-VERSION = 2
+VERSION = 3
 LEFT_WIDTH = 216.0
 LIBRARY_SHARE = 0.56
 RIGHT_WIDTH = 306.0
@@ -44,7 +44,8 @@ MATERIAL = Panel("material", "Material")
 LIGHT = Panel("light", "Light")
 ACCURACY = Panel("accuracy", "Speed and accuracy")
 LIBRARY = Panel("library", "Library")
-PANELS = (OBJECTS, VIEWPORT, CURVE, MATERIAL, LIGHT, ACCURACY, LIBRARY)
+BRDF = Panel("brdf", "BRDF")
+PANELS = (OBJECTS, VIEWPORT, CURVE, MATERIAL, LIGHT, ACCURACY, BRDF, LIBRARY)
 
 
 def begin_dock_space(scale: float, rebuild: bool) -> None:
@@ -61,7 +62,7 @@ def begin_dock_space(scale: float, rebuild: bool) -> None:
 
 
 def build_default(identity: int, size: ImVec2, scale: float) -> None:
-    """Objects over the library, the picture over the curve, material, light and accuracy in a column on the right."""
+    """Objects over library and BRDF; the picture over the curve; material, light and accuracy in a column right."""
     builder = imgui.internal
     builder.dock_builder_remove_node(identity)
     builder.dock_builder_add_node(identity, int(imgui.internal.DockNodeFlagsPrivate_.dock_space))
@@ -75,7 +76,7 @@ def build_default(identity: int, size: ImVec2, scale: float) -> None:
         upper, imgui.Dir.down, min(LIGHT_HEIGHT * scale / (column - ACCURACY_HEIGHT * scale), 0.5)
     )
     library, objects = _split(left, imgui.Dir.down, LIBRARY_SHARE)
-    places = (objects, picture, curve, material, light, accuracy, library)
+    places = (objects, picture, curve, material, light, accuracy, library, library)
     for panel, node in zip(PANELS, places, strict=True):
         builder.dock_builder_dock_window(panel.window, node)
     picture_node = builder.dock_builder_get_node(picture)

@@ -23,6 +23,7 @@ from app.script import (
     Rotate,
     SelectPath,
     SetValues,
+    Show,
     Step,
     UndoSteps,
     WaitFor,
@@ -34,6 +35,8 @@ from engine.errors import InsituError
 from engine.scene.builtin import builtin_environments, builtin_scenes
 from ui.gl.placement import PlacementRenderer
 from ui.headless import DEFAULT_SIZE, HeadlessWindow
+from ui.layout import PANELS
+from ui.panels.actions import ShowPanel
 from ui.picture_feed import PictureFeed
 
 WAIT_SECONDS = 1800.0
@@ -124,6 +127,8 @@ def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
             _drag_item(window, step)
         case DragPoints():
             window.drag(step.start, step.end)
+        case Show():
+            _show(window, step.panel)
         case Rotate():
             _refused(editor.do(SetRotation(step.degrees)))
         case UndoSteps():
@@ -163,6 +168,13 @@ def _drag_item(window: HeadlessWindow, step: DragItem) -> None:
         window.drag_handle(step.item, step.by)
     except KeyError as error:
         raise ScriptError(str(error.args[0])) from error
+
+
+def _show(window: HeadlessWindow, name: str) -> None:
+    names = [panel.key for panel in PANELS]
+    if name not in names:
+        raise ScriptError(f"there is no panel {name!r}; there is: {', '.join(names)}")
+    window.shell.do(ShowPanel(name))
 
 
 def _repeat(move: Callable[[], str | None], count: int, name: str) -> None:

@@ -27,9 +27,11 @@ from app.library import Entry
 from app.status import Status
 from ui import layout, theme
 from ui.actor import Actor
+from ui.brdf_feed import BrdfFeed
 from ui.gl.interface import InterfaceRenderer
 from ui.gl.thumbnails import Thumbnails
 from ui.panels import (
+    brdf,
     curve_editor,
     dialogs,
     library,
@@ -45,7 +47,9 @@ from ui.panels import (
     help as shortcuts,
 )
 from ui.panels.actions import Action, CancelDrag
-from ui.panels.context import Handles, PanelContext, Picture
+from ui.panels.brdf_board import BrdfBoard
+from ui.panels.context import Handles, PanelContext
+from ui.panels.picture import Picture
 from ui.panels.state import Notice, PanelState
 
 SETTLE_SECONDS = 0.9
@@ -121,6 +125,8 @@ class Shell:
         self._rebuild_layout = not layout.load(layout_file, scale)
         self._gl = context
         self._interface = InterfaceRenderer(context)
+        self._brdf_board = BrdfBoard()
+        self._brdf = BrdfFeed(context, self._brdf_board, self._picture)
         self._frame_ms = 0.0
         self._prepared: bool | None = None
         self._prepared_ms = 0.0
@@ -166,6 +172,10 @@ class Shell:
         text = f"Edits of {Path(recovery.scene).stem} from {written:%H:%M} on {written:%d %B} were not saved."
         self.state = replace(self.state, journal=text)
 
+    def do(self, *actions: Action) -> None:
+        """Carry out actions as if a panel had asked for them (scripts)."""
+        self.state = self.actor.perform(actions, self.state, self._clock()).state
+
     def handle_position(self, name: str) -> tuple[float, float]:
         """Where the handle `name` was drawn, in framebuffer pixels; KeyError lists those there are."""
         return self.handles.position(name)
@@ -191,15 +201,17 @@ class Shell:
         self._read_library()
         imgui.new_frame()
         self.handles.begin_frame()
+        self._brdf_board.begin_frame()
         actions = self._panels(self._context(now))
         self.handles.end_frame()
         imgui.render()
-        outcome = self.actor.perform(actions, self.state, now)
+        outcome = self.actor.perform(actions, replace(self.state, front=None), now)
         self.state = outcome.state
         self._rebuild_layout = outcome.reset_layout
         prepared, self._prepared = self._prepared, None
         hand_first = prepared is None or bool(actions) or self._hand_is_busy
         working = self._draw_picture() if hand_first else bool(prepared)
+        working = self._brdf.draw(self.editor, self._hand_is_busy, now) or working
         target.use()
         target.clear(*theme.BACKDROP)
         self._interface.render(target)
@@ -228,6 +240,7 @@ class Shell:
         """Remember the layout and free what was made here."""
         imgui.set_current_context(self._imgui)
         layout.save(self._layout_file, self.theme.scale)
+        self._brdf.close()
         self._interface.release()
         self._thumbnails.release()
         imgui.destroy_context(self._imgui)
@@ -302,6 +315,7 @@ class Shell:
             state=self.state,
             theme=self.theme,
             handles=self.handles,
+            brdf=self._brdf_board,
             undo_label=editor.history.undo_label,
             redo_label=editor.history.redo_label,
             environments=self.environments,
@@ -347,6 +361,7 @@ class Shell:
         self._rebuild_layout = False
         actions += _window(context, layout.OBJECTS, objects.draw)
         actions += _window(context, layout.LIBRARY, library.draw)
+        actions += _window(context, layout.BRDF, brdf.draw)
         actions += _picture_window(context)
         actions += _window(context, layout.CURVE, curve_editor.draw)
         actions += _window(context, layout.MATERIAL, material.draw)
@@ -379,6 +394,8 @@ def _window(
     """A dockable window around a panel; closing it is an action like any other."""
     if not context.view.panel_open(panel.key):
         return []
+    if context.state.front == panel.key:
+        imgui.set_next_window_focus()
     visible, is_open = imgui.begin(panel.window, True, flags | imgui.WindowFlags_.no_collapse)
     actions = draw(context) if visible else []
     imgui.end()

@@ -4,8 +4,8 @@
 
 const float TAU = 6.2831853;
 const float GOLDEN = 0.61803399;
-const float NARROWEST = 1e-4;                          // radians from the pole
-const float RANGE = 9.6618;                            // ln(pi/2 / NARROWEST)
+const float NARROWEST = 1e-5;  // radians from the pole
+const float RANGE = 11.9645;   // ln(pi/2 / NARROWEST)
 
 // Place j of n in the unit square, evenly spread; `turn` gives another such set.
 vec2 spread(int j, int n, vec2 turn) {
@@ -24,13 +24,17 @@ float cosine_density(vec3 wi) {
     return max(wi.z, 0.0) / (0.5 * TAU);
 }
 
-// A half vector about the normal, and wo mirrored in it.
-vec3 sample_pole(vec2 u, vec3 wo) {
+// A half vector about the normal, and wo mirrored in it. `density` is that of this direction: near the pole, angles that
+// are found again from the sum of both directions have no digits left.
+vec3 sample_pole(vec2 u, vec3 wo, out float density) {
     float theta = NARROWEST * exp(RANGE * u.x);
     vec3 h = polar(cos(theta), sin(theta), TAU * u.y);
-    return 2.0 * dot(wo, h) * h - wo;
+    float cos_d = dot(wo, h);
+    density = 1.0 / (4.0 * max(abs(cos_d), 1e-6) * TAU * sin(theta) * theta * RANGE);
+    return 2.0 * cos_d * h - wo;
 }
 
+// Of a direction that was found otherwise.
 float pole_density(vec3 wi, vec3 wo) {
     vec3 s = wi + wo;
     float size = length(s), flat_size = length(s.xy);

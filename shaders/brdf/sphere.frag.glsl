@@ -27,8 +27,8 @@ void main() {
         sum = vec4(0.0, 0.0, 0.0, 1.0);
         return;
     }
-    vec3 n = vec3(place, sqrt(max(1.0 - r2, 1e-3)));
-    n = normalize(n);
+    place *= min(1.0, 0.985 * inversesqrt(r2));  // at the rim itself a texel sees whatever its corner happens to meet
+    vec3 n = vec3(place, sqrt(1.0 - dot(place, place)));
     vec3 t = normalize(vec3(n.z, 0.0, -n.x)), b = cross(n, t);  // docs/conventions.md, "The local frame"
     mat3 to_local = transpose(mat3(t, b, n));
     vec3 wo = to_local * vec3(0.0, 0.0, 1.0), key = to_local * KEY, rim = to_local * RIM;
@@ -36,6 +36,7 @@ void main() {
     vec3 found = vec3(0.0);
     for (int j = 0; j < N_KEY + N_RIM + N_DOME + N_POLE; ++j) {
         vec3 wi;
+        float about = -1.0;  // density about the pole, where it is known
         if (j < N_KEY) {
             wi = sample_blob(spread(j, N_KEY, turn), key, KEY_WIDTH);
         } else if (j < N_KEY + N_RIM) {
@@ -43,14 +44,14 @@ void main() {
         } else if (j < N_KEY + N_RIM + N_DOME) {
             wi = sample_cosine(spread(j - N_KEY - N_RIM, N_DOME, turn));
         } else {
-            wi = sample_pole(spread(j - N_KEY - N_RIM - N_DOME, N_POLE, turn), wo);
+            wi = sample_pole(spread(j - N_KEY - N_RIM - N_DOME, N_POLE, turn), wo, about);
         }
         if (wi.z <= 0.0) {
             continue;
         }
         float key_density = blob_density(wi, key, KEY_WIDTH), rim_density = blob_density(wi, rim, RIM_WIDTH);
         float density = float(N_KEY) * key_density + float(N_RIM) * rim_density
-            + float(N_DOME) * cosine_density(wi) + float(N_POLE) * pole_density(wi, wo);
+            + float(N_DOME) * cosine_density(wi) + float(N_POLE) * (about < 0.0 ? pole_density(wi, wo) : about);
         vec3 light = KEY_POWER * key_density + RIM_POWER * rim_density + dome(dot(wi, up));
         found += brdf_cosine(wi, wo) * light / density;
     }

@@ -13,6 +13,7 @@ from app.script import (
     Rotate,
     SelectPath,
     SetValues,
+    Show,
     UndoSteps,
     WaitFor,
     load_script,
@@ -28,6 +29,8 @@ select = "teapot.1.theta_h"
 drag = {item = "curve.b", by = [40, -25]}
 [[step]]
 drag = {from = [10, 20.5], to = [30, 40]}
+[[step]]
+show = "brdf"
 [[step]]
 rotate = 45.0
 [[step]]
@@ -50,6 +53,7 @@ def test_all_kinds_of_steps(tmp_path: Path) -> None:
         SelectPath("teapot.1.theta_h"),
         DragItem("curve.b", (40.0, -25.0)),
         DragPoints((10.0, 20.5), (30.0, 40.0)),
+        Show("brdf"),
         Rotate(45.0),
         UndoSteps(1),
         RedoSteps(2),

@@ -26,6 +26,10 @@ drag = { item = "curve.magnitude", by = [0, -40] }
 [[step]]
 set = { "teapot.1.alpha" = 0.3 }
 [[step]]
+show = "brdf"
+[[step]]
+drag = { item = "brdf.light", by = [10, 5] }
+[[step]]
 rotate = 45.0
 [[step]]
 wait = "exact"
@@ -89,6 +93,7 @@ def test_a_script_chooses_the_series(window: HeadlessWindow, tmp_path: Path) -> 
         ('[[step]]\nset = { "series.second" = 2 }', "1, 8, 16 or all"),
         ('[[step]]\nset = { "series.bounces" = 0 }', "from 1 to 8"),
         ("[[step]]\nundo = 5", "step 1: nothing to undo"),
+        ("[[step]]\nshow = 'lamp'", "step 1: there is no panel 'lamp'; there is: objects"),
         ("[[step]]\nassert_error_below = 1e-30", "step 1: image error"),
     ],
 )

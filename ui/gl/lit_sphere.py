@@ -34,6 +34,11 @@ class LitSphere:
         self._target = memory.framebuffer([self.texture])
         self.n_steps, self.steps = n_steps, 0
 
+    @property
+    def finished(self) -> bool:
+        """Whether it is as smooth as it gets."""
+        return self.steps >= self.n_steps
+
     def restart(self) -> None:
         """The material is another: the next step begins anew."""
         self.steps = 0
@@ -41,12 +46,12 @@ class LitSphere:
     def step(self, stack: BrdfStack, tone_mapping: ToneMapping = "filmic") -> bool:
         """Draw one step more, and the picture so far; whether there are more. Raises GraphicsError, Untranslatable."""
         box = (0, 0, self.side, self.side)
-        if self.steps < self.n_steps:
+        if not self.finished:
             turn = tuple(float(value) for value in (0.5 + self.steps * TURNS) % 1.0)
             stack.draw("sphere.frag.glsl", self._sum_target, box, add=self.steps > 0, side=float(self.side), turn=turn)
             self.steps += 1
         self.show(tone_mapping)
-        return self.steps < self.n_steps
+        return not self.finished
 
     def show(self, tone_mapping: ToneMapping) -> None:
         """Tone map what there is."""

@@ -156,6 +156,13 @@ class Recover:
 
 
 @dataclass(frozen=True)
+class ShowPanel:
+    """Open a panel where it is closed, and bring it before those that share its place."""
+
+    name: str
+
+
+@dataclass(frozen=True)
 class ResetLayout:
     """Dock all panels where they are by default."""
 
@@ -173,6 +180,6 @@ class Quit:
 WindowAction = (
     BeginDrag | EndDrag | CancelDrag | Hold | Undo | Redo | Select | SetPanel | OpenFile | OpenImage | AskFile
     | SaveSession | ImportMeasured | ExportMeasured | Screenshot | SaveMaterial | DeleteMaterial | Copy | Paste
-    | Recover | ResetLayout | CancelWork | Quit
+    | Recover | ShowPanel | ResetLayout | CancelWork | Quit
 )  # fmt: skip
 Action = EditCommand | SetView | OpenPanel | WindowAction

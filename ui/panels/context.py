@@ -9,12 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from imgui_bundle import ImVec2, imgui
+from imgui_bundle import imgui
 
 from app.document import Document
 from app.library import Entry
 from app.status import Status
 from app.view_state import ViewState
+from ui.panels.brdf_board import BrdfBoard
+from ui.panels.picture import Picture
 from ui.panels.state import PanelState
 from ui.theme import Theme
 
@@ -54,20 +56,6 @@ class Handles:
         return sorted(self._positions)
 
 
-@dataclass(frozen=True)
-class Picture:
-    """A texture that panels may draw: `reference` for imgui, size in texels. `flipped` when row 0 is the bottom."""
-
-    reference: imgui.ImTextureRef
-    width: int
-    height: int
-    flipped: bool = False
-
-    def corners(self) -> tuple[ImVec2, ImVec2]:
-        """Texture coordinates of the picture's upper left and lower right."""
-        return (ImVec2(0, 1), ImVec2(1, 0)) if self.flipped else (ImVec2(0, 0), ImVec2(1, 1))
-
-
 def no_thumbnail(entry: Entry) -> Picture | None:
     """Before there is anything that draws them."""
     return None
@@ -86,7 +74,7 @@ class PanelContext:
     `undo_label` and `redo_label` name what would be undone or redone. `object_at` tells the object's name at a pixel
     (column, row) of the picture. `heading` is where the camera looks, degrees clockwise from -Z seen from above.
     `library` are its materials, `thumbnail` a material's picture, None while there is none. `now` is seconds of the
-    window's clock.
+    window's clock. `brdf` is what there is to see of the selected material by itself.
     """
 
     document: Document
@@ -95,6 +83,7 @@ class PanelContext:
     state: PanelState
     theme: Theme
     handles: Handles = field(default_factory=Handles)
+    brdf: BrdfBoard = field(default_factory=BrdfBoard)
     picture: Picture | None = None
     environment: Picture | None = None
     map_thumbnails: Mapping[str, Picture] = field(default_factory=dict)

@@ -12,7 +12,7 @@ from app.pasting import copied_curve, copied_material
 from app.view_state import SetView, Tool
 from engine.curve.operators import Operator
 from ui import theme as look
-from ui.panels.actions import Action, AskFile, Copy, Paste, Quit, Redo, SaveSession, Screenshot, Select, Undo
+from ui.panels.actions import Action, AskFile, Copy, Paste, Quit, Redo, SaveSession, Screenshot, Select, ShowPanel, Undo
 from ui.panels.context import PanelContext
 
 CTRL, SHIFT = int(imgui.Key.mod_ctrl), int(imgui.Key.mod_shift)
@@ -66,6 +66,7 @@ SHORTCUTS = (
     Shortcut("Curve", "Delete", "Delete the operator", "delete", int(Key.delete)),
     Shortcut("Curve", "Wheel", "Zoom the angle; with Shift the height"),
     Shortcut("Curve", "Middle drag", "Pan; double click shows all"),
+    Shortcut("Curve", "B", "Show the BRDF: sphere, lobe, slice, albedo", "brdf", int(Key.b)),
     Shortcut("Help", "?", "This list", "help", SHIFT | int(Key.slash)),
     Shortcut("", "", "", "help", int(Key.f1)),
 )
@@ -107,6 +108,7 @@ def perform(context: PanelContext, name: str) -> list[Action]:
         "darker": [SetView.of(exposure=view.exposure - 1.0 / 3.0)],
         "brighter": [SetView.of(exposure=view.exposure + 1.0 / 3.0)],
         "log": [SetView.of(log_y=not view.log_y, curve_zoom=None)],
+        "brdf": [ShowPanel("brdf")],
         "help": [SetView.of(show_shortcuts=not view.show_shortcuts)],
         "paste": [Paste()],
         "paste_layers": [Paste(as_layers=True)],

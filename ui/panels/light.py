@@ -18,7 +18,8 @@ from app.light_commands import SetEnvironment, SetIntensity, SetMapping, SetRota
 from ui import theme as look
 from ui.panels import widgets
 from ui.panels.actions import Action, AskFile, BeginDrag, EndDrag, Hold
-from ui.panels.context import PanelContext, Picture
+from ui.panels.context import PanelContext
+from ui.panels.picture import Picture
 from ui.panels.state import Grip
 
 WHEEL = 76.0

@@ -11,7 +11,8 @@ from engine.material.maps import MAX_REPEATS, SPACES, LayerMaps
 from ui import theme as look
 from ui.panels import widgets
 from ui.panels.actions import Action, AskFile, BeginDrag, EndDrag
-from ui.panels.context import PanelContext, Picture
+from ui.panels.context import PanelContext
+from ui.panels.picture import Picture
 from ui.theme import Icon
 
 LABELS = {"texture": "Texture", "weight": "Weight map"}

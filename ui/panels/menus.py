@@ -10,7 +10,7 @@ from app.commands import ResetCurve
 from app.view_state import TONE_MAPPINGS, OpenPanel, SetView
 from ui.layout import PANELS
 from ui.panels import widgets
-from ui.panels.actions import Action, AskFile, OpenFile, Redo, ResetLayout, Screenshot, Undo
+from ui.panels.actions import Action, AskFile, OpenFile, Redo, ResetLayout, Screenshot, ShowPanel, Undo
 from ui.panels.context import PanelContext
 from ui.panels.help import keys_of, perform
 from ui.theme import Icon
@@ -101,7 +101,7 @@ def _view(context: PanelContext) -> list[Action]:
     for panel in PANELS:
         is_open = context.view.panel_open(panel.key)
         if imgui.menu_item_simple(panel.title, None, is_open):
-            actions.append(OpenPanel(panel.key, not is_open))
+            actions.append(OpenPanel(panel.key, False) if is_open else ShowPanel(panel.key))
     if imgui.menu_item_simple("Put panels back in place"):
         actions.append(ResetLayout())
     imgui.separator()

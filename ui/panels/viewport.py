@@ -11,8 +11,9 @@ from app.view_state import SetView
 from ui import theme as look
 from ui.panels import widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag, Hold, Recover, Select
-from ui.panels.context import PanelContext, Picture
+from ui.panels.context import PanelContext
 from ui.panels.library import apply, dropped_material
+from ui.panels.picture import Picture
 from ui.panels.state import Grip
 from ui.theme import Icon
 

@@ -1,0 +1,202 @@
+"""The BRDF panel in a window over the stand-in worker: its parts come, follow the curve, and cost nothing unseen."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Iterator
+
+import moderngl
+import numpy as np
+import pytest
+from imgui_bundle import imgui
+
+from app.commands import SetModel, SetOperators, SetParameter
+from app.view_state import OpenPanel, SetView, ViewState
+from engine.curve.operators import Operator
+from tests.ui.conftest import opened
+from ui import brdf_feed
+from ui.gl.brdf_views import Albedo
+from ui.gl.lit_sphere import LitSphere
+from ui.headless import HeadlessWindow
+from ui.panels.actions import ShowPanel
+from ui.panels.brdf import energy_warning
+from ui.panels.brdf_board import BrdfBoard
+from ui.panels.brdf_plots import arcs_of_region, radii
+
+pytestmark = pytest.mark.gl
+
+
+@pytest.fixture(scope="module")
+def one_window(context: moderngl.Context, tmp_path_factory: pytest.TempPathFactory) -> Iterator[HeadlessWindow]:
+    """Opened once for all tests here; smaller than others, because many frames are drawn."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(brdf_feed, "LitSphere", functools.partial(LitSphere, n_steps=2))
+        patch.setenv("INSITU_STATE", str(tmp_path_factory.mktemp("state")))
+        yield from opened(context, (960, 600), 1.0)
+
+
+@pytest.fixture
+def window(one_window: HeadlessWindow) -> HeadlessWindow:
+    """As it was opened."""
+    editor = one_window.shell.editor
+    while editor.undo():
+        pass
+    editor.select("teapot.1.theta_h")
+    one_window.shell.do(ShowPanel("brdf"))
+    plain = ViewState()
+    names = ("brdf_plot", "brdf_whole", "brdf_across", "lobe_angle", "lobe_log")
+    editor.do(SetView.of(**{name: getattr(plain, name) for name in names}))
+    one_window.leave()
+    return one_window
+
+
+def settled(window: HeadlessWindow) -> BrdfBoard:
+    """What is on the board when nothing more comes."""
+    for _ in range(60):
+        if not window.frame().busy:
+            break
+    else:
+        pytest.fail("the window is busy for ever")
+    assert window.shell._brdf_board.problem == ""
+    return window.shell._brdf_board
+
+
+def sphere_pixels(window: HeadlessWindow) -> np.ndarray:
+    sphere = window.shell._brdf._sphere
+    assert sphere is not None and sphere.finished
+    return np.frombuffer(sphere.texture.read(), np.uint8).reshape(sphere.side, sphere.side, 4).astype(int)
+
+
+def test_sphere_and_plots_follow_the_curve(window: HeadlessWindow) -> None:
+    editor, board = window.shell.editor, settled(window)
+    lobe, albedo, sphere = board.lobe, board.albedo, sphere_pixels(window)
+    assert lobe is not None and albedo is not None and board.slice is None  # the slice is not on screen
+    dark = Operator("amplify", "y", 0.0, 0.0, math.pi / 2, math.pi / 2, magnitude=-0.3)
+    editor.do(SetOperators("teapot.1", "theta_h", (dark,)))
+    board = settled(window)
+    gain = editor.document.layer("teapot.1").curve("theta_h")(np.array([0.2])) / (
+        editor.document.layer("teapot.1").generated("theta_h")(np.array([0.2]))
+    )
+    assert board.lobe is not None and board.lobe.values == pytest.approx(lobe.values * gain, rel=1e-3)
+    assert board.albedo is not None and board.albedo.equivalent == pytest.approx(albedo.equivalent * gain[0], rel=1e-3)
+    assert sphere_pixels(window)[..., :3].sum() < sphere[..., :3].sum()
+    editor.undo()
+    assert settled(window).lobe.values == pytest.approx(lobe.values)
+
+
+def test_the_light_of_the_lobe_is_dragged(window: HeadlessWindow) -> None:
+    settled(window)
+    x, y = window.shell.handle_position("brdf.light")
+    window.drag((x, y), (x - 20, y + 40))
+    editor = window.shell.editor
+    assert editor.view.lobe_angle > math.radians(60) and not editor.history.undo_label
+    board = settled(window)
+    assert board.lobe is not None and board.lobe.theta_i == editor.view.lobe_angle
+    window.click_handle("brdf.log.0")
+    assert editor.view.lobe_log
+
+
+def test_slice_and_albedo_are_asked_for_by_their_buttons(window: HeadlessWindow) -> None:
+    window.click_handle("brdf.plot.1")
+    board = settled(window)
+    assert board.slice is not None and window.shell.editor.view.brdf_plot == "slice"
+    assert board.slice_value(0.05, 0.3)[0] > board.slice_value(0.8, 0.3)[0] > 0.0
+    window.move(*window.shell.handle_position("brdf.slice"))  # a tooltip with the value, no trouble
+    window.click_handle("brdf.plot.2")
+    settled(window)
+    window.move(*window.shell.handle_position("brdf.albedo"))
+    window.click_handle("brdf.whole.0")
+    whole, alone = settled(window).albedo, None
+    window.click_handle("brdf.whole.0")
+    alone = settled(window).albedo
+    assert whole is not None and alone is not None
+    base = window.shell.editor.document.layer("teapot.0").scale()  # a diffuse one: its albedo
+    assert whole.equivalent == pytest.approx(alone.equivalent + base, rel=5e-3)
+
+
+def test_anisotropic_layers_have_two_planes(window: HeadlessWindow) -> None:
+    editor = window.shell.editor
+    settled(window)
+    assert "brdf.across.0" not in window.shell.handles.names()
+    editor.do(SetModel("teapot.1", "ashikhmin_shirley"))
+    along = settled(window).lobe
+    window.click_handle("brdf.across.0")
+    across = settled(window).lobe
+    assert along is not None and across is not None and across.azimuth == pytest.approx(math.pi / 2)
+    # n_v is ten times n_u: narrower across, as high in the mirror direction.
+    assert across.values.max() == pytest.approx(along.values.max(), rel=0.2)
+    assert np.trapezoid(across.values[:, 0], across.angles) < 0.6 * np.trapezoid(along.values[:, 0], along.angles)
+
+
+def test_light_from_nowhere_is_warned_of(window: HeadlessWindow) -> None:
+    settled(window)
+    window.frame()
+    assert "brdf.warning" not in window.shell.handles.names()
+    window.shell.editor.do(SetParameter("teapot.1", "scale", 3.0))
+    settled(window)
+    window.frame()
+    assert "brdf.warning" in window.shell.handles.names()
+
+
+def test_the_warning_in_words() -> None:
+    angles = np.radians([10.0, 50.0, 89.0])
+    quiet = Albedo(angles, np.array([[0.9] * 3, [1.01] * 3, [5.0] * 3]), np.full(3, 0.9))  # 5: quadrature at grazing
+    assert energy_warning(quiet) == ""
+    loud = Albedo(angles, np.array([[0.9] * 3, [0.5, 1.31, 1.0], [0.2] * 3]), np.full(3, 0.9))
+    assert energy_warning(loud) == "1.31× at 50°"
+
+
+def test_a_closed_panel_costs_nothing(window: HeadlessWindow) -> None:
+    editor = window.shell.editor
+    settled(window)
+    editor.do(OpenPanel("brdf", False))
+    window.frames(2)
+    made = window.shell._brdf._n_made
+    editor.do(SetParameter("teapot.1", "alpha", 0.3))
+    settled(window)
+    assert window.shell._brdf._n_made == made
+    window.key(imgui.Key.b)
+    assert editor.view.panel_open("brdf")
+    settled(window)
+    assert window.shell._brdf._n_made > made
+
+
+def test_a_hand_at_work_leaves_most_of_the_time_to_the_picture(window: HeadlessWindow) -> None:
+    editor = window.shell.editor
+    settled(window)
+    editor.begin_drag()
+    window.shell._brdf._rests_until = math.inf  # a part that took long has just been made
+    made = window.shell._brdf._n_made
+    editor.do(SetParameter("teapot.1", "alpha", 0.3))
+    assert window.frame().busy and window.shell._brdf._n_made == made
+    editor.end_drag()
+    settled(window)
+    assert window.shell._brdf._n_made > made
+
+
+def test_nothing_selected_shows_nothing(window: HeadlessWindow) -> None:
+    window.shell.editor.select(None)
+    board = settled(window)
+    assert board.sphere is None and board.lobe is None
+    window.shell.editor.select("tray")
+    assert settled(window).sphere is not None
+
+
+def test_regions_of_the_curve_around_the_lobe() -> None:
+    # Light at 0.5: theta_h from 0.1 to 0.2 is the eye 0.2 to 0.4 from the mirror direction, on both sides.
+    arcs = arcs_of_region("theta_h", 0.5, 0.1, 0.2)
+    assert sorted(arcs) == [pytest.approx((0.1, 0.3)), pytest.approx((0.7, 0.9))]
+    assert arcs_of_region("theta_o", 0.5, 1.5, 1.7)[0] == pytest.approx((1.5, math.pi / 2))
+    assert arcs_of_region("gamma_beta", 0.5, 0.1, 0.2) == []
+
+
+def test_logarithmic_radii_show_four_decades() -> None:
+    values = np.array([10.0, 1.0, 1e-3, 1e-6, 0.0])
+    assert radii(values, 10.0, True) == pytest.approx([1.0, 0.75, 0.0, 0.0, 0.0])
+    assert radii(values, 10.0, False)[:2] == pytest.approx([1.0, 0.1])
+
+
+def test_view_keeps_the_lobe_above_the_horizon(window: HeadlessWindow) -> None:
+    window.shell.editor.do(SetView.of(lobe_angle=3.0))
+    assert window.shell.editor.view.lobe_angle < math.pi / 2

@@ -1,0 +1,149 @@
+"""Keeps what the BRDF panel shows up to date: the selected layer's curves on the GPU, the parts that are on screen.
+
+One part a frame, the one made longest ago: each takes some ms on a software rasterizer. While a hand edits, parts take
+no more than a quarter of the time, so that the picture's frames stay short; what is left follows when it rests. Before
+the first picture nothing is made: the processors are the worker's.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+import moderngl
+
+from app.document import Document
+from app.editor import Editor
+from app.linked_layers import group_of
+from app.view_state import ViewState
+from engine.errors import InsituError
+from engine.material.layer import Layer
+from ui.gl import brdf_views
+from ui.gl.brdf_stack import BrdfStack
+from ui.gl.lit_sphere import LitSphere
+from ui.gl.passes import Passes
+from ui.gl.textures import TextureMemory
+from ui.panels.brdf_board import BrdfBoard, Part
+from ui.panels.picture import Picture
+
+# Of the time while a hand edits, what parts may take.
+EDITING_SHARE = 0.25
+
+Layers = tuple[Layer, ...]
+
+
+class BrdfFeed:
+    """Feeds one board. `picture` makes a texture drawable by panels."""
+
+    def __init__(
+        self, context: moderngl.Context, board: BrdfBoard, picture: Callable[[moderngl.Texture], Picture | None]
+    ) -> None:
+        self._context, self._board, self._picture = context, board, picture
+        self._passes, self._memory = Passes(context), TextureMemory(context)
+        self._stack = BrdfStack(self._passes, self._memory)
+        self._sphere: LitSphere | None = None
+        self._slice: brdf_views.Slice | None = None
+        self._answered: dict[Part, tuple[object, ...]] = {}
+        self._made_at: dict[Part, int] = {}
+        self._n_made = 0
+        self._rests_until = -math.inf
+
+    def draw(self, editor: Editor, hand_is_busy: bool, now: float) -> bool:
+        """Make the part that is due, where there is time; whether another frame would show more."""
+        layers = shown_layers(editor.document, editor.view)
+        part = self._due(layers, editor)
+        if part is None:
+            return False
+        if hand_is_busy and now < self._rests_until:
+            return True
+        started = time.perf_counter()
+        try:
+            self._stack.set_layers(layers)
+            self._make(part, editor.view)
+            self._board.problem = ""
+        except InsituError as error:
+            self._board.problem = str(error)
+        self._context.finish()
+        self._rests_until = now + (time.perf_counter() - started) * (1.0 / EDITING_SHARE - 1.0)
+        self._n_made += 1
+        self._made_at[part], self._answered[part] = self._n_made, self._question(part, layers, editor.view)
+        return self._due(layers, editor) is not None
+
+    def close(self) -> None:
+        """Free GL objects."""
+        for thing in (self._sphere, self._slice, self._stack, self._passes):
+            if thing is not None:
+                thing.release()
+
+    def _due(self, layers: Layers, editor: Editor) -> Part | None:
+        """The part on screen that is not as document and view have it, or not smooth yet."""
+        board = self._board
+        if not layers:
+            board.clear()
+            self._answered.clear()
+            return None
+        if editor.status.picture == "waiting":
+            return None
+        due = [p for p in board.shown if self._answered.get(p) != self._question(p, layers, editor.view)]
+        if due:
+            return min(due, key=lambda part: (self._made_at.get(part, 0), part))
+        unfinished = self._sphere is not None and not self._sphere.finished and not board.problem
+        return "sphere" if unfinished and "sphere" in board.shown else None
+
+    def _question(self, part: Part, layers: Layers, view: ViewState) -> tuple[object, ...]:
+        """All that a part depends on."""
+        match part:
+            case "sphere":
+                return layers, self._board.sphere_side, view.tone_mapping
+            case "lobe":
+                return layers, azimuth_of(view), view.lobe_angle
+            case "slice":
+                return layers, azimuth_of(view)
+            case "albedo":
+                return (layers,)
+
+    def _make(self, part: Part, view: ViewState) -> None:
+        board = self._board
+        match part:
+            case "sphere":
+                self._step_sphere(view)
+            case "lobe":
+                board.lobe = brdf_views.lobe(self._stack, view.lobe_angle, azimuth_of(view))
+            case "slice":
+                self._slice = self._slice or brdf_views.Slice(self._passes, self._memory)
+                self._slice.draw(self._stack, azimuth_of(view))
+                board.slice, board.slice_value = self._picture(self._slice.texture), self._slice.value
+            case "albedo":
+                board.albedo = brdf_views.albedo(self._stack, self._memory)
+
+    def _step_sphere(self, view: ViewState) -> None:
+        side = self._board.sphere_side
+        if self._sphere is None or self._sphere.side != side:
+            if self._sphere is not None:
+                self._sphere.release()
+            self._sphere = LitSphere(self._passes, self._memory, side)
+        elif self._answered.get("sphere") != self._question("sphere", self._stack.layers, view):
+            self._sphere.restart()
+        self._sphere.step(self._stack, view.tone_mapping)
+        self._board.sphere = self._picture(self._sphere.texture)
+
+
+def shown_layers(document: Document, view: ViewState) -> Layers:
+    """The selected layer, a Fresnel term and its layer together, or all that are visible of the object.
+
+    None where nothing is selected.
+    """
+    if view.selected is None:
+        return ()
+    layers = document.object(view.selected.object).layers
+    if view.brdf_whole:
+        return tuple(layer for layer in layers if layer.visible)
+    lead = layers[group_of(layers, view.selected.layer)[0]] if layers[view.selected.layer].rises else None
+    chosen = lead or layers[view.selected.layer]
+    return (chosen, *(layer for layer in layers if layer.rises and layer.follows == chosen.name))
+
+
+def azimuth_of(view: ViewState) -> float:
+    """The plane of lobe and slice, radians from the tangent."""
+    return 0.5 * math.pi if view.brdf_across else 0.0

@@ -1,0 +1,119 @@
+"""How a stack of layers reflects, measured on the GPU: a lobe in a plane, the slice of measured BRDFs, albedos.
+
+Values are read back: plots are lines and numbers, and what is under the mouse has to be told. Each is small enough to
+be waited for in a frame (some ms on a software rasterizer).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from ui.gl.brdf_stack import BrdfStack
+from ui.gl.passes import Passes
+from ui.gl.textures import TextureMemory, read_texture
+
+Array = NDArray[np.float64]
+
+SLICE_SIDE = 128
+N_ANGLES, N_ROWS = 32, 32
+EVEN_ANGLES, NEAR_ANGLES = 241, 48
+NEAREST = 1e-4
+
+
+@dataclass(frozen=True)
+class Lobe:
+    """BRDF values (N, 3), 1/sr, at angles (N,) of the eye from the normal, radians, those on the light's side negative.
+
+    `theta_i` is the light's; both lie in the plane that is `azimuth` from the tangent.
+    """
+
+    theta_i: float
+    azimuth: float
+    angles: Array
+    values: Array
+
+
+@dataclass(frozen=True)
+class Albedo:
+    """Directional albedo (N, 3) by the angle of the light (N,), and the equivalent albedo (3,) [BenArtzi07, 5.3]."""
+
+    angles: Array
+    values: Array
+    equivalent: Array
+
+    @property
+    def largest(self) -> Array:
+        """The largest share of light from one direction that is reflected, per channel (3,)."""
+        return np.asarray(self.values.max(axis=0))
+
+
+def lobe(stack: BrdfStack, theta_i: float, azimuth: float = 0.0) -> Lobe:
+    """The lobe about light from `theta_i`, with more angles where its highlight may be narrow."""
+    near = np.geomspace(NEAREST, 0.5, NEAR_ANGLES)
+    angles = np.concatenate([np.linspace(-1.0, 1.0, EVEN_ANGLES) * (0.5 * math.pi - 1e-3), theta_i + near,
+                             theta_i - near, [theta_i]])  # fmt: skip
+    angles = np.unique(angles[np.abs(angles) < 0.5 * math.pi])
+    wo = _in_plane(angles, azimuth)
+    wi = np.broadcast_to(_in_plane(np.array([-theta_i]), azimuth), wo.shape)
+    return Lobe(theta_i, azimuth, angles, stack.evaluate(wi, wo))
+
+
+def _in_plane(angles: Array, azimuth: float) -> Array:
+    """Directions (N, 3) at angles from the normal towards an azimuth."""
+    sine = np.sin(angles)
+    return np.stack([sine * math.cos(azimuth), sine * math.sin(azimuth), np.cos(angles)], axis=1)
+
+
+class Slice:
+    """The image over theta_h and theta_d: `texture`, RGBA8 for the screen, row 0 at the top, and its `values`."""
+
+    def __init__(self, passes: Passes, memory: TextureMemory) -> None:
+        self._passes, self._memory = passes, memory
+        size = (SLICE_SIDE, SLICE_SIDE)
+        self._numbers = memory.texture(size, 4, "f4")
+        self.texture = memory.texture(size, 4, "f1")
+        self._targets = [memory.framebuffer([each]) for each in (self._numbers, self.texture)]
+        self.values: NDArray[np.float32] = np.zeros((SLICE_SIDE, SLICE_SIDE, 3), np.float32)
+
+    def draw(self, stack: BrdfStack, azimuth: float = 0.0) -> None:
+        """Evaluate and show; waits for the GPU."""
+        box = (0, 0, SLICE_SIDE, SLICE_SIDE)
+        side = float(SLICE_SIDE)
+        stack.draw("slice.frag.glsl", self._targets[0], box, size=(side, side), azimuth=azimuth)
+        program = self._passes.full_screen("brdf/slice_shown.frag.glsl")
+        self._passes.draw(program, self._targets[1], box, {"values": self._numbers})
+        self.values = read_texture(self._numbers, np.float32)[..., :3].astype(np.float32)
+
+    def value(self, theta_h: float, theta_d: float) -> tuple[float, float, float]:
+        """What the image shows at two angles, radians."""
+        column, row = (int(min(max(a / (0.5 * math.pi), 0.0), 0.9999) * SLICE_SIDE) for a in (theta_h, theta_d))
+        red, green, blue = (float(value) for value in self.values[SLICE_SIDE - 1 - row, column])
+        return red, green, blue
+
+    def release(self) -> None:
+        """Free textures."""
+        for target in self._targets:
+            self._memory.release_framebuffer(target)
+        for texture in (self._numbers, self.texture):
+            self._memory.release(texture)
+
+
+def albedo(stack: BrdfStack, memory: TextureMemory) -> Albedo:
+    """Both albedos, over all azimuths: of 1,024 directions an angle, within 1 % for lobes down to 1e-3 rad."""
+    texture: moderngl.Texture = memory.texture((N_ANGLES, N_ROWS), 4, "f4")
+    target = memory.framebuffer([texture])
+    try:
+        box = (0, 0, N_ANGLES, N_ROWS)
+        stack.draw("albedo.frag.glsl", target, box, size=(float(N_ANGLES), float(N_ROWS)))
+        shares = read_texture(texture, np.float32)[..., :3].astype(np.float64)
+    finally:
+        memory.release_framebuffer(target)
+        memory.release(texture)
+    angles = np.linspace(0.0, 0.5 * math.pi, 2 * N_ANGLES + 1)[1::2]
+    values, weights = shares.mean(axis=0), np.sin(2.0 * angles)  # 2 cos sin, of the solid angle and the cosine
+    return Albedo(angles, values, weights @ values / weights.sum())
