@@ -1,23 +1,26 @@
 """Geometry and materials of a GLB file: every triangle under its node's transform, sorted by material.
 
 The accessors are checked and read here, not by a library that reads what is not there: counts, offsets and strides are
-held against the binary chunk, indices against the vertices. Nodes must form a forest of bounded depth. Textures, skins,
-morph targets and animations are stepped over with a note: what is shown is the bind pose in the materials' factors.
+held against the binary chunk, indices against the vertices. Nodes must form a forest of bounded depth. Skins, morph
+targets and animations are stepped over with a note: what is shown is the bind pose. Materials are `gltf_materials`'.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import unquote
 
 import numpy as np
 import numpy.typing as npt
 
 from engine.errors import LoadError
+from engine.material.maps import LayerMaps
 from engine.scene.description import LayerDescription
 from engine.scene.files import read_regular_file, resolve_inside
 from engine.scene.glb import Fields, parse_glb
 from engine.scene.gltf_materials import PartMaterial, read_material
+from engine.scene.gltf_textures import Images
 from engine.scene.mesh import MAX_MESH_BYTES, Mesh, join_meshes, place_mesh, validate_mesh
 from engine.scene.transform import check_transform
 
@@ -82,28 +85,34 @@ def read_glb(path: Path) -> GlbModel:
             by_material.setdefault(material, []).append(place_mesh(mesh, matrix))
     if not by_material:
         raise LoadError(path, "faces", 0, "at least one mesh of triangles in the scene")
-    materials = [read_material(fields) for fields in root.children("materials")]
+    images = Images(root, binary)
+    materials = [read_material(fields, images) for fields in root.children("materials")]
     parts = [_part(meshes, materials[k] if k >= 0 else PartMaterial()) for k, meshes in sorted(by_material.items())]
-    return GlbModel(tuple(parts), tuple(_notes(root, materials, skipped)))
+    used = [materials[k] for k in sorted(by_material) if k >= 0]
+    return GlbModel(tuple(parts), tuple(_notes(root, used, skipped)))
 
 
 def _part(meshes: list[Mesh], material: PartMaterial) -> GlbPart:
-    """The joined meshes of one material."""
-    return GlbPart(join_meshes(meshes), material.layers, material.emission)
+    """The joined meshes of one material; without texture coordinates it has no textures."""
+    mesh, layers = join_meshes(meshes), material.layers
+    if mesh.uvs is None:
+        layers = tuple(layer.model_copy(update={"maps": LayerMaps()}) for layer in layers)
+    return GlbPart(mesh, layers, material.emission)
 
 
 def _check_extensions(root: Fields) -> None:
-    """Refuses files that cannot be read without an extension that changes geometry."""
+    """Refuses files that cannot be read without an extension that changes geometry, or the format of images."""
     required = root.values.get("extensionsRequired", [])
     if not isinstance(required, list):
         raise root.error("extensionsRequired", required, "a list")
     for name in required:
-        if not isinstance(name, str) or not name.startswith(_HARMLESS):
-            raise root.error("extensionsRequired", name, "no required extension of geometry (no Draco, no meshopt)")
+        if not isinstance(name, str) or not name.startswith(_HARMLESS) or name == "KHR_texture_basisu":
+            expected = "no required extension of geometry or image files (no Draco, no meshopt, no Basis)"
+            raise root.error("extensionsRequired", name, expected)
 
 
 def _check_uris(root: Fields, binary: bytes) -> None:
-    """The one buffer is the file's own binary chunk; pictures are not read, but may not reach out either."""
+    """The one buffer is the file's own binary chunk; pictures may be files, but none outside the file's folder."""
     for i, buffer in enumerate(root.children("buffers")):
         uri = buffer.text("uri")
         if uri is not None:
@@ -117,7 +126,7 @@ def _check_uris(root: Fields, binary: bytes) -> None:
     for image in root.children("images"):
         uri = image.text("uri")
         if uri is not None and not uri.startswith("data:"):
-            resolve_inside(root.file.parent, uri, root.file, f"{image.place}: uri")
+            resolve_inside(root.file.parent, unquote(uri), root.file, f"{image.place}: uri")
 
 
 def _placed_meshes(file: _File, root: Fields) -> list[tuple[int, npt.NDArray[np.float64]]]:
@@ -272,8 +281,7 @@ def _notes(root: Fields, materials: list[PartMaterial], skipped: int) -> list[st
     lines = []
     if skipped:
         lines.append(f"{skipped} primitives of points or lines left out")
-    if any(material.textured for material in materials):
-        lines.append("textures are not read, the materials' factors stand for them")
+    lines += dict.fromkeys(note for material in materials for note in material.notes)
     if root.children("skins") or root.children("animations"):
         lines.append("skins and animations are not read, the bind pose is shown")
     if any(p.has("targets") for mesh in root.children("meshes") for p in mesh.children("primitives")):

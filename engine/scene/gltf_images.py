@@ -16,7 +16,11 @@ MAX_IMAGE_BYTES = 256 * 2**20
 
 def read_image(path: Path, index: int) -> bytes:
     """The bytes of one image of a GLB file; raises LoadError naming the place and what was expected there."""
-    root, binary = parse_glb(read_regular_file(path, MAX_MESH_BYTES), path)
+    return image_bytes(*parse_glb(read_regular_file(path, MAX_MESH_BYTES), path), index)
+
+
+def image_bytes(root: Fields, binary: bytes, index: int) -> bytes:
+    """The same of a file that has been read: its root and its binary chunk."""
     images = root.children("images")
     if index >= len(images):
         raise root.error(f"images {index}", "nothing", f"an image from 0 to {len(images) - 1}" if images else "images")
@@ -26,7 +30,7 @@ def read_image(path: Path, index: int) -> bytes:
         return _from_chunk(root, image, binary)
     if uri.startswith("data:"):
         return _from_data(image, uri)
-    place = resolve_inside(path.parent, unquote(uri), path, f"{image.place}: uri")
+    place = resolve_inside(root.file.parent, unquote(uri), root.file, f"{image.place}: uri")
     return read_regular_file(place, MAX_IMAGE_BYTES)
 
 

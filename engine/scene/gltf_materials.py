@@ -6,7 +6,13 @@ The glossy layer's reflectance at normal incidence is F0 = 0.04 (1 − m) + m ·
     n_min = (1 − F0)/(1 + F0),  n_max = (1 + √F0)/(1 − √F0),  η = g n_min + (1 − g) n_max,
     k² = ((η + 1)² F0 − (η − 1)²)/(1 − F0),
 
-with the edge tint g = metalness: a dielectric gets k = 0 and the true index 1.5, a metal one that stays bright.
+with the edge tint g = metalness: a dielectric gets k = 0 and the true index 1.5, a metal one that stays bright. The
+0.04 is that of index 1.5; KHR_materials_ior and KHR_materials_specular say another.
+
+A texture of the base colour multiplies the layers that have it. What is half a metal then becomes the mixture that
+glTF defines, (1 − m) times the dielectric and m times the metal, for only the metal has the texture's colours. Of a
+metallic-roughness texture the means count: a layer has one curve wherever it is. Images are named as `#N` here, the Nth
+of the file; who knows how the file is called puts that before it.
 """
 
 from __future__ import annotations
@@ -14,55 +20,107 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from engine.material.maps import LayerMaps
 from engine.scene.description import LayerDescription
 from engine.scene.glb import Fields
+from engine.scene.gltf_textures import Images, TextureUse
 
 _DIELECTRIC = 0.04
 _SMOOTHEST = 0.01
 _BRIGHTEST = 0.98
+_MIXED = 0.02  # metalness this close to 0 or 1 is that
+RGB = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class PartMaterial:
-    """Layers of a material (glTF's default: white, metal 1, roughness 1, is replaced by plain grey), its emission."""
+    """Layers of a material (glTF's default: white, metal 1, roughness 1, is replaced by plain grey), its emission, and
+    what of it is not shown."""
 
     layers: tuple[LayerDescription, ...] = (LayerDescription(model="lambert", parameters={"albedo": (0.5, 0.5, 0.5)}),)
-    emission: tuple[float, float, float] | None = None
-    textured: bool = False
+    emission: RGB | None = None
+    notes: tuple[str, ...] = ()
 
 
-def read_material(fields: Fields) -> PartMaterial:
-    """A material's factors as layers; raises LoadError for values outside [0, 1]."""
+def read_material(fields: Fields, images: Images) -> PartMaterial:
+    """A material as layers; raises LoadError for values outside their range."""
+    notes: list[str] = []
     pbr = fields.child("pbrMetallicRoughness")
     red, green, blue, _ = (_unit(v, pbr, "baseColorFactor") for v in pbr.numbers("baseColorFactor", 4, (1.0,) * 4))
     metallic = _unit(pbr.number("metallicFactor", 1.0), pbr, "metallicFactor")
     roughness = _unit(pbr.number("roughnessFactor", 1.0), pbr, "roughnessFactor")
+    if pbr.has("metallicRoughnessTexture"):
+        _, rough_mean, metal_mean = images.mean(pbr.child("metallicRoughnessTexture"), notes)
+        metallic, roughness = metallic * metal_mean, roughness * rough_mean
+    texture = images.use(pbr.child("baseColorTexture"), notes) if pbr.has("baseColorTexture") else None
     emissive = fields.numbers("emissiveFactor", 3, (0.0, 0.0, 0.0))
-    emission = (_unit(emissive[0], fields, "emissiveFactor"), _unit(emissive[1], fields, "emissiveFactor"),
-                _unit(emissive[2], fields, "emissiveFactor"))
-    textured = pbr.has("baseColorTexture") or pbr.has("metallicRoughnessTexture") or fields.has("emissiveTexture")
+    emission = _rgb(tuple(_unit(v, fields, "emissiveFactor") for v in emissive))
+    notes += [f"{words} are not shown" for key, words in _NOT_SHOWN.items() if fields.has(key)]
+    if fields.text("alphaMode") not in (None, "OPAQUE"):
+        notes.append("transparency is not shown")
     shines = any(emission) and not fields.has("emissiveTexture")
-    layers = metallic_roughness_layers((red, green, blue), metallic, roughness)
-    return PartMaterial(layers, emission if shines else None, textured)
+    base, facing = (red, green, blue), _facing_reflectance(fields.child("extensions"))
+    layers = metallic_roughness_layers(base, metallic, roughness, facing, texture)
+    return PartMaterial(layers, emission if shines else None, tuple(notes))
+
+
+_NOT_SHOWN = {"emissiveTexture": "emissive textures", "normalTexture": "normal maps"}
 
 
 def metallic_roughness_layers(
-    base: tuple[float, float, float], metallic: float, roughness: float
+    base: RGB, metallic: float, roughness: float, facing: RGB = (_DIELECTRIC,) * 3, texture: TextureUse | None = None
 ) -> tuple[LayerDescription, ...]:
-    """Layers for a linear base colour, a metalness and a roughness in [0, 1]."""
-    reflectance = [_DIELECTRIC * (1 - metallic) + c * metallic for c in base]
-    indices = [conductor_index(f0, metallic) for f0 in reflectance]
-    glossy = LayerDescription(model="rough_conductor", parameters={
+    """Layers for a linear base colour, a metalness and a roughness in [0, 1]; facing: F0 of what is no metal."""
+    if texture is None:
+        reflectance = _rgb(tuple(f * (1 - metallic) + c * metallic for f, c in zip(facing, base, strict=True)))
+        glossy: list[LayerDescription] = [_glossy(reflectance, metallic, roughness)]
+    else:
+        glossy = []
+        metallic = 0.0 if metallic < _MIXED else 1.0 if metallic > 1.0 - _MIXED else metallic
+        mixed = 0.0 < metallic < 1.0
+        if metallic < 1.0:
+            glossy.append(_glossy(facing, 0.0, roughness, 1.0 - metallic, "coat" if mixed else None))
+        if metallic > 0.0:
+            glossy.append(_glossy(base, 1.0, roughness, metallic, "metal" if mixed else None, texture))
+    diffuse = _rgb(tuple((1 - metallic) * (1 - max(facing)) * c for c in base))
+    if not any(diffuse):
+        return tuple(glossy)
+    maps = _maps(texture)
+    return (LayerDescription(model="lambert", maps=maps, parameters={"albedo": diffuse}), *glossy)
+
+
+def _glossy(
+    reflectance: RGB, tint: float, roughness: float, scale: float = 1.0, name: str | None = None,
+    texture: TextureUse | None = None,
+) -> LayerDescription:  # fmt: skip
+    """A rough conductor of that reflectance at normal incidence."""
+    indices = [conductor_index(f0, tint) for f0 in reflectance]
+    parameters = {
         "distribution": "ggx",
         "alpha": max(roughness**2, _SMOOTHEST),
         "eta": tuple(eta for eta, _ in indices),
         "k": tuple(k for _, k in indices),
-        "scale": 1.0,
-    })
-    diffuse = tuple((1 - metallic) * (1 - _DIELECTRIC) * c for c in base)
-    if not any(diffuse):
-        return (glossy,)
-    return (LayerDescription(model="lambert", parameters={"albedo": diffuse}), glossy)
+        "scale": scale,
+    }
+    return LayerDescription(model="rough_conductor", name=name, maps=_maps(texture), parameters=parameters)
+
+
+def _maps(texture: TextureUse | None) -> LayerMaps:
+    return LayerMaps() if texture is None else LayerMaps(f"#{texture.image}", "srgb", texture.scale)
+
+
+def _facing_reflectance(extensions: Fields) -> RGB:
+    """F0 of what is no metal: ((n − 1)/(n + 1))² times the colour and the strength of its reflection."""
+    ior, specular = extensions.child("KHR_materials_ior"), extensions.child("KHR_materials_specular")
+    index = ior.number("ior", 1.5)
+    if index != 0.0 and not 1.0 <= index <= 20.0:
+        raise ior.error("ior", index, "0 or a number from 1 to 20")
+    facing = 1.0 if index == 0.0 else ((index - 1.0) / (index + 1.0)) ** 2
+    strength = _unit(specular.number("specularFactor", 1.0), specular, "specularFactor")
+    colour = specular.numbers("specularColorFactor", 3, (1.0, 1.0, 1.0))
+    if min(colour) < 0.0:
+        raise specular.error("specularColorFactor", list(colour), "numbers of at least 0")
+    return _rgb(tuple(min(facing * c, 1.0) * strength for c in colour))
 
 
 def conductor_index(f0: float, tint: float) -> tuple[float, float]:
@@ -72,6 +130,10 @@ def conductor_index(f0: float, tint: float) -> tuple[float, float]:
     eta = tint * (1 - f0) / (1 + f0) + (1 - tint) * (1 + root) / (1 - root)
     squared = ((eta + 1) ** 2 * f0 - (eta - 1) ** 2) / (1 - f0)
     return eta, math.sqrt(squared) if squared > 1e-12 else 0.0  # rounding leaves a dielectric about 1e-16
+
+
+def _rgb(values: tuple[float, ...]) -> RGB:
+    return values[0], values[1], values[2]
 
 
 def _unit(value: float, fields: Fields, key: str) -> float:

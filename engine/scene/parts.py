@@ -6,13 +6,13 @@ and the object becomes one object a material, each marked with its `part` so tha
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from engine.errors import LoadError
-from engine.scene.description import MAX_OBJECTS, ObjectDescription, SceneDescription
+from engine.scene.description import MAX_OBJECTS, LayerDescription, ObjectDescription, SceneDescription
 from engine.scene.files import resolve_inside
-from engine.scene.gltf import GlbModel, read_glb
+from engine.scene.gltf import GlbModel, GlbPart, read_glb
 from engine.scene.mesh import Mesh, join_meshes, read_mesh
 from engine.scene.primitives import PRIMITIVES
 
@@ -61,13 +61,24 @@ def _glb_objects(item: ObjectDescription, model: GlbModel, path: Path, taken: se
         return [ObjectMesh(item, join_meshes([model.parts[k].mesh for k in chosen]))]
     if len(chosen) == 1:
         part = model.parts[chosen[0]]
-        return [ObjectMesh(item.model_copy(update={"layers": part.layers, "emission": part.emission}), part.mesh)]
+        own = {"layers": _layers(part, str(item.mesh)), "emission": part.emission}
+        return [ObjectMesh(item.model_copy(update=own), part.mesh)]
     items = []
     for k in chosen:
         part = model.parts[k]
-        own = {"name": _free_name(item.name, k, taken), "part": k, "layers": part.layers, "emission": part.emission}
-        items.append(ObjectMesh(item.model_copy(update=own), part.mesh))
+        own = {"layers": _layers(part, str(item.mesh)), "emission": part.emission}
+        named = {"name": _free_name(item.name, k, taken), "part": k}
+        items.append(ObjectMesh(item.model_copy(update=own | named), part.mesh))
     return items
+
+
+def _layers(part: GlbPart, file: str) -> tuple[LayerDescription, ...]:
+    """A part's layers with the file's name before the numbers of its images."""
+    return tuple(
+        layer if layer.maps.is_plain
+        else layer.model_copy(update={"maps": replace(layer.maps, texture=f"{file}{layer.maps.texture}")})
+        for layer in part.layers
+    )  # fmt: skip
 
 
 def _free_name(name: str, part: int, taken: set[str]) -> str:

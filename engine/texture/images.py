@@ -45,6 +45,11 @@ def read_weight(data: bytes, file: Path | str) -> Image:
     return np.minimum(_checked(grey, file), np.float32(1.0))
 
 
+def is_readable(data: bytes) -> bool:
+    """Whether the bytes begin as one of the formats that are read."""
+    return any(data.startswith(magic) for magic in _MAGIC)
+
+
 def decode_srgb(values: NDArray[np.floating]) -> Image:
     """IEC 61966-2-1: what stands for values in [0, 1] of a file; above 1 the curve goes on."""
     x = np.maximum(values, 0.0)

@@ -1,0 +1,88 @@
+"""Which image a glTF material uses, how it lies on the surface, and its mean.
+
+An image that cannot be had (kept in a format of an extension, placed by a second set of coordinates, or not there) is
+stepped over with a note: the material's factors stand for it. Repeats are kept; a texture that is turned or moved by
+another part than whole repeats is shown without that, with a note.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from engine.errors import LoadError
+from engine.material.maps import MAX_REPEATS
+from engine.scene.glb import Fields
+from engine.scene.gltf_images import image_bytes
+from engine.texture.images import is_readable, read_texture
+
+
+@dataclass(frozen=True)
+class TextureUse:
+    """The number of an image in its file, and how often it repeats along u and v."""
+
+    image: int
+    scale: tuple[float, float]
+
+
+class Images:
+    """The images of one file."""
+
+    def __init__(self, root: Fields, binary: bytes) -> None:
+        self._root, self._binary = root, binary
+        self._textures, self._n_images = root.children("textures"), len(root.children("images"))
+        self._means: dict[int, tuple[float, float, float]] = {}
+
+    def use(self, info: Fields, notes: list[str]) -> TextureUse | None:
+        """What a material's texture says, None where it cannot be shown; notes tell why."""
+        image = self._image(info, notes)
+        if image is None:
+            return None
+        return TextureUse(image, _repeats(info.child("extensions").child("KHR_texture_transform"), notes))
+
+    def mean(self, info: Fields, notes: list[str]) -> tuple[float, float, float]:
+        """Of an image of numbers, not of colours; 1 where it cannot be had."""
+        image = self._image(info, notes)
+        if image is None:
+            return 1.0, 1.0, 1.0
+        if image not in self._means:
+            name = f"{self._root.file}#{image}"
+            pixels = read_texture(image_bytes(self._root, self._binary, image), name, "linear")
+            red, green, blue = pixels.reshape(-1, 3).mean(axis=0, dtype=np.float64).tolist()
+            self._means[image] = red, green, blue
+        notes.append("of a metallic-roughness texture the means are shown")
+        return self._means[image]
+
+    def _image(self, info: Fields, notes: list[str]) -> int | None:
+        """The number of an image that can be read."""
+        texture = self._textures[info.integer("index", 0, len(self._textures) - 1)]
+        transform = info.child("extensions").child("KHR_texture_transform")
+        if transform.integer("texCoord", 0, 64, info.integer("texCoord", 0, 64, 0)):
+            notes.append("a texture by a second set of coordinates is not shown")
+            return None
+        if not texture.has("source"):
+            notes.append("a texture in a format of an extension is not shown")
+            return None
+        image = texture.integer("source", 0, self._n_images - 1)
+        try:
+            if is_readable(image_bytes(self._root, self._binary, image)):
+                return image
+            notes.append(f"image {image} is no PNG or JPEG and not shown")
+        except LoadError as error:
+            notes.append(f"image {image} is not shown: {error.what} = {error.value}")
+        return None
+
+
+def _repeats(transform: Fields, notes: list[str]) -> tuple[float, float]:
+    """The repeats of a transform. In glTF v grows downwards: scaled by s and moved by o, what is 1 − v here becomes
+    s (1 − v) + o, the same as s v but for a shift by 1 − s − o."""
+    across, down = transform.numbers("scale", 2, (1.0, 1.0))
+    for number in (across, down):
+        if not 1e-3 <= abs(number) <= MAX_REPEATS:
+            raise transform.error("scale", [across, down], f"numbers up to {MAX_REPEATS:g}, none 0")
+    right, below = transform.numbers("offset", 2, (0.0, 0.0))
+    shifts = (right, 1.0 - down - below)
+    if transform.number("rotation", 0.0) != 0.0 or any(abs(s - round(s)) > 1e-6 for s in shifts):
+        notes.append("a texture is turned or moved in the file and shown without that")
+    return across, down
