@@ -44,7 +44,8 @@ class ViewState:
     ``regions`` are a ≤ b ≤ c ≤ d of the operator being shown or about to be made; ``operator`` is its index in the
     selected curve's list, None for one about to be made. ``curve_zoom`` is (γ low, γ high, y low, y high); None fits.
     The BRDF panel shows ``brdf_plot`` of the selected layer, or with ``brdf_whole`` of all layers of its object, in the
-    plane along the tangent or ``brdf_across`` it; its lobe answers light from ``lobe_angle``.
+    plane along the tangent or ``brdf_across`` it; its lobe answers light from ``lobe_angle``. ``solo`` is the key of a
+    layer that is seen without the others of its object.
     """
 
     selected: Selection | None = None
@@ -60,6 +61,7 @@ class ViewState:
     active_tool: Tool = "translate_y"
     regions: tuple[float, float, float, float] = DEFAULT_REGIONS
     operator: int | None = None
+    solo: str | None = None
     brdf_plot: BrdfPlot = "lobe"
     brdf_whole: bool = False
     brdf_across: bool = False

@@ -37,6 +37,7 @@ from app.picture import (
     SkyChanged,
     TransportReady,
 )
+from app.solo import is_seen
 from app.status import RenderReport
 from engine.curve.wavelet import forward
 from engine.light.environment import Environment, tone_mapped_thumbnail
@@ -325,7 +326,7 @@ class PictureFeed:
                     continue
                 gone.remove(key)
                 self.renderer.set_layer_gain(key, editor.layer_gain(key).tolist())
-                self.renderer.set_layer_visible(key, document.is_visible(key))
+                self.renderer.set_layer_visible(key, is_seen(document, editor.view, key))
                 maps, shown = state.layers[index].maps, self._maps.get(key)
                 inverts = maps.weight_invert and shown is not None and shown.has_weight
                 self.renderer.set_map_numbers(key, maps.texture_strength, inverts)

@@ -66,6 +66,7 @@ class Icon:
     VISIBLE = "\uf06e"
     HIDDEN = "\uf070"
     FROZEN = "\uf2dc"
+    SOLO = "\uf192"
     LOCKED = "\uf023"
     EDITABLE = "\uf304"
     EMITTER = "\uf0eb"

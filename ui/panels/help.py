@@ -9,6 +9,7 @@ from imgui_bundle import ImVec2, imgui
 from app.commands import MuteOperator, RemoveOperator
 from app.document import Selection
 from app.pasting import copied_curve, copied_material
+from app.solo import toggled
 from app.view_state import SetView, Tool
 from engine.curve.operators import Operator
 from ui import theme as look
@@ -51,6 +52,9 @@ SHORTCUTS = (
     Shortcut("Picture", "F", "Fit the picture, or show it pixel for pixel", "fit", int(Key.f)),
     Shortcut("Picture", "[  ]", "Exposure down, up by a third of a stop", "darker", int(Key.left_bracket)),
     Shortcut("", "", "", "brighter", int(Key.right_bracket)),
+    Shortcut("Picture", "S", "See the selected layer alone, or all again", "solo", int(Key.s)),
+    Shortcut("Material", "Ctrl click", "Put a parameter back to its default"),
+    Shortcut("Material", "Double click", "Type a number"),
     Shortcut("Curve", "Drag a b c d", "Where the edit begins, holds and ends"),
     Shortcut("Curve", "Drag the ring", "How strong the edit is"),
     Shortcut("Curve", "Drag the curve", "Pull it there: a new operator"),
@@ -66,7 +70,7 @@ SHORTCUTS = (
     Shortcut("Curve", "Delete", "Delete the operator", "delete", int(Key.delete)),
     Shortcut("Curve", "Wheel", "Zoom the angle; with Shift the height"),
     Shortcut("Curve", "Middle drag", "Pan; double click shows all"),
-    Shortcut("Curve", "B", "Show the BRDF: sphere, lobe, slice, albedo", "brdf", int(Key.b)),
+    Shortcut("Material", "B", "Show the BRDF: sphere, lobe, slice, albedo", "brdf", int(Key.b)),
     Shortcut("Help", "?", "This list", "help", SHIFT | int(Key.slash)),
     Shortcut("", "", "", "help", int(Key.f1)),
 )
@@ -109,6 +113,7 @@ def perform(context: PanelContext, name: str) -> list[Action]:
         "brighter": [SetView.of(exposure=view.exposure + 1.0 / 3.0)],
         "log": [SetView.of(log_y=not view.log_y, curve_zoom=None)],
         "brdf": [ShowPanel("brdf")],
+        "solo": [toggled(view, view.selected.key)] if view.selected else [],
         "help": [SetView.of(show_shortcuts=not view.show_shortcuts)],
         "paste": [Paste()],
         "paste_layers": [Paste(as_layers=True)],
@@ -193,7 +198,7 @@ def draw(context: PanelContext) -> list[Action]:
 
 def _columns(context: PanelContext) -> None:
     imgui.begin_group()
-    for group in ("File", "Edit", "Help"):
+    for group in ("File", "Edit", "Material", "Help"):
         _group(context, group)
     imgui.end_group()
     imgui.same_line(0.0, context.px(40))

@@ -110,9 +110,13 @@ def _model(context: PanelContext, key: str, layer: Layer, width: float) -> list[
 
 
 def _parameter(context: PanelContext, key: str, layer: Layer, parameter: Parameter, width: float) -> list[Action]:
+    reset = _ctrl_clicked() and not isinstance(parameter.default, Measurement)
     widgets.label(context, parameter.label, width)
     value = layer.values[parameter.name]
     imgui.push_id(parameter.name)
+    if reset:  # the click is not the control's
+        imgui.push_style_var(imgui.StyleVar_.disabled_alpha, 1.0)
+        imgui.begin_disabled()
     if isinstance(value, Measurement):
         actions = _measured(value)
     elif isinstance(value, str):
@@ -121,8 +125,20 @@ def _parameter(context: PanelContext, key: str, layer: Layer, parameter: Paramet
         actions = _colour(context, key, parameter, value)
     else:
         actions = _scalar(context, key, parameter, value)
+    if reset:
+        imgui.end_disabled()
+        imgui.pop_style_var()
+        actions = [SetParameter(key, parameter.name, parameter.default)]
     imgui.pop_id()
     return actions
+
+
+def _ctrl_clicked() -> bool:
+    """Whether the row about to be drawn, of a frame's height, is clicked with Ctrl held."""
+    corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
+    end = ImVec2(corner.x + room.x, corner.y + imgui.get_frame_height())
+    inside = imgui.is_mouse_hovering_rect(corner, end) and imgui.is_window_hovered()
+    return inside and imgui.get_io().key_ctrl and imgui.is_mouse_clicked(0)
 
 
 def _measured(value: Measurement) -> list[Action]:
@@ -135,7 +151,15 @@ def _measured(value: Measurement) -> list[Action]:
 
 def _hint(parameter: Parameter) -> str:
     later = " Self-shadowing follows when the hand rests." if "quotient" in parameter.drives else ""
-    return f"{parameter.tooltip}{later}"
+    return f"{parameter.tooltip}{later} Ctrl-click: back to {default_text(parameter)}."
+
+
+def default_text(parameter: Parameter) -> str:
+    """The default as a hint says it."""
+    value = parameter.default
+    if isinstance(value, tuple):
+        return f"{value[0]:.4g}" if len(set(value)) == 1 else ", ".join(f"{each:.3g}" for each in value)
+    return choice_label(value) if isinstance(value, str) else f"{value:.4g}"
 
 
 def _choice(context: PanelContext, key: str, parameter: Parameter, value: str) -> list[Action]:

@@ -8,6 +8,7 @@ from app.commands import SetEditable, SetFrozen, SetVisible
 from app.document import ObjectState, layer_key
 from app.material_commands import AddLayers, RemoveLayer, new_layer
 from app.pasting import copied_layer, copied_material
+from app.solo import alone, is_seen, toggled
 from engine.material import MODELS
 from engine.material.layer import Layer
 from ui import theme as look
@@ -139,7 +140,7 @@ def _layer(context: PanelContext, state: ObjectState, index: int, layer: Layer) 
     imgui.dummy(ImVec2(context.px(32), imgui.get_frame_height()))
     imgui.same_line()
     edited = Icon.CHANGED if layer.edits else ""
-    faint = not (layer.visible and state.visible)
+    faint = not is_seen(context.document, context.view, path)
     actions += _name(context, path, layer.name or layer.model.label, "", corner, width, faint)
     actions += _drop(context, state) + _layer_menu(context, state, path, layer)
     if edited:
@@ -151,6 +152,11 @@ def _layer(context: PanelContext, state: ObjectState, index: int, layer: Layer) 
                "Freeze: keeps this layer as it is, safe from edits. "
                "Indirect light then keeps nothing ready for it."):  # fmt: skip
         actions.append(SetFrozen(path, not layer.frozen))
+    if not layer.rises and _toggle(
+        context, f"solo.{path}", Icon.SOLO, Icon.SOLO, alone(context.document, context.view) != path, inside,
+        "Solo: see this layer without the others of its object; again: all of them. Not an edit. (S)",
+    ):  # fmt: skip
+        actions.append(toggled(context.view, path))
     imgui.pop_id()
     return actions
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from imgui_bundle import ImVec2, imgui
 
 from app.light_commands import SetRotation
+from app.solo import alone
 from app.view_state import SetView
 from ui import theme as look
 from ui.panels import widgets
@@ -68,6 +69,7 @@ def draw(context: PanelContext) -> list[Action]:
     actions = _interact(context, picture, placed)
     if context.view.compare is not None:
         _draw_divider(context, placed)
+    _draw_solo(context, ImVec2(max(placed.x, corner.x), max(placed.y, corner.y)))
     if context.status.picture == "waiting":
         _draw_waiting(context, corner, room)
     draw_list.pop_clip_rect()
@@ -194,6 +196,21 @@ def _draw_divider(context: PanelContext, placed: Placed) -> None:
         far = ImVec2(spot.x + extent.x + pad, spot.y + extent.y + 2)
         draw_list.add_rect_filled(ImVec2(spot.x - pad, spot.y - 2), far, look.pack(look.grey(20, 0.75)), context.px(4))
         draw_list.add_text(spot, look.pack(look.TEXT), text)
+
+
+def _draw_solo(context: PanelContext, corner: ImVec2) -> None:
+    """That layers are hidden, so that nobody takes the picture for the whole material's."""
+    solo = alone(context.document, context.view)
+    if solo is None:
+        return
+    text = f"{Icon.SOLO}  {solo.rpartition('.')[0]}: {context.document.layer(solo).name} alone"
+    extent, pad = imgui.calc_text_size(text), context.px(6)
+    place = ImVec2(corner.x + context.px(12), corner.y + context.px(10))
+    upper = ImVec2(place.x - pad, place.y - 0.6 * pad)
+    lower = ImVec2(place.x + extent.x + pad, place.y + extent.y + 0.6 * pad)
+    draw_list = imgui.get_window_draw_list()
+    draw_list.add_rect_filled(upper, lower, look.pack(look.grey(24, 0.85)), context.px(4))
+    draw_list.add_text(place, look.pack(look.ACCENT), text)
 
 
 def _draw_waiting(context: PanelContext, corner: ImVec2, room: ImVec2) -> None:

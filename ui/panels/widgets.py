@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 from imgui_bundle import ImVec2, ImVec4, imgui
@@ -93,7 +94,8 @@ def slider(
     flags = imgui.SliderFlags_.always_clamp | imgui.SliderFlags_.no_round_to_format
     if logarithmic:
         flags |= imgui.SliderFlags_.logarithmic
-    changed, moved = imgui.slider_float(f"##{name}", value, low, high, text, flags)
+    with _typing(hovered and imgui.is_mouse_double_clicked(0)):
+        changed, moved = imgui.slider_float(f"##{name}", value, low, high, text, flags)
     imgui.pop_style_color(5)
     hand = touch(changed)
     if imgui.is_item_active():
@@ -102,6 +104,15 @@ def slider(
         context.handles.note(handle, corner.x + slider_inset(context) + share * slider_travel(context, width),
                              corner.y + 0.5 * height)  # fmt: skip
     return hand, moved
+
+
+@contextmanager
+def _typing(begins: bool) -> Iterator[None]:
+    """Have the slider drawn here take a number from the keyboard: imgui asks for Ctrl with the click."""
+    held = imgui.get_io().key_ctrl
+    imgui.get_io().key_ctrl = held or begins
+    yield
+    imgui.get_io().key_ctrl = held
 
 
 def slider_share(value: float, low: float, high: float, logarithmic: bool) -> float:
