@@ -277,6 +277,26 @@ def export_brdf(
 
 
 @cli.command()
+def export(
+    scene: Annotated[str, typer.Argument(help="A scene file, a session, or a built-in scene's name.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The folder to write.")],
+    set_: Values = None,
+    bounces: Bounces = None,
+    resolution: Resolution = None,
+) -> int:
+    """Write a scene, edits and all, for Mitsuba 3, with a program that renders it."""
+    from app.export.mitsuba import export_scene
+
+    project = open_project(scene, resolution, _assignments(set_))
+    with _progress() as report:
+        notes = export_scene(project, output, bounces or project.scene.description.bounces or 1, report)
+    for note in notes:
+        print(f"note: {note}")
+    print(f"{output}: scene.xml; python {output / 'render.py'} renders it where Mitsuba 3 is installed")
+    return 0
+
+
+@cli.command()
 def doctor(context: typer.Context) -> int:
     """Say what works here and how to mend the rest."""
     from app.doctor import examine

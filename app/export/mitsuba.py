@@ -1,0 +1,119 @@
+"""A scene as a folder for Mitsuba 3: scene.xml, meshes, the sky, materials, and render.py that renders it.
+
+    OUT/scene.xml       camera, lights, objects; what Mitsuba has no counterpart for is of the type "insitu"
+    OUT/render.py       `python render.py` renders scene.xml to render.exr; it brings that type along
+    OUT/meshes/*.ply    in world coordinates
+    OUT/materials/*.npz tables of the materials of that type
+    OUT/sky.exr         lat-long
+
+The standard models are used where they are exact: `diffuse`, `roughconductor`, and the two of them together. Everything
+else, curves that were drawn above all, becomes a table over half and difference angles. Mitsuba's own `measured` was
+rejected for it: it is there for spectral rendering alone, while all our pictures are in linear Rec. 709.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from app.atomic import replacing, write_atomically
+from app.export.materials import Written, write_material
+from app.export.meshes import ply_bytes
+from app.export.xml_parts import add, add_numbers
+from app.project import Project
+from engine.errors import InsituError
+from engine.material.layer import Layer
+from engine.render.image_files import write_exr
+
+RENDER = Path(__file__).with_name("render.py")
+MITSUBA = "3.5.0"
+Report = Callable[[float, str], None]
+
+
+def export_scene(project: Project, folder: Path, n_bounces: int, report: Report) -> list[str]:
+    """Write the folder. Notes on what is not the same there, a line each. Raises InsituError."""
+    try:
+        for part in ("meshes", "materials"):
+            (folder / part).mkdir(parents=True, exist_ok=True)
+        return _write(project, folder, n_bounces, report)
+    except OSError as error:
+        raise InsituError(f"{folder}: not written, {error.strerror or error}") from error
+
+
+def _write(project: Project, folder: Path, n_bounces: int, report: Report) -> list[str]:
+    root = ElementTree.Element("scene", version=MITSUBA)
+    # It counts the ends of a path as well.
+    add(add(root, "integrator", type="path"), "integer", name="max_depth", value=str(n_bounces + 1))
+    _add_camera(root, project)
+    notes = _add_sky(root, project, folder)
+    names = project.object_names
+    for index, name in enumerate(names):
+        report(index / len(names), name)
+        notes += _add_object(root, project, folder, index)
+    ElementTree.indent(root)
+    write_atomically(folder / "scene.xml", ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))
+    write_atomically(folder / "render.py", RENDER.read_bytes())
+    return notes
+
+
+def _add_camera(root: ElementTree.Element, project: Project) -> None:
+    camera, (width, height) = project.scene.description.camera, project.scene.resolution
+    sensor = add(root, "sensor", type="perspective")
+    add(sensor, "float", name="fov", value=f"{camera.fov_y:.9g}")
+    add(sensor, "string", name="fov_axis", value="y")
+    points = {"origin": camera.position, "target": camera.target, "up": camera.up}
+    place = add(sensor, "transform", name="to_world")
+    add(place, "lookat", **{name: ", ".join(f"{v:.9g}" for v in point) for name, point in points.items()})
+    film = add(sensor, "film", type="hdrfilm")
+    for name, value in (("width", width), ("height", height)):
+        add(film, "integer", name=name, value=str(value))
+    add(film, "string", name="pixel_format", value="rgb")
+    add(film, "string", name="component_format", value="float32")
+    add(film, "rfilter", type="box")
+    add(add(sensor, "sampler", type="multijitter"), "integer", name="sample_count", value="256")
+
+
+def _add_sky(root: ElementTree.Element, project: Project, folder: Path) -> list[str]:
+    sky = project.sky
+    if sky.environment is None:
+        return []
+    radiance = sky.environment.radiance * np.float32(sky.scale * project.document.light.intensity)
+    if radiance.shape[:2] == (1, 1):
+        add_numbers(add(root, "emitter", type="constant"), "rgb", "radiance", radiance[0, 0])
+        return []
+    with replacing(folder / "sky.exr") as file:
+        write_exr(Path(file.name), radiance)
+    emitter = add(root, "emitter", type="envmap")
+    add(emitter, "string", name="filename", value="sky.exr")
+    # Mitsuba's image is seen from the other side of the seam: its left edge looks along -Z, where ours has its middle.
+    add(add(emitter, "transform", name="to_world"), "rotate", y="1", angle=f"{sky.rotation + 180.0:.9g}")
+    return list(sky.environment.notes)
+
+
+def _add_object(root: ElementTree.Element, project: Project, folder: Path, index: int) -> list[str]:
+    scene, name = project.scene, project.object_names[index]
+    state = project.document.object(name)
+    stem = f"{index:02d}_{re.sub(r'[^A-Za-z0-9]+', '_', name)}"
+    write_atomically(folder / "meshes" / f"{stem}.ply", ply_bytes(scene, index))
+    shape = add(root, "shape", type="ply", id=stem)
+    add(shape, "string", name="filename", value=f"meshes/{stem}.ply")
+    add(shape, "boolean", name="face_normals", value=str(not scene.smooth[index]).lower())
+    if state.emits and state.emission is not None:
+        emission = np.multiply(state.emission, project.document.light.intensity)
+        add_numbers(add(shape, "emitter", type="area"), "rgb", "radiance", emission)
+        add_numbers(add(shape, "bsdf", type="diffuse"), "rgb", "reflectance", (0.0, 0.0, 0.0))
+        return []
+    layers: list[Layer] = [layer for key, layer in project.layers.items() if key.rpartition(".")[0] == name]
+    written: Written = write_material(shape, layers, folder, stem, _own_up(project, index))
+    return [f"{name}: {note}" for note in written.notes]
+
+
+def _own_up(project: Project, index: int) -> np.ndarray:
+    """The object's own Y axis and X axis in the world, (2, 3): brushed surfaces are brushed across the first."""
+    place = np.reshape(project.scene.description.objects[index].transform, (4, 4))[:3, :3]
+    axes = place[:, [1, 0]].T
+    return np.asarray(axes / np.linalg.norm(axes, axis=1, keepdims=True))

@@ -1,0 +1,157 @@
+"""A scene written for Mitsuba 3: what stands in the folder, the tables against the layers they are of, and, where
+`INSITU_PEER_PYTHON` names an interpreter that has it, Mitsuba's picture against ours."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from app.export.materials import LEAST_COSINE, grid, tabulated
+from app.export.mitsuba import export_scene
+from app.measure.peer import VARIABLE
+from app.project import open_project
+from app.stills import render_picture
+from engine.curve.operators import Operator
+from engine.errors import InsituError
+from engine.light.image_files import read_radiance_image
+from engine.material import MODELS, make_layer
+from engine.render.image_files import write_exr
+from engine.render.integrator import evaluate_layers
+from engine.scene.ply import parse_ply
+from engine.transport.pipeline import Placement
+from tests.ui.small_scene import coloured_sky, write_small_scene
+
+BUMP = Operator("amplify", "y", 0.1, 0.2, 0.4, 0.6, 0.8)
+LAMBERT = make_layer(MODELS["lambert"], {"albedo": (0.2, 0.3, 0.1)}, "base")
+EDITED = make_layer(MODELS["rough_conductor"], {"alpha": 0.2}, "coat").with_operators("theta_h", [BUMP])
+BRUSHED = make_layer(MODELS["ward_anisotropic"], {"alpha_u": 0.3, "alpha_v": 0.15}, "brushed")
+
+
+def export(folder: Path, *values: tuple[str, object]) -> tuple[ElementTree.Element, list[str]]:
+    """The small scene, written into `folder`/out."""
+    project = open_project(str(write_small_scene(folder)), (48, 32), values)
+    notes = export_scene(project, folder / "out", 2, lambda share, text: None)
+    return ElementTree.parse(folder / "out" / "scene.xml").getroot(), notes
+
+
+def test_the_folder_holds_all_of_the_scene(tmp_path: Path) -> None:
+    root, notes = export(tmp_path, ("ball.coat.scale", 0.4), ("light.intensity", 2.0))
+    assert not notes
+    ground, ball, lamp = root.findall("shape")
+    diffuse = ground.find("bsdf/bsdf[@type='diffuse']/rgb")
+    assert diffuse is not None and diffuse.get("value") == "0.6 0.5 0.4"
+    blend = ball.find("bsdf/bsdf[@type='blendbsdf']")
+    assert blend is not None  # base 0.4 at most, coat 0.4: the two of Mitsuba
+    share = float(blend.find("float").get("value"))  # type: ignore[union-attr,arg-type]
+    albedo = [float(v) for v in blend.find("bsdf[@type='diffuse']/rgb").get("value").split()]  # type: ignore[union-attr]
+    assert np.multiply(albedo, 1.0 - share) == pytest.approx((0.1, 0.2, 0.4))
+    assert lamp.find("emitter/rgb").get("value") == "18 14 10"  # type: ignore[union-attr]
+    assert root.find("integrator/integer").get("value") == "3"  # type: ignore[union-attr]
+    file = tmp_path / "out" / "meshes" / "01_ball.ply"
+    mesh, scene = parse_ply(file.read_bytes(), file), open_project(str(tmp_path / "small.toml"), (1, 1)).scene
+    first, last = scene.triangle_ranges[1]
+    corners = scene.vertices[scene.triangles[first:last]] + scene.origin
+    np.testing.assert_allclose(mesh.vertices[mesh.triangles], corners, atol=1e-6)
+    sky = read_radiance_image(tmp_path / "out" / "sky.exr")
+    np.testing.assert_allclose(sky, 2.0 * read_radiance_image(tmp_path / "sky.exr"), rtol=1e-6)
+
+
+def test_what_mitsuba_has_not_becomes_a_table(tmp_path: Path) -> None:
+    root, _ = export(tmp_path, ("ball.material", "Velvet, red"))
+    bsdf = root.findall("shape")[1].find("bsdf")
+    assert bsdf is not None and bsdf.get("type") == "insitu"
+    with np.load(tmp_path / "out" / bsdf.find("string").get("value")) as data:  # type: ignore[union-attr,arg-type]
+        assert data["table"].shape[-1] == 3 and np.isfinite(data["table"]).all() and data["table"].min() >= 0.0
+
+
+def test_a_folder_that_cannot_be_written_is_told_in_one_line(tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("in the way")
+    with pytest.raises(InsituError, match="out: not written"):
+        export(tmp_path)
+
+
+@pytest.mark.parametrize(("layers", "bound"), [((LAMBERT, EDITED), 0.01), ((BRUSHED,), 0.06)])
+def test_a_table_is_its_layers_between_its_places(
+    layers: tuple, bound: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("app.export.materials.ROUND_SHAPE", (1, 80, 90, 32))  # smaller than in use
+    monkeypatch.setattr("app.export.materials.TURNED_SHAPE", (24, 24, 48, 24))
+    table, alpha = tabulated(layers)
+    generator = np.random.default_rng(5)
+    wi, wo = (_above_horizon(generator, 4000) for _ in range(2))
+    found, wanted = _looked_up(table, wi, wo) * wi[:, 2:], evaluate_layers(layers, wi, wo)
+    assert np.sqrt(np.mean((found - wanted) ** 2)) <= bound * np.sqrt(np.mean(wanted**2))
+    assert 0.05 < alpha < 1.0
+
+
+def test_the_places_of_a_table_are_half_and_difference_angles() -> None:
+    wi, wo = grid((8, 5, 4, 6), 3)
+    half = (wi + wo) / np.maximum(np.linalg.norm(wi + wo, axis=-1, keepdims=True), 1e-12)
+    theta_h = np.arccos(np.clip(half[:, 1, :, 2], -1.0, 1.0))
+    assert theta_h[:, 0] == pytest.approx(np.linspace(0.0, 1.0, 5) ** 2 * np.pi / 2, abs=1e-6)
+    np.testing.assert_allclose(np.arctan2(half[2, 1, :, 1], half[2, 1, :, 0]), 2 * np.pi * 3 / 8, atol=1e-6)
+    np.testing.assert_allclose((wi * wo).sum(-1)[:, 1], np.cos(np.pi / 3), atol=1e-6)
+
+
+def _above_horizon(generator: np.random.Generator, n: int) -> np.ndarray:
+    directions = generator.normal(size=(n, 3))
+    directions[:, 2] = np.abs(directions[:, 2])
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    directions[:, 2] = np.maximum(directions[:, 2], 20 * LEAST_COSINE)
+    return directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+
+def _looked_up(table: np.ndarray, wi: np.ndarray, wo: np.ndarray) -> np.ndarray:
+    """The table between its places, by the formulas of `render.py` in numpy."""
+    half = (wi + wo) / np.linalg.norm(wi + wo, axis=1, keepdims=True)
+    flat = np.hypot(half[:, 0], half[:, 1])
+    x, y = half[:, 0] / flat, half[:, 1] / flat
+    along = (wi[:, 0] * x + wi[:, 1] * y) * half[:, 2] - wi[:, 2] * flat
+    angles = (
+        np.arctan2(y, x) / (2 * np.pi),
+        np.sqrt(np.arctan2(flat, half[:, 2]) * 2 / np.pi),
+        np.arccos(np.clip((wi * half).sum(1), -1, 1)) * 2 / np.pi,
+        np.arctan2(wi[:, 1] * x - wi[:, 0] * y, along) / (2 * np.pi),
+    )
+    value = np.zeros((len(wi), 3))
+    places = []
+    for share, n, closes in zip(angles, table.shape, (True, False, False, True), strict=False):
+        position = (share % 1.0) * n if closes else share * (n - 1)
+        low = np.minimum(position.astype(int), n - 1 if closes else n - 2)
+        places.append((low, (low + 1) % n if closes else low + 1, position - low))
+    for corner in np.ndindex(2, 2, 2, 2):
+        index = tuple(place[upper] for place, upper in zip(places, corner, strict=True))
+        weight = np.prod([p[2] if upper else 1 - p[2] for p, upper in zip(places, corner, strict=True)], axis=0)
+        value += weight[:, None] * table[index]
+    return value
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(VARIABLE not in os.environ, reason=f"{VARIABLE} names no interpreter that has Mitsuba 3")
+def test_mitsuba_renders_what_we_render(tmp_path: Path) -> None:
+    values = (("ball.material", "Velvet, red"), ("ball.pile.scale", (0.9, 0.5, 0.2)))
+    file = write_small_scene(tmp_path)
+    write_exr(tmp_path / "sky.exr", coloured_sky(128))  # Mitsuba looks up between texels, which may not matter here
+    project = open_project(str(file), (96, 64), values)
+    export_scene(project, tmp_path / "out", 1, lambda share, text: None)
+    program = [os.environ[VARIABLE], str(tmp_path / "out" / "render.py"), "--samples", "512"]
+    subprocess.run(program, check=True, capture_output=True)
+    theirs = read_radiance_image(tmp_path / "out" / "render.exr").astype(np.float64)
+    ours = render_picture(project, lambda step: None).astype(np.float64)
+    hits = Placement(project.scene).hits
+    seen = np.full(96 * 64, -1)
+    for index, (first, last) in enumerate(hits.object_ranges):
+        seen[hits.pixel[first:last]] = index
+    blocks = [image.reshape(16, 4, 24, 4, -1).swapaxes(1, 2).reshape(384, 16, -1) for image in (ours, theirs)]
+    there = seen.reshape(16, 4, 24, 4).swapaxes(1, 2).reshape(384, 16)
+    for index in (0, 1):  # the ground, and the ball in velvet: a pixel is a point for us, an area for Mitsuba
+        whole = (there == index).all(axis=1)
+        found, wanted = (each[whole].mean(axis=1) for each in blocks)
+        assert whole.sum() > 10
+        assert found.mean() == pytest.approx(wanted.mean(), rel=0.01)
+        assert np.sqrt(np.mean((found - wanted) ** 2)) < 0.03 * wanted.mean()
