@@ -257,16 +257,23 @@ def import_brdf(
 def export_brdf(
     scene: Annotated[str, typer.Argument(help="A scene file, a session, or a built-in scene's name.")],
     object_: Annotated[str, typer.Argument(metavar="OBJECT", help="Whose material is written.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="OUT.binary, in the MERL format.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="OUT.binary (a MERL table) or OUT.toml.")],
     set_: Values = None,
 ) -> int:
-    """Write an object's material, all its layers and edits, as a table of 90 x 90 x 180 angles."""
+    """Write an object's material, all its layers and edits: as a table of 90 x 90 x 180 angles, or as it is."""
     from app.brdf_files import check_merl_name, export_steps
+    from app.material_file import SUFFIX, Material, save_material
     from engine.measured.tabulate import left_out
 
-    check_merl_name(output)
+    as_it_is = output.suffix == SUFFIX
+    if not as_it_is:
+        check_merl_name(output)
     started = time.monotonic()
     layers = open_project(scene, (1, 1), _assignments(set_)).document.object(object_).layers
+    if as_it_is:
+        save_material(output, Material(object_, layers))
+        print(f"{output}: {object_}, {len(layers)} layers")
+        return 0
     with _progress() as report:
         for fraction in export_steps(layers, output):
             report(fraction, "evaluating the layers")
