@@ -20,7 +20,7 @@ from engine.measured.tabulate import tabulate_layers
 Report = Callable[[float, str], None]
 
 
-def import_file(file: Path, output: Path, smoothing: float, report: Report) -> Measurement:
+def import_file(file: Path, output: Path, smoothing: float, cloth: bool, report: Report) -> Measurement:
     """Read and fit a measured file, and write the material that it becomes. Raises InsituError."""
     if output.suffix != ".toml":
         raise InsituError(f"{output}: the name of a material ends in .toml")
@@ -31,23 +31,27 @@ def import_file(file: Path, output: Path, smoothing: float, report: Report) -> M
         except StopIteration as end:
             measurement: Measurement = end.value
             break
-    layers = with_read(measured_layers(file), {str(file.resolve()): measurement})
+    layers = with_read(measured_layers(file, cloth), {str(file.resolve()): measurement})
     smooth = tuple(layer.with_parameter("smoothing", smoothing) for layer in layers)
     text = dump_material(Material(file.stem[:64], smooth, "Measured"), output.resolve().parent)
     _write(output, text.encode())
     return measurement
 
 
-def import_lines(measurement: Measurement) -> list[str]:
+def import_lines(measurement: Measurement, cloth: bool) -> list[str]:
     """What a person is told of an import."""
     report = measurement.report
     assert report is not None
-    rgb = [" ".join(f"{value:.4g}" for value in each) for each in (measurement.diffuse, measurement.specular)]
+    parts = {"diffuse": measurement.diffuse, "highlight": measurement.specular}
+    if cloth:
+        parts = {"whole": measurement.whole}
+    strengths = ", ".join(f"{name} {' '.join(f'{value:.4g}' for value in rgb)}" for name, rgb in parts.items())
+    error = report.error_whole if cloth else report.error
     return [
         f"method        {report.method}",
         f"filled        {report.n_missing:,} samples missing above the horizon, {report.n_below:,} below it",
-        f"factors       diffuse {rgb[0]}, highlight {rgb[1]} (1/sr, red green blue)",
-        f"fit error     {report.error:.3f} log RMS of the factors alone; the layers keep what is left, and have none",
+        f"factors       {strengths} (1/sr, red green blue)",
+        f"fit error     {error:.3f} log RMS of the factors alone; the layers keep what is left, and have none",
     ]
 
 

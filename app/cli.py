@@ -237,17 +237,18 @@ def measure(
 
 @cli.command("import-brdf")
 def import_brdf(
-    file: Annotated[Path, typer.Argument(help="A measured BRDF: MERL FILE.binary.")],
+    file: Annotated[Path, typer.Argument(help="A measured BRDF: MERL FILE.binary, Cornell FILE.brdf.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="OUT.toml, a material; scenes take its layers.")],
     smooth: Annotated[float, typer.Option("--smooth", min=0.0, max=1.0, help="Takes noise out of the curves.")] = 0.0,
+    cloth: Annotated[bool, typer.Option("--cloth", help="One layer P(θi) Q(θh) P(θo) in place of two.")] = False,
 ) -> int:
     """Turn measured data into an editable material, and say how well its factors alone fit."""
     from app.brdf_files import import_file, import_lines
 
     started = time.monotonic()
     with _progress() as report:
-        measurement = import_file(file, output, smooth, report)
-    for line in import_lines(measurement):
+        measurement = import_file(file, output, smooth, cloth, report)
+    for line in import_lines(measurement, cloth):
         print(line)
     print(f"{output}: {file.name}, {time.monotonic() - started:.1f} s")
     return 0

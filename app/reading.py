@@ -19,13 +19,10 @@ from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
 from engine.measured.measurement import Measurement
 
-# Of files that can be imported.
-MEASURED_ENDINGS = (".binary",)
 
-
-def measured_layers(file: Path) -> Layers:
-    """The diffuse part and the highlight of a file that is still to be read."""
-    parts = (("measured_diffuse", "diffuse"), ("measured", "highlight"))
+def measured_layers(file: Path, cloth: bool = False) -> Layers:
+    """The diffuse part and the highlight of a file that is still to be read; or one layer of P·Q·P."""
+    parts = (("measured_cloth", "cloth"),) if cloth else (("measured_diffuse", "diffuse"), ("measured", "highlight"))
     return tuple(make_layer(MODELS[model], {FILE: str(file.resolve())}, name) for model, name in parts)
 
 

@@ -14,9 +14,10 @@ from app.material_commands import SetMaterial
 from app.material_file import load_material
 from app.paths import is_file_name
 from app.probe_file import likely_mapping
-from app.reading import MEASURED_ENDINGS, import_measured
+from app.reading import import_measured
 from app.series_commands import FIRST_BANDS, set_first_bands
 from engine.errors import InsituError, LoadError
+from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 
 
 def set_path(document: Document, path: str, value: Any) -> EditCommand:

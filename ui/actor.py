@@ -20,10 +20,10 @@ from app.map_commands import SetMap, image_name
 from app.material_file import MAX_MATERIAL_BYTES, dump_material, parse_material
 from app.pasting import pasted
 from app.probe_file import likely_mapping
-from app.reading import MEASURED_ENDINGS
 from app.session import SUFFIX
 from app.view_state import OpenPanel, ViewCommand
 from engine.errors import InsituError
+from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 from ui.clipboard import Clipboard
 from ui.panels.actions import (
     Action,
@@ -168,7 +168,7 @@ class Actor:
         elif suffix in PICTURE_ENDINGS:
             self._drop_picture(Path(path))
         elif suffix or Path(path).is_absolute():
-            known = f"a scene (.toml), a session ({SUFFIX}), light (.exr, .hdr), a measured BRDF (.binary)"
+            known = f"a scene (.toml), a session ({SUFFIX}), light (.exr, .hdr), a measured BRDF (.binary, .brdf)"
             self._editor.notify(f"{path}: expected {known} or a texture (.png, .jpg)", True)
         else:  # a built-in scene, from the menu
             self._editor.open(path)

@@ -49,6 +49,7 @@ MEAN = 3
 EACH = 4
 DIFFUSE = 0
 SPECULAR = 1
+WHOLE = 2
 
 # Cosines to the normal at or below this reflect nothing: the least for which 1/cosine is a sane number.
 GRAZING = 1e-12

@@ -21,13 +21,14 @@ from engine.measured.coordinates import N_NODES, SHAPE
 Array = NDArray[np.float64]
 
 TABLE, CURVES, CHANNEL, PART = kinds.TABLE, kinds.SMOOTHING, kinds.CHANNEL, kinds.PART
-COLOURS, MEAN, EACH, DIFFUSE = kinds.COLOURS, kinds.MEAN, kinds.EACH, kinds.DIFFUSE
+COLOURS, MEAN, EACH = kinds.COLOURS, kinds.MEAN, kinds.EACH
+DIFFUSE, WHOLE = kinds.DIFFUSE, kinds.WHOLE
 N_H, N_D, N_PHI = SHAPE
 LAST = N_NODES - 1
 PER_RADIAN = LAST / (math.pi / 2)
 # Where in the array of the factors each begins, and how long one is.
 ROW = 3 * N_NODES
-THETA_I, THETA_O, THETA_D, THETA_H = 6, 6 + ROW, 6 + 2 * ROW, 6 + 3 * ROW
+THETA_I, THETA_O, THETA_D, THETA_H, P, Q = 9, 9 + ROW, 9 + 2 * ROW, 9 + 3 * ROW, 9 + 4 * ROW, 9 + 5 * ROW
 
 
 @intrinsic
@@ -85,16 +86,19 @@ def _cell(address: int, at: int, next_d: int, next_phi: int, v: float, w: float)
 
 @njit(**_compile)
 def _quotient_of(
-    table: int, curves: int, channel: int, diffuse: bool, at: int, next_h: int, next_d: int, next_phi: int, u: float,
+    table: int, curves: int, channel: int, part: int, at: int, next_h: int, next_d: int, next_phi: int, u: float,
     v: float, w: float, slant_i: float, slant_o: float, at_d: float, at_h: float,
 ) -> float:  # fmt: skip
     """What of the sample between eight belongs to a part, divided by the part's factors; one colour."""
     at += channel
     value = _cell(table, at, next_d, next_phi, v, w)
     value += u * (_cell(table, at + next_h, next_d, next_phi, v, w) - value)
+    if part == WHOLE:
+        cloth = _float(curves, 6 + channel) * _between(curves, Q, at_h, channel)  # type: ignore[call-arg]
+        return value / (cloth * _between(curves, P, slant_i, channel) * _between(curves, P, slant_o, channel))
     matt = _float(curves, channel)  # type: ignore[call-arg]
     matt *= _between(curves, THETA_I, slant_i, channel) * _between(curves, THETA_O, slant_o, channel)
-    if diffuse:
+    if part == DIFFUSE:
         return min(value / matt, 1.0)
     shine = _float(curves, 3 + channel)  # type: ignore[call-arg]
     shine *= _between(curves, THETA_D, at_d, channel) * _between(curves, THETA_H, at_h, channel)
@@ -122,12 +126,12 @@ def quotient(q: Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz
     at = 3 * ((i * N_D + j) * N_PHI + k)
     slant_i = math.acos(min(iz, 1.0)) * PER_RADIAN
     slant_o = math.acos(min(oz, 1.0)) * PER_RADIAN
-    diffuse, channel = q[PART] == DIFFUSE, int(q[CHANNEL])
+    part, channel = int(q[PART]), int(q[CHANNEL])
     first, end = (0, 3) if channel >= MEAN else (channel, channel + 1)
     total = 0.0
     for colour in range(first, end):
         found = iz * _quotient_of(
-            table, curves, colour, diffuse, at, 3 * N_D * N_PHI, 3 * N_PHI, next_phi, a - i, b - j, w, slant_i,
+            table, curves, colour, part, at, 3 * N_D * N_PHI, 3 * N_PHI, next_phi, a - i, b - j, w, slant_i,
             slant_o, at_d, at_h,
         )  # fmt: skip
         total += found

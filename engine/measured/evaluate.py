@@ -33,7 +33,8 @@ def evaluate_table(table: NDArray[np.float32], wi: Floats, wo: Floats) -> Floats
 def evaluate_part(
     table: NDArray[np.float32], measurement: Measurement, part: Part, smoothing: float, wi: Floats, wo: Floats
 ) -> Floats:
-    """The diffuse or the specular part of a measurement (N, 3); both sum up to it, exactly. 0 below the horizon."""
+    """The diffuse or the specular part of a measurement (N, 3), which sum up to it, exactly; or the whole. 0 below the
+    horizon."""
     above = (wi[:, 2] > 0.0) & (wo[:, 2] > 0.0)
     whole = evaluate_table(table, wi, wo)
     theta_i, theta_o = (np.arccos(np.clip(v[:, 2], 0.0, 1.0)) for v in (wi, wo))
@@ -41,5 +42,6 @@ def evaluate_part(
     matt = np.asarray(measurement.diffuse)
     for factor in factors:
         matt = matt * factor
-    value = np.minimum(whole, matt) if part == "diffuse" else np.maximum(whole - matt, 0.0)
+    parts = {"diffuse": np.minimum(whole, matt), "specular": np.maximum(whole - matt, 0.0), "whole": whole}
+    value = parts[part]
     return np.where(above[:, None], value, 0.0)

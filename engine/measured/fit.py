@@ -16,8 +16,8 @@ follows the peak alone. Logarithms would do as well, but for the zeros that a re
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,14 +44,22 @@ N_NODES_LESS = N_NODES - 1
 
 @dataclass(frozen=True, eq=False)
 class Factors:
-    """strengths (3,) in 1/sr; curves (91, 3) with a maximum of 1, positive, at the nodes of `coordinates`."""
+    """strengths (3,) in 1/sr; curves (91, 3) with a maximum of 1, positive, at the nodes of `coordinates`.
+
+    errors: log RMS of the diffuse and specular factors together, and of those of the whole, w P(theta_i) Q(theta_h)
+    P(theta_o) [McCool01].
+    """
 
     diffuse: Floats
     slant: Floats
     specular: Floats
     theta_d: Floats
     theta_h: Floats
+    whole: Floats
+    slant_p: Floats
+    half_q: Floats
     error: float
+    error_whole: float
 
 
 def fit_factors(table: NDArray[np.float32], measured: NDArray[np.bool_]) -> Iterator[float | Factors]:
@@ -69,19 +77,51 @@ def fit_factors(table: NDArray[np.float32], measured: NDArray[np.bool_]) -> Iter
         samples = table[:, :, ::EVERY, channel].astype(float)
         found.append(_fit_channel(samples, weights, slants))
         yield (channel + 1) / 4
-    diffuse, slant, specular, over_d, over_h = (np.stack(parts, axis=-1) for parts in zip(*found, strict=True))
-    factors = Factors(diffuse, slant, specular, over_d, over_h, 0.0)
-    yield Factors(diffuse, slant, specular, over_d, over_h, _log_error(table, measured, factors, slants))
+    factors = factors_of(found)
+    errors = _log_errors(table, measured, factors, slants)
+    yield replace(factors, error=errors[0], error_whole=errors[1])
 
 
-def _fit_channel(samples: Floats, weights: Floats, slants: list[Floats]) -> tuple[float, Floats, float, Floats, Floats]:
-    """d, g (91,), s, G (91,), H (91,) of one colour."""
+def factors_of(channels: Sequence[tuple[Floats | float, ...]]) -> Factors:
+    """The factors of three colours, d, g, s, G, H and w, P, Q each, as one; their errors are not known."""
+    diffuse, slant, specular, over_d, over_h, whole, p, q = (
+        np.stack(parts, axis=-1) for parts in zip(*channels, strict=True)
+    )
+    return Factors(diffuse, slant, specular, over_d, over_h, whole, p, q, 0.0, 0.0)
+
+
+def _fit_channel(samples: Floats, weights: Floats, slants: list[Floats]) -> tuple[Floats | float, ...]:
+    """d, g (91,), s, G (91,), H (91,), and w, P (91,), Q (91,) of one colour."""
     strength, slant = _diffuse(samples, weights, slants)
     matt = strength * _at_slants(slant, slants[0]) * _at_slants(slant, slants[1])
     over_h, over_d = _specular(np.maximum(samples - matt, 0.0), matt, weights)
     over_h, over_d = (np.append(curve, curve[-1]) for curve in (over_h, over_d))
     shine = max(over_h.max() * over_d.max(), LEAST_STRENGTH)
-    return max(strength, LEAST_STRENGTH), slant, shine, _scaled(over_d), _scaled(over_h)
+    cloth = _fit_cloth(samples, weights, slants)
+    return max(strength, LEAST_STRENGTH), slant, shine, _scaled(over_d), _scaled(over_h), *cloth
+
+
+def _fit_cloth(samples: Floats, weights: Floats, slants: list[Floats]) -> tuple[float, Floats, Floats]:
+    """w, P and Q of the product w P(theta_i) Q(theta_h) P(theta_o): alternating means of logarithms, which are their
+    least squares, for every sample stands at one node of each curve."""
+    log = np.log(samples + DARK)
+    nodes = [np.minimum((slant * (_SLANTS / HALF_PI)).astype(int), _SLANTS - 1) for slant in slants]
+    p, q = np.zeros(_SLANTS), np.zeros(samples.shape[0])
+    flat = np.concatenate([node.ravel() for node in nodes])
+    counted = _sums(flat, weights)
+    rows = weights.sum(axis=(1, 2))
+    for _ in range(_STEPS):
+        q = _solved(((log - p[nodes[0]] - p[nodes[1]]) * weights).sum(axis=(1, 2)), rows)
+        left = (log - p[nodes[0]] - p[nodes[1]] - q[:, None, None]) * weights
+        p = p + 0.5 * _solved(_sums(flat, left), counted)
+    middles = (np.arange(_SLANTS) + 0.5) * (N_NODES_LESS / _SLANTS)
+    slant, half = np.exp(np.interp(np.arange(N_NODES), middles, p)), np.exp(np.append(q, q[-1]))
+    return float(slant.max() ** 2 * half.max()), _scaled(slant), _scaled(half)
+
+
+def _sums(rings: NDArray[np.integer], values: Floats) -> Floats:
+    """Sums over the rings of light and of view."""
+    return np.bincount(rings, np.tile(values.ravel(), 2), _SLANTS).astype(float)
 
 
 def _scaled(curve: Floats) -> Floats:
@@ -149,19 +189,20 @@ def _at_slants(curve: Floats, theta: Floats) -> Floats:
     return np.asarray(np.interp(theta * (N_NODES_LESS / HALF_PI), np.arange(N_NODES), curve))
 
 
-def _log_error(
+def _log_errors(
     table: NDArray[np.float32], measured: NDArray[np.bool_], factors: Factors, slants: list[Floats]
-) -> float:
-    """RMS of ln((rho + DARK) / (fit + DARK)) over the samples that were measured."""
+) -> tuple[float, float]:
+    """RMS of ln((rho + DARK) / (fit + DARK)) over the samples that were measured: of both parts, and of the whole."""
     there = measured[:, :, ::EVERY]
-    squares = 0.0
+    squares = np.zeros(2)
     for c in range(3):
-        slanted = [_at_slants(factors.slant[:, c], slant) for slant in slants]
-        matt = factors.diffuse[c] * slanted[0] * slanted[1]
+        slanted, cloth = (
+            _at_slants(curve[:, c], slants[0]) * _at_slants(curve[:, c], slants[1])
+            for curve in (factors.slant, factors.slant_p)
+        )
         shine = factors.specular[c] * factors.theta_h[:-1, None, None, c] * factors.theta_d[:-1, None, c]
-        apart = np.log((table[:, :, ::EVERY, c] + DARK) / (matt + shine + DARK))[there]
-        squares += float((apart * apart).mean()) / 3.0
-    return squares**0.5
-
-
-
+        fits = factors.diffuse[c] * slanted + shine, factors.whole[c] * cloth * factors.half_q[:-1, None, None, c]
+        for i, fit in enumerate(fits):
+            apart = np.log((table[:, :, ::EVERY, c] + DARK) / (fit + DARK))[there]
+            squares[i] += float((apart * apart).mean()) / 3.0
+    return float(squares[0] ** 0.5), float(squares[1] ** 0.5)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -10,6 +11,8 @@ from engine.material import kinds
 from engine.material.model import Array, Model, Parameters, channels, number
 from engine.material.parameters import Parameter
 from engine.measured.measurement import NOTHING, Measurement, Part
+
+PARTS: dict[Part, int] = {"diffuse": kinds.DIFFUSE, "specular": kinds.SPECULAR, "whole": kinds.WHOLE}
 
 
 class MeasuredModel(Model):
@@ -23,6 +26,8 @@ class MeasuredModel(Model):
     is_coloured = True
     needs_file = True
     part: ClassVar[Part]
+    # The measurement's curve by a factor's name, where they differ.
+    curve_of: ClassVar[Mapping[str, str]] = {}
 
     @property
     def number(self) -> int:
@@ -32,12 +37,8 @@ class MeasuredModel(Model):
         return quotient_number(quotient)
 
     def generate(self, factor_name: str, params: Parameters, gamma: Array) -> Array:
-        self.factor(factor_name)
-        return measurement_of(params).curve(factor_name, gamma, number(params, "smoothing"))
-
-    def samples(self, factor_name: str, params: Parameters) -> Array:
-        """The factor as it was found, (91, 3), before any smoothing."""
-        return measurement_of(params).nodes(factor_name)
+        name = self.factor(factor_name).name
+        return measurement_of(params).curve(self.curve_of.get(name, name), gamma, number(params, "smoothing"))
 
     def scale(self, params: Parameters) -> Array:
         return channels(params, "scale") * getattr(measurement_of(params), self.part)
@@ -45,7 +46,7 @@ class MeasuredModel(Model):
     def quotient_parameters(self, params: Parameters) -> Array:
         q = super().quotient_parameters(params)
         q[kinds.TABLE], q[kinds.SMOOTHING] = measurement_of(params).number, number(params, "smoothing")
-        q[kinds.CHANNEL], q[kinds.PART] = kinds.MEAN, kinds.DIFFUSE if self.part == "diffuse" else kinds.SPECULAR
+        q[kinds.CHANNEL], q[kinds.PART] = kinds.MEAN, PARTS[self.part]
         return q
 
     def bound(self, q: Array) -> Array:

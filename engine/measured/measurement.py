@@ -16,11 +16,14 @@ from numpy.typing import NDArray
 from engine.measured.coordinates import N_NODES, node_position
 
 Floats = NDArray[np.float64]
-Part = Literal["diffuse", "specular"]
+Part = Literal["diffuse", "specular", "whole"]
 RGB = tuple[float, float, float]
 
-# The factors of both parts: of light and view, then of difference and half angle.
-CURVES = ("theta_i", "theta_o", "theta_d", "theta_h")
+# The factors of both parts: of light and view, then of difference and half angle; and of the whole, P and Q.
+CURVES = ("theta_i", "theta_o", "theta_d", "theta_h", "p", "q")
+OVER_HALF = ("theta_h", "q")
+# Of files that can be read: MERL's grids and Cornell's scattered samples.
+ENDINGS = (".binary", ".brdf")
 # Nodes over which a smoothing of 1 averages, to either side.
 _WIDEST = 8.0
 EVEN: RGB = (1.0 / np.pi, 1.0 / np.pi, 1.0 / np.pi)
@@ -29,24 +32,27 @@ EVEN: RGB = (1.0 / np.pi, 1.0 / np.pi, 1.0 / np.pi)
 @dataclass(frozen=True)
 class FitReport:
     """What was found in a file: samples filled, missing above the horizon and below it; what the factors alone are off,
-    natural logarithm, RMS over all samples and colours; and how they were found."""
+    natural logarithm, RMS over all samples and colours, of both parts and of the whole; how they were found."""
 
     n_missing: int
     n_below: int
     error: float
+    error_whole: float
     method: str
 
 
 @dataclass(frozen=True)
 class Measurement:
     """file: its name; number: names the table, 0 while nothing was read; strengths (1/sr per channel) and curves of the
-    factors [BenArtzi07, 3.6]: rho_d = diffuse G(theta_i) H(theta_o), rho_s = specular G(theta_d) H(theta_h). Each curve
-    is float32 (91, 3) as bytes, in the order of `CURVES`, positive, with a maximum of 1."""
+    factors [BenArtzi07, 3.6]: rho_d = diffuse G(theta_i) H(theta_o), rho_s = specular G(theta_d) H(theta_h), or of all
+    of it whole P(theta_i) Q(theta_h) P(theta_o). Each curve is float32 (91, 3) as bytes, in the order of `CURVES`,
+    positive, with a maximum of 1."""
 
     file: str
     number: int = 0
     diffuse: RGB = EVEN
     specular: RGB = EVEN
+    whole: RGB = EVEN
     curves: tuple[bytes, ...] = ()
     report: FitReport | None = None
 
@@ -63,7 +69,7 @@ class Measurement:
     def curve(self, name: str, gamma: Floats, smoothing: float = 0.0) -> Floats:
         """A factor at angles (N,): (N, 3)."""
         values = self.nodes(name, smoothing)
-        position = node_position(np.asarray(gamma, float), name == "theta_h")
+        position = node_position(np.asarray(gamma, float), name in OVER_HALF)
         nodes = np.arange(N_NODES)
         return np.stack([np.interp(position, nodes, values[:, c]) for c in range(3)], axis=1)
 

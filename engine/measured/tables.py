@@ -18,13 +18,17 @@ from numpy.typing import NDArray
 
 from engine.errors import InsituError, LoadError
 from engine.measured.coordinates import SHAPE
-from engine.measured.fill import fill_samples
+from engine.measured.cornell import SUFFIX as CORNELL
+from engine.measured.cornell import read_cornell, scattered_samples
+from engine.measured.fill import Filled, fill_samples
 from engine.measured.fit import METHOD, Factors, fit_factors
-from engine.measured.measurement import CURVES, FitReport, Measurement
-from engine.measured.merl import SUFFIX, merl_samples, read_merl
+from engine.measured.measurement import CURVES, ENDINGS, FitReport, Measurement
+from engine.measured.merl import merl_samples, read_merl
+from engine.measured.scattered import METHOD as SCATTERED_METHOD
+from engine.measured.scattered import fit_scattered
 
 # Raised when anything changes what is made of a file.
-FIT_VERSION = 1
+FIT_VERSION = 2
 
 Steps = Generator[tuple[float, str], None, Measurement]
 
@@ -40,7 +44,7 @@ class ArrayStore(Protocol):
 @dataclass(eq=False)
 class Table:
     """samples (90, 90, 180, 3) float32 without gaps, and the measurement fitted to them; `bound` by smoothing:
-    strengths (2, 3) and curves (4, 91, 3), float32 in one array."""
+    strengths (3, 3) and curves (6, 91, 3), float32 in one array."""
 
     samples: NDArray[np.float32]
     measurement: Measurement
@@ -49,8 +53,9 @@ class Table:
     def curves(self, smoothing: float) -> NDArray[np.float32]:
         """What kernels take of the factors."""
         if smoothing not in self.bound:
-            strengths = np.array([self.measurement.diffuse, self.measurement.specular], np.float32)
-            curves = [self.measurement.nodes(name, smoothing) for name in CURVES]
+            there = self.measurement
+            strengths = np.array([there.diffuse, there.specular, there.whole], np.float32)
+            curves = [there.nodes(name, smoothing) for name in CURVES]
             joined = np.concatenate([strengths.ravel(), *(np.asarray(curve, np.float32).ravel() for curve in curves)])
             self.bound[smoothing] = joined
         return self.bound[smoothing]
@@ -92,27 +97,35 @@ def read_measurement(path: Path, store: ArrayStore | None = None) -> Steps:
         measurement = _from_arrays(str(path), number, kept)
         add_table(np.asarray(kept["samples"], np.float32), measurement)
         return measurement
-    samples = _samples(data, path)
-    del data
-    yield 0.1, f"filling what {path.name} leaves out"
-    filled = fill_samples(samples)
-    if filled is None:
-        raise LoadError(path, "samples", "all negative", "some that are not")
-    yield 0.4, f"fitting factors to {path.name}"
-    factors: Factors | None = None
-    for step in fit_factors(filled.table, filled.measured):
-        if isinstance(step, Factors):
-            factors = step
-        else:
-            yield 0.4 + 0.6 * step, f"fitting factors to {path.name}"
-    assert factors is not None
-    report = FitReport(filled.n_missing, filled.n_below, factors.error, METHOD)
+    filled, factors, method = yield from _made_of(data, path)
+    report = FitReport(filled.n_missing, filled.n_below, factors.error, factors.error_whole, method)
     arrays = _arrays(filled.table, factors, report)
     if store is not None:
         store.put(f"measured-{key}", arrays)
     measurement = _from_arrays(str(path), number, arrays)
     add_table(filled.table, measurement)
     return measurement
+
+
+def _made_of(data: bytes, path: Path) -> Generator[tuple[float, str], None, tuple[Filled, Factors, str]]:
+    """A table, its factors, and how they were found."""
+    text = f"fitting factors to {path.name}"
+    if path.suffix.lower() == CORNELL:
+        for step in fit_scattered(scattered_samples(data, path)):
+            if not isinstance(step, float):
+                return (*step, SCATTERED_METHOD)
+            yield step, text
+    samples = merl_samples(data, path)
+    yield 0.1, f"filling what {path.name} leaves out"
+    filled = fill_samples(samples)
+    if filled is None:
+        raise LoadError(path, "samples", "all negative", "some that are not")
+    yield 0.4, text
+    for share in fit_factors(filled.table, filled.measured):
+        if isinstance(share, Factors):
+            return filled, share, METHOD
+        yield 0.4 + 0.6 * share, text
+    raise AssertionError("a fit ends with its factors")
 
 
 def finish_reading(steps: Steps) -> Measurement:
@@ -126,31 +139,35 @@ def finish_reading(steps: Steps) -> Measurement:
 
 
 def _read(path: Path) -> bytes:
-    if path.suffix.lower() != SUFFIX:
-        raise LoadError(path, "name", path.suffix or path.name, f"a measured BRDF, {SUFFIX}")
-    return read_merl(path)
-
-
-def _samples(data: bytes, path: Path) -> NDArray[np.float32]:
-    return merl_samples(data, path)
+    suffix = path.suffix.lower()
+    if suffix not in ENDINGS:
+        raise LoadError(path, "name", path.suffix or path.name, f"a measured BRDF, {' or '.join(ENDINGS)}")
+    return read_cornell(path) if suffix == CORNELL else read_merl(path)
 
 
 def _arrays(table: NDArray[np.float32], factors: Factors, report: FitReport) -> dict[str, NDArray[np.generic]]:
-    curves = np.stack([factors.slant, factors.slant, factors.theta_d, factors.theta_h])
+    curves = [factors.slant, factors.slant, factors.theta_d, factors.theta_h, factors.slant_p, factors.half_q]
     return {
         "samples": table,
-        "strengths": np.stack([factors.diffuse, factors.specular]),
-        "curves": curves.astype(np.float32),
+        "strengths": np.stack([factors.diffuse, factors.specular, factors.whole]),
+        "curves": np.stack(curves).astype(np.float32),
         "filled": np.array([report.n_missing, report.n_below]),
-        "error": np.array([report.error]),
+        "error": np.array([report.error, report.error_whole]),
+        "method": np.frombuffer(report.method.encode(), np.uint8),
     }
 
 
 def _from_arrays(file: str, number: int, arrays: Mapping[str, NDArray[np.generic]]) -> Measurement:
     if arrays["samples"].shape != (*SHAPE, 3):
         raise InsituError(f"{file}: what was kept of it has another shape")
-    diffuse, specular = (tuple(map(float, row)) for row in np.asarray(arrays["strengths"], float))
+    diffuse, specular, whole = (_rgb(row) for row in np.asarray(arrays["strengths"], float))
     missing, below = (int(n) for n in np.asarray(arrays["filled"], int))
-    report = FitReport(missing, below, float(np.asarray(arrays["error"], float)[0]), METHOD)
+    error, error_whole = (float(error) for error in np.asarray(arrays["error"], float))
+    method = np.asarray(arrays["method"], np.uint8).tobytes().decode()
+    report = FitReport(missing, below, error, error_whole, method)
     curves = tuple(np.ascontiguousarray(curve, np.float32).tobytes() for curve in arrays["curves"])
-    return Measurement(file, number, diffuse, specular, curves, report)  # type: ignore[arg-type]
+    return Measurement(file, number, diffuse, specular, whole, curves, report)
+
+
+def _rgb(row: NDArray[np.float64]) -> tuple[float, float, float]:
+    return float(row[0]), float(row[1]), float(row[2])

@@ -12,7 +12,7 @@ from pathlib import Path
 from imgui_bundle import ImVec2, imgui
 
 from app.map_commands import IMAGE_SUFFIXES
-from app.reading import MEASURED_ENDINGS
+from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 from ui import theme as look
 from ui.panels import widgets
 from ui.panels.actions import Action, ExportMeasured, ImportMeasured, OpenFile, OpenImage, SaveSession, SetPanel

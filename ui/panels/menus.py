@@ -61,7 +61,7 @@ def _file(context: PanelContext) -> list[Action]:
     selected = context.view.selected is not None
     if imgui.menu_item_simple("Import measured BRDF…", None, False, selected):
         actions.append(AskFile("open_measured"))
-    widgets.tooltip("Make the selected object of a measured material (MERL .binary): curves to edit, nothing lost.")
+    widgets.tooltip("Make the selected object of a measured material, MERL .binary or Cornell .brdf: nothing is lost.")
     if imgui.menu_item_simple("Export as measured BRDF…", None, False, selected):
         actions.append(AskFile("save_measured"))
     widgets.tooltip("Write the selected object's material, edits and all, as a table of angles (MERL .binary).")

@@ -1,6 +1,7 @@
 """From samples to layers: what is filled, what is fitted, and that an unedited import is the measurement."""
 
 import pickle
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,9 @@ from engine.errors import InsituError, LoadError
 from engine.light.environment import load_environment
 from engine.material import MODELS, make_layer
 from engine.material.layer import Layer
+from engine.measured import tables
 from engine.measured.coordinates import above_horizon, node_angles
 from engine.measured.evaluate import evaluate_table
-from engine.measured.fill import fill_samples
 from engine.measured.fit import fit_factors
 from engine.measured.measurement import Measurement
 from engine.measured.tables import finish_reading, read_measurement, table_of
@@ -24,9 +25,31 @@ from engine.transport.pipeline import Placement, SkyState
 from tests.naive.measured import analytic_samples, drawn_measurement
 
 
+class Kept:
+    """A store in memory."""
+
+    def __init__(self) -> None:
+        self.arrays: dict[str, Mapping[str, np.ndarray]] = {}
+
+    def get(self, key: str) -> Mapping[str, np.ndarray] | None:
+        return self.arrays.get(key)
+
+    def put(self, key: str, arrays: Mapping[str, np.ndarray]) -> bool:
+        self.arrays[key] = dict(arrays)
+        return True
+
+
 @pytest.fixture(scope="module")
-def measurement(merl_file: Path) -> Measurement:
-    return finish_reading(read_measurement(merl_file))
+def kept() -> Kept:
+    return Kept()
+
+
+@pytest.fixture(scope="module")
+def measurement(merl_file: Path, kept: Kept) -> Measurement:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tables, "_tables", {})
+        finish_reading(read_measurement(merl_file, kept))
+    return finish_reading(read_measurement(merl_file, kept))
 
 
 def both_parts(measurement: Measurement, **parameters: object) -> list[Layer]:
@@ -46,17 +69,15 @@ def relative_rmse(picture: np.ndarray, reference: np.ndarray) -> float:
 
 
 def test_gaps_are_filled_and_counted(measured_samples: np.ndarray, measurement: Measurement) -> None:
-    samples = measured_samples
     # All that is negative is filled; what was measured stays; a gap is about as bright as beside it (noise is 5 %).
-    filled = fill_samples(samples)
-    assert filled is not None and (filled.table >= 0.0).all()
+    samples, table = measured_samples, table_of(measurement.number).samples
     there = (samples >= 0.0).all(axis=-1)
-    np.testing.assert_array_equal(filled.table[there], samples[there])
-    assert filled.n_below == (~above_horizon()).sum() and filled.n_missing == (~there & above_horizon()).sum()
+    assert (table >= 0.0).all()
+    np.testing.assert_allclose(table[there], samples[there], rtol=1e-6)
     gaps = ~there & above_horizon()
-    assert np.abs(np.log(filled.table[gaps] / analytic_samples()[gaps])).mean() < 0.08
     report = measurement.report
-    assert report is not None and (report.n_missing, report.n_below) == (filled.n_missing, filled.n_below)
+    assert report is not None and (report.n_missing, report.n_below) == (gaps.sum(), (~above_horizon()).sum())
+    assert np.abs(np.log(table[gaps] / analytic_samples()[gaps])).mean() < 0.08
 
 
 def test_nothing_measured_is_refused(tmp_path: Path) -> None:
@@ -91,8 +112,10 @@ def test_unedited_layers_are_the_measurement(measurement: Measurement, smoothing
     layers = both_parts(measurement, smoothing=smoothing)
     expected = evaluate_table(table_of(measurement.number).samples, wi, wo)
     np.testing.assert_allclose(sum(layer.brdf(wi, wo) for layer in layers), expected, rtol=1e-12)
-    found = sum(layer.scale() * evaluate_by_curves(layer, wi, wo) for layer in layers) / wi[:, 2:]
-    np.testing.assert_allclose(found, expected, rtol=1e-5)
+    cloth = make_layer(MODELS["measured_cloth"], {"file": measurement, "smoothing": smoothing})
+    for terms in (layers, [cloth]):
+        found = sum(layer.scale() * evaluate_by_curves(layer, wi, wo) for layer in terms) / wi[:, 2:]
+        np.testing.assert_allclose(found, expected, rtol=1e-5)
 
 
 def test_a_layer_is_a_small_value(measurement: Measurement) -> None:
@@ -107,27 +130,12 @@ def test_a_layer_is_a_small_value(measurement: Measurement) -> None:
 
 
 def test_what_was_made_of_a_file_is_kept(
-    merl_file: Path, measurement: Measurement, monkeypatch: pytest.MonkeyPatch
+    merl_file: Path, measurement: Measurement, kept: Kept, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # The store is asked by the file's content; what comes from it is the same measurement, and nothing is fitted.
-    from engine.measured import tables
-
-    kept: dict[str, dict[str, np.ndarray]] = {}
-
-    class Kept:
-        def get(self, key):
-            return kept.get(key)
-
-        def put(self, key, arrays):
-            kept[key] = dict(arrays)
-            return True
-
-    for fits in (True, False):
-        monkeypatch.setattr(tables, "_tables", {})
-        if not fits:
-            monkeypatch.delattr(tables, "fit_factors")
-        found = finish_reading(read_measurement(merl_file, Kept()))
-        assert found == measurement and len(kept) == 1
+    monkeypatch.setattr(tables, "_tables", {})
+    monkeypatch.delattr(tables, "fit_factors")
+    assert finish_reading(read_measurement(merl_file, kept)) == measurement and len(kept.arrays) == 1
 
 
 SCENE = """

@@ -1,0 +1,201 @@
+"""Factors and a table from scattered samples, some thousand where a grid has a million.
+
+The same model as in `fit`, its curves piecewise linear over few nodes, fitted by damped least squares of logarithms.
+Curves are exponentials, so none is negative, and bend as little as the samples allow, so that nodes without samples
+follow their neighbours; the alternating steps of `fit` were tried first and starve such nodes. The table is the product
+of the factors times what the samples near by have beyond it, in the mean; far from all samples, the product alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.measured.coordinates import (
+    HALF_PI,
+    N_NODES,
+    SHAPE,
+    grid_directions,
+    half_and_difference,
+    node_position,
+)
+from engine.measured.cornell import Scattered
+from engine.measured.fill import Filled
+from engine.measured.fit import DARK, LEAST, LEAST_STRENGTH, Factors, factors_of
+
+Floats = NDArray[np.float64]
+
+METHOD = "damped least squares of logarithms on scattered samples, smooth positive curves of 46 and 10 nodes"
+_STEPS = 20
+_SMOOTH, _SMOOTH_FINE, _DAMPING = 3.0, 1.0, 0.1  # weights of curvature and of a step, in samples
+# A highlight's middle, where no sample lies, is as high as what is around it: its first nodes are held level.
+_LEVEL, _N_LEVEL = 3.0, 4
+_QUANTILE = 0.2
+_EVERY = 6  # degrees of phi_d between places where samples near by are asked
+_N_FINE, _N_COARSE = 46, 10
+_NEIGHBOURS = 6
+_REACH = 0.06  # how far a sample tells of others, in shares of the angles
+_AWAY = np.radians(25.0)
+
+
+def fit_scattered(samples: Scattered) -> Iterator[float | tuple[Filled, Factors]]:
+    """A table and its factors; yields the share done, then both."""
+    angles = _Angles(samples.wi, samples.wo)
+    found = []
+    for channel in range(3):
+        found.append(_fit_channel(samples.values[:, channel], angles))
+        yield (channel + 1) / 5
+    factors = factors_of(found)
+    errors = [_log_rms(samples.values, fit) for fit in (_product(factors, angles), _cloth(factors, angles))]
+    factors = replace(factors, error=errors[0], error_whole=errors[1])
+    yield 0.7
+    yield _table(samples, factors, angles), factors
+
+
+class _Angles:
+    """theta_i, theta_o, theta_d, theta_h and phi_d (N,) of pairs of directions."""
+
+    def __init__(self, wi: Floats, wo: Floats) -> None:
+        self.light, self.view = (np.arccos(np.clip(v[:, 2], 0.0, 1.0)) for v in (wi, wo))
+        self.half, self.difference, self.azimuth = half_and_difference(wi, wo)
+
+    def hats(self, which: str) -> Floats:
+        """Shares (N, n) of the nodes of a curve over one of the angles."""
+        values, is_half = getattr(self, which), which == "half"
+        n = _N_FINE if is_half else _N_COARSE
+        position = node_position(values, is_half) * ((n - 1) / (N_NODES - 1))
+        return np.maximum(1.0 - np.abs(position[:, None] - np.arange(n)), 0.0)
+
+
+def _fit_channel(values: Floats, angles: _Angles) -> tuple[Floats | float, ...]:
+    """d, g, s, G, H and w, P, Q of one colour."""
+    light, view, difference, half = (angles.hats(name) for name in ("light", "view", "difference", "half"))
+    away = values[angles.half > _AWAY]
+    matt = max(float(np.quantile(away, _QUANTILE)) if len(away) else 0.0, LEAST_STRENGTH)
+    first = np.concatenate([
+        np.full(_N_COARSE, 0.5 * np.log(matt)), np.zeros(_N_COARSE),
+        _first_guess(half, np.maximum(values - matt, 0.03 * values) + 0.01 * DARK),
+    ])  # fmt: skip
+    logs = _solve(first, values, light + view, np.concatenate([difference, half], axis=1))
+    slant, over_d, over_h = (_nodes(part) for part in np.split(logs, [_N_COARSE, 2 * _N_COARSE]))
+    strengths = [max(float(a.max() * b.max()), LEAST_STRENGTH) for a, b in ((slant, slant), (over_d, over_h))]
+    return strengths[0], _scaled(slant), strengths[1], _scaled(over_d), _scaled(over_h), *_fit_cloth(values, angles)
+
+
+def _solve(first: Floats, values: Floats, slants: Floats, highlight: Floats) -> Floats:
+    """Logarithms of the nodes of g, G and H, from a first guess: Gauss and Newton's steps, damped."""
+    logs, n = first, len(first)
+    coarse, fine = _bending(_N_COARSE), _bending(_N_FINE)
+    smooth = np.zeros((2 * len(coarse) + len(fine), n))
+    for k, part in enumerate((coarse, coarse, fine)):
+        smooth[k * len(coarse) : k * len(coarse) + len(part), k * _N_COARSE : k * _N_COARSE + part.shape[1]] = part
+    target = np.log(values + DARK)
+    for _ in range(_STEPS):
+        matt, shine = np.exp(slants @ logs[:_N_COARSE]), np.exp(highlight @ logs[_N_COARSE:])
+        fit = matt + shine + DARK
+        rows = np.concatenate([slants * (matt / fit)[:, None], highlight * (shine / fit)[:, None]], axis=1)
+        # Not by @: the threads of its library take ten times as long where the processors are busy.
+        square = np.einsum("ni,nj->ij", rows, rows) + smooth.T @ smooth + _DAMPING * np.eye(n)
+        step = np.linalg.solve(square, rows.T @ (target - np.log(fit)) - smooth.T @ (smooth @ logs))
+        logs = logs + np.clip(step, -1.0, 1.0)
+    return logs
+
+
+def _bending(n: int) -> Floats:
+    """What tells how much a curve of n nodes bends, and of one over theta_h how level its middle is."""
+    if n == _N_COARSE:
+        return np.asarray(_SMOOTH * np.diff(np.eye(n), n=2, axis=0))
+    level = _LEVEL * np.diff(np.eye(n), axis=0)[:_N_LEVEL]
+    return np.concatenate([_SMOOTH_FINE * np.diff(np.eye(n), n=2, axis=0), level])
+
+
+def _fit_cloth(values: Floats, angles: _Angles) -> tuple[float, Floats, Floats]:
+    """w, P, Q (91,) of w P(theta_i) Q(theta_h) P(theta_o): least squares of logarithms."""
+    both, half = angles.hats("light") + angles.hats("view"), angles.hats("half")
+    rows = np.concatenate([both, half], axis=1)
+    square = rows.T @ rows + 1e-3 * np.eye(rows.shape[1])
+    for part, n in ((slice(0, _N_COARSE), _N_COARSE), (slice(_N_COARSE, None), _N_FINE)):
+        square[part, part] += _bending(n).T @ _bending(n)
+    found = np.linalg.solve(square, rows.T @ np.log(values + DARK))
+    p, q = (_nodes(part) for part in np.split(found, [_N_COARSE]))
+    return float(p.max() ** 2 * q.max()), _scaled(p), _scaled(q)
+
+
+def _first_guess(hats: Floats, values: Floats) -> Floats:
+    """The mean logarithm at each node; between others where there is no sample."""
+    total, at = hats.sum(axis=0), np.arange(hats.shape[1])
+    known = total > 1e-3
+    return np.asarray(np.interp(at, at[known], (hats.T @ np.log(values))[known] / total[known]))
+
+
+def _nodes(logs: Floats) -> Floats:
+    """A curve at the 91 nodes of a measurement's, from its logarithms at fewer of the same spacing."""
+    return np.asarray(np.exp(np.interp(np.linspace(0.0, len(logs) - 1.0, N_NODES), np.arange(len(logs)), logs)))
+
+
+def _scaled(curve: Floats) -> Floats:
+    return np.maximum(curve / curve.max(), LEAST)
+
+
+def _at(curve: Floats, angle: Floats, is_half: bool = False) -> Floats:
+    """A curve (91, 3) at angles (N,)."""
+    position = node_position(angle, is_half)
+    return np.stack([np.interp(position, np.arange(N_NODES), curve[:, c]) for c in range(3)], axis=1)
+
+
+def _product(factors: Factors, angles: _Angles) -> Floats:
+    matt = factors.diffuse * _at(factors.slant, angles.light) * _at(factors.slant, angles.view)
+    shine = _at(factors.theta_d, angles.difference) * _at(factors.theta_h, angles.half, True)
+    return np.asarray(matt + factors.specular * shine)
+
+
+def _cloth(factors: Factors, angles: _Angles) -> Floats:
+    slants = _at(factors.slant_p, angles.light) * _at(factors.slant_p, angles.view)
+    return np.asarray(factors.whole * slants * _at(factors.half_q, angles.half, True))
+
+
+def _log_rms(values: Floats, fit: Floats) -> float:
+    apart = np.log((values + DARK) / (fit + DARK))
+    return float(np.sqrt((apart * apart).mean()))
+
+
+def _table(samples: Scattered, factors: Factors, angles: _Angles) -> Filled:
+    """The product of the factors on the grid, times what samples near by have beyond it."""
+    from scipy.spatial import cKDTree
+
+    beyond = np.log((samples.values + DARK) / (_product(factors, angles) + DARK))
+    places = _places(angles)
+    mirrored = _places(angles, mirrored=True)
+    tree = cKDTree(np.concatenate([places, mirrored]))
+    beyond = np.concatenate([beyond, beyond])
+    wi, wo = (v.reshape(-1, 3) for v in grid_directions(_EVERY))
+    grid = _Angles(wi, wo)
+    distance, nearest = tree.query(_places(grid), k=_NEIGHBOURS)
+    width = 0.5 * distance[:, 1:2] + 1e-3
+    weight = np.exp(-0.5 * (distance / width) ** 2)
+    mean = np.einsum("nk,nkc->nc", weight, beyond[nearest]) / weight.sum(axis=1, keepdims=True)
+    told = np.exp(-0.5 * (distance[:, :1] / _REACH) ** 2)
+    coarse = (SHAPE[0], SHAPE[1], SHAPE[2] // _EVERY)
+    logs = (np.log(_product(factors, grid) + DARK) + told * mean).reshape(*coarse, 3)
+    table = np.maximum(np.exp(_between(logs)) - DARK, 0.0).astype(np.float32)
+    above = ((wi[:, 2] > 0.0) & (wo[:, 2] > 0.0)).reshape(coarse)
+    measured = np.repeat((told > 0.5).reshape(coarse) & above, _EVERY, axis=2)
+    return Filled(table, measured, _EVERY * int(above.sum()) - int(measured.sum()), samples.n_below)
+
+
+def _places(angles: _Angles, mirrored: bool = False) -> Floats:
+    """Where pairs lie, so that near is alike: phi_d says nothing at the poles of theta_h and theta_d."""
+    turn = 2.0 * (np.pi - angles.azimuth if mirrored else angles.azimuth)
+    reach = 0.2 * np.sin(angles.difference) * np.minimum(angles.half / np.radians(30.0), 1.0)
+    half = np.sqrt(angles.half / HALF_PI)
+    return np.stack([half, angles.difference / HALF_PI, reach * np.cos(turn), reach * np.sin(turn)], axis=1)
+
+
+def _between(coarse: Floats) -> Floats:
+    """All of phi_d from one in six, by straight lines that wrap round."""
+    following = np.roll(coarse, -1, axis=2)
+    steps = [coarse + (k / _EVERY) * (following - coarse) for k in range(_EVERY)]
+    return np.stack(steps, axis=3).reshape(*SHAPE, 3)
