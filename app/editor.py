@@ -470,7 +470,8 @@ class Editor:
         self._maps.scene_opened()
         self._known_light = KnownLight()
         self.view = replace(
-            self.view, selected=None, hovered=None, compare=None, operator=None, curve_zoom=None,
+            self.view, selected=None, hovered=None, compare=None, operator=None, curve_zoom=None, solo=None,
+            lobe_pixel=None,
             n_bounces=description.bounces or AS_PLANNED,
         )  # fmt: skip
         self.history = History(document)

@@ -70,6 +70,13 @@ class Show:
 
 
 @dataclass(frozen=True)
+class PickLobe:
+    """Show the selected layer's lobe at a pixel (column, row) of the picture."""
+
+    pixel: tuple[int, int]
+
+
+@dataclass(frozen=True)
 class Rotate:
     """Turn the environment to so many degrees."""
 
@@ -117,6 +124,7 @@ Step = (
     | DragItem
     | DragPoints
     | Show
+    | PickLobe
     | Rotate
     | UndoSteps
     | RedoSteps
@@ -126,6 +134,7 @@ Step = (
 )
 
 Pixel = Annotated[Number, Field(ge=-MAX_PIXELS, le=MAX_PIXELS)]
+PictureIndex = Annotated[int, Field(ge=0, le=int(MAX_PIXELS), strict=True)]
 Count = Annotated[int, Field(ge=1, le=1000, strict=True)]
 
 
@@ -161,6 +170,7 @@ class StepRecord(_Record):
     select: Text | None = None
     drag: DragRecord | None = None
     show: Text | None = None
+    lobe: tuple[PictureIndex, PictureIndex] | None = None
     rotate: Annotated[Number, Field(ge=-1e9, le=1e9)] | None = None
     undo: Count | None = None
     redo: Count | None = None
@@ -185,6 +195,7 @@ _STEPS: dict[str, Callable[[Any, Path], Step]] = {
     "select": lambda path, folder: SelectPath(path),
     "drag": lambda drag, folder: drag.step(),
     "show": lambda panel, folder: Show(panel),
+    "lobe": lambda pixel, folder: PickLobe(pixel),
     "rotate": lambda degrees, folder: Rotate(degrees),
     "undo": lambda count, folder: UndoSteps(count),
     "redo": lambda count, folder: RedoSteps(count),

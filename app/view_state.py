@@ -45,7 +45,8 @@ class ViewState:
     selected curve's list, None for one about to be made. ``curve_zoom`` is (γ low, γ high, y low, y high); None fits.
     The BRDF panel shows ``brdf_plot`` of the selected layer, or with ``brdf_whole`` of all layers of its object, in the
     plane along the tangent or ``brdf_across`` it; its lobe answers light from ``lobe_angle``. ``solo`` is the key of a
-    layer that is seen without the others of its object.
+    layer that is seen without the others of its object. ``lobe_pixel`` (column, row) is where the picture carries the
+    selected layer's lobe.
     """
 
     selected: Selection | None = None
@@ -62,6 +63,7 @@ class ViewState:
     regions: tuple[float, float, float, float] = DEFAULT_REGIONS
     operator: int | None = None
     solo: str | None = None
+    lobe_pixel: tuple[int, int] | None = None
     brdf_plot: BrdfPlot = "lobe"
     brdf_whole: bool = False
     brdf_across: bool = False

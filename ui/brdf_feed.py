@@ -26,11 +26,13 @@ from ui.gl.passes import Passes
 from ui.gl.textures import TextureMemory
 from ui.panels.brdf_board import BrdfBoard, Part
 from ui.panels.picture import Picture
+from ui.surface_lobe import SurfacePoint, surface_lobe
 
 # Of the time while a hand edits, what parts may take.
 EDITING_SHARE = 0.25
 
 Layers = tuple[Layer, ...]
+SurfaceAt = Callable[[int, int], SurfacePoint | None]
 
 
 class BrdfFeed:
@@ -48,9 +50,14 @@ class BrdfFeed:
         self._made_at: dict[Part, int] = {}
         self._n_made = 0
         self._rests_until = -math.inf
+        self._surface_at: SurfaceAt = nowhere
 
-    def draw(self, editor: Editor, hand_is_busy: bool, now: float) -> bool:
-        """Make the part that is due, where there is time; whether another frame would show more."""
+    def draw(self, editor: Editor, surface_at: SurfaceAt, hand_is_busy: bool, now: float) -> bool:
+        """Make the part that is due, where there is time; whether another frame would show more.
+
+        `surface_at` tells what a pixel (column, row) of the picture sees of the selected object.
+        """
+        self._surface_at = surface_at
         layers = shown_layers(editor.document, editor.view)
         part = self._due(layers, editor)
         if part is None:
@@ -102,6 +109,8 @@ class BrdfFeed:
                 return layers, azimuth_of(view)
             case "albedo":
                 return (layers,)
+            case "surface":
+                return layers, view.lobe_pixel, view.lobe_log, view.selected and view.selected.object
 
     def _make(self, part: Part, view: ViewState) -> None:
         board = self._board
@@ -116,6 +125,9 @@ class BrdfFeed:
                 board.slice, board.slice_value = self._picture(self._slice.texture), self._slice.value
             case "albedo":
                 board.albedo = brdf_views.albedo(self._stack, self._memory)
+            case "surface":
+                point = None if view.lobe_pixel is None else self._surface_at(*view.lobe_pixel)
+                board.surface = None if point is None else surface_lobe(self._stack, point, view.lobe_log)
 
     def _step_sphere(self, view: ViewState) -> None:
         side = self._board.sphere_side
@@ -127,6 +139,11 @@ class BrdfFeed:
             self._sphere.restart()
         self._sphere.step(self._stack, view.tone_mapping)
         self._board.sphere = self._picture(self._sphere.texture)
+
+
+def nowhere(column: int, row: int) -> SurfacePoint | None:
+    """Before there is a picture."""
+    return None
 
 
 def shown_layers(document: Document, view: ViewState) -> Layers:

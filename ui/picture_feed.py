@@ -17,6 +17,7 @@ import time
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -48,6 +49,7 @@ from ui.gl.picture_frame import PictureFrame
 from ui.gl.placement import PlacementRenderer
 from ui.gl.rehearsal import rehearse
 from ui.gl.tonemap import DisplayView
+from ui.surface_lobe import SurfacePoint
 
 # Between two looks at what the worker has sent, while a curve that was selected is waited for.
 CURVE_LOOK_SECONDS = 0.005
@@ -71,6 +73,7 @@ class PictureFeed:
         self._thumbnail_due: Future[NDArray[np.uint8]] | None = None
         self._description: SceneDescription | None = None
         self._names: list[str] = []
+        self._arrays: Mapping[str, NDArray[Any]] = {}
         self._view_curves: dict[str, NDArray[np.float64]] = {}
         self._maps: dict[str, LayerMapsChanged] = {}
         self._map_thumbnails: dict[str, dict[str, moderngl.Texture]] = {}
@@ -120,6 +123,26 @@ class PictureFeed:
             return None
         index = self.renderer.object_at(column, row)
         return self._names[index] if 0 <= index < len(self._names) else None
+
+    def surface_at(self, column: int, row: int) -> SurfacePoint | None:
+        """The surface that a pixel of the picture sees; None for emitters and the background."""
+        arrays, description = self._arrays, self._description
+        if description is None or "normal" not in arrays:
+            return None
+        height, width = arrays["object_image"].shape
+        if not (0 <= column < width and 0 <= row < height) or arrays["object_image"][row, column] < 0:
+            return None
+        start, stop = arrays["object_ranges"][int(arrays["object_image"][row, column])]
+        place = int(start) + int(np.searchsorted(arrays["pixel"][start:stop], row * width + column))
+        if place >= stop or arrays["pixel"][place] != row * width + column:
+            return None
+        normal, tangent = (arrays[name][place].astype(np.float64) for name in ("normal", "tangent"))
+        normal /= np.linalg.norm(normal)
+        across = np.cross(normal, tangent)
+        across /= np.linalg.norm(across)
+        frame = np.stack([np.cross(across, normal), across, normal])
+        ray = arrays["ray_directions"][row, column].astype(np.float64)
+        return SurfacePoint(column, row, frame, ray, description.camera, (width, height))
 
     def take(self, editor: Editor, now: float) -> bool:
         """Take the worker's answers and ask it for what is missing. Whether there is something to draw."""
@@ -224,6 +247,7 @@ class PictureFeed:
         self.renderer.set_frame(picture_frame(event))
         self._description = event.description
         self._names = [described.name for described in event.description.objects]
+        self._arrays = event.arrays
         self._view_curves.clear()
         self._maps = {}
         self._forget_thumbnails(list(self._map_thumbnails))

@@ -19,6 +19,7 @@ from app.script import (
     Capture,
     DragItem,
     DragPoints,
+    PickLobe,
     RedoSteps,
     Rotate,
     SelectPath,
@@ -30,7 +31,7 @@ from app.script import (
 )
 from app.series_commands import set_series
 from app.set_path import set_path
-from app.view_state import ViewCommand
+from app.view_state import SetView, ViewCommand
 from engine.errors import InsituError
 from engine.scene.builtin import builtin_environments, builtin_scenes
 from ui.gl.placement import PlacementRenderer
@@ -129,6 +130,8 @@ def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
             window.drag(step.start, step.end)
         case Show():
             _show(window, step.panel)
+        case PickLobe():
+            _refused(editor.do(SetView.of(lobe_pixel=step.pixel)))
         case Rotate():
             _refused(editor.do(SetRotation(step.degrees)))
         case UndoSteps():

@@ -51,6 +51,7 @@ from ui.panels.brdf_board import BrdfBoard
 from ui.panels.context import Handles, PanelContext
 from ui.panels.picture import Picture
 from ui.panels.state import Notice, PanelState
+from ui.surface_lobe import SurfacePoint
 
 SETTLE_SECONDS = 0.9
 HELD_SECONDS = 0.03
@@ -79,6 +80,8 @@ class PictureSource(Protocol):
     def draw(self, editor: Editor, last_frame_ms: float) -> bool: ...
 
     def object_at(self, column: int, row: int) -> str | None: ...
+
+    def surface_at(self, column: int, row: int) -> SurfacePoint | None: ...
 
 
 @dataclass(frozen=True)
@@ -211,7 +214,7 @@ class Shell:
         prepared, self._prepared = self._prepared, None
         hand_first = prepared is None or bool(actions) or self._hand_is_busy
         working = self._draw_picture() if hand_first else bool(prepared)
-        working = self._brdf.draw(self.editor, self._hand_is_busy, now) or working
+        working = self._brdf.draw(self.editor, self._surface_at, self._hand_is_busy, now) or working
         target.use()
         target.clear(*theme.BACKDROP)
         self._interface.render(target)
@@ -261,6 +264,14 @@ class Shell:
             if old is not None and old is not new:
                 self._interface.substitute(reference, new)
         return working
+
+    def _surface_at(self, column: int, row: int) -> SurfacePoint | None:
+        """What a pixel sees of the selected object."""
+        source, selected = self.source, self.editor.view.selected
+        point = None if source is None else source.surface_at(column, row)
+        if source is None or point is None or selected is None or source.object_at(column, row) != selected.object:
+            return None
+        return point
 
     def _has_news(self, now: float) -> bool:
         """Whether the status differs from what was drawn; by progress alone not sooner than a tenth of a second."""

@@ -426,6 +426,8 @@ def _frame_arrays(placement: Placement) -> dict[str, np.ndarray]:
         "object_ranges": hits.object_ranges,
         "object_image": hits.object_image,
         "theta_o": np.arccos(cos_o).astype(np.float32),
+        "normal": hits.normal.astype(np.float16),
+        "tangent": hits.tangent.astype(np.float16),
         "emission_image": hits.emission_image,
         "ray_directions": hits.ray_directions,
         "edge_pixels": hits.edge_pixels,

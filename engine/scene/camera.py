@@ -40,6 +40,19 @@ def pixel_directions(
     return directions.astype(np.float32)
 
 
+def project(
+    camera: CameraDescription, resolution: tuple[int, int], directions: npt.NDArray[np.floating]
+) -> npt.NDArray[np.float64]:
+    """Where the picture shows what lies in some directions (..., 3) from the eye, of any length and before the camera:
+    (..., 2) columns and rows, pixels from the upper left corner; the inverse of `pixel_directions`."""
+    width, height = resolution
+    half = math.tan(math.radians(camera.fov_y) / 2)
+    x, y, depth = np.moveaxis(np.asarray(directions, np.float64) @ camera_frame(camera).T, -1, 0)
+    depth = np.maximum(depth, 1e-9)
+    columns = 0.5 * width + 0.5 * height * x / (depth * half)
+    return np.stack([columns, 0.5 * height * (1.0 - y / (depth * half))], axis=-1)
+
+
 def centre_directions(camera: CameraDescription, resolution: tuple[int, int]) -> npt.NDArray[np.float32]:
     """Unit directions (H, W, 3) through all pixel centres, row 0 at the top."""
     width, height = resolution

@@ -9,6 +9,7 @@ from app.script import (
     Capture,
     DragItem,
     DragPoints,
+    PickLobe,
     RedoSteps,
     Rotate,
     SelectPath,
@@ -32,6 +33,8 @@ drag = {from = [10, 20.5], to = [30, 40]}
 [[step]]
 show = "brdf"
 [[step]]
+lobe = [3, 4]
+[[step]]
 rotate = 45.0
 [[step]]
 undo = 1
@@ -54,6 +57,7 @@ def test_all_kinds_of_steps(tmp_path: Path) -> None:
         DragItem("curve.b", (40.0, -25.0)),
         DragPoints((10.0, 20.5), (30.0, 40.0)),
         Show("brdf"),
+        PickLobe((3, 4)),
         Rotate(45.0),
         UndoSteps(1),
         RedoSteps(2),

@@ -67,6 +67,8 @@ def scene_arrays() -> dict[str, np.ndarray]:
         "pixel": np.concatenate(pixels).astype(np.int32),
         "object_ranges": np.stack([ends[:-1], ends[1:]], axis=1).astype(np.int32),
         "theta_o": np.full(int(ends[3]), 0.4, np.float32),
+        "normal": np.tile(np.array([0.0, 0.0, 1.0], np.float16), (int(ends[3]), 1)),
+        "tangent": np.tile(np.array([1.0, 0.0, 0.0], np.float16), (int(ends[3]), 1)),
         "emission_image": emission,
         "ray_directions": directions,
     }

@@ -11,8 +11,9 @@ from typing import Literal
 
 from ui.gl.brdf_views import Albedo, Lobe
 from ui.panels.picture import Picture
+from ui.surface_lobe import SurfaceLobe
 
-Part = Literal["sphere", "lobe", "slice", "albedo"]
+Part = Literal["sphere", "lobe", "slice", "albedo", "surface"]
 
 
 def _nothing(theta_h: float, theta_d: float) -> tuple[float, float, float]:
@@ -30,6 +31,7 @@ class BrdfBoard:
         self.slice_value: Callable[[float, float], tuple[float, float, float]] = _nothing
         self.lobe: Lobe | None = None
         self.albedo: Albedo | None = None
+        self.surface: SurfaceLobe | None = None
         self.problem = ""
 
     def begin_frame(self) -> None:
@@ -38,5 +40,5 @@ class BrdfBoard:
 
     def clear(self) -> None:
         """There is no material."""
-        self.sphere = self.slice = self.lobe = self.albedo = None
+        self.sphere = self.slice = self.lobe = self.albedo = self.surface = None
         self.problem = ""

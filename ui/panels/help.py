@@ -47,6 +47,7 @@ SHORTCUTS = (
     Shortcut("Edit", "Ctrl Shift V", "Paste the material's layers on top", "paste_layers", CTRL | SHIFT | int(Key.v)),
     Shortcut("Picture", "Click", "Select the object"),
     Shortcut("Picture", "Drop", "A material of the library onto an object"),
+    Shortcut("Picture", "Alt click", "Show the lobe there; drag moves it; beside: none"),
     Shortcut("Picture", "Shift drag", "Turn the light around the scene"),
     Shortcut("Picture", "C", "Compare: remember this picture as A, show A | B", "compare", int(Key.c)),
     Shortcut("Picture", "F", "Fit the picture, or show it pixel for pixel", "fit", int(Key.f)),
@@ -145,6 +146,8 @@ def _deselect(context: PanelContext) -> list[Action]:
         return [SetView.of(show_shortcuts=False)]
     if context.view.operator is not None:
         return [SetView.of(operator=None)]
+    if context.view.lobe_pixel is not None:
+        return [SetView.of(lobe_pixel=None)]
     return [Select(None)]
 
 

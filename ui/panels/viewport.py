@@ -10,7 +10,7 @@ from app.light_commands import SetRotation
 from app.solo import alone
 from app.view_state import SetView
 from ui import theme as look
-from ui.panels import widgets
+from ui.panels import surface_plot, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag, Hold, Recover, Select
 from ui.panels.context import PanelContext
 from ui.panels.library import apply, dropped_material
@@ -69,6 +69,7 @@ def draw(context: PanelContext) -> list[Action]:
     actions = _interact(context, picture, placed)
     if context.view.compare is not None:
         _draw_divider(context, placed)
+    surface_plot.draw(context, placed.x, placed.y, placed.scale)
     _draw_solo(context, ImVec2(max(placed.x, corner.x), max(placed.y, corner.y)))
     if context.status.picture == "waiting":
         _draw_waiting(context, corner, room)
@@ -97,7 +98,7 @@ def _interact(context: PanelContext, picture: Picture, placed: Placed) -> list[A
     if imgui.is_item_activated():
         actions += _take_hold(context, picture, placed, on_divider)
     elif imgui.is_item_active() and grip is not None:
-        actions += _drag(context, placed, grip, mouse)
+        actions += _drag(context, picture, placed, grip, mouse)
     if imgui.is_item_deactivated() and grip is not None:
         actions += [EndDrag(), Hold(None)]
     return actions + _drop(context, picture, placed)
@@ -126,6 +127,8 @@ def _hover(context: PanelContext, picture: Picture, placed: Placed, on_divider: 
     if imgui.get_io().key_shift:
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
         return []
+    if imgui.get_io().key_alt:
+        imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
     mouse = imgui.get_mouse_pos()
     pixel = placed.pixel(mouse.x, mouse.y, picture)
     name = context.object_at(*pixel) if pixel else None
@@ -160,18 +163,32 @@ def _take_hold(context: PanelContext, picture: Picture, placed: Placed, on_divid
     if imgui.get_io().key_shift:
         grip = Grip("rotation", (mouse.x, context.document.light.rotation))
         return [BeginDrag("rotate the environment"), Hold(grip)]
+    if imgui.get_io().key_alt:
+        return [*_pick_lobe(context, picture, placed), Hold(Grip("lobe", (0.0, 0.0)))]
     pixel = placed.pixel(mouse.x, mouse.y, picture)
     return [Select(context.object_at(*pixel) if pixel else None)]
 
 
-def _drag(context: PanelContext, placed: Placed, grip: Grip, mouse: ImVec2) -> list[Action]:
+def _pick_lobe(context: PanelContext, picture: Picture, placed: Placed) -> list[Action]:
+    """The lobe of what is under the mouse, of the object's selected layer; beside all objects none."""
+    mouse = imgui.get_mouse_pos()
+    pixel = placed.pixel(mouse.x, mouse.y, picture)
+    name = context.object_at(*pixel) if pixel else None
+    if name is None:
+        return [SetView.of(lobe_pixel=None)]
+    selected = context.view.selected
+    other: list[Action] = [] if selected is not None and selected.object == name else [Select(name)]
+    return [*other, SetView.of(lobe_pixel=pixel)] if pixel != context.view.lobe_pixel else other
+
+
+def _drag(context: PanelContext, picture: Picture, placed: Placed, grip: Grip, mouse: ImVec2) -> list[Action]:
     if grip.handle == "divider":
         share = (mouse.x - grip.offset[0] - placed.x) / max(placed.width, 1.0)
         return [SetView.of(compare_divider=share)]
     if grip.handle == "rotation":
         turn = (mouse.x - grip.offset[0]) / context.theme.scale * DEGREES_PER_PIXEL
         return [SetRotation(grip.offset[1] - turn)]
-    return []
+    return _pick_lobe(context, picture, placed) if grip.handle == "lobe" else []
 
 
 def _draw_divider(context: PanelContext, placed: Placed) -> None:

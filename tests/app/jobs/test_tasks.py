@@ -129,6 +129,12 @@ def test_an_opened_scene_tells_what_the_window_needs(source: str, store: Store) 
     assert arrays["object_ranges"].tolist()[-1] == [n_points, n_points]
     assert ((arrays["theta_o"] >= 0) & (arrays["theta_o"] <= np.float32(np.pi / 2))).all()
     assert arrays["theta_o"].shape == (n_points,)
+    # Frames for lobes drawn over the picture: half floats, turned to the eye.
+    normal, tangent = (arrays[name].astype(np.float64) for name in ("normal", "tangent"))
+    rays = arrays["ray_directions"].reshape(-1, 3)[arrays["pixel"]]
+    np.testing.assert_allclose(np.linalg.norm(normal, axis=1), 1.0, atol=2e-3)
+    np.testing.assert_allclose(np.einsum("pk,pk->p", normal, tangent), 0.0, atol=2e-3)
+    np.testing.assert_allclose(-np.einsum("pk,pk->p", normal, rays), np.cos(arrays["theta_o"]), atol=2e-3)
 
 
 def test_the_resolution_can_be_another(source: str, store: Store) -> None:
