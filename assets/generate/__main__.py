@@ -1,12 +1,15 @@
-"""`python -m assets.generate [NAME ...]`: write the meshes of all scenes and all environments, or those named."""
+"""`python -m assets.generate [NAME ...]`: write the meshes and images of all scenes and all environments, or those
+named."""
 
 import sys
 from pathlib import Path
 
+from PIL import Image
+
 from .environments import ENVIRONMENTS
 from .mesh import check, save_ply
 from .panorama import save_exr
-from .scenes import LIT_BY, SCENES
+from .scenes import IMAGES, LIT_BY, SCENES
 
 ASSETS = Path(__file__).resolve().parents[1]
 
@@ -22,6 +25,9 @@ def generate(names: list[str], folder: Path = ASSETS) -> list[Path]:
                 check(mesh)
                 save_ply(mesh, target / f"{part}.ply")
                 written.append(target / f"{part}.ply")
+            for file, pixels in IMAGES.get(name, dict)().items():
+                Image.fromarray(pixels).save(target / file, optimize=True, quality=88)
+                written.append(target / file)
     for name, picture in ENVIRONMENTS.items():
         if name in names:
             target = folder / "environments"

@@ -13,11 +13,18 @@ Faces = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Mesh:
-    """Positions (V, 3) in metres, unit normals (V, 3), faces (T, 3) counter-clockwise seen from outside."""
+    """Positions (V, 3) in metres, unit normals (V, 3), faces (T, 3) counter-clockwise seen from outside; texture
+    coordinates (V, 2) where it is finished and has some."""
 
     positions: Floats
     normals: Floats
     faces: Faces
+    coordinates: Floats | None = None
+
+
+def with_coordinates(mesh: Mesh, coordinates: Floats) -> Mesh:
+    """The mesh with texture coordinates (V, 2): the last thing that is done to it."""
+    return Mesh(mesh.positions, mesh.normals, mesh.faces, coordinates)
 
 
 def merged(meshes: Iterable[Mesh]) -> Mesh:
@@ -101,16 +108,21 @@ def check(mesh: Mesh) -> None:
 
 
 _VERTEX = np.dtype([("position", "<f4", 3), ("normal", "<f4", 3)])
+_MAPPED = np.dtype([*((name, "<f4", 3) for name in ("position", "normal")), ("coordinates", "<f4", 2)])
 _FACE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
 
 
 def save_ply(mesh: Mesh, path: Path) -> None:
-    """Binary little-endian PLY: x y z nx ny nz as float32, faces as lists of int32."""
-    vertices = np.zeros(len(mesh.positions), _VERTEX)
+    """Binary little-endian PLY: x y z nx ny nz, and s t where it has them, as float32, faces as lists of int32."""
+    vertices = np.zeros(len(mesh.positions), _VERTEX if mesh.coordinates is None else _MAPPED)
     vertices["position"], vertices["normal"] = mesh.positions, mesh.normals
+    names = ["x", "y", "z", "nx", "ny", "nz"]
+    if mesh.coordinates is not None:
+        vertices["coordinates"] = mesh.coordinates
+        names += ["s", "t"]
     faces = np.zeros(len(mesh.faces), _FACE)
     faces["count"], faces["corners"] = 3, mesh.faces
-    properties = "".join(f"property float {name}\n" for name in ("x", "y", "z", "nx", "ny", "nz"))
+    properties = "".join(f"property float {name}\n" for name in names)
     header = (
         f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\n{properties}"
         f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
@@ -122,10 +134,12 @@ def load_ply(path: Path) -> Mesh:
     """Read back what `save_ply` wrote (and nothing else)."""
     header, body = path.read_bytes().split(b"end_header\n", 1)
     counts = [int(line.split()[2]) for line in header.decode("ascii").splitlines() if line.startswith("element")]
-    vertices = np.frombuffer(body, _VERTEX, counts[0])
+    is_mapped = b"property float s\n" in header
+    vertices = np.frombuffer(body, _MAPPED if is_mapped else _VERTEX, counts[0])
     faces = np.frombuffer(body, _FACE, counts[1], offset=vertices.nbytes)
     return Mesh(
         vertices["position"].astype(np.float64),
         vertices["normal"].astype(np.float64),
         faces["corners"].astype(np.int64),
+        vertices["coordinates"].astype(np.float64) if is_mapped else None,
     )

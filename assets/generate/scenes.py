@@ -1,8 +1,11 @@
-"""The meshes of the built-in scenes: for each scene, file name -> mesh. Their scene.toml are written by hand."""
+"""The meshes and images of the built-in scenes, by file name. Their scene.toml are written by hand."""
 
 from collections.abc import Callable
 
-from . import cornell, dominoes, earrings, plant, ring, room, shapes, teatray, vase
+import numpy as np
+from numpy.typing import NDArray
+
+from . import cornell, dominoes, earrings, plant, plate, ring, room, shapes, teatray, vase
 from .mesh import Mesh
 
 # The environment that each scene's folder holds a copy of: a scene reads no file outside of its folder.
@@ -12,6 +15,7 @@ LIT_BY = {
     "shapes": "sky",
     "plant": "sky",
     "dominoes": "studio",
+    "plate": "studio",
     "ring": "studio",
     "room": "sky",
 }
@@ -26,4 +30,9 @@ SCENES: dict[str, Callable[[], dict[str, Mesh]]] = {
     "vase": vase.meshes,
     "room": room.meshes,
     "ring": ring.meshes,
+    "plate": plate.meshes,
 }
+
+# Textures and weight maps: for each scene, file name -> (H, W, 3) sRGB or (H, W) shares, 8 bits.
+IMAGES: dict[str, Callable[[], dict[str, NDArray[np.uint8]]]] = {"plate": plate.images}
+
