@@ -12,7 +12,7 @@ from .mesh import Floats, Mesh, moved, with_coordinates
 from .surfaces import carried, circle, rounded_profile
 
 HALF = 0.137  # of the square that the painting covers, metres; the plate's rim is at 0.134
-SIDE, FINER = 512, 3  # texels of the painting, samples across each
+SIDE, FINER = 512, 2  # texels of the painting, samples across each
 OAK = 512
 PETALS = 18
 COBALT = np.array([3.6, 2.3, 0.62])  # what a full stroke takes of red, green and blue, as optical depth
@@ -60,7 +60,7 @@ def painting() -> NDArray[np.uint8]:
     depth = np.maximum(depth, np.maximum(0.30 * _within(outer), 0.9 * _within(np.abs(outer) - 0.003)))
     depth = np.maximum(depth, 1.1 * _within(_dots(radius, angle, 20, 0.25, 0.435) - 0.008))
     depth = np.maximum(depth, 1.2 * _within(radius - 0.028))
-    depth *= 1.0 + 0.17 * _noise(len(radius), 6.0, 11)  # a brush lays unevenly
+    depth *= 1.0 + 0.17 * _finer(_noise(SIDE, 6.0, 11))  # a brush lays unevenly
     light = np.exp(-np.clip(depth, 0.0, 2.0)[..., None] * COBALT)
     return _codes(_encode(_shrunk(light)))
 
@@ -69,8 +69,8 @@ def gilding() -> NDArray[np.uint8]:
     """Where there is gold: the rim, and a thin line inside the wreath."""
     radius, angle = _polar()
     gold = np.maximum(_within(np.abs(radius - 0.972) - 0.022), _within(np.abs(radius - 0.668) - 0.0055))
-    worn = 1.0 - 0.25 * np.clip(_noise(len(radius), 40.0, 5) - 0.9, 0.0, 1.0)
-    return _codes(_shrunk((gold * worn)[..., None])[..., 0])
+    worn = 1.0 - 0.25 * np.clip(_noise(SIDE, 40.0, 5) - 0.9, 0.0, 1.0)
+    return _codes(_shrunk(gold[..., None])[..., 0] * worn)
 
 
 def oak() -> NDArray[np.uint8]:
@@ -131,6 +131,11 @@ def _noise(n: int, frequency: float, seed: int, stretch: float = 1.0) -> Floats:
     phase = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, (n, n))
     noise = np.fft.ifft2(amplitude * np.exp(1j * phase)).real
     return np.asarray((noise - noise.mean()) / noise.std())
+
+
+def _finer(texels: Floats) -> Floats:
+    """As samples."""
+    return texels.repeat(FINER, axis=0).repeat(FINER, axis=1)
 
 
 def _shrunk(samples: Floats) -> Floats:

@@ -39,6 +39,9 @@ def test_generator_makes_the_committed_meshes(name: str, tmp_path: Path) -> None
         # The same to float32 and to how another processor rounds a sine.
         assert np.allclose(mesh.positions, committed.positions, rtol=0, atol=1e-6 * size)
         assert np.allclose(mesh.normals, committed.normals, rtol=0, atol=1e-5)
+        assert (mesh.coordinates is None) == (committed.coordinates is None)
+        if mesh.coordinates is not None and committed.coordinates is not None:
+            assert np.allclose(mesh.coordinates, committed.coordinates, rtol=0, atol=1e-5)
 
 
 def test_everything_fits_in_twelve_megabytes() -> None:

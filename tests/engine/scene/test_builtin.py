@@ -9,7 +9,9 @@ from engine.scene.builtin import builtin_environments, builtin_scenes
 from engine.scene.description import load_description
 from engine.scene.load import load_scene
 
-SCENES = ["teatray", "cornell", "dominoes", "earrings", "plant", "ring", "room", "shapes", "vase"]  # default first
+SCENES = [  # default first
+    "teatray", "cornell", "dominoes", "earrings", "plant", "plate", "ring", "room", "shapes", "vase"
+]  # fmt: skip
 
 
 def test_names() -> None:
