@@ -9,19 +9,18 @@ from app.jobs.messages import MapsRefused, MapsSampled
 from engine.errors import LoadError
 from engine.material.maps import Images
 from engine.render.display import encode_srgb
+from engine.scene.load import Scene
 from engine.texture.pyramid import Pyramid
-from engine.texture.surface import see_maps
-from engine.transport.pipeline import Placement
+from engine.texture.surface import MapSampler
 
 THUMBNAIL_SIDE = 64
 
 
-def sampled_maps(placement: Placement, key: str, images: Images) -> MapsSampled | MapsRefused:
+def sampled_maps(scene: Scene, sampler: MapSampler, key: str, images: Images) -> MapsSampled | MapsRefused:
     """The images of the layer called `key` at all pixels of its object, or why there are none."""
-    scene = placement.scene
     names = [described.name for described in scene.description.objects]
     try:
-        seen = see_maps(scene, placement.caster, placement.hits, names.index(key.rpartition(".")[0]), images)
+        seen = sampler.see(names.index(key.rpartition(".")[0]), images)
         pyramids = {"texture": scene.textures.texture(images), "weight": scene.textures.weight(images)}
     except LoadError as error:
         return MapsRefused(key, images, " ".join(str(error).split()))

@@ -122,13 +122,15 @@ class Tasks:
             yield from self._hold(data).answers(request.factor, request.precision, request.picture)
 
     def _sample_maps(self, request: SampleMaps) -> Steps:
-        if self._placement is None:
+        placement = self._placement
+        if placement is None:
             raise InsituError("no scene is open")
-        from app.jobs.maps import sampled_maps
+        from app.jobs.maps import MapSampler, sampled_maps
 
+        sampler = MapSampler(placement.scene, placement.caster, placement.hits)
         for key, images in request.layers:
             yield None
-            yield sampled_maps(self._placement, key, images)
+            yield sampled_maps(placement.scene, sampler, key, images)
 
     # --------------------------------------------------------------------------------------------------- scenes
 

@@ -16,7 +16,7 @@ from engine.material.layer import Layer
 from engine.material.maps import LayerMaps
 from engine.scene.load import Scene
 from engine.scene.raycaster import Intersections
-from engine.texture.surface import look_up, see_maps, uvs_at
+from engine.texture.surface import MapSampler, look_up, uvs_at
 from engine.transport.pipeline import Placement
 
 Factors = NDArray[np.float32]
@@ -42,11 +42,11 @@ class MapFactors:
     def of_eye(self, placement: Placement) -> Factors:
         """At all points of the hits, (P, K, 3)."""
         hits = placement.hits
-        factors = self._ones(len(hits.pixel))
+        factors, sampler = self._ones(len(hits.pixel)), MapSampler(self._scene, placement.caster, hits)
         for i_object, found in self._maps.items():
             begin, end = hits.object_ranges[i_object]
             for k, maps in found:
-                seen = see_maps(self._scene, placement.caster, hits, i_object, maps.images)
+                seen = sampler.see(i_object, maps.images)
                 factors[begin:end, k] = maps.factor(seen.texture, seen.weight)
         return factors
 

@@ -24,7 +24,7 @@ from engine.plan import Plan
 from engine.render.integrator import integrate_direct
 from engine.render.maps import MapFactors
 from engine.scene.hits import PrimaryHits
-from engine.texture.surface import SeenMaps, see_maps
+from engine.texture.surface import MapSampler, SeenMaps
 from engine.transport.bandstore import BandStore, BandTile
 from engine.transport.pipeline import FINAL, Placement, Quality, SkyState
 from engine.transport.projection import LayerShape, VisibleLight, project_layer
@@ -68,12 +68,11 @@ class StillLayer:
 
 def with_maps(placement: Placement, layers: Iterable[StillLayer]) -> tuple[StillLayer, ...]:
     """The layers with their images sampled at the placement's points. Raises LoadError."""
-    scene, caster, hits = placement.scene, placement.caster, placement.hits
+    sampler = MapSampler(placement.scene, placement.caster, placement.hits)
     return tuple(
-        each if each.layer.maps.is_plain
-        else replace(each, seen=see_maps(scene, caster, hits, each.i_object, each.layer.maps.images))
+        each if each.layer.maps.is_plain else replace(each, seen=sampler.see(each.i_object, each.layer.maps.images))
         for each in layers
-    )  # fmt: skip
+    )
 
 
 @dataclass(frozen=True)

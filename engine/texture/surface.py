@@ -22,6 +22,7 @@ from engine.texture.store import TextureStore
 
 Floats = NDArray[np.float64]
 _N_MEAN_SAMPLES = 1 << 15
+_MOST_KEPT = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,21 +44,42 @@ def uvs_at(scene: Scene, triangle: NDArray[np.integer], u: NDArray, v: NDArray) 
     return np.asarray((1.0 - u - v) * corners[:, 0] + u * corners[:, 1] + v * corners[:, 2])
 
 
-def see_maps(
-    scene: Scene, caster: RayCaster, hits: PrimaryHits, i_object: int, images: Images
-) -> SeenMaps:
-    """Sample a layer's images at all points of its object that the eye sees. Raises LoadError."""
-    scene.check_has_uvs(i_object, "texture" if images.texture else "weight")
-    texture, weight = scene.textures.texture(images), scene.textures.weight(images)
-    begin, end = hits.object_ranges[i_object]
-    uv, across, down = _footprints(scene, caster, hits, np.arange(begin, end))
-    scale = np.array(images.texture_scale)
-    colours, shares = np.ones((end - begin, 3), np.float32), np.ones(end - begin, np.float32)
-    if texture is not None:
-        colours = texture.over(uv * scale, across * scale, down * scale).astype(np.float32)
-    if weight is not None:
-        shares = weight.over(uv, across, down)[:, 0].astype(np.float32)
-    return SeenMaps(colours, shares, mean_maps(scene, i_object, images, texture, weight))
+class MapSampler:
+    """Samples images where the eye sees an object. What layers of one object share is found once: where its points lie
+    on its images, and a weight map by which two of them are blended."""
+
+    def __init__(self, scene: Scene, caster: RayCaster, hits: PrimaryHits) -> None:
+        self._scene, self._caster, self._hits = scene, caster, hits
+        self._footprints: dict[int, tuple[Floats, Floats, Floats]] = {}
+        self._sampled: dict[tuple[object, ...], NDArray[np.float32]] = {}
+
+    def see(self, i_object: int, images: Images) -> SeenMaps:
+        """A layer's images at all points of its object that the eye sees. Raises LoadError."""
+        scene = self._scene
+        scene.check_has_uvs(i_object, "texture" if images.texture else "weight")
+        texture, weight = scene.textures.texture(images), scene.textures.weight(images)
+        begin, end = self._hits.object_ranges[i_object]
+        colours, shares = np.ones((end - begin, 3), np.float32), np.ones(end - begin, np.float32)
+        if texture is not None:
+            own = images.texture, images.texture_space, images.texture_scale
+            colours = self._samples(i_object, own, texture, images.texture_scale)
+        if weight is not None:
+            shares = self._samples(i_object, (images.weight,), weight, (1.0, 1.0))[:, 0]
+        return SeenMaps(colours, shares, mean_maps(scene, i_object, images, texture, weight))
+
+    def _samples(
+        self, i_object: int, of: tuple[object, ...], pyramid: Pyramid, scale: tuple[float, float]
+    ) -> NDArray[np.float32]:
+        key = (i_object, *of)
+        if key not in self._sampled:
+            if i_object not in self._footprints:
+                begin, end = self._hits.object_ranges[i_object]
+                rows = np.arange(begin, end)
+                self._footprints = {i_object: _footprints(self._scene, self._caster, self._hits, rows)}
+            uv, across, down = (sides * np.array(scale) for sides in self._footprints[i_object])
+            self._sampled = dict(list(self._sampled.items())[1 - _MOST_KEPT :])
+            self._sampled[key] = pyramid.over(uv, across, down).astype(np.float32)
+        return self._sampled[key]
 
 
 def look_up(images: Images, store: TextureStore, uv: Floats) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

@@ -14,7 +14,10 @@ from app.set_path import set_path
 from engine.scene.builtin import ASSETS
 
 
-@pytest.mark.parametrize(("script", "scene"), [("tour", "teatray"), ("readme", "teatray"), ("earrings", "earrings"), ("plate", "plate")])
+@pytest.mark.parametrize(
+    ("script", "scene"),
+    [("tour", "teatray"), ("readme", "teatray"), ("earrings", "earrings"), ("plate", "plate")],
+)
 def test_scripts_name_what_their_scenes_have(script: str, scene: str, tmp_path: Path) -> None:
     document = open_project(scene, (16, 16)).document
     for step in load_script(ASSETS / "scripts" / f"{script}.toml", tmp_path):

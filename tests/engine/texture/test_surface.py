@@ -14,7 +14,7 @@ from engine.scene.description import dump_description, load_description, parse_d
 from engine.scene.load import Scene, load_scene
 from engine.scene.mesh import place_mesh, read_mesh
 from engine.scene.primitives import PRIMITIVES
-from engine.texture.surface import look_up, see_maps, uvs_at
+from engine.texture.surface import MapSampler, look_up, uvs_at
 from engine.transport.pipeline import Placement
 
 HEAD = """
@@ -109,14 +109,14 @@ def test_each_pixel_sees_its_place_of_the_image(tmp_path: Path) -> None:
     scene = scene_of(tmp_path, CARD.replace("MAPS", 'weight = "ramp.png"'))
     placement = Placement(scene)
     hits = placement.hits
-    seen = see_maps(scene, placement.caster, hits, 0, Images(weight="ramp.png"))
+    seen = MapSampler(scene, placement.caster, hits).see(0, Images(weight="ramp.png"))
     x = hits.position[:, 0] + 0.5
     inside = (x > 0.1) & (x < 0.9)
     np.testing.assert_allclose(seen.weight[inside], (256 * x[inside] - 0.5) / 255, atol=2e-3)
     assert seen.means.weight == pytest.approx(0.5, abs=1e-3) and (seen.texture == 1.0).all()
     # Repeated four times, texture alone: the same ramp four times as steep; the weight map is not repeated.
     images = Images(texture="ramp.png", texture_space="linear", texture_scale=(4.0, 1.0), weight="ramp.png")
-    seen = see_maps(scene, placement.caster, hits, 0, images)
+    seen = MapSampler(scene, placement.caster, hits).see(0, images)
     inside = (np.abs((4 * x) % 1.0 - 0.5) < 0.25)
     np.testing.assert_allclose(seen.texture[inside, 1], (256 * ((4 * x[inside]) % 1.0) - 0.5) / 255, atol=5e-3)
     # ∫ frac(4x) x dx = Σ_k ∫ ... = 1/4 + 1/48 for k = 0 … 3 repeats.
@@ -129,9 +129,23 @@ def test_an_image_far_finer_than_the_pixels_is_its_mean(tmp_path: Path) -> None:
     scene = scene_of(tmp_path, CARD.replace("MAPS", 'texture = "noise.png", texture_scale = 8'))
     placement = Placement(scene)
     maps = scene.description.objects[0].layers[0].maps
-    seen = see_maps(scene, placement.caster, placement.hits, 0, maps.images)
+    seen = MapSampler(scene, placement.caster, placement.hits).see(0, maps.images)
     assert seen.texture.std() < 0.02 and np.abs(seen.texture - 0.5).max() < 0.06
     np.testing.assert_allclose(seen.means.texture, pixels.mean(axis=(0, 1)) / 255, atol=5e-3)
+
+
+def test_layers_of_an_object_share_what_they_have_in_common(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write(tmp_path / "ramp.png", np.tile(np.arange(256), (4, 1)))
+    scene = scene_of(tmp_path, CARD.replace("MAPS", 'weight = "ramp.png"'))
+    placement = Placement(scene)
+    sampler = MapSampler(scene, placement.caster, placement.hits)
+    first = sampler.see(0, Images(weight="ramp.png"))
+    monkeypatch.setattr("engine.texture.surface._footprints", None)  # not asked for again
+    again = sampler.see(0, Images("ramp.png", "linear", (2.0, 1.0), "ramp.png"))
+    assert np.shares_memory(first.weight, again.weight)
+    twice = sampler.see(0, Images("ramp.png", "linear", (1.0, 1.0)))
+    np.testing.assert_array_equal(twice.texture[:, 0], first.weight)
+    assert np.abs(again.texture - twice.texture).max() > 0.3  # repeats are another sampling
 
 
 def test_looking_up_along_a_ray_meets_the_same_place(tmp_path: Path) -> None:
