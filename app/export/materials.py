@@ -35,27 +35,30 @@ class Written:
     notes: tuple[str, ...] = ()
 
 
-def write_material(shape: Element, layers: Sequence[Layer], folder: Path, stem: str, axes: Floats) -> Written:
-    """Add the material of these visible layers to a shape. axes (2, 3): the object's own Y and X in the world."""
+def write_material(
+    shape: Element, layers: Sequence[Layer], folder: Path, stem: str, axes: Floats, factors: Floats
+) -> Written:
+    """Add the material of these visible layers to a shape. axes (2, 3): the object's own Y and X in the world; factors
+    (K, 3): the means of each layer's texture and weight map, which stand for them there."""
     matt, metal = _exact(layers)
     if not layers:
         add_numbers(add(shape, "bsdf", type="diffuse"), "rgb", "reflectance", (0.0, 0.0, 0.0))
     elif matt is not None or metal is not None:
         _add_exact(add(shape, "bsdf", type="twosided"), matt, metal)
     else:
-        table, alpha = tabulated(layers)
+        table, alpha = tabulated(layers, factors)
         packed = io.BytesIO()
         np.savez_compressed(packed, table=table, alpha=np.float32(alpha), axes=axes.astype(np.float32))
         write_atomically(folder / "materials" / f"{stem}.npz", packed.getvalue())
         add(add(shape, "bsdf", type="insitu"), "string", name="filename", value=f"materials/{stem}.npz")
     images = [layer.name for layer in layers if not layer.maps.is_plain]
-    return Written((f"{', '.join(images)} without images",) if images else ())
+    return Written((f"{', '.join(images)} by the mean of texture and weight map",) if images else ())
 
 
 def _exact(layers: Sequence[Layer]) -> tuple[Layer | None, Layer | None]:
     """The Lambert and the rough metal that are all of a material Mitsuba has as it is; neither where it has not."""
     models = [layer.model.name for layer in layers]
-    alone = not any(layer.edits or layer.fresnel is not None for layer in layers)
+    alone = not any(layer.edits or layer.fresnel is not None or not layer.maps.is_plain for layer in layers)
     if not alone or sorted(models) not in (["lambert"], ["rough_conductor"], ["lambert", "rough_conductor"]):
         return None, None
     matt = next((layer for layer in layers if layer.model.name == "lambert"), None)
@@ -98,9 +101,9 @@ def _add_metal(bsdf: Element, values: dict[str, Any], share: float) -> None:
     add_numbers(bsdf, "rgb", "specular_reflectance", channels(values, "scale") / share)
 
 
-def tabulated(layers: Sequence[Layer]) -> tuple[NDArray[np.float32], float]:
+def tabulated(layers: Sequence[Layer], factors: Floats | None = None) -> tuple[NDArray[np.float32], float]:
     """rho (phi_h, theta_h, theta_d, phi_d, 3) in 1/sr at the places of `grid`, and the GGX width that its highlight is
-    best sampled with.
+    best sampled with; factors (K, 3): what multiplies each layer.
 
     Half vectors: theta_h = (i/(n-1))^2 90 degrees, phi_h = 360 l/n (one for all where nothing depends on it);
     theta_d = 90 j/(n-1), phi_d = 360 k/n. Below the horizon stands what there is just above it, so that tables are
@@ -110,7 +113,8 @@ def tabulated(layers: Sequence[Layer]) -> tuple[NDArray[np.float32], float]:
     table = np.zeros((*shape, 3), np.float32)
     for turn in range(shape[0]):
         wi, wo = grid(shape, turn)
-        value = evaluate_layers(layers, wi.reshape(-1, 3), wo.reshape(-1, 3)).reshape(*shape[1:], 3)
+        each = None if factors is None else factors[None]
+        value = evaluate_layers(layers, wi.reshape(-1, 3), wo.reshape(-1, 3), each).reshape(*shape[1:], 3)
         above = np.minimum(wi[..., 2], wo[..., 2]) > LEAST_COSINE
         table[turn] = _continued(value / np.maximum(wi[..., 2:], LEAST_COSINE), above)
     return table, _highlight_width(table)

@@ -28,6 +28,7 @@ from app.project import Project
 from engine.errors import InsituError
 from engine.material.layer import Layer
 from engine.render.image_files import write_exr
+from engine.texture.surface import mean_maps
 
 RENDER = Path(__file__).with_name("render.py")
 MITSUBA = "3.5.0"
@@ -108,8 +109,19 @@ def _add_object(root: ElementTree.Element, project: Project, folder: Path, index
         add_numbers(add(shape, "bsdf", type="diffuse"), "rgb", "reflectance", (0.0, 0.0, 0.0))
         return []
     layers: list[Layer] = [layer for key, layer in project.layers.items() if key.rpartition(".")[0] == name]
-    written: Written = write_material(shape, layers, folder, stem, _own_up(project, index))
+    factors = np.array([_mean_factor(project, index, layer) for layer in layers]).reshape(-1, 3)
+    written: Written = write_material(shape, layers, folder, stem, _own_up(project, index), factors)
     return [f"{name}: {note}" for note in written.notes]
+
+
+def _mean_factor(project: Project, index: int, layer: Layer) -> np.ndarray:
+    """The mean of a layer's texture and weight map over its object, (3,). Raises LoadError."""
+    maps, scene = layer.maps, project.scene
+    if maps.is_plain:
+        return np.ones(3)
+    scene.check_has_uvs(index, "texture" if maps.texture else "weight")
+    texture, weight = scene.textures.texture(maps.images), scene.textures.weight(maps.images)
+    return mean_maps(scene, index, maps.images, texture, weight).factor(maps)
 
 
 def _own_up(project: Project, index: int) -> np.ndarray:

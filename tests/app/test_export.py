@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from app.export.materials import LEAST_COSINE, grid, tabulated
 from app.export.mitsuba import export_scene
@@ -67,6 +68,17 @@ def test_what_mitsuba_has_not_becomes_a_table(tmp_path: Path) -> None:
     assert bsdf is not None and bsdf.get("type") == "insitu"
     with np.load(tmp_path / "out" / bsdf.find("string").get("value")) as data:  # type: ignore[union-attr,arg-type]
         assert data["table"].shape[-1] == 3 and np.isfinite(data["table"]).all() and data["table"].min() >= 0.0
+
+
+def test_images_count_by_their_means(tmp_path: Path) -> None:
+    grey = np.full((4, 4, 3), (255, 128, 0), np.uint8)
+    Image.fromarray(grey).save(tmp_path / "tint.png")
+    values = (("ground.0.texture", "tint.png"), ("ground.0.texture_space", "linear"))
+    root, notes = export(tmp_path, *values)
+    assert notes == ["ground: clay by the mean of texture and weight map"]
+    with np.load(tmp_path / "out" / root.findall("shape")[0].find("bsdf/string").get("value")) as data:  # type: ignore[union-attr,arg-type]
+        expected = np.array([0.6, 0.5 * 128 / 255, 0.0]) / np.pi  # albedo times tint, the same for all directions
+        np.testing.assert_allclose(data["table"][0, 0, 0, 0], expected, rtol=1e-3, atol=1e-6)
 
 
 def test_a_folder_that_cannot_be_written_is_told_in_one_line(tmp_path: Path) -> None:
