@@ -31,7 +31,8 @@ class Optics(NamedTuple):
 
 class Aimed(NamedTuple):
     """How a layer weighs the rays of points from number `base` on, but for its curves: scales (p',) times the squares
-    of roots (p', R) uint16, 0 for rays that bring nothing, and angles (A, p', R) that its curves take, A = 0, 1 or 2.
+    of roots (p', R) uint16, 0 for rays that bring nothing, and angles (A, p', R) uint16 that its curves take, A = 0, 1
+    or 2, in shares of a right angle of 1/65535.
 
     Roots, because weights are smallest where rays are dense, and there curves are highest.
     """
@@ -112,6 +113,20 @@ def _node(angle, n):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _coded(angle):
+    """An angle up to π/2 as it is kept: fine enough to tell 128 places in each of 512 bands."""
+    return np.uint16(max(np.float32(angle), ZERO) * (CODES / HALF_PI) + HALF_BAND)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _coded_node(code, n):
+    """As `_node`, of an angle that was kept."""
+    position = min(max(np.float32(code) * (np.float32(n) / CODES) - HALF_BAND, ZERO), np.float32(n - 1))
+    j = min(np.int64(position), max(n - 2, 0))
+    return j, position - np.float32(j)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _counts(fans, m):
     """Whether ray m is in the half that counts; half of a Sobol set, its first or last, is as even as the whole."""
     n = fans.tables_cosine.shape[1]
@@ -153,12 +168,12 @@ def aim(fans, begin, end, optics, aimed):
                 angle = gamma(optics.kind_a, optics.q, x, y, z, ox, oy, oz)
                 if angle > HALF_PI:
                     continue
-                aimed.angles[0, at, m] = angle
+                aimed.angles[0, at, m] = _coded(angle)
             if n_angles > 1:
                 angle = gamma(optics.kind_b, optics.q, x, y, z, ox, oy, oz)
                 if angle > HALF_PI:
                     continue
-                aimed.angles[1, at, m] = angle
+                aimed.angles[1, at, m] = _coded(angle)
             weights[m] = weight * scale / fan_density(n_cosine, n_pole, fans.poles[i], x, y, z, ox, oy, oz)
             most = max(most, weights[m])
         aimed.scales[at] = most / (CODES * CODES)
@@ -168,9 +183,9 @@ def aim(fans, begin, end, optics, aimed):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
-def _times_curve(angle, curve, value):
-    """Multiply value (4,) by a curve (J, 3) at an angle."""
-    j, t = _node(angle, curve.shape[0])
+def _times_curve(code, curve, value):
+    """Multiply value (4,) by a curve (J, 3) at an angle as it is kept."""
+    j, t = _coded_node(code, curve.shape[0])
     above = min(j + 1, curve.shape[0] - 1)
     for channel in range(3):
         value[channel] *= curve[j, channel] + t * (curve[above, channel] - curve[j, channel])
@@ -192,10 +207,11 @@ def add_product(value, light, total):
 def reflect(fans, begin, end, optics, aimed, radiosity, second, out):
     """What points [begin, end) reflect towards the eye, (p, D, 3), of radiosity (C, D, 4), with the curves as they are.
 
-    Without f_q and f_o. aimed: of the same points and optics, with as many angles as the curves have; none where the
-    only curve is the same at all angles.
+    Without f_q and f_o. aimed: of the same points and optics, with as many angles as the curves have; none are read
+    where the only curve is the same at all angles.
     """
-    n_angles, n_powers = aimed.angles.shape[0], radiosity.shape[1]
+    n_angles = 0 if optics.kind_a == CONSTANT else aimed.angles.shape[0]
+    n_powers = radiosity.shape[1]
     values, total = np.zeros((fans.seen.shape[1], 4), np.float32), np.empty((n_powers, 4), np.float32)
     for i in range(begin, end):
         at = i - aimed.base
@@ -240,7 +256,7 @@ def reflect_bands(fans, begin, end, optics, of_a, aimed, radiosity, second, out)
             values[0, :3] = weight
             if aimed.angles.shape[0] > 1:
                 _times_curve(aimed.angles[other, at, m], optics.curve_b if of_a else optics.curve_a, values[0])
-            j, t = _node(aimed.angles[kept, at, m], n_bands)
+            j, t = _coded_node(aimed.angles[kept, at, m], n_bands)
             for channel in range(3):
                 values[1, channel] = t * values[0, channel]
                 values[0, channel] -= values[1, channel]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from engine.indirect import _reflection_kernels as kernels
 from engine.indirect._photon_kernels import reflect_photon_bands, reflect_photons
-from engine.indirect.aim import Aim, SecondAim
+from engine.indirect.aim import Aim, SecondAim, n_angles_of
 from engine.indirect.curves import LayerCurves
 from engine.indirect.gather import FanSize, Gathered, object_of_rows
 from engine.indirect.photons import Landed, PhotonMap, Sent, land, landed_of, nothing_landed
@@ -83,7 +83,7 @@ class Fans:
         """Radiance (p, D, 3) of each layer towards the eye, without f_q and f_o."""
         out = [np.empty((len(self), light.n_powers, 3), np.float32) for _ in layers]
         optics = [layer.optics(folded=True) for layer in layers]
-        aims = [self._aim(each, self._keeps) for each in optics]
+        aims = [self._aim(each) for each in optics]
 
         def work(begin: int, end: int, second: kernels.Second) -> None:
             for each, aim, result in zip(optics, aims, out, strict=True):
@@ -99,8 +99,7 @@ class Fans:
         `reflected`."""
         out = np.empty((3, len(layer.curves[factor]), light.n_powers, len(self)), np.float32)
         optics = layer.optics()
-        # The angles of a curve that is constant are of no use once another layer is edited.
-        aim = self._aim(optics, self._keeps and layer.optics(folded=True).kind_a != kernels.CONSTANT)
+        aim = self._aim(optics)
 
         def work(begin: int, end: int, second: kernels.Second) -> None:
             aimed = aim.part(begin, end)
@@ -111,14 +110,14 @@ class Fans:
         self._in_parts(light, work, [aim])
         return out
 
-    def _aim(self, optics: kernels.Optics, keeps: bool) -> Aim:
+    def _aim(self, optics: kernels.Optics) -> Aim:
         """What is kept for such a layer, or new."""
         key = optics.model, optics.q.tobytes()
-        made = Aim(self._fans, optics, keeps)
         kept = self._aims.get(key)
-        if kept is not None and kept.n_angles == made.n_angles:
+        if kept is not None and kept.n_angles >= n_angles_of(optics):
             return kept
-        if keeps:
+        made = Aim(self._fans, optics, self._keeps)
+        if self._keeps:
             self._aims[key] = made
         return made
 
