@@ -71,7 +71,7 @@ class Fans(NamedTuple):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def brighten(irradiance, objects, albedos, edited, out):
-    """Radiosity (C, D + 1, 3) of cells from irradiance (C, D, 3), polynomials in the albedo of the object `edited`.
+    """Radiosity (C, D + 1, 3 or 4) of cells from irradiance (C, D, 3), polynomials in the albedo of object `edited`.
 
     albedos (M, 3); multiplying by that of `edited` moves a number to the next power.
     """
@@ -85,23 +85,6 @@ def brighten(irradiance, objects, albedos, edited, out):
                     out[c, n, channel] = irradiance[c, n, channel] * albedos[objects[c], channel]
                 elif n + 1 < out.shape[1]:
                     out[c, n + 1, channel] = irradiance[c, n, channel]
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def bounce(begin, end, seen, radiosity, n_powers, out):
-    """Irradiance (C, D, 3) of cells [begin, end): the mean radiosity (C, D, 3) of what their rays see (C, R)."""
-    share = ONE / np.float32(seen.shape[1])
-    for c in range(begin, end):
-        out[c] = ZERO
-        for m in range(seen.shape[1]):
-            cell = seen[c, m]
-            if cell != NO_CELL:
-                for n in range(n_powers):
-                    for channel in range(3):
-                        out[c, n, channel] += radiosity[cell, n, channel]
-        for n in range(n_powers):
-            for channel in range(3):
-                out[c, n, channel] *= share
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -183,24 +166,52 @@ def aim(fans, begin, end, optics, aimed):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
-def _times_curve(code, curve, value):
-    """Multiply value (4,) by a curve (J, 3) at an angle as it is kept."""
+def _curve_at(code, curve):
+    """A curve (J, 3) at an angle as it is kept: three numbers, which unlike an array need no memory."""
     j, t = _coded_node(code, curve.shape[0])
     above = min(j + 1, curve.shape[0] - 1)
-    for channel in range(3):
-        value[channel] *= curve[j, channel] + t * (curve[above, channel] - curve[j, channel])
+    return (
+        curve[j, 0] + t * (curve[above, 0] - curve[j, 0]),
+        curve[j, 1] + t * (curve[above, 1] - curve[j, 1]),
+        curve[j, 2] + t * (curve[above, 2] - curve[j, 2]),
+    )
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
-def add_product(value, light, total):
-    """total (D, 4) += value (4,) · light (D, 4): all is read before anything is written, so that it is one instruction
-    a power."""
-    a, b, c, d = value[0], value[1], value[2], value[3]
+def add_product(a, b, c, light, total):
+    """total (D, 4) += (a, b, c, 0) · light (D, 4): all is read before anything is written, so that it is one
+    instruction a power."""
     for n in range(total.shape[0]):
         red, green, blue, none = light[n, 0], light[n, 1], light[n, 2], light[n, 3]
         red, green = total[n, 0] + a * red, total[n, 1] + b * green
-        blue, none = total[n, 2] + c * blue, total[n, 3] + d * none
+        blue, none = total[n, 2] + c * blue, total[n, 3] + ZERO * none
         total[n, 0], total[n, 1], total[n, 2], total[n, 3] = red, green, blue, none
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
+def _add_shared(a, b, c, share, light, below, above):
+    """The share of (a, b, c, 0) · light (D, 4) to above (D, 4), the rest to below, as `add_product` does."""
+    rest = ONE - share
+    for n in range(light.shape[0]):
+        red, green, blue, none = a * light[n, 0], b * light[n, 1], c * light[n, 2], ZERO * light[n, 3]
+        red_0, green_0 = below[n, 0] + rest * red, below[n, 1] + rest * green
+        blue_0, none_0 = below[n, 2] + rest * blue, below[n, 3] + rest * none
+        red_1, green_1 = above[n, 0] + share * red, above[n, 1] + share * green
+        blue_1, none_1 = above[n, 2] + share * blue, above[n, 3] + share * none
+        below[n, 0], below[n, 1], below[n, 2], below[n, 3] = red_0, green_0, blue_0, none_0
+        above[n, 0], above[n, 1], above[n, 2], above[n, 3] = red_1, green_1, blue_1, none_1
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def bounce(begin, end, seen, radiosity, n_powers, out):
+    """Irradiance (C, D, 3) of cells [begin, end): the mean radiosity (C, D, 4) of what their rays see (C, R)."""
+    share, total = ONE / np.float32(seen.shape[1]), np.empty((n_powers, 4), np.float32)
+    for c in range(begin, end):
+        total[:] = ZERO
+        for m in range(seen.shape[1]):
+            if seen[c, m] != NO_CELL:
+                add_product(share, share, share, radiosity[seen[c, m]], total)
+        out[c, :n_powers] = total[:, :3]
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -211,24 +222,27 @@ def reflect(fans, begin, end, optics, aimed, radiosity, second, out):
     where the only curve is the same at all angles.
     """
     n_angles = 0 if optics.kind_a == CONSTANT else aimed.angles.shape[0]
-    n_powers = radiosity.shape[1]
-    values, total = np.zeros((fans.seen.shape[1], 4), np.float32), np.empty((n_powers, 4), np.float32)
+    values, total = np.zeros((fans.seen.shape[1], 3), np.float32), np.empty((radiosity.shape[1], 4), np.float32)
     for i in range(begin, end):
         at = i - aimed.base
         total[:] = ZERO
         for m in range(fans.seen.shape[1]):
             root = np.float32(aimed.roots[at, m])
-            weight = root * root * aimed.scales[at]
-            for channel in range(3):
-                values[m, channel] = weight * (optics.curve_a[0, channel] if n_angles == 0 else ONE)
-            if weight > ZERO:
-                if n_angles > 0:
-                    _times_curve(aimed.angles[0, at, m], optics.curve_a, values[m])
+            a = b = c = root * root * aimed.scales[at]
+            if a > ZERO:
+                if n_angles == 0:
+                    a, b, c = a * optics.curve_a[0, 0], b * optics.curve_a[0, 1], c * optics.curve_a[0, 2]
+                else:
+                    red, green, blue = _curve_at(aimed.angles[0, at, m], optics.curve_a)
+                    a, b, c = a * red, b * green, c * blue
                 if n_angles > 1:
-                    _times_curve(aimed.angles[1, at, m], optics.curve_b, values[m])
-                add_product(values[m], radiosity[fans.seen[i, m]], total)
+                    red, green, blue = _curve_at(aimed.angles[1, at, m], optics.curve_b)
+                    a, b, c = a * red, b * green, c * blue
+                add_product(a, b, c, radiosity[fans.seen[i, m]], total)
+            values[m, 0], values[m, 1], values[m, 2] = a, b, c
         for e in range(second.start[i], second.start[i + 1]):
-            add_product(values[second.ray[e]], second.light[e - second.base], total)
+            m = second.ray[e]
+            add_product(values[m, 0], values[m, 1], values[m, 2], second.light[e - second.base], total)
         out[i] = total[:, :3]
 
 
@@ -237,31 +251,26 @@ def reflect_bands(fans, begin, end, optics, of_a, aimed, radiosity, second, out)
     """As `reflect`, by band of one of the curves, out (3, J, D, p): of the first where of_a; the other is as it is."""
     n_powers, n_bands = radiosity.shape[1], out.shape[1]
     bands = np.empty((n_bands + 1, n_powers, 4), np.float32)
-    light, values = np.empty((n_powers, 4), np.float32), np.zeros((2, 4), np.float32)
     kept, other = (0, 1) if of_a else (1, 0)
+    curve = optics.curve_b if of_a else optics.curve_a
     for i in range(begin, end):
         at = i - aimed.base
         bands[:] = ZERO
         e, last = second.start[i], second.start[i + 1]
         for m in range(fans.seen.shape[1]):
             root = np.float32(aimed.roots[at, m])
-            weight = root * root * aimed.scales[at]
-            if weight <= ZERO:
+            a = b = c = root * root * aimed.scales[at]
+            if a <= ZERO:
                 continue
-            light[:] = radiosity[fans.seen[i, m]]
+            if aimed.angles.shape[0] > 1:
+                red, green, blue = _curve_at(aimed.angles[other, at, m], curve)
+                a, b, c = a * red, b * green, c * blue
+            j, t = _coded_node(aimed.angles[kept, at, m], n_bands)
+            _add_shared(a, b, c, t, radiosity[fans.seen[i, m]], bands[j], bands[j + 1])
             while e < last and second.ray[e] < m:
                 e += 1
             if e < last and second.ray[e] == m:
-                light += second.light[e - second.base]
-            values[0, :3] = weight
-            if aimed.angles.shape[0] > 1:
-                _times_curve(aimed.angles[other, at, m], optics.curve_b if of_a else optics.curve_a, values[0])
-            j, t = _coded_node(aimed.angles[kept, at, m], n_bands)
-            for channel in range(3):
-                values[1, channel] = t * values[0, channel]
-                values[0, channel] -= values[1, channel]
-            add_product(values[0], light, bands[j])
-            add_product(values[1], light, bands[j + 1])
+                _add_shared(a, b, c, t, second.light[e - second.base], bands[j], bands[j + 1])
         for channel in range(3):
             for j in range(n_bands):
                 for n in range(n_powers):

@@ -78,7 +78,8 @@ def radiosity_by_multiset(
     latest[:, 0] = light.direct
     total = latest.copy()
     for _ in range(n_bounces - 2):
-        latest = bounced(light.seen, _times_albedo(latest, light.objects, objects, sets), len(sets))
+        bright = np.pad(_times_albedo(latest, light.objects, objects, sets), ((0, 0), (0, 0), (0, 1)))
+        latest = bounced(light.seen, bright, len(sets))
         total += latest
     return _times_albedo(total, light.objects, objects, sets)
 

@@ -86,21 +86,22 @@ def radiosity(
     albedos = np.ascontiguousarray(albedos, np.float32)
     latest = np.zeros((len(light.objects), n_powers, 3), np.float32)
     latest[:, 0] = light.direct
-    total, bright = latest.copy(), np.empty_like(latest)
+    total, sent = latest.copy(), np.empty((*latest.shape[:2], 4), np.float32)
     before = np.zeros_like(total)
     for bounce in range(n_bounces - 2):
-        kernels.brighten(latest, light.objects, albedos, edited, bright)
-        latest = bounced(light.seen, bright, min(bounce + 2, n_powers))
+        kernels.brighten(latest, light.objects, albedos, edited, sent)
+        latest = bounced(light.seen, sent, min(bounce + 2, n_powers))
         before[:] = total
         total += latest
+    bright = np.empty_like(latest)
     kernels.brighten(before, light.objects, albedos, edited, bright)
     kernels.brighten(total, light.objects, albedos, edited, before)
     return before, bright
 
 
 def bounced(seen: NDArray[np.uint16], bright: NDArray[np.float32], n_powers: int) -> NDArray[np.float32]:
-    """Irradiance (C, D, 3) from radiosity (C, D, 3) that is 0 beyond its first n_powers; 0 where a cell has no rays."""
-    out = np.zeros_like(bright)
+    """Irradiance (C, D, 3) from radiosity (C, D, 4) that is 0 beyond its first n_powers; 0 where a cell has no rays."""
+    out = np.zeros((*bright.shape[:2], 3), np.float32)
     half = len(seen) // 2
     with ThreadPoolExecutor(2) as pool:
         parts = ((0, half), (half, len(seen)))
