@@ -120,6 +120,12 @@ def _first_line(scale: float) -> str:
     return f"; insitu layout {VERSION} scale {scale:.2f}"
 
 
+def is_behind(panel: Panel) -> bool:
+    """Whether another panel that shares its place is before it."""
+    window = imgui.internal.find_window_by_name(panel.window)
+    return window is not None and bool(window.hidden)
+
+
 def closed(panel: Panel) -> OpenPanel:
     """The command for a panel whose close button was pressed."""
     return OpenPanel(panel.key, False)

@@ -19,8 +19,8 @@ from ui.gl.brdf_stack import BrdfStack
 
 Array = NDArray[np.float64]
 
-N_AZIMUTHS = 30
-RINGS = np.concatenate([[1e-4], np.geomspace(4e-3, 0.12, 8), np.linspace(0.19, 1.5, 11)])
+N_AZIMUTHS = 36
+RINGS = np.concatenate([[1e-4], np.geomspace(4e-3, 0.12, 8), np.linspace(0.17, 1.5, 15)])
 DECADES = 4.0
 
 

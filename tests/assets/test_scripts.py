@@ -16,7 +16,7 @@ from engine.scene.builtin import ASSETS
 
 @pytest.mark.parametrize(
     ("script", "scene"),
-    [("tour", "teatray"), ("readme", "teatray"), ("earrings", "earrings"), ("plate", "plate")],
+    [("tour", "teatray"), ("readme", "teatray"), ("brdf", "teatray"), ("earrings", "earrings"), ("plate", "plate")],
 )
 def test_scripts_name_what_their_scenes_have(script: str, scene: str, tmp_path: Path) -> None:
     document = open_project(scene, (16, 16)).document

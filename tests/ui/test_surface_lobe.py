@@ -20,6 +20,7 @@ from ui.gl.brdf_stack import BrdfStack
 from ui.gl.passes import Passes
 from ui.gl.textures import TextureMemory
 from ui.headless import HeadlessWindow
+from ui.panels.actions import ShowPanel
 from ui.script_runner import run_steps
 from ui.surface_lobe import SurfaceLobe, SurfacePoint, surface_lobe
 
@@ -131,6 +132,24 @@ def test_a_hand_picks_the_pixel_and_the_lobe_follows_the_curve(window: HeadlessW
     assert board.surface is None
     window.key(imgui.Key.escape)
     assert editor.view.lobe_pixel is None and editor.view.selected is not None
+
+
+def test_a_button_arms_the_next_click(window: HeadlessWindow) -> None:
+    # For desktops that keep Alt and the mouse for themselves.
+    editor = window.shell.editor
+    editor.select("teapot.1")
+    window.shell.do(ShowPanel("brdf"))
+    window.frames(4)
+    window.click_handle("brdf.pick.0")
+    assert window.shell.state.picks_lobe and editor.view.lobe_pixel is None
+    window.click(*picture_place(window, 8.5, 20.5))
+    assert editor.view.lobe_pixel == (8, 20) and not window.shell.state.picks_lobe
+    window.click(*picture_place(window, 9.5, 9.5))  # selects, as ever
+    assert editor.view.lobe_pixel == (8, 20)
+    window.click_handle("brdf.pick.0")
+    assert editor.view.lobe_pixel is None and not window.shell.state.picks_lobe
+    window.key(imgui.Key.escape)
+    editor.select("teapot.1")
 
 
 def test_a_script_picks_it_and_pixels_that_are_not_there_show_none(window: HeadlessWindow) -> None:

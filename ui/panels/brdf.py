@@ -22,7 +22,7 @@ from engine.material import kinds
 from ui import theme as look
 from ui.gl.brdf_views import Albedo
 from ui.panels import brdf_plots, widgets
-from ui.panels.actions import Action
+from ui.panels.actions import Action, SetPanel
 from ui.panels.context import PanelContext
 from ui.theme import Icon
 
@@ -216,6 +216,8 @@ def _plane(context: PanelContext, place: ImVec2, size: ImVec2) -> list[Action]:
         hint = "Logarithmic radius, four decades: shows the faint skirts beside the highlight."
         if widgets.segments(context, "brdf.log", [("log", hint)], 0 if view.lobe_log else -1, least=28) == 0:
             actions.append(SetView.of(lobe_log=not view.lobe_log))
+        imgui.same_line(0.0, context.px(3))
+        actions += _pick(context)
     if is_anisotropic(context):
         hint = "The plane across the tangent; off: along it, around a vessel."
         imgui.set_cursor_screen_pos(ImVec2(place.x + size.x - context.px(55), place.y + context.px(5)))
@@ -224,6 +226,18 @@ def _plane(context: PanelContext, place: ImVec2, size: ImVec2) -> list[Action]:
     imgui.pop_style_var()
     imgui.pop_font()
     return actions
+
+
+def _pick(context: PanelContext) -> list[Action]:
+    """Have the lobe in the picture, or no more."""
+    on = context.state.picks_lobe or context.view.lobe_pixel is not None
+    hint = (
+        "The lobe on the surface: click a place of the picture then. Alt-click does so at once, and Alt-drag moves it. "
+        "It shows which of the light around that point the layer sends to the eye."
+    )
+    if widgets.segments(context, "brdf.pick", [("pick", hint)], 0 if on else -1, least=30) != 0:
+        return []
+    return [SetPanel({"picks_lobe": not on}), SetView.of(lobe_pixel=None)]
 
 
 def is_anisotropic(context: PanelContext) -> bool:

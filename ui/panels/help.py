@@ -13,7 +13,20 @@ from app.solo import toggled
 from app.view_state import SetView, Tool
 from engine.curve.operators import Operator
 from ui import theme as look
-from ui.panels.actions import Action, AskFile, Copy, Paste, Quit, Redo, SaveSession, Screenshot, Select, ShowPanel, Undo
+from ui.panels.actions import (
+    Action,
+    AskFile,
+    Copy,
+    Paste,
+    Quit,
+    Redo,
+    SaveSession,
+    Screenshot,
+    Select,
+    SetPanel,
+    ShowPanel,
+    Undo,
+)
 from ui.panels.context import PanelContext
 
 CTRL, SHIFT = int(imgui.Key.mod_ctrl), int(imgui.Key.mod_shift)
@@ -146,8 +159,8 @@ def _deselect(context: PanelContext) -> list[Action]:
         return [SetView.of(show_shortcuts=False)]
     if context.view.operator is not None:
         return [SetView.of(operator=None)]
-    if context.view.lobe_pixel is not None:
-        return [SetView.of(lobe_pixel=None)]
+    if context.view.lobe_pixel is not None or context.state.picks_lobe:
+        return [SetView.of(lobe_pixel=None), SetPanel({"picks_lobe": False})]
     return [Select(None)]
 
 

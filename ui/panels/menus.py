@@ -8,7 +8,7 @@ from imgui_bundle import ImVec2, imgui
 
 from app.commands import ResetCurve
 from app.view_state import TONE_MAPPINGS, OpenPanel, SetView
-from ui.layout import PANELS
+from ui.layout import PANELS, is_behind
 from ui.panels import widgets
 from ui.panels.actions import Action, AskFile, OpenFile, Redo, ResetLayout, Screenshot, ShowPanel, Undo
 from ui.panels.context import PanelContext
@@ -101,7 +101,8 @@ def _view(context: PanelContext) -> list[Action]:
     for panel in PANELS:
         is_open = context.view.panel_open(panel.key)
         if imgui.menu_item_simple(panel.title, None, is_open):
-            actions.append(OpenPanel(panel.key, False) if is_open else ShowPanel(panel.key))
+            in_sight = is_open and not is_behind(panel)
+            actions.append(OpenPanel(panel.key, False) if in_sight else ShowPanel(panel.key))
     if imgui.menu_item_simple("Put panels back in place"):
         actions.append(ResetLayout())
     imgui.separator()

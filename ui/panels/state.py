@@ -80,12 +80,14 @@ class PanelState:
     """The window's own state. `journal` says what recovery would bring back, None when there is nothing.
 
     `handle` is the curve's handle that the keyboard moves: "magnitude", "a", "b", "c", "d", "region"; None: not chosen.
+    `picks_lobe`: the next click on the picture says where it carries the lobe.
     `front` is a panel that comes before those it shares its place with, in the coming frame.
     """
 
     grip: Grip | None = None
     handle: str | None = None
     front: str | None = None
+    picks_lobe: bool = False
     notice: Notice | None = None
     question: FileQuestion | None = None
     journal: str | None = None

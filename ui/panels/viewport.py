@@ -11,7 +11,7 @@ from app.solo import alone
 from app.view_state import SetView
 from ui import theme as look
 from ui.panels import surface_plot, widgets
-from ui.panels.actions import Action, BeginDrag, EndDrag, Hold, Recover, Select
+from ui.panels.actions import Action, BeginDrag, EndDrag, Hold, Recover, Select, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.library import apply, dropped_material
 from ui.panels.picture import Picture
@@ -127,7 +127,7 @@ def _hover(context: PanelContext, picture: Picture, placed: Placed, on_divider: 
     if imgui.get_io().key_shift:
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
         return []
-    if imgui.get_io().key_alt:
+    if imgui.get_io().key_alt or context.state.picks_lobe:
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
     mouse = imgui.get_mouse_pos()
     pixel = placed.pixel(mouse.x, mouse.y, picture)
@@ -163,8 +163,9 @@ def _take_hold(context: PanelContext, picture: Picture, placed: Placed, on_divid
     if imgui.get_io().key_shift:
         grip = Grip("rotation", (mouse.x, context.document.light.rotation))
         return [BeginDrag("rotate the environment"), Hold(grip)]
-    if imgui.get_io().key_alt:
-        return [*_pick_lobe(context, picture, placed), Hold(Grip("lobe", (0.0, 0.0)))]
+    if imgui.get_io().key_alt or context.state.picks_lobe:
+        picked = _pick_lobe(context, picture, placed)
+        return [*picked, SetPanel({"picks_lobe": False}), Hold(Grip("lobe", (0.0, 0.0)))]
     pixel = placed.pixel(mouse.x, mouse.y, picture)
     return [Select(context.object_at(*pixel) if pixel else None)]
 
