@@ -25,6 +25,7 @@ from app.jobs.messages import (
     BouncesPlanned,
     Cancel,
     Failed,
+    FilesWritten,
     Footprint,
     Frozen,
     IndirectFound,
@@ -33,7 +34,6 @@ from app.jobs.messages import (
     LayerTransport,
     MapsRefused,
     MapsSampled,
-    MeasuredWritten,
     MeasurementsRead,
     OpenScene,
     Progress,
@@ -43,7 +43,7 @@ from app.jobs.messages import (
     SkyImage,
     StageDone,
     WorkerRestarted,
-    WriteMeasured,
+    WriteFiles,
 )
 from app.journal import Journal, Recovery
 from app.known_light import KnownLight
@@ -288,7 +288,17 @@ class Editor:
         if self.view.selected is None:
             return self._refuse(f"{path.name}: no object is selected whose material could be written")
         layers = self.document.object(self.view.selected.object).layers
-        self._client.send(WriteMeasured(str(path.resolve()), layers, measured_files(self.document)))
+        self._client.send(WriteFiles(str(path.resolve()), layers, measured_files(self.document)))
+        return None
+
+    def export_scene(self, folder: Path) -> str | None:
+        """Have the scene written for Mitsuba 3, as it is now; None, or one line that says why not."""
+        if not self.scene_is_open:
+            return self._refuse(f"{folder.name}: no scene is open that could be written")
+        bounces = max(self.view.n_bounces, 1)
+        self._client.send(
+            WriteFiles(str(folder.resolve()), (), measured_files(self.document), self.document, bounces)
+        )
         return None
 
     @property
@@ -401,7 +411,7 @@ class Editor:
                 self._take_failure(response)
             case MeasurementsRead():
                 self._take_measurements(response)
-            case MeasuredWritten():
+            case FilesWritten():
                 self._gauges.progress = None
                 self.notify("; ".join((f"written {response.path}", *response.notes)))
             case MapsSampled() if self._opening is None:

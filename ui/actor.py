@@ -35,6 +35,7 @@ from ui.panels.actions import (
     DeleteMaterial,
     EndDrag,
     ExportMeasured,
+    ExportScene,
     Hold,
     ImportMeasured,
     OpenFile,
@@ -137,6 +138,9 @@ class Actor:
             case ExportMeasured():
                 self._folder = action.path.resolve().parent
                 editor.export_measured(action.path)
+            case ExportScene():
+                self._folder = action.folder.resolve().parent
+                editor.export_scene(action.folder)
             case OpenImage():
                 self._open_image(action.path, action.key, action.name)
             case CancelWork():

@@ -14,7 +14,7 @@ rejected for it: it is there for spectral rendering alone, while all our picture
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -33,19 +33,31 @@ from engine.texture.surface import mean_maps
 RENDER = Path(__file__).with_name("render.py")
 MITSUBA = "3.5.0"
 Report = Callable[[float, str], None]
+Steps = Generator[tuple[float, str], None, list[str]]
 
 
-def export_scene(project: Project, folder: Path, n_bounces: int, report: Report) -> list[str]:
-    """Write the folder. Notes on what is not the same there, a line each. Raises InsituError."""
+def export_steps(project: Project, folder: Path, n_bounces: int) -> Steps:
+    """Write the folder; yields the share done and the object that is next, returns notes on what is not the same
+    there, a line each. Raises InsituError."""
     try:
         for part in ("meshes", "materials"):
             (folder / part).mkdir(parents=True, exist_ok=True)
-        return _write(project, folder, n_bounces, report)
+        return (yield from _write(project, folder, n_bounces))
     except OSError as error:
         raise InsituError(f"{folder}: not written, {error.strerror or error}") from error
 
 
-def _write(project: Project, folder: Path, n_bounces: int, report: Report) -> list[str]:
+def export_scene(project: Project, folder: Path, n_bounces: int, report: Report) -> list[str]:
+    """All of `export_steps`, told to `report`; the notes."""
+    steps = export_steps(project, folder, n_bounces)
+    while True:
+        try:
+            report(*next(steps))
+        except StopIteration as end:
+            return list(end.value)
+
+
+def _write(project: Project, folder: Path, n_bounces: int) -> Steps:
     root = ElementTree.Element("scene", version=MITSUBA)
     # It counts the ends of a path as well.
     add(add(root, "integrator", type="path"), "integer", name="max_depth", value=str(n_bounces + 1))
@@ -53,7 +65,7 @@ def _write(project: Project, folder: Path, n_bounces: int, report: Report) -> li
     notes = _add_sky(root, project, folder)
     names = project.object_names
     for index, name in enumerate(names):
-        report(index / len(names), name)
+        yield index / len(names), name
         notes += _add_object(root, project, folder, index)
     ElementTree.indent(root)
     write_atomically(folder / "scene.xml", ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))

@@ -7,7 +7,7 @@ from collections.abc import Generator, Iterable, Mapping
 from pathlib import Path
 
 from app.brdf_files import export_steps
-from app.jobs.messages import MeasuredWritten, Progress, Response, WriteMeasured
+from app.jobs.messages import FilesWritten, Progress, Response, WriteFiles
 from engine.errors import InsituError
 from engine.measured.measurement import Measurement
 from engine.measured.tables import ArrayStore, is_known, read_measurement
@@ -50,9 +50,9 @@ def ensure_tables(
             raise InsituError(f"{file}: the file has changed since it was imported; import it again")
 
 
-def write_file(request: WriteMeasured, store: ArrayStore | None) -> Generator[Response | None, None, None]:
+def write_file(request: WriteFiles, store: ArrayStore | None) -> Generator[Response | None, None, None]:
     """Write a MERL file, whole or not at all. Raises InsituError."""
     yield from ensure_tables(request.measured, store)
     for fraction in export_steps(request.layers, Path(request.path)):
         yield Progress(STAGE, fraction, text=f"writing {Path(request.path).name}")
-    yield MeasuredWritten(request.path, left_out(request.layers))
+    yield FilesWritten(request.path, left_out(request.layers))

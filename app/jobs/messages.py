@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from app.document import LightState
+    from app.document import Document, LightState
     from engine.material.layer import Layer
     from engine.material.maps import Images, MapMeans
     from engine.measured.measurement import Measurement
@@ -59,12 +59,15 @@ class ReadMeasured(Request):
 
 
 @dataclass(frozen=True)
-class WriteMeasured(Request):
-    """Write what layers reflect as a MERL file; answered by `MeasuredWritten`. measured: see `ComputeTransport`."""
+class WriteFiles(Request):
+    """Write for other programs: what layers reflect as a MERL file; or, of a `document`, the scene that is open as a
+    folder for Mitsuba 3, by so many bounces. Answered by `FilesWritten`. measured: see `ComputeTransport`."""
 
     path: str
     layers: tuple[Layer, ...]
     measured: tuple[tuple[str, int], ...] = ()
+    document: Document | None = None
+    n_bounces: int = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,8 +206,8 @@ class MeasurementsRead(Response):
 
 
 @dataclass(frozen=True)
-class MeasuredWritten(Response):
-    """A MERL file is there; `notes` say what of the layers it does not hold."""
+class FilesWritten(Response):
+    """A file or a folder is there; `notes` say what it does not hold."""
 
     path: str
     notes: tuple[str, ...] = ()

@@ -23,7 +23,7 @@ from app.jobs.messages import (
     Request,
     Response,
     SampleMaps,
-    WriteMeasured,
+    WriteFiles,
     stamped,
 )
 from engine.errors import InsituError
@@ -32,17 +32,17 @@ _log = logging.getLogger("insitu.jobs")
 Steps = Iterator[Response | None]
 
 _CANCELS: dict[type[Request], tuple[type[Request], ...]] = {
-    Cancel: (OpenScene, ComputeTransport, Contract, Freeze, ReadMeasured, WriteMeasured),
-    OpenScene: (OpenScene, ComputeTransport, Contract, Freeze, ReadMeasured, WriteMeasured, SampleMaps),
+    Cancel: (OpenScene, ComputeTransport, Contract, Freeze, ReadMeasured, WriteFiles),
+    OpenScene: (OpenScene, ComputeTransport, Contract, Freeze, ReadMeasured, WriteFiles, SampleMaps),
     ComputeTransport: (ComputeTransport, Contract, Freeze),
     Contract: (Contract,),
     Freeze: (Freeze,),
     ReadMeasured: (ReadMeasured,),
-    WriteMeasured: (WriteMeasured,),
+    WriteFiles: (WriteFiles,),
     SampleMaps: (SampleMaps,),
 }
 # The first goes first.
-_QUICK: tuple[type[Request], ...] = (SampleMaps, Contract, Freeze, ReadMeasured, WriteMeasured)
+_QUICK: tuple[type[Request], ...] = (SampleMaps, Contract, Freeze, ReadMeasured, WriteFiles)
 
 
 class Handlers(Protocol):
@@ -56,7 +56,7 @@ class Handlers(Protocol):
 
     def handle(self, request: Request) -> Steps: ...
 
-    def quick(self, request: SampleMaps | Contract | Freeze | ReadMeasured | WriteMeasured) -> Steps: ...
+    def quick(self, request: SampleMaps | Contract | Freeze | ReadMeasured | WriteFiles) -> Steps: ...
 
 
 class _Job:

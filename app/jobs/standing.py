@@ -11,8 +11,8 @@ from app.jobs.messages import (
     ComputeTransport,
     Contract,
     Failed,
+    FilesWritten,
     Freeze,
-    MeasuredWritten,
     MeasurementsRead,
     OpenScene,
     ReadMeasured,
@@ -20,17 +20,17 @@ from app.jobs.messages import (
     Response,
     SampleMaps,
     SceneOpened,
-    WriteMeasured,
+    WriteFiles,
 )
 
 # Each kind, in the order in which a new worker needs them, and what is built on it.
 _BUILT_ON: dict[type[Request], tuple[type[Request], ...]] = {
-    OpenScene: (ComputeTransport, Contract, Freeze, ReadMeasured, WriteMeasured, SampleMaps),
+    OpenScene: (ComputeTransport, Contract, Freeze, ReadMeasured, WriteFiles, SampleMaps),
     ComputeTransport: (Contract, Freeze),
     Contract: (),
     Freeze: (),
     ReadMeasured: (),
-    WriteMeasured: (),
+    WriteFiles: (),
     SampleMaps: (),
 }
 
@@ -47,7 +47,7 @@ class Standing:
         if isinstance(request, Cancel):
             self._clear_from(ComputeTransport)
             self._clear_from(ReadMeasured)
-            self._clear_from(WriteMeasured)
+            self._clear_from(WriteFiles)
             self._fall_back()
         elif type(request) in _BUILT_ON:
             self._clear_from(type(request))
@@ -60,7 +60,7 @@ class Standing:
         """Note a current answer: a request that failed, or was answered once and for all, stands no longer."""
         if isinstance(response, SceneOpened):
             self._opened = self._requests[OpenScene]
-        elif isinstance(response, (Failed, MeasurementsRead, MeasuredWritten)):
+        elif isinstance(response, (Failed, MeasurementsRead, FilesWritten)):
             self.drop(response.id)
 
     def drop(self, id: int) -> None:

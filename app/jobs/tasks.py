@@ -40,7 +40,7 @@ from app.jobs.messages import (
     SceneOpened,
     SkyImage,
     StageDone,
-    WriteMeasured,
+    WriteFiles,
 )
 from app.measurements import document_with_read, layers_of_document, unread_files
 from app.sky import sky_of
@@ -95,7 +95,7 @@ class Tasks:
                 yield from self._compute(request)
 
     def quick(
-        self, request: SampleMaps | Contract | Freeze | ReadMeasured | WriteMeasured
+        self, request: SampleMaps | Contract | Freeze | ReadMeasured | WriteFiles
     ) -> Iterator[Response | None]:
         """One layer's picture, and its transport along one curve ("curve switching", [BenArtzi07, eq. 4.16]); or the
         indirect light, frozen for what is selected; or files of measured BRDFs, read or written; or images as the eye
@@ -104,8 +104,8 @@ class Tasks:
             found = yield from read_files({file: Path(file) for file in request.files}, self._cache)
             yield MeasurementsRead(found)
             return
-        if isinstance(request, WriteMeasured):
-            yield from write_file(request, self._cache)
+        if isinstance(request, WriteFiles):
+            yield from self._write(request)
             return
         if isinstance(request, SampleMaps):
             yield from self._sample_maps(request)
@@ -120,6 +120,16 @@ class Tasks:
         data = self._layers.get(request.key)
         if data is not None and data.takes(self._contracted[request.key]):
             yield from self._hold(data).answers(request.factor, request.precision, request.picture)
+
+    def _write(self, request: WriteFiles) -> Steps:
+        if request.document is None:
+            yield from write_file(request, self._cache)
+        elif self._placement is None:
+            raise InsituError("no scene is open")
+        else:
+            from app.jobs.export import write_scene
+
+            yield from write_scene(request, request.document, self._placement.scene, self._cache)
 
     def _sample_maps(self, request: SampleMaps) -> Steps:
         placement = self._placement

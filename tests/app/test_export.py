@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -12,11 +13,17 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from app.commands import SetParameter
+from app.editor import Editor
 from app.export.materials import LEAST_COSINE, grid, tabulated
 from app.export.mitsuba import export_scene
+from app.jobs.cache import Store
+from app.jobs.in_process import InProcessClient
+from app.jobs.tasks import Tasks
 from app.measure.peer import VARIABLE
 from app.project import open_project
 from app.stills import render_picture
+from app.view_state import SetView
 from engine.curve.operators import Operator
 from engine.errors import InsituError
 from engine.light.image_files import read_radiance_image
@@ -70,6 +77,7 @@ def test_what_mitsuba_has_not_becomes_a_table(tmp_path: Path) -> None:
         assert data["table"].shape[-1] == 3 and np.isfinite(data["table"]).all() and data["table"].min() >= 0.0
 
 
+<<<<<<< HEAD
 def test_images_count_by_their_means(tmp_path: Path) -> None:
     grey = np.full((4, 4, 3), (255, 128, 0), np.uint8)
     Image.fromarray(grey).save(tmp_path / "tint.png")
@@ -79,6 +87,28 @@ def test_images_count_by_their_means(tmp_path: Path) -> None:
     with np.load(tmp_path / "out" / root.findall("shape")[0].find("bsdf/string").get("value")) as data:  # type: ignore[union-attr,arg-type]
         expected = np.array([0.6, 0.5 * 128 / 255, 0.0]) / np.pi  # albedo times tint, the same for all directions
         np.testing.assert_allclose(data["table"][0, 0, 0, 0], expected, rtol=1e-3, atol=1e-6)
+=======
+def test_the_worker_writes_what_the_window_asks_for(tmp_path: Path) -> None:
+    client = InProcessClient(Tasks(Store(tmp_path / "cache")))
+    editor = Editor(client, str(write_small_scene(tmp_path)), resolution=(6, 4))
+    editor.do(SetView.of(n_lights=20))
+    _tick_until(editor, lambda: editor.scene_is_open)
+    editor.do(SetParameter("ground.clay", "albedo", 0.25))
+    editor.export_scene(tmp_path / "out")
+    _tick_until(editor, lambda: editor.status.message.startswith("written"))
+    root = ElementTree.parse(tmp_path / "out" / "scene.xml").getroot()
+    assert root.find("shape/bsdf/bsdf/rgb").get("value") == "0.25 0.25 0.25"  # type: ignore[union-attr]
+    assert (tmp_path / "out" / "render.py").is_file()
+    editor.close()
+
+
+def _tick_until(editor: Editor, done: Callable[[], bool]) -> None:
+    for now in range(100_000):
+        if done():
+            return
+        editor.tick(0.01 * now)
+    raise AssertionError(editor.status)
+>>>>>>> a223949 (Export for Mitsuba 3 from the window, in the worker)
 
 
 def test_a_folder_that_cannot_be_written_is_told_in_one_line(tmp_path: Path) -> None:

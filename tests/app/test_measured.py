@@ -15,14 +15,14 @@ from app.jobs.in_process import InProcessClient, run_in_process
 from app.jobs.messages import (
     ComputeTransport,
     Failed,
+    FilesWritten,
     LayerPicture,
-    MeasuredWritten,
     MeasurementsRead,
     OpenScene,
     Progress,
     ReadMeasured,
     SceneOpened,
-    WriteMeasured,
+    WriteFiles,
 )
 from app.jobs.tasks import Tasks
 from app.material_file import Material, dump_material, load_material, parse_material
@@ -162,11 +162,11 @@ def test_a_material_is_exported_by_the_worker(client: FakeClient, tmp_path: Path
     client.open_scene()
     editor.tick(0.0)
     assert editor.export_measured(tmp_path / "pot.binary") is None
-    (asked,) = client.sent(WriteMeasured)
+    (asked,) = client.sent(WriteFiles)
     assert asked.layers == editor.document.object("pot").layers
     answers = run_in_process(Tasks(Store(tmp_path / "cache")), asked)
     samples = merl_samples(read_merl(tmp_path / "pot.binary"), tmp_path / "pot.binary")
-    assert samples.max() > 0.2 and {type(answer) for answer in answers} == {Progress, MeasuredWritten}
+    assert samples.max() > 0.2 and {type(answer) for answer in answers} == {Progress, FilesWritten}
     client.answer(asked, answers[-1])
     editor.tick(0.1)
     assert editor.status.message == f"written {tmp_path / 'pot.binary'}" and not editor.status.is_error

@@ -104,6 +104,13 @@ class ExportMeasured:
 
 
 @dataclass(frozen=True)
+class ExportScene:
+    """Write the scene as a folder for Mitsuba 3."""
+
+    folder: Path
+
+
+@dataclass(frozen=True)
 class SaveSession:
     """Save the session to `path`, or where it was saved last; asks for a name the first time."""
 
@@ -179,7 +186,7 @@ class Quit:
 
 WindowAction = (
     BeginDrag | EndDrag | CancelDrag | Hold | Undo | Redo | Select | SetPanel | OpenFile | OpenImage | AskFile
-    | SaveSession | ImportMeasured | ExportMeasured | Screenshot | SaveMaterial | DeleteMaterial | Copy | Paste
-    | Recover | ShowPanel | ResetLayout | CancelWork | Quit
+    | SaveSession | ImportMeasured | ExportMeasured | ExportScene | Screenshot | SaveMaterial | DeleteMaterial | Copy
+    | Paste | Recover | ShowPanel | ResetLayout | CancelWork | Quit
 )  # fmt: skip
 Action = EditCommand | SetView | OpenPanel | WindowAction

@@ -15,7 +15,16 @@ from app.map_commands import IMAGE_SUFFIXES
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 from ui import theme as look
 from ui.panels import widgets
-from ui.panels.actions import Action, ExportMeasured, ImportMeasured, OpenFile, OpenImage, SaveSession, SetPanel
+from ui.panels.actions import (
+    Action,
+    ExportMeasured,
+    ExportScene,
+    ImportMeasured,
+    OpenFile,
+    OpenImage,
+    SaveSession,
+    SetPanel,
+)
 from ui.panels.context import PanelContext
 from ui.panels.state import FileQuestion
 
@@ -27,6 +36,7 @@ TITLES = {
     "open_weight": "Open a weight map",
     "save_session": "Save the session",
     "save_measured": "Export the selected object's material as a MERL file",
+    "save_scene": "Export the scene for Mitsuba 3: name a folder",
 }
 ENDINGS = {
     "open_scene": (".toml", ".insitu"),
@@ -36,6 +46,7 @@ ENDINGS = {
     "open_weight": IMAGE_SUFFIXES,
     "save_session": (".insitu",),
     "save_measured": (".binary",),
+    "save_scene": ("",),
 }
 MOST_ENTRIES = 2000
 WIDTH, HEIGHT = 560.0, 420.0
@@ -142,7 +153,8 @@ def answer(question: FileQuestion, path: Path) -> list[Action]:
     if purpose.startswith("save") and not path.suffix:
         path = path.with_suffix(ENDINGS[purpose][0])
     actions: dict[str, Action] = {
-        "open_measured": ImportMeasured(path), "save_measured": ExportMeasured(path), "save_session": SaveSession(path)
+        "open_measured": ImportMeasured(path), "save_measured": ExportMeasured(path), "save_session": SaveSession(path),
+        "save_scene": ExportScene(path),
     }  # fmt: skip
     return [actions.get(purpose, OpenFile(str(path))), SetPanel({"question": None})]
 

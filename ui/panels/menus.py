@@ -65,6 +65,9 @@ def _file(context: PanelContext) -> list[Action]:
     if imgui.menu_item_simple("Export as measured BRDF…", None, False, selected):
         actions.append(AskFile("save_measured"))
     widgets.tooltip("Write the selected object's material, edits and all, as a table of angles (MERL .binary).")
+    if imgui.menu_item_simple("Export for Mitsuba 3…", None, False, bool(context.document.objects)):
+        actions.append(AskFile("save_scene"))
+    widgets.tooltip("Write the scene as it is now into a folder, with a program that renders the final frame from it.")
     imgui.separator()
     actions += _entry(context, "Save session", "save")
     actions += _entry(context, "Save session as…", "save_as")
