@@ -77,7 +77,6 @@ def test_what_mitsuba_has_not_becomes_a_table(tmp_path: Path) -> None:
         assert data["table"].shape[-1] == 3 and np.isfinite(data["table"]).all() and data["table"].min() >= 0.0
 
 
-<<<<<<< HEAD
 def test_images_count_by_their_means(tmp_path: Path) -> None:
     grey = np.full((4, 4, 3), (255, 128, 0), np.uint8)
     Image.fromarray(grey).save(tmp_path / "tint.png")
@@ -87,7 +86,8 @@ def test_images_count_by_their_means(tmp_path: Path) -> None:
     with np.load(tmp_path / "out" / root.findall("shape")[0].find("bsdf/string").get("value")) as data:  # type: ignore[union-attr,arg-type]
         expected = np.array([0.6, 0.5 * 128 / 255, 0.0]) / np.pi  # albedo times tint, the same for all directions
         np.testing.assert_allclose(data["table"][0, 0, 0, 0], expected, rtol=1e-3, atol=1e-6)
-=======
+
+
 def test_the_worker_writes_what_the_window_asks_for(tmp_path: Path) -> None:
     client = InProcessClient(Tasks(Store(tmp_path / "cache")))
     editor = Editor(client, str(write_small_scene(tmp_path)), resolution=(6, 4))
@@ -108,7 +108,6 @@ def _tick_until(editor: Editor, done: Callable[[], bool]) -> None:
             return
         editor.tick(0.01 * now)
     raise AssertionError(editor.status)
->>>>>>> a223949 (Export for Mitsuba 3 from the window, in the worker)
 
 
 def test_a_folder_that_cannot_be_written_is_told_in_one_line(tmp_path: Path) -> None:

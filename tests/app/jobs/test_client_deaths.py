@@ -1,6 +1,7 @@
 """Every way in which a worker or a window can die, and what the client makes of it."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -142,7 +143,8 @@ def test_request_that_kills_the_worker_again_and_again_is_given_up(client: Clien
     (failed,) = of(Failed, answers)
     assert isinstance(failed, Failed)
     assert (failed.id, failed.revision) == (deadly, 8)
-    assert failed.line == "the worker failed 3 times in succession (it was ended by SIGKILL); not tried again"
+    how = r"\(it (was ended by SIGKILL|closed its connection)\)"  # as fast as the system takes the process down
+    assert re.fullmatch(f"the worker failed 3 times in succession {how}; not tried again", failed.line)
     collect(client, seen(SceneOpened))  # the scene stands, and a worker has it
     assert client.alive
     client.send(compute("pictures 1"))
