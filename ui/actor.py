@@ -16,7 +16,7 @@ from app.editor import Editor
 from app.journal import Recovery
 from app.library import Library
 from app.light_commands import SetEnvironment
-from app.map_commands import SetMap, image_name
+from app.map_commands import IMAGE_SUFFIXES, SetMap, image_name
 from app.material_file import MAX_MATERIAL_BYTES, dump_material, parse_material
 from app.pasting import pasted
 from app.probe_file import likely_mapping
@@ -155,9 +155,15 @@ class Actor:
             case _:
                 editor.do(cast(EditCommand | ViewCommand, action))
 
-    def drop(self, paths: Sequence[str]) -> None:
-        """Open the file that was dropped on the window; several at once are refused, for one would hide the other."""
-        if len(paths) == 1:
+    def drop(self, paths: Sequence[str], image: str | None = None) -> None:
+        """Open the file that was dropped on the window; several at once are refused, for one would hide the other.
+
+        image: "texture" or "weight" where it was dropped on that of the selected layer.
+        """
+        selected = self._editor.view.selected
+        if len(paths) == 1 and image and selected and Path(paths[0]).suffix.lower() in IMAGE_SUFFIXES:
+            self._open_image(Path(paths[0]), selected.key, image)
+        elif len(paths) == 1:
             self.open(paths[0])
         elif paths:
             wanted = "one scene, session, environment or texture"

@@ -304,10 +304,16 @@ class Window:
 
     def _on_move(self, handle: Any, x: float, y: float) -> None:
         """Positions come in screen units; the shell works in framebuffer pixels."""
-        window, pixels = glfw.get_window_size(handle), glfw.get_framebuffer_size(handle)
-        if window[0] > 0 and window[1] > 0:
+        if (place := self._pixel(handle, x, y)) is not None:
             self.shell.note_input()
-            self.shell.io.add_mouse_pos_event(x * pixels[0] / window[0], y * pixels[1] / window[1])
+            self.shell.io.add_mouse_pos_event(*place)
+
+    def _pixel(self, handle: Any, x: float, y: float) -> tuple[float, float] | None:
+        """A place in screen units in framebuffer pixels; None while the window has no size."""
+        window, pixels = glfw.get_window_size(handle), glfw.get_framebuffer_size(handle)
+        if window[0] <= 0 or window[1] <= 0:
+            return None
+        return x * pixels[0] / window[0], y * pixels[1] / window[1]
 
     def _on_button(self, handle: Any, button: int, action: int, modifiers: int) -> None:
         if button < 3:
@@ -329,7 +335,8 @@ class Window:
 
     def _on_drop(self, handle: Any, paths: list[str]) -> None:
         self.shell.note_input()
-        self.shell.actor.drop(paths)
+        place = self._pixel(handle, *glfw.get_cursor_pos(handle))
+        self.shell.actor.drop(paths, None if place is None else self.shell.image_at(*place))
 
     def _on_focus(self, handle: Any, focused: int) -> None:
         self.shell.note_change()

@@ -111,6 +111,19 @@ def test_dropped_pictures_are_textures_of_what_is_selected(window: HeadlessWindo
     assert maps_of(window).is_plain and "select the layer" in editor.status.message
 
 
+def test_what_is_dropped_on_a_row_is_that_image(window: HeadlessWindow, tmp_path: Path) -> None:
+    shell = window.shell
+    shell.editor.select("teapot.0")
+    window.frames(3)
+    x, y = shell.handle_position("material.weight")
+    assert shell.image_at(x - 60.0, y + 8.0) == "weight"
+    assert shell.image_at(*shell.handle_position("material.texture")) == "texture"
+    assert shell.image_at(20.0, 20.0) is None
+    (tmp_path / "mask.exr").touch()
+    shell.actor.drop([str(tmp_path / "mask.exr")], "weight")  # anywhere else it would be a sky
+    assert maps_of(window).weight == str(tmp_path / "mask.exr")
+
+
 def test_the_browser_answers_for_the_layer_it_was_asked_for(tmp_path: Path) -> None:
     question = FileQuestion("open_weight", tmp_path, key="tray.0")
     assert answer(question, tmp_path / "a.png")[0] == OpenImage(tmp_path / "a.png", "tray.0", "weight")

@@ -18,9 +18,9 @@ from ui.theme import Icon
 LABELS = {"texture": "Texture", "weight": "Weight map"}
 HINTS = {
     "texture": "An image whose colours multiply the layer: PNG, JPEG or OpenEXR, laid out by the mesh's texture "
-    "coordinates. A PNG or JPEG may also be dropped on the window.",
+    "coordinates. Files may be dropped on this row, a PNG or JPEG anywhere.",
     "weight": "A grey image that says how much of the layer there is: white all of it, black none. Two layers with one "
-    "map, in one of them inverted, are blended by it.",
+    "map, in one of them inverted, are blended by it. Files may be dropped on this row.",
 }
 SPACE_CHOICES = (
     ("Auto", "Auto: as files of this kind usually are, sRGB with 8 bits a channel, else linear."),
