@@ -263,6 +263,7 @@ def export_brdf(
 ) -> int:
     """Write an object's material, all its layers and edits: as a table of 90 x 90 x 180 angles, or as it is."""
     from app.brdf_files import check_merl_name, export_steps
+    from app.map_commands import with_full_names
     from app.material_file import SUFFIX, Material, save_material
     from engine.measured.tabulate import left_out
 
@@ -270,9 +271,10 @@ def export_brdf(
     if not as_it_is:
         check_merl_name(output)
     started = time.monotonic()
-    layers = open_project(scene, (1, 1), _assignments(set_)).document.object(object_).layers
+    document = open_project(scene, (1, 1), _assignments(set_)).document
+    layers = document.object(object_).layers
     if as_it_is:
-        save_material(output, Material(object_, layers))
+        save_material(output, Material(object_, with_full_names(layers, document.source)))
         print(f"{output}: {object_}, {len(layers)} layers")
         return 0
     with _progress() as report:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from app.document import Document
+from app.linked_layers import Layers
 from engine.errors import InsituError
 from engine.material.maps import set_map_field
 from engine.scene.builtin import builtin_scenes
@@ -39,6 +41,33 @@ def image_name(path: Path, source: str) -> str:
     folder = scene_folder(source)
     full = path.resolve()
     return full.relative_to(folder).as_posix() if full.is_relative_to(folder) else str(full)
+
+
+def with_full_names(layers: Layers, source: str) -> Layers:
+    """The layers with their images named in full, to be taken to another scene or into the library."""
+    return _renamed(layers, lambda name: str((scene_folder(source) / name).resolve()))
+
+
+def with_scene_names(layers: Layers, source: str) -> Layers:
+    """The layers with their images named as documents of the scene `source` call them."""
+    return _renamed(layers, lambda name: image_name(scene_folder(source) / name, source))
+
+
+def _renamed(layers: Layers, new_name: Callable[[str], str]) -> Layers:
+    """Every file under a new name; of a picture in a GLB file its number stays."""
+
+    def renamed(name: str) -> str:
+        file, mark, number = name.rpartition("#")
+        in_glb = mark and file.lower().endswith(".glb")
+        return f"{new_name(file)}#{number}" if in_glb else new_name(name) if name else ""
+
+    return tuple(
+        layer if layer.maps.is_plain
+        else layer.replace(maps=replace(
+            layer.maps, texture=renamed(layer.maps.texture), weight=renamed(layer.maps.weight)
+        ))
+        for layer in layers
+    )  # fmt: skip
 
 
 def scene_folder(source: str) -> Path:

@@ -9,6 +9,7 @@ import numpy as np
 
 from app.document import Document, ObjectState, split_key
 from app.linked_layers import Layers, group_of, without_fresnel
+from app.map_commands import with_scene_names
 from engine.curve.operators import Edit, collapse
 from engine.errors import InsituError
 from engine.material import MODELS
@@ -33,7 +34,8 @@ class SetMaterial:
         state = _editable_object(document, self.object)
         if not self.layers:
             raise InsituError(f"{self.name} has no layers; an object has one at least")
-        return document.with_object(replace(state, layers=tuple(layer.replace(frozen=False) for layer in self.layers)))
+        layers = tuple(layer.replace(frozen=False) for layer in self.layers)
+        return document.with_object(replace(state, layers=with_scene_names(layers, document.source)))
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,8 @@ class AddLayers:
         state = _editable_object(document, self.object)
         if len(state.layers) + len(self.layers) > MAX_LAYERS:
             raise InsituError(f"{self.object} has {len(state.layers)} layers; it can have {MAX_LAYERS}")
-        return document.with_object(replace(state, layers=(*state.layers, *_renamed(self.layers, state.layers))))
+        added = with_scene_names(_renamed(self.layers, state.layers), document.source)
+        return document.with_object(replace(state, layers=(*state.layers, *added)))
 
 
 @dataclass(frozen=True)

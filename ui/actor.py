@@ -16,7 +16,7 @@ from app.editor import Editor
 from app.journal import Recovery
 from app.library import Library
 from app.light_commands import SetEnvironment
-from app.map_commands import IMAGE_SUFFIXES, SetMap, image_name
+from app.map_commands import IMAGE_SUFFIXES, SetMap, image_name, with_full_names
 from app.material_file import MAX_MATERIAL_BYTES, dump_material, parse_material
 from app.pasting import pasted
 from app.probe_file import likely_mapping
@@ -148,7 +148,8 @@ class Actor:
             case SaveMaterial() | DeleteMaterial():
                 self._change_library(action)
             case Copy():
-                self._clipboard.put(dump_material(action.material))
+                layers = with_full_names(action.material.layers, editor.document.source)
+                self._clipboard.put(dump_material(replace(action.material, layers=layers)))
                 editor.notify(f"copied {action.what}")
             case Paste():
                 self._paste(action.as_layers)
@@ -230,7 +231,9 @@ class Actor:
             if isinstance(action, DeleteMaterial):
                 self.library.delete(action.path)
             else:
-                entry = self.library.save(action.name, self._editor.document.object(action.object).layers)
+                document = self._editor.document
+                layers = with_full_names(document.object(action.object).layers, document.source)
+                entry = self.library.save(action.name, layers)
                 self._editor.notify(f"kept {entry.name} in the library")
         except InsituError as error:
             self._editor.notify(str(error), True)

@@ -1,12 +1,14 @@
 """Textures and weight maps in documents: edits by path, sessions, layers that share."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from app.commands import SetFresnelTerm
 from app.document import Document
-from app.map_commands import SetMap, image_name, scene_folder
+from app.map_commands import SetMap, image_name, scene_folder, with_full_names
+from app.material_commands import AddLayers, SetMaterial
 from app.session import load_session, save_session
 from app.set_path import set_path
 from app.view_state import ViewState
@@ -60,3 +62,15 @@ def test_files_in_the_scenes_folder_are_named_from_there(tmp_path: Path) -> None
     assert image_name(scene.parent / "maps" / "a.png", str(scene)) == "maps/a.png"
     assert image_name(tmp_path / "b.png", str(scene)) == str((tmp_path / "b.png").resolve())
     assert scene_folder("teatray").name == "teatray"
+
+
+def test_a_material_that_is_taken_elsewhere_finds_its_images(mapped: Document, tmp_path: Path) -> None:
+    home, away = (replace(mapped, source=str(tmp_path / name / "scene.toml")) for name in ("home", "away"))
+    glb = mapped.layer("pot.0").replace(maps=LayerMaps("cups/cup.glb#2"))
+    taken = with_full_names((glb, mapped.layer("pot.1")), home.source)
+    folder = (tmp_path / "home").resolve()
+    assert [layer.maps.texture for layer in taken] == [f"{folder}/cups/cup.glb#2", f"{folder}/wood/oak.png"]
+    there = SetMaterial("pot", taken).apply(away)
+    assert [layer.maps for layer in there.object("pot").layers] == [layer.maps for layer in taken]
+    back = AddLayers("floor", taken).apply(home)  # where they come from they have the scene's names again
+    assert [layer.maps for layer in back.object("floor").layers[-2:]] == [glb.maps, MAPS]
