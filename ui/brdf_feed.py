@@ -31,6 +31,8 @@ from ui.surface_lobe import SurfacePoint, surface_lobe
 
 # Of the time while a hand edits, what parts may take.
 EDITING_SHARE = 0.25
+# The sphere is drawn in so many rows at a time as take about that long.
+ROWS_SECONDS, LEAST_ROWS = 0.012, 16
 
 Layers = tuple[Layer, ...]
 SurfaceAt = Callable[[int, int], SurfacePoint | None]
@@ -52,6 +54,8 @@ class BrdfFeed:
         self._n_made = 0
         self._rests_until = -math.inf
         self._surface_at: SurfaceAt = nowhere
+        self._begun_for: tuple[object, ...] = ()
+        self._rows = LEAST_ROWS
 
     def draw(self, editor: Editor, surface_at: SurfaceAt, hand_is_busy: bool, now: float) -> bool:
         """Make the part that is due, where there is time; whether another frame would show more.
@@ -75,7 +79,9 @@ class BrdfFeed:
         self._context.finish()
         self._rests_until = now + (time.perf_counter() - started) * (1.0 / EDITING_SHARE - 1.0)
         self._n_made += 1
-        self._made_at[part], self._answered[part] = self._n_made, self._question(part, layers, editor.view)
+        question = self._question(part, layers, editor.view)
+        self._made_at[part] = self._n_made
+        self._answered[part] = self._begun_for if part == "sphere" and not self._board.problem else question
         return self._due(layers, editor) is not None
 
     def close(self) -> None:
@@ -131,15 +137,23 @@ class BrdfFeed:
                 board.surface = None if point is None else surface_lobe(self._stack, point, view.lobe_log)
 
     def _step_sphere(self, view: ViewState) -> None:
-        side = self._board.sphere_side
+        """Some rows of the sphere. A step that is under way is ended, be it with other curves, so that one is shown."""
+        side, question = self._board.sphere_side, self._question("sphere", self._stack.layers, view)
         if self._sphere is None or self._sphere.side != side:
             if self._sphere is not None:
                 self._sphere.release()
-            self._sphere = LitSphere(self._passes, self._memory, side)
-        elif self._answered.get("sphere") != self._question("sphere", self._stack.layers, view):
+            self._sphere, self._begun_for = LitSphere(self._passes, self._memory, side), question
+            self._board.sphere = None
+        elif self._begun_for != question and not self._sphere.is_within_step:
             self._sphere.restart()
-        self._sphere.step(self._stack, view.tone_mapping)
-        self._board.sphere = self._picture(self._sphere.texture)
+            self._begun_for = question
+        started, rows = time.perf_counter(), min(self._rows, side)
+        self._sphere.step(self._stack, view.tone_mapping, rows)
+        self._context.finish()
+        ratio = ROWS_SECONDS / max(time.perf_counter() - started, 1e-6)
+        self._rows = max(int(rows * min(max(ratio, 0.25), 4.0)), LEAST_ROWS)
+        if self._sphere.steps:
+            self._board.sphere = self._picture(self._sphere.texture)
 
 
 def nowhere(column: int, row: int) -> SurfacePoint | None:

@@ -32,25 +32,36 @@ class LitSphere:
         self._sum_target = memory.framebuffer([self._sum])
         self.texture = memory.texture((side, side), 4, "f1")
         self._target = memory.framebuffer([self.texture])
-        self.n_steps, self.steps = n_steps, 0
+        self.n_steps, self.steps, self._row = n_steps, 0, 0
 
     @property
     def finished(self) -> bool:
         """Whether it is as smooth as it gets."""
         return self.steps >= self.n_steps
 
+    @property
+    def is_within_step(self) -> bool:
+        """Whether a part of the present step has been drawn."""
+        return self._row > 0
+
     def restart(self) -> None:
         """The material is another: the next step begins anew."""
-        self.steps = 0
+        self.steps = self._row = 0
 
-    def step(self, stack: BrdfStack, tone_mapping: ToneMapping = "filmic") -> bool:
-        """Draw one step more, and the picture so far; whether there are more. Raises GraphicsError, Untranslatable."""
-        box = (0, 0, self.side, self.side)
+    def step(self, stack: BrdfStack, tone_mapping: ToneMapping = "filmic", rows: int | None = None) -> bool:
+        """Draw one step more, or so many rows of it, and after it the picture so far; whether there are more.
+
+        Raises GraphicsError, Untranslatable.
+        """
         if not self.finished:
+            rows = min(self.side - self._row, self.side if rows is None else rows)
             turn = tuple(float(value) for value in (0.5 + self.steps * TURNS) % 1.0)
-            stack.draw("sphere.frag.glsl", self._sum_target, box, add=self.steps > 0, side=float(self.side), turn=turn)
-            self.steps += 1
-        self.show(tone_mapping)
+            box, add = (0, self._row, self.side, rows), self.steps > 0
+            stack.draw("sphere.frag.glsl", self._sum_target, box, add=add, side=float(self.side), turn=turn)
+            self._row = (self._row + rows) % self.side
+            self.steps += self._row == 0
+        if not self.is_within_step:
+            self.show(tone_mapping)
         return not self.finished
 
     def show(self, tone_mapping: ToneMapping) -> None:

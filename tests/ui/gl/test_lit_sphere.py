@@ -87,6 +87,22 @@ def test_shows_what_a_plain_sum_finds(passes: Passes, name: str, parameters: dic
     assert found.mean() == pytest.approx(expected.mean(), rel=0.02)
 
 
+def test_rows_at_a_time_make_the_same_picture(passes: Passes) -> None:
+    memory = TextureMemory(passes.context)
+    stack = BrdfStack(passes, memory)
+    stack.set_layers((make_layer(MODELS["ward"]),))
+    whole, parts = (LitSphere(passes, memory, SIDE, n_steps=2) for _ in range(2))
+    while whole.step(stack):
+        pass
+    within = []
+    while parts.step(stack, rows=9):
+        within.append(parts.is_within_step)
+    assert within == [True, True, False, True, True]  # 9, 18 and 24 of 24 rows, twice
+    assert whole.texture.read() == parts.texture.read()
+    for thing in (whole, parts, stack):
+        thing.release()
+
+
 def test_layers_are_added(passes: Passes) -> None:
     base, coat = make_layer(MODELS["lambert"]), make_layer(MODELS["ward"])
     both = drawn(passes, base, coat)
