@@ -91,6 +91,10 @@ class Model(ABC):
         """What the compiled rho_q and angles of this model need, (8,)."""
         return np.zeros(kinds.N_QUOTIENT_PARAMETERS)
 
+    def samples(self, factor_name: str, params: Parameters) -> tuple[Array, Array] | None:
+        """What a curve was fitted to, where it is worth seeing beside it: angles (N,) and values (N, 3)."""
+        return None
+
     def bound(self, q: Array) -> Array:
         """Quotient parameters as kernels of this process take them: addresses in place of what names a table."""
         return q

@@ -85,29 +85,30 @@ def _cell(address: int, at: int, next_d: int, next_phi: int, v: float, w: float)
 
 
 @njit(**_compile)
-def _quotient_of(
+def _part_of(
     table: int, curves: int, channel: int, part: int, at: int, next_h: int, next_d: int, next_phi: int, u: float,
     v: float, w: float, slant_i: float, slant_o: float, at_d: float, at_h: float,
-) -> float:  # fmt: skip
-    """What of the sample between eight belongs to a part, divided by the part's factors; one colour."""
+) -> tuple[float, float]:  # fmt: skip
+    """What of the sample between eight belongs to a part, and the product of the part's factors; one colour."""
     at += channel
     value = _cell(table, at, next_d, next_phi, v, w)
     value += u * (_cell(table, at + next_h, next_d, next_phi, v, w) - value)
     if part == WHOLE:
         cloth = _float(curves, 6 + channel) * _between(curves, Q, at_h, channel)  # type: ignore[call-arg]
-        return value / (cloth * _between(curves, P, slant_i, channel) * _between(curves, P, slant_o, channel))
+        return value, cloth * _between(curves, P, slant_i, channel) * _between(curves, P, slant_o, channel)
     matt = _float(curves, channel)  # type: ignore[call-arg]
     matt *= _between(curves, THETA_I, slant_i, channel) * _between(curves, THETA_O, slant_o, channel)
     if part == DIFFUSE:
-        return min(value / matt, 1.0)
+        return min(value, matt), matt
     shine = _float(curves, 3 + channel)  # type: ignore[call-arg]
     shine *= _between(curves, THETA_D, at_d, channel) * _between(curves, THETA_H, at_h, channel)
-    return max(value - matt, 0.0) / shine
+    return max(value - matt, 0.0), shine
 
 
 def quotient(q: Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) -> float:
-    """rho_q cos_i of a measured layer, of the colour q[CHANNEL] or the mean of all; 1 where nothing was read.
+    """rho_q cos_i of a measured layer, of the colour q[CHANNEL] or the MEAN of all; 1 where nothing was read.
 
+    The mean is weighted by what each colour reflects: a colour that hardly does has a quotient that means little.
     Where EACH is asked for the three are left in q as well, which is then the caller's alone.
     """
     table, curves, each = int(q[TABLE]), int(q[CURVES]), q[CHANNEL] == EACH
@@ -128,13 +129,14 @@ def quotient(q: Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz
     slant_o = math.acos(min(oz, 1.0)) * PER_RADIAN
     part, channel = int(q[PART]), int(q[CHANNEL])
     first, end = (0, 3) if channel >= MEAN else (channel, channel + 1)
-    total = 0.0
+    parts, products = 0.0, 0.0
     for colour in range(first, end):
-        found = iz * _quotient_of(
+        value, product = _part_of(
             table, curves, colour, part, at, 3 * N_D * N_PHI, 3 * N_PHI, next_phi, a - i, b - j, w, slant_i,
             slant_o, at_d, at_h,
         )  # fmt: skip
-        total += found
+        parts += value
+        products += product
         if each:
-            q[COLOURS + colour] = found
-    return total / (end - first)
+            q[COLOURS + colour] = iz * value / product
+    return iz * parts / products

@@ -1,8 +1,8 @@
 """What a measurement does not say: samples below the horizon, and gaps.
 
 Gaps are filled around phi_d, where reflection changes slowest, by a straight line between the nearest samples there
-are; rows without any, and what lies below the horizon, take the nearest sample of the grid. Below the horizon nothing
-is ever seen, but interpolation beside it looks there.
+are; rows without any, and what lies below the horizon, take the last sample before them as theta_d grows, which is the
+one just above the horizon. Below it nothing is ever seen, but interpolation beside it looks there.
 """
 
 from __future__ import annotations
@@ -37,12 +37,23 @@ def fill_samples(samples: NDArray[np.float32]) -> Filled | None:
     table = np.ascontiguousarray(samples, np.float32).copy()
     known = measured.copy()
     _fill_around(table, known, above)
-    if not known.all():
-        from scipy.ndimage import distance_transform_edt
-
-        nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
-        table = np.ascontiguousarray(table[tuple(nearest)])
+    for axis in (1, 0, 2):
+        if not known.all():
+            table, known = _carried_on(table, known, axis)
     return Filled(table, measured & above, n_missing, n_below)
+
+
+def _carried_on(
+    table: NDArray[np.float32], known: NDArray[np.bool_], axis: int
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """What is not known takes the last known sample along an axis, or the first where there is none before."""
+    n = table.shape[axis]
+    places = np.arange(n).reshape([-1 if a == axis else 1 for a in range(3)])
+    before = np.maximum.accumulate(np.where(known, places, -1), axis=axis)
+    after = np.flip(np.minimum.accumulate(np.flip(np.where(known, places, n), axis), axis=axis), axis)
+    source = np.where(before >= 0, before, np.where(after < n, after, places))
+    carried = np.take_along_axis(table, source[..., None], axis=axis)
+    return np.ascontiguousarray(carried), np.asarray(np.take_along_axis(known, source, axis=axis))
 
 
 def _fill_around(table: NDArray[np.float32], known: NDArray[np.bool_], above: NDArray[np.bool_]) -> None:

@@ -10,7 +10,8 @@ import numpy as np
 from engine.material import kinds
 from engine.material.model import Array, Model, Parameters, channels, number
 from engine.material.parameters import Parameter
-from engine.measured.measurement import NOTHING, Measurement, Part
+from engine.measured.coordinates import node_angles
+from engine.measured.measurement import NOTHING, OVER_HALF, Measurement, Part
 
 PARTS: dict[Part, int] = {"diffuse": kinds.DIFFUSE, "specular": kinds.SPECULAR, "whole": kinds.WHOLE}
 
@@ -39,6 +40,13 @@ class MeasuredModel(Model):
     def generate(self, factor_name: str, params: Parameters, gamma: Array) -> Array:
         name = self.factor(factor_name).name
         return measurement_of(params).curve(self.curve_of.get(name, name), gamma, number(params, "smoothing"))
+
+    def samples(self, factor_name: str, params: Parameters) -> tuple[Array, Array] | None:
+        measurement = measurement_of(params)
+        if not measurement.is_read or number(params, "smoothing") == 0.0:
+            return None
+        name = self.curve_of.get(factor_name, factor_name)
+        return node_angles(name in OVER_HALF), measurement.nodes(name)
 
     def scale(self, params: Parameters) -> Array:
         return channels(params, "scale") * getattr(measurement_of(params), self.part)
@@ -95,7 +103,7 @@ def parameters(*curves: str) -> tuple[Parameter, ...]:
             "scalar",
             0.0,
             "Smoothing",
-            "Takes noise out of the curves, which edits would show; unedited the picture stays as measured.",
+            "Takes noise out of the curves, dots being what was found; unedited the picture stays as measured.",
             (*curves, "quotient"),  # type: ignore[arg-type]
         ),
         Parameter(

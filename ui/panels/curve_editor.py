@@ -159,6 +159,10 @@ def _draw_curves(context: PanelContext, curves: Curves, frame: plot.Frame, hand:
     if curves.editable:
         plot.draw_regions(context, frame, hand, held, hot)
     draw_list.push_clip_rect(frame.corner, frame.end, True)
+    layer = curves.layer
+    samples = layer.model.samples(layer.model.leader(curves.factor), layer.values)
+    if samples is not None:
+        plot.draw_samples(frame, *samples, context.theme.scale)
     if curves.operators:
         plot.draw_generated(frame, gamma, curves.generated(gamma), context.theme.scale)
     plot.draw_curve(frame, gamma, edited(gamma), context.view.channels, context.theme.scale)

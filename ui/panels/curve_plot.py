@@ -121,6 +121,15 @@ def draw_generated(frame: Frame, gamma: np.ndarray, values: np.ndarray, scale: f
         _dashed(imgui.get_window_draw_list(), points, look.pack(look.with_alpha(look.TEXT, 0.55)), 1.0 * scale, scale)
 
 
+def draw_samples(frame: Frame, gamma: np.ndarray, values: np.ndarray, scale: float) -> None:
+    """What a curve was fitted to, as dots, of each channel that differs."""
+    draw, shown = imgui.get_window_draw_list(), distinct_channels(values)
+    for channel in shown:
+        ink = look.TEXT if len(shown) == 1 else look.CHANNELS[channel]
+        for place in _points(frame, gamma, values[:, channel]):
+            draw.add_circle_filled(ImVec2(*place), 1.6 * scale, look.pack(look.with_alpha(ink, 0.6)))
+
+
 def draw_curve(frame: Frame, gamma: np.ndarray, values: np.ndarray, channels: tuple[bool, ...], scale: float) -> None:
     """The edited curve: one white line where the channels agree, else three coloured ones, those not edited dimmed."""
     draw = imgui.get_window_draw_list()
