@@ -127,7 +127,7 @@ def draw_samples(frame: Frame, gamma: np.ndarray, values: np.ndarray, scale: flo
     for channel in shown:
         ink = look.TEXT if len(shown) == 1 else look.CHANNELS[channel]
         for place in _points(frame, gamma, values[:, channel]):
-            draw.add_circle_filled(ImVec2(*place), 1.6 * scale, look.pack(look.with_alpha(ink, 0.6)))
+            draw.add_circle_filled(ImVec2(*place), 2.0 * scale, look.pack(look.with_alpha(ink, 0.7)))
 
 
 def draw_curve(frame: Frame, gamma: np.ndarray, values: np.ndarray, channels: tuple[bool, ...], scale: float) -> None:
