@@ -353,6 +353,11 @@ class Editor:
         """What is known and shown of textures and weight maps."""
         return self._maps
 
+    def reload_images(self, key: str) -> None:
+        """Read the images of a layer again, where they have been painted on in another program."""
+        self._maps.reload(key, self.document.layer(key).maps)
+        self._gauges.picture_changed()
+
     @property
     def awaits_curve(self) -> bool:
         """Whether a curve's transport, a layer's picture or frozen light is to come at any moment."""

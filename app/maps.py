@@ -58,6 +58,13 @@ class MapTalk:
         """The document changed: until the next update it is not known whether anything is missing."""
         self._document = None
 
+    def reload(self, key: str, maps: LayerMaps) -> None:
+        """Sample a layer's images again: their files were written meanwhile. The old ones are shown until then."""
+        surface = (_object(key), maps.images)
+        self._known.pop(surface, None)
+        self._refused.pop(surface, None)
+        self.edited()
+
     def took(self, response: MapsSampled) -> None:
         """Images were sampled."""
         surface = (_object(response.key), response.images)

@@ -44,6 +44,7 @@ from ui.panels.actions import (
     Quit,
     Recover,
     Redo,
+    ReloadImages,
     ResetLayout,
     SaveMaterial,
     SaveSession,
@@ -143,6 +144,8 @@ class Actor:
                 editor.export_scene(action.folder)
             case OpenImage():
                 self._open_image(action.path, action.key, action.name)
+            case ReloadImages():
+                editor.reload_images(action.key)
             case CancelWork():
                 editor.cancel_work()
             case SaveMaterial() | DeleteMaterial():

@@ -17,15 +17,17 @@ from engine.texture.images import MAX_IMAGE_BYTES, read_texture, read_weight
 from engine.texture.pyramid import Pyramid, make_pyramid
 
 MOST_BYTES = 1 << 30
+Stamp = tuple[int, int] | None
 
 
 class TextureStore:
-    """Pyramids by name, the ones used last up to a gibibyte. Safe to use from several threads."""
+    """Pyramids by name, the ones used last up to a gibibyte; a file that has been written since is read again. Safe to
+    use from several threads."""
 
     def __init__(self, scene_file: Path) -> None:
         """scene_file: errors name it, and names are relative to its folder."""
         self._scene_file = scene_file
-        self._kept: OrderedDict[tuple[str, str, Space], Pyramid] = OrderedDict()
+        self._kept: OrderedDict[tuple[str, str, Space], tuple[Stamp, Pyramid]] = OrderedDict()
         self._lock = Lock()
 
     def texture(self, images: Images) -> Pyramid | None:
@@ -43,30 +45,48 @@ class TextureStore:
 
     def _pyramid(self, what: str, name: str, space: Space) -> Pyramid:
         key = (what, name, space)
+        path, number = self._place(what, name)
+        stamp = _stamp(path)
         with self._lock:
-            if key not in self._kept:
-                data, shown = self._read(what, name)
+            before, pyramid = self._kept.get(key, (None, None))
+            if pyramid is None or before != stamp:
+                data, shown = _read(path, number)
                 pixels = read_texture(data, shown, space) if what == "texture" else read_weight(data, shown)
-                self._kept[key] = make_pyramid(pixels)
+                pyramid = make_pyramid(pixels)
+                self._kept[key] = stamp, pyramid
                 self._forget_oldest()
             self._kept.move_to_end(key)
-            return self._kept[key]
+            return pyramid
 
     def _forget_oldest(self) -> None:
-        while len(self._kept) > 1 and sum(each.n_bytes for each in self._kept.values()) > MOST_BYTES:
+        while len(self._kept) > 1 and sum(each.n_bytes for _, each in self._kept.values()) > MOST_BYTES:
             self._kept.popitem(last=False)
 
-    def _read(self, what: str, name: str) -> tuple[bytes, str]:
-        """The bytes of an image, and what errors call it."""
+    def _place(self, what: str, name: str) -> tuple[Path, int | None]:
+        """Where an image is, and its number where that is a GLB file."""
         file, mark, number = name.rpartition("#")
-        inside = mark and file.lower().endswith(".glb")
+        inside = bool(mark) and file.lower().endswith(".glb")
+        if inside and not (number.isascii() and number.isdecimal() and len(number) < 6):
+            raise LoadError(self._scene_file, what, name, "FILE.glb#N with the number of an image")
         path = Path(file if inside else name)
         if not path.is_absolute():
             path = resolve_inside(self._scene_file.parent, str(path), self._scene_file, what)
-        if not inside:
-            return read_regular_file(path, MAX_IMAGE_BYTES), str(path)
-        if not (number.isascii() and number.isdecimal() and len(number) < 6):
-            raise LoadError(self._scene_file, what, name, "FILE.glb#N with the number of an image")
-        from engine.scene.gltf_images import read_image
+        return path, int(number) if inside else None
 
-        return read_image(path, int(number)), f"{path}#{number}"
+
+def _stamp(path: Path) -> Stamp:
+    """What changes when a file is written; None where there is none, which reading it will say."""
+    try:
+        status = path.stat()
+    except (OSError, ValueError):
+        return None
+    return status.st_mtime_ns, status.st_size
+
+
+def _read(path: Path, number: int | None) -> tuple[bytes, str]:
+    """The bytes of an image, and what errors call it."""
+    if number is None:
+        return read_regular_file(path, MAX_IMAGE_BYTES), str(path)
+    from engine.scene.gltf_images import read_image
+
+    return read_image(path, number), f"{path}#{number}"

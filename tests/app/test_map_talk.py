@@ -120,6 +120,18 @@ def test_one_that_was_edited_on_stays_and_is_told(editor: Editor, client: FakeCl
     assert len(client.sent(SampleMaps)) == 1 and editor.maps.is_complete  # nobody asks for it again
 
 
+def test_files_that_were_painted_on_are_sampled_again(editor: Editor, client: FakeClient) -> None:
+    editor.do(OAK)
+    ticks(editor)
+    sample(editor, client, 0.25)
+    editor.report_rendering(EXACT)
+    editor.reload_images("pot.0")
+    assert ticks(editor) == [] and editor.status.picture != "exact"  # the old one is shown meanwhile
+    assert [request.layers for request in client.sent(SampleMaps)] == 2 * [(("pot.0", Images("oak.png")),)]
+    (event,) = sample(editor, client, 0.75)
+    assert (event.samples == 0.75).all()
+
+
 def test_a_new_worker_is_not_asked_twice(editor: Editor, client: FakeClient) -> None:
     # The client itself gives a new worker what stands; the answer to that is as good.
     editor.do(OAK)

@@ -65,7 +65,12 @@ def test_load_edit_and_clear(window: HeadlessWindow, tmp_path: Path) -> None:
     window.shell.state = PanelState()
     sample(window)
     np.testing.assert_allclose(linear(window)[:, :12], 0.5 * plain[:, :12], rtol=1e-3)
-    assert "material.texture_strength" in window.shell.handles.names()
+    client = editor._client
+    assert isinstance(client, StandInClient)
+    n_asked = sum(isinstance(request, SampleMaps) for request in client.requests)
+    window.click_handle("material.texture.thumbnail")  # painted on elsewhere
+    sample(window)
+    assert sum(isinstance(request, SampleMaps) for request in client.requests) == n_asked + 1
     window.drag_handle("material.texture_strength", (-1000, 0))
     assert maps_of(window).texture_strength == 0.0
     window.frames(2)

@@ -90,6 +90,13 @@ class OpenImage:
 
 
 @dataclass(frozen=True)
+class ReloadImages:
+    """Read a layer's texture and weight map again: another program has written them."""
+
+    key: str
+
+
+@dataclass(frozen=True)
 class ImportMeasured:
     """Make the selected object of what a file measured."""
 
@@ -186,7 +193,7 @@ class Quit:
 
 WindowAction = (
     BeginDrag | EndDrag | CancelDrag | Hold | Undo | Redo | Select | SetPanel | OpenFile | OpenImage | AskFile
-    | SaveSession | ImportMeasured | ExportMeasured | ExportScene | Screenshot | SaveMaterial | DeleteMaterial | Copy
-    | Paste | Recover | ShowPanel | ResetLayout | CancelWork | Quit
+    | ReloadImages | SaveSession | ImportMeasured | ExportMeasured | ExportScene | Screenshot | SaveMaterial
+    | DeleteMaterial | Copy | Paste | Recover | ShowPanel | ResetLayout | CancelWork | Quit
 )  # fmt: skip
 Action = EditCommand | SetView | OpenPanel | WindowAction

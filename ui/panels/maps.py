@@ -10,7 +10,7 @@ from app.map_commands import SetMap
 from engine.material.maps import MAX_REPEATS, SPACES, LayerMaps
 from ui import theme as look
 from ui.panels import widgets
-from ui.panels.actions import Action, AskFile, BeginDrag, EndDrag
+from ui.panels.actions import Action, AskFile, BeginDrag, EndDrag, ReloadImages
 from ui.panels.context import PanelContext
 from ui.panels.picture import Picture
 from ui.theme import Icon
@@ -53,10 +53,12 @@ def _image(context: PanelContext, key: str, what: str, maps: LayerMaps, width: f
     right = side + gap if name else 0.0
     if name and what == "weight":
         right += _segment_width(context, "Invert") + gap
+    actions: list[Action] = []
     if name and (thumbnail := context.map_thumbnails.get(what)) is not None:
-        _thumbnail(thumbnail, side)
+        if _thumbnail(context, what, thumbnail, side):
+            actions.append(ReloadImages(key))
         imgui.same_line(0.0, gap)
-    actions = _file_button(context, key, what, name, imgui.get_content_region_avail().x - right)
+    actions += _file_button(context, key, what, name, imgui.get_content_region_avail().x - right)
     if not name:
         return actions
     imgui.same_line(0.0, gap)
@@ -68,15 +70,18 @@ def _image(context: PanelContext, key: str, what: str, maps: LayerMaps, width: f
     return actions
 
 
-def _thumbnail(picture: Picture, side: float) -> None:
-    """The image within a square, its aspect kept."""
+def _thumbnail(context: PanelContext, what: str, picture: Picture, side: float) -> bool:
+    """The image within a square, its aspect kept. Whether it was pressed."""
     corner, shrink = imgui.get_cursor_screen_pos(), side / max(picture.width, picture.height)
     size = ImVec2(picture.width * shrink, picture.height * shrink)
     low = ImVec2(corner.x + 0.5 * (side - size.x), corner.y + 0.5 * (side - size.y))
     draw_list = imgui.get_window_draw_list()
     draw_list.add_rect_filled(corner, ImVec2(corner.x + side, corner.y + side), look.pack(look.FRAME))
     draw_list.add_image(picture.reference, low, ImVec2(low.x + size.x, low.y + size.y), *picture.corners())
-    imgui.dummy(ImVec2(side, side))
+    pressed = imgui.invisible_button(f"{what}.thumbnail", ImVec2(side, side))
+    context.handles.note_item(f"material.{what}.thumbnail")
+    widgets.tooltip("Click to read the file again, after painting on it in another program.")
+    return pressed
 
 
 def _file_button(context: PanelContext, key: str, what: str, name: str, room: float) -> list[Action]:

@@ -148,6 +148,20 @@ def test_layers_of_an_object_share_what_they_have_in_common(tmp_path: Path, monk
     assert np.abs(again.texture - twice.texture).max() > 0.3  # repeats are another sampling
 
 
+def test_a_file_that_was_written_since_is_read_again(tmp_path: Path) -> None:
+    write(tmp_path / "grey.png", np.full((4, 4), 51))
+    scene = scene_of(tmp_path, CARD.replace("MAPS", 'weight = "grey.png"'))
+    images = Images(weight="grey.png")
+    first = scene.textures.weight(images)
+    assert first is not None and first is scene.textures.weight(images)
+    write(tmp_path / "grey.png", np.full((5, 5), 102))
+    again = scene.textures.weight(images)
+    assert again is not None and again.mean[0] == pytest.approx(0.4)
+    (tmp_path / "grey.png").unlink()
+    with pytest.raises(LoadError, match="No such file"):
+        scene.textures.weight(images)
+
+
 def test_looking_up_along_a_ray_meets_the_same_place(tmp_path: Path) -> None:
     write(tmp_path / "ramp.png", np.tile(np.arange(256), (4, 1)))
     scene = scene_of(tmp_path, CARD.replace("MAPS", 'weight = "ramp.png"'))
