@@ -51,6 +51,7 @@ from ui.panels.brdf_board import BrdfBoard
 from ui.panels.context import Handles, PanelContext
 from ui.panels.picture import Picture
 from ui.panels.state import Notice, PanelState
+from ui.spoken_names import spoken
 from ui.surface_lobe import SurfacePoint
 
 SETTLE_SECONDS = 0.9
@@ -326,20 +327,25 @@ class Shell:
         status = self.editor.status
         if status.message != self._seen_message:
             self._seen_message = status.message
-            self.state = replace(self.state, notice=Notice(status.message, now, status.is_error))
+            said = spoken(self.editor.document, status.message)
+            self.state = replace(self.state, notice=Notice(said, now, status.is_error))
 
     def _context(self, now: float) -> PanelContext:
         editor, source = self.editor, self.source
+        document, status = editor.document, editor.status
+        undo, redo = editor.history.undo_label, editor.history.redo_label
         context = PanelContext(
-            document=editor.document,
+            document=document,
             view=editor.view,
-            status=editor.status,
+            status=replace(
+                status, text=spoken(document, status.text), transport_note=spoken(document, status.transport_note)
+            ),
             state=self.state,
             theme=self.theme,
             handles=self.handles,
             brdf=self._brdf_board,
-            undo_label=editor.history.undo_label,
-            redo_label=editor.history.redo_label,
+            undo_label=undo and spoken(document, undo),
+            redo_label=redo and spoken(document, redo),
             environments=self.environments,
             scenes=self.scenes,
             library=self.actor.library.entries,

@@ -13,6 +13,7 @@ from ui import theme as look
 from ui.panels import widgets
 from ui.panels.actions import Action, CancelWork
 from ui.panels.context import PanelContext
+from ui.spoken_names import spoken
 from ui.theme import Icon
 
 LEAST_BUDGET, LARGEST_BUDGET = 2.0, 200.0
@@ -41,7 +42,7 @@ def draw(context: PanelContext) -> list[Action]:
     imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(imgui.get_style().item_spacing.x, context.px(1)))
     selected = context.view.selected
     for name, value, hint in figures(context.status, None if selected is None else selected.key):
-        _figure(context, name, value, hint)
+        _figure(context, name, value, spoken(context.document, hint))
     imgui.pop_style_var()
     actions += _work(context)
     return actions

@@ -1,0 +1,32 @@
+"""Lines for a person, with the names that panels give to layers and to what they have.
+
+Keys and paths ("tray.1", "theta_h") are what commands, scripts and the worker speak of; on screen the layer is
+"tray / lacquer" and its curve "half". A path that could be typed ("tray.1.alpha") stays one.
+"""
+
+from __future__ import annotations
+
+import re
+
+from app.document import Document, all_factors
+from engine.material.layer import Layer
+
+
+def spoken(document: Document, text: str) -> str:
+    """The line with layers by name, and the curve or parameter that follows one."""
+    for key, layer in document.layers():
+        if key in text:
+            text = _spoken_layer(key, layer, text)
+    return text
+
+
+def _spoken_layer(key: str, layer: Layer, text: str) -> str:
+    labels = {factor.name: factor.label.rpartition(" ")[0] for factor in all_factors(layer.model)}
+    labels |= {parameter.name: parameter.label for parameter in layer.table}
+    name = f"{key.rpartition('.')[0]} / {layer.name or layer.model.label}"
+
+    def said(found: re.Match[str]) -> str:
+        what = found[1] or ""
+        return f"{name} {labels[what]}" if what in labels else f"{name} {what}" if what else name
+
+    return re.sub(rf"(?<![\w.]){re.escape(key)}(?!\w|\.\w)(?: (\w+))?", said, text)
