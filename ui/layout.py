@@ -15,12 +15,12 @@ from imgui_bundle import ImVec2, imgui
 from app.atomic import write_atomically
 from app.view_state import OpenPanel
 
-VERSION = 3
+VERSION = 4
 LEFT_WIDTH = 216.0
 LIBRARY_SHARE = 0.56
 RIGHT_WIDTH = 306.0
 CURVE_SHARE = 0.41
-LIGHT_HEIGHT, ACCURACY_HEIGHT = 244.0, 302.0
+LIGHT_HEIGHT, ACCURACY_HEIGHT = 242.0, 300.0
 DOCK_SPACE = "insitu.dock"
 
 

@@ -55,6 +55,7 @@ def test_load_edit_and_clear(window: HeadlessWindow, tmp_path: Path) -> None:
     editor.do(SetVisible("teapot.1", False))  # what is left is the base alone
     window.frames(3)
     plain = linear(window)
+    window.click_handle("material.images.0")
     window.click_handle("material.texture")
     window.frames(2)
     question = window.shell.state.question
@@ -120,6 +121,8 @@ def test_what_is_dropped_on_a_row_is_that_image(window: HeadlessWindow, tmp_path
     shell = window.shell
     shell.editor.select("teapot.0")
     window.frames(3)
+    window.click_handle("material.images.0")
+    window.frames(2)
     x, y = shell.handle_position("material.weight")
     assert shell.image_at(x - 60.0, y + 8.0) == "weight"
     assert shell.image_at(*shell.handle_position("material.texture")) == "texture"

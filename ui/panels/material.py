@@ -15,7 +15,7 @@ from engine.material import MODELS, Layer, Parameter
 from engine.measured.measurement import Measurement
 from ui import theme as look
 from ui.panels import maps, widgets
-from ui.panels.actions import Action, BeginDrag, EndDrag
+from ui.panels.actions import Action, BeginDrag, EndDrag, SetPanel
 from ui.panels.context import PanelContext
 from ui.theme import Icon
 
@@ -40,7 +40,8 @@ def draw(context: PanelContext) -> list[Action]:
     actions += _model(context, selection.key, layer, width)
     for parameter in layer.table:
         actions += _parameter(context, selection.key, layer, parameter, width)
-    actions += maps.draw(context, selection.key, layer.maps, width)
+    if _shows_images(context, layer):
+        actions += maps.draw(context, selection.key, layer.maps, width)
     imgui.end_disabled()
     if note := _sharing_note(state, selection.layer):
         widgets.caption(note)
@@ -69,7 +70,33 @@ def _heading(context: PanelContext, selection: Selection, layer: Layer, editable
         imgui.same_line()
         imgui.text_disabled(Icon.FROZEN)
         widgets.tooltip("Frozen or fixed: thaw it, or make it editable, in the object list.")
-    return _fresnel_switch(context, selection.key, layer) if editable and (layer.rises or not layer.follows) else []
+    return _switches(context, selection.key, layer) if editable else []
+
+
+def _shows_images(context: PanelContext, layer: Layer) -> bool:
+    return context.state.shows_images or bool(layer.maps.texture or layer.maps.weight)
+
+
+def _switches(context: PanelContext, key: str, layer: Layer) -> list[Action]:
+    """What few layers have, at the right: images, and a second term."""
+    has_term = layer.rises or not layer.follows
+    gap, texts = context.px(4), ["Images", *(["Fresnel"] if has_term else [])]
+    imgui.same_line()
+    imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() - imgui.get_style().frame_padding.y)  # words on one line
+    widgets.align_right(sum(widgets.rich_width(text) + context.px(16) for text in texts) + gap * (len(texts) - 1))
+    actions = _image_switch(context, layer)
+    if has_term:
+        imgui.same_line(0.0, gap)
+        actions += _fresnel_switch(context, key, layer)
+    return actions
+
+
+def _image_switch(context: PanelContext, layer: Layer) -> list[Action]:
+    """Whether the rows of images are shown; those of a layer that has some always are."""
+    shown = _shows_images(context, layer)
+    hint = "A texture that multiplies the layer, and a map of how much of it there is."
+    pressed = widgets.segments(context, "material.images", [("Images", hint)], 0 if shown else -1)
+    return [] if pressed is None else [SetPanel({"shows_images": not context.state.shows_images})]
 
 
 def _fresnel_switch(context: PanelContext, key: str, layer: Layer) -> list[Action]:
@@ -79,9 +106,6 @@ def _fresnel_switch(context: PanelContext, key: str, layer: Layer) -> list[Actio
         "A second, additive layer of the same curves, edited once, that rises towards grazing angles: the colour "
         "becomes R, what is reflected head-on, and the rest comes at grazing angles."
     )
-    imgui.same_line()
-    imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() - imgui.get_style().frame_padding.y)  # words on one line
-    widgets.align_right(widgets.rich_width("Fresnel") + context.px(16))
     pressed = widgets.segments(context, "material.fresnel_term", [("Fresnel", hint)], 0 if there else -1)
     return [] if pressed is None else [SetFresnelTerm(key, not there)]
 

@@ -79,6 +79,7 @@ class LibraryState:
 class PanelState:
     """The window's own state. `journal` says what recovery would bring back, None when there is nothing.
 
+    `shows_images`: the material panel has its rows for images, also where a layer has none.
     `handle` is the curve's handle that the keyboard moves: "magnitude", "a", "b", "c", "d", "region"; None: not chosen.
     `picks_lobe`: the next click on the picture says where it carries the lobe.
     `front` is a panel that comes before those it shares its place with, in the coming frame.
@@ -92,3 +93,4 @@ class PanelState:
     question: FileQuestion | None = None
     journal: str | None = None
     library: LibraryState = LibraryState()
+    shows_images: bool = False
