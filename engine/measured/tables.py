@@ -28,7 +28,7 @@ from engine.measured.scattered import METHOD as SCATTERED_METHOD
 from engine.measured.scattered import fit_scattered
 
 # Raised when anything changes what is made of a file.
-FIT_VERSION = 2
+FIT_VERSION = 3
 
 Steps = Generator[tuple[float, str], None, Measurement]
 

@@ -120,12 +120,23 @@ def _sphere(context: PanelContext, corner: ImVec2, side: int) -> None:
     context.handles.note_item("brdf.sphere")
     widgets.tooltip(
         "The material on a sphere under lights of its own: a key from the upper left, a rim light behind, a dome. "
-        "It follows the curve; the scene's light does not change it."
+        "It follows the curve; the scene's light does not change it." + _of_curves_alone(context)
     )
     if board.sphere is not None:
         upper, lower = board.sphere.corners()
         end = ImVec2(corner.x + side, corner.y + side)
         imgui.get_window_draw_list().add_image(board.sphere.reference, corner, end, upper, lower)
+
+
+def _of_curves_alone(context: PanelContext) -> str:
+    """What is to be known of measured layers: their tables are the worker's, here they are their curves."""
+    selection = context.view.selected
+    layers = () if selection is None else context.document.object(selection.object).layers
+    if selection is not None and not context.view.brdf_whole:
+        layers = layers[selection.layer : selection.layer + 1]
+    if not any(layer.model.needs_file for layer in layers):
+        return ""
+    return " Of measured layers this panel shows the curves alone; the picture has all of the measurement."
 
 
 def _figures(context: PanelContext, places: Places) -> None:
@@ -147,7 +158,7 @@ def _figures(context: PanelContext, places: Places) -> None:
     context.handles.note_item("brdf.figures")
     widgets.tooltip(
         "The share of light that the material sends on, of light from everywhere: what a matt surface of that "
-        "brightness would. Indirect light counts with it."
+        "brightness would. Indirect light counts with it." + _of_curves_alone(context)
     )
     if warning := energy_warning(albedo):
         imgui.set_cursor_screen_pos(ImVec2(place.x, y + line + context.px(2)))
