@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
@@ -49,6 +49,7 @@ from ui.gl.picture_frame import PictureFrame
 from ui.gl.placement import PlacementRenderer
 from ui.gl.rehearsal import rehearse
 from ui.gl.tonemap import DisplayView
+from ui.map_feed import MapFeed, small_texture
 from ui.surface_lobe import SurfacePoint
 
 # Between two looks at what the worker has sent, while a curve that was selected is waited for.
@@ -75,9 +76,7 @@ class PictureFeed:
         self._names: list[str] = []
         self._arrays: Mapping[str, NDArray[Any]] = {}
         self._view_curves: dict[str, NDArray[np.float64]] = {}
-        self._maps: dict[str, LayerMapsChanged] = {}
-        self._map_thumbnails: dict[str, dict[str, moderngl.Texture]] = {}
-        self._retired: list[moderngl.Texture] = []
+        self._maps = MapFeed(renderer)
         self._wanted: dict[str, NDArray[np.float64]] = {}
         self._compared: object = None
         self._rotation: float | None = None
@@ -106,7 +105,7 @@ class PictureFeed:
 
     def map_thumbnails(self, key: str) -> Mapping[str, moderngl.Texture]:
         """The "texture" and the "weight" of a layer, small, row 0 at the top; those there are."""
-        return self._map_thumbnails.get(key, {})
+        return self._maps.thumbnails(key)
 
     @property
     def heading(self) -> float:
@@ -147,7 +146,7 @@ class PictureFeed:
     def take(self, editor: Editor, now: float) -> bool:
         """Take the worker's answers and ask it for what is missing. Whether there is something to draw."""
         until = time.perf_counter() + TAKING_SECONDS
-        self._release_retired()
+        self._maps.release_retired()
         scene_came = False
         for event in editor.tick(now):
             if isinstance(event, SceneFrame):  # what was before it is void
@@ -195,14 +194,9 @@ class PictureFeed:
         self._threads.shutdown(wait=False, cancel_futures=True)
         if self._thumbnail is not None:
             self._thumbnail.release()
-        self._forget_thumbnails(list(self._map_thumbnails))
-        self._release_retired()
+        self._maps.clear()
+        self._maps.release_retired()
         self.renderer.release()
-
-    def _release_retired(self) -> None:
-        for texture in self._retired:
-            texture.release()
-        self._retired.clear()
 
     # ------------------------------------------------------------------------------------------ the worker's answers
 
@@ -235,7 +229,7 @@ class PictureFeed:
             case IndirectRadiance() if event.key in self.renderer.layer_keys:
                 self.renderer.set_layer_indirect(event.key, event.radiance)
             case LayerMapsChanged():
-                self._take_maps(event)
+                self._maps.take(event)
             case ComparedRefined():
                 if self._compared is not None:
                     self.renderer.snapshot_compare({key: _look(look) for key, look in event.looks.items()})
@@ -249,8 +243,7 @@ class PictureFeed:
         self._names = [described.name for described in event.description.objects]
         self._arrays = event.arrays
         self._view_curves.clear()
-        self._maps = {}
-        self._forget_thumbnails(list(self._map_thumbnails))
+        self._maps.clear()
         self._wanted = {}
         self._compared = self._rotation = None
 
@@ -258,29 +251,9 @@ class PictureFeed:
         renderer = self.renderer
         if event.key not in renderer.layer_keys:
             renderer.set_layer(event.key, self._names.index(event.key.rpartition(".")[0]), len(event.radiance))
-            if event.key in self._maps:
-                renderer.set_layer_maps(event.key, self._maps[event.key].samples)
+            self._maps.layer_made(event.key)
         bands = event.coefficients.get(renderer.transport_curve(event.key) or "")
         renderer.set_layer_radiance(event.key, event.radiance, None if bands is None else forward(bands))
-
-    def _take_maps(self, event: LayerMapsChanged) -> None:
-        self._maps[event.key] = event
-        self._forget_thumbnails([event.key])
-        self._map_thumbnails[event.key] = {
-            name: self._small_texture(pixels) for name, pixels in event.thumbnails.items()
-        }
-        if event.key in self.renderer.layer_keys:
-            self.renderer.set_layer_maps(event.key, event.samples)
-
-    def _forget_thumbnails(self, keys: Iterable[str]) -> None:
-        """What panels may have drawn in this frame is freed in the next."""
-        self._retired += [texture for key in keys for texture in self._map_thumbnails.pop(key, {}).values()]
-
-    def _small_texture(self, pixels: NDArray[np.uint8]) -> moderngl.Texture:
-        """A texture of pixels (h,w,3)."""
-        alpha = np.full((*pixels.shape[:2], 1), 255, dtype=np.uint8)
-        data = np.concatenate([pixels, alpha], axis=2).tobytes()
-        return self.renderer.context.texture((pixels.shape[1], pixels.shape[0]), 4, data)
 
     # ---------------------------------------------------------------------------------------------------- each frame
 
@@ -338,7 +311,7 @@ class PictureFeed:
     def _show_thumbnail(self, pixels: NDArray[np.uint8]) -> None:
         if self._thumbnail is not None:
             self._thumbnail.release()
-        self._thumbnail = self._small_texture(pixels)
+        self._thumbnail = small_texture(self.renderer.context, pixels)
 
     def _follow_layers(self, editor: Editor) -> None:
         """Gains, view curves and visibility; each setter of the renderer is free where nothing changed."""
@@ -351,9 +324,7 @@ class PictureFeed:
                 gone.remove(key)
                 self.renderer.set_layer_gain(key, editor.layer_gain(key).tolist())
                 self.renderer.set_layer_visible(key, is_seen(document, editor.view, key))
-                maps, shown = state.layers[index].maps, self._maps.get(key)
-                inverts = maps.weight_invert and shown is not None and shown.has_weight
-                self.renderer.set_map_numbers(key, maps.texture_strength, inverts)
+                self._maps.follow(key, state.layers[index].maps)
                 curve = editor.view_curve(key)
                 if self._view_curves.get(key) is not curve:
                     self._view_curves[key] = curve

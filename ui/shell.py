@@ -60,8 +60,6 @@ HELD_SECONDS = 0.03
 FIRST_FRAMES = 3
 # How often the worker's progress alone is worth a frame: each takes processor time from the worker.
 PROGRESS_SECONDS = 0.1
-# About the middle of an image's button, how far its row reaches to the sides and up and down, pixels at scale 1.
-IMAGE_ROW_REACH, IMAGE_ROW_HALF = 150.0, 14.0
 
 
 class PictureSource(Protocol):
@@ -185,15 +183,6 @@ class Shell:
     def handle_position(self, name: str) -> tuple[float, float]:
         """Where the handle `name` was drawn, in framebuffer pixels; KeyError lists those there are."""
         return self.handles.position(name)
-
-    def image_at(self, x: float, y: float) -> str | None:
-        """The image of the selected layer, "texture" or "weight", whose row in a panel is at a framebuffer pixel."""
-        for name in ("texture", "weight"):
-            if f"material.{name}" in self.handles.names():
-                across, down = self.handles.position(f"material.{name}")
-                if abs(x - across) < self.theme.px(IMAGE_ROW_REACH) and abs(y - down) < self.theme.px(IMAGE_ROW_HALF):
-                    return name
-        return None
 
     def set_scale(self, scale: float) -> None:
         """Follow the screen's scale (1 at 96 dpi); the default layout is built for it."""

@@ -29,6 +29,7 @@ from engine.scene.builtin import builtin_environments, builtin_scenes
 from ui.gl.context import REQUIRED_VERSION, GraphicsError, create_window_context
 from ui.gl.placement import PlacementRenderer
 from ui.glfw_keys import KEYS
+from ui.panels.maps import image_at
 from ui.picture_feed import CURVE_LOOK_SECONDS, PictureFeed
 from ui.shell import FrameResult, Shell
 from ui.start_times import start_times
@@ -336,7 +337,8 @@ class Window:
     def _on_drop(self, handle: Any, paths: list[str]) -> None:
         self.shell.note_input()
         place = self._pixel(handle, *glfw.get_cursor_pos(handle))
-        self.shell.actor.drop(paths, None if place is None else self.shell.image_at(*place))
+        shell = self.shell
+        shell.actor.drop(paths, None if place is None else image_at(shell.handles, shell.theme, *place))
 
     def _on_focus(self, handle: Any, focused: int) -> None:
         self.shell.note_change()

@@ -15,7 +15,7 @@ from tests.ui.stand_in import StandInClient, scene_arrays
 from ui.headless import HeadlessWindow
 from ui.panels.actions import AskFile, OpenImage
 from ui.panels.dialogs import answer
-from ui.panels.maps import image_label
+from ui.panels.maps import image_at, image_label
 from ui.panels.state import FileQuestion, PanelState
 from ui.picture_feed import PictureFeed
 
@@ -124,9 +124,9 @@ def test_what_is_dropped_on_a_row_is_that_image(window: HeadlessWindow, tmp_path
     window.click_handle("material.images.0")
     window.frames(2)
     x, y = shell.handle_position("material.weight")
-    assert shell.image_at(x - 60.0, y + 8.0) == "weight"
-    assert shell.image_at(*shell.handle_position("material.texture")) == "texture"
-    assert shell.image_at(20.0, 20.0) is None
+    places = {"weight": (x - 60.0, y + 8.0), "texture": shell.handle_position("material.texture"), None: (20.0, 20.0)}
+    for name, place in places.items():
+        assert image_at(shell.handles, shell.theme, *place) == name
     (tmp_path / "mask.exr").touch()
     shell.actor.drop([str(tmp_path / "mask.exr")], "weight")  # anywhere else it would be a sky
     assert maps_of(window).weight == str(tmp_path / "mask.exr")

@@ -11,10 +11,12 @@ from engine.material.maps import MAX_REPEATS, SPACES, LayerMaps
 from ui import theme as look
 from ui.panels import widgets
 from ui.panels.actions import Action, AskFile, BeginDrag, EndDrag, ReloadImages
-from ui.panels.context import PanelContext
+from ui.panels.context import Handles, PanelContext
 from ui.panels.picture import Picture
-from ui.theme import Icon
+from ui.theme import Icon, Theme
 
+# About the middle of an image's button, how far its row reaches to the sides and up and down, pixels at scale 1.
+ROW_REACH, ROW_HALF = 150.0, 14.0
 LABELS = {"texture": "Texture", "weight": "Weight map"}
 HINTS = {
     "texture": "An image whose colours multiply the layer: PNG, JPEG or OpenEXR, laid out by the mesh's texture "
@@ -43,6 +45,16 @@ def draw(context: PanelContext, key: str, maps: LayerMaps, width: float) -> list
 def image_label(name: str) -> str:
     """A file as a person reads it; of a picture inside a GLB file its number as well."""
     return Path(name).name
+
+
+def image_at(handles: Handles, theme: Theme, x: float, y: float) -> str | None:
+    """The image of the selected layer, "texture" or "weight", whose row is at a framebuffer pixel."""
+    for name in LABELS:
+        if f"material.{name}" in handles.names():
+            across, down = handles.position(f"material.{name}")
+            if abs(x - across) < theme.px(ROW_REACH) and abs(y - down) < theme.px(ROW_HALF):
+                return name
+    return None
 
 
 def _image(context: PanelContext, key: str, what: str, maps: LayerMaps, width: float) -> list[Action]:
