@@ -79,8 +79,6 @@ def test_load_edit_and_clear(window: HeadlessWindow, tmp_path: Path) -> None:
     editor.undo()
     window.click_handle("material.texture_space.0")
     assert maps_of(window).texture_space == "srgb"
-    window.drag_handle("material.texture_scale.u", (60, 0))
-    assert maps_of(window).texture_scale[0] > 1.0 and maps_of(window).texture_scale[1] == 1.0
     window.click_handle("button.clear_texture")
     assert maps_of(window).is_plain
     window.frames(2)

@@ -27,7 +27,7 @@ name = "textured"
 position = [0, 1.2, 2.2]
 target = [0, 0.25, 0]
 fov_y = 40
-resolution = [48, 32]
+resolution = [32, 20]
 [environment]
 radiance = [0.8, 0.9, 1.0]
 [[object]]
@@ -62,9 +62,9 @@ def error(found: np.ndarray, expected: np.ndarray) -> float:
 
 def test_the_window_shows_what_a_still_has(context: moderngl.Context, file: Path, tmp_path: Path) -> None:
     project = open_project(str(file), None, [("ground.0.texture_strength", 0.5)])
-    expected = render_picture(project, lambda step: None, n_lights=400, series=BounceSeries(1))
+    expected = render_picture(project, lambda step: None, n_lights=200, series=BounceSeries(1))
     client = InProcessClient(Tasks(Store(tmp_path / "cache")))
-    with opened_window(context, file, client, n_lights=400) as window:
+    with opened_window(context, file, client, n_lights=200) as window:
         wait_until_exact(window)
         whole = linear_picture(window)
         window.shell.editor.do(SetMap("ground.0", "texture_strength", 0.5))
