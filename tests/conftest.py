@@ -68,7 +68,7 @@ def raised_float_errors() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def measured_samples() -> np.ndarray:
-    """A made up measurement (90, 90, 180, 3), with noise of 5 % and one sample in fifty missing."""
+    """A made up measurement (90, 90, 180, 3), with noise of 5 % and gaps."""
     from tests.naive.measured import analytic_samples
 
     return analytic_samples(noise=0.05, gaps=0.02)

@@ -8,7 +8,7 @@ from engine.measured.measurement import Measurement
 
 def analytic_samples(noise: float = 0.0, gaps: float = 0.0) -> np.ndarray:
     """A coloured gloss over a matt ground (90, 90, 180, 3), 1/sr: 0.3 / π and less, and exp(-20 tan²θh) (0.1 + 0.9 θd⁵)
-    times how the light slants; -1 below the horizon and at a share `gaps` of all samples."""
+    times how the light slants; -1 below the horizon and at half of the samples of a share `gaps` of rows over φd."""
     random = np.random.default_rng(1)
     wi, wo = grid_directions()
     theta_h, theta_d = node_angles(True)[:-1, None, None, None], np.radians(np.arange(90.0))[:, None, None]
@@ -17,7 +17,8 @@ def analytic_samples(noise: float = 0.0, gaps: float = 0.0) -> np.ndarray:
     samples = np.array([0.3, 0.2, 0.05]) / np.pi + gloss * slant * np.array([2.0, 2.5, 3.0])
     if noise:
         samples = samples * np.exp(random.normal(0.0, noise, samples.shape))
-    missing = ~above_horizon() | (random.random(samples.shape[:3]) < gaps)
+    torn = (random.random(samples.shape[:2]) < gaps)[..., None] & (random.random(samples.shape[:3]) < 0.5)
+    missing = ~above_horizon() | torn
     return np.where(missing[..., None], -1.0, samples).astype(np.float32)
 
 

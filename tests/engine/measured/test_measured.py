@@ -164,11 +164,11 @@ def bunny_under_galileo(tmp_path: Path, layers: list[Layer], data: Path, size: i
     picture = finish(steps, lambda step: None)
     reference = finish(render_reference(placement, {0: layers}, sky, 16, 5), lambda step: None)
     seen = placement.hits.object_image == 0
-    assert seen.sum() > 50
+    assert seen.sum() > 40
     return picture[seen], reference[seen]
 
 
 def test_picture_of_an_unedited_import(tmp_path: Path, measurement: Measurement, shared_data: Path) -> None:
     # Within 1 % of the measurement evaluated directly, the colour of the quotient included.
-    picture, reference = bunny_under_galileo(tmp_path, both_parts(measurement), shared_data, 16)
+    picture, reference = bunny_under_galileo(tmp_path, both_parts(measurement), shared_data, 14)
     assert relative_rmse(picture, reference) < 0.01
