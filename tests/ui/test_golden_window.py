@@ -42,12 +42,13 @@ FAR_OFF, LARGEST_SHARE = 12.0, 0.05
 # Where each panel of the default layout is at 1280 x 800: left, top, right, bottom.
 PANELS = {
     "menu": (0, 0, 1280, 32),
-    "objects": (0, 36, 216, 768),
+    "objects": (0, 36, 216, 356),
+    "library": (0, 360, 216, 768),
     "viewport": (220, 36, 972, 440),
     "curve": (220, 448, 972, 768),
     "material": (976, 36, 1280, 268),
-    "light": (976, 276, 1280, 536),
-    "accuracy": (976, 540, 1280, 768),
+    "light": (976, 276, 1280, 492),
+    "accuracy": (976, 496, 1280, 768),
     "status": (0, 772, 1280, 800),
 }
 
@@ -69,7 +70,7 @@ def window(context: moderngl.Context, tmp_path: Path, monkeypatch: pytest.Monkey
         wait_until_exact(opened)
         editor.notify("")
         opened.move(600.0, 15.0)
-        opened.frames(3)
+        opened.frames(60)  # until the library has been read, a file a frame
         yield opened
 
 
