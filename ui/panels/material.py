@@ -82,11 +82,13 @@ def _switches(context: PanelContext, key: str, layer: Layer) -> list[Action]:
     has_term = layer.rises or not layer.follows
     gap, texts = context.px(4), ["Images", *(["Fresnel"] if has_term else [])]
     imgui.same_line()
-    imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() - imgui.get_style().frame_padding.y)  # words on one line
+    top = imgui.get_cursor_pos_y() - imgui.get_style().frame_padding.y  # words on one line
+    imgui.set_cursor_pos_y(top)
     widgets.align_right(sum(widgets.rich_width(text) + context.px(16) for text in texts) + gap * (len(texts) - 1))
     actions = _image_switch(context, layer)
     if has_term:
         imgui.same_line(0.0, gap)
+        imgui.set_cursor_pos_y(top)
         actions += _fresnel_switch(context, key, layer)
     return actions
 
