@@ -24,7 +24,7 @@ import pytest
 from imgui_bundle import imgui
 from PIL import Image
 
-from app.commands import SetParameter, SetRotation
+from app.commands import SetRotation
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks
@@ -117,14 +117,11 @@ def _doing(command: object) -> Callable[[HeadlessWindow], None]:
 
 CHANGES: dict[str, tuple[Callable[[HeadlessWindow], None], set[str]]] = {
     "no objects": (_without("objects"), {"objects"}),
-    "no picture": (_without("viewport"), {"viewport"}),
     "no curve": (_without("curve"), {"curve"}),
     "no material": (_without("material"), {"material"}),
-    "no light": (_without("light"), {"light"}),
     "no accuracy": (_without("accuracy"), {"accuracy"}),
     "a third of a stop brighter": (_doing(SetView.of(exposure=1 / 3)), {"viewport"}),
     "light from elsewhere": (_doing(SetRotation(90.0)), {"viewport", "light"}),
-    "another roughness": (_doing(SetParameter("ball.1", "alpha", 0.6)), {"curve"}),
     "the edit undone": (lambda window: window.key(imgui.Key.z, imgui.Key.mod_ctrl), {"curve"}),
     "another layer": (lambda window: window.shell.editor.select("ground.0") and None, {"curve", "material"}),
 }

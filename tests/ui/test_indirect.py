@@ -26,9 +26,15 @@ def file(tmp_path: Path) -> Path:
     return write_small_scene(tmp_path, SCENE.replace("bounces = 1", "bounces = 3"))
 
 
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What one test's window had computed, the next one's finds on disk."""
+    return tmp_path_factory.mktemp("kept")
+
+
 @pytest.fixture
-def window(context: moderngl.Context, file: Path, tmp_path: Path) -> Iterator[HeadlessWindow]:
-    with opened_window(context, file, client(tmp_path), n_lights=400) as opened:
+def window(context: moderngl.Context, file: Path, kept: Path) -> Iterator[HeadlessWindow]:
+    with opened_window(context, file, client(kept), n_lights=400) as opened:
         wait_until_exact(opened)
         yield opened
 

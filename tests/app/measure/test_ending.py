@@ -50,9 +50,15 @@ def wait_for(condition: Callable[[], bool], timeout_s: float) -> bool:
     return True
 
 
-@pytest.mark.parametrize("impatient", [False, True])
-@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-@pytest.mark.parametrize(("during", "n_started"), [("windows", 4), ("renderer", 3)])  # Xvfb, program and its worker
+@pytest.mark.parametrize(
+    ("during", "n_started", "number", "status", "impatient"),  # started: Xvfb, the program, its worker
+    [
+        ("windows", 4, signal.SIGINT, 130, True),
+        ("windows", 4, signal.SIGTERM, 143, False),
+        ("renderer", 3, signal.SIGINT, 130, False),
+        ("renderer", 3, signal.SIGTERM, 143, True),
+    ],
+)
 def test_nothing_is_left(
     during: str, n_started: int, number: int, status: int, impatient: bool, tiny_scene: str, tmp_path: Path
 ) -> None:
