@@ -3,7 +3,7 @@ PYTHON := .venv/bin/python
 JOBS ?= 2
 STAMP := .venv/.insitu-setup
 
-.PHONY: setup run test lint measure clean
+.PHONY: setup run test sweep lint measure clean
 
 setup: $(STAMP)
 
@@ -17,6 +17,9 @@ run: setup
 
 test: setup
 	$(PYTHON) -m pytest -n $(JOBS) --dist loadfile $(ARGS)
+
+sweep: setup
+	$(PYTHON) -m pytest -n $(JOBS) --dist loadfile -m sweep $(ARGS)
 
 lint: setup
 	.venv/bin/ruff check .

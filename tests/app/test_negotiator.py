@@ -111,7 +111,7 @@ def test_a_curve_selected_again_is_there_again() -> None:
         now = settle(editor, renderer, now)
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.lists(st.sampled_from(sorted(ACTIONS)), max_size=25), st.floats(0.001, 0.3))
 def test_the_picture_comes_right(seed: int, actions: list[str], step: float) -> None:
     client = ServingClient(seed)

@@ -150,7 +150,7 @@ def compare(shared_reference: Path) -> ModuleType:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["teatray", "bunny", "cornell"])
+@pytest.mark.parametrize("name", [pytest.param("teatray", marks=pytest.mark.sweep), "bunny", "cornell"])
 def test_references(name: str, shared_reference: Path, compare: ModuleType, open_reference: Callable) -> None:
     project = open_reference(name)
     image = render(project.scene, project.layers, project.sky)

@@ -41,6 +41,7 @@ def results(shapes: Shapes) -> dict[str, tuple[float, float]]:
     return found
 
 
+@pytest.mark.sweep
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_wrong_answers_are_of_the_published_order(results, variant: str) -> None:
     wrong, traced = results[variant]
@@ -48,6 +49,7 @@ def test_wrong_answers_are_of_the_published_order(results, variant: str) -> None
     assert traced == 1.0 if variant == "TRUE" else traced < 0.8
 
 
+@pytest.mark.sweep
 def test_the_thesis_ranking_holds(results) -> None:
     wrong, traced = ({variant: pair[i] for variant, pair in results.items()} for i in (0, 1))
     # Scanline with uncertainty is what loses shadows, by far.
