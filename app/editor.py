@@ -11,13 +11,13 @@ did: a refused command comes back as one line of text.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
 from app.commands import EditCommand
 from app.comparison import Comparison
-from app.document import Document, Selection, all_factors, document_from_description, layer_key, resolve
+from app.document import Document, Selection, layer_key
 from app.edited_curves import edited_layers
 from app.history import History
 from app.indirect import IndirectTalk
@@ -35,7 +35,6 @@ from app.jobs.messages import (
     MapsRefused,
     MapsSampled,
     MeasurementsRead,
-    OpenScene,
     Progress,
     Request,
     Response,
@@ -49,9 +48,9 @@ from app.journal import Journal, Recovery
 from app.known_light import KnownLight
 from app.maps import MapTalk
 from app.material_commands import SetMaterial
-from app.measurements import document_with_read, layers_of_document, measured_files, unread_files
+from app.measurements import measured_files
 from app.negotiator import Negotiator
-from app.paths import full_path
+from app.opening import Opening
 from app.picture import (
     Array,
     Curves,
@@ -63,7 +62,8 @@ from app.picture import (
     TransportReady,
 )
 from app.reading import Reading, describe_reading, import_measured
-from app.session import SUFFIX, Session, fit_session, load_session
+from app.selecting import first_choice, next_choice, selection_of
+from app.session import Session
 from app.session_keeper import SessionKeeper
 from app.status import Gauges, RenderReport, Status
 from app.view_state import AS_PLANNED, OpenPanel, SetView, ViewCommand, ViewState
@@ -92,17 +92,6 @@ class WorkerClient(Protocol):
     def poll(self, budget_s: float = ...) -> list[Response]: ...
 
     def close(self) -> None: ...
-
-
-@dataclass(frozen=True)
-class Opening:
-    """A scene that the worker was asked to open, and the session or journal that asked for it."""
-
-    id: int
-    source: str
-    session: Session | None = None
-    session_path: Path | None = None
-    recovery: Recovery | None = None
 
 
 class Editor:
@@ -205,7 +194,7 @@ class Editor:
         None, or one line that says why there is no such thing.
         """
         try:
-            selected = None if path is None else self._selection(path)
+            selected = None if path is None else selection_of(self.document, path)
         except InsituError as error:
             return self._refuse(str(error))
         if selected != self.view.selected:
@@ -237,7 +226,7 @@ class Editor:
         None, or one line that says why it cannot be opened.
         """
         try:
-            opening = self._opening_of(source)
+            opening = Opening.of(source)
         except InsituError as error:
             return self._refuse(str(error))
         self._open(opening)
@@ -255,10 +244,10 @@ class Editor:
     def recover(self, recovery: Recovery) -> str | None:
         """Open what an editor that ended early left behind; None, or one line that says why it cannot be."""
         try:
-            session = recovery.load()
+            opening = Opening.of_recovery(recovery)
         except InsituError as error:
             return self._refuse(str(error))
-        self._open(Opening(0, session.document.source, session, recovery.session_path, recovery))
+        self._open(opening)
         return None
 
     def close(self) -> None:
@@ -472,8 +461,7 @@ class Editor:
             return []
         description = SceneDescription.model_validate_json(response.description)
         try:
-            document = document_from_description(opening.source, description)
-            document = document_with_read(document, response.measurements)
+            document = opening.document(description, response)
         except InsituError as error:
             self._take_failure(Failed(str(error), id=response.id))
             return []
@@ -492,7 +480,7 @@ class Editor:
         self.history = History(document)
         self.curves.opened(dict(document.layers()), response.bands)
         self._keeper.opened(document)
-        self.select(_first_choice(document))
+        self.select(first_choice(document))
         kept = "; the unsaved edits before it can be recovered at the next start" if left_unsaved else ""
         self.notify(f"opened {description.name}{kept}")
         if opening.session is not None:
@@ -501,9 +489,8 @@ class Editor:
 
     def _restore(self, opening: Opening, session: Session, opened: SceneOpened) -> None:
         """Put a session's document and view in the place of the scene's, where they fit."""
-        file = str(opening.session_path or opening.source)
         try:
-            document = document_with_read(fit_session(session, self.document, file), opened.measurements)
+            document = opening.restored(session, self.document, opened)
         except InsituError as error:
             self.notify(f"opened the scene without its session: {error}", True)
             return
@@ -514,7 +501,7 @@ class Editor:
         selected = session.view.selected or self.view.selected
         self.view = replace(session.view, selected=selected, panels=self.view.panels)
         self._keeper.opened(document, opening.session_path, opening.recovery)
-        self.notify("recovered what was not saved" if opening.recovery else f"opened {file}")
+        self.notify("recovered what was not saved" if opening.recovery else f"opened {opening.file}")
 
     def _take_measurements(self, response: MeasurementsRead) -> None:
         """Carry out the edit that waited for them."""
@@ -548,17 +535,9 @@ class Editor:
 
     # ----------------------------------------------------------------------------------------------------------- parts
 
-    def _opening_of(self, source: str) -> Opening:
-        path = Path(source)
-        if path.suffix != SUFFIX:
-            return Opening(0, full_path(source))
-        session = load_session(path)
-        return Opening(0, session.document.source, session, path.resolve())
-
     def _open(self, opening: Opening) -> None:
         self._negotiator.scene_closed()
-        layers = [] if opening.session is None else layers_of_document(opening.session.document)
-        id = self._client.send(OpenScene(opening.source, self.resolution, unread_files(layers)))
+        id = self._client.send(opening.request(self.resolution))
         self._reading.forget()
         self._opening = replace(opening, id=id)
         self._gauges.progress = None
@@ -574,15 +553,8 @@ class Editor:
         self._indirect.edited()
         self._maps.edited()
         selected = self.view.selected
-        if selected is None:
-            return
-        layers = self.document.object(selected.object).layers
-        if selected.layer >= len(layers):
-            self.select(selected.object)
-        elif selected.factor is not None:
-            names = [factor.name for factor in all_factors(layers[selected.layer].model)]
-            if selected.factor not in names:
-                self.select(selected.key)
+        if selected is not None and (choice := next_choice(self.document, selected)) != selected:
+            self.select(choice)
 
     def _stepped(self, label: str | None, what: str) -> str | None:
         self._negotiator.hand_released()
@@ -595,18 +567,6 @@ class Editor:
         self.notify(line, True)
         return line
 
-    def _selection(self, path: str | Selection) -> Selection | None:
-        target = resolve(self.document, path.path if isinstance(path, Selection) else path)
-        if target.kind == "light":
-            raise InsituError("the light cannot be selected; name an object, a layer or a curve")
-        layers = self.document.object(target.object).layers
-        if not layers:
-            raise InsituError(f"{target.object} has no layers to edit")
-        topmost = max(i for i, layer in enumerate(layers) if not layer.rises)
-        index = topmost if target.layer is None else target.layer
-        factor = target.name if target.kind == "factor" else layers[index].model.factors[0].name
-        return Selection(target.object, index, factor)
-
 
 def _transport_ready(response: LayerTransport, beside: tuple[str, ...]) -> TransportReady:
     return TransportReady(
@@ -618,10 +578,3 @@ def _transport_ready(response: LayerTransport, beside: tuple[str, ...]) -> Trans
         response.scale,
         beside,
     )
-
-
-def _first_choice(document: Document) -> str | None:
-    """What is selected in a scene just opened: the first editable object's topmost layer."""
-    with_layers = [state for state in document.objects if state.layers and not state.emits]
-    editable = [state for state in with_layers if state.editable]
-    return next((state.name for state in editable or with_layers), None)
