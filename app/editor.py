@@ -41,6 +41,7 @@ from app.jobs.messages import (
     SceneOpened,
     SkyImage,
     StageDone,
+    TableHandedOut,
     WorkerRestarted,
     WriteFiles,
 )
@@ -66,6 +67,7 @@ from app.selecting import first_choice, next_choice, selection_of
 from app.session import Session
 from app.session_keeper import SessionKeeper
 from app.status import Gauges, RenderReport, Status
+from app.table_talk import TableTalk
 from app.view_state import AS_PLANNED, OpenPanel, SetView, ViewCommand, ViewState
 from engine.errors import InsituError
 from engine.scene.description import SceneDescription
@@ -123,6 +125,7 @@ class Editor:
         self._comparison = Comparison(client.send, self.curves, self._maps.samples)
         self._known_light = KnownLight()
         self._reading = Reading(client.send)
+        self._tables = TableTalk(client.send)
         self._opening: Opening | None = None
         self._gauges = Gauges()
         self.open(source)
@@ -342,6 +345,11 @@ class Editor:
         """What is known and shown of textures and weight maps."""
         return self._maps
 
+    @property
+    def tables(self) -> TableTalk:
+        """The samples of measurements, which the BRDF panel shows."""
+        return self._tables
+
     def reload_images(self, key: str) -> None:
         """Read the images of a layer again, where they have been painted on in another program."""
         self._maps.reload(key, self.document.layer(key).maps)
@@ -405,6 +413,9 @@ class Editor:
                 self._take_failure(response)
             case MeasurementsRead():
                 self._take_measurements(response)
+            case TableHandedOut():
+                self._gauges.progress = None
+                self._tables.took(response)
             case FilesWritten():
                 self._gauges.progress = None
                 self.notify("; ".join((f"written {response.path}", *response.notes)))
@@ -471,6 +482,7 @@ class Editor:
         self._negotiator.scene_opened()
         self._indirect.scene_opened()
         self._maps.scene_opened()
+        self._tables.scene_opened()
         self._known_light = KnownLight()
         self.view = replace(
             self.view, selected=None, hovered=None, compare=None, operator=None, curve_zoom=None, solo=None,
@@ -514,6 +526,7 @@ class Editor:
     def _take_failure(self, response: Failed) -> None:
         self._gauges.progress = None
         self._reading.forget(response.id)
+        self._tables.took_failure(response.id)
         self._negotiator.took_failure(response)
         self._comparison.took_failure(response.id)
         refused = self._negotiator.asked_light if self._negotiator.is_transport(response.id) else None

@@ -4,13 +4,14 @@ materials written as such files."""
 from __future__ import annotations
 
 from collections.abc import Generator, Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from app.brdf_files import export_steps
-from app.jobs.messages import FilesWritten, Progress, Response, WriteFiles
+from app.jobs.messages import FilesWritten, HandOutTable, Progress, Response, TableHandedOut, WriteFiles
 from engine.errors import InsituError
 from engine.measured.measurement import Measurement
-from engine.measured.tables import ArrayStore, is_known, read_measurement
+from engine.measured.tables import ArrayStore, is_known, read_measurement, table_of
 from engine.measured.tabulate import left_out
 from engine.scene.files import resolve_inside
 
@@ -46,8 +47,22 @@ def ensure_tables(
     missing = [(file, number) for file, number in wanted if not is_known(number)]
     found = yield from read_files({file: Path(file) for file, _ in missing}, store)
     for file, number in missing:
-        if found[file].number != number:
-            raise InsituError(f"{file}: the file has changed since it was imported; import it again")
+        _check_unchanged(file, number, found[file])
+
+
+def hand_out(request: HandOutTable, store: ArrayStore | None) -> Generator[Response | None, None, None]:
+    """The table of a file. Raises InsituError, as for one that is not the file that was asked for any more."""
+    if is_known(request.number):
+        measurement = replace(table_of(request.number).measurement, file=request.file)
+    else:
+        measurement = (yield from read_files({request.file: Path(request.file)}, store))[request.file]
+        _check_unchanged(request.file, request.number or measurement.number, measurement)
+    yield TableHandedOut(measurement, table_of(measurement.number).samples)
+
+
+def _check_unchanged(file: str, number: int, found: Measurement) -> None:
+    if found.number != number:
+        raise InsituError(f"{file}: the file has changed since it was imported; import it again")
 
 
 def write_file(request: WriteFiles, store: ArrayStore | None) -> Generator[Response | None, None, None]:

@@ -59,6 +59,15 @@ class ReadMeasured(Request):
 
 
 @dataclass(frozen=True)
+class HandOutTable(Request):
+    """Hand out the samples of a measured BRDF, read first where they are not there. number: what names them where
+    the file was read before, 0 for whatever it holds. Answered by `TableHandedOut`."""
+
+    file: str
+    number: int = 0
+
+
+@dataclass(frozen=True)
 class WriteFiles(Request):
     """Write for other programs: what layers reflect as a MERL file; or, of a `document`, the scene that is open as a
     folder for Mitsuba 3, by so many bounces. Answered by `FilesWritten`. measured: see `ComputeTransport`."""
@@ -203,6 +212,14 @@ class MeasurementsRead(Response):
     """The measurements of a `ReadMeasured`, by file."""
 
     found: dict[str, Measurement]
+
+
+@dataclass(frozen=True, eq=False)
+class TableHandedOut(Response):
+    """The samples (90, 90, 180, 3) of a `HandOutTable`, 1/sr over theta_h, theta_d and phi_d, and what was fitted."""
+
+    measurement: Measurement
+    samples: NDArray[np.float32]
 
 
 @dataclass(frozen=True)

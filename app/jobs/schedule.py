@@ -2,7 +2,7 @@
 
 A job is the iterator that a handler returns; each `next` is one step, short enough (about 100 ms) that a new request is
 noticed soon. A contraction is quick, and so are a freezing and the sampling of images: they are served between the
-steps of a transport that is under way. There are no threads and no queue but seven places, one for the newest request
+steps of a transport that is under way. There are no threads and no queue but eight places, one for the newest request
 of each kind, so an old request cannot pile up.
 """
 
@@ -18,6 +18,7 @@ from app.jobs.messages import (
     Contract,
     Failed,
     Freeze,
+    HandOutTable,
     OpenScene,
     ReadMeasured,
     Request,
@@ -38,11 +39,12 @@ _CANCELS: dict[type[Request], tuple[type[Request], ...]] = {
     Contract: (Contract,),
     Freeze: (Freeze,),
     ReadMeasured: (ReadMeasured,),
+    HandOutTable: (HandOutTable,),
     WriteFiles: (WriteFiles,),
     SampleMaps: (SampleMaps,),
 }
 # The first goes first.
-_QUICK: tuple[type[Request], ...] = (SampleMaps, Contract, Freeze, ReadMeasured, WriteFiles)
+_QUICK: tuple[type[Request], ...] = (SampleMaps, Contract, Freeze, HandOutTable, ReadMeasured, WriteFiles)
 
 
 class Handlers(Protocol):
@@ -56,7 +58,7 @@ class Handlers(Protocol):
 
     def handle(self, request: Request) -> Steps: ...
 
-    def quick(self, request: SampleMaps | Contract | Freeze | ReadMeasured | WriteFiles) -> Steps: ...
+    def quick(self, request: SampleMaps | Contract | Freeze | HandOutTable | ReadMeasured | WriteFiles) -> Steps: ...
 
 
 class _Job:

@@ -13,6 +13,7 @@ from app.jobs.messages import (
     Failed,
     FilesWritten,
     Freeze,
+    HandOutTable,
     MeasurementsRead,
     OpenScene,
     ReadMeasured,
@@ -20,6 +21,7 @@ from app.jobs.messages import (
     Response,
     SampleMaps,
     SceneOpened,
+    TableHandedOut,
     WriteFiles,
 )
 
@@ -30,6 +32,7 @@ _BUILT_ON: dict[type[Request], tuple[type[Request], ...]] = {
     Contract: (),
     Freeze: (),
     ReadMeasured: (),
+    HandOutTable: (),
     WriteFiles: (),
     SampleMaps: (),
 }
@@ -60,7 +63,7 @@ class Standing:
         """Note a current answer: a request that failed, or was answered once and for all, stands no longer."""
         if isinstance(response, SceneOpened):
             self._opened = self._requests[OpenScene]
-        elif isinstance(response, (Failed, MeasurementsRead, FilesWritten)):
+        elif isinstance(response, (Failed, MeasurementsRead, TableHandedOut, FilesWritten)):
             self.drop(response.id)
 
     def drop(self, id: int) -> None:

@@ -23,12 +23,13 @@ from app.document import Document, LightState, document_from_description
 from app.jobs.cache import Store, content_key
 from app.jobs.kernels import FIRST_TIME, INDIRECT, Kernels, are_compiled, note_compiled
 from app.jobs.layer_data import STAGES, LayerData, LitBy, joined, kept_of_tile, shape_of, store_of
-from app.jobs.measured import described_paths, ensure_tables, read_files, write_file
+from app.jobs.measured import described_paths, ensure_tables, hand_out, read_files, write_file
 from app.jobs.messages import (
     ComputeTransport,
     Contract,
     Footprint,
     Freeze,
+    HandOutTable,
     LayerWork,
     MeasurementsRead,
     OpenScene,
@@ -95,11 +96,14 @@ class Tasks:
                 yield from self._compute(request)
 
     def quick(
-        self, request: SampleMaps | Contract | Freeze | ReadMeasured | WriteFiles
+        self, request: SampleMaps | Contract | Freeze | HandOutTable | ReadMeasured | WriteFiles
     ) -> Iterator[Response | None]:
         """One layer's picture, and its transport along one curve ("curve switching", [BenArtzi07, eq. 4.16]); or the
-        indirect light, frozen for what is selected; or files of measured BRDFs, read or written; or images as the eye
-        sees them."""
+        indirect light, frozen for what is selected; or files of measured BRDFs, read, handed out or written; or images
+        as the eye sees them."""
+        if isinstance(request, HandOutTable):
+            yield from hand_out(request, self._cache)
+            return
         if isinstance(request, ReadMeasured):
             found = yield from read_files({file: Path(file) for file in request.files}, self._cache)
             yield MeasurementsRead(found)

@@ -16,12 +16,14 @@ from app.jobs.messages import (
     ComputeTransport,
     Failed,
     FilesWritten,
+    HandOutTable,
     LayerPicture,
     MeasurementsRead,
     OpenScene,
     Progress,
     ReadMeasured,
     SceneOpened,
+    TableHandedOut,
     WriteFiles,
 )
 from app.jobs.tasks import Tasks
@@ -155,6 +157,50 @@ def test_the_worker_answers_an_import_between_other_work(merl_file: Path, tmp_pa
     client.send(ReadMeasured((str(merl_file),)))
     answers = client.poll(float("inf"))
     assert isinstance(answers[-1], MeasurementsRead) and answers[-1].found[str(merl_file)].is_read
+
+
+def test_the_worker_hands_a_table_out(merl_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tables, "_tables", {})
+    tasks = Tasks(Store(tmp_path / "cache"))
+    *_, given = run_in_process(tasks, HandOutTable(str(merl_file)))
+    assert isinstance(given, TableHandedOut) and given.measurement.is_read
+    number = given.measurement.number
+    assert np.array_equal(given.samples, tables.table_of(number).samples) and given.samples.dtype == np.float32
+    # By its number at once; a copy of the file is the same table, by its own name; another number is another file.
+    monkeypatch.delattr("app.jobs.measured.read_measurement")
+    (again,) = run_in_process(tasks, HandOutTable("copy.binary", number))
+    assert isinstance(again, TableHandedOut) and again.measurement == replace(given.measurement, file="copy.binary")
+    monkeypatch.undo()
+    *_, failed = run_in_process(tasks, HandOutTable(str(merl_file), number + 1))
+    assert isinstance(failed, Failed) and "has changed since it was imported" in failed.line
+
+
+def test_a_table_is_asked_for_once(client: FakeClient) -> None:
+    editor = Editor(client, "shelf")
+    client.open_scene()
+    editor.tick(0.0)
+    measurement, samples = drawn_measurement(), np.zeros((2, 2, 2, 3), np.float32)
+    for _ in range(2):
+        editor.tables.want(measurement)
+    (asked,) = client.sent(HandOutTable)
+    assert (asked.file, asked.number) == ("drawn.binary", 5) and not editor.tables.has_arrived
+    client.answer(asked, TableHandedOut(measurement, samples))
+    editor.tick(0.1)
+    editor.tables.want(measurement)  # it is here, and nobody has taken it
+    assert len(client.sent(HandOutTable)) == 1
+    assert editor.tables.take() == (5, samples) and editor.tables.take() is None
+    # One that fails is told of and not asked for again, until another scene is opened.
+    unread = replace(measurement, number=0, file="gone.binary")
+    editor.tables.want(unread)
+    client.answer(client.sent(HandOutTable)[-1], Failed("gone.binary: cannot be read"))
+    editor.tick(0.2)
+    editor.tables.want(unread)
+    assert editor.status.is_error and editor.tables.is_refused(unread) and len(client.sent(HandOutTable)) == 2
+    editor.open("shelf")
+    client.open_scene()
+    editor.tick(0.3)
+    editor.tables.want(unread)
+    assert len(client.sent(HandOutTable)) == 3
 
 
 def test_a_material_is_exported_by_the_worker(client: FakeClient, tmp_path: Path) -> None:

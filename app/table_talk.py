@@ -1,0 +1,69 @@
+"""Samples of measurements on their way to the window, which shows them where a measured layer is seen by itself.
+
+The worker hands a table out once, when somebody wants to see it; whoever takes it keeps it. One request at a time, of
+17.5 MB each. What could not be had is not asked for again while its scene is open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.jobs.messages import HandOutTable, Request, TableHandedOut
+from engine.measured.measurement import Measurement
+
+Samples = NDArray[np.float32]
+
+
+class TableTalk:
+    """The talk with the worker about tables. ``send`` hands a request over and returns its number."""
+
+    def __init__(self, send: Callable[[Request], int]) -> None:
+        self._send = send
+        self._asked: tuple[int, Measurement] | None = None
+        self._here: dict[int, Samples] = {}
+        self._read: dict[str, Measurement] = {}
+        self._refused: set[tuple[str, int]] = set()
+
+    def scene_opened(self) -> None:
+        """Another scene: what was refused may be there now."""
+        self._refused.clear()
+
+    @property
+    def has_arrived(self) -> bool:
+        """Whether a table is here that nobody has taken."""
+        return bool(self._here)
+
+    def want(self, measurement: Measurement) -> None:
+        """Ask for the table of a measurement, read or not, unless something else is under way."""
+        if self._asked is not None or measurement.number in self._here or self.is_refused(measurement):
+            return
+        request = HandOutTable(measurement.file, measurement.number)
+        self._asked = self._send(request), measurement
+
+    def is_refused(self, measurement: Measurement) -> bool:
+        """Whether it cannot be had."""
+        return (measurement.file, measurement.number) in self._refused
+
+    def read(self, measurement: Measurement) -> Measurement:
+        """The measurement with what is known of its file since its table was handed out; itself where nothing is."""
+        return measurement if measurement.is_read else self._read.get(measurement.file, measurement)
+
+    def take(self) -> tuple[int, Samples] | None:
+        """A table that has come and the number that names it, which are then the caller's."""
+        return self._here.popitem() if self._here else None
+
+    def took(self, response: TableHandedOut) -> None:
+        """A table has come."""
+        if self._asked is not None and self._asked[0] == response.id:
+            self._asked = None
+            self._here[response.measurement.number] = response.samples
+            self._read[response.measurement.file] = response.measurement
+
+    def took_failure(self, id: int) -> None:
+        """A request has failed."""
+        if self._asked is not None and self._asked[0] == id:
+            (_, measurement), self._asked = self._asked, None
+            self._refused.add((measurement.file, measurement.number))
