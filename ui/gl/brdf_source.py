@@ -2,10 +2,9 @@
 
 Each layer is f_q rho_q f_o f_A f_B [BenArtzi07, eq. 3.1]: its strength f_q and the numbers of its quotient are
 uniforms, its curves rows of a texture (shaders/brdf/curves.glsl), angles and rho_q cos_i what `python_to_glsl` makes of
-the functions that the worker compiles. A text depends on the models alone, in their order: no edit compiles a shader.
-
-A quotient that differs between channels (a table of measurements) would come in at `_layer`: the product there is of
-vec3, so that its factor may be a look-up in a texture of its own.
+the functions that the worker compiles. A measured layer has a quotient for each channel besides, of a table in a
+texture (`measured_source`). A text depends on the models alone, in their order, and on which of them share a table: no
+edit compiles a shader, nor does a table that comes.
 """
 
 from __future__ import annotations
@@ -16,11 +15,16 @@ from pathlib import Path
 
 from engine.material import kinds
 from engine.material.model import Factor, Model
+from engine.measured.material import MeasuredModel
+from ui.gl.measured_source import n_factor_rows, quotient_text, value_text
 from ui.gl.python_source import PythonSource
 from ui.gl.python_to_glsl import Foreign, Translation
 
 KERNELS = Path(inspect.getfile(kinds)).with_name("_kernels.py")
+MEASURED_KERNELS = Path(inspect.getfile(MeasuredModel)).with_name("_kernels.py")
 INCLUDES = '#include "brdf/arithmetic.glsl"\n#include "brdf/curves.glsl"\n'
+MEASURED_INCLUDE = '#include "brdf/measured.glsl"\n'
+PAIR = "wi.x, wi.y, wi.z, wo.x, wo.y, wo.z"
 # By any other number than those in `kinds` kernels know a quotient that stands in its model's file.
 OWN_NUMBER = 1 + max(kinds.LAMBERT, kinds.PHONG, kinds.BLINN_PHONG, kinds.COOK_TORRANCE, kinds.ROUGH_CONDUCTOR,
                      kinds.ASHIKHMIN_SHIRLEY, kinds.ASHIKHMIN_SHIRLEY_RATIO)  # fmt: skip
@@ -31,33 +35,67 @@ def curves_of(model: Model) -> tuple[Factor, ...]:
     return model.factors if model.view_factor is None else (*model.factors, model.view_factor)
 
 
+def rows_of(model: Model) -> int:
+    """How many rows of the texture of curves a layer of this model takes."""
+    return len(curves_of(model)) + (n_factor_rows(model) if isinstance(model, MeasuredModel) else 0)
+
+
 @lru_cache(maxsize=64)
-def brdf_source(models: tuple[Model, ...]) -> str:
-    """What `#include "generated/brdf.glsl"` stands for. Raises Untranslatable."""
+def brdf_source(models: tuple[Model, ...], slots: tuple[int | None, ...]) -> str:
+    """What `#include "generated/brdf.glsl"` stands for. slots: of each layer the place of its table among those of all
+    layers, None where it has none. Raises Untranslatable."""
     translation, layers, row = Translation(), [], 0
-    for place, model in enumerate(models):
-        layers.append(_layer(translation, place, model, row))
-        row += len(curves_of(model))
-    total = " + ".join(f"layer_{place}(wi, wo)" for place in range(len(models))) or "vec3(0.0)"
+    slots_there = sorted({slot for slot in slots if slot is not None})
+    values = [_value(translation, slot) for slot in slots_there]
+    for place, (model, slot) in enumerate(zip(models, slots, strict=True)):
+        layers.append(_layer(translation, place, model, row, slot))
+        row += rows_of(model)
+    total = " + ".join(_call(place, slot) for place, slot in enumerate(slots)) or "vec3(0.0)"
+    looked_up = [f"    vec3 value{slot} = value_{slot}(wi, wo);" for slot in slots_there]
     return "\n".join([
-        INCLUDES, translation.text, *layers,
-        f"vec3 brdf_cosine(vec3 wi, vec3 wo) {{\n    return {total};\n}}\n",
+        INCLUDES + (MEASURED_INCLUDE if values else ""), translation.text, *values, *layers,
+        "vec3 brdf_cosine(vec3 wi, vec3 wo) {", *looked_up, f"    return {total};", "}", "",
         f"vec3 brdf(vec3 wi, vec3 wo) {{\n    return brdf_cosine(wi, wo) / max(wi.z, {kinds.GRAZING!r});\n}}\n",
     ])  # fmt: skip
 
 
-def _layer(translation: Translation, place: int, model: Model, row: int) -> str:
+def _call(place: int, slot: int | None) -> str:
+    return f"layer_{place}(wi, wo)" if slot is None else f"layer_{place}(value{slot}, wi, wo)"
+
+
+def _layer(translation: Translation, place: int, model: Model, row: int, slot: int | None) -> str:
     """f_q rho_q cos_i f_A f_B f_o of one layer, whose first curve is that row."""
-    numbers, pair = f"quotient_parameters_{place}", "wi.x, wi.y, wi.z, wo.x, wo.y, wo.z"
-    terms = [f"strength_{place}", f"{_quotient(translation, model)}({numbers}, {pair})"]
-    for further, factor in enumerate(curves_of(model)):
-        angle = translation.function(_kernels(), "gamma", {"kind": factor.gamma}, {})
-        terms.append(f"curve_at({row + further}, {angle}({numbers}, {pair}))")
+    numbers, curves = f"quotient_parameters_{place}", curves_of(model)
+    terms = [f"strength_{place}", f"{_quotient(translation, model)}({numbers}, {PAIR})"]
+    for further, factor in enumerate(curves):
+        terms.append(f"curve_at({row + further}, {_angle(translation, factor.gamma, numbers)})")
+    measured, given = [], ""
+    if isinstance(model, MeasuredModel) and slot is not None:
+        angles = _measured_angles(translation, numbers)
+        measured, given = [quotient_text(model, place, row + len(curves), angles)], "vec3 value, "
+        terms.append(f"measured_{place}(value, wi, wo)")
     return "\n".join([
-        f"uniform vec3 strength_{place};", f"uniform mat2x4 {numbers};",
-        f"vec3 layer_{place}(vec3 wi, vec3 wo) {{",
+        f"uniform vec3 strength_{place};", f"uniform mat2x4 {numbers};", *measured,
+        f"vec3 layer_{place}({given}vec3 wi, vec3 wo) {{",
         "    return " + "\n        * ".join(terms) + ";", "}", "",
     ])  # fmt: skip
+
+
+def _value(translation: Translation, slot: int) -> str:
+    """The look-up of a table."""
+    phi_d = translation.function(_measured_kernels(), "_phi_d", {}, {})
+    return value_text(slot, _measured_angles(translation, "mat2x4(0.0)"), f"{phi_d}({PAIR})")
+
+
+def _measured_angles(translation: Translation, numbers: str) -> dict[int, str]:
+    """The angles that a measurement runs over."""
+    kinds_there = (kinds.THETA_I, kinds.THETA_O, kinds.THETA_H, kinds.THETA_D)
+    return {kind: _angle(translation, kind, numbers) for kind in kinds_there}
+
+
+def _angle(translation: Translation, kind: int, numbers: str) -> str:
+    """The call that is an angle of the pair of directions."""
+    return f"{translation.function(_kernels(), 'gamma', {'kind': kind}, {})}({numbers}, {PAIR})"
 
 
 def _quotient(translation: Translation, model: Model) -> str:
@@ -72,3 +110,8 @@ def _quotient(translation: Translation, model: Model) -> str:
 @lru_cache(maxsize=1)
 def _kernels() -> PythonSource:
     return PythonSource.read(KERNELS)
+
+
+@lru_cache(maxsize=1)
+def _measured_kernels() -> PythonSource:
+    return PythonSource.read(MEASURED_KERNELS)

@@ -1,7 +1,8 @@
 """Layers on the GPU: their curves in a texture, their numbers as uniforms, and passes that evaluate their BRDF.
 
     layers ─► curves at angles of growing distance (4096, 3) each ─► texture, a row a curve ─┐
-          └─► strengths, quotient parameters ─► uniforms ────────────────────────────────────┴─► any brdf/*.frag.glsl
+          ├─► strengths, quotient parameters ─► uniforms ────────────────────────────────────┼─► any brdf/*.frag.glsl
+          └─► what they were measured as ─► tables (`measured_tables`), as far as they are there ─┘
 
 The curves are the final ones, operators and all: what a drag changes is a row of 64 KiB.
 """
@@ -17,6 +18,8 @@ from numpy.typing import NDArray
 
 from engine.material.layer import Layer
 from ui.gl.brdf_source import brdf_source, curves_of
+from ui.gl.measured_source import factor_rows, table_number
+from ui.gl.measured_tables import MeasuredTables
 from ui.gl.passes import Box, Passes
 from ui.gl.textures import TextureMemory, read_texture
 
@@ -28,10 +31,14 @@ PAIRS_A_ROW = 1024
 
 
 class BrdfStack:
-    """Some layers whose BRDFs are added, as shaders see them. `set_layers` first, then any number of passes."""
+    """Some layers whose BRDFs are added, as shaders see them. `set_layers` first, then any number of passes.
 
-    def __init__(self, passes: Passes, memory: TextureMemory) -> None:
+    Measured layers are the product of their curves alone while `tables` (None: nobody's) do not have theirs.
+    """
+
+    def __init__(self, passes: Passes, memory: TextureMemory, tables: MeasuredTables | None = None) -> None:
         self._passes, self._memory = passes, memory
+        self._tables, self._has_own_tables = tables or MeasuredTables(memory), tables is None
         self._curves: moderngl.Texture | None = None
         self.layers: tuple[Layer, ...] = ()
 
@@ -39,7 +46,7 @@ class BrdfStack:
         """Follow the layers; whether they differ from what was there."""
         if layers == self.layers and self._curves is not None:
             return False
-        rows = [layer.curve(factor.name)(SAMPLED_AT) for layer in layers for factor in curves_of(layer.model)]
+        rows = [row for layer in layers for row in _rows(layer)]
         texels = np.zeros((max(len(rows), 1), N_SAMPLES, 4), np.float32)
         for row, values in enumerate(rows):
             texels[row, :, :3] = np.minimum(values, LARGEST)
@@ -62,11 +69,13 @@ class BrdfStack:
     ) -> None:
         """Run `brdf/fragment` over a box of the target; see `Passes.draw`. Raises GraphicsError, Untranslatable."""
         assert self._curves is not None
-        made = {"generated/brdf.glsl": brdf_source(tuple(layer.model for layer in self.layers))}
+        slots, tables = self._slots()
+        made = {"generated/brdf.glsl": brdf_source(tuple(layer.model for layer in self.layers), slots)}
         program = self._passes.full_screen(f"brdf/{fragment}", made)
         numbers = uniforms | self._numbers()
         there = {name: value for name, value in numbers.items() if name in program}
-        used = {"curves": self._curves, **(textures or {})}
+        used: dict[str, moderngl.Texture | moderngl.TextureArray]
+        used = {"curves": self._curves, **tables, **(textures or {})}
         self._passes.draw(program, target, box, {n: t for n, t in used.items() if n in program}, add=add, **there)
 
     def evaluate(self, wi: NDArray[np.floating], wo: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -90,7 +99,16 @@ class BrdfStack:
     def release(self) -> None:
         """Free the texture; programs stay with the passes."""
         self._memory.release(self._curves)
+        if self._has_own_tables:
+            self._tables.release()
         self._curves, self.layers = None, ()
+
+    def _slots(self) -> tuple[tuple[int | None, ...], dict[str, moderngl.TextureArray]]:
+        """Which table each layer looks up, and the textures by their uniforms' names."""
+        numbers = [table_number(layer) for layer in self.layers]
+        there = list(dict.fromkeys(each for each in numbers if each is not None))
+        slots = tuple(None if each is None else there.index(each) for each in numbers)
+        return slots, {f"table_{slot}": self._tables.texture(each) for slot, each in enumerate(there)}
 
     def _numbers(self) -> dict[str, tuple[float, ...]]:
         """Uniforms of all layers."""
@@ -99,3 +117,9 @@ class BrdfStack:
             numbers[f"strength_{place}"] = tuple(layer.scale().tolist())
             numbers[f"quotient_parameters_{place}"] = tuple(layer.quotient_parameters().tolist())
         return numbers
+
+
+def _rows(layer: Layer) -> list[NDArray[np.float64]]:
+    """The curves of a layer, and what its quotient is formed of, (N_SAMPLES, 3) each."""
+    curves = [layer.curve(factor.name)(SAMPLED_AT) for factor in curves_of(layer.model)]
+    return curves + factor_rows(layer, SAMPLED_AT)

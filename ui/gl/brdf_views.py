@@ -103,17 +103,48 @@ class Slice:
             self._memory.release(texture)
 
 
+class AlbedoShares:
+    """Both albedos, over all azimuths: of 1,024 directions an angle, within 1 % for lobes down to 1e-3 rad.
+
+    Drawn some of `N_ROWS` rows at a time, for many layers and tables take longer than a frame may.
+    """
+
+    def __init__(self, memory: TextureMemory) -> None:
+        self._memory = memory
+        self._texture: moderngl.Texture = memory.texture((N_ANGLES, N_ROWS), 4, "f4")
+        self._target = memory.framebuffer([self._texture])
+        self._row = 0
+
+    @property
+    def is_begun(self) -> bool:
+        """Whether some rows are there, and not all."""
+        return self._row > 0
+
+    def step(self, stack: BrdfStack, rows: int = N_ROWS) -> Albedo | None:
+        """Draw so many rows more; what they tell once all are there. Waits for the GPU then."""
+        rows = min(rows, N_ROWS - self._row)
+        box = (0, self._row, N_ANGLES, rows)
+        stack.draw("albedo.frag.glsl", self._target, box, size=(float(N_ANGLES), float(N_ROWS)))
+        self._row = (self._row + rows) % N_ROWS
+        if self._row:
+            return None
+        shares = read_texture(self._texture, np.float32)[..., :3].astype(np.float64)
+        angles = np.linspace(0.0, 0.5 * math.pi, 2 * N_ANGLES + 1)[1::2]
+        values, weights = shares.mean(axis=0), np.sin(2.0 * angles)  # 2 cos sin, of the solid angle and the cosine
+        return Albedo(angles, values, weights @ values / weights.sum())
+
+    def release(self) -> None:
+        """Free the texture."""
+        self._memory.release_framebuffer(self._target)
+        self._memory.release(self._texture)
+
+
 def albedo(stack: BrdfStack, memory: TextureMemory) -> Albedo:
-    """Both albedos, over all azimuths: of 1,024 directions an angle, within 1 % for lobes down to 1e-3 rad."""
-    texture: moderngl.Texture = memory.texture((N_ANGLES, N_ROWS), 4, "f4")
-    target = memory.framebuffer([texture])
+    """Both albedos at once."""
+    shares = AlbedoShares(memory)
     try:
-        box = (0, 0, N_ANGLES, N_ROWS)
-        stack.draw("albedo.frag.glsl", target, box, size=(float(N_ANGLES), float(N_ROWS)))
-        shares = read_texture(texture, np.float32)[..., :3].astype(np.float64)
+        found = shares.step(stack)
+        assert found is not None
+        return found
     finally:
-        memory.release_framebuffer(target)
-        memory.release(texture)
-    angles = np.linspace(0.0, 0.5 * math.pi, 2 * N_ANGLES + 1)[1::2]
-    values, weights = shares.mean(axis=0), np.sin(2.0 * angles)  # 2 cos sin, of the solid angle and the cosine
-    return Albedo(angles, values, weights @ values / weights.sum())
+        shares.release()

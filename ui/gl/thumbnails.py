@@ -7,6 +7,7 @@ frame, while the window has nothing else to do.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import moderngl
@@ -14,9 +15,11 @@ import numpy as np
 from PIL import Image
 
 from app.library import Entry, Library
+from app.linked_layers import Layers
 from ui.gl.brdf_stack import BrdfStack
 from ui.gl.context import GraphicsError, create_headless_context
 from ui.gl.lit_sphere import LitSphere, sphere_picture
+from ui.gl.measured_tables import MeasuredTables
 from ui.gl.passes import Passes
 from ui.gl.python_to_glsl import Untranslatable
 from ui.gl.textures import TextureMemory, read_texture
@@ -26,11 +29,19 @@ MANY_STEPS = 64
 
 
 class Thumbnails:
-    """The pictures that panels asked for, by the file of the material; nothing is made that nobody looks at."""
+    """The pictures that panels asked for, by the file of the material; nothing is made that nobody looks at.
 
-    def __init__(self, context: moderngl.Context) -> None:
+    complete: the layers of a material with all that was measured of them, which is then in `tables`; None until it is.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        tables: MeasuredTables | None = None,
+        complete: Callable[[Layers], Layers | None] = lambda layers: layers,
+    ) -> None:
         self._passes, self._memory = Passes(context), TextureMemory(context)
-        self._stack = BrdfStack(self._passes, self._memory)
+        self._stack, self._complete = BrdfStack(self._passes, self._memory, tables), complete
         self._sphere: LitSphere | None = None
         self._done: dict[Path, tuple[Entry, moderngl.Texture | None]] = {}
         self._wanted: dict[Path, Entry] = {}
@@ -44,21 +55,21 @@ class Thumbnails:
 
     @property
     def is_waiting(self) -> bool:
-        """Whether a picture is wanted that is not there."""
-        return bool(self._wanted)
+        """Whether a picture is wanted that could be made now."""
+        return any(entry_picture(e) is not None or self._layers(e) is not None for e in self._wanted.values())
 
     def step(self, may_draw: bool) -> bool:
         """Go on with the picture that was wanted first: read it, or where that `may` be draw a part of it.
 
         Whether a picture has come.
         """
-        ready = (e for e in self._wanted.values() if may_draw or entry_picture(e) is not None)
-        entry = next(ready, None)
+        there = ((e, entry_picture(e)) for e in self._wanted.values())
+        ready = ((e, file) for e, file in there if file is not None or (may_draw and self._layers(e) is not None))
+        entry, file = next(ready, (None, None))
         if entry is None:
             return False
-        file = entry_picture(entry)
         try:
-            texture = self._drawn(entry) if file is None else self._read(file)
+            texture = self._drawn(self._layers(entry) or ()) if file is None else self._read(file)
         except (GraphicsError, Untranslatable, OSError):
             texture = None
         else:
@@ -83,11 +94,14 @@ class Thumbnails:
         pixels = np.asarray(Image.open(file).convert("RGBA"))
         return self._memory.texture((pixels.shape[1], pixels.shape[0]), 4, "f1", pixels)
 
-    def _drawn(self, entry: Entry) -> moderngl.Texture | None:
+    def _layers(self, entry: Entry) -> Layers | None:
+        return self._complete(tuple(layer for layer in entry.material.layers if layer.visible))
+
+    def _drawn(self, layers: Layers) -> moderngl.Texture | None:
         """One step; the picture when that was the last one."""
         if self._sphere is None:
             self._sphere = LitSphere(self._passes, self._memory, SIDE)
-        if self._stack.set_layers(tuple(layer for layer in entry.material.layers if layer.visible)):
+        if self._stack.set_layers(layers):
             self._sphere.restart()
         if self._sphere.step(self._stack):
             return None

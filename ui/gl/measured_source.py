@@ -1,0 +1,87 @@
+"""The GLSL of a measured layer's quotient: formed where it is looked up, of the measurement and its factors.
+
+    table of samples ─► shaders/brdf/measured.glsl ─┐
+    factors as fitted ─► rows of the curves' texture ┴─► quotient per channel, as in engine/measured/_kernels.py
+
+Both parts of a measurement share one look-up. The factors are sampled as the layer's own curves are, so that an
+unedited layer is the measurement to the last digits of single precision, at the factors' bends as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.material import kinds
+from engine.material.layer import Layer
+from engine.material.model import number
+from engine.measured.material import MeasuredModel, measurement_of
+from engine.measured.measurement import Measurement, Part
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Product:
+    """Factors of a measurement by name with the angles they run over, and the strength they are multiplied by."""
+
+    strength: Part
+    factors: tuple[tuple[str, int], ...]
+
+
+MATT = Product("diffuse", (("theta_i", kinds.THETA_I), ("theta_o", kinds.THETA_O)))
+SHINE = Product("specular", (("theta_d", kinds.THETA_D), ("theta_h", kinds.THETA_H)))
+CLOTH = Product("whole", (("p", kinds.THETA_I), ("q", kinds.THETA_H), ("p", kinds.THETA_O)))
+PRODUCTS: dict[Part, tuple[Product, ...]] = {"diffuse": (MATT,), "specular": (MATT, SHINE), "whole": (CLOTH,)}
+
+
+def table_number(layer: Layer) -> int | None:
+    """What names the table of a layer; 0 where its file was not read, None for one that is not measured."""
+    return measurement_of(layer.values).number if isinstance(layer.model, MeasuredModel) else None
+
+
+def n_factor_rows(model: MeasuredModel) -> int:
+    """How many rows of the curves' texture the quotient takes."""
+    return sum(len(product.factors) for product in PRODUCTS[model.part])
+
+
+def factor_rows(layer: Layer, gamma: Array) -> list[Array]:
+    """Those rows, (N, 3) each, at angles (N,); the first of each product has its strength. None of other layers."""
+    if not isinstance(layer.model, MeasuredModel):
+        return []
+    measurement, smoothing = measurement_of(layer.values), number(layer.values, "smoothing")
+    return [row for product in PRODUCTS[layer.model.part] for row in _rows(product, measurement, smoothing, gamma)]
+
+
+def value_text(slot: int, angles: Mapping[int, str], phi_d: str) -> str:
+    """The function value_SLOT(wi, wo), the measurement itself; negative where the table is a single texel, which says
+    that there is none. One look-up serves all layers of a file. angles, phi_d: calls, by kind."""
+    place = ", ".join([angles[kinds.THETA_H], angles[kinds.THETA_D], phi_d])
+    return "\n".join([
+        f"uniform sampler2DArray table_{slot};",
+        f"vec3 value_{slot}(vec3 wi, vec3 wo) {{",
+        f"    if (textureSize(table_{slot}, 0).x == 1) {{",
+        "        return vec3(-1.0);", "    }",
+        f"    return measured_sample(table_{slot}, {place});", "}", "",
+    ])  # fmt: skip
+
+
+def quotient_text(model: MeasuredModel, place: int, row: int, angles: Mapping[int, str]) -> str:
+    """The function measured_PLACE(value, wi, wo), whose factors begin at that row: 1 where there is no value."""
+    products = []
+    for product in PRODUCTS[model.part]:
+        terms = [f"curve_at({row + i}, {angles[kind]})" for i, (_, kind) in enumerate(product.factors)]
+        products.append(" * ".join(terms))
+        row += len(terms)
+    return "\n".join([
+        f"vec3 measured_{place}(vec3 value, vec3 wi, vec3 wo) {{",
+        f"    return value.x < 0.0 ? vec3(1.0) : {model.part}_quotient({', '.join(['value', *products])});", "}", "",
+    ])  # fmt: skip
+
+
+def _rows(product: Product, measurement: Measurement, smoothing: float, gamma: Array) -> list[Array]:
+    rows = [measurement.curve(name, gamma, smoothing) for name, _ in product.factors]
+    return [rows[0] * getattr(measurement, product.strength), *rows[1:]]
