@@ -3,7 +3,8 @@
 One part a frame, the one made longest ago: each takes some ms on a software rasterizer. While a hand edits, parts take
 no more than a quarter of the time, so that the picture's frames stay short; what is left follows when it rests. Before
 the first picture nothing is made: the processors are the worker's. A driver compiles a program when a model is shown
-for the first time, on llvmpipe for 20 to 90 ms until Mesa has it on disk.
+for the first time, on llvmpipe for 20 to 90 ms until Mesa has it on disk. Measured layers are their curves alone until
+their tables have come (`table_feed`), and the board says so.
 """
 
 from __future__ import annotations
@@ -17,9 +18,11 @@ import moderngl
 from app.document import Document
 from app.editor import Editor
 from app.linked_layers import group_of
+from app.measurements import measurement_in
 from app.view_state import ViewState
 from engine.errors import InsituError
 from engine.material.layer import Layer
+from engine.measured.measurement import Measurement
 from ui.gl import brdf_views
 from ui.gl.brdf_stack import BrdfStack
 from ui.gl.lit_sphere import LitSphere
@@ -28,34 +31,38 @@ from ui.gl.textures import TextureMemory
 from ui.panels.brdf_board import BrdfBoard, Part
 from ui.panels.picture import Picture
 from ui.surface_lobe import SurfacePoint, surface_lobe
+from ui.table_feed import TableFeed
 
 # Of the time while a hand edits, what parts may take.
 EDITING_SHARE = 0.25
-# The sphere is drawn in so many rows at a time as take about that long.
-ROWS_SECONDS, LEAST_ROWS = 0.012, 16
+# The sphere and the albedo's sums are drawn in so many rows at a time as take about that long.
+ROWS_SECONDS, LEAST_ROWS, LEAST_ALBEDO_ROWS = 0.012, 16, 4
 
 Layers = tuple[Layer, ...]
 SurfaceAt = Callable[[int, int], SurfacePoint | None]
 
 
 class BrdfFeed:
-    """Feeds one board. `picture` makes a texture drawable by panels."""
+    """Feeds one board. `picture` makes a texture drawable by panels; `tables` are the window's."""
 
     def __init__(
-        self, context: moderngl.Context, board: BrdfBoard, picture: Callable[[moderngl.Texture], Picture | None]
-    ) -> None:
+        self, context: moderngl.Context, board: BrdfBoard, picture: Callable[[moderngl.Texture], Picture | None],
+        tables: TableFeed,
+    ) -> None:  # fmt: skip
         self._context, self._board, self._picture = context, board, picture
         self._passes, self._memory = Passes(context), TextureMemory(context)
-        self._stack = BrdfStack(self._passes, self._memory)
+        self._tables = tables
+        self._stack = BrdfStack(self._passes, self._memory, tables.tables)
         self._sphere: LitSphere | None = None
         self._slice: brdf_views.Slice | None = None
+        self._albedo: brdf_views.AlbedoShares | None = None
         self._answered: dict[Part, tuple[object, ...]] = {}
         self._made_at: dict[Part, int] = {}
         self._n_made = 0
         self._rests_until = -math.inf
         self._surface_at: SurfaceAt = nowhere
-        self._begun_for: tuple[object, ...] = ()
-        self._rows = LEAST_ROWS
+        self._begun_for: dict[Part, tuple[object, ...]] = {}
+        self._rows, self._albedo_rows = LEAST_ROWS, 2 * LEAST_ALBEDO_ROWS
 
     def draw(self, editor: Editor, surface_at: SurfaceAt, hand_is_busy: bool, now: float) -> bool:
         """Make the part that is due, where there is time; whether another frame would show more.
@@ -64,6 +71,8 @@ class BrdfFeed:
         """
         self._surface_at = surface_at
         layers = shown_layers(editor.document, editor.view)
+        if self._bring_tables(editor, layers, hand_is_busy):
+            return True
         part = self._due(layers, editor)
         if part is None:
             return False
@@ -79,16 +88,27 @@ class BrdfFeed:
         self._context.finish()
         self._rests_until = now + (time.perf_counter() - started) * (1.0 / EDITING_SHARE - 1.0)
         self._n_made += 1
-        question = self._question(part, layers, editor.view)
         self._made_at[part] = self._n_made
-        self._answered[part] = self._begun_for if part == "sphere" and not self._board.problem else question
+        self._note_answered(part, layers, editor.view)
         return self._due(layers, editor) is not None
 
     def close(self) -> None:
         """Free GL objects."""
-        for thing in (self._sphere, self._slice, self._stack, self._passes):
+        for thing in (self._sphere, self._slice, self._albedo, self._stack, self._passes):
             if thing is not None:
                 thing.release()
+
+    def _bring_tables(self, editor: Editor, layers: Layers, hand_is_busy: bool) -> bool:
+        """Have the tables of what is on screen; whether one is on its way to the GPU."""
+        measured: list[Measurement] = []
+        if self._board.shown and editor.status.picture != "waiting":
+            found = (measurement_in(layer) for layer in layers)
+            measured = [each for each in found if each is not None and each.is_read]
+        self._tables.want(editor, measured)
+        uploading = self._tables.go_on(editor, hand_is_busy, measured)
+        self._board.curves_alone = bool(self._tables.missing(measured))
+        self._board.why_alone = self._tables.problem_of(editor, measured)
+        return uploading
 
     def _due(self, layers: Layers, editor: Editor) -> Part | None:
         """The part on screen that is not as document and view have it, or not smooth yet."""
@@ -105,19 +125,28 @@ class BrdfFeed:
         unfinished = self._sphere is not None and not self._sphere.finished and not board.problem
         return "sphere" if unfinished and "sphere" in board.shown else None
 
+    def _note_answered(self, part: Part, layers: Layers, view: ViewState) -> None:
+        """What is made in steps answers what was asked as they began, once they are done."""
+        if self._board.problem:
+            self._answered[part] = self._question(part, layers, view)
+        elif not (part == "albedo" and self._albedo is not None and self._albedo.is_begun):
+            begun_for = self._begun_for.get(part) if part in ("sphere", "albedo") else None
+            self._answered[part] = begun_for or self._question(part, layers, view)
+
     def _question(self, part: Part, layers: Layers, view: ViewState) -> tuple[object, ...]:
         """All that a part depends on."""
+        what = layers, self._board.curves_alone
         match part:
             case "sphere":
-                return layers, self._board.sphere_side, view.tone_mapping
+                return what, self._board.sphere_side, view.tone_mapping
             case "lobe":
-                return layers, azimuth_of(view), view.lobe_angle
+                return what, azimuth_of(view), view.lobe_angle
             case "slice":
-                return layers, azimuth_of(view)
+                return what, azimuth_of(view)
             case "albedo":
-                return (layers,)
+                return (what,)
             case "surface":
-                return layers, view.lobe_pixel, view.lobe_log, view.selected and view.selected.object
+                return what, view.lobe_pixel, view.lobe_log, view.selected and view.selected.object
 
     def _make(self, part: Part, view: ViewState) -> None:
         board = self._board
@@ -131,7 +160,7 @@ class BrdfFeed:
                 self._slice.draw(self._stack, azimuth_of(view))
                 board.slice, board.slice_value = self._picture(self._slice.texture), self._slice.value
             case "albedo":
-                board.albedo = brdf_views.albedo(self._stack, self._memory)
+                self._step_albedo(view)
             case "surface":
                 point = None if view.lobe_pixel is None else self._surface_at(*view.lobe_pixel)
                 board.surface = None if point is None else surface_lobe(self._stack, point, view.lobe_log)
@@ -142,18 +171,34 @@ class BrdfFeed:
         if self._sphere is None or self._sphere.side != side:
             if self._sphere is not None:
                 self._sphere.release()
-            self._sphere, self._begun_for = LitSphere(self._passes, self._memory, side), question
+            self._sphere, self._begun_for["sphere"] = LitSphere(self._passes, self._memory, side), question
             self._board.sphere = None
-        elif self._begun_for != question and not self._sphere.is_within_step:
+        elif self._begun_for["sphere"] != question and not self._sphere.is_within_step:
             self._sphere.restart()
-            self._begun_for = question
+            self._begun_for["sphere"] = question
         started, rows = time.perf_counter(), min(self._rows, side)
         self._sphere.step(self._stack, view.tone_mapping, rows)
-        self._context.finish()
-        ratio = ROWS_SECONDS / max(time.perf_counter() - started, 1e-6)
-        self._rows = max(int(rows * min(max(ratio, 0.25), 4.0)), LEAST_ROWS)
+        self._rows = max(self._rows_in_time(rows, started), LEAST_ROWS)
         if self._sphere.steps:
             self._board.sphere = self._picture(self._sphere.texture)
+
+    def _step_albedo(self, view: ViewState) -> None:
+        """Some rows of the albedos' sums; those under way are ended first, be it with other curves."""
+        if self._albedo is None:
+            self._albedo = brdf_views.AlbedoShares(self._memory)
+        if not self._albedo.is_begun:
+            self._begun_for["albedo"] = self._question("albedo", self._stack.layers, view)
+        started, rows = time.perf_counter(), min(self._albedo_rows, brdf_views.N_ROWS)
+        found = self._albedo.step(self._stack, rows)
+        self._albedo_rows = max(self._rows_in_time(rows, started), LEAST_ALBEDO_ROWS)
+        if found is not None:
+            self._board.albedo = found
+
+    def _rows_in_time(self, rows: int, started: float) -> int:
+        """How many rows to draw the next time, where so many took since then."""
+        self._context.finish()
+        ratio = ROWS_SECONDS / max(time.perf_counter() - started, 1e-6)
+        return int(rows * min(max(ratio, 0.25), 4.0))
 
 
 def nowhere(column: int, row: int) -> SurfacePoint | None:

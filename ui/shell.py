@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -53,6 +54,7 @@ from ui.panels.picture import Picture
 from ui.panels.state import Notice, PanelState
 from ui.spoken_names import spoken
 from ui.surface_lobe import SurfacePoint
+from ui.table_feed import TableFeed
 
 SETTLE_SECONDS = 0.9
 HELD_SECONDS = 0.03
@@ -130,7 +132,8 @@ class Shell:
         self._gl = context
         self._interface = InterfaceRenderer(context)
         self._brdf_board = BrdfBoard()
-        self._brdf = BrdfFeed(context, self._brdf_board, self._picture)
+        self._tables = TableFeed(context)
+        self._brdf = BrdfFeed(context, self._brdf_board, self._picture, self._tables)
         self._frame_ms = 0.0
         self._prepared: bool | None = None
         self._prepared_ms = 0.0
@@ -142,7 +145,7 @@ class Shell:
         self._told_at = -math.inf
         self.inputs = 0
         self._library_unread = True
-        self._thumbnails = Thumbnails(context)
+        self._thumbnails = Thumbnails(context, self._tables.tables, partial(self._tables.complete, editor))
         self.environments: tuple[str, ...] = ()
         self.scenes: tuple[str, ...] = ()
 
@@ -229,7 +232,10 @@ class Shell:
 
     def take(self, now: float) -> bool:
         """As `idle`, but without regard to what only the panels would tell."""
-        return self.source is not None and self.source.take(self.editor, now)
+        if self.source is None:
+            return False
+        news = self.source.take(self.editor, now)
+        return news or (self.editor.tables.has_arrived and not self._hand_is_busy)
 
     def prepare(self) -> None:
         """Before a frame, where the hand is still: bring the picture up to date, and wait until it is."""
@@ -245,6 +251,7 @@ class Shell:
         imgui.set_current_context(self._imgui)
         layout.save(self._layout_file, self.theme.scale)
         self._brdf.close()
+        self._tables.release()
         self._interface.release()
         self._thumbnails.release()
         imgui.destroy_context(self._imgui)
@@ -301,7 +308,7 @@ class Shell:
     @property
     def _thumbnails_follow(self) -> bool:
         """Whether there is one to be made now."""
-        return self._thumbnails.is_waiting and self._at_leisure
+        return self._at_leisure and self._thumbnails.is_waiting
 
     def _thumbnails_go_on(self) -> None:
         self._thumbnails.step(may_draw=self._at_leisure)

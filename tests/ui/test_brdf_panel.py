@@ -5,6 +5,8 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
 
 import moderngl
 import numpy as np
@@ -12,9 +14,16 @@ import pytest
 from imgui_bundle import imgui
 
 from app.commands import SetModel, SetOperators, SetParameter
+from app.jobs.messages import Failed, HandOutTable, TableHandedOut
+from app.material_commands import SetMaterial
+from app.measurements import with_read
+from app.reading import measured_layers
 from app.view_state import OpenPanel, SetView, ViewState
 from engine.curve.operators import Operator
+from engine.measured.evaluate import evaluate_table
+from tests.naive.measured import analytic_samples, drawn_measurement
 from tests.ui.conftest import opened
+from tests.ui.stand_in import StandInClient
 from ui import brdf_feed
 from ui.gl.brdf_views import Albedo
 from ui.gl.lit_sphere import LitSphere
@@ -173,6 +182,44 @@ def test_a_hand_at_work_leaves_most_of_the_time_to_the_picture(window: HeadlessW
     editor.end_drag()
     settled(window)
     assert window.shell._brdf._n_made > made
+
+
+def test_what_was_measured_is_shown_once_it_is_here(window: HeadlessWindow) -> None:
+    client, editor = window.shell.editor._client, window.shell.editor
+    assert isinstance(client, StandInClient)
+    file, samples = Path("/drawn.binary"), np.maximum(analytic_samples(), 0.0)
+    measurement = replace(drawn_measurement(), file=str(file))
+    editor.do(SetMaterial("teapot", with_read(measured_layers(file), {str(file): measurement}), "drawn"))
+    editor.do(SetView.of(brdf_whole=True))
+    board = settled(window)
+    window.frame()
+    curves, sphere = board.lobe, sphere_pixels(window)
+    assert board.curves_alone and "brdf.curves_alone" in window.shell.handles.names() and curves is not None
+    asked = [request for request in client.requests if isinstance(request, HandOutTable)]
+    assert [(each.file, each.number) for each in asked] == [(str(file), 5)]
+    client.say(TableHandedOut(measurement, samples, id=asked[0].id))
+    assert window.look() and window.draw().busy  # it wakes the window, and is uploaded a piece a frame
+    board = settled(window)
+    window.frame()
+    assert not board.curves_alone and "brdf.curves_alone" not in window.shell.handles.names()
+    lobe = board.lobe
+    assert lobe is not None and not np.allclose(lobe.values, curves.values, rtol=0.1)
+    wo = np.stack([np.sin(lobe.angles), np.zeros_like(lobe.angles), np.cos(lobe.angles)], axis=1)
+    wi = np.broadcast_to([-math.sin(lobe.theta_i), 0.0, math.cos(lobe.theta_i)], wo.shape)
+    assert lobe.values == pytest.approx(evaluate_table(samples, wi, wo), rel=1e-3)
+    assert np.abs(sphere_pixels(window) - sphere).max() > 10
+
+
+def test_a_table_that_cannot_be_had_is_told_of(window: HeadlessWindow) -> None:
+    client, editor = window.shell.editor._client, window.shell.editor
+    assert isinstance(client, StandInClient)
+    measurement = replace(drawn_measurement(), file="/gone.binary", number=6)
+    layers = with_read(measured_layers(Path("/gone.binary"), cloth=True), {"/gone.binary": measurement})
+    editor.do(SetMaterial("teapot", layers, "gone"))
+    settled(window)
+    client.say(Failed("/gone.binary: cannot be read", id=client.requests[-1].id))
+    board = settled(window)
+    assert board.curves_alone and board.why_alone == "its file cannot be read" and board.lobe is not None
 
 
 def test_nothing_selected_shows_nothing(window: HeadlessWindow) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import moderngl
 import numpy as np
 import pytest
@@ -9,6 +11,9 @@ from imgui_bundle import imgui
 from PIL import Image
 
 from app.library import Library
+from app.reading import measured_layers
+from engine.material import MODELS, make_layer
+from engine.material.layer import Layer
 from ui.gl.lit_sphere import sphere_picture
 from ui.gl.textures import read_texture
 from ui.gl.thumbnails import SIDE, Thumbnails, entry_picture
@@ -107,6 +112,24 @@ def test_pictures_of_materials_are_what_would_be_drawn_now(context: moderngl.Con
         drawn = sphere_picture(context, entry.material.layers, SIDE)
         assert np.abs(there - drawn).mean() < 3.0, f"{file} is outdated: python -m ui.gl.thumbnails makes it anew"
     assert all(entry_picture(entry) for entry in library.entries)
+
+
+def test_own_measured_materials_wait_for_what_was_measured(context: moderngl.Context) -> None:
+    # What `complete` says of their layers is drawn, once it says something.
+    even = make_layer(MODELS["lambert"], {"albedo": 1.0})
+    ready: list[tuple[Layer, ...] | None] = [None]
+    library, thumbnails = Library(), Thumbnails(context, complete=lambda layers: ready[0])
+    entry = library.save("Cloth", measured_layers(Path("/cloth.binary"), cloth=True))
+    assert thumbnails.texture(entry) is None and not thumbnails.is_waiting
+    assert not thumbnails.step(may_draw=True)
+    ready[0] = (even,)
+    while thumbnails.is_waiting:
+        thumbnails.step(may_draw=True)
+    drawn = thumbnails.texture(entry)
+    assert drawn is not None
+    there = read_texture(drawn, np.uint8).astype(float)
+    assert np.abs(there - sphere_picture(context, (even,), SIDE)).mean() < 1.0
+    thumbnails.release()
 
 
 def test_own_materials_are_drawn_when_there_is_time(context: moderngl.Context) -> None:

@@ -129,14 +129,13 @@ def _sphere(context: PanelContext, corner: ImVec2, side: int) -> None:
 
 
 def _of_curves_alone(context: PanelContext) -> str:
-    """What is to be known of measured layers: their tables are the worker's, here they are their curves."""
-    selection = context.view.selected
-    layers = () if selection is None else context.document.object(selection.object).layers
-    if selection is not None and not context.view.brdf_whole:
-        layers = layers[selection.layer : selection.layer + 1]
-    if not any(layer.model.needs_file for layer in layers):
+    """What is to be known of measured layers while their tables are not here."""
+    board = context.brdf
+    if not board.curves_alone:
         return ""
-    return " Of measured layers this panel shows the curves alone; the picture has all of the measurement."
+    if board.why_alone:
+        return f" Of what was measured it shows the curves alone ({board.why_alone}); the picture has all of it."
+    return " Of what was measured it shows the curves alone until all of it is here."
 
 
 def _figures(context: PanelContext, places: Places) -> None:
@@ -205,15 +204,36 @@ def _warning(context: PanelContext, warning: str, places: Places) -> None:
 def _plot(context: PanelContext, place: ImVec2, size: ImVec2) -> list[Action]:
     if size.x < context.px(60) or size.y < context.px(50):
         return []
+    actions: list[Action] = []
     match context.view.brdf_plot:
         case "lobe":
-            return brdf_plots.lobe(context, place, size) + _plane(context, place, size)
+            actions = brdf_plots.lobe(context, place, size) + _plane(context, place, size)
         case "slice":
             brdf_plots.slice_image(context, place, size)
-            return _plane(context, place, size)
+            actions = _plane(context, place, size)
         case "albedo":
             brdf_plots.albedo(context, place, size)
-    return []
+    if context.brdf.curves_alone:
+        _alone(context, place, size)
+    return actions
+
+
+def _alone(context: PanelContext, place: ImVec2, size: ImVec2) -> None:
+    """In the plot's upper right, that a measured layer is its curves alone."""
+    imgui.push_font(None, look.SMALL_SIZE)
+    text = "curves alone"
+    wide = imgui.calc_text_size(text)
+    below = context.px(22) if is_anisotropic(context) else 0.0
+    corner = ImVec2(place.x + size.x - wide.x - context.px(13), place.y + context.px(5) + below)
+    end = ImVec2(corner.x + wide.x + context.px(8), corner.y + wide.y + context.px(4))
+    draw = imgui.get_window_draw_list()
+    draw.add_rect_filled(corner, end, look.pack(look.WELL), context.px(3))
+    draw.add_text(ImVec2(corner.x + context.px(4), corner.y + context.px(2)), look.pack(look.TEXT_SOFT), text)
+    imgui.set_cursor_screen_pos(corner)
+    imgui.dummy(ImVec2(end.x - corner.x, end.y - corner.y))
+    context.handles.note_item("brdf.curves_alone")
+    widgets.tooltip(_of_curves_alone(context).strip())
+    imgui.pop_font()
 
 
 def _plane(context: PanelContext, place: ImVec2, size: ImVec2) -> list[Action]:

@@ -21,7 +21,11 @@ def _nothing(theta_h: float, theta_d: float) -> tuple[float, float, float]:
 
 
 class BrdfBoard:
-    """`shown` are the parts on screen; `problem` says in one line why there is nothing to see of this material."""
+    """`shown` are the parts on screen; `problem` says in one line why there is nothing to see of this material.
+
+    `curves_alone`: of a measured layer what is shown is the product of its curves, its measurement being on its way, or
+    for the reason that `why_alone` tells not to be had.
+    """
 
     def __init__(self) -> None:
         self.shown: set[Part] = set()
@@ -33,6 +37,8 @@ class BrdfBoard:
         self.albedo: Albedo | None = None
         self.surface: SurfaceLobe | None = None
         self.problem = ""
+        self.curves_alone = False
+        self.why_alone = ""
 
     def begin_frame(self) -> None:
         """Nothing is shown until a panel says so."""

@@ -1,0 +1,83 @@
+"""Brings tables of measurements from the worker to the GPU, a piece a frame, for all who show a BRDF by itself.
+
+    who shows a measured layer ─► `want` ─► editor.tables ─► worker ─► `go_on`, once a frame ─► textures
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from app.editor import Editor
+from app.linked_layers import Layers
+from app.measurements import measurement_in, with_read
+from engine.measured.measurement import Measurement
+from ui.gl.context import GraphicsError
+from ui.gl.measured_tables import MeasuredTables
+from ui.gl.textures import TextureMemory
+
+# Of a frame, what an upload may take.
+UPLOAD_SECONDS = 0.004
+
+
+class TableFeed:
+    """The tables of one window; `tables` are for stacks of layers."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self.tables = MeasuredTables(TextureMemory(context))
+        self._no_room: dict[int, str] = {}
+
+    def missing(self, measurements: Iterable[Measurement]) -> list[Measurement]:
+        """Those whose tables are not on the GPU."""
+        return [each for each in measurements if each.number not in self.tables]
+
+    def problem_of(self, editor: Editor, measurements: Iterable[Measurement]) -> str:
+        """Why a table that is missing will not come, in a few words; empty where it may."""
+        for each in self.missing(measurements):
+            if each.number in self._no_room:
+                return self._no_room[each.number]
+            if editor.tables.is_refused(each):
+                return "its file cannot be read"
+        return ""
+
+    def want(self, editor: Editor, measurements: Iterable[Measurement]) -> bool:
+        """Ask the worker for the first that is missing, unless one is under way; whether there is one that may come."""
+        coming = [each for each in self.missing(measurements) if not self.problem_of(editor, [each])]
+        if coming and not self.tables.is_uploading:
+            editor.tables.want(coming[0])
+        return bool(coming)
+
+    def complete(self, editor: Editor, layers: Layers) -> Layers | None:
+        """The layers with what their files hold, once their tables are here or known not to come; None until then."""
+        measured = [found for layer in layers if (found := measurement_in(layer)) is not None]
+        known = [editor.tables.read(each) for each in measured]
+        if self.want(editor, known):
+            return None
+        return with_read(layers, {each.file: each for each in known}) if known else layers
+
+    def go_on(self, editor: Editor, hand_is_busy: bool, used: Iterable[Measurement]) -> bool:
+        """Make room for a table that has come, or upload a piece of it. Whether more is left to do.
+
+        Nothing is done while the hand is busy, whose frames are short; `used`: what stays on the GPU in any case.
+        """
+        if hand_is_busy:
+            return False
+        if self.tables.is_uploading:
+            if self.tables.step(UPLOAD_SECONDS):
+                self.tables.forget_but([each.number for each in used])
+        elif (come := editor.tables.take()) is not None:
+            self._begin(*come)
+        return self.tables.is_uploading or editor.tables.has_arrived
+
+    def release(self) -> None:
+        """Free all textures."""
+        self.tables.release()
+
+    def _begin(self, number: int, samples: NDArray[np.float32]) -> None:
+        try:
+            self.tables.begin(number, samples)
+        except GraphicsError as error:
+            self._no_room[number] = str(error)
