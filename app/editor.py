@@ -519,6 +519,8 @@ class Editor:
         """Carry out the edit that waited for them."""
         self._gauges.progress = None
         command = self._reading.took(response)
+        for layer, bands in zip(() if command is None else command.layers, response.bands, strict=False):
+            self.curves.learn(layer, bands)
         if command is not None and self.do(command) is None:
             self.select(command.object)
             self.notify(describe_reading(command.layers))

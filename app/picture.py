@@ -151,12 +151,18 @@ class Curves:
         self.map_means: dict[tuple[str, Images], MapMeans] = {}
         self._cached: dict[tuple[str, str, int], tuple[Layer, Array]] = {}
         self._planned: dict[str, tuple[Model, dict[str, int]]] = {}
+        self._learnt: dict[object, dict[str, int]] = {}
 
     def opened(self, layers: Mapping[str, Layer], planned: Mapping[str, dict[str, int]]) -> None:
         """Another scene with these layers by key: they are planned anew, but for those whose plan is given."""
-        self._cached = {}
+        self._cached, self._learnt = {}, {}
         known = planned if self.most_bands == MOST_BANDS else {}
         self._planned = {key: (layers[key].model, counts) for key, counts in known.items() if key in layers}
+
+    def learn(self, layer: Layer, counts: Mapping[str, int]) -> None:
+        """How many bands a layer needs that the document may come to have: planned elsewhere, for it takes a while."""
+        if self.most_bands == MOST_BANDS:
+            self._learnt[_made_of(layer)] = dict(counts)
 
     def replan(self, keys: Iterable[str]) -> None:
         """These layers have become others: they are planned anew."""
@@ -171,7 +177,7 @@ class Curves:
         """
         model, counts = self._planned.get(key, (None, {}))
         if model is not layer.model:
-            counts = band_counts(layer, self.most_bands)
+            counts = self._learnt.get(_made_of(layer)) or band_counts(layer, self.most_bands)
             self._planned[key] = (layer.model, counts)
         return counts if chosen is None else bands_by_hand(layer, counts, chosen)
 
@@ -223,6 +229,11 @@ def view_curve_of(layer: Layer) -> Array:
     if factor is None:
         return np.ones((N_VIEW_SAMPLES, 3))
     return layer.curve(factor.name)(np.linspace(0.0, HALF_PI, N_VIEW_SAMPLES))
+
+
+def _made_of(layer: Layer) -> object:
+    """What a layer's curves come from."""
+    return layer.model, layer.parameters, layer.edits
 
 
 def _same_curve(before: Layer, layer: Layer, factor: str) -> bool:

@@ -51,7 +51,7 @@ class Reading:
         files = unread_files(command.layers)
         if files:
             command.apply(document)
-            self._waiting = self._send(ReadMeasured(files)), command
+            self._waiting = self._send(ReadMeasured(files, command.layers)), command
         return bool(files)
 
     def took(self, response: MeasurementsRead) -> SetMaterial | AddLayers | None:

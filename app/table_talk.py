@@ -31,11 +31,6 @@ class TableTalk:
         """Another scene: what was refused may be there now."""
         self._refused.clear()
 
-    @property
-    def has_arrived(self) -> bool:
-        """Whether a table is here that nobody has taken."""
-        return bool(self._here)
-
     def want(self, measurement: Measurement) -> None:
         """Ask for the table of a measurement, read or not, unless something else is under way."""
         if self._asked is not None or measurement.number in self._here or self.is_refused(measurement):

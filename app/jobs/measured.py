@@ -8,11 +8,22 @@ from dataclasses import replace
 from pathlib import Path
 
 from app.brdf_files import export_steps
-from app.jobs.messages import FilesWritten, HandOutTable, Progress, Response, TableHandedOut, WriteFiles
+from app.jobs.messages import (
+    FilesWritten,
+    HandOutTable,
+    MeasurementsRead,
+    Progress,
+    ReadMeasured,
+    Response,
+    TableHandedOut,
+    WriteFiles,
+)
+from app.measurements import with_read
 from engine.errors import InsituError
 from engine.measured.measurement import Measurement
 from engine.measured.tables import ArrayStore, is_known, read_measurement, table_of
 from engine.measured.tabulate import left_out
+from engine.plan import band_counts
 from engine.scene.files import resolve_inside
 
 STAGE = "measured BRDF"
@@ -33,6 +44,16 @@ def read_files(files: Mapping[str, Path], store: ArrayStore | None) -> Reading:
                 break
             yield Progress(STAGE, (len(found) + fraction) / len(files), text=text)
     return found
+
+
+def read_for(request: ReadMeasured, store: ArrayStore | None) -> Generator[Response | None, None, None]:
+    """The measurements of files, and what the layers that wait for them need. Raises LoadError."""
+    found = yield from read_files({file: Path(file) for file in request.files}, store)
+    bands = []
+    for layer in with_read(request.layers, found):
+        bands.append(band_counts(layer))
+        yield None
+    yield MeasurementsRead(found, tuple(bands))
 
 
 def described_paths(names: Iterable[str], folder: Path, scene: Path) -> dict[str, Path]:

@@ -53,9 +53,14 @@ class OpenScene(Request):
 
 @dataclass(frozen=True)
 class ReadMeasured(Request):
-    """Read files of measured BRDFs, fill them and fit factors to them; answered by `MeasurementsRead`."""
+    """Read files of measured BRDFs, fill them and fit factors to them; answered by `MeasurementsRead`.
+
+    layers: those that wait for them; how many bands their curves need takes longer to say than the window may be
+    blocked.
+    """
 
     files: tuple[str, ...]
+    layers: tuple[Layer, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -209,9 +214,10 @@ class SceneOpened(Response):
 
 @dataclass(frozen=True)
 class MeasurementsRead(Response):
-    """The measurements of a `ReadMeasured`, by file."""
+    """The measurements of a `ReadMeasured`, by file; `bands` by factor of its layers, in their order."""
 
     found: dict[str, Measurement]
+    bands: tuple[dict[str, int], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

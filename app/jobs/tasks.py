@@ -23,7 +23,7 @@ from app.document import Document, LightState, document_from_description
 from app.jobs.cache import Store, content_key
 from app.jobs.kernels import FIRST_TIME, INDIRECT, Kernels, are_compiled, note_compiled
 from app.jobs.layer_data import STAGES, LayerData, LitBy, joined, kept_of_tile, shape_of, store_of
-from app.jobs.measured import described_paths, ensure_tables, hand_out, read_files, write_file
+from app.jobs.measured import described_paths, ensure_tables, hand_out, read_files, read_for, write_file
 from app.jobs.messages import (
     ComputeTransport,
     Contract,
@@ -31,7 +31,6 @@ from app.jobs.messages import (
     Freeze,
     HandOutTable,
     LayerWork,
-    MeasurementsRead,
     OpenScene,
     Progress,
     ReadMeasured,
@@ -105,8 +104,7 @@ class Tasks:
             yield from hand_out(request, self._cache)
             return
         if isinstance(request, ReadMeasured):
-            found = yield from read_files({file: Path(file) for file in request.files}, self._cache)
-            yield MeasurementsRead(found)
+            yield from read_for(request, self._cache)
             return
         if isinstance(request, WriteFiles):
             yield from self._write(request)

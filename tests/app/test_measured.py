@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from app import picture
 from app.commands import SetFrozen, SetParameter
 from app.document import Document, LightState, document_from_description
 from app.editor import Editor
@@ -28,7 +29,7 @@ from app.jobs.messages import (
 )
 from app.jobs.tasks import Tasks
 from app.material_file import Material, dump_material, load_material, parse_material
-from app.measurements import measured_files, measurement_in, unread_files
+from app.measurements import measured_files, measurement_in, unread_files, with_read
 from app.picture import Curves
 from app.project import open_project
 from app.reading import import_measured, measured_layers
@@ -36,8 +37,10 @@ from app.session import load_session
 from app.set_path import set_path
 from app.wishes import layer_work, transport_wish
 from engine.errors import InsituError, LoadError
+from engine.material.layer import Layer
 from engine.measured import tables
 from engine.measured.merl import merl_samples, read_merl
+from engine.plan import band_counts
 from engine.scene.description import SceneDescription
 from tests.app.fake_worker import FakeClient
 from tests.naive.measured import drawn_measurement
@@ -136,6 +139,31 @@ def test_an_import_is_one_step(client: FakeClient, tmp_path: Path) -> None:
     assert editor.document.objects == before.objects
 
 
+def test_the_window_plans_no_bands_of_an_import(
+    client: FakeClient, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    editor = Editor(client, "shelf")
+    client.open_scene()
+    editor.tick(0.0)
+    planned: list[Layer] = []
+    monkeypatch.setattr(picture, "band_counts", lambda layer, most: planned.append(layer) or band_counts(layer, most))
+    file = tmp_path / "drawn.binary"
+    editor.do(import_measured("pot", file))
+    (asked,) = client.sent(ReadMeasured)
+    assert asked.layers == measured_layers(file)
+    found = {str(file): replace(drawn_measurement(), file=str(file))}
+    bands = {"theta_i": 32}, {"theta_h": 128, "theta_d": 8}
+    client.answer(asked, MeasurementsRead(found, bands))
+    for now in (0.1, 5.0):
+        editor.tick(now)
+    works = client.sent(ComputeTransport)[-1].layers
+    assert [work.bands for work in works if work.key.startswith("pot")] == [(32,), (128, 8)] and not planned
+    editor.undo()
+    editor.redo()
+    editor.tick(10.0)
+    assert all(layer.model.name in ("lambert", "rough_conductor") for layer in planned)
+
+
 def test_an_import_that_fails_or_is_cancelled_changes_nothing(client: FakeClient, tmp_path: Path) -> None:
     editor = Editor(client, "shelf")
     client.open_scene()
@@ -154,9 +182,12 @@ def test_an_import_that_fails_or_is_cancelled_changes_nothing(client: FakeClient
 
 def test_the_worker_answers_an_import_between_other_work(merl_file: Path, tmp_path: Path) -> None:
     client = InProcessClient(Tasks(Store(tmp_path / "cache")))
-    client.send(ReadMeasured((str(merl_file),)))
-    answers = client.poll(float("inf"))
-    assert isinstance(answers[-1], MeasurementsRead) and answers[-1].found[str(merl_file)].is_read
+    layers = measured_layers(merl_file)
+    client.send(ReadMeasured((str(merl_file),), layers))
+    answer = client.poll(float("inf"))[-1]
+    assert isinstance(answer, MeasurementsRead) and answer.found[str(merl_file)].is_read
+    # What takes longer than a frame is planned there, of the layers as they will be.
+    assert answer.bands == tuple(band_counts(layer) for layer in with_read(layers, answer.found))
 
 
 def test_the_worker_hands_a_table_out(merl_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -183,7 +214,7 @@ def test_a_table_is_asked_for_once(client: FakeClient) -> None:
     for _ in range(2):
         editor.tables.want(measurement)
     (asked,) = client.sent(HandOutTable)
-    assert (asked.file, asked.number) == ("drawn.binary", 5) and not editor.tables.has_arrived
+    assert (asked.file, asked.number) == ("drawn.binary", 5) and editor.tables.take() is None
     client.answer(asked, TableHandedOut(measurement, samples))
     editor.tick(0.1)
     editor.tables.want(measurement)  # it is here, and nobody has taken it
