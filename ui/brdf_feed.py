@@ -36,7 +36,7 @@ from ui.table_feed import TableFeed
 # Of the time while a hand edits, what parts may take.
 EDITING_SHARE = 0.25
 # The sphere and the albedo's sums are drawn in so many rows at a time as take about that long.
-ROWS_SECONDS, LEAST_ROWS, LEAST_ALBEDO_ROWS = 0.012, 16, 4
+ROWS_SECONDS, LEAST_ROWS, LEAST_ALBEDO_ROWS = 0.010, 4, 4
 
 Layers = tuple[Layer, ...]
 SurfaceAt = Callable[[int, int], SurfacePoint | None]
@@ -62,7 +62,8 @@ class BrdfFeed:
         self._rests_until = -math.inf
         self._surface_at: SurfaceAt = nowhere
         self._begun_for: dict[Part, tuple[object, ...]] = {}
-        self._rows, self._albedo_rows = LEAST_ROWS, 2 * LEAST_ALBEDO_ROWS
+        self._paced_for: tuple[object, ...] = ()
+        self._rows, self._albedo_rows = LEAST_ROWS, LEAST_ALBEDO_ROWS
 
     def draw(self, editor: Editor, surface_at: SurfaceAt, hand_is_busy: bool, now: float) -> bool:
         """Make the part that is due, where there is time; whether another frame would show more.
@@ -71,8 +72,7 @@ class BrdfFeed:
         """
         self._surface_at = surface_at
         layers = shown_layers(editor.document, editor.view)
-        if self._bring_tables(editor, layers, hand_is_busy):
-            return True
+        self._want_tables(editor, layers)
         part = self._due(layers, editor)
         if part is None:
             return False
@@ -81,6 +81,7 @@ class BrdfFeed:
         started = time.perf_counter()
         try:
             self._stack.set_layers(layers)
+            self._pace(layers)
             self._make(part, editor.view)
             self._board.problem = ""
         except InsituError as error:
@@ -98,17 +99,15 @@ class BrdfFeed:
             if thing is not None:
                 thing.release()
 
-    def _bring_tables(self, editor: Editor, layers: Layers, hand_is_busy: bool) -> bool:
-        """Have the tables of what is on screen; whether one is on its way to the GPU."""
+    def _want_tables(self, editor: Editor, layers: Layers) -> None:
+        """Have the tables of what is on screen, and say where they are missing."""
         measured: list[Measurement] = []
         if self._board.shown and editor.status.picture != "waiting":
             found = (measurement_in(layer) for layer in layers)
             measured = [each for each in found if each is not None and each.is_read]
         self._tables.want(editor, measured)
-        uploading = self._tables.go_on(editor, hand_is_busy, measured)
         self._board.curves_alone = bool(self._tables.missing(measured))
         self._board.why_alone = self._tables.problem_of(editor, measured)
-        return uploading
 
     def _due(self, layers: Layers, editor: Editor) -> Part | None:
         """The part on screen that is not as document and view have it, or not smooth yet."""
@@ -176,7 +175,7 @@ class BrdfFeed:
         elif self._begun_for["sphere"] != question and not self._sphere.is_within_step:
             self._sphere.restart()
             self._begun_for["sphere"] = question
-        started, rows = time.perf_counter(), min(self._rows, side)
+        started, rows = time.perf_counter(), min(self._rows, self._sphere.rows_left)
         self._sphere.step(self._stack, view.tone_mapping, rows)
         self._rows = max(self._rows_in_time(rows, started), LEAST_ROWS)
         if self._sphere.steps:
@@ -194,11 +193,17 @@ class BrdfFeed:
         if found is not None:
             self._board.albedo = found
 
+    def _pace(self, layers: Layers) -> None:
+        """Of other models, or with a table, a row may take several times as long: begin with few."""
+        what = tuple(layer.model for layer in layers), self._board.curves_alone
+        if what != self._paced_for:
+            self._paced_for, self._rows, self._albedo_rows = what, LEAST_ROWS, LEAST_ALBEDO_ROWS
+
     def _rows_in_time(self, rows: int, started: float) -> int:
         """How many rows to draw the next time, where so many took since then."""
         self._context.finish()
         ratio = ROWS_SECONDS / max(time.perf_counter() - started, 1e-6)
-        return int(rows * min(max(ratio, 0.25), 4.0))
+        return math.ceil(rows * min(max(ratio, 0.25), 1.5))
 
 
 def nowhere(column: int, row: int) -> SurfacePoint | None:

@@ -109,6 +109,8 @@ def wait_for_picture(
 
     window.frames(2)
     _wait(window, editor, there, timeout)
+    window.frames(1)
+    _wait(window, editor, lambda: not window.shell.awaits_table, timeout)
 
 
 def _wait(window: HeadlessWindow, editor: Editor, done: Callable[[], bool], timeout: float) -> None:

@@ -58,6 +58,8 @@ from ui.table_feed import TableFeed
 
 SETTLE_SECONDS = 0.9
 HELD_SECONDS = 0.03
+# Answers that took longer leave other work to the next look.
+LITTLE_SECONDS = 0.002
 # Frames that the layout takes to settle after the start.
 FIRST_FRAMES = 3
 # How often the worker's progress alone is worth a frame: each takes processor time from the worker.
@@ -234,8 +236,17 @@ class Shell:
         """As `idle`, but without regard to what only the panels would tell."""
         if self.source is None:
             return False
-        news = self.source.take(self.editor, now)
-        return news or (self.editor.tables.has_arrived and not self._hand_is_busy)
+        started = time.perf_counter()
+        if self.source.take(self.editor, now):
+            return True
+        if self._hand_is_busy or time.perf_counter() - started > LITTLE_SECONDS:
+            return False
+        return self._tables.go_on(self.editor)
+
+    @property
+    def awaits_table(self) -> bool:
+        """Whether the BRDF panel shows the curves alone of what was measured, until the rest of it is here."""
+        return self._brdf_board.curves_alone and not self._brdf_board.why_alone
 
     def prepare(self) -> None:
         """Before a frame, where the hand is still: bring the picture up to date, and wait until it is."""

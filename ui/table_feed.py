@@ -1,11 +1,14 @@
-"""Brings tables of measurements from the worker to the GPU, a piece a frame, for all who show a BRDF by itself.
+"""Brings tables of measurements from the worker to the GPU, in pieces, for all who show a BRDF by itself.
 
-    who shows a measured layer ─► `want` ─► editor.tables ─► worker ─► `go_on`, once a frame ─► textures
+    who shows a measured layer ─► `want` ─► editor.tables ─► worker ─► `go_on`, between frames ─► textures
+
+Room for 17.5 MB takes as long as a frame's panels where the processor draws, some 12 ms, so neither it nor a piece is
+part of a frame.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import moderngl
 import numpy as np
@@ -19,7 +22,7 @@ from ui.gl.context import GraphicsError
 from ui.gl.measured_tables import MeasuredTables
 from ui.gl.textures import TextureMemory
 
-# Of a frame, what an upload may take.
+# What a piece of an upload may take.
 UPLOAD_SECONDS = 0.004
 
 
@@ -29,6 +32,7 @@ class TableFeed:
     def __init__(self, context: moderngl.Context) -> None:
         self.tables = MeasuredTables(TextureMemory(context))
         self._no_room: dict[int, str] = {}
+        self._in_use: tuple[int, ...] = ()
 
     def missing(self, measurements: Iterable[Measurement]) -> list[Measurement]:
         """Those whose tables are not on the GPU."""
@@ -43,7 +47,12 @@ class TableFeed:
                 return "its file cannot be read"
         return ""
 
-    def want(self, editor: Editor, measurements: Iterable[Measurement]) -> bool:
+    def want(self, editor: Editor, measurements: Sequence[Measurement]) -> None:
+        """Ask for what is on screen, which stays on the GPU as long as it is."""
+        self._in_use = tuple(each.number for each in measurements)
+        self._ask(editor, measurements)
+
+    def _ask(self, editor: Editor, measurements: Iterable[Measurement]) -> bool:
         """Ask the worker for the first that is missing, unless one is under way; whether there is one that may come."""
         coming = [each for each in self.missing(measurements) if not self.problem_of(editor, [each])]
         if coming and not self.tables.is_uploading:
@@ -54,30 +63,28 @@ class TableFeed:
         """The layers with what their files hold, once their tables are here or known not to come; None until then."""
         measured = [found for layer in layers if (found := measurement_in(layer)) is not None]
         known = [editor.tables.read(each) for each in measured]
-        if self.want(editor, known):
+        if self._ask(editor, known):
             return None
         return with_read(layers, {each.file: each for each in known}) if known else layers
 
-    def go_on(self, editor: Editor, hand_is_busy: bool, used: Iterable[Measurement]) -> bool:
-        """Make room for a table that has come, or upload a piece of it. Whether more is left to do.
-
-        Nothing is done while the hand is busy, whose frames are short; `used`: what stays on the GPU in any case.
-        """
-        if hand_is_busy:
-            return False
-        if self.tables.is_uploading:
-            if self.tables.step(UPLOAD_SECONDS):
-                self.tables.forget_but([each.number for each in used])
-        elif (come := editor.tables.take()) is not None:
-            self._begin(*come)
-        return self.tables.is_uploading or editor.tables.has_arrived
+    def go_on(self, editor: Editor) -> bool:
+        """Make room for a table that has come, or upload a piece of it. Whether there is something new to draw."""
+        if not self.tables.is_uploading:
+            come = editor.tables.take()
+            return come is not None and not self._begin(*come)
+        is_whole = self.tables.step(UPLOAD_SECONDS)
+        if is_whole:
+            self.tables.forget_but(self._in_use)
+        return is_whole
 
     def release(self) -> None:
         """Free all textures."""
         self.tables.release()
 
-    def _begin(self, number: int, samples: NDArray[np.float32]) -> None:
+    def _begin(self, number: int, samples: NDArray[np.float32]) -> bool:
+        """Whether there is room."""
         try:
             self.tables.begin(number, samples)
         except GraphicsError as error:
             self._no_room[number] = str(error)
+        return number not in self._no_room

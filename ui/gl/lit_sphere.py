@@ -44,6 +44,11 @@ class LitSphere:
         """Whether a part of the present step has been drawn."""
         return self._row > 0
 
+    @property
+    def rows_left(self) -> int:
+        """How many rows of the present step are to be drawn."""
+        return self.side - self._row
+
     def restart(self) -> None:
         """The material is another: the next step begins anew."""
         self.steps = self._row = 0
