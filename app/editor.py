@@ -269,11 +269,12 @@ class Editor:
         self._gauges.progress = None
         self.notify("stopped; the picture stays a preview until the light or a roughness changes")
 
-    def import_measured(self, path: Path) -> str | None:
-        """Make the selected object of what a file measured, once the worker has read it; None, or why not."""
+    def import_measured(self, path: Path, cloth: bool = False) -> str | None:
+        """Make the selected object of what a file measured, once the worker has read it, of two layers or as `cloth` of
+        one; None, or why not."""
         if self.view.selected is None:
             return self._refuse(f"{path.name}: no object is selected to be made of it")
-        return self.do(import_measured(self.view.selected.object, path))
+        return self.do(import_measured(self.view.selected.object, path, cloth))
 
     def export_measured(self, path: Path) -> str | None:
         """Have the selected object's material written as a MERL file; None, or one line that says why not."""

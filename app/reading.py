@@ -26,9 +26,9 @@ def measured_layers(file: Path, cloth: bool = False) -> Layers:
     return tuple(make_layer(MODELS[model], {FILE: str(file.resolve())}, name) for model, name in parts)
 
 
-def import_measured(object_name: str, file: Path) -> SetMaterial:
-    """The edit that makes an object of what was measured."""
-    return SetMaterial(object_name, measured_layers(file), file.stem)
+def import_measured(object_name: str, file: Path, cloth: bool = False) -> SetMaterial:
+    """The edit that makes an object of what was measured; cloth: as in `measured_layers`."""
+    return SetMaterial(object_name, measured_layers(file, cloth), file.stem)
 
 
 class Reading:

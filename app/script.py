@@ -84,6 +84,14 @@ class Rotate:
 
 
 @dataclass(frozen=True)
+class ImportFile:
+    """Make the selected object of what a file measured (as ``cloth``, of one layer)."""
+
+    file: Path
+    cloth: bool
+
+
+@dataclass(frozen=True)
 class UndoSteps:
     """Undo so many times."""
 
@@ -126,6 +134,7 @@ Step = (
     | Show
     | PickLobe
     | Rotate
+    | ImportFile
     | UndoSteps
     | RedoSteps
     | WaitFor
@@ -163,6 +172,11 @@ class DragRecord(_Record):
         return DragPoints(self.start, self.to)
 
 
+class ImportRecord(_Record):
+    file: Text
+    cloth: bool = False
+
+
 class StepRecord(_Record):
     """One step: exactly one of its keys."""
 
@@ -172,6 +186,7 @@ class StepRecord(_Record):
     show: Text | None = None
     lobe: tuple[PictureIndex, PictureIndex] | None = None
     rotate: Annotated[Number, Field(ge=-1e9, le=1e9)] | None = None
+    measured: ImportRecord | None = None
     undo: Count | None = None
     redo: Count | None = None
     wait: Literal["first", "exact"] | None = None
@@ -197,6 +212,7 @@ _STEPS: dict[str, Callable[[Any, Path], Step]] = {
     "show": lambda panel, folder: Show(panel),
     "lobe": lambda pixel, folder: PickLobe(pixel),
     "rotate": lambda degrees, folder: Rotate(degrees),
+    "measured": lambda measured, folder: ImportFile(Path(measured.file), measured.cloth),
     "undo": lambda count, folder: UndoSteps(count),
     "redo": lambda count, folder: RedoSteps(count),
     "wait": lambda picture, folder: WaitFor(picture),

@@ -135,7 +135,8 @@ class Actor:
             case OpenFile():
                 self.open(action.path)
             case ImportMeasured():
-                self.open(str(action.path))
+                if self._is_there(action.path):
+                    editor.import_measured(action.path, action.cloth)
             case ExportMeasured():
                 self._folder = action.path.resolve().parent
                 editor.export_measured(action.path)

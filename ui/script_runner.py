@@ -19,6 +19,7 @@ from app.script import (
     Capture,
     DragItem,
     DragPoints,
+    ImportFile,
     PickLobe,
     RedoSteps,
     Rotate,
@@ -136,6 +137,9 @@ def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
             _refused(editor.do(SetView.of(lobe_pixel=step.pixel)))
         case Rotate():
             _refused(editor.do(SetRotation(step.degrees)))
+        case ImportFile():
+            _refused(editor.import_measured(step.file, step.cloth))
+            _wait_for_files(window, editor)
         case UndoSteps():
             _repeat(editor.undo, step.count, "undo")
         case RedoSteps():

@@ -9,6 +9,7 @@ from app.script import (
     Capture,
     DragItem,
     DragPoints,
+    ImportFile,
     PickLobe,
     RedoSteps,
     Rotate,
@@ -37,6 +38,8 @@ lobe = [3, 4]
 [[step]]
 rotate = 45.0
 [[step]]
+measured = {file = "cloth.binary", cloth = true}
+[[step]]
 undo = 1
 [[step]]
 redo = 2
@@ -59,6 +62,7 @@ def test_all_kinds_of_steps(tmp_path: Path) -> None:
         Show("brdf"),
         PickLobe((3, 4)),
         Rotate(45.0),
+        ImportFile(Path("cloth.binary"), True),
         UndoSteps(1),
         RedoSteps(2),
         WaitFor("exact"),

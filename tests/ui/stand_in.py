@@ -17,8 +17,10 @@ from app.jobs.messages import (
     Footprint,
     LayerPicture,
     LayerTransport,
+    MeasurementsRead,
     OpenScene,
     Progress,
+    ReadMeasured,
     Request,
     Response,
     SceneOpened,
@@ -28,6 +30,7 @@ from app.jobs.messages import (
 from engine.curve.wavelet import forward
 from engine.plan import Precision
 from engine.scene.description import SceneDescription
+from tests.naive.measured import drawn_measurement
 
 WIDTH, HEIGHT = 48, 32
 STRIPES = ("teapot", "tray", "wall", "lamp")
@@ -124,6 +127,8 @@ class StandInClient:
             yield from self._compute(request)
         elif isinstance(request, Contract):
             yield from self._contract(request)
+        elif isinstance(request, ReadMeasured):
+            yield MeasurementsRead({file: replace(drawn_measurement(), file=file) for file in request.files})
 
     def _compute(self, request: ComputeTransport) -> Iterator[Response]:
         arrays = scene_arrays()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from engine.curve.operators import Operator
 from tests.ui.stand_in import StandInClient
 from ui.actor import picture_name, suggested_name
 from ui.headless import HeadlessWindow
-from ui.panels.actions import ExportMeasured, ImportMeasured, OpenFile, SaveSession
+from ui.panels.actions import AskFile, ExportMeasured, ImportMeasured, OpenFile, SaveSession, SetPanel
 from ui.panels.dialogs import answer, entries
 from ui.panels.state import FileQuestion
 
@@ -69,6 +70,8 @@ def test_answers_become_actions(tmp_path: Path) -> None:
     assert opened == OpenFile(str(tmp_path / "scene.toml"))
     imported, _ = answer(FileQuestion("open_measured", tmp_path), tmp_path / "nickel.binary")
     assert imported == ImportMeasured(tmp_path / "nickel.binary")
+    cloth, _ = answer(FileQuestion("open_measured", tmp_path, cloth=True), tmp_path / "velvet.binary")
+    assert cloth == ImportMeasured(tmp_path / "velvet.binary", cloth=True)
     exported, _ = answer(FileQuestion("save_measured", tmp_path), tmp_path / "copper")
     assert exported == ExportMeasured(tmp_path / "copper.binary")
 
@@ -96,6 +99,27 @@ def test_saving_asks_for_a_name_once(window: HeadlessWindow, tmp_path: Path, mon
     # The second time it goes where it went before.
     assert window.shell.state.question is None
     assert file.is_file()
+
+
+@pytest.mark.gl
+def test_a_measurement_is_imported_as_cloth(window: HeadlessWindow, tmp_path: Path) -> None:
+    editor, shell = window.shell.editor, window.shell
+    before = editor.document
+    (tmp_path / "velvet.binary").touch()
+    shell.do(AskFile("open_measured"))
+    assert shell.state.question is not None and not shell.state.question.cloth
+    shell.do(SetPanel({"question": replace(shell.state.question, folder=tmp_path, name="velvet.binary")}))
+    window.frames(3)
+    window.click_handle("files.measured.1")
+    assert shell.state.question.cloth
+    window.click_handle("button.files.confirm")
+    window.frames(2)
+    assert shell.state.question is None
+    assert [layer.model.name for layer in editor.document.object("teapot").layers] == ["measured_cloth"]
+    editor.undo()
+    assert editor.document.objects == before.objects
+    shell.do(ImportMeasured(tmp_path / "missing.binary"))
+    assert editor.status.is_error and "there is no such file" in editor.status.message
 
 
 @pytest.mark.gl

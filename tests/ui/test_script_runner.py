@@ -114,3 +114,16 @@ def test_a_screenshot_is_the_whole_window(tmp_path: Path) -> None:
     # Something of everything: not one flat colour.
     assert image.std() > 20.0
     assert client.closed
+
+
+def test_a_script_imports_what_was_measured(window: HeadlessWindow, tmp_path: Path) -> None:
+    before = window.shell.editor.document
+    step = '[[step]]\nselect = "teapot"\n[[step]]\nmeasured = {{ file = "{}"{} }}\n'
+    for further, names in (("", ["measured_diffuse", "measured"]), (", cloth = true", ["measured_cloth"])):
+        run(window, tmp_path, step.format(tmp_path / "velvet.binary", further))
+        assert [layer.model.name for layer in window.shell.editor.document.object("teapot").layers] == names
+    run(window, tmp_path, "[[step]]\nundo = 2")
+    assert window.shell.editor.document.objects == before.objects
+    run(window, tmp_path, '[[step]]\nset = { "teapot.frozen" = true }')
+    with pytest.raises(ScriptError, match="step 2: .*frozen"):
+        run(window, tmp_path, step.format("velvet.binary", ""))

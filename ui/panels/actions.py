@@ -98,9 +98,10 @@ class ReloadImages:
 
 @dataclass(frozen=True)
 class ImportMeasured:
-    """Make the selected object of what a file measured."""
+    """Make the selected object of what a file measured: of a diffuse layer and a highlight, or as cloth of one."""
 
     path: Path
+    cloth: bool = False
 
 
 @dataclass(frozen=True)

@@ -48,6 +48,11 @@ ENDINGS = {
     "save_measured": (".binary",),
     "save_scene": ("",),
 }
+# What a measurement becomes; the second is cloth.
+MEASURED_CHOICES = (
+    ("Diffuse and highlight", "Two layers: the diffuse part with curves over θi and θo, the highlight over θh and θd."),
+    ("Cloth", "One layer P(θi) Q(θh) P(θo): how light and eye slant, and the highlight's profile. For fabrics."),
+)
 MOST_ENTRIES = 2000
 WIDTH, HEIGHT = 560.0, 420.0
 
@@ -93,7 +98,8 @@ def draw(context: PanelContext) -> list[Action]:
 
 def _contents(context: PanelContext, question: FileQuestion) -> list[Action]:
     actions = _folder_line(context, question)
-    footer = imgui.get_frame_height_with_spacing() + context.px(6)
+    measured = question.purpose == "open_measured"
+    footer = (2 if measured else 1) * imgui.get_frame_height_with_spacing() + context.px(6)
     corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
     end = ImVec2(corner.x + room.x, corner.y + room.y - footer)
     imgui.get_window_draw_list().add_rect_filled(corner, end, look.pack(look.WELL), context.px(4))
@@ -101,7 +107,18 @@ def _contents(context: PanelContext, question: FileQuestion) -> list[Action]:
         for entry in entries(question.folder, ENDINGS[question.purpose]):
             actions += _entry(context, question, entry)
     imgui.end_child()
+    if measured:
+        actions += _measured_line(context, question)
     return actions + _name_line(context, question)
+
+
+def _measured_line(context: PanelContext, question: FileQuestion) -> list[Action]:
+    """What the measurement becomes."""
+    imgui.align_text_to_frame_padding()
+    imgui.text("Import as")
+    imgui.same_line()
+    pressed = widgets.segments(context, "files.measured", MEASURED_CHOICES, int(question.cloth))
+    return [] if pressed is None else [_asked(replace(question, cloth=pressed == 1))]
 
 
 def _folder_line(context: PanelContext, question: FileQuestion) -> list[Action]:
@@ -153,8 +170,8 @@ def answer(question: FileQuestion, path: Path) -> list[Action]:
     if purpose.startswith("save") and not path.suffix:
         path = path.with_suffix(ENDINGS[purpose][0])
     actions: dict[str, Action] = {
-        "open_measured": ImportMeasured(path), "save_measured": ExportMeasured(path), "save_session": SaveSession(path),
-        "save_scene": ExportScene(path),
+        "open_measured": ImportMeasured(path, question.cloth), "save_measured": ExportMeasured(path),
+        "save_session": SaveSession(path), "save_scene": ExportScene(path),
     }  # fmt: skip
     return [actions.get(purpose, OpenFile(str(path))), SetPanel({"question": None})]
 

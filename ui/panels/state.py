@@ -59,12 +59,13 @@ class Notice:
 @dataclass(frozen=True)
 class FileQuestion:
     """A file is being asked for: why (a key of `ui.panels.dialogs.TITLES`), where, and the name so far; of an
-    image for which layer."""
+    image for which layer, of a measurement whether it becomes cloth."""
 
     purpose: str
     folder: Path
     name: str = ""
     key: str = ""
+    cloth: bool = False
 
 
 @dataclass(frozen=True)
