@@ -134,8 +134,8 @@ def _of_curves_alone(context: PanelContext) -> str:
     if not board.curves_alone:
         return ""
     if board.why_alone:
-        return f" Of what was measured it shows the curves alone ({board.why_alone}); the picture has all of it."
-    return " Of what was measured it shows the curves alone until all of it is here."
+        return f" Only the product of the curves ({board.why_alone}); the picture has all that was measured."
+    return " Only the product of the curves so far; the measurement itself is on its way."
 
 
 def _figures(context: PanelContext, places: Places) -> None:
