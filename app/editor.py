@@ -510,6 +510,8 @@ class Editor:
         described = dict(self.document.layers())
         unchanged = {key: layer for key, layer in document.layers() if layer == described.get(key)}
         self.curves.opened(unchanged, opened.bands)
+        for layer, bands in opened.planned:
+            self.curves.learn(layer, bands)
         self.history = History(document)
         selected = session.view.selected or self.view.selected
         self.view = replace(session.view, selected=selected, panels=self.view.panels)
@@ -528,8 +530,9 @@ class Editor:
 
     def _take_failure(self, response: Failed) -> None:
         self._gauges.progress = None
+        if self._tables.took_failure(response):
+            return
         self._reading.forget(response.id)
-        self._tables.took_failure(response.id)
         self._negotiator.took_failure(response)
         self._comparison.took_failure(response.id)
         refused = self._negotiator.asked_light if self._negotiator.is_transport(response.id) else None

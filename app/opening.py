@@ -42,7 +42,7 @@ class Opening:
     def request(self, resolution: tuple[int, int] | None) -> OpenScene:
         """What is asked of the worker; resolution (width, height) in place of the scene's own."""
         layers = [] if self.session is None else layers_of_document(self.session.document)
-        return OpenScene(self.source, resolution, unread_files(layers))
+        return OpenScene(self.source, resolution, unread_files(layers), tuple(layers))
 
     def document(self, description: SceneDescription, opened: SceneOpened) -> Document:
         """The scene's own document. Raises InsituError."""

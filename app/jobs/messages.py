@@ -43,12 +43,14 @@ class Request(Message):
 class OpenScene(Request):
     """Load a scene and trace its primary hits; what was asked of the scene before is cancelled.
 
-    measured: files of measured BRDFs that are to be read besides those that the scene names.
+    measured: files of measured BRDFs that are to be read besides those that the scene names; layers: those of a
+    session, whose curves are planned as well.
     """
 
     source: str
     resolution: tuple[int, int] | None = None
     measured: tuple[str, ...] = ()
+    layers: tuple[Layer, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -202,7 +204,8 @@ class SceneOpened(Response):
     """The scene as the window needs it; `description` is JSON, `arrays` the primary hits by name.
 
     `bands`: how many each curve of the scene's own layers needs, by layer key and factor; planned here because it takes
-    longer than the window may be blocked. `measurements`: what was read, by the names that asked for it.
+    longer than the window may be blocked. `planned`: the same of a session's layers that are others, with what was read
+    for them. `measurements`: what was read, by the names that asked for it.
     """
 
     description: str
@@ -210,6 +213,7 @@ class SceneOpened(Response):
     arrays: dict[str, NDArray[np.generic]] = field(default_factory=dict)
     bands: dict[str, dict[str, int]] = field(default_factory=dict)
     measurements: dict[str, Measurement] = field(default_factory=dict)
+    planned: tuple[tuple[Layer, dict[str, int]], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ from app.jobs.messages import (
     StageDone,
     WriteFiles,
 )
-from app.measurements import document_with_read, layers_of_document, unread_files
+from app.measurements import document_with_read, layers_of_document, unread_files, with_read
 from app.sky import sky_of
 from engine.errors import InsituError
 from engine.light.environment import Environment, downsampled, load_environment
@@ -164,8 +164,11 @@ class Tasks:
         self._recall_visibility(placement)
         description = scene.description.model_dump_json(by_alias=True)
         notes = scene.notes + self._cache.take_notes()
-        bands = _planned_bands(document_with_read(document, measurements))
-        yield SceneOpened(description, notes, _frame_arrays(placement), bands, measurements)
+        document = document_with_read(document, measurements)
+        own, asked = layers_of_document(document), with_read(request.layers, measurements)
+        planned = tuple((layer, band_counts(layer)) for layer in asked if layer not in own)
+        arrays, bands = _frame_arrays(placement), _planned_bands(document)
+        yield SceneOpened(description, notes, arrays, bands, measurements, planned)
 
     def _recall_visibility(self, placement: Placement) -> None:
         kept = self._cache.get(content_key("visibility", self._scene_key))

@@ -18,6 +18,7 @@ from app.jobs.messages import (
     StageDone,
     stamped,
 )
+from engine.material.layer import Layer
 from engine.measured.measurement import Measurement
 from engine.plan import Precision
 from engine.scene.description import parse_description
@@ -71,11 +72,13 @@ class FakeClient:
 
     def open_scene(
         self, scene: dict[str, Any] = SCENE, bands: dict[str, dict[str, int]] | None = None,
-        measurements: dict[str, Measurement] | None = None,
+        measurements: dict[str, Measurement] | None = None, planned: tuple[tuple[Layer, dict[str, int]], ...] = (),
     ) -> None:  # fmt: skip
         """Answer the newest OpenScene."""
         text = parse_description(scene, "scene.toml").model_dump_json(by_alias=True)
-        opened = SceneOpened(text, ("a note",), bands=bands or {}, measurements=measurements or {})
+        opened = SceneOpened(
+            text, ("a note",), bands=bands or {}, measurements=measurements or {}, planned=planned
+        )
         self.answer(self.sent(OpenScene)[-1], opened)
 
     def finish_stage(self, stage: str, exact: bool) -> None:

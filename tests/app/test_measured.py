@@ -29,7 +29,7 @@ from app.jobs.messages import (
 )
 from app.jobs.tasks import Tasks
 from app.material_file import Material, dump_material, load_material, parse_material
-from app.measurements import measured_files, measurement_in, unread_files, with_read
+from app.measurements import layers_of_document, measured_files, measurement_in, unread_files, with_read
 from app.picture import Curves
 from app.project import open_project
 from app.reading import import_measured, measured_layers
@@ -139,6 +139,18 @@ def test_an_import_is_one_step(client: FakeClient, tmp_path: Path) -> None:
     assert editor.document.objects == before.objects
 
 
+def test_the_worker_plans_a_session_with_an_import(scene: Path, merl_file: Path, tmp_path: Path) -> None:
+    # Of its layers those that the scene does not have; with the curves that its files have.
+    tasks = Tasks(Store(tmp_path / "cache"))
+    *_, plain = run_in_process(tasks, OpenScene(str(scene)))
+    assert isinstance(plain, SceneOpened) and plain.planned == ()
+    layers = (*layers_of_document(document_of(plain, scene)), *measured_layers(merl_file, cloth=True))
+    *_, opened = run_in_process(tasks, OpenScene(str(scene), None, (str(merl_file),), layers))
+    assert isinstance(opened, SceneOpened)
+    ((layer, bands),) = opened.planned
+    assert layer.model.name == "measured_cloth" and not unread_files([layer]) and bands == band_counts(layer)
+
+
 def test_the_window_plans_no_bands_of_an_import(
     client: FakeClient, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -162,6 +174,18 @@ def test_the_window_plans_no_bands_of_an_import(
     editor.redo()
     editor.tick(10.0)
     assert all(layer.model.name in ("lambert", "rough_conductor") for layer in planned)
+    # Nor of a session that has it.
+    assert editor.save(tmp_path / "x.insitu") is None
+    pot = editor.document.object("pot").layers
+    other = Editor(client, str(tmp_path / "x.insitu"))
+    assert with_read(client.sent(OpenScene)[-1].layers[:2], found) == pot
+    planned.clear()
+    client.open_scene(measurements=found, planned=tuple(zip(pot, bands, strict=True)))
+    for now in (0.0, 5.0):
+        other.tick(now)
+    works = client.sent(ComputeTransport)[-1].layers
+    assert [work.bands for work in works if work.key.startswith("pot")] == [(32,), (128, 8)]
+    assert not any(layer.model.needs_file for layer in planned)
 
 
 def test_an_import_that_fails_or_is_cancelled_changes_nothing(client: FakeClient, tmp_path: Path) -> None:
@@ -220,13 +244,14 @@ def test_a_table_is_asked_for_once(client: FakeClient) -> None:
     editor.tables.want(measurement)  # it is here, and nobody has taken it
     assert len(client.sent(HandOutTable)) == 1
     assert editor.tables.take() == (5, samples) and editor.tables.take() is None
-    # One that fails is told of and not asked for again, until another scene is opened.
+    # One that fails is not asked for again until another scene is opened, and is told of where it would be shown.
     unread = replace(measurement, number=0, file="gone.binary")
     editor.tables.want(unread)
     client.answer(client.sent(HandOutTable)[-1], Failed("gone.binary: cannot be read"))
     editor.tick(0.2)
     editor.tables.want(unread)
-    assert editor.status.is_error and editor.tables.is_refused(unread) and len(client.sent(HandOutTable)) == 2
+    assert editor.tables.refusal(unread) == "gone.binary: cannot be read" and not editor.tables.refusal(measurement)
+    assert not editor.status.is_error and len(client.sent(HandOutTable)) == 2
     editor.open("shelf")
     client.open_scene()
     editor.tick(0.3)
