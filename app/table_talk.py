@@ -1,7 +1,8 @@
 """Samples of measurements on their way to the window, which shows them where a measured layer is seen by itself.
 
 The worker hands a table out once, when somebody wants to see it; whoever takes it keeps it. One request at a time, of
-17.5 MB each. What could not be had is not asked for again while its scene is open.
+17.5 MB each. What could not be had is not asked for again while its scene is open, and told by whoever would show it:
+nobody asked for more than a look.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from app.jobs.messages import HandOutTable, Request, TableHandedOut
+from app.jobs.messages import Failed, HandOutTable, Request, TableHandedOut
 from engine.measured.measurement import Measurement
 
 Samples = NDArray[np.float32]
@@ -25,7 +26,7 @@ class TableTalk:
         self._asked: tuple[int, Measurement] | None = None
         self._here: dict[int, Samples] = {}
         self._read: dict[str, Measurement] = {}
-        self._refused: set[tuple[str, int]] = set()
+        self._refused: dict[tuple[str, int], str] = {}
 
     def scene_opened(self) -> None:
         """Another scene: what was refused may be there now."""
@@ -33,14 +34,14 @@ class TableTalk:
 
     def want(self, measurement: Measurement) -> None:
         """Ask for the table of a measurement, read or not, unless something else is under way."""
-        if self._asked is not None or measurement.number in self._here or self.is_refused(measurement):
+        if self._asked is not None or measurement.number in self._here or self.refusal(measurement):
             return
         request = HandOutTable(measurement.file, measurement.number)
         self._asked = self._send(request), measurement
 
-    def is_refused(self, measurement: Measurement) -> bool:
-        """Whether it cannot be had."""
-        return (measurement.file, measurement.number) in self._refused
+    def refusal(self, measurement: Measurement) -> str:
+        """Why it cannot be had, in one line; empty where it may."""
+        return self._refused.get((measurement.file, measurement.number), "")
 
     def read(self, measurement: Measurement) -> Measurement:
         """The measurement with what is known of its file since its table was handed out; itself where nothing is."""
@@ -57,8 +58,10 @@ class TableTalk:
             self._here[response.measurement.number] = response.samples
             self._read[response.measurement.file] = response.measurement
 
-    def took_failure(self, id: int) -> None:
-        """A request has failed."""
-        if self._asked is not None and self._asked[0] == id:
-            (_, measurement), self._asked = self._asked, None
-            self._refused.add((measurement.file, measurement.number))
+    def took_failure(self, response: Failed) -> bool:
+        """A request has failed; whether it was for a table."""
+        if self._asked is None or self._asked[0] != response.id:
+            return False
+        (_, measurement), self._asked = self._asked, None
+        self._refused[measurement.file, measurement.number] = response.line
+        return True

@@ -39,13 +39,9 @@ class TableFeed:
         return [each for each in measurements if each.number not in self.tables]
 
     def problem_of(self, editor: Editor, measurements: Iterable[Measurement]) -> str:
-        """Why a table that is missing will not come, in a few words; empty where it may."""
-        for each in self.missing(measurements):
-            if each.number in self._no_room:
-                return self._no_room[each.number]
-            if editor.tables.is_refused(each):
-                return "its file cannot be read"
-        return ""
+        """Why a table that is missing will not come, in one line; empty where it may."""
+        reasons = (self._no_room.get(m.number) or editor.tables.refusal(m) for m in self.missing(measurements))
+        return next(filter(None, reasons), "")
 
     def want(self, editor: Editor, measurements: Sequence[Measurement]) -> None:
         """Ask for what is on screen, which stays on the GPU as long as it is."""

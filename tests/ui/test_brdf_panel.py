@@ -224,7 +224,7 @@ def test_a_table_that_cannot_be_had_is_told_of(window: HeadlessWindow) -> None:
     asked = [request for request in client.requests if isinstance(request, HandOutTable)][-1]
     client.say(Failed("/gone.binary: cannot be read", id=asked.id))
     board = settled(window)
-    assert board.curves_alone and board.why_alone == "its file cannot be read" and board.lobe is not None
+    assert board.curves_alone and board.why_alone == "/gone.binary: cannot be read" and board.lobe is not None
 
 
 def test_nothing_selected_shows_nothing(window: HeadlessWindow) -> None:
