@@ -97,7 +97,8 @@ def _thumbnail(context: PanelContext, what: str, picture: Picture, side: float) 
 
 
 def _file_button(context: PanelContext, key: str, what: str, name: str, room: float) -> list[Action]:
-    text = _fitting(image_label(name) if name else "Load an image…", room)
+    inside = room - 2.0 * imgui.get_style().frame_padding.x
+    text = widgets.fitting(image_label(name) if name else "Load an image…", inside)
     imgui.push_style_color(imgui.Col_.text, look.pack(look.TEXT if name else look.TEXT_SOFT))
     imgui.push_style_var(imgui.StyleVar_.button_text_align, ImVec2(0.0, 0.5))
     pressed = imgui.button(f"{text}##{what}", ImVec2(max(room, 1.0), 0.0))
@@ -106,16 +107,6 @@ def _file_button(context: PanelContext, key: str, what: str, name: str, room: fl
     context.handles.note_item(f"material.{what}")
     widgets.tooltip(f"{name}\n\n{HINTS[what]}" if name else HINTS[what])
     return [AskFile(f"open_{what}", key)] if pressed else []
-
-
-def _fitting(text: str, room: float) -> str:
-    """As much of a text as fits a button of that width, its end kept: that is where file names differ."""
-    room -= 2.0 * imgui.get_style().frame_padding.x
-    if imgui.calc_text_size(text).x <= room:
-        return text
-    while len(text) > 4 and imgui.calc_text_size("…" + text).x > room:
-        text = text[1:]
-    return "…" + text
 
 
 def _strength(context: PanelContext, key: str, maps: LayerMaps, width: float) -> list[Action]:

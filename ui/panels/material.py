@@ -170,7 +170,8 @@ def _ctrl_clicked() -> bool:
 def _measured(value: Measurement) -> list[Action]:
     """The file's name; what is known of it as a hint."""
     imgui.align_text_to_frame_padding()
-    imgui.text_unformatted(Path(value.file).name or "nothing")
+    name = Path(value.file).name or "nothing"
+    imgui.text_unformatted(widgets.fitting(name, imgui.get_content_region_avail().x))
     widgets.tooltip(f"{describe_measurement(value)}, so that unedited layers are the measurement.\n{value.file}")
     return []
 

@@ -57,6 +57,15 @@ def caption(text: str) -> None:
     imgui.pop_style_color()
 
 
+def fitting(text: str, room: float) -> str:
+    """As much of a text as fits so many pixels, its end kept: that is where file names differ."""
+    if imgui.calc_text_size(text).x <= room:
+        return text
+    while len(text) > 4 and imgui.calc_text_size("…" + text).x > room:
+        text = text[1:]
+    return "…" + text
+
+
 def touch(changed: bool) -> Touch:
     """The hand's doings with the control drawn last."""
     return Touch(changed, imgui.is_item_activated(), imgui.is_item_deactivated())
