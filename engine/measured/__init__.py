@@ -1,7 +1,8 @@
 """Measured reflection: files, what is missing in them, factors fitted to them, and the table that kernels look up.
 
     MERL .binary, Cornell .brdf ─► samples ─► filled table ─┬─► factors (`fit`) ─► Measurement: travels with the layer
-                                                            └─► `tables`: stays in the process that computes
+                                                            └─► `tables`: stays in the process that computes; a copy
+                                                                goes to the GPU for layers that are shown alone
 
 The table holds the measurement itself and not its quotient with the factors. The quotient follows from both wherever it
 is looked up: diffuse min(data / D, 1), D the product of the diffuse factors, specular (data − D) / (G H) where that is

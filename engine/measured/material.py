@@ -19,8 +19,8 @@ PARTS: dict[Part, int] = {"diffuse": kinds.DIFFUSE, "specular": kinds.SPECULAR, 
 class MeasuredModel(Model):
     """One part of a measurement; see `engine.measured`. Without a file it reflects evenly, rho = scale / pi.
 
-    Where there is no table, in the window, the quotient counts as 1, as it does for Phong: lobes and lit spheres show
-    the product of the factors.
+    Shaders know it as Phong, whose quotient is 1, and multiply by the measured one once its table is on the GPU
+    (shaders/brdf/measured.glsl); until then lobes and lit spheres show the product of the factors.
     """
 
     kind = kinds.PHONG

@@ -1,7 +1,19 @@
 """Which requests stand: their answers count, and a new worker is given them again."""
 
-from app.jobs.messages import Cancel, Contract, Failed, OpenScene, Progress, SceneOpened
+import numpy as np
+
+from app.jobs.messages import (
+    Cancel,
+    Contract,
+    Failed,
+    HandOutTable,
+    OpenScene,
+    Progress,
+    SceneOpened,
+    TableHandedOut,
+)
 from app.jobs.standing import Standing
+from engine.measured.measurement import NOTHING
 from tests.app.jobs.faulty_tasks import compute
 
 
@@ -66,6 +78,16 @@ def test_failed_request_stands_no_longer() -> None:
     assert ids(standing) == [1, 2]
     standing.settle(Failed("", id=2))
     assert ids(standing) == [1]
+
+
+def test_a_table_is_wanted_whatever_scene_is_open() -> None:
+    # A new worker is asked again, until it has come.
+    standing = standing_at(SCENE, HandOutTable("x.binary", id=2), compute("pictures 1", id=3))
+    standing.add(Cancel(id=4))
+    standing.add(OpenScene("other", id=5))
+    assert ids(standing) == [5, 2]
+    standing.settle(TableHandedOut(NOTHING, np.zeros(0, np.float32), id=2))
+    assert ids(standing) == [5]
 
 
 def test_opened_scene_that_is_given_up_does_not_come_back() -> None:
