@@ -58,7 +58,7 @@ if TYPE_CHECKING:
     from app.jobs.indirect import IndirectTasks
 
 # Raised when anything that changes the numbers in a cached array changes.
-CACHE_VERSION = 1
+CACHE_VERSION = 2
 BACKGROUND_HEIGHT = 1024
 DRAG_ENVIRONMENT_HEIGHT = 128
 KERNEL_SECONDS = 0.05

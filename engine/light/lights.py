@@ -10,15 +10,27 @@ sort; no queue is needed. Ties (black regions) go to the coarser triangle.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine.light.environment import LUMINANCE, Environment, triangle_integrals
-from engine.sphere.geodesic import MAX_LEVEL, geodesic, triangle_first_moments
+from engine.sphere.geodesic import MAX_LEVEL, geodesic
 
 MIN_LIGHTS = 20
+
+
+class LightTree(NamedTuple):
+    """All triangles of the hierarchy down to a finest level, level by level: N = 20 (4^levels - 1) / 3 rows.
+
+    power (N, 3) float32, the integral of L d omega; centre (N, 3) float32, luminance-weighted mean direction, the
+    centroid where dark. The children of row r are 4 r + 20 to 4 r + 23.
+    """
+
+    power: NDArray[np.float32]
+    centre: NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +40,7 @@ class TriangleLights:
     level (M,) int8 and index (M,) int32: the geodesic triangle. vertices (N, 3) float32 and corners (M, 3) int32 into
     them, shared corners once. centre (M, 3) float32: luminance-weighted mean direction, the true centroid where dark.
     power (M, 3) float32: the integral of L d omega. solid_angle (M,) float32, steradians.
+    tree: what lies below them, down to the level that was integrated; rows (M,) int32: where they stand in it.
     """
 
     level: NDArray[np.int8]
@@ -37,6 +50,14 @@ class TriangleLights:
     centre: NDArray[np.float32]
     power: NDArray[np.float32]
     solid_angle: NDArray[np.float32]
+    tree: LightTree
+    rows: NDArray[np.int32]
+
+    def scaled(self, scale: float) -> TriangleLights:
+        """The same lights, `scale` times as bright."""
+        factor = np.float32(scale)
+        tree = self.tree._replace(power=self.tree.power * factor)
+        return replace(self, power=self.power * factor, tree=tree)
 
     def __len__(self) -> int:
         return len(self.index)
@@ -106,23 +127,32 @@ def _assemble(
     used, which = np.unique(triangles, return_inverse=True)  # vertices keep their number from level to level
     corners: NDArray[np.int32] = which.reshape(-1, 3).astype(np.int32)
     vertices = spheres[-1].vertices[used]
-    moment = np.concatenate([level_moments[rows] for level_moments, rows in zip(moments, kept, strict=True)])
+    tree = LightTree(np.concatenate(powers).astype(np.float32), _tree_centres(moments))
+    level = np.repeat(np.arange(len(kept), dtype=np.int8), [len(rows) for rows in kept])
+    index = np.concatenate(kept).astype(np.int32)
+    rows_in_tree = (20 * (4 ** level.astype(np.int64) - 1) // 3 + index).astype(np.int32)
     solid_angle = np.concatenate([sphere.solid_angles[rows] for sphere, rows in zip(spheres, kept, strict=True)])
     return TriangleLights(
-        level=np.repeat(np.arange(len(kept), dtype=np.int8), [len(rows) for rows in kept]),
-        index=np.concatenate(kept).astype(np.int32),
+        level=level,
+        index=index,
         corners=corners,
         vertices=vertices.astype(np.float32),
-        centre=_mean_directions(moment, vertices[corners]).astype(np.float32),
-        power=np.concatenate([power[rows] for power, rows in zip(powers, kept, strict=True)]).astype(np.float32),
+        centre=tree.centre[rows_in_tree],
+        power=tree.power[rows_in_tree],
         solid_angle=solid_angle.astype(np.float32),
+        tree=tree,
+        rows=rows_in_tree,
     )
 
 
-def _mean_directions(moments: NDArray[np.float64], corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Unit moments; the centroid of the triangle (M, 3, 3) where there is no light to weigh by."""
-    dark = ~(np.abs(moments).max(axis=1) > 0.0)
-    chosen = moments.copy()
-    chosen[dark] = triangle_first_moments(corners[dark])
-    chosen /= np.abs(chosen).max(axis=1, keepdims=True)  # first: the squares of a faint light's moment may underflow
-    return chosen / np.linalg.norm(chosen, axis=1, keepdims=True)
+def _tree_centres(moments: list[NDArray[np.float64]]) -> NDArray[np.float32]:
+    """Unit moments of all levels; the centroid of the triangle where there is no light to weigh by."""
+    return np.concatenate([_mean_directions(moment, geodesic(i).centres) for i, moment in enumerate(moments)])
+
+
+def _mean_directions(moments: NDArray[np.float64], centroids: NDArray[np.float64]) -> NDArray[np.float32]:
+    largest = np.abs(moments).max(axis=1, keepdims=True)
+    # Scaled first: the squares of a faint light's moment may underflow.
+    chosen = np.where(largest > 0.0, moments / np.where(largest > 0.0, largest, 1.0), centroids)
+    chosen /= np.linalg.norm(chosen, axis=1, keepdims=True)
+    return chosen.astype(np.float32)

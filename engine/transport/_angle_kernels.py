@@ -167,9 +167,11 @@ def weigh(model_kind, q, x, y, z, ox, oy, oz, weights):
 def tint(model_number, q, lights, x, y, z, ox, oy, oz, weights, colours, tinted):
     """tinted[m] = ρ_q cosθ · colours[m] of each light m, of a model whose quotient differs by colour.
 
-    q[CHANNEL] is EACH; weights (n,) take what is the same in all colours.
+    q[CHANNEL] is EACH; weights (n,) take what is the same in all colours; lights of weight 0 are passed by.
     """
     for i in range(x.shape[0]):
+        if weights[i] == np.float32(0.0):
+            continue
         model_quotient_cosine(model_number, q, x[i], y[i], z[i], ox, oy, oz)
         m, above = lights[i], z[i] > GRAZING and oz > GRAZING
         for channel in range(3):

@@ -17,7 +17,7 @@ from engine.transport._angle_kernels import HALF_PI, fill_gammas, is_cone, slope
 from engine.transport._band_kernels import encode_bands
 from engine.transport._seen_kernels import gather_local, list_visible, patch_colours, set_frame, to_local, towards
 from engine.transport._share_kernels import Spots, make_spots, mean_and_spread, share_out
-from engine.transport._split_kernels import LEAVES, MAX_DEPTH, SPREAD, is_curved, split
+from engine.transport._split_kernels import LEAVES, MAX_DEPTH, SPREAD, Tree, is_curved, split
 
 # Leaves of split lights, and pieces of wide ones, that are listed at a time.
 _ROOM = 512
@@ -25,7 +25,8 @@ _ROOM = 512
 
 class Sky(NamedTuple):
     """M triangle lights over N corner directions: directions (3, N), corners (M, 3), sizes (M,) longest edge, radians,
-    centres (3, M), colours (M, 3) radiance times solid angle; first, n_bits, fine (M,): see `list_visible`."""
+    centres (3, M), colours (M, 3) radiance times solid angle; first, n_bits, fine (M,): see `list_visible`; rows (M,)
+    in the tree that they were cut from."""
 
     directions: np.ndarray
     corners: np.ndarray
@@ -35,6 +36,8 @@ class Sky(NamedTuple):
     first: np.ndarray
     n_bits: np.ndarray
     fine: np.ndarray
+    rows: np.ndarray
+    tree: Tree
 
 
 class Patches(NamedTuple):
@@ -88,8 +91,9 @@ class Encoded(NamedTuple):
 
 
 class _Scratch(NamedTuple):
-    """Room for one point: corner directions x, y, z; centres cx, cy, cz and sizes of what is listed in `spots`; colours
-    of the lights, times those of the quotient."""
+    """Room for one point: corner directions x, y, z; centres cx, cy, cz and sizes of what is listed in `spots`; which
+    row of the tree a leaf has its colour of and what share; colours of lights and, behind them, of leaves, also times
+    those of the quotient."""
 
     x: np.ndarray
     y: np.ndarray
@@ -104,6 +108,10 @@ class _Scratch(NamedTuple):
     spots: Spots
     stack: np.ndarray
     depths: np.ndarray
+    below: np.ndarray
+    row: np.ndarray
+    above: np.ndarray
+    colours: np.ndarray
     tinted: np.ndarray
 
 
@@ -116,70 +124,75 @@ def _mark_curved(kind, scale, tolerance, sizes, mean, curved):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _spread_out(kind, sizes, gammas, corners, lights, mean, spread):
+def _spread_out(kind, sizes, gammas, corners, lights, n_whole, mean, spread):
     """Mean and spread of γ over each spot, in radians; mean: γ at its centre before.
 
-    For a cone both follow from the spot's size, see `_split_kernels`; else the spread from the corners of its light.
+    For a cone both follow from the spot's size, see `_split_kernels`, and so they do for leaves, which begin at
+    n_whole: there γ is all but a cone; else the spread from the corners of the light.
     """
-    if is_cone(kind):
-        rate = slope(kind)
-        for i in range(mean.shape[0]):
-            part = SPREAD * sizes[i] * rate
-            spread[i], mean[i] = part, np.sqrt(mean[i] * mean[i] + part * part)
-        return
-    for i in range(mean.shape[0]):
+    rate, first = slope(kind), 0 if is_cone(kind) else n_whole
+    for i in range(first, mean.shape[0]):
+        part = SPREAD * sizes[i] * rate
+        spread[i], mean[i] = part, np.sqrt(mean[i] * mean[i] + part * part)
+    for i in range(first):
         m = lights[i]
         spread[i] = mean_and_spread(gammas[corners[m, 0]], gammas[corners[m, 1]], gammas[corners[m, 2]])[1]
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _split_curved(corners, n_lights, scale_a, scale_b, optics, ox, oy, oz, scratch):
+def _split_curved(corners, rows, tree, n_lights, scale_a, scale_b, optics, frame, ox, oy, oz, scratch):
     """List the leaves of curved lights behind the others, n_lights, and take the lights themselves out; the new number.
 
-    Where the list is full the rest stays whole.
+    Each leaf has its own colour, behind those of the lights, and its own centre of brightness, as far down as the tree
+    goes. Where the list is full the rest stays whole.
     """
     stack, lights, weights, sizes, curved = (
         scratch.stack, scratch.spots.light, scratch.spots.weight, scratch.sizes, scratch.curved
     )  # fmt: skip
     x, y, z, n, most = scratch.x, scratch.y, scratch.z, n_lights, scratch.cx.shape[0] - LEAVES
+    leaves = (scratch.cx, scratch.cy, scratch.cz, sizes, scratch.row, scratch.above)
+    colours, n_rows, n_colours = scratch.colours, tree.colours.shape[0], rows.shape[0]
+    has_tree = n_rows > 0
     for i in range(n_lights):
-        if curved[i] == 0 or not weights[i] > 0.0 or n > most:
+        if curved[i] == 0 or scratch.cz[i] <= -sizes[i] or n > most:
             continue
         m, first, weight, size = lights[i], n, weights[i], sizes[i]
         for corner in range(3):
             v = corners[m, corner]
             stack[0, corner, 0], stack[0, corner, 1], stack[0, corner, 2] = x[v], y[v], z[v]
         n = split(
-            stack, scratch.depths, size, scale_a, scale_b, optics, ox, oy, oz, scratch.cx, scratch.cy, scratch.cz,
-            sizes, n,
+            stack, scratch.depths, scratch.below, rows[m], size, scale_a, scale_b, optics, n_rows, ox, oy, oz, leaves,
+            n,
         )  # fmt: skip
         for leaf in range(first, n):
-            part = sizes[leaf]
-            lights[leaf], weights[leaf], sizes[leaf] = m, weight * part * part, size * part
+            row, share, own = scratch.row[leaf], scratch.above[leaf] * scratch.above[leaf], n_colours + leaf - n_lights
+            for channel in range(3):
+                colours[own, channel] = share * (tree.colours[row, channel] if has_tree else colours[m, channel])
+            if has_tree and share == np.float32(1.0):
+                u, v, w = tree.centres[row, 0], tree.centres[row, 1], tree.centres[row, 2]
+                scratch.cx[leaf] = frame[0, 0] * u + frame[0, 1] * v + frame[0, 2] * w
+                scratch.cy[leaf] = frame[1, 0] * u + frame[1, 1] * v + frame[1, 2] * w
+                scratch.cz[leaf] = frame[2, 0] * u + frame[2, 1] * v + frame[2, 2] * w
+            lights[leaf], weights[leaf], sizes[leaf] = own, weight, size * sizes[leaf]
         weights[i] = np.float32(0.0)
     return n
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _project_lights(bands, corners, sizes, colours, n_directions, n_lights, optics, ox, oy, oz, scratch):
+def _project_lights(bands, corners, sizes, rows, tree, n_directions, n_lights, optics, frame, ox, oy, oz, scratch):
     """Add the listed lights to bands (J, K, 3): T_jk += V L ρ_q cosθ ΔΩ Δ_mj Δ_mk [BenArtzi07, eq. 4.15].
 
-    scratch holds the local corner directions (x, y, z), the lights listed, their weights (visible share) and centre
-    directions (cx, cy, cz); (ox, oy, oz) is the local eye direction. The mean of γ over a light is taken as γ at its
-    centre of brightness: that takes out the first-order error of a light that is brighter on one side.
+    scratch holds the local corner directions (x, y, z), the lights listed, their colours, weights (visible share) and
+    centre directions (cx, cy, cz); (ox, oy, oz) is the local eye direction. The mean of γ over a light is taken as γ at
+    its centre of brightness: that takes out the first-order error of a light that is brighter on one side.
     """
-    spots, q, two, n = scratch.spots, optics.q, optics.n_b > 1, n_lights
+    spots, q, two, n, colours = scratch.spots, optics.q, optics.n_b > 1, n_lights, scratch.colours
     x, y, z = scratch.x[:n_directions], scratch.y[:n_directions], scratch.z[:n_directions]
     cx, cy, cz, mean_a, mean_b = scratch.cx, scratch.cy, scratch.cz, spots.mean_a, spots.mean_b
     scale_a, scale_b = np.float32(optics.n_a) / HALF_PI, np.float32(optics.n_b) / HALF_PI
     listed, lights, curved = scratch.sizes, spots.light, scratch.curved[:n]
     for i in range(n):
         listed[i], curved[i] = sizes[lights[i]], np.int32(0)
-    if optics.coloured:
-        tint(optics.model, q, lights, cx[:n], cy[:n], cz[:n], ox, oy, oz, spots.weight, colours, scratch.tinted)
-        colours = scratch.tinted
-    else:
-        weigh(optics.model, q, cx[:n], cy[:n], cz[:n], ox, oy, oz, spots.weight)
     fill_gammas(optics.kind_a, q, cx[:n], cy[:n], cz[:n], ox, oy, oz, mean_a)
     _mark_curved(optics.kind_a, scale_a, optics.tolerance, listed, mean_a[:n], curved)
     if not is_cone(optics.kind_a):
@@ -189,13 +202,18 @@ def _project_lights(bands, corners, sizes, colours, n_directions, n_lights, opti
         _mark_curved(optics.kind_b, scale_b, optics.tolerance, listed, mean_b[:n], curved)
         if not is_cone(optics.kind_b):
             fill_gammas(optics.kind_b, q, x, y, z, ox, oy, oz, scratch.gammas_b)
-    n = _split_curved(corners, n_lights, scale_a, scale_b, optics, ox, oy, oz, scratch)
+    n = _split_curved(corners, rows, tree, n_lights, scale_a, scale_b, optics, frame, ox, oy, oz, scratch)
+    if optics.coloured:
+        tint(optics.model, q, lights, cx[:n], cy[:n], cz[:n], ox, oy, oz, spots.weight, colours, scratch.tinted)
+        colours = scratch.tinted
+    else:
+        weigh(optics.model, q, cx[:n], cy[:n], cz[:n], ox, oy, oz, spots.weight)
     lx, ly, lz = cx[n_lights:n], cy[n_lights:n], cz[n_lights:n]
     fill_gammas(optics.kind_a, q, lx, ly, lz, ox, oy, oz, mean_a[n_lights:n])
-    _spread_out(optics.kind_a, listed, scratch.gammas_a, corners, lights, mean_a[:n], spots.spread_a)
+    _spread_out(optics.kind_a, listed, scratch.gammas_a, corners, lights, n_lights, mean_a[:n], spots.spread_a)
     if two:
         fill_gammas(optics.kind_b, q, lx, ly, lz, ox, oy, oz, mean_b[n_lights:n])
-        _spread_out(optics.kind_b, listed, scratch.gammas_b, corners, lights, mean_b[:n], spots.spread_b)
+        _spread_out(optics.kind_b, listed, scratch.gammas_b, corners, lights, n_lights, mean_b[:n], spots.spread_b)
     share_out(bands, colours, n, spots, scale_a, scale_b)
 
 
@@ -207,7 +225,9 @@ def _make_scratch(n_directions, n_lights):
         np.empty(n_directions, np.float32), np.empty(n_directions, np.float32),
         np.empty(n, np.float32), np.empty(n, np.float32), np.empty(n, np.float32), np.empty(n, np.float32),
         np.empty(n_lights, np.int32), make_spots(n + _ROOM),
-        np.empty((depth, 3, 3), np.float32), np.empty(depth, np.int64), np.empty((n_lights, 3), np.float32),
+        np.empty((depth, 3, 3), np.float32), np.empty(depth, np.int64), np.empty((depth, 2), np.int64),
+        np.empty(n, np.int64), np.empty(n, np.float32),
+        np.zeros((n_lights + n, 3), np.float32), np.zeros((n_lights + n, 3), np.float32),
     )  # fmt: skip
 
 
@@ -220,7 +240,7 @@ def project_tile(rows, surface, sky, patches, bits, optics, trim, encoded):
     lights, weights = s.spots.light, s.spots.weight
     corners_seen, centres_seen = np.empty((3, n_patch_corners), np.float32), np.empty((3, n_patches), np.float32)
     colours, sizes = np.zeros((n_patches, 3), np.float32), np.empty(n_patches, np.float32)
-    own_bit = np.arange(n_patches)
+    own_bit, no_tree = np.arange(n_patches), Tree(np.empty((0, 3), np.float32), np.empty((0, 3), np.float32))
     bands = np.empty((optics.n_a + 2, optics.n_b + 2 if optics.n_b > 1 else 1, 3), np.float32)
     frame = np.empty((3, 3), np.float32)
     cells, maxima = np.empty((optics.n_a, optics.n_b), np.float32), np.empty(optics.n_a, np.float32)
@@ -237,7 +257,11 @@ def project_tile(rows, surface, sky, patches, bits, optics, trim, encoded):
             n = list_visible(bits.sphere[r], bits.fine[r], sky.first, sky.n_bits, sky.fine, lights, weights)
             to_local(sky.directions, frame, s.x, s.y, s.z)
             gather_local(sky.centres, lights, n, frame, s.cx, s.cy, s.cz)
-            _project_lights(bands, sky.corners, sky.sizes, sky.colours, n_sky_corners, n, optics, ox, oy, oz, s)
+            if i == 0 or n_patches > 0:
+                s.colours[:n_sky] = sky.colours
+            _project_lights(
+                bands, sky.corners, sky.sizes, sky.rows, sky.tree, n_sky_corners, n, optics, frame, ox, oy, oz, s
+            )
         if n_patches > 0:
             n = list_visible(bits.patches[r], bits.patches[r], own_bit, own_bit, own_bit, lights, weights)
             towards(patches.points, surface.position[r], corners_seen)
@@ -245,7 +269,10 @@ def project_tile(rows, surface, sky, patches, bits, optics, trim, encoded):
             patch_colours(corners_seen, patches.corners, patches.radiance, colours, sizes)
             to_local(corners_seen, frame, s.x, s.y, s.z)
             gather_local(centres_seen, lights, n, frame, s.cx, s.cy, s.cz)
-            _project_lights(bands, patches.corners, sizes, colours, n_patch_corners, n, optics, ox, oy, oz, s)
+            s.colours[:n_patches] = colours
+            _project_lights(
+                bands, patches.corners, sizes, own_bit, no_tree, n_patch_corners, n, optics, frame, ox, oy, oz, s
+            )
         encoded.start[i] = written
         written = encode_bands(bands[: optics.n_a, : optics.n_b], trim, cells, maxima, encoded, i, written)
     return written

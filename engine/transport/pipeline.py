@@ -5,7 +5,7 @@ yield the fraction done, so that whoever drives them can show progress, answer o
 """
 
 from collections.abc import Generator, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -99,8 +99,7 @@ class Placement:
         own_rays = quality.own_rays and not self.sphere.done[rows].all()
         cut = None
         if sky.environment is not None:
-            cut = cut_lights(sky.environment, quality.n_lights, sky.rotation, quality.max_level)
-            cut = replace(cut, power=(cut.power * np.float32(sky.scale)).astype(np.float32))
+            cut = cut_lights(sky.environment, quality.n_lights, sky.rotation, quality.max_level).scaled(sky.scale)
             if not own_rays:
                 yield from self._see(self.sphere, quality.stride)
         lighting = prepare_lighting(cut, self.patches(quality.n_patches), quality.tolerance, own_rays)

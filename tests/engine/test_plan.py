@@ -12,6 +12,8 @@ from engine.errors import InsituError
 from engine.material import MODELS, make_layer
 from engine.material.kinds import THETA_H
 from engine.material.layer import Layer
+from engine.measured.coordinates import node_angles
+from engine.measured.measurement import Measurement
 from engine.plan import (
     BANDWIDTH_TOLERANCE,
     EDITABLE_BANDS,
@@ -57,6 +59,22 @@ def scene(tmp_path: Path, request: pytest.FixtureRequest) -> Scene:
 @pytest.fixture
 def layers() -> dict[str, Layer]:
     return {"ball.0": make_layer(MODELS["lambert"]), "ball.1": conductor(0.4)}
+
+
+def measured_lobe(degrees: float) -> Layer:
+    """A measured highlight, half as high at so many degrees; nothing else of it was read."""
+    theta_h = node_angles(True)[:, None]
+    fall = np.exp(-np.log(2.0) * (np.tan(theta_h) / np.tan(np.radians(degrees))) ** 2 * np.ones(3))
+    even = np.ones_like(fall)
+    curves = tuple(np.asarray(c, np.float32).tobytes() for c in (even, even, even, np.maximum(fall, 1e-6), even, even))
+    return make_layer(MODELS["measured"], {"file": Measurement("drawn.binary", 7, curves=curves)})
+
+
+def test_a_narrow_measured_highlight_gets_the_bands_it_needs() -> None:
+    # What analytic lobes make do with is too few for a measured one of the same width, as it is held against its data.
+    assert band_counts(measured_lobe(5.0)) == {"theta_h": 64, "theta_d": 16}
+    assert band_counts(measured_lobe(1.3)) == {"theta_h": 128, "theta_d": 16}
+    assert band_counts(conductor(0.035))["theta_h"] == 64
 
 
 def test_a_constant_curve_needs_one_band() -> None:

@@ -24,12 +24,10 @@ def dense_transport(hits, row, light: VisibleLight, layer: LayerShape, n_samples
     frame = np.stack([tangent, np.cross(normal, tangent), normal])
     wo = frame @ hits.wo[row].astype(float)
     sky = light.lighting.sky
-    seen, fine_seen = light.sphere.unpacked(np.array([row]))[0], light.fine.unpacked(np.array([row]))[0]
+    visible = visible_shares(light, row)
     bands = np.zeros((n_a, n_b, 3))
     for m in range(len(sky.corners)):
-        below = seen[sky.first[m] : sky.first[m] + sky.n_bits[m]]
-        share = float(fine_seen[sky.fine[m]]) if sky.fine[m] >= 0 else below.mean()
-        weight = share * quotient_cosine(model.number, q, *(frame @ sky.centres[:, m]), *wo)
+        weight = visible[m] * quotient_cosine(model.number, q, *(frame @ sky.centres[:, m]), *wo)
         if weight == 0.0:
             continue
         inside = samples_of(sky.directions[:, sky.corners[m]].T.astype(float), n_samples, random) @ frame.T
@@ -37,6 +35,14 @@ def dense_transport(hits, row, light: VisibleLight, layer: LayerShape, n_samples
         delta_b = shares(model.factors[-1].gamma, q, inside, wo, n_b) if n_b > 1 else np.ones(1)
         bands += weight * np.multiply.outer(np.outer(delta_a, delta_b), sky.colours[m])
     return bands
+
+
+def visible_shares(light: VisibleLight, row):
+    """What share of each sky light a point sees (M,): by its own bit, or the mean of the sphere's bits below it."""
+    sky, at = light.lighting.sky, np.array([row])
+    seen, fine_seen = light.sphere.unpacked(at)[0], light.fine.unpacked(at)[0]
+    ranges = zip(sky.first, sky.n_bits, sky.fine, strict=True)
+    return np.array([fine_seen[fine] if fine >= 0 else seen[first : first + n].mean() for first, n, fine in ranges])
 
 
 def samples_of(corners, n, random):

@@ -209,3 +209,18 @@ def test_bad_arguments_are_refused() -> None:
         cut_lights(noise(), 100, max_level=8)
     with pytest.raises(ValueError, match=r"expected \(320, 3\)"):
         cut_lights(noise(), 100, max_level=2, integrals=np.zeros((80, 3)))
+
+
+def test_the_tree_holds_all_triangles() -> None:
+    # Children add up to their parent, their centres of brightness to its own, and each light is a row.
+    lights = cut_lights(noise(), 600, max_level=4)
+    power, centre = (values.astype(float) for values in lights.tree)
+    assert len(power) == 20 * (4**5 - 1) // 3
+    parents = np.arange((len(power) - 20) // 4)
+    below = 4 * parents[:, None] + 20 + np.arange(4)
+    np.testing.assert_allclose(power[below].sum(axis=1), power[parents], rtol=1e-5)
+    luminance = (power @ LUMINANCE)[:, None]
+    together = (luminance * centre)[below].sum(axis=1)
+    assert (np.cross(together, centre[parents]) ** 2).sum(axis=1).max() < 1e-6 * (together**2).sum(axis=1).max()
+    np.testing.assert_array_equal(lights.tree.power[lights.rows], lights.power)
+    np.testing.assert_array_equal(lights.scaled(2.0).tree.power, 2 * lights.tree.power)
