@@ -5,6 +5,12 @@
 
 const float LEAST_PRODUCT = 1e-30;
 
+// A measurement at a pair of directions: its value per channel, negative where there is none, and the angles.
+struct Measured {
+    vec3 value;
+    float theta_i, theta_o, theta_h, theta_d;
+};
+
 vec3 measured_row(sampler2DArray table, ivec2 phi, float w, int j, int i) {
     return mix(texelFetch(table, ivec3(phi.x, j, i), 0).rgb, texelFetch(table, ivec3(phi.y, j, i), 0).rgb, w);
 }

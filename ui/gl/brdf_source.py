@@ -16,7 +16,7 @@ from pathlib import Path
 from engine.material import kinds
 from engine.material.model import Factor, Model
 from engine.measured.material import MeasuredModel
-from ui.gl.measured_source import n_factor_rows, quotient_text, value_text
+from ui.gl.measured_source import ANGLES, n_factor_rows, quotient_text, value_text
 from ui.gl.python_source import PythonSource
 from ui.gl.python_to_glsl import Foreign, Translation
 
@@ -51,7 +51,7 @@ def brdf_source(models: tuple[Model, ...], slots: tuple[int | None, ...]) -> str
         layers.append(_layer(translation, place, model, row, slot))
         row += rows_of(model)
     total = " + ".join(_call(place, slot) for place, slot in enumerate(slots)) or "vec3(0.0)"
-    looked_up = [f"    vec3 value{slot} = value_{slot}(wi, wo);" for slot in slots_there]
+    looked_up = [f"    Measured m{slot} = value_{slot}(wi, wo);" for slot in slots_there]
     return "\n".join([
         INCLUDES + (MEASURED_INCLUDE if values else ""), translation.text, *values, *layers,
         "vec3 brdf_cosine(vec3 wi, vec3 wo) {", *looked_up, f"    return {total};", "}", "",
@@ -60,20 +60,21 @@ def brdf_source(models: tuple[Model, ...], slots: tuple[int | None, ...]) -> str
 
 
 def _call(place: int, slot: int | None) -> str:
-    return f"layer_{place}(wi, wo)" if slot is None else f"layer_{place}(value{slot}, wi, wo)"
+    return f"layer_{place}(wi, wo)" if slot is None else f"layer_{place}(m{slot}, wi, wo)"
 
 
 def _layer(translation: Translation, place: int, model: Model, row: int, slot: int | None) -> str:
     """f_q rho_q cos_i f_A f_B f_o of one layer, whose first curve is that row."""
     numbers, curves = f"quotient_parameters_{place}", curves_of(model)
     terms = [f"strength_{place}", f"{_quotient(translation, model)}({numbers}, {PAIR})"]
-    for further, factor in enumerate(curves):
-        terms.append(f"curve_at({row + further}, {_angle(translation, factor.gamma, numbers)})")
     measured, given = [], ""
     if isinstance(model, MeasuredModel) and slot is not None:
-        angles = _measured_angles(translation, numbers)
-        measured, given = [quotient_text(model, place, row + len(curves), angles)], "vec3 value, "
-        terms.append(f"measured_{place}(value, wi, wo)")
+        angles = [ANGLES[factor.gamma] for factor in curves]
+        measured, given = [quotient_text(model, place, row + len(curves))], "Measured m, "
+        terms.append(f"measured_{place}(m)")
+    else:
+        angles = [_angle(translation, factor.gamma, numbers) for factor in curves]
+    terms += [f"curve_at({row + further}, {angle})" for further, angle in enumerate(angles)]
     return "\n".join([
         f"uniform vec3 strength_{place};", f"uniform mat2x4 {numbers};", *measured,
         f"vec3 layer_{place}({given}vec3 wi, vec3 wo) {{",
@@ -84,13 +85,8 @@ def _layer(translation: Translation, place: int, model: Model, row: int, slot: i
 def _value(translation: Translation, slot: int) -> str:
     """The look-up of a table."""
     phi_d = translation.function(_measured_kernels(), "_phi_d", {}, {})
-    return value_text(slot, _measured_angles(translation, "mat2x4(0.0)"), f"{phi_d}({PAIR})")
-
-
-def _measured_angles(translation: Translation, numbers: str) -> dict[int, str]:
-    """The angles that a measurement runs over."""
-    kinds_there = (kinds.THETA_I, kinds.THETA_O, kinds.THETA_H, kinds.THETA_D)
-    return {kind: _angle(translation, kind, numbers) for kind in kinds_there}
+    angles = {kind: _angle(translation, kind, "mat2x4(0.0)") for kind in ANGLES}
+    return value_text(slot, angles, f"{phi_d}({PAIR})")
 
 
 def _angle(translation: Translation, kind: int, numbers: str) -> str:

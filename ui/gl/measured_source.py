@@ -38,6 +38,12 @@ CLOTH = Product("whole", (("p", kinds.THETA_I), ("q", kinds.THETA_H), ("p", kind
 PRODUCTS: dict[Part, tuple[Product, ...]] = {"diffuse": (MATT,), "specular": (MATT, SHINE), "whole": (CLOTH,)}
 
 
+# The angles in a `Measured`, by kind, in the order of its fields.
+ANGLES = {
+    kinds.THETA_I: "m.theta_i", kinds.THETA_O: "m.theta_o", kinds.THETA_H: "m.theta_h", kinds.THETA_D: "m.theta_d",
+}  # fmt: skip
+
+
 def table_number(layer: Layer) -> int | None:
     """What names the table of a layer; 0 where its file was not read, None for one that is not measured."""
     return measurement_of(layer.values).number if isinstance(layer.model, MeasuredModel) else None
@@ -57,28 +63,29 @@ def factor_rows(layer: Layer, gamma: Array) -> list[Array]:
 
 
 def value_text(slot: int, angles: Mapping[int, str], phi_d: str) -> str:
-    """The function value_SLOT(wi, wo), the measurement itself; negative where the table is a single texel, which says
-    that there is none. One look-up serves all layers of a file. angles, phi_d: calls, by kind."""
-    place = ", ".join([angles[kinds.THETA_H], angles[kinds.THETA_D], phi_d])
+    """The function value_SLOT(wi, wo), a `Measured`; a table of a single texel says that there is none. One look-up
+    serves all layers of a file. angles, by kind, and phi_d: calls that are one."""
+    there = ", ".join(angles[kind] for kind in ANGLES)
     return "\n".join([
         f"uniform sampler2DArray table_{slot};",
-        f"vec3 value_{slot}(vec3 wi, vec3 wo) {{",
-        f"    if (textureSize(table_{slot}, 0).x == 1) {{",
-        "        return vec3(-1.0);", "    }",
-        f"    return measured_sample(table_{slot}, {place});", "}", "",
+        f"Measured value_{slot}(vec3 wi, vec3 wo) {{",
+        f"    Measured m = Measured(vec3(-1.0), {there});",
+        f"    if (textureSize(table_{slot}, 0).x > 1) {{",
+        f"        m.value = measured_sample(table_{slot}, m.theta_h, m.theta_d, {phi_d});", "    }",
+        "    return m;", "}", "",
     ])  # fmt: skip
 
 
-def quotient_text(model: MeasuredModel, place: int, row: int, angles: Mapping[int, str]) -> str:
-    """The function measured_PLACE(value, wi, wo), whose factors begin at that row: 1 where there is no value."""
+def quotient_text(model: MeasuredModel, place: int, row: int) -> str:
+    """The function measured_PLACE(m), whose factors begin at that row: 1 where there is no value."""
     products = []
     for product in PRODUCTS[model.part]:
-        terms = [f"curve_at({row + i}, {angles[kind]})" for i, (_, kind) in enumerate(product.factors)]
+        terms = [f"curve_at({row + i}, {ANGLES[kind]})" for i, (_, kind) in enumerate(product.factors)]
         products.append(" * ".join(terms))
         row += len(terms)
+    quotient = f"{model.part}_quotient({', '.join(['m.value', *products])})"
     return "\n".join([
-        f"vec3 measured_{place}(vec3 value, vec3 wi, vec3 wo) {{",
-        f"    return value.x < 0.0 ? vec3(1.0) : {model.part}_quotient({', '.join(['value', *products])});", "}", "",
+        f"vec3 measured_{place}(Measured m) {{", f"    return m.value.x < 0.0 ? vec3(1.0) : {quotient};", "}", "",
     ])  # fmt: skip
 
 
