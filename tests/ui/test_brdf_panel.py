@@ -214,6 +214,21 @@ def test_what_was_measured_is_shown_once_it_is_here(window: HeadlessWindow) -> N
     assert np.abs(sphere_pixels(window) - sphere).max() > 10
 
 
+def test_a_table_without_room_is_told_of(window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch) -> None:
+    client, editor = window.shell.editor._client, window.shell.editor
+    assert isinstance(client, StandInClient)
+    measurement = replace(drawn_measurement(), file="/large.binary", number=7)
+    layers = with_read(measured_layers(Path("/large.binary"), cloth=True), {"/large.binary": measurement})
+    monkeypatch.setattr(window.shell._tables.tables._memory, "limit", 1 << 20)
+    editor.do(SetMaterial("teapot", layers, "large"))
+    settled(window)
+    asked = [request for request in client.requests if isinstance(request, HandOutTable)][-1]
+    client.say(TableHandedOut(measurement, np.zeros((90, 90, 180, 3), np.float32), id=asked.id))
+    assert any(window.look() for _ in range(5))
+    board = settled(window)
+    assert board.curves_alone and "17 MiB of texture" in board.why_alone and not window.shell.awaits_table
+
+
 def test_a_table_that_cannot_be_had_is_told_of(window: HeadlessWindow) -> None:
     client, editor = window.shell.editor._client, window.shell.editor
     assert isinstance(client, StandInClient)
