@@ -17,7 +17,7 @@ from engine.transport._angle_kernels import HALF_PI, fill_gammas, is_cone, slope
 from engine.transport._band_kernels import encode_bands
 from engine.transport._seen_kernels import gather_local, list_visible, patch_colours, set_frame, to_local, towards
 from engine.transport._share_kernels import Spots, make_spots, mean_and_spread, share_out
-from engine.transport._split_kernels import LEAVES, MAX_DEPTH, SPREAD, Tree, is_curved, split
+from engine.transport._split_kernels import LEAVES, MAX_DEPTH, SPREAD, is_curved, split
 
 # Leaves of split lights, and pieces of wide ones, that are listed at a time.
 _ROOM = 512
@@ -26,7 +26,7 @@ _ROOM = 512
 class Sky(NamedTuple):
     """M triangle lights over N corner directions: directions (3, N), corners (M, 3), sizes (M,) longest edge, radians,
     centres (3, M), colours (M, 3) radiance times solid angle; first, n_bits, fine (M,): see `list_visible`; rows (M,)
-    in the tree that they were cut from."""
+    in the tree (N, 6) that they were cut from: colour and centre of each triangle, 4 r + 20 to 4 r + 23 in row r."""
 
     directions: np.ndarray
     corners: np.ndarray
@@ -37,7 +37,7 @@ class Sky(NamedTuple):
     n_bits: np.ndarray
     fine: np.ndarray
     rows: np.ndarray
-    tree: Tree
+    tree: np.ndarray
 
 
 class Patches(NamedTuple):
@@ -151,7 +151,7 @@ def _split_curved(corners, rows, tree, n_lights, scale_a, scale_b, optics, frame
     )  # fmt: skip
     x, y, z, n, most = scratch.x, scratch.y, scratch.z, n_lights, scratch.cx.shape[0] - LEAVES
     leaves = (scratch.cx, scratch.cy, scratch.cz, sizes, scratch.row, scratch.above)
-    colours, n_rows, n_colours = scratch.colours, tree.colours.shape[0], rows.shape[0]
+    colours, n_rows, n_colours = scratch.colours, tree.shape[0], rows.shape[0]
     has_tree = n_rows > 0
     for i in range(n_lights):
         if curved[i] == 0 or scratch.cz[i] <= -sizes[i] or n > most:
@@ -167,9 +167,9 @@ def _split_curved(corners, rows, tree, n_lights, scale_a, scale_b, optics, frame
         for leaf in range(first, n):
             row, share, own = scratch.row[leaf], scratch.above[leaf] * scratch.above[leaf], n_colours + leaf - n_lights
             for channel in range(3):
-                colours[own, channel] = share * (tree.colours[row, channel] if has_tree else colours[m, channel])
+                colours[own, channel] = share * (tree[row, channel] if has_tree else colours[m, channel])
             if has_tree and share == np.float32(1.0):
-                u, v, w = tree.centres[row, 0], tree.centres[row, 1], tree.centres[row, 2]
+                u, v, w = tree[row, 3], tree[row, 4], tree[row, 5]
                 scratch.cx[leaf] = frame[0, 0] * u + frame[0, 1] * v + frame[0, 2] * w
                 scratch.cy[leaf] = frame[1, 0] * u + frame[1, 1] * v + frame[1, 2] * w
                 scratch.cz[leaf] = frame[2, 0] * u + frame[2, 1] * v + frame[2, 2] * w
@@ -240,7 +240,7 @@ def project_tile(rows, surface, sky, patches, bits, optics, trim, encoded):
     lights, weights = s.spots.light, s.spots.weight
     corners_seen, centres_seen = np.empty((3, n_patch_corners), np.float32), np.empty((3, n_patches), np.float32)
     colours, sizes = np.zeros((n_patches, 3), np.float32), np.empty(n_patches, np.float32)
-    own_bit, no_tree = np.arange(n_patches), Tree(np.empty((0, 3), np.float32), np.empty((0, 3), np.float32))
+    own_bit, no_tree = np.arange(n_patches), np.empty((0, 6), np.float32)
     bands = np.empty((optics.n_a + 2, optics.n_b + 2 if optics.n_b > 1 else 1, 3), np.float32)
     frame = np.empty((3, 3), np.float32)
     cells, maxima = np.empty((optics.n_a, optics.n_b), np.float32), np.empty(optics.n_a, np.float32)

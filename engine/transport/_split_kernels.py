@@ -8,8 +8,6 @@ that of the whole scene. Measured nickel, its lobe 1.1° to half its height, is 
 with 4,000 lights; with even parts it was 2.4 %, and 10,000 lights were needed for 0.7 %.
 """
 
-from typing import NamedTuple
-
 import numba as nb
 import numpy as np
 
@@ -23,14 +21,6 @@ AT_THE_POLE = np.float32(0.35)
 SPREAD = np.float32(0.204)
 HALF = np.float32(0.5)
 _CHILDREN = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
-
-
-class Tree(NamedTuple):
-    """Colours and centres of brightness (N, 3) of all triangles that lights were cut from: children of row r are
-    4 r + 20 to 4 r + 23, none where that is beyond N. Patches have a tree of no rows."""
-
-    colours: np.ndarray
-    centres: np.ndarray
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -61,8 +51,9 @@ def _from_pole(kind, x, y, z, ox, oy, oz):
 def split(stack, depths, rows, row, size, scale_a, scale_b, optics, n_rows, ox, oy, oz, leaves, begin):
     """Cut the triangle stack[0] (corners by axes) where γ is curved; write the leaves from `begin` on.
 
-    row: where the triangle stands in a tree of n_rows. leaves: centres x, y, z, relative sizes, the row each has its
-    colour of, and by how much that is larger than the leaf. There must be room for LEAVES; returns where they end.
+    row: where the triangle stands in a tree of n_rows, in which the children of row r are 4 r + 20 to 4 r + 23. leaves:
+    centres x, y, z, relative sizes, the row each has its colour of, and by how much it is smaller than that row's
+    triangle. There must be room for LEAVES; returns where they end.
     """
     x, y, z, shrink, row_of, above = leaves
     six = np.empty((6, 3), np.float32)

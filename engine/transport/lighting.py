@@ -16,7 +16,6 @@ import numpy as np
 from engine.light.emitters import EmitterPatches
 from engine.light.lights import TriangleLights
 from engine.transport._projection_kernels import Patches, Sky
-from engine.transport._split_kernels import Tree
 from engine.transport.visibility import VISIBILITY_LEVEL, Targets
 
 FLOOD_NEIGHBOURS = 6
@@ -69,11 +68,12 @@ def _sky(sky: TriangleLights | None, unit: float, own_rays: bool) -> tuple[Sky, 
         sky_power, sky_centre = np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32)
         corners, vertices = np.zeros((0, 3), np.int32), np.zeros((0, 3), np.float32)
         light_level, index = np.zeros(0, np.int64), np.zeros(0, np.int64)
-        tree, rows = Tree(sky_power, sky_centre), np.zeros(0, np.int64)
+        tree, rows = np.zeros((0, 6), np.float32), np.zeros(0, np.int64)
     else:
         sky_power, sky_centre, corners, vertices = sky.power, sky.centre, sky.corners, sky.vertices
         light_level, index = sky.level.astype(np.int64), sky.index.astype(np.int64)
-        tree = Tree(np.asarray(sky.tree.power / unit, np.float32), sky.tree.centre)
+        # Side by side: they are looked up together, here and there, and a look costs as much as what is done with it.
+        tree = np.concatenate([np.asarray(sky.tree.power / unit, np.float32), sky.tree.centre], axis=1)
         rows = sky.rows.astype(np.int64)
     coarse = np.maximum(VISIBILITY_LEVEL - light_level, 0)
     finer = np.maximum(light_level - VISIBILITY_LEVEL, 0)

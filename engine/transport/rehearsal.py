@@ -18,7 +18,6 @@ from engine.scene.load import build_scene
 from engine.sphere.geodesic import geodesic
 from engine.transport import _projection_kernels as kernels
 from engine.transport._seen_kernels import patch_colours
-from engine.transport._split_kernels import Tree
 from engine.transport.bandstore import BandTile, join_tiles
 from engine.transport.lighting import prepare_lighting
 from engine.transport.pipeline import COARSE, Placement, Quality, SkyState
@@ -69,8 +68,8 @@ def rehearse_projection_details() -> None:
     model = MODELS[_LAYER.model]
     kind = model.factors[0].gamma
     optics = kernels.Optics(model.number, np.array(_LAYER.quotient_parameters), kind, kind, n_a, n_b, one, False)
-    corners, frame, nowhere = np.zeros((1, 3), np.int32), np.eye(3, dtype=np.float32), np.zeros((0, 3), np.float32)
-    rows, tree = np.zeros(1, np.int64), Tree(nowhere, nowhere)
+    corners, frame = np.zeros((1, 3), np.int32), np.eye(3, dtype=np.float32)
+    rows, tree = np.zeros(1, np.int64), np.zeros((0, 6), np.float32)
     kernels._split_curved(corners, rows, tree, 0, one, one, optics, frame, one, one, one, scratch)
     kernels.share_out(bands, scratch.colours, 0, scratch.spots, one, one)
     encoded = kernels.Encoded(*_nothing(n_a))

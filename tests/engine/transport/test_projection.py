@@ -31,7 +31,6 @@ from engine.scene.primitives import sphere
 from engine.sphere.geodesic import geodesic
 from engine.transport._angle_kernels import fill_gammas, weigh
 from engine.transport._share_kernels import make_spots, mean_and_spread, share_out
-from engine.transport._split_kernels import Tree
 from engine.transport.projection import LayerShape, project_layer
 from tests.engine.transport.by_hand import bands_of, irradiance, light_of, points_at, project, square
 from tests.naive.curves import hats
@@ -241,7 +240,7 @@ def test_a_narrow_lobe_mirrors_the_sky_finer_than_its_lights_are() -> None:
         for frame, wo in zip(frames, hits.wo.astype(float), strict=True)
     ])  # fmt: skip
     light = light_of(hits, sky, n_lights=1280)
-    bare = light.lighting.sky._replace(tree=Tree(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32)))
+    bare = light.lighting.sky._replace(tree=np.zeros((0, 6), np.float32))
     curves = [layer.coefficients(name, n) for name, n in (("theta_h", 128), ("theta_d", 16))]
     errors = []
     for each in (light, replace(light, lighting=replace(light.lighting, sky=bare))):
