@@ -235,7 +235,7 @@ def _call_compiled(typingctx, address, q, ix, iy, iz, ox, oy, oz):  # type: igno
 
 
 _numbered: dict[int, Callable[..., float]] = {}
-_compiled: dict[Callable[..., float], Any] = {}
+_compiled: dict[Callable[..., float | None], Any] = {}
 _compiling = Lock()
 
 
@@ -264,6 +264,39 @@ def quotient_number(quotient: Callable[..., float]) -> int:
             compiler = cfunc(signature, cache=True, error_model="numpy", fastmath=_compile["fastmath"])
             _compiled[quotient] = compiler(quotient)
         return int(_compiled[quotient].address)
+
+
+def colours_number(quotients: Callable[..., None]) -> int:
+    """As `quotient_number`, of what fills in the quotients of each colour for many directions (see `call_colours`); 0
+    where numba compiles nothing."""
+    if _is_interpreted:
+        return 0
+    doubles, singles = types.CPointer(types.float64), types.CPointer(types.float32)
+    signature = types.void(doubles, types.int64, *[singles] * 3, *[types.float64] * 3, singles)
+    with _compiling:
+        if quotients not in _compiled:
+            compiler = cfunc(signature, cache=True, error_model="numpy", fastmath=_compile["fastmath"])
+            _compiled[quotients] = compiler(quotients)
+        return int(_compiled[quotients].address)
+
+
+@intrinsic
+def call_colours(typingctx, address, q, n, x, y, z, ox, oy, oz, out):  # type: ignore[no-untyped-def]
+    """Fill out (n, 3) with rho_q cos_i of each colour for the first n of x, y, z by the address of what does it."""
+
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        def data(place):  # type: ignore[no-untyped-def]
+            return context.make_array(signature.args[place])(context, builder, arguments[place]).data
+
+        q_, x_, y_, z_, out_ = (data(place) for place in (1, 3, 4, 5, 9))
+        double, long = ir.DoubleType(), ir.IntType(64)
+        kinds_ = [q_.type, long, x_.type, y_.type, z_.type, double, double, double, out_.type]
+        pointer = builder.inttoptr(arguments[0], ir.FunctionType(ir.VoidType(), kinds_).as_pointer())
+        builder.call(pointer, [q_, arguments[2], x_, y_, z_, *arguments[6:9], out_])
+        return context.get_dummy_value()
+
+    doubles = [types.float64] * 3
+    return types.void(types.int64, q, types.int64, x, y, z, *doubles, out), generate
 
 
 @njit(**_compile)

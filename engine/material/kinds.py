@@ -40,13 +40,12 @@ ROUGH_ALPHA = 1
 FACING_REFLECTANCE = 0  # blinn_phong and both of Ashikhmin and Shirley
 RATIO_EXPONENT = 1  # ashikhmin_shirley_ratio: n_u
 # Measured models: which table and how smooth its curves; in the process that computes where both are in memory. Then
-# the colour that is looked up, or MEAN of all, or EACH, left from COLOURS on; and the part.
-TABLE, SMOOTHING, CHANNEL, PART, COLOURS = 0, 1, 2, 3, 4
+# the colour that is looked up, or MEAN of all; and the part.
+TABLE, SMOOTHING, CHANNEL, PART = 0, 1, 2, 3
 
 GGX = 0
 BECKMANN = 1
 MEAN = 3
-EACH = 4
 DIFFUSE = 0
 SPECULAR = 1
 WHOLE = 2

@@ -109,6 +109,11 @@ class Model(ABC):
         return quotient_number(self.quotient)
 
     @property
+    def colours_number(self) -> int:
+        """Where kernels find the quotients of each colour, where these differ; else 0."""
+        return 0
+
+    @property
     def curve_names(self) -> frozenset[str]:
         """Of all curves, the view's as well; shared ones once."""
         there = self.factors + ((self.view_factor,) if self.view_factor else ())

@@ -19,9 +19,10 @@ from engine.material._kernels import _angle, _compile, _is_interpreted, theta_d,
 from engine.measured.coordinates import N_NODES, SHAPE
 
 Array = NDArray[np.float64]
+Singles = NDArray[np.float32]
 
 TABLE, CURVES, CHANNEL, PART = kinds.TABLE, kinds.SMOOTHING, kinds.CHANNEL, kinds.PART
-COLOURS, MEAN, EACH = kinds.COLOURS, kinds.MEAN, kinds.EACH
+MEAN, GRAZING = kinds.MEAN, kinds.GRAZING
 DIFFUSE, WHOLE = kinds.DIFFUSE, kinds.WHOLE
 N_H, N_D, N_PHI = SHAPE
 LAST = N_NODES - 1
@@ -104,50 +105,86 @@ def _cell(address: int, at: int, next_d: int, next_phi: int, v: float, w: float)
     return (1.0 - v) * near + v * far
 
 
-def quotient(q: Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) -> float:
-    """rho_q cos_i of a measured layer, of the colour q[CHANNEL] or the MEAN of all; 1 where nothing was read.
-
-    The mean is weighted by what each colour reflects: a colour that hardly does has a quotient that means little.
-    Where EACH is asked for the three are left in q as well, which is then the caller's alone.
-    """
-    table, curves, each = int(q[TABLE]), int(q[CURVES]), q[CHANNEL] == EACH
-    if table == 0:
-        if each:
-            q[COLOURS] = q[COLOURS + 1] = q[COLOURS + 2] = iz
-        return iz
+@njit(inline="always", **_compile)
+def _place(
+    ix: float, iy: float, iz: float, ox: float, oy: float, oz: float
+) -> tuple[int, int, float, float, float, float, float]:
+    """Where a pair of directions lies: the first of the eight samples around it, how far on in the table the next in
+    phi_d is, its place between them in theta_h, theta_d and phi_d, and theta_d and theta_h in nodes of the factors."""
     at_d = min(theta_d(ix, iy, iz, ox, oy, oz) * PER_RADIAN, LAST)
     at_h = min(math.sqrt(theta_h(ix, iy, iz, ox, oy, oz) * (PER_RADIAN * LAST)), LAST)
-    around = _phi_d(ix, iy, iz, ox, oy, oz) * (N_PHI / math.pi)
-    a, b, c = min(at_h, N_H - 1.0), min(at_d, N_D - 1.0), around
+    a, b, c = min(at_h, N_H - 1.0), min(at_d, N_D - 1.0), _phi_d(ix, iy, iz, ox, oy, oz) * (N_PHI / math.pi)
     i, j, k = min(int(a), N_H - 2), min(int(b), N_D - 2), int(c)
     w = c - k
     k %= N_PHI
     next_phi = 3 if k < N_PHI - 1 else 3 - 3 * N_PHI
-    at = 3 * ((i * N_D + j) * N_PHI + k)
-    slant_i, slant_o = _slant(iz), _slant(oz)
-    part, channel = int(q[PART]), int(q[CHANNEL])
+    return 3 * ((i * N_D + j) * N_PHI + k), next_phi, a - i, b - j, w, at_d, at_h
+
+
+@njit(inline="always", **_compile)
+def _part_of(
+    table: int, curves: int, part: int, colour: int, at: int, next_phi: int, u: float, v: float, w: float,
+    slant_i: float, slant_o: float, at_d: float, at_h: float,
+) -> tuple[float, float]:  # fmt: skip
+    """What of the sample between eight belongs to a part, and the product of the part's factors; one colour."""
+    next_h, next_d = 3 * N_D * N_PHI, 3 * N_PHI
     (node_i, t_i), (node_o, t_o) = _node(slant_i), _node(slant_o)
     (node_d, t_d), (node_h, t_h) = _node(at_d), _node(at_h)
+    value = _cell(table, at + colour, next_d, next_phi, v, w)
+    value += u * (_cell(table, at + colour + next_h, next_d, next_phi, v, w) - value)
     on_i, on_o = (P + node_i, P + node_o) if part == WHOLE else (THETA_I + node_i, THETA_O + node_o)
-    first, end = (0, 3) if channel >= MEAN else (channel, channel + 1)
-    next_h, next_d, u, v = 3 * N_D * N_PHI, 3 * N_PHI, a - i, b - j
+    slant = _between(curves, on_i + colour, t_i) * _between(curves, on_o + colour, t_o)
+    if part == WHOLE:
+        return value, _strength(curves, 2, colour) * _between(curves, Q + node_h + colour, t_h) * slant
+    matt = _strength(curves, 0, colour) * slant
+    if part == DIFFUSE:
+        return min(value, matt), matt
+    shine = _strength(curves, 1, colour) * _between(curves, THETA_H + node_h + colour, t_h)
+    return max(value - matt, 0.0), shine * _between(curves, THETA_D + node_d + colour, t_d)
+
+
+def quotient(q: Array, ix: float, iy: float, iz: float, ox: float, oy: float, oz: float) -> float:
+    """rho_q cos_i of a measured layer, of the colour q[CHANNEL] or the MEAN of all; 1 where nothing was read.
+
+    The mean is weighted by what each colour reflects: a colour that hardly does has a quotient that means little.
+    """
+    table, curves, part, channel = int(q[TABLE]), int(q[CURVES]), int(q[PART]), int(q[CHANNEL])
+    if table == 0:
+        return iz
+    at, next_phi, u, v, w, at_d, at_h = _place(ix, iy, iz, ox, oy, oz)
+    slant_i, slant_o = _slant(iz), _slant(oz)
+    first, end = (0, 3) if channel == MEAN else (channel, channel + 1)
     parts, products = 0.0, 0.0
     for colour in range(first, end):
-        value = _cell(table, at + colour, next_d, next_phi, v, w)
-        value += u * (_cell(table, at + colour + next_h, next_d, next_phi, v, w) - value)
-        slant = _between(curves, on_i + colour, t_i) * _between(curves, on_o + colour, t_o)
-        if part == WHOLE:
-            product = _strength(curves, 2, colour) * _between(curves, Q + node_h + colour, t_h) * slant
-        else:
-            matt = _strength(curves, 0, colour) * slant
-            if part == DIFFUSE:
-                value, product = min(value, matt), matt
-            else:
-                product = _between(curves, THETA_H + node_h + colour, t_h)
-                product *= _strength(curves, 1, colour) * _between(curves, THETA_D + node_d + colour, t_d)
-                value = max(value - matt, 0.0)
+        value, product = _part_of(table, curves, part, colour, at, next_phi, u, v, w, slant_i, slant_o, at_d, at_h)
         parts += value
         products += product
-        if each:
-            q[COLOURS + colour] = iz * value / product
     return iz * parts / products
+
+
+def quotients(
+    q: Array, n: int, x: Singles, y: Singles, z: Singles, ox: float, oy: float, oz: float, out: Singles
+) -> None:
+    """rho_q cos_i of each colour for n directions to light, one after the other in `out` (3 n,); 0 below the horizon.
+
+    First where all of them lie, then what is there: a look into a table so large takes as long as the angles do, and
+    one by one neither begins before the other has ended.
+    """
+    table, curves, part = int(q[TABLE]), int(q[CURVES]), int(q[PART])
+    ats, nexts, places = np.empty(n, np.int64), np.empty(n, np.int64), np.empty((6, n))
+    slant_o = _slant(oz)
+    for m in range(n):
+        ix, iy, iz = float(x[m]), float(y[m]), max(float(z[m]), 0.0)
+        at, next_phi, u, v, w, at_d, at_h = _place(ix, iy, iz, ox, oy, oz)
+        ats[m], nexts[m], places[0, m], places[1, m], places[2, m] = at, next_phi, u, v, w
+        places[3, m], places[4, m], places[5, m] = _slant(iz), at_d, at_h
+    for m in range(n):
+        iz = float(z[m]) if z[m] > GRAZING and oz > GRAZING else 0.0
+        for colour in range(3):
+            value, product = 1.0, 1.0
+            if table != 0:
+                value, product = _part_of(
+                    table, curves, part, colour, ats[m], nexts[m], places[0, m], places[1, m], places[2, m],
+                    places[3, m], slant_o, places[4, m], places[5, m],
+                )  # fmt: skip
+            out[3 * m + colour] = iz * value / product

@@ -37,6 +37,13 @@ class MeasuredModel(Model):
 
         return quotient_number(quotient)
 
+    @property
+    def colours_number(self) -> int:
+        from engine.material._kernels import colours_number
+        from engine.measured._kernels import quotients
+
+        return colours_number(quotients)
+
     def generate(self, factor_name: str, params: Parameters, gamma: Array) -> Array:
         name = self.factor(factor_name).name
         return measurement_of(params).curve(self.curve_of.get(name, name), gamma, number(params, "smoothing"))

@@ -10,10 +10,9 @@ import math
 import numba as nb
 import numpy as np
 
-from engine.material._kernels import gamma, model_quotient_cosine
+from engine.material._kernels import call_colours, gamma, model_quotient_cosine
 from engine.material.kinds import (
     ASHIKHMIN_SHIRLEY,
-    COLOURS,
     FACING_REFLECTANCE,
     GAMMA_ALPHA,
     GAMMA_BETA,
@@ -164,18 +163,17 @@ def weigh(model_kind, q, x, y, z, ox, oy, oz, weights):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def tint(model_number, q, lights, x, y, z, ox, oy, oz, weights, colours, tinted):
+def tint(colours_number, q, lights, x, y, z, ox, oy, oz, weights, colours, quotients, tinted):
     """tinted[m] = ρ_q cosθ · colours[m] of each light m, of a model whose quotient differs by colour.
 
-    q[CHANNEL] is EACH; weights (n,) take what is the same in all colours; lights of weight 0 are passed by.
+    colours_number: where that is looked up (`engine.material._kernels.colours_number`), into quotients (n, 3); weights
+    (n,) take what is the same in all colours.
     """
-    for i in range(x.shape[0]):
-        if weights[i] == np.float32(0.0):
-            continue
-        model_quotient_cosine(model_number, q, x[i], y[i], z[i], ox, oy, oz)
-        m, above = lights[i], z[i] > GRAZING and oz > GRAZING
+    n = x.shape[0]
+    call_colours(colours_number, q, n, x, y, z, ox, oy, oz, quotients)
+    for i in range(n):
         for channel in range(3):
-            tinted[m, channel] = colours[m, channel] * np.float32(q[COLOURS + channel]) if above else np.float32(0.0)
+            tinted[lights[i], channel] = colours[lights[i], channel] * quotients[i, channel]
     _rise(q, x, y, z, ox, oy, oz, weights)
 
 

@@ -68,7 +68,7 @@ class Surface(NamedTuple):
 
 class Optics(NamedTuple):
     """A layer: model and angle numbers, quotient parameters q (8,), bands (J, K), how many bands γ may bend over a
-    light before it is split, and whether the quotient differs by colour: then q is written to."""
+    light before it is split; where the quotients of each colour are looked up, 0 for a model that has one for all."""
 
     model: int
     q: np.ndarray
@@ -77,7 +77,7 @@ class Optics(NamedTuple):
     n_a: int
     n_b: int
     tolerance: np.float32
-    coloured: bool = False
+    tints: int = 0
 
 
 class Encoded(NamedTuple):
@@ -113,6 +113,7 @@ class _Scratch(NamedTuple):
     above: np.ndarray
     colours: np.ndarray
     tinted: np.ndarray
+    quotients: np.ndarray
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
@@ -203,8 +204,11 @@ def _project_lights(bands, corners, sizes, rows, tree, n_directions, n_lights, o
         if not is_cone(optics.kind_b):
             fill_gammas(optics.kind_b, q, x, y, z, ox, oy, oz, scratch.gammas_b)
     n = _split_curved(corners, rows, tree, n_lights, scale_a, scale_b, optics, frame, ox, oy, oz, scratch)
-    if optics.coloured:
-        tint(optics.model, q, lights, cx[:n], cy[:n], cz[:n], ox, oy, oz, spots.weight, colours, scratch.tinted)
+    if optics.tints != 0:
+        tint(
+            optics.tints, q, lights, cx[:n], cy[:n], cz[:n], ox, oy, oz, spots.weight, colours, scratch.quotients,
+            scratch.tinted,
+        )  # fmt: skip
         colours = scratch.tinted
     else:
         weigh(optics.model, q, cx[:n], cy[:n], cz[:n], ox, oy, oz, spots.weight)
@@ -228,6 +232,7 @@ def _make_scratch(n_directions, n_lights):
         np.empty((depth, 3, 3), np.float32), np.empty(depth, np.int64), np.empty((depth, 2), np.int64),
         np.empty(n, np.int64), np.empty(n, np.float32),
         np.zeros((n_lights + n, 3), np.float32), np.zeros((n_lights + n, 3), np.float32),
+        np.empty((n, 3), np.float32),
     )  # fmt: skip
 
 

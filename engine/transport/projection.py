@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.material import MODELS, kinds
+from engine.material import MODELS
 from engine.scene.hits import PrimaryHits
 from engine.transport import _projection_kernels as kernels
 from engine.transport.bandstore import BandTile
@@ -64,10 +64,8 @@ def project_points(hits: PrimaryHits, rows: np.ndarray, light: VisibleLight, lay
         np.empty(n_points * n_a * n_b, np.uint32),
     )
     q = np.array(model.bound(np.asarray(layer.quotient_parameters, np.float64)))
-    if model.is_coloured:
-        q[kinds.CHANNEL] = kinds.EACH
     tolerance = np.float32(light.lighting.tolerance)
-    optics = kernels.Optics(model.number, q, kind_a, kind_b, n_a, n_b, tolerance, model.is_coloured)
+    optics = kernels.Optics(model.number, q, kind_a, kind_b, n_a, n_b, tolerance, model.colours_number)
     surface = kernels.Surface(hits.position, hits.tangent, hits.normal, hits.wo)
     bits = kernels.Bits(light.sphere.bits, light.fine.bits, light.patches.bits)
     n_values = kernels.project_tile(

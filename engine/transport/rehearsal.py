@@ -67,7 +67,7 @@ def rehearse_projection_details() -> None:
     bands, one = np.zeros((n_a + 2, n_b + 2, 3), np.float32), np.float32(1.0)
     model = MODELS[_LAYER.model]
     kind = model.factors[0].gamma
-    optics = kernels.Optics(model.number, np.array(_LAYER.quotient_parameters), kind, kind, n_a, n_b, one, False)
+    optics = kernels.Optics(model.number, np.array(_LAYER.quotient_parameters), kind, kind, n_a, n_b, one, 0)
     corners, frame = np.zeros((1, 3), np.int32), np.eye(3, dtype=np.float32)
     rows, tree = np.zeros(1, np.int64), np.zeros((0, 6), np.float32)
     kernels._split_curved(corners, rows, tree, 0, one, one, optics, frame, one, one, one, scratch)

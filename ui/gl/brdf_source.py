@@ -84,7 +84,8 @@ def _layer(translation: Translation, place: int, model: Model, row: int, slot: i
 
 def _value(translation: Translation, slot: int) -> str:
     """The look-up of a table."""
-    phi_d = translation.function(_measured_kernels(), "_phi_d", {}, {})
+    foreign = {"_angle": Foreign(_kernels(), "_angle")}
+    phi_d = translation.function(_measured_kernels(), "_phi_d", {}, foreign)
     angles = {kind: _angle(translation, kind, "mat2x4(0.0)") for kind in ANGLES}
     return value_text(slot, angles, f"{phi_d}({PAIR})")
 

@@ -10,6 +10,8 @@ import pytest
 from engine.errors import InsituError, LoadError
 from engine.light.environment import load_environment
 from engine.material import MODELS, make_layer
+from engine.material._kernels import model_quotient_cosine
+from engine.material.kinds import CHANNEL
 from engine.material.layer import Layer
 from engine.measured import tables
 from engine.measured.coordinates import above_horizon, node_angles
@@ -21,6 +23,7 @@ from engine.plan import plan_scene
 from engine.render.integrator import evaluate_by_curves
 from engine.render.still import finish, render_reference, render_still, still_layers, still_quality
 from engine.scene.load import load_scene
+from engine.transport._angle_kernels import tint
 from engine.transport.pipeline import Placement, SkyState
 from tests.naive.measured import analytic_samples, drawn_measurement
 
@@ -116,6 +119,26 @@ def test_unedited_layers_are_the_measurement(measurement: Measurement, smoothing
     for terms in (layers, [cloth]):
         found = sum(layer.scale() * evaluate_by_curves(layer, wi, wo) for layer in terms) / wi[:, 2:]
         np.testing.assert_allclose(found, expected, rtol=1e-5)
+
+
+@pytest.mark.parametrize("name", ["measured_diffuse", "measured", "measured_cloth"])
+def test_the_colours_of_many_directions_are_those_of_each(measurement: Measurement, name: str) -> None:
+    # What the projection looks up at once against one direction and one colour after the other: but for rounding.
+    model = MODELS[name]
+    layer = make_layer(model, {"file": measurement})
+    q, wi, wo = np.array(model.bound(layer.quotient_parameters())), hemisphere(200, 6), hemisphere(1, 7)[0]
+    wi[:20] = wo * [-1, -1, 1] + 1e-3 * hemisphere(20, 8)  # about the highlight's tip
+    wi[20:40, 2] *= -1.0
+    x, y, z = np.ascontiguousarray(wi.T, np.float32)
+    ones, found = np.ones((200, 3), np.float32), np.empty((200, 3), np.float32)
+    lights, weights, o = np.arange(200), np.ones(200, np.float32), wo.astype(np.float32)
+    tint(model.colours_number, q, lights, x, y, z, *o, weights, ones, np.empty_like(ones), found)
+    for channel in range(3):
+        q[CHANNEL] = channel
+        pairs = np.column_stack([x, y, z, np.tile(o, (200, 1))]).astype(float)
+        one_by_one = [model_quotient_cosine(model.number, q, *pair) for pair in pairs]
+        np.testing.assert_allclose(found[:, channel], one_by_one, rtol=1e-6, atol=1e-12)
+    assert not found[20:40].any()
 
 
 def test_a_layer_is_a_small_value(measurement: Measurement) -> None:
