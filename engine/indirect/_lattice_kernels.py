@@ -1,5 +1,7 @@
 """Compiled: which blocks of the lattice must be finer, and what stands for each pixel."""
 
+import math
+
 import numba as nb
 import numpy as np
 
@@ -8,6 +10,8 @@ import numpy as np
 _SAME_PLANE = np.float32(0.259)
 # A pixel that lies on a corner beyond an edge takes the others, however far.
 _LEAST_SAY = np.float32(1e-6)
+# Of the standard error: four even values are seldom farther apart (twice of it on average).
+_CHANCE = 3.0
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -80,12 +84,12 @@ def _all_are_stood_for(block, objects, row_image, position, normal, least_alike)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def must_split(blocks, objects, row_image, position, normal, least_alike, values, tolerance, floor, out):
+def must_split(blocks, objects, row_image, position, normal, least_alike, values, noise, tolerance, floor, out):
     """Whether each block (B, 3: y, x, size) shows more than its corners tell, into out (B,).
 
     objects (H, W); row_image (H, W): the hits' row of each pixel, −1 for none; least_alike (M,): the cosine by
-    which normals of an object may differ; values (P, D) gathered at the corners' rows; they may differ by `tolerance`
-    of their mean and `floor` (D,).
+    which normals of an object may differ; values (P, D) gathered at the corners' rows, with standard errors noise
+    (P, D); they may differ by `tolerance` of their mean, by `floor` (D,) and by chance.
     """
     height, width = objects.shape
     for b in range(blocks.shape[0]):
@@ -105,12 +109,14 @@ def must_split(blocks, objects, row_image, position, normal, least_alike, values
             continue
         differs = False
         for d in range(values.shape[1]):
-            low, high, total = np.inf, 0.0, 0.0
+            low, high, total, variance = np.inf, 0.0, 0.0, 0.0
             for k in range(4):
                 y, x = _corner(block, k, height, width)
-                value = values[row_image[y, x], d]
+                value, chance = values[row_image[y, x], d], noise[row_image[y, x], d]
                 low, high, total = min(low, value), max(high, value), total + value
-            differs = differs or high - low > tolerance * 0.25 * total + floor[d]
+                variance += chance * chance
+            by_chance = _CHANCE * math.sqrt(0.25 * variance)
+            differs = differs or high - low > tolerance * 0.25 * total + floor[d] + by_chance
         out[b] = differs
 
 

@@ -15,6 +15,11 @@ TOLERANCE, FLOOR = 0.15, 0.03
 MATT_TURN, GLOSSY_TURN = math.cos(math.radians(25.0)), math.cos(math.radians(4.0))
 
 
+def least_alike(glossy: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """The cosine (M,) by which normals of an object may differ; glossy (M,): whose reflection turns with them."""
+    return np.asarray(np.where(glossy, GLOSSY_TURN, MATT_TURN), np.float32)
+
+
 class Lattice:
     """Blocks that are not finer than needed, and the rows at their corners.
 
@@ -25,7 +30,7 @@ class Lattice:
     def __init__(self, hits: PrimaryHits, glossy: NDArray[np.bool_]) -> None:
         """glossy (M,): the objects whose reflection turns with their normals."""
         self._hits = hits
-        self._least_alike = np.asarray(np.where(glossy, GLOSSY_TURN, MATT_TURN), np.float32)
+        self._least_alike = least_alike(glossy)
         width, height = hits.resolution
         self._row_image = np.full((height, width), -1, np.int32)
         self._row_image.ravel()[hits.pixel] = np.arange(len(hits.pixel), dtype=np.int32)
@@ -48,13 +53,15 @@ class Lattice:
         self._known[rows] = True
         return rows
 
-    def refine(self, values: NDArray[np.floating]) -> bool:
-        """Close the blocks that `values` (P, D) at the known rows allow, quarter the others; whether any are open."""
+    def refine(self, values: NDArray[np.floating], noise: NDArray[np.floating]) -> bool:
+        """Close the blocks that `values` (P, D) at the known rows, with standard errors `noise` (P, D), allow, quarter
+        the others; whether any are open."""
         floor = FLOOR * values[self._known].mean(axis=0) if self._known.any() else np.zeros(values.shape[1])
         split = np.empty(len(self._open), bool)
         kernels.must_split(
             self._open, self._objects, self._row_image, self._hits.position, self._hits.normal,
-            self._least_alike, np.ascontiguousarray(values, np.float32), TOLERANCE, floor, split,
+            self._least_alike, np.ascontiguousarray(values, np.float32), np.ascontiguousarray(noise, np.float32),
+            TOLERANCE, floor, split,
         )  # fmt: skip
         split &= self._open[:, 2] > 1
         self._closed = np.concatenate([self._closed, self._open[~split]])

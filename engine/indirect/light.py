@@ -6,14 +6,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.indirect._ray_kernels import NORMAL
 from engine.indirect._second_kernels import Lamps
 from engine.indirect.cells import Cells
 from engine.indirect.gather import FanSize, Gathered, object_of_rows
 from engine.indirect.irradiance import NOBODY, CellLight, radiosity
+from engine.indirect.lattice import least_alike
 from engine.indirect.layers import IndirectLayer, albedos_of, seen_from
 from engine.indirect.photons import Landed, PhotonMap, Photons, Sent, farthest_of, joined_landed, sent_by
 from engine.indirect.reflection import Fans, SentLight
 from engine.indirect.second_bounce import SecondLight, glossy_tables, inverse_albedo, looks_of, matt_share, sent_on
+from engine.indirect.smoothing import Smoothing, smoothing_for
 from engine.scene.hits import PrimaryHits
 from engine.scene.load import Scene
 
@@ -24,7 +27,8 @@ Footprint = tuple[NDArray[np.int32], NDArray[np.float32]]
 class GatherPoints:
     """The gather points of a picture: gathered, their fans' rays; poles (M,) and sizes: what each object's fans are;
     axes (M, 2, 3) of the objects; glossy: whether rays were recorded for the second bounce off glossy surfaces;
-    photons that such surfaces threw, and which of them landed about the points."""
+    photons that such surfaces threw, and which of them landed about the points; smoothing: the filter that takes noise
+    out of what the points reflect, None for none."""
 
     hits: PrimaryHits
     gathered: Gathered
@@ -34,16 +38,18 @@ class GatherPoints:
     glossy: bool
     photons: Photons
     landed: Landed
+    smoothing: Smoothing | None = None
 
     @property
     def n_bytes(self) -> int:
-        """Memory of rays and photons."""
-        return self.gathered.n_bytes + sum(array.nbytes for array in (*self.photons, *self.landed))
+        """Memory of rays and photons, and of the filter."""
+        arrays = (*self.photons, *self.landed, *(self.smoothing or ()))
+        return self.gathered.n_bytes + sum(array.nbytes for array in arrays)
 
     def fans(self, i_object: int, half: int | None = None, keeps: bool = False) -> Fans:
         """The gather points of one object; with half, 0 or 1, by that half of their rays; keeps: see `Fans`."""
         pole, size = int(self.poles[i_object]), self.sizes[i_object]
-        return Fans(self.hits, self.gathered, i_object, pole, size, half, keeps, self.landed)
+        return Fans(self.hits, self.gathered, i_object, pole, size, half, keeps, self.landed, self.smoothing)
 
     def reached_by(self, photon_map: PhotonMap, scene: Scene) -> "GatherPoints":
         """The same with photons about them."""
@@ -133,6 +139,18 @@ class IndirectLight:
         own = np.repeat(firsts, ranges[:, 1] - ranges[:, 0])[:, None]
         return np.asarray(np.where(weights > 0.0, rows - own, 0), np.int32), weights
 
+    def unfiltered(self) -> "IndirectLight":
+        """The same with the noise that the rays have."""
+        return replace(self, points=replace(self.points, smoothing=None))
+
+    def smoothed(self, layers: Sequence[IndirectLayer]) -> "IndirectLight":
+        """The same with the filter that the noise under these layers calls for."""
+        points, light = self.unfiltered().points, self.sent(layers)
+        first, second = (points.reflected(layers, light, half) for half in (0, 1))
+        turns = least_alike(self.points.poles != NORMAL)
+        smoothing = smoothing_for(self.points.hits, self.points.gathered.rows, turns, first, second)
+        return replace(self, points=replace(self.points, smoothing=smoothing))
+
     def radiosity(self, layers: Sequence[IndirectLayer], edited: int = NOBODY) -> NDArray[np.float32]:
         """Radiosity (C, D, 3) of the cells under these layers, see `irradiance.radiosity`."""
         return self._radiosities(layers, edited)[0]
@@ -151,7 +169,9 @@ class IndirectLight:
         return self.points.reflected(layers, self.sent(layers), half)
 
     def noise(self, layers: Sequence[IndirectLayer]) -> Generator[None, None, float]:
-        """What chance is left in the picture, RMS relative to its mean, in steps: its halves differ by twice that."""
+        """What chance is left in the picture, RMS relative to its mean, in steps: its halves differ by twice that.
+
+        What the filter blurs besides is not in it."""
         light, (rows, weights) = self.sent(layers), self.footprint
         halves = np.zeros((2, len(self.points.gathered.rows), 3), np.float32)
         for half in (0, 1):

@@ -14,15 +14,17 @@ from numpy.typing import NDArray
 
 from engine.indirect import _reflection_kernels as kernels
 from engine.indirect._photon_kernels import reflect_photon_bands, reflect_photons
+from engine.indirect._smoothing_kernels import smooth_planes, smooth_rows
 from engine.indirect.aim import Aim, SecondAim, n_angles_of
 from engine.indirect.curves import LayerCurves
 from engine.indirect.gather import FanSize, Gathered, object_of_rows
 from engine.indirect.photons import Landed, PhotonMap, Sent, land, landed_of, nothing_landed
 from engine.indirect.rays import cosine_tables, pole_tables
 from engine.indirect.second_bounce import SecondLight
+from engine.indirect.smoothing import Smoothing
 from engine.scene.hits import PrimaryHits
 
-_PART = 128
+_PART, _N_THREADS = 128, 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,10 +51,10 @@ class Fans:
 
     def __init__(
         self, hits: PrimaryHits, gathered: Gathered, i_object: int, pole: int, size: FanSize,
-        half: int | None = None, keeps: bool = False, landed: Landed | None = None,
+        half: int | None = None, keeps: bool = False, landed: Landed | None = None, smoothing: Smoothing | None = None,
     ) -> None:  # fmt: skip
         """keeps: what does not depend on curves, for the next sums over the same rays; landed: photons about all of the
-        gather points, if any were looked for."""
+        gather points, if any were looked for; smoothing: of all of them, None for the sums as they are."""
         begin, end = np.searchsorted(object_of_rows(hits, gathered.rows), (i_object, i_object + 1))
         rows = gathered.rows[begin:end]
         records = gathered.records
@@ -65,6 +67,7 @@ class Fans:
         self._aims: dict[tuple[int, bytes], Aim] = {}
         self._landed = nothing_landed(len(rows)) if landed is None else landed_of(landed, int(begin), int(end))
         self._second = SecondAim(self._fans, hits.position, records, self._landed.area, keeps)
+        self._smoothing = None if smoothing is None else smoothing.part(int(begin), int(end))
         self._hits, self._times = hits, records.times
 
     def __len__(self) -> int:
@@ -92,7 +95,7 @@ class Fans:
                     reflect_photons(self._fans, begin, end, each, self._landed, light.thrown, result)
 
         self._in_parts(light, work, aims)
-        return out
+        return out if self._smoothing is None else [_smooth(self._smoothing, each) for each in out]
 
     def by_band(self, layer: LayerCurves, factor: int, light: SentLight) -> NDArray[np.float32]:
         """Of one layer by band of its first or second curve: (3, J, D, p); times the curve and summed over J it is
@@ -108,7 +111,7 @@ class Fans:
                 reflect_photon_bands(self._fans, begin, end, optics, factor == 0, self._landed, light.thrown, out)
 
         self._in_parts(light, work, [aim])
-        return out
+        return out if self._smoothing is None else _smooth_planes(self._smoothing, out)
 
     def _aim(self, optics: kernels.Optics) -> Aim:
         """What is kept for such a layer, or new."""
@@ -136,9 +139,30 @@ class Fans:
                 second = self._second.part(begin, end, glossy, wanted)
             work(begin, end, second)
 
-        with ThreadPoolExecutor(2) as pool:
+        with ThreadPoolExecutor(_N_THREADS) as pool:
             list(pool.map(do, range(0, len(self), _PART)))
         for aim in aims:
             aim.complete()
         if glossy is not None:
             self._second.complete(glossy)
+
+
+def _smooth(smoothing: Smoothing, light: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Light (p, D, 3), filtered."""
+    values = light.reshape(len(light), -1)
+    out = np.empty_like(values)
+    smooth_rows(*smoothing, values, out)
+    return out.reshape(light.shape)
+
+
+def _smooth_planes(smoothing: Smoothing, light: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Light (..., p), filtered."""
+    planes = light.reshape(-1, light.shape[-1])
+    out = np.empty_like(planes)
+    step = max(1, -(-len(planes) // _N_THREADS))
+    with ThreadPoolExecutor(_N_THREADS) as pool:
+        list(pool.map(
+            lambda begin: smooth_planes(*smoothing, planes, begin, min(begin + step, len(planes)), out),
+            range(0, len(planes), step),
+        ))  # fmt: skip
+    return out.reshape(light.shape)

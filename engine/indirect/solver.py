@@ -30,6 +30,7 @@ from engine.indirect.stored import (
     cell_light_of,
     footprint_of,
     gathered_of,
+    smoothing_of,
     table_of,
 )
 from engine.light.emitters import EmitterPatches
@@ -115,6 +116,7 @@ class Solver:
         cells = Cells(self._placement.scene, self._placement.caster, float(arrays["cell_size"][0]))
         cells.restore(table_of(arrays))
         points = self._points(gathered_of(arrays), self._photons(cells))
+        points = replace(points, smoothing=smoothing_of(arrays))
         light = cell_light_of(arrays, cells.objects.copy())
         return IndirectLight(points, footprint_of(arrays), cells, light, self._lamps, self._n_bounces)
 
@@ -149,7 +151,7 @@ class Solver:
         else:
             points, found = yield from self._even(cells, nothing, photons, parts)
         light = yield from self._light(cells, self._fineness, parts)
-        return IndirectLight(points, found, cells, light, self._lamps, self._n_bounces)
+        return IndirectLight(points, found, cells, light, self._lamps, self._n_bounces).smoothed(layers)
 
     def _photons(self, cells: Cells) -> PhotonMap:
         """What glossy surfaces throw."""
@@ -176,7 +178,7 @@ class Solver:
         """As many points as the picture of these layers needs, by a quarter of the light between cells."""
         n_rays, n_samples = self._fineness.n_cell_rays // 4, self._fineness.n_samples // 4
         lattice = Lattice(self._placement.hits, self._poles != NORMAL)
-        values = np.zeros((len(self._placement.hits.pixel), 3), np.float32)
+        values, noise = np.zeros((2, len(self._placement.hits.pixel), 3), np.float32)
         bright = None
         while True:
             gathered = yield from self._gather(cells, gathered, lattice.wanted(), parts)
@@ -186,13 +188,13 @@ class Solver:
                 bright, _ = radiosity(light, albedos_of(layers, len(self._poles)), self._n_bounces)
             new_cells = np.zeros((len(cells) - len(bright), *bright.shape[1:]), np.float32)  # not known yet: dark
             points = self._points(gathered, photons)
-            # By albedo and a share of the photons: what glossy surfaces send is noisier, and noise is no reason for
-            # more points.
+            # By albedo and a share of the photons: what glossy surfaces send is noisier.
             thrown = points.thrown(layers)
             thrown = thrown._replace(light=_PHOTONS_SHARE * thrown.light)
             sent = SentLight(np.concatenate([bright, new_cells]), None, thrown)
-            values[gathered.rows] = points.reflected(layers, sent)
-            if not lattice.refine(values):
+            first, second = (points.reflected(layers, sent, half) for half in (0, 1))
+            values[gathered.rows], noise[gathered.rows] = 0.5 * (first + second), 0.5 * abs(first - second)
+            if not lattice.refine(values, noise):
                 return points, lattice.footprint()
 
     def _points(self, gathered: Gathered, photons: PhotonMap) -> GatherPoints:

@@ -16,11 +16,15 @@ from engine.indirect._second_kernels import Records
 from engine.indirect.gather import Gathered
 from engine.indirect.irradiance import CellLight
 from engine.indirect.light import Footprint, IndirectLight
+from engine.indirect.smoothing import Smoothing, no_smoothing
 
 Arrays = dict[str, NDArray[np.generic]]
-_RECORDS, _CELLS = "records.", "cells."
+_RECORDS, _CELLS, _SMOOTHING = "records.", "cells.", "smoothing."
 _OWN = ("rows", "seen", "footprint", "footprint_weights", "cell_seen", "direct", "cell_size")
-NAMES = (*_OWN, *(_RECORDS + name for name in Records._fields), *(_CELLS + name for name in Table._fields))
+NAMES = (
+    *_OWN, *(_RECORDS + name for name in Records._fields), *(_CELLS + name for name in Table._fields),
+    *(_SMOOTHING + name for name in Smoothing._fields),
+)  # fmt: skip
 
 
 def arrays_of(light: IndirectLight) -> Arrays:
@@ -30,7 +34,8 @@ def arrays_of(light: IndirectLight) -> Arrays:
         gathered.rows, gathered.seen, *light.footprint, light.light.seen, light.light.direct,
         np.array([cells.size]),
     )  # fmt: skip
-    return dict(zip(NAMES, (*own, *gathered.records, *cells.table()), strict=True))
+    smoothing = light.points.smoothing or no_smoothing(len(gathered.rows))
+    return dict(zip(NAMES, (*own, *gathered.records, *cells.table(), *smoothing), strict=True))
 
 
 def arrays_of_gathered(gathered: Gathered) -> Arrays:
@@ -52,6 +57,10 @@ def gathered_of(arrays: Mapping[str, NDArray[np.generic]]) -> Gathered:
 
 def footprint_of(arrays: Mapping[str, NDArray[np.generic]]) -> Footprint:
     return np.array(arrays["footprint"]), np.array(arrays["footprint_weights"])
+
+
+def smoothing_of(arrays: Mapping[str, NDArray[np.generic]]) -> Smoothing:
+    return Smoothing(*(np.array(arrays[_SMOOTHING + name]) for name in Smoothing._fields))
 
 
 def table_of(arrays: Mapping[str, NDArray[np.generic]]) -> Table:

@@ -78,7 +78,7 @@ def test_other_lamps_are_other_light(found):
 def test_contraction_is_the_sum_over_the_rays(found, i_layer):
     layer = louder(LAYERS, LAYERS[i_layer].i_object)[i_layer]
     matt_only = SentLight(found.radiosity(LAYERS, 1), None, None)
-    fans = found.points.fans(layer.i_object)
+    fans = found.unfiltered().points.fans(layer.i_object)
     [reflected] = fans.reflected([layer.curves], matt_only)
     points = range(0, len(fans), len(fans) // 6)
     slowly = np.array([reflected_naively(fans._fans, i, layer.curves, matt_only.matt) for i in points])

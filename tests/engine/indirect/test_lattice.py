@@ -13,10 +13,10 @@ OBJECTS = HITS.object_image.ravel()[HITS.pixel]
 MATT = np.zeros(len(CORNER), bool)
 
 
-def refined(values: np.ndarray) -> Lattice:
+def refined(values: np.ndarray, noise: float = 0.0) -> Lattice:
     lattice, turns = Lattice(HITS, MATT), 0
     lattice.wanted()
-    while lattice.refine(values):
+    while lattice.refine(values, np.full_like(values, noise)):
         lattice.wanted()
         turns += 1
         assert turns <= 4
@@ -50,12 +50,20 @@ def test_a_step_is_found():
     assert np.mean(np.abs(kept - values[:, 0]) > 0.3) < 0.01
 
 
+def test_noise_is_no_reason_for_more_points():
+    even = np.ones((len(HITS.pixel), 1))
+    noisy = even + np.random.default_rng(1).normal(0.0, 0.3, even.shape)
+    fewest = len(refined(even).rows)
+    assert len(refined(noisy, noise=0.3).rows) < 1.1 * fewest
+    assert len(refined(noisy).rows) > 1.5 * fewest
+
+
 def test_a_groove_between_corners_that_are_alike_is_stood_for():
     normal = HITS.normal.copy()
     normal[np.random.default_rng(4).choice(len(normal), len(normal) // 40, replace=False)] *= -1.0
     lattice = Lattice(replace(HITS, normal=normal), MATT)
     lattice.wanted()
-    while lattice.refine(np.ones((len(normal), 1))):
+    while lattice.refine(np.ones((len(normal), 1)), np.zeros((len(normal), 1))):
         lattice.wanted()
     rows, weights = lattice.footprint()
     np.testing.assert_allclose(weights.sum(axis=1), 1.0, rtol=1e-5)
@@ -70,7 +78,7 @@ def test_a_gloss_is_stood_for_by_normals_like_its_own(glossy):
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     lattice = Lattice(replace(HITS, normal=normal), np.full(len(CORNER), glossy))
     lattice.wanted()
-    while lattice.refine(np.ones((len(normal), 1))):
+    while lattice.refine(np.ones((len(normal), 1)), np.zeros((len(normal), 1))):
         lattice.wanted()
     rows, weights = lattice.footprint()
     np.testing.assert_allclose(weights.sum(axis=1), 1.0, rtol=1e-5)
