@@ -27,7 +27,7 @@ _SAME_PLANE = math.sin(math.radians(15.0))
 # A difference of this share is none, noise or not.
 _TOLERANCE = 0.1
 # Noise relative to the light: below the first nothing is filtered, above the second all that may be.
-_QUIET, _LOUD = 0.01, 0.04
+_QUIET, _LOUD = 0.02, 0.08
 # Of the mean: what is darker counts as this bright.
 _DARK = 0.1
 _TINY = 1e-20
