@@ -2,13 +2,15 @@
 
 Walls, floor and ceiling are slabs that reach into one another, so that no light leaks at an edge. The floor's planks
 are two objects by tone: those of the common tone, and every third or so a darker one, whose oak the picture's frame
-shares. Metres; the room is 4.2 × 2.6 × 5.
+shares; each plank shows a board of the oak's image at a place of its own. Metres; the room is 4.2 × 2.6 × 5.
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .furniture import block, cushion
-from .mesh import Mesh, axis_rotation, merged, moved, transformed
+from .mesh import Floats, Mesh, axis_rotation, merged, moved, transformed, with_coordinates
+from .plate import oak
 from .shapes import disc
 from .surfaces import Profile, bezier, carried, circle, rounded_profile, tube
 
@@ -19,6 +21,8 @@ WINDOWS = ((-2.0, -0.4), (0.1, 1.7))  # spans of z in the left wall
 RUG = 0.012  # its height
 TABLE = 0.40
 TABLE_AT = (-0.15, -0.45)
+# The oak's image, of four boards one above the other, is so wide.
+OAK_WIDTH, PLANK_WIDTH = 0.9, 0.15
 
 
 def meshes() -> dict[str, Mesh]:
@@ -26,13 +30,17 @@ def meshes() -> dict[str, Mesh]:
     return {
         "walls": walls(),
         "planks": common,
-        "dark_oak": merged([darker, _base(), *_picture()]),
+        "dark_oak": _oaken([darker, *(_along_grain(part) for part in (_base(), *_picture()))]),
         "woodwork": woodwork(),
         "sofa": moved(sofa(), (0.0, 0.0, -1.98)),
         "table": moved(table(), (TABLE_AT[0], RUG, TABLE_AT[1])),
         "rug": cushion((-1.35, 0.0, -1.45), (1.15, RUG, 0.45), 0.005, 4),
         "vase": moved(vase(), (TABLE_AT[0] + 0.10, RUG + TABLE, TABLE_AT[1] + 0.08)),
     }
+
+
+def images() -> dict[str, NDArray[np.uint8]]:
+    return {"oak.jpg": oak()}
 
 
 def walls() -> Mesh:
@@ -58,17 +66,35 @@ def _planks() -> tuple[Mesh, Mesh]:
     """
     rng = np.random.default_rng(8)
     tones: tuple[list[Mesh], list[Mesh]] = ([], [])
-    width = 0.15
+    places = np.random.default_rng(9)
     for row in range(30):
-        x = -2.25 + width * row
+        x = -2.25 + PLANK_WIDTH * row
         z = -2.6 - rng.uniform(0, 1.2)
         while z < 2.6:
             end = z + rng.uniform(0.9, 1.8)
-            low, high = (x, -0.02, max(z, -2.6)), (x + width, 0.0, min(end, 2.6))
+            low, high = (x, -0.02, max(z, -2.6)), (x + PLANK_WIDTH, 0.0, min(end, 2.6))
             if high[2] - low[2] > 0.02:
-                tones[int(rng.uniform() < 0.34)].append(block(low, high))
+                plank = _along_grain(block(low, high), int(places.integers(4)), float(places.uniform()))
+                tones[int(rng.uniform() < 0.34)].append(plank)
             z = end
-    return merged(tones[0]), merged(tones[1])
+    return _oaken(tones[0]), _oaken(tones[1])
+
+
+def _along_grain(mesh: Mesh, board: int = 0, start: float = 0.0) -> Mesh:
+    """With one board of the oak's image laid along z, its joints left out."""
+    x, _, z = mesh.positions.T
+    across = 0.08 + 0.84 * (x - x.min()) / np.ptp(x)
+    return with_coordinates(mesh, np.stack([z / OAK_WIDTH + start, (board + across) / 4.0], axis=1))
+
+
+def _oaken(parts: list[Mesh]) -> Mesh:
+    """Parts that have texture coordinates as one mesh that has them."""
+    return with_coordinates(merged(parts), np.concatenate([_coordinates(part) for part in parts]))
+
+
+def _coordinates(mesh: Mesh) -> Floats:
+    assert mesh.coordinates is not None
+    return mesh.coordinates
 
 
 def _base() -> Mesh:
