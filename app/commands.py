@@ -15,6 +15,7 @@ from app.light_commands import SetEnvironment, SetIntensity, SetMapping, SetRota
 from app.linked_layers import group_of, with_fresnel, without_fresnel
 from app.map_commands import SetMap
 from app.material_commands import AddLayers, RemoveLayer, SetMaterial
+from app.paint_commands import BlendByMap, ClearMap, Paint
 from app.series_commands import SetFirstBands
 from engine.curve.operators import Edit, Tabulated, collapse
 from engine.errors import InsituError
@@ -287,8 +288,8 @@ class SetEditable:
 EditCommand = (
     SetParameter | SetModel | SetOperators | AddOperator | ReplaceOperator | RemoveOperator | MoveOperator
     | MuteOperator | CollapseOperators | ResetCurve | SetVisible | SetFrozen | SetFresnelTerm | SetEditable
-    | SetMap | SetMaterial | AddLayers | RemoveLayer | SetRotation | SetIntensity | SetEnvironment | SetMapping
-    | SetFirstBands
+    | SetMap | Paint | BlendByMap | ClearMap | SetMaterial | AddLayers | RemoveLayer | SetRotation | SetIntensity
+    | SetEnvironment | SetMapping | SetFirstBands
 )  # fmt: skip
 
 

@@ -36,6 +36,7 @@ class MapTalk:
         self._known: dict[Surface, MapsSampled] = {}
         self._refused: dict[Surface, str] = {}
         self._shown: dict[str, MapsSampled] = {}
+        self._newest: dict[Surface, MapsSampled] = {}
         self._asked: tuple[tuple[str, Images], ...] = ()
         self._document: Document | None = None
         self._missing: tuple[tuple[str, Images], ...] = ()
@@ -69,13 +70,24 @@ class MapTalk:
         """Images were sampled."""
         surface = (_object(response.key), response.images)
         self._known.pop(surface, None)
+        self._forget_begun(surface)
         self._known[surface] = response
+        self._newest[surface[0], response.images.unpainted] = response
         self._curves.map_means[surface] = response.means
         shown = {id(each) for each in self._shown.values()}
         spare = [key for key, each in self._known.items() if id(each) not in shown and each is not response]
         for key in spare[: max(0, len(self._known) - MOST_KEPT)]:
             del self._known[key]
         self.edited()
+
+    def _forget_begun(self, surface: Surface) -> None:
+        """A stroke went on: what it was in the frames before is of no further use."""
+        for place, images in list(self._known):
+            if place == surface[0] and surface[1].strokes.are_in_hand(images.strokes):
+                del self._known[place, images]
+        for place, images in list(self._curves.map_means):
+            if place == surface[0] and surface[1].strokes.are_in_hand(images.strokes):
+                del self._curves.map_means[place, images]
 
     def refuse(self, response: MapsRefused, history: History) -> bool:
         """Images cannot be used. Where choosing them was the last step, that step is gone as if it had never been;
@@ -97,22 +109,33 @@ class MapTalk:
         self._document = document
         wanted = _wanted(document)
         events = [self._drop(key) for key in list(self._shown) if key not in wanted]
-        missing = []
+        missing: dict[Surface, str] = {}
         for key, maps in wanted.items():
             surface = (_object(key), maps.images)
             found = self._known.get(surface)
             if found is None and surface not in self._refused:
-                missing.append((key, maps.images))
-            elif found is None and key in self._shown:
+                missing.setdefault(surface, key)
+                found = self._painted_so_far(surface)
+            if found is None and surface not in self._refused:
+                continue
+            if found is None and key in self._shown:
                 events.append(self._drop(key))
             elif found is not None and self._shown.get(key) is not found:
                 self._shown[key] = found
-                events.append(LayerMapsChanged(key, found.samples, bool(found.images.weight), found.thumbnails))
-        self._missing = tuple(missing)
+                events.append(LayerMapsChanged(key, found.samples, found.images.has_weight, found.thumbnails))
+        self._missing = tuple((key, images) for (_, images), key in missing.items())
         if self._missing and self._missing != self._asked:
             self._send(SampleMaps(self._missing))
         self._asked = self._missing
         return events
+
+    def _painted_so_far(self, surface: Surface) -> MapsSampled | None:
+        """While a stroke goes on: the newest of it that is here, whose mean stands for that to come."""
+        newest = self._newest.get((surface[0], surface[1].unpainted))
+        if newest is None or not surface[1].strokes.goes_on_from(newest.images.strokes):
+            return None
+        self._curves.map_means.setdefault(surface, newest.means)
+        return newest
 
     def _drop(self, key: str) -> LayerMapsChanged:
         del self._shown[key]

@@ -77,6 +77,18 @@ class PickLobe:
 
 
 @dataclass(frozen=True)
+class PaintStroke:
+    """Paint a stroke on a layer's weight map, through points (column, row) of the picture; ``radius`` in its pixels."""
+
+    layer: str
+    points: tuple[Point, ...]
+    radius: float
+    value: float
+    strength: float
+    hardness: float
+
+
+@dataclass(frozen=True)
 class Rotate:
     """Turn the environment to so many degrees."""
 
@@ -133,6 +145,7 @@ Step = (
     | DragPoints
     | Show
     | PickLobe
+    | PaintStroke
     | Rotate
     | ImportFile
     | UndoSteps
@@ -172,6 +185,18 @@ class DragRecord(_Record):
         return DragPoints(self.start, self.to)
 
 
+Share = Annotated[Number, Field(ge=0.0, le=1.0)]
+
+
+class PaintRecord(_Record):
+    layer: Text
+    points: Annotated[tuple[tuple[Pixel, Pixel], ...], Field(min_length=1, max_length=1000)]
+    radius: Annotated[Number, Field(gt=0.0, le=MAX_PIXELS)] = 24.0
+    value: Share = 1.0
+    strength: Share = 1.0
+    hardness: Share = 0.5
+
+
 class ImportRecord(_Record):
     file: Text
     cloth: bool = False
@@ -185,6 +210,7 @@ class StepRecord(_Record):
     drag: DragRecord | None = None
     show: Text | None = None
     lobe: tuple[PictureIndex, PictureIndex] | None = None
+    paint: PaintRecord | None = None
     rotate: Annotated[Number, Field(ge=-1e9, le=1e9)] | None = None
     measured: ImportRecord | None = None
     undo: Count | None = None
@@ -211,6 +237,7 @@ _STEPS: dict[str, Callable[[Any, Path], Step]] = {
     "drag": lambda drag, folder: drag.step(),
     "show": lambda panel, folder: Show(panel),
     "lobe": lambda pixel, folder: PickLobe(pixel),
+    "paint": lambda stroke, folder: PaintStroke(**dict(stroke)),
     "rotate": lambda degrees, folder: Rotate(degrees),
     "measured": lambda measured, folder: ImportFile(Path(measured.file), measured.cloth),
     "undo": lambda count, folder: UndoSteps(count),

@@ -48,7 +48,8 @@ def toml_value(value: object) -> str:
     if isinstance(value, int | float):
         return repr(value)
     if isinstance(value, str):
-        return '"' + "".join(_escape(character) for character in value) + '"'
+        plain = value.isprintable() and '"' not in value and "\\" not in value  # a map's strokes are a megabyte
+        return f'"{value}"' if plain else '"' + "".join(_escape(character) for character in value) + '"'
     if isinstance(value, Mapping):
         return "{ " + ", ".join(toml_lines(value)) + " }"
     if isinstance(value, Iterable):

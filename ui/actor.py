@@ -16,8 +16,10 @@ from app.editor import Editor
 from app.journal import Recovery
 from app.library import Library
 from app.light_commands import SetEnvironment
+from app.linked_layers import Layers
 from app.map_commands import IMAGE_SUFFIXES, SetMap, image_name, with_full_names
 from app.material_file import MAX_MATERIAL_BYTES, dump_material, parse_material
+from app.paint_commands import without_strokes
 from app.pasting import pasted
 from app.probe_file import likely_mapping
 from app.session import SUFFIX
@@ -152,9 +154,9 @@ class Actor:
             case SaveMaterial() | DeleteMaterial():
                 self._change_library(action)
             case Copy():
-                layers = with_full_names(action.material.layers, editor.document.source)
+                layers, lost = self._portable(action.material.layers)
                 self._clipboard.put(dump_material(replace(action.material, layers=layers)))
-                editor.notify(f"copied {action.what}")
+                editor.notify(f"copied {action.what}{lost}")
             case Paste():
                 self._paste(action.as_layers)
             case _:
@@ -235,12 +237,17 @@ class Actor:
             if isinstance(action, DeleteMaterial):
                 self.library.delete(action.path)
             else:
-                document = self._editor.document
-                layers = with_full_names(document.object(action.object).layers, document.source)
+                layers, lost = self._portable(self._editor.document.object(action.object).layers)
                 entry = self.library.save(action.name, layers)
-                self._editor.notify(f"kept {entry.name} in the library")
+                self._editor.notify(f"kept {entry.name} in the library{lost}")
         except InsituError as error:
             self._editor.notify(str(error), True)
+
+    def _portable(self, layers: Layers) -> tuple[Layers, str]:
+        """Layers as they leave their object, and what to say of that."""
+        found = without_strokes(layers)
+        lost = "" if found == layers else ", without the strokes painted on its maps: they belong to their object"
+        return with_full_names(found, self._editor.document.source), lost
 
     def _paste(self, as_layers: bool) -> None:
         editor = self._editor

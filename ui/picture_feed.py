@@ -43,6 +43,7 @@ from app.status import RenderReport
 from engine.curve.wavelet import forward
 from engine.light.environment import Environment, tone_mapped_thumbnail
 from engine.scene.description import SceneDescription
+from ui.brush import Spot, spot_of
 from ui.gl.context import GraphicsError
 from ui.gl.layers import Look
 from ui.gl.picture_frame import PictureFrame
@@ -126,15 +127,10 @@ class PictureFeed:
     def surface_at(self, column: int, row: int) -> SurfacePoint | None:
         """The surface that a pixel of the picture sees; None for emitters and the background."""
         arrays, description = self._arrays, self._description
-        if description is None or "normal" not in arrays:
+        place = self._sample_at(column, row)
+        if description is None or place is None or "normal" not in arrays:
             return None
         height, width = arrays["object_image"].shape
-        if not (0 <= column < width and 0 <= row < height) or arrays["object_image"][row, column] < 0:
-            return None
-        start, stop = arrays["object_ranges"][int(arrays["object_image"][row, column])]
-        place = int(start) + int(np.searchsorted(arrays["pixel"][start:stop], row * width + column))
-        if place >= stop or arrays["pixel"][place] != row * width + column:
-            return None
         normal, tangent = (arrays[name][place].astype(np.float64) for name in ("normal", "tangent"))
         normal /= np.linalg.norm(normal)
         across = np.cross(normal, tangent)
@@ -142,6 +138,26 @@ class PictureFeed:
         frame = np.stack([np.cross(across, normal), across, normal])
         ray = arrays["ray_directions"][row, column].astype(np.float64)
         return SurfacePoint(column, row, frame, ray, description.camera, (width, height))
+
+    def spot_at(self, column: int, row: int) -> Spot | None:
+        """The point that a pixel of the picture sees; None for emitters and the background."""
+        arrays, description = self._arrays, self._description
+        sample = self._sample_at(column, row)
+        if description is None or sample is None or "distance" not in arrays:
+            return None
+        return spot_of(arrays, description.camera, column, row, sample)
+
+    def _sample_at(self, column: int, row: int) -> int | None:
+        """The primary hit of a pixel."""
+        arrays = self._arrays
+        if self._description is None:
+            return None
+        height, width = arrays["object_image"].shape
+        if not (0 <= column < width and 0 <= row < height) or arrays["object_image"][row, column] < 0:
+            return None
+        start, stop = arrays["object_ranges"][int(arrays["object_image"][row, column])]
+        place = int(start) + int(np.searchsorted(arrays["pixel"][start:stop], row * width + column))
+        return place if place < stop and arrays["pixel"][place] == row * width + column else None
 
     def take(self, editor: Editor, now: float) -> bool:
         """Take the worker's answers and ask it for what is missing. Whether there is something to draw."""

@@ -11,15 +11,18 @@ from pathlib import Path
 from typing import Literal
 
 from app.commands import EditCommand
+from app.document import layer_key, split_key
 from app.editor import Editor, WorkerClient
 from app.jobs.client import Client
 from app.light_commands import SetRotation
+from app.paint_commands import Paint
 from app.script import (
     AssertErrorBelow,
     Capture,
     DragItem,
     DragPoints,
     ImportFile,
+    PaintStroke,
     PickLobe,
     RedoSteps,
     Rotate,
@@ -34,7 +37,9 @@ from app.series_commands import set_series
 from app.set_path import set_path
 from app.view_state import SetView, ViewCommand
 from engine.errors import InsituError
+from engine.material.strokes import Stroke
 from engine.scene.builtin import builtin_environments, builtin_scenes
+from ui.brush import along, dabs_at, spots_at
 from ui.gl.placement import PlacementRenderer
 from ui.headless import DEFAULT_SIZE, HeadlessWindow
 from ui.layout import PANELS
@@ -135,6 +140,8 @@ def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
             _show(window, step.panel)
         case PickLobe():
             _refused(editor.do(SetView.of(lobe_pixel=step.pixel)))
+        case PaintStroke():
+            _paint(window, editor, step)
         case Rotate():
             _refused(editor.do(SetRotation(step.degrees)))
         case ImportFile():
@@ -152,6 +159,25 @@ def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
         case AssertErrorBelow():
             _assert_error(editor, step.bound)
     window.frames(2)
+
+
+def _paint(window: HeadlessWindow, editor: Editor, step: PaintStroke) -> None:
+    """As a hand's drag along the points; beside the object there is nothing to paint."""
+    try:
+        name, index = split_key(editor.document, step.layer)
+    except InsituError as error:
+        raise ScriptError(str(error)) from error
+    source = window.shell.source
+    assert source is not None
+    spots = spots_at(
+        lambda x, y: source.spot_at(x, y) if source.object_at(x, y) == name else None,
+        [step.points[0], *along(step.points, step.radius)],
+    )
+    if not spots:
+        raise ScriptError(f"paint: no point of the stroke sees {name}")
+    metres = step.radius * spots[0].metres
+    stroke = Stroke(metres, step.value, step.strength, step.hardness, dabs_at(spots))
+    _refused(editor.do(Paint(layer_key(name, index), stroke)))
 
 
 def _setting(editor: Editor, path: str, value: object) -> EditCommand | ViewCommand:

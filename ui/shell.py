@@ -29,6 +29,7 @@ from app.status import Status
 from ui import layout, theme
 from ui.actor import Actor
 from ui.brdf_feed import BrdfFeed
+from ui.brush import Spot
 from ui.gl.interface import InterfaceRenderer
 from ui.gl.thumbnails import Thumbnails
 from ui.panels import (
@@ -40,6 +41,7 @@ from ui.panels import (
     material,
     menus,
     objects,
+    paint,
     status_bar,
     tradeoff,
     viewport,
@@ -87,6 +89,8 @@ class PictureSource(Protocol):
     def object_at(self, column: int, row: int) -> str | None: ...
 
     def surface_at(self, column: int, row: int) -> SurfacePoint | None: ...
+
+    def spot_at(self, column: int, row: int) -> Spot | None: ...
 
 
 @dataclass(frozen=True)
@@ -369,6 +373,7 @@ class Shell:
             map_refusal=self._map_refusal(),
             heading=source.heading,
             object_at=source.object_at,
+            spot_at=source.spot_at,
         )
 
     def _map_thumbnails(self, source: PictureSource) -> dict[str, Picture]:
@@ -451,4 +456,5 @@ def _picture_window(context: PanelContext) -> list[Action]:
 def _picture_and_recovery(context: PanelContext) -> list[Action]:
     corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
     actions = viewport.draw(context)
+    actions += paint.draw_strip(context, corner, room)
     return actions + viewport.draw_recovery(context, corner, room)

@@ -131,7 +131,8 @@ def _mean_factor(project: Project, index: int, layer: Layer) -> np.ndarray:
     maps, scene = layer.maps, project.scene
     if maps.is_plain:
         return np.ones(3)
-    scene.check_has_uvs(index, "texture" if maps.texture else "weight")
+    if maps.is_of_files:
+        scene.check_has_uvs(index, "texture" if maps.texture else "weight")
     texture, weight = scene.textures.texture(maps.images), scene.textures.weight(maps.images)
     return mean_maps(scene, index, maps.images, texture, weight).factor(maps)
 

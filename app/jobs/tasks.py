@@ -56,6 +56,7 @@ from engine.transport.projection import TILE, VisibleLight, project_layer
 
 if TYPE_CHECKING:
     from app.jobs.indirect import IndirectTasks
+    from app.jobs.maps import MapTasks
 
 # Raised when anything that changes the numbers in a cached array changes.
 CACHE_VERSION = 2
@@ -83,6 +84,7 @@ class Tasks:
         self._precision: Precision = "half"
         self._environments: dict[tuple[str, str], Environment] = {}
         self._sky_shown: object = None
+        self._maps: MapTasks | None = None
 
     # ------------------------------------------------------------------------------------------------- requests
 
@@ -137,12 +139,11 @@ class Tasks:
         placement = self._placement
         if placement is None:
             raise InsituError("no scene is open")
-        from app.jobs.maps import MapSampler, sampled_maps
+        if self._maps is None:
+            from app.jobs.maps import MapTasks
 
-        sampler = MapSampler(placement.scene, placement.caster, placement.hits)
-        for key, images in request.layers:
-            yield None
-            yield sampled_maps(placement.scene, sampler, key, images)
+            self._maps = MapTasks(placement)
+        yield from self._maps.answers(request)
 
     # --------------------------------------------------------------------------------------------------- scenes
 
@@ -158,7 +159,7 @@ class Tasks:
         names = described_paths(unread_files(layers_of_document(document)), scene.folder, path)
         measurements = yield from read_files(names | {file: Path(file) for file in request.measured}, self._cache)
         self._placement, self._layers, self._light = placement, {}, None
-        self._indirect = None
+        self._indirect, self._maps = None, None
         self._selected, self._sky_shown = {}, None
         self._scene_key = _scene_key(scene)
         self._recall_visibility(placement)
@@ -442,6 +443,8 @@ def _frame_arrays(placement: Placement) -> dict[str, np.ndarray]:
         "pixel": hits.pixel,
         "object_ranges": hits.object_ranges,
         "object_image": hits.object_image,
+        "distance": np.einsum("pc,pc->p", placement.scene.eye - hits.position, hits.wo).astype(np.float32),
+        "front": hits.front,
         "theta_o": np.arccos(cos_o).astype(np.float32),
         "normal": hits.normal.astype(np.float16),
         "tangent": hits.tangent.astype(np.float16),

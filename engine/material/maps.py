@@ -4,7 +4,8 @@ Both multiply the layer's radiance pixel by pixel, as f_q and f_o do, by
 
     factor(u, v) = (1 - s + s t(s_u u, s_v v)) w(u, v),     w = 1 - map where it is inverted,
 
-with t the texture's linear RGB, s its strength and (s_u, s_v) its repeats [DESIGN.md, 6]. No transport depends on it:
+with t the texture's linear RGB, s its strength and (s_u, s_v) its repeats [DESIGN.md, 6]. The map is an image, or even,
+and on it are the strokes that a person painted (`engine.material.strokes`). No transport depends on it:
 the images are sampled once for each pixel and only the few numbers here follow the hand. For further bounces the
 factor's mean over the surface multiplies the layer's albedo.
 """
@@ -21,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.material.parameters import ParameterError
+from engine.material.strokes import Strokes, stroke_values, strokes_from
 
 Space = Literal["", "srgb", "linear"]
 SPACES: tuple[Space, ...] = ("", "srgb", "linear")
@@ -34,7 +36,8 @@ class LayerMaps:
 
     texture: empty for none. texture_space: how its numbers are meant; empty: sRGB where they have 8 bits, else linear.
     texture_scale: how often it repeats along u and v; texture_strength: 0 is as without it. weight: a grey image, the
-    share of the layer, always linear; empty for none. weight_invert: one minus that share.
+    share of the layer, always linear; empty for none. weight_invert: one minus that share. weight_start: the share
+    where there is no such image. strokes: painted on either, and inverted with it: inverting needs no new samples.
     """
 
     texture: str = ""
@@ -43,23 +46,38 @@ class LayerMaps:
     texture_strength: float = 1.0
     weight: str = ""
     weight_invert: bool = False
+    weight_start: float = 1.0
+    strokes: Strokes = Strokes()
 
     @property
     def is_plain(self) -> bool:
         """Whether there is neither texture nor weight map."""
-        return not (self.texture or self.weight)
+        return not (self.texture or self.has_weight)
+
+    @property
+    def has_weight(self) -> bool:
+        """Whether there is a weight map: an image, strokes, or an even share other than all."""
+        return bool(self.weight or self.strokes or self.weight_start != 1.0)
+
+    @property
+    def is_of_files(self) -> bool:
+        """Whether there is an image, which wants texture coordinates."""
+        return bool(self.texture or self.weight)
 
     @property
     def inverts(self) -> bool:
         """Whether one minus the weight counts; there is nothing to invert without a map."""
-        return self.weight_invert and self.weight != ""
+        return self.weight_invert and self.has_weight
 
     @property
     def images(self) -> Images:
         """What has to be sampled for it: two of equal images differ in numbers alone."""
+        start = 1.0 if self.weight else self.weight_start
+        plain = Images(weight=self.weight, weight_start=start, strokes=self.strokes)
         if not self.texture:
-            return Images(weight=self.weight)
-        return Images(self.texture, self.texture_space, self.texture_scale, self.weight)
+            return plain
+        own = {name: getattr(self, name) for name in ("texture", "texture_space", "texture_scale")}
+        return dataclasses.replace(plain, **own)
 
     def factor(self, texture: NDArray[np.floating], weight: NDArray[np.floating]) -> NDArray[np.floating]:
         """The factor (N, 3) of texels (N, 3) and weights (N,)."""
@@ -75,6 +93,23 @@ class Images:
     texture_space: Space = ""
     texture_scale: tuple[float, float] = (1.0, 1.0)
     weight: str = ""
+    weight_start: float = 1.0
+    strokes: Strokes = Strokes()
+
+    @property
+    def is_of_files(self) -> bool:
+        """Whether there is an image, which wants texture coordinates."""
+        return bool(self.texture or self.weight)
+
+    @property
+    def has_weight(self) -> bool:
+        """Whether there is a weight map."""
+        return bool(self.weight or self.strokes or self.weight_start != 1.0)
+
+    @property
+    def unpainted(self) -> Images:
+        """What the strokes are on."""
+        return dataclasses.replace(self, strokes=Strokes())
 
 
 @dataclass(frozen=True)
@@ -116,7 +151,8 @@ def maps_from(values: Mapping[str, object]) -> LayerMaps:
 def map_values(maps: LayerMaps) -> dict[str, Any]:
     """The parts that differ from the default, by name: what files say of it."""
     plain = LayerMaps()
-    return {name: getattr(maps, name) for name in map_fields() if getattr(maps, name) != getattr(plain, name)}
+    found = {name: getattr(maps, name) for name in map_fields() if getattr(maps, name) != getattr(plain, name)}
+    return found | {"strokes": stroke_values(maps.strokes)} if maps.strokes else found
 
 
 def _file_name(name: str, value: object) -> str:
@@ -166,4 +202,6 @@ _ACCEPTED = {
     "texture_strength": _strength,
     "weight": _file_name,
     "weight_invert": _flag,
+    "weight_start": _strength,
+    "strokes": lambda name, value: strokes_from(value),
 }

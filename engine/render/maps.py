@@ -16,7 +16,9 @@ from engine.material.layer import Layer
 from engine.material.maps import LayerMaps
 from engine.scene.load import Scene
 from engine.scene.raycaster import Intersections
-from engine.texture.surface import MapSampler, look_up, uvs_at
+from engine.texture.canvas import positions_at, uvs_at
+from engine.texture.strokes import PaintedPoints
+from engine.texture.surface import MapSampler, look_up
 from engine.transport.pipeline import Placement
 
 Factors = NDArray[np.float32]
@@ -36,7 +38,8 @@ class MapFactors:
             if found:
                 self._maps[i_object] = found
                 n_layers = max(n_layers, len(visible))
-                scene.check_has_uvs(i_object, "texture")
+                if any(maps.is_of_files for _, maps in found):
+                    scene.check_has_uvs(i_object, "texture")
         self._n_layers = n_layers
 
     def of_eye(self, placement: Placement) -> Factors:
@@ -58,7 +61,12 @@ class MapFactors:
             at = rays[mine]
             uv = uvs_at(self._scene, found.triangle[at], found.u[at], found.v[at])
             for k, maps in layers:
-                factors[mine, k] = maps.factor(*look_up(maps.images, self._scene.textures, uv))
+                texture, weight = look_up(maps.images, self._scene.textures, uv)
+                if maps.strokes:
+                    places = positions_at(self._scene, found.triangle[at], found.u[at], found.v[at])
+                    normals = self._scene.geometric_normals[found.triangle[at]]
+                    weight = PaintedPoints(weight, places, normals).weights(maps.strokes)
+                factors[mine, k] = maps.factor(texture, weight)
         return factors
 
     def _ones(self, n: int) -> Factors:

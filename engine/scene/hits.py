@@ -28,10 +28,11 @@ class PrimaryHits:
 
     pixel (P,): row · width + column; object_ranges (M, 2) into the points; position (P, 3) in the scene's frame and
     offset_position, lifted off the surface for shadow rays; normal: the shading normal, interpolated where smooth,
-    turned to the eye; geometric_normal: the face's, turned to the eye; tangent: across the object's Y axis, the brushed
-    direction; wo: to the eye. object_image (H, W) int16, −1 for the background; emission_image (H, W, 3): emitters
-    seen from their front; ray_directions (H, W, 3). edge_pixels (E,) of which the share edge_weights (E,) shows
-    what edge_neighbours (E,) see (anti-aliasing for the screen alone).
+    turned to the eye; geometric_normal: the face's, turned to the eye; front (P,): whether the eye sees the side that
+    the winding faces; tangent: across the object's Y axis, the brushed direction; wo: to the eye. object_image (H, W)
+    int16, −1 for the background; emission_image (H, W, 3): emitters seen from their front; ray_directions (H, W, 3).
+    edge_pixels (E,) of which the share edge_weights (E,) shows what edge_neighbours (E,) see (anti-aliasing for the
+    screen alone).
     """
 
     resolution: tuple[int, int]
@@ -41,6 +42,7 @@ class PrimaryHits:
     offset_position: Floats
     normal: Floats
     geometric_normal: Floats
+    front: npt.NDArray[np.bool_]
     tangent: Floats
     wo: Floats
     object_image: npt.NDArray[np.int16]
@@ -49,6 +51,11 @@ class PrimaryHits:
     edge_pixels: Integers
     edge_weights: Floats
     edge_neighbours: Integers
+
+    @property
+    def outward(self) -> Floats:
+        """The faces' normals (P, 3) on the side that the winding faces."""
+        return np.where(self.front[:, None], self.geometric_normal, -self.geometric_normal)
 
 
 def trace_primary(scene: Scene, caster: RayCaster, resolution: tuple[int, int] | None = None) -> PrimaryHits:
@@ -68,6 +75,7 @@ def trace_primary(scene: Scene, caster: RayCaster, resolution: tuple[int, int] |
         resolution=(width, height),
         pixel=pixel,
         object_ranges=np.stack([bounds[:-1], bounds[1:]], axis=1),
+        front=np.einsum("pk,pk->p", scene.geometric_normals[found.triangle[pixel]], flat[pixel]) < 0.0,
         object_image=object_image.astype(np.int16),
         emission_image=emission_towards(scene, found, ids, flat).reshape(height, width, 3),
         ray_directions=directions,

@@ -126,7 +126,8 @@ def _load_maps(scene: Scene) -> None:
     """
     for i, described in enumerate(scene.description.objects):
         for maps in (layer.maps for layer in described.layers if not layer.maps.is_plain and not described.emits):
-            scene.check_has_uvs(i, "texture" if maps.texture else "weight")
+            if maps.is_of_files:
+                scene.check_has_uvs(i, "texture" if maps.texture else "weight")
             for what, name in (("texture", maps.texture), ("weight", maps.weight)):
                 if name:
                     resolve_inside(scene.folder, name.rpartition("#")[0] or name, scene.file, what)

@@ -69,6 +69,8 @@ def scene_arrays() -> dict[str, np.ndarray]:
         "object_image": column.astype(np.int16),
         "pixel": np.concatenate(pixels).astype(np.int32),
         "object_ranges": np.stack([ends[:-1], ends[1:]], axis=1).astype(np.int32),
+        "distance": np.full(int(ends[3]), 4.0, np.float32),
+        "front": np.ones(int(ends[3]), bool),
         "theta_o": np.full(int(ends[3]), 0.4, np.float32),
         "normal": np.tile(np.array([0.0, 0.0, 1.0], np.float16), (int(ends[3]), 1)),
         "tangent": np.tile(np.array([1.0, 0.0, 0.0], np.float16), (int(ends[3]), 1)),

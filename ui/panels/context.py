@@ -15,6 +15,7 @@ from app.document import Document
 from app.library import Entry
 from app.status import Status
 from app.view_state import ViewState
+from ui.brush import Spot
 from ui.panels.brdf_board import BrdfBoard
 from ui.panels.picture import Picture
 from ui.panels.state import PanelState
@@ -66,15 +67,20 @@ def nothing_there(column: int, row: int) -> str | None:
     return None
 
 
+def no_spot(column: int, row: int) -> Spot | None:
+    """What a pixel sees before there is a picture."""
+    return None
+
+
 @dataclass(frozen=True)
 class PanelContext:
     """Read by every panel. `picture` is the scene, `environment` the thumbnail; None until there is one.
 
     `map_thumbnails` are the selected layer's "texture" and "weight", `map_refusal` says why they cannot be used.
     `undo_label` and `redo_label` name what would be undone or redone. `object_at` tells the object's name at a pixel
-    (column, row) of the picture. `heading` is where the camera looks, degrees clockwise from -Z seen from above.
-    `library` are its materials, `thumbnail` a material's picture, None while there is none. `now` is seconds of the
-    window's clock. `brdf` is what there is to see of the selected material by itself.
+    (column, row) of the picture, `spot_at` the point of the surface there. `heading` is where the camera looks, degrees
+    clockwise from -Z seen from above. `library` are its materials, `thumbnail` a material's picture, None while there
+    is none. `now` is seconds of the window's clock. `brdf` is what there is to see of the selected material by itself.
     """
 
     document: Document
@@ -91,6 +97,7 @@ class PanelContext:
     undo_label: str | None = None
     redo_label: str | None = None
     object_at: Callable[[int, int], str | None] = nothing_there
+    spot_at: Callable[[int, int], Spot | None] = no_spot
     heading: float = 0.0
     environments: tuple[str, ...] = ()
     library: tuple[Entry, ...] = ()

@@ -13,6 +13,7 @@ from app.solo import toggled
 from app.view_state import SetView, Tool
 from engine.curve.operators import Operator
 from ui import theme as look
+from ui.panels import paint
 from ui.panels.actions import (
     Action,
     AskFile,
@@ -64,7 +65,7 @@ SHORTCUTS = (
     Shortcut("Picture", "Shift drag", "Turn the light around the scene"),
     Shortcut("Picture", "C", "Compare: remember this picture as A, show A | B", "compare", int(Key.c)),
     Shortcut("Picture", "F", "Fit the picture, or show it pixel for pixel", "fit", int(Key.f)),
-    Shortcut("Picture", "[  ]", "Exposure down, up by a third of a stop", "darker", int(Key.left_bracket)),
+    Shortcut("Picture", "[  ]", "Exposure down, up; the brush smaller, larger", "darker", int(Key.left_bracket)),
     Shortcut("", "", "", "brighter", int(Key.right_bracket)),
     Shortcut("Picture", "S", "See the selected layer alone, or all again", "solo", int(Key.s)),
     Shortcut("Material", "Ctrl click", "Put a parameter back to its default"),
@@ -133,6 +134,8 @@ def perform(context: PanelContext, name: str) -> list[Action]:
         "paste_layers": [Paste(as_layers=True)],
         "deselect": _deselect(context),
     }
+    if name in ("darker", "brighter") and paint.painted_key(context) is not None:
+        return [paint.resized(context.state.brush, -1 if name == "darker" else 1)]
     if name in simple:
         return simple[name]
     if name in ("translate", "amplify") or name.startswith("axis_"):
@@ -157,6 +160,8 @@ def _copy(context: PanelContext, name: str) -> list[Action]:
 def _deselect(context: PanelContext) -> list[Action]:
     if context.view.show_shortcuts:
         return [SetView.of(show_shortcuts=False)]
+    if context.state.paints:
+        return [SetPanel({"paints": False})]
     if context.view.operator is not None:
         return [SetView.of(operator=None)]
     if context.view.lobe_pixel is not None or context.state.picks_lobe:

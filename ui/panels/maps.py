@@ -7,9 +7,10 @@ from pathlib import Path
 from imgui_bundle import ImVec2, imgui
 
 from app.map_commands import SetMap
+from app.paint_commands import ClearMap
 from engine.material.maps import MAX_REPEATS, SPACES, LayerMaps
 from ui import theme as look
-from ui.panels import widgets
+from ui.panels import paint, widgets
 from ui.panels.actions import Action, AskFile, BeginDrag, EndDrag, ReloadImages
 from ui.panels.context import Handles, PanelContext
 from ui.panels.picture import Picture
@@ -36,7 +37,7 @@ def draw(context: PanelContext, key: str, maps: LayerMaps, width: float) -> list
     actions = _image(context, key, "texture", maps, width)
     if maps.texture:
         actions += _strength(context, key, maps, width) + _repeats(context, key, maps, width)
-    actions += _image(context, key, "weight", maps, width)
+    actions += _image(context, key, "weight", maps, width) + paint.draw(context, key, maps, width)
     if context.map_refusal:
         widgets.caption(context.map_refusal)
     return actions
@@ -62,23 +63,25 @@ def _image(context: PanelContext, key: str, what: str, maps: LayerMaps, width: f
     widgets.label(context, LABELS[what], width)
     name = maps.texture if what == "texture" else maps.weight
     side, gap = imgui.get_frame_height(), context.px(4)
-    right = side + gap if name else 0.0
-    if name and what == "weight":
+    there = bool(name) if what == "texture" else maps.has_weight
+    right = side + gap if there else 0.0
+    if there and what == "weight":
         right += _segment_width(context, "Invert") + gap
     actions: list[Action] = []
-    if name and (thumbnail := context.map_thumbnails.get(what)) is not None:
+    if there and (thumbnail := context.map_thumbnails.get(what)) is not None:
         if _thumbnail(context, what, thumbnail, side):
             actions.append(ReloadImages(key))
         imgui.same_line(0.0, gap)
     actions += _file_button(context, key, what, name, imgui.get_content_region_avail().x - right)
-    if not name:
+    if not there:
         return actions
     imgui.same_line(0.0, gap)
     if what == "weight":
         actions += _invert(context, key, maps)
         imgui.same_line(0.0, gap)
-    if widgets.icon_button(context, f"clear_{what}", Icon.CLOSE, "Takes the image away; Ctrl+Z brings it back."):
-        actions.append(SetMap(key, what, ""))
+    what_goes = "the map away, image and strokes" if what == "weight" else "the image away"
+    if widgets.icon_button(context, f"clear_{what}", Icon.CLOSE, f"Takes {what_goes}; Ctrl+Z brings it back."):
+        actions.append(ClearMap(key) if what == "weight" else SetMap(key, what, ""))
     return actions
 
 

@@ -74,7 +74,7 @@ def _heading(context: PanelContext, selection: Selection, layer: Layer, editable
 
 
 def _shows_images(context: PanelContext, layer: Layer) -> bool:
-    return context.state.shows_images or bool(layer.maps.texture or layer.maps.weight)
+    return context.state.shows_images or not layer.maps.is_plain
 
 
 def _switches(context: PanelContext, key: str, layer: Layer) -> list[Action]:

@@ -38,6 +38,26 @@ class CurveGrip(Grip):
 
 
 @dataclass(frozen=True)
+class PaintGrip(Grip):
+    """A stroke of the brush. `offset` is where on the picture it was last, pixels; `begun`: whether it has met the
+    surface; `value`: what it paints; `metres`: its radius, known when it has begun."""
+
+    begun: bool
+    value: float
+    metres: float = 0.0
+
+
+@dataclass(frozen=True)
+class Brush:
+    """The brush that paints weight maps: its radius in pixels of the picture; `erases`: it takes the layer away."""
+
+    radius: float = 24.0
+    hardness: float = 0.5
+    strength: float = 1.0
+    erases: bool = False
+
+
+@dataclass(frozen=True)
 class KeyGrip(CurveGrip):
     """A handle of the curve that arrow keys are moving: so far by `moved`, pixels right and down.
 
@@ -83,6 +103,7 @@ class PanelState:
     `shows_images`: the material panel has its rows for images, also where a layer has none.
     `handle` is the curve's handle that the keyboard moves: "magnitude", "a", "b", "c", "d", "region"; None: not chosen.
     `picks_lobe`: the next click on the picture says where it carries the lobe.
+    `paints`: dragging over the selected object paints its layer's weight map, with `brush`.
     `front` is a panel that comes before those it shares its place with, in the coming frame.
     """
 
@@ -95,3 +116,5 @@ class PanelState:
     journal: str | None = None
     library: LibraryState = LibraryState()
     shows_images: bool = False
+    paints: bool = False
+    brush: Brush = Brush()

@@ -10,12 +10,12 @@ from app.light_commands import SetRotation
 from app.solo import alone
 from app.view_state import SetView
 from ui import theme as look
-from ui.panels import surface_plot, widgets
+from ui.panels import paint, surface_plot, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag, Hold, Recover, Select, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.library import apply, dropped_material
 from ui.panels.picture import Picture
-from ui.panels.state import Grip
+from ui.panels.state import Grip, PaintGrip
 from ui.theme import Icon
 
 DEGREES_PER_PIXEL = 0.5
@@ -36,6 +36,10 @@ class Placed:
         """(column, row) of the picture under a screen position; None beside it."""
         column, row = int((x - self.x) // self.scale), int((y - self.y) // self.scale)
         return (column, row) if 0 <= column < picture.width and 0 <= row < picture.height else None
+
+    def point(self, x: float, y: float) -> tuple[float, float]:
+        """The place of a screen position on the picture, in its pixels; also beside it."""
+        return (x - self.x) / self.scale, (y - self.y) / self.scale
 
 
 def place(corner: ImVec2, room: ImVec2, picture: Picture, fit: bool) -> Placed:
@@ -127,6 +131,10 @@ def _hover(context: PanelContext, picture: Picture, placed: Placed, on_divider: 
     if imgui.get_io().key_shift:
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
         return []
+    if paint.painted_key(context) is not None:
+        imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
+        paint.draw_circle(context, placed.scale)
+        return [SetView.of(hovered=None)] if context.view.hovered is not None else []
     if imgui.get_io().key_alt or context.state.picks_lobe:
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
     mouse = imgui.get_mouse_pos()
@@ -163,6 +171,9 @@ def _take_hold(context: PanelContext, picture: Picture, placed: Placed, on_divid
     if imgui.get_io().key_shift:
         grip = Grip("rotation", (mouse.x, context.document.light.rotation))
         return [BeginDrag("rotate the environment"), Hold(grip)]
+    if paint.painted_key(context) is not None:
+        paint.draw_circle(context, placed.scale)
+        return paint.begin(context, placed.point(mouse.x, mouse.y))
     if imgui.get_io().key_alt or context.state.picks_lobe:
         picked = _pick_lobe(context, picture, placed)
         return [*picked, SetPanel({"picks_lobe": False}), Hold(Grip("lobe", (0.0, 0.0)))]
@@ -183,6 +194,10 @@ def _pick_lobe(context: PanelContext, picture: Picture, placed: Placed) -> list[
 
 
 def _drag(context: PanelContext, picture: Picture, placed: Placed, grip: Grip, mouse: ImVec2) -> list[Action]:
+    if isinstance(grip, PaintGrip):
+        imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
+        paint.draw_circle(context, placed.scale)
+        return paint.go_on(context, grip, placed.point(mouse.x, mouse.y))
     if grip.handle == "divider":
         share = (mouse.x - grip.offset[0] - placed.x) / max(placed.width, 1.0)
         return [SetView.of(compare_divider=share)]

@@ -12,6 +12,7 @@ from app.jobs.maps import thumbnail
 from app.jobs.messages import MapsRefused, MapsSampled, OpenScene, SampleMaps, SceneOpened
 from app.jobs.tasks import Tasks
 from engine.material.maps import Images
+from engine.material.strokes import Stroke, Strokes, pack_dabs
 from engine.texture.pyramid import make_pyramid
 
 SCENE = """
@@ -65,3 +66,16 @@ def test_thumbnails_are_small_and_keep_their_aspect() -> None:
     small = thumbnail(make_pyramid(image))
     assert small.shape == (16, 64, 3) and small.flags.c_contiguous
     assert (small[:, 1:30] == 0).all() and (small[:, 34:-1] == 255).all()
+
+
+def test_strokes_are_painted_where_the_eye_sees_them_also_without_texture_coordinates(tasks: Tasks) -> None:
+    far = Stroke(0.05, dabs=pack_dabs([0.0, 0.0, 1.0], [0.0, 0.0, 1.0]), hardness=1.0)
+    images = Images(weight_start=0.0, strokes=Strokes((far,)))
+    (found,) = run_in_process(tasks, SampleMaps((("bare.0", images),)))
+    assert isinstance(found, MapsSampled)
+    weight = found.samples[:, 3]
+    assert weight.max() == 1.0 and (found.samples[:, :3] == 1.0).all() and 0.0 < found.means.weight < 1.0
+    assert found.thumbnails["weight"].max() == 255
+    more = Images(weight_start=0.0, strokes=images.strokes.gone_on(pack_dabs([0.06, -0.06, 1.0], [0.0, 0.0, 1.0])))
+    (then,) = run_in_process(tasks, SampleMaps((("bare.0", more),)))
+    assert isinstance(then, MapsSampled) and then.means.weight > found.means.weight

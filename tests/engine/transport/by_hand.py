@@ -43,6 +43,7 @@ def points_at(
         offset_position=vectors(position + lift * normal),
         normal=vectors(normal),
         geometric_normal=vectors(normal),
+        front=np.ones(n, bool),
         tangent=vectors(tangent),
         wo=vectors(wo),
         object_image=np.zeros((1, n), np.int16),

@@ -1,0 +1,139 @@
+"""A layer's images on one object: at what the eye sees of it, and spread evenly over it for their means.
+
+What no stroke changes is sampled once; strokes are painted on that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.material.maps import Images, MapMeans
+from engine.material.strokes import Strokes
+from engine.scene.hits import PrimaryHits
+from engine.scene.load import Scene
+from engine.texture.pyramid import Pyramid
+from engine.texture.strokes import PaintedPoints
+
+Floats = NDArray[np.float64]
+_N_MEAN_SAMPLES = 1 << 15
+
+
+@dataclass(frozen=True, eq=False)
+class SeenMaps:
+    """The images of one layer as the eye sees them: texture (p, 3) and weight (p,) float32 at the points of its object,
+    in the order of the hits, ones where there is none; and their means over the surface."""
+
+    texture: NDArray[np.float32]
+    weight: NDArray[np.float32]
+    means: MapMeans
+
+
+@dataclass(frozen=True, eq=False)
+class SpreadPoints:
+    """Points evenly spread over a surface: texture (N, 3) and weight (N,) without strokes, position and normal."""
+
+    texture: Floats
+    weight: NDArray[np.float32]
+    position: NDArray[np.float32]
+    normal: NDArray[np.float32]
+
+    def means(self, weight: NDArray[np.float32]) -> MapMeans:
+        """The means by area, under these weights (N,)."""
+        red, green, blue = self.texture.mean(axis=0).tolist()
+        both = (self.texture * weight[:, None]).mean(axis=0).tolist()
+        return MapMeans((red, green, blue), float(weight.mean(dtype=np.float64)), (both[0], both[1], both[2]))
+
+
+class Canvas:
+    """One layer's images on one object, and what its strokes make of them."""
+
+    def __init__(self, unpainted: SeenMaps, hits: PrimaryHits, i_object: int, spread: SpreadPoints) -> None:
+        self._unpainted, self._hits, self._i_object, self._spread = unpainted, hits, i_object, spread
+        self._seen: PaintedPoints | None = None
+        self._everywhere: PaintedPoints | None = None
+
+    def see(self, strokes: Strokes) -> SeenMaps:
+        """The images under these strokes; quick where they go on from those seen last."""
+        if not strokes:
+            return self._unpainted
+        spread = self._spread
+        if self._seen is None or self._everywhere is None:
+            rows = slice(*self._hits.object_ranges[self._i_object])
+            self._seen = PaintedPoints(
+                self._unpainted.weight, self._hits.position[rows], self._hits.outward[rows]
+            )
+            self._everywhere = PaintedPoints(spread.weight, spread.position, spread.normal)
+        means = spread.means(self._everywhere.weights(strokes))
+        return SeenMaps(self._unpainted.texture, self._seen.weights(strokes), means)
+
+
+def spread_points(
+    scene: Scene, i_object: int, images: Images, texture: Pyramid | None, weight: Pyramid | None
+) -> SpreadPoints:
+    """Points that each stand for as much of the object's area, and for a share of the images, without strokes."""
+    begin, end = scene.triangle_ranges[i_object]
+    corners = scene.vertices[scene.triangles[begin:end]].astype(np.float64)
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    cumulative = np.cumsum(area)
+    places = (np.arange(_N_MEAN_SAMPLES) + 0.5) / _N_MEAN_SAMPLES * cumulative[-1]
+    triangle = begin + np.minimum(np.searchsorted(cumulative, places), end - begin - 1)
+    u, v = _even_barycentrics(_N_MEAN_SAMPLES)
+    colours, shares = np.ones((len(u), 3)), np.full(len(u), images.weight_start, np.float32)
+    if texture is not None or weight is not None:
+        uv = uvs_at(scene, triangle, u, v)
+        assert scene.uvs is not None
+        edges = scene.uvs[triangle, 1:].astype(np.float64) - scene.uvs[triangle, :1]
+        stretch = np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]) / area[triangle - begin]
+        share = stretch * cumulative[-1] / _N_MEAN_SAMPLES  # of the image, that one point stands for
+        if texture is not None:
+            scale = np.array(images.texture_scale)
+            colours = texture.at(uv * scale, _level(texture, share * abs(scale.prod()))).astype(np.float64)
+        if weight is not None:
+            shares = weight.at(uv, _level(weight, share))[:, 0]
+    return SpreadPoints(colours, shares, positions_at(scene, triangle, u, v), scene.geometric_normals[triangle])
+
+
+def mean_maps(
+    scene: Scene, i_object: int, images: Images, texture: Pyramid | None, weight: Pyramid | None
+) -> MapMeans:
+    """Means by area over an object, strokes and all."""
+    spread = spread_points(scene, i_object, images, texture, weight)
+    if not images.strokes:
+        return spread.means(spread.weight)
+    return spread.means(PaintedPoints(spread.weight, spread.position, spread.normal).weights(images.strokes))
+
+
+def uvs_at(scene: Scene, triangle: NDArray[np.integer], u: NDArray, v: NDArray) -> Floats:
+    """Texture coordinates (N, 2) of points (1 − u − v) A + u B + v C of triangles (N,); 0 where a mesh has none."""
+    if scene.uvs is None:
+        return np.zeros((len(triangle), 2))
+    return _between(scene.uvs[triangle], u, v)
+
+
+def positions_at(scene: Scene, triangle: NDArray[np.integer], u: NDArray, v: NDArray) -> NDArray[np.float32]:
+    """Where such points are in the scene's frame, (N, 3)."""
+    return _between(scene.vertices[scene.triangles[triangle]], u, v).astype(np.float32)
+
+
+def _between(corners: NDArray, u: NDArray, v: NDArray) -> Floats:
+    """What stands at corners (N, 3, k), at points of the triangles."""
+    corners = corners.astype(np.float64)
+    u, v = np.asarray(u, np.float64)[:, None], np.asarray(v, np.float64)[:, None]
+    return np.asarray((1.0 - u - v) * corners[:, 0] + u * corners[:, 1] + v * corners[:, 2])
+
+
+def _level(pyramid: Pyramid, share: Floats) -> Floats:
+    """The level whose texels are as large as a share (N,) of the image's area."""
+    width, height = pyramid.size
+    return np.asarray(0.5 * np.log2(np.maximum(share * width * height, 1.0)))
+
+
+def _even_barycentrics(n: int) -> tuple[Floats, Floats]:
+    """n points spread evenly over a triangle, their u and v: multiples of powers of a root, modulo 1 [Roberts18]."""
+    root = 1.32471795724474602596  # x³ = x + 1
+    a, b = ((np.arange(n) * step + 0.5) % 1.0 for step in (1.0 / root, 1.0 / root**2))
+    folded = a + b > 1.0
+    return np.where(folded, 1.0 - a, a), np.where(folded, 1.0 - b, b)

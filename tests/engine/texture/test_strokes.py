@@ -1,0 +1,138 @@
+"""Strokes of a brush on weight maps: what they cover, what they leave alone, and how files have them."""
+
+import math
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine.material.maps import Images, LayerMaps, map_values, maps_from
+from engine.material.parameters import ParameterError
+from engine.material.strokes import MAX_DABS, Stroke, Strokes, pack_dabs
+from engine.scene.description import parse_description
+from engine.scene.load import build_scene
+from engine.texture.strokes import PaintedPoints
+from engine.texture.surface import MapSampler
+from engine.transport.pipeline import Placement
+
+CAMERA = {"position": [0, 0, 3], "target": [0, 0, 0], "fov_y": 25, "resolution": [32, 32]}
+UP = np.array([0.0, 0.0, 1.0])
+# Random points of a plane, and of its other side, which a sheet of paper has.
+PLANE = np.c_[np.random.default_rng(3).uniform(-1.0, 1.0, (2000, 2)), np.zeros(2000)].astype(np.float32)
+
+
+def stroke(*places: tuple[float, float, float], normal: np.ndarray = UP, **brush: float) -> Stroke:
+    return Stroke(**{"radius": 0.3} | brush, dabs=pack_dabs(places, np.tile(normal, (len(places), 1))))  # type: ignore[arg-type]
+
+
+def painted(*strokes: Stroke, base: float = 0.0, normal: np.ndarray = UP) -> np.ndarray:
+    weights = np.full(len(PLANE), base, np.float32)
+    normals = np.tile(normal.astype(np.float32), (len(PLANE), 1))
+    return PaintedPoints(weights, PLANE, normals).weights(Strokes(strokes))
+
+
+def distance(x: float, y: float) -> np.ndarray:
+    return np.hypot(PLANE[:, 0] - x, PLANE[:, 1] - y)
+
+
+def test_a_dab_is_full_inside_fades_and_ends_at_its_radius() -> None:
+    found, far = painted(stroke((0.2, 0.1, 0.0), hardness=0.5, strength=0.8)), distance(0.2, 0.1)
+    t = np.clip((0.3 - far) / 0.15, 0.0, 1.0)
+    np.testing.assert_allclose(found, 0.8 * t * t * (3.0 - 2.0 * t), atol=1e-5)
+    assert (found[far < 0.15] == np.float32(0.8)).all() and (found[far > 0.3] == 0.0).all()
+
+
+def test_a_stroke_does_not_build_up_but_strokes_do() -> None:
+    half = stroke((0.0, 0.0, 0.0), (0.01, 0.0, 0.0), (0.0, 0.0, 0.0), strength=0.5, hardness=1.0)
+    inside = distance(0.0, 0.0) < 0.2
+    assert (painted(half)[inside] == 0.5).all() and (painted(half, half)[inside] == 0.75).all()
+    erased = painted(half, stroke((0.0, 0.0, 0.0), value=0.0, hardness=1.0))
+    assert (erased[inside] == 0.0).all() and erased.min() >= 0.0 and painted(half, half, base=1.0).max() <= 1.0
+
+
+def test_edges_are_painted_around_and_other_sides_are_not() -> None:
+    dab = stroke((0.0, 0.0, 0.0), hardness=1.0)
+    inside = distance(0.0, 0.0) < 0.2
+    assert (painted(dab, normal=np.array([1.0, 0.0, 0.0]))[inside] == 1.0).all()
+    assert (painted(dab, normal=-UP) == 0.0).all()
+
+
+def test_what_goes_on_is_as_what_was_painted_at_once() -> None:
+    rng = np.random.default_rng(5)
+    done = Strokes()
+    points = PaintedPoints(np.full(len(PLANE), 0.3, np.float32), PLANE, np.tile(np.float32(UP), (len(PLANE), 1)))
+    for _ in range(3):
+        ways = rng.uniform(-1.0, 1.0, (6, 3)) * [1, 1, 0]
+        done = done.begun(stroke(tuple(ways[0]), value=float(rng.uniform()), strength=0.7))
+        points.weights(done)
+        for way in ways[1:]:
+            done = done.gone_on(stroke(tuple(way)).dabs)
+            newest = points.weights(done)
+    np.testing.assert_array_equal(newest, painted(*done.strokes, base=0.3))
+    before = Strokes(done.strokes[:1])
+    np.testing.assert_array_equal(points.weights(before), painted(*before.strokes, base=0.3))  # undone
+    assert done.goes_on_from(before) and not before.goes_on_from(done)
+    twice = Strokes(2 * done.strokes[-1:])
+    points.weights(Strokes(twice.strokes[:1]))
+    np.testing.assert_array_equal(points.weights(twice), painted(*twice.strokes, base=0.3))
+
+
+def placement_of(primitive: str, **more: object) -> Placement:
+    described = {"name": "thing", "primitive": primitive, "layer": [{"model": "lambert"}], **more}
+    tree = {"version": 1, "camera": CAMERA, "object": [described]}
+    return Placement(build_scene(parse_description(tree, "scene.toml"), Path("scene.toml")))
+
+
+def test_pixels_within_the_radius_and_the_mean_by_area() -> None:
+    placement = placement_of("quad")  # one metre square, at z = 0
+    images = Images(weight_start=0.0, strokes=Strokes((stroke((0.1, 0.0, 0.0), hardness=1.0),)))
+    seen = MapSampler(placement.scene, placement.caster, placement.hits).see(0, images)
+    far = np.linalg.norm(placement.hits.position - [0.1, 0.0, 0.0], axis=1)
+    assert (seen.weight[far < 0.28] == 1.0).all() and (seen.weight[far > 0.3] == 0.0).all()
+    assert seen.weight.min() >= 0.0 and seen.weight.max() <= 1.0 and (seen.texture == 1.0).all()
+    # The disc of 0.3 m with its edge, a twentieth of the radius wide, of a square metre.
+    assert seen.means.weight == pytest.approx(math.pi * 0.3**2 * 0.95, rel=0.02)
+    assert seen.means.both[1] == pytest.approx(seen.means.weight)
+
+
+def test_the_sides_of_a_cube_share_coordinates_and_no_strokes() -> None:
+    placement = placement_of("cube")  # each side has the whole image
+    images = Images(weight_start=0.0, strokes=Strokes((stroke((0.0, 0.0, 0.5), hardness=1.0),)))
+    sampler = MapSampler(placement.scene, placement.caster, placement.hits)
+    assert sampler.see(0, images).means.weight == pytest.approx(math.pi * 0.3**2 * 0.95 / 6.0, rel=0.03)
+    around = Images(weight_start=0.0, strokes=Strokes((stroke((0.5, 0.0, 0.5), hardness=1.0),)))
+    # At an edge: half a disc on either side of it.
+    assert sampler.see(0, around).means.weight == pytest.approx(math.pi * 0.3**2 * 0.95 / 6.0, rel=0.03)
+
+
+def test_fronts_are_where_the_winding_faces() -> None:
+    upright = placement_of("quad").hits
+    turned = placement_of("quad", transform=[-1, 0, 0, 0, 0, 1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1]).hits
+    assert upright.front.all() and not turned.front.any()
+    np.testing.assert_allclose(turned.outward, np.tile([0.0, 0.0, -1.0], (len(turned.pixel), 1)), atol=1e-6)
+
+
+def test_files_and_processes_bring_strokes_back_equal() -> None:
+    strokes = Strokes((stroke((1 / 3, 0.1, 2e-7), radius=1 / 7), stroke((0.0, 0.0, 0.0), value=0.25)))
+    maps = LayerMaps(weight_start=0.0, strokes=strokes)
+    assert maps_from(map_values(maps)) == maps and not maps.is_plain and maps.images.strokes == strokes
+    assert pickle.loads(pickle.dumps(strokes)) == strokes and pickle.loads(pickle.dumps(Strokes())) == Strokes()
+    assert Images(strokes=strokes) != Images() and LayerMaps(weight_invert=True, strokes=strokes).inverts
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        3, ["a"], [{"radius": 1.0}], [{"radius": 0.0, "dabs": "AAAA"}], [{"radius": 1.0, "dabs": "!"}],
+        [{"radius": 1.0, "dabs": "AAAA"}], [{"radius": 1.0, "dabs": "", "colour": 1}],
+        map_values(LayerMaps(strokes=Strokes((stroke((0, 0, 0), strength=2.0),))))["strokes"],
+        [{"radius": float("nan"), "dabs": "A" * 32}],
+        map_values(LayerMaps(strokes=Strokes((stroke((float("nan"), 0, 0)),))))["strokes"],
+        map_values(LayerMaps(strokes=Strokes((stroke(*[(0, 0, 0)] * (MAX_DABS + 1)),))))["strokes"],
+    ],
+    ids=range(11),
+)  # fmt: skip
+def test_hostile_strokes_are_refused(bad: object) -> None:
+    with pytest.raises(ParameterError):
+        maps_from({"strokes": bad})

@@ -1,0 +1,66 @@
+"""A brush on the picture: which points of a surface lie under its way."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.material.strokes import pack_dabs
+from engine.scene.description import CameraDescription
+
+# Dabs are this share of the radius apart: between them the edge of a stroke gives way by a hundredth of it.
+SPACING = 0.3
+MOST_DABS = 400  # in one frame
+
+Array = NDArray[np.float64]
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Spot:
+    """What a pixel sees: a point (3,) of the scene, the outward normal (3,), and how many metres a pixel is there."""
+
+    place: Array
+    normal: Array
+    metres: float
+
+
+SpotAt = Callable[[int, int], Spot | None]
+
+
+def spot_of(arrays: Mapping[str, NDArray[Any]], camera: CameraDescription, column: int, row: int, sample: int) -> Spot:
+    """The spot at a pixel that the given sample of the primary hits belongs to."""
+    ray, distance = arrays["ray_directions"][row, column].astype(np.float64), float(arrays["distance"][sample])
+    eye, target = np.array(camera.position), np.array(camera.target)
+    forward = (target - eye) / np.linalg.norm(target - eye)
+    height = arrays["object_image"].shape[0]
+    metres = 2.0 * distance * float(ray @ forward) * math.tan(math.radians(camera.fov_y) / 2.0) / height
+    normal = arrays["normal"][sample].astype(np.float64)
+    normal /= np.linalg.norm(normal)
+    return Spot(eye + distance * ray, normal if arrays["front"][sample] else -normal, metres)
+
+
+def along(points: Sequence[Point], radius: float) -> list[Point]:
+    """Places on the way through points, pixels, close enough together for dabs; the first point is not among them."""
+    found: list[Point] = []
+    step = max(SPACING * radius, 0.5)
+    for (x, y), (to_x, to_y) in zip(points, points[1:], strict=False):
+        n = min(max(math.ceil(math.hypot(to_x - x, to_y - y) / step), 1), MOST_DABS)
+        found += [(x + (to_x - x) * i / n, y + (to_y - y) * i / n) for i in range(1, n + 1)]
+    return found
+
+
+def spots_at(spot_at: SpotAt, places: Sequence[Point]) -> list[Spot]:
+    """The spots at places of the picture that see the surface."""
+    found = (spot_at(math.floor(x), math.floor(y)) for x, y in places)
+    return [spot for spot in found if spot is not None]
+
+
+def dabs_at(spots: Sequence[Spot]) -> bytes:
+    """The dabs at these spots."""
+    return pack_dabs([spot.place for spot in spots], [spot.normal for spot in spots])

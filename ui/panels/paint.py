@@ -1,0 +1,204 @@
+"""Painting a layer's weight map with the mouse over the picture: the brush's controls, its circle, its strokes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from imgui_bundle import ImVec2, imgui
+
+from app.document import layer_key
+from app.map_commands import SetMap
+from app.paint_commands import BlendByMap, Paint, blended_with
+from engine.material.maps import LayerMaps
+from engine.material.strokes import Stroke
+from ui import theme as look
+from ui.brush import along, dabs_at, spots_at
+from ui.panels import widgets
+from ui.panels.actions import Action, BeginDrag, EndDrag, Hold, SetPanel
+from ui.panels.context import PanelContext
+from ui.panels.state import Brush, PaintGrip
+from ui.theme import Icon
+
+LEAST_RADIUS, MOST_RADIUS = 1.0, 400.0
+STEP = 2.0**0.25
+STRIP = 320.0  # the least width of the strip, at scale 1
+Point = tuple[float, float]
+
+PAINT = "Paint the map with the mouse over the picture; Esc ends it."
+START = (
+    ("Full", "The map begins white: the layer is everywhere, and the brush takes it away."),
+    ("Empty", "The map begins black: the layer is nowhere but where the brush brings it."),
+)
+TOWARDS = (
+    ("Add", "The brush brings the layer. With Alt held it takes it away."),
+    ("Remove", "The brush takes the layer away. With Alt held it brings it."),
+)
+BLEND = "Another layer gets this map inverted: where one is, the other is not. They are painted together from then on."
+SLIDERS = (
+    ("radius", (LEAST_RADIUS, MOST_RADIUS), "Radius %.0f px",
+     "The circle under the mouse, in pixels of the picture. Keys [ and ] change it."),
+    ("hardness", (0.0, 1.0), "Hardness %.2f",
+     "How far from its middle the brush paints in full; beyond, it fades towards its edge."),
+    ("strength", (0.01, 1.0), "Strength %.2f", "How much one stroke changes the map: 1 is all the way."),
+)  # fmt: skip
+
+
+def painted_key(context: PanelContext) -> str | None:
+    """The layer that dragging over the picture paints; None where it does not."""
+    selected, document = context.view.selected, context.document
+    if not context.state.paints or selected is None:
+        return None
+    state = document.object(selected.object)
+    fixed = not state.editable or state.emits or document.is_frozen(selected.key)
+    return None if fixed else selected.key
+
+
+def draw(context: PanelContext, key: str, maps: LayerMaps, width: float) -> list[Action]:
+    """The row under the weight map; what an even one is, where the brush is on."""
+    widgets.label(context, "", width)
+    on = context.state.paints
+    actions: list[Action] = []
+    if widgets.segments(context, "material.paint", [("Paint", PAINT)], 0 if on else -1) is not None:
+        actions.append(_switched(context, maps, not on))
+    if not maps.weight and (on or maps.has_weight):
+        imgui.same_line(0.0, context.px(4))
+        start = widgets.segments(context, "material.weight_start", START, 0 if maps.weight_start == 1.0 else 1)
+        if start is not None:
+            actions += [SetMap(key, "weight_start", 1.0 - start), _with(context.state.brush, erases=start == 0)]
+    return actions + (_blend(context, key, width) if maps.has_weight else [])
+
+
+def _switched(context: PanelContext, maps: LayerMaps, on: bool) -> Action:
+    """On or off; of a map that is white all over the brush can only take something away, so that is what it does."""
+    brush = context.state.brush
+    if on and not maps.has_weight:
+        brush = replace(brush, erases=True)
+    return SetPanel({"paints": on, "brush": brush, "shows_images": True})
+
+
+def _blend(context: PanelContext, key: str, width: float) -> list[Action]:
+    """A menu of the object's other layers; those blended with this one already have a mark."""
+    name, _, _ = key.rpartition(".")
+    others = {
+        layer_key(name, i): layer.name
+        for i, layer in enumerate(context.document.object(name).layers)
+        if layer_key(name, i) != key and not layer.rises
+    }
+    if not others:
+        return []
+    together = [other for other in blended_with(context.document, key) if other in others]
+    widgets.label(context, "Blend with", width)
+    actions: list[Action] = []
+    if imgui.begin_combo("##blend", ", ".join(others[other] for other in together) or "No other layer"):
+        for other, text in others.items():
+            pressed, _ = imgui.selectable(text, other in together)
+            context.handles.note_item(f"material.blend.{text}")
+            if pressed:
+                actions.append(BlendByMap(key, other))
+        imgui.end_combo()
+    context.handles.note_item("material.blend")
+    widgets.tooltip(BLEND)
+    return actions
+
+
+def draw_strip(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[Action]:
+    """The brush's controls at the foot of the picture, where the hand is."""
+    if painted_key(context) is None or room.x < context.px(STRIP):
+        return []
+    imgui.set_next_window_pos(
+        ImVec2(corner.x + 0.5 * room.x, corner.y + room.y - context.px(10)), imgui.Cond_.always, ImVec2(0.5, 1.0)
+    )
+    flags = (
+        imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_docking | imgui.WindowFlags_.always_auto_resize
+        | imgui.WindowFlags_.no_saved_settings | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_focus_on_appearing
+    )  # fmt: skip
+    imgui.push_style_color(imgui.Col_.window_bg, look.pack(look.grey(30, 0.94)))
+    imgui.push_style_var(imgui.StyleVar_.window_border_size, 1.0)
+    imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(context.px(8), context.px(6)))
+    actions: list[Action] = []
+    if imgui.begin("Brush###brush", None, flags)[0]:
+        actions += _brush(context, min(context.px(120), (room.x - context.px(STRIP)) / 3.0 + context.px(60)))
+    imgui.end()
+    imgui.pop_style_var(2)
+    imgui.pop_style_color()
+    return actions
+
+
+def _brush(context: PanelContext, width: float) -> list[Action]:
+    """Which way it paints, its three numbers in sliders of a width, and the end."""
+    brush, gap = context.state.brush, context.px(6)
+    pressed = widgets.segments(context, "brush", TOWARDS, int(brush.erases))
+    actions = [] if pressed is None else [_with(brush, erases=bool(pressed))]
+    for name, ends, text, hint in SLIDERS:
+        imgui.same_line(0.0, gap)
+        imgui.set_next_item_width(width)
+        hand, moved = widgets.slider(
+            context, f"brush_{name}", getattr(brush, name), *ends, text, name == "radius", handle=f"brush.{name}"
+        )
+        widgets.tooltip(hint)
+        actions += [_with(brush, **{name: moved})] if hand.changed else []
+    imgui.same_line(0.0, gap)
+    if widgets.icon_button(context, "brush_off", Icon.CLOSE, "End painting (Esc)."):
+        actions.append(SetPanel({"paints": False}))
+    return actions
+
+
+def _with(brush: Brush, **changes: float | bool) -> Action:
+    return SetPanel({"brush": replace(brush, **changes)})  # type: ignore[arg-type]
+
+
+def resized(brush: Brush, steps: int) -> Action:
+    """The brush larger by so many steps, or smaller."""
+    return _with(brush, radius=min(max(brush.radius * STEP**steps, LEAST_RADIUS), MOST_RADIUS))
+
+
+# ------------------------------------------------------------------------------------------------------- the picture
+
+
+def begin(context: PanelContext, place: Point) -> list[Action]:
+    """The button went down at a place of the picture, in its pixels."""
+    brush = context.state.brush
+    erases = brush.erases != imgui.get_io().key_alt
+    grip = PaintGrip("paint", place, False, 0.0 if erases else 1.0)
+    return [BeginDrag(), *_stroke(context, grip, [place], place)]
+
+
+def go_on(context: PanelContext, grip: PaintGrip, place: Point) -> list[Action]:
+    """The button is held and the mouse at a place of the picture."""
+    if place == grip.offset:
+        return []
+    return _stroke(context, grip, along([grip.offset, place], context.state.brush.radius), place)
+
+
+def _stroke(context: PanelContext, grip: PaintGrip, places: list[Point], end: Point) -> list[Action]:
+    """Dabs at places that see the selected object; over nothing there is no stroke."""
+    key, brush = painted_key(context), context.state.brush
+    if key is None:
+        return [EndDrag(), Hold(None)]
+    name = key.rpartition(".")[0]
+    spots = spots_at(lambda x, y: context.spot_at(x, y) if context.object_at(x, y) == name else None, places)
+    if not spots:
+        return [Hold(replace(grip, offset=end))]
+    metres = grip.metres or brush.radius * spots[0].metres
+    stroke = Stroke(metres, grip.value, brush.strength, brush.hardness, dabs_at(spots))
+    return [Paint(key, stroke, not grip.begun), Hold(replace(grip, offset=end, begun=True, metres=metres))]
+
+
+def draw_circle(context: PanelContext, scale: float) -> None:
+    """The brush about the mouse, and whether it adds; scale: pixels of the screen for each of the picture's."""
+    mouse, brush = imgui.get_mouse_pos(), context.state.brush
+    draw_list = imgui.get_window_draw_list()
+    radius, line = brush.radius * scale, context.px(1.5)
+    held = context.state.grip
+    adds = held.value > 0.5 if isinstance(held, PaintGrip) else brush.erases == imgui.get_io().key_alt
+    aside = 0.7071 * radius + context.px(8)
+    beside = ImVec2(mouse.x + aside, mouse.y + aside)
+    for ink, more in ((look.grey(0, 0.55), line), (look.grey(245), 0.0)):
+        draw_list.add_circle(mouse, radius + 0.5 * more, look.pack(ink), 0, line + more)
+        _sign(draw_list, beside, context.px(4) + 0.5 * more, adds, look.pack(ink), line + more)
+
+
+def _sign(draw_list: imgui.ImDrawList, centre: ImVec2, size: float, adds: bool, ink: int, wide: float) -> None:
+    draw_list.add_line(ImVec2(centre.x - size, centre.y), ImVec2(centre.x + size, centre.y), ink, wide)
+    if adds:
+        draw_list.add_line(ImVec2(centre.x, centre.y - size), ImVec2(centre.x, centre.y + size), ink, wide)
