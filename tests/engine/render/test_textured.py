@@ -12,10 +12,13 @@ from engine.light.environment import constant_environment
 from engine.material import MODELS, make_layer
 from engine.material.layer import Layer
 from engine.material.maps import LayerMaps
+from engine.material.strokes import Stroke, Strokes, pack_dabs
 from engine.plan import plan_scene
 from engine.render.indirect import indirect_radiance
+from engine.render.maps import MapFactors
 from engine.render.path_tracer import trace_paths
 from engine.render.still import finish, render_reference, render_still, still_layers, still_quality, with_maps
+from engine.scene.hits import object_ids
 from engine.scene.load import Scene, load_scene
 from engine.transport.pipeline import Placement, SkyState
 
@@ -120,6 +123,18 @@ def test_the_oracle_of_direct_light_has_the_same_factors(placement: Placement) -
     oracle = finish(steps, lambda step: None)
     error = np.sqrt(np.mean((still(placement, layers) - oracle) ** 2)) / oracle.mean()
     assert error < 0.02  # 1,280 directions against 400 lights of an even sky
+
+
+def test_strokes_are_the_same_to_the_eye_and_to_paths(placement: Placement) -> None:
+    dab = Stroke(0.6, 1.0, 0.75, 1.0, pack_dabs([0.2, 0.1, 0.0], [0.0, 0.0, 1.0]))
+    maps = LayerMaps(weight_start=0.0, strokes=Strokes((dab,)))
+    factors, hits = MapFactors(placement.scene, {0: [layer("lambert"), layer("phong", maps)]}), placement.hits
+    rays = hits.ray_directions.reshape(-1, 3)
+    found = placement.caster.intersect(np.tile(placement.scene.eye.astype(np.float32), (len(rays), 1)), rays)
+    seen, met = factors.of_eye(placement), factors.of_hits(found, object_ids(placement.scene, found), hits.pixel)
+    np.testing.assert_allclose(met, seen, atol=1e-5)
+    far = np.linalg.norm(hits.position - [0.2, 0.1, 0.0], axis=1)
+    assert (seen[:, 0] == 1.0).all() and (seen[far < 0.55, 1] == 0.75).all() and (seen[far > 0.6, 1] == 0.0).all()
 
 
 @pytest.fixture(scope="module")
