@@ -535,6 +535,7 @@ class Editor:
         self._reading.forget(response.id)
         self._negotiator.took_failure(response)
         self._comparison.took_failure(response.id)
+        self._maps.took_failure(response.id)
         refused = self._negotiator.asked_light if self._negotiator.is_transport(response.id) else None
         if refused is not None and self._known_light.go_back(self.history, refused):
             self._document_changed()

@@ -8,7 +8,7 @@ has changed, one request at a time, as everything else is.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,8 @@ class MapTalk:
         self._shown: dict[str, MapsSampled] = {}
         self._newest: dict[Surface, MapsSampled] = {}
         self._asked: tuple[tuple[str, Images], ...] = ()
+        self._awaited: set[Surface] = set()
+        self._request = 0
         self._document: Document | None = None
         self._missing: tuple[tuple[str, Images], ...] = ()
         self._curves.map_means.clear()
@@ -69,6 +71,7 @@ class MapTalk:
     def took(self, response: MapsSampled) -> None:
         """Images were sampled."""
         surface = (_object(response.key), response.images)
+        self._awaited.discard(surface)
         self._known.pop(surface, None)
         self._forget_begun(surface)
         self._known[surface] = response
@@ -79,6 +82,12 @@ class MapTalk:
         for key in spare[: max(0, len(self._known) - MOST_KEPT)]:
             del self._known[key]
         self.edited()
+
+    def took_failure(self, request: int) -> None:
+        """A request was given up: nothing more comes of it."""
+        if request == self._request:
+            self._awaited.clear()
+            self.edited()
 
     def _forget_begun(self, surface: Surface) -> None:
         """A stroke went on: what it was in the frames before is of no further use."""
@@ -93,6 +102,7 @@ class MapTalk:
         """Images cannot be used. Where choosing them was the last step, that step is gone as if it had never been;
         whether it was. Else they stay in the document, and the layer is shown without."""
         self._refused[_object(response.key), response.images] = response.line
+        self._awaited.discard((_object(response.key), response.images))
         self.edited()
         document = history.document
         if all(key != response.key for key, _ in document.layers()):
@@ -124,10 +134,21 @@ class MapTalk:
                 self._shown[key] = found
                 events.append(LayerMapsChanged(key, found.samples, found.images.has_weight, found.thumbnails))
         self._missing = tuple((key, images) for (_, images), key in missing.items())
-        if self._missing and self._missing != self._asked:
-            self._send(SampleMaps(self._missing))
-        self._asked = self._missing
+        if not self._hand_is_ahead(missing):
+            if self._missing and self._missing != self._asked:
+                self._request = self._send(SampleMaps(self._missing))
+                self._awaited = set(missing)
+            self._asked = self._missing
         return events
+
+    def _hand_is_ahead(self, missing: Iterable[Surface]) -> bool:
+        """Whether the worker is still at an earlier part of a stroke: asked for more it would drop that, and nothing
+        would be seen before the hand rests."""
+        return any(
+            wanted[0] == awaited[0] and wanted[1].unpainted == awaited[1].unpainted
+            and wanted[1].strokes.are_in_hand(awaited[1].strokes)
+            for awaited in self._awaited for wanted in missing
+        )  # fmt: skip
 
     def _painted_so_far(self, surface: Surface) -> MapsSampled | None:
         """While a stroke goes on: the newest of it that is here, whose mean stands for that to come."""

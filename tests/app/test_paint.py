@@ -101,6 +101,8 @@ def test_a_stroke_is_seen_while_it_goes_on(editor: Editor, client: FakeClient) -
     editor.tick(0.1)
     first = client.sent(SampleMaps)[-1]
     editor.do(Paint("pot.1", STROKE, begins=False))
+    assert [event for event in editor.tick(0.1) if isinstance(event, LayerMapsChanged)] == []
+    assert client.sent(SampleMaps) == [first]  # one after the other, or no answer would count
     (event,) = answer(editor, client, first, 0.25)
     assert (event.samples == 0.25).all() and event.has_weight and not editor.maps.is_complete
     np.testing.assert_allclose(editor.curves.sent_gain(editor.document, "pot.1"), 0.25 * plain)

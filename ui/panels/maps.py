@@ -69,10 +69,11 @@ def _image(context: PanelContext, key: str, what: str, maps: LayerMaps, width: f
         right += _segment_width(context, "Invert") + gap
     actions: list[Action] = []
     if there and (thumbnail := context.map_thumbnails.get(what)) is not None:
-        if _thumbnail(context, what, thumbnail, side):
+        if _thumbnail(context, what, thumbnail, side, bool(name)) and name:
             actions.append(ReloadImages(key))
         imgui.same_line(0.0, gap)
-    actions += _file_button(context, key, what, name, imgui.get_content_region_avail().x - right)
+    words = image_label(name) if name else _without_file(maps) if there else "Load an image…"
+    actions += _file_button(context, key, what, name, words, imgui.get_content_region_avail().x - right)
     if not there:
         return actions
     imgui.same_line(0.0, gap)
@@ -85,7 +86,12 @@ def _image(context: PanelContext, key: str, what: str, maps: LayerMaps, width: f
     return actions
 
 
-def _thumbnail(context: PanelContext, what: str, picture: Picture, side: float) -> bool:
+def _without_file(maps: LayerMaps) -> str:
+    """What a weight map is that is no image."""
+    return "Painted" if maps.strokes else "Even"
+
+
+def _thumbnail(context: PanelContext, what: str, picture: Picture, side: float, of_file: bool) -> bool:
     """The image within a square, its aspect kept. Whether it was pressed."""
     corner, shrink = imgui.get_cursor_screen_pos(), side / max(picture.width, picture.height)
     size = ImVec2(picture.width * shrink, picture.height * shrink)
@@ -95,13 +101,16 @@ def _thumbnail(context: PanelContext, what: str, picture: Picture, side: float) 
     draw_list.add_image(picture.reference, low, ImVec2(low.x + size.x, low.y + size.y), *picture.corners())
     pressed = imgui.invisible_button(f"{what}.thumbnail", ImVec2(side, side))
     context.handles.note_item(f"material.{what}.thumbnail")
-    widgets.tooltip("Click to read the file again, after painting on it in another program.")
+    hint = "Click to read the file again, after painting on it in another program."
+    widgets.tooltip(hint if of_file else "The painted map, as the picture shows it on the object.")
     return pressed
 
 
-def _file_button(context: PanelContext, key: str, what: str, name: str, room: float) -> list[Action]:
+def _file_button(
+    context: PanelContext, key: str, what: str, name: str, words: str, room: float
+) -> list[Action]:
     inside = room - 2.0 * imgui.get_style().frame_padding.x
-    text = widgets.fitting(image_label(name) if name else "Load an image…", inside)
+    text = widgets.fitting(words, inside)
     imgui.push_style_color(imgui.Col_.text, look.pack(look.TEXT if name else look.TEXT_SOFT))
     imgui.push_style_var(imgui.StyleVar_.button_text_align, ImVec2(0.0, 0.5))
     pressed = imgui.button(f"{text}##{what}", ImVec2(max(room, 1.0), 0.0))
