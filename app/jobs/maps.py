@@ -4,6 +4,7 @@ their thumbnails."""
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from app.jobs.messages import MapsRefused, MapsSampled, Response, SampleMaps
 from engine.errors import LoadError
 from engine.material.maps import Images
+from engine.material.strokes import Strokes
 from engine.render.display import encode_srgb
 from engine.scene.hits import PrimaryHits
 from engine.texture.canvas import Canvas
@@ -19,7 +21,8 @@ from engine.texture.surface import MapSampler
 from engine.transport.pipeline import Placement
 
 THUMBNAIL_SIDE = 64
-MOST_CANVASES = 4
+MOST_BEGUN = 4
+NOTHING = 64  # the grey of what is not the object
 
 
 class MapTasks:
@@ -28,7 +31,7 @@ class MapTasks:
     def __init__(self, placement: Placement) -> None:
         self._placement = placement
         self._names = [described.name for described in placement.scene.description.objects]
-        self._canvases: dict[tuple[int, Images], tuple[Images, Canvas]] = {}
+        self._begun: dict[tuple[int, Images], _Begun] = {}
 
     def answers(self, request: SampleMaps) -> Iterator[Response | None]:
         """Each layer's images at all pixels of its object, or why there are none."""
@@ -41,25 +44,62 @@ class MapTasks:
     def _answer(self, sampler: MapSampler, key: str, images: Images) -> MapsSampled | MapsRefused:
         i_object, textures = self._names.index(key.rpartition(".")[0]), self._placement.scene.textures
         try:
-            seen = self._canvas(sampler, i_object, images).see(images.strokes)
+            begun = self._work(sampler, i_object, images)
+            seen = begun.canvas.see(images.strokes)
             pyramids = {"texture": textures.texture(images), "weight": textures.weight(images)}
         except LoadError as error:
             return MapsRefused(key, images, " ".join(str(error).split()))
-        samples = np.concatenate([seen.texture, seen.weight[:, None]], axis=1).astype(np.float16)
+        samples = begun.unpainted.copy()
+        samples[:, 3] = seen.weight
         thumbnails = {what: thumbnail(pyramid) for what, pyramid in pyramids.items() if pyramid is not None}
         if images.strokes:
-            thumbnails["weight"] = seen_thumbnail(self._placement.hits, i_object, seen.weight)
+            thumbnails["weight"] = begun.thumbnail.of(seen.weight)
         return MapsSampled(key, images, samples, seen.means, thumbnails)
 
-    def _canvas(self, sampler: MapSampler, i_object: int, images: Images) -> Canvas:
+    def _work(self, sampler: MapSampler, i_object: int, images: Images) -> _Begun:
         """What strokes are painted on; made anew where they are those of the last time: files were written since."""
         place = (i_object, images.unpainted)
-        before, canvas = self._canvases.pop(place, (None, None))
-        if canvas is None or before == images or not images.strokes:
+        begun = self._begun.pop(place, None)
+        if begun is None or begun.last == images or not images.strokes:
             canvas = sampler.canvas(i_object, images)
-        self._canvases = dict(list(self._canvases.items())[1 - MOST_CANVASES :])
-        self._canvases[place] = images, canvas
-        return canvas
+            seen = canvas.see(Strokes())
+            samples = np.concatenate([seen.texture, seen.weight[:, None]], axis=1).astype(np.float16)
+            begun = _Begun(images, canvas, samples, SeenThumbnail(self._placement.hits, i_object))
+        self._begun = dict(list(self._begun.items())[1 - MOST_BEGUN :])
+        self._begun[place] = replace(begun, last=images)
+        return begun
+
+
+@dataclass(frozen=True, eq=False)
+class _Begun:
+    """A layer's images that a brush is at work on: as they were asked for last, their canvas, their samples (p, 4)
+    without strokes (float16: converting them takes longer than painting), and the thumbnail of what is painted."""
+
+    last: Images
+    canvas: Canvas
+    unpainted: NDArray[np.float16]
+    thumbnail: SeenThumbnail
+
+
+class SeenThumbnail:
+    """A painted map, which has no texels, as the eye sees it on its object: at most 64 pixels wide and high, grey where
+    the object is not."""
+
+    def __init__(self, hits: PrimaryHits, i_object: int) -> None:
+        pixel = hits.pixel[slice(*hits.object_ranges[i_object])]
+        row, column = pixel // hits.resolution[0], pixel % hits.resolution[0]
+        if len(pixel):
+            row, column = row - row.min(), column - column.min()
+        shrink = max(int(row.max(initial=0)) + 1, int(column.max(initial=0)) + 1, THUMBNAIL_SIDE) / THUMBNAIL_SIDE
+        self._shape = int(row.max(initial=0) / shrink) + 1, int(column.max(initial=0) / shrink) + 1
+        cells = (row / shrink).astype(np.int64) * self._shape[1] + (column / shrink).astype(np.int64)
+        self._cells, self._points = np.unique(cells, return_index=True)
+
+    def of(self, weight: NDArray[np.floating]) -> NDArray[np.uint8]:
+        """The picture (h, w, 3) of weights (p,)."""
+        image = np.full(self._shape[0] * self._shape[1], NOTHING, np.uint8)
+        image[self._cells] = np.round(255.0 * weight[self._points])
+        return np.repeat(image.reshape(*self._shape, 1), 3, axis=2)
 
 
 def thumbnail(pyramid: Pyramid) -> NDArray[np.uint8]:
@@ -73,17 +113,3 @@ def thumbnail(pyramid: Pyramid) -> NDArray[np.uint8]:
     shares = encode_srgb(texels) if texels.shape[1] == 3 else texels  # a mask is shown as its file has it
     shown = np.round(255.0 * shares).astype(np.uint8)
     return np.ascontiguousarray(np.broadcast_to(shown, (len(shown), 3)).reshape(rows, columns, 3))
-
-
-def seen_thumbnail(hits: PrimaryHits, i_object: int, weight: NDArray[np.floating]) -> NDArray[np.uint8]:
-    """A painted map, which has no texels, as the eye sees it on its object: at most 64 pixels wide and high, grey where
-    the object is not."""
-    pixel = hits.pixel[slice(*hits.object_ranges[i_object])]
-    if not len(pixel):
-        return np.full((1, 1, 3), 64, np.uint8)
-    row, column = pixel // hits.resolution[0], pixel % hits.resolution[0]
-    row, column = row - row.min(), column - column.min()
-    shrink = max(int(row.max()) + 1, int(column.max()) + 1, THUMBNAIL_SIDE) / THUMBNAIL_SIDE
-    image = np.full((int(row.max() / shrink) + 1, int(column.max() / shrink) + 1), 64, np.uint8)
-    image[(row / shrink).astype(np.int64), (column / shrink).astype(np.int64)] = np.round(255.0 * weight)
-    return np.repeat(image[..., None], 3, axis=2)

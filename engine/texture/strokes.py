@@ -13,14 +13,15 @@ from engine.material.strokes import HARDEST, Stroke, Strokes
 from engine.texture._stroke_kernels import cover
 
 BLOCK = 64
+MOST_BACK = 16  # strokes, under which the weights are kept: painting on after an undo begins there
 _CELLS = 64  # along each axis, by which points are sorted
 
 Floats = NDArray[np.float32]
 
 
 class PaintedPoints:
-    """Points that are painted. What was done to them is kept, so that strokes which go on from those of the call before
-    are not painted again."""
+    """Points that are painted. What was done to them is kept, so that strokes of the call before are not painted
+    again."""
 
     def __init__(self, base: Floats, positions: Floats, normals: Floats) -> None:
         """base (N,): the weights without strokes; positions (N, 3) in the scene's frame; normals (N, 3), unit, on the
@@ -32,24 +33,34 @@ class PaintedPoints:
         starts = np.arange(0, len(points), BLOCK)
         self._low = np.minimum.reduceat(self._points[:, :3], starts) if len(points) else np.zeros((0, 3), np.float32)
         self._high = np.maximum.reduceat(self._points[:, :3], starts) if len(points) else np.zeros((0, 3), np.float32)
-        self._forget()
+        self._painted: tuple[Stroke, ...] = ()
+        self._below: list[Floats | None] = []
+        self._now = self._base
+        self._coverage = np.zeros(len(self._base), np.float32)
 
     def weights(self, strokes: Strokes) -> Floats:
         """The weights (N,) under these strokes."""
-        if not strokes.goes_on_from(Strokes(self._painted)):
-            self._forget()
-        n_painted = len(self._painted)
-        for i in range(max(n_painted - 1, 0), len(strokes.strokes)):
-            self._paint(strokes.strokes[i], goes_on=i < n_painted)
-        out = np.empty_like(self._base)
-        out[self._order] = self._blended()
+        wanted = strokes.strokes
+        n_same = next(
+            (i for i, (old, new) in enumerate(zip(self._painted, wanted, strict=False)) if old != new),
+            min(len(self._painted), len(wanted)),
+        )
+        goes_on = n_same == len(self._painted) - 1 < len(wanted) and wanted[n_same].continues(self._painted[-1])
+        if n_same < len(self._painted) and not goes_on:
+            n_same = self._go_back(n_same)
+        for i in range(n_same, len(wanted)):
+            self._paint(wanted[i], goes_on and i == n_same)
+        out = np.empty_like(self._now)
+        out[self._order] = self._now
         return out
 
-    def _forget(self) -> None:
-        """Nothing is painted: `_below` is what the newest stroke is painted on."""
-        self._painted: tuple[Stroke, ...] = ()
-        self._below = self._base
-        self._coverage = np.zeros(len(self._base), np.float32)
+    def _go_back(self, n: int) -> int:
+        """To the first n strokes, or to none where what was under the next is forgotten; how many it is."""
+        below = self._below[n]
+        if below is None:
+            n, below = 0, self._base
+        self._painted, self._below, self._now = self._painted[:n], self._below[:n], below
+        return n
 
     def _paint(self, stroke: Stroke, goes_on: bool) -> None:
         """Go on with the newest stroke where this is it, else begin another."""
@@ -57,7 +68,9 @@ class PaintedPoints:
         if goes_on:
             n_done, self._painted = self._painted[-1].n_dabs, self._painted[:-1]
         else:
-            self._below = self._blended()
+            self._below.append(self._now)
+            if len(self._below) > MOST_BACK:
+                self._below[-1 - MOST_BACK] = None
             self._coverage = np.zeros(len(self._base), np.float32)
         inner = min(stroke.hardness, HARDEST) * stroke.radius
         cover(
@@ -65,13 +78,9 @@ class PaintedPoints:
             self._coverage,
         )  # fmt: skip
         self._painted = (*self._painted, stroke)
-
-    def _blended(self) -> Floats:
-        if not self._painted:
-            return self._below
-        stroke = self._painted[-1]
-        share = np.float32(stroke.strength) * self._coverage
-        return np.asarray(self._below + share * (np.float32(stroke.value) - self._below), np.float32)
+        below, share = self._below[-1], np.float32(stroke.strength) * self._coverage
+        assert below is not None
+        self._now = np.asarray(below + share * (np.float32(stroke.value) - below), np.float32)
 
 
 def _by_place(positions: Floats) -> NDArray[np.int64]:

@@ -11,6 +11,7 @@ from app.commands import SetParameter
 from app.script import load_script
 from tests.ui.stand_in import HEIGHT, WIDTH
 from ui.headless import HeadlessWindow
+from ui.panels.actions import SaveMaterial
 from ui.script_runner import ScriptError, run_steps
 
 pytestmark = pytest.mark.gl
@@ -41,7 +42,7 @@ def brush(window: HeadlessWindow) -> HeadlessWindow:
     return window
 
 
-def test_drags_paint_and_each_is_one_step(brush: HeadlessWindow) -> None:
+def test_drags_paint_keys_size_the_brush_and_escape_ends_it(brush: HeadlessWindow) -> None:
     window, history = brush, brush.shell.editor.history
     n_steps = len(history.undo_steps)
     window.drag(place(window, 3, 8), place(window, 9, 20))
@@ -59,10 +60,6 @@ def test_drags_paint_and_each_is_one_step(brush: HeadlessWindow) -> None:
     window.shell.editor.undo()
     window.shell.editor.undo()
     assert strokes(window) == ()
-
-
-def test_its_keys_and_what_ends_it(brush: HeadlessWindow) -> None:
-    window = brush
     exposure, radius = window.shell.editor.view.exposure, window.shell.state.brush.radius
     window.key(imgui.Key.right_bracket)
     assert window.shell.state.brush.radius > radius and window.shell.editor.view.exposure == exposure
@@ -86,6 +83,9 @@ def test_an_even_map_and_its_clearing(brush: HeadlessWindow) -> None:
     window.click_handle("material.blend.coat")
     window.frames(2)
     assert strokes(window, "teapot.1") == strokes(window)
+    window.shell.do(SaveMaterial("teapot", "Painted"))
+    assert "without the strokes" in editor.status.message
+    assert all(layer.maps.is_plain for layer in window.shell.actor.library.entry("Painted").material.layers)
     window.click_handle("button.clear_weight")
     assert editor.document.layer("teapot.0").maps.is_plain
 

@@ -12,7 +12,7 @@ from engine.material.parameters import ParameterError
 from engine.material.strokes import MAX_DABS, Stroke, Strokes, pack_dabs
 from engine.scene.description import parse_description
 from engine.scene.load import build_scene
-from engine.texture.strokes import PaintedPoints
+from engine.texture.strokes import MOST_BACK, PaintedPoints
 from engine.texture.surface import MapSampler
 from engine.transport.pipeline import Placement
 
@@ -71,7 +71,13 @@ def test_what_goes_on_is_as_what_was_painted_at_once() -> None:
             newest = points.weights(done)
     np.testing.assert_array_equal(newest, painted(*done.strokes, base=0.3))
     before = Strokes(done.strokes[:1])
+    other = before.begun(stroke((0.0, 0.5, 0.0)))
     np.testing.assert_array_equal(points.weights(before), painted(*before.strokes, base=0.3))  # undone
+    np.testing.assert_array_equal(points.weights(other), painted(*other.strokes, base=0.3))  # and painted on
+    many = Strokes(tuple(stroke((0.1 * i - 1.0, 0.0, 0.0), strength=0.4) for i in range(MOST_BACK + 4)))
+    for n in (len(many.strokes), 2, MOST_BACK, 0, 1):  # further back than is kept, and less far
+        part = Strokes(many.strokes[:n])
+        np.testing.assert_array_equal(points.weights(part), painted(*part.strokes, base=0.3))
     assert done.goes_on_from(before) and not before.goes_on_from(done)
     twice = Strokes(2 * done.strokes[-1:])
     points.weights(Strokes(twice.strokes[:1]))
