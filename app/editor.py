@@ -15,6 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
+from app.band_plans import BandTalk
 from app.commands import EditCommand
 from app.comparison import Comparison
 from app.document import Document, Selection, layer_key
@@ -22,6 +23,7 @@ from app.edited_curves import edited_layers
 from app.history import History
 from app.indirect import IndirectTalk
 from app.jobs.messages import (
+    BandsPlanned,
     BouncesPlanned,
     Cancel,
     Failed,
@@ -119,6 +121,7 @@ class Editor:
         self.resolution = resolution
         self._client = client
         self._keeper = SessionKeeper(journal)
+        self._bands = BandTalk(client.send, self.curves.plans)
         self._negotiator = Negotiator(client.send, self.curves)
         self._indirect = IndirectTalk(client.send, self.curves)
         self._maps = MapTalk(client.send, self.curves)
@@ -154,7 +157,7 @@ class Editor:
                 return None
             elif self.history.do(command, merge_key):
                 if isinstance(command, SetMaterial):
-                    self.curves.replan(layer_key(command.object, index) for index in range(len(command.layers)))
+                    self.curves.plans.replan(layer_key(command.object, index) for index in range(len(command.layers)))
                 self._document_changed()
                 if isinstance(command, SetMaterial) and self.view.selected is not None:
                     self.select(self.view.selected.object)  # its layers are others
@@ -312,19 +315,24 @@ class Editor:
         for response in self._client.poll(POLL_SECONDS):
             events += self._take(response)
         if self.scene_is_open:
-            view = self.view
-            self._negotiator.update(
-                now, self.document, view.selected, view.n_lights, self.history.dragging, view.precision, view.n_bounces
-            )
-            events += self._maps.update(self.document)
-            if not self._negotiator.drag_quality:
-                revision = self._negotiator.revision
-                events += self._indirect.update(
-                    now, self.document, view.selected, view.n_bounces, view.second_bands, revision
-                )
+            events += self._ask(now)
             events += self._compare(now)
             self._keep(now)
         self._gauges.measure_memory(now, self._client.pid)
+        return events
+
+    def _ask(self, now: float) -> list[PictureEvent]:
+        """Ask for what is missing; how indirect light and images have changed."""
+        view, talk, document = self.view, self._negotiator, self.document
+        planned = self._bands.update(document)
+        talk.update(
+            now, document, view.selected, view.n_lights, self.history.dragging, view.precision, view.n_bounces, planned
+        )
+        events: list[PictureEvent] = [*self._maps.update(document)]
+        if planned and not talk.drag_quality:
+            events += self._indirect.update(
+                now, document, view.selected, view.n_bounces, view.second_bands, talk.revision
+            )
         return events
 
     def _compare(self, now: float) -> list[PictureEvent]:
@@ -414,6 +422,8 @@ class Editor:
                 self._take_failure(response)
             case MeasurementsRead():
                 self._take_measurements(response)
+            case BandsPlanned():
+                self._bands.took(response)
             case TableHandedOut():
                 self._gauges.progress = None
                 self._tables.took(response)
@@ -511,7 +521,7 @@ class Editor:
         unchanged = {key: layer for key, layer in document.layers() if layer == described.get(key)}
         self.curves.opened(unchanged, opened.bands)
         for layer, bands in opened.planned:
-            self.curves.learn(layer, bands)
+            self.curves.plans.learn(layer, bands)
         self.history = History(document)
         selected = session.view.selected or self.view.selected
         self.view = replace(session.view, selected=selected, panels=self.view.panels)
@@ -523,7 +533,7 @@ class Editor:
         self._gauges.progress = None
         command = self._reading.took(response)
         for layer, bands in zip(() if command is None else command.layers, response.bands, strict=False):
-            self.curves.learn(layer, bands)
+            self.curves.plans.learn(layer, bands)
         if command is not None and self.do(command) is None:
             self.select(command.object)
             self.notify(describe_reading(command.layers))
@@ -533,6 +543,7 @@ class Editor:
         if self._tables.took_failure(response):
             return
         self._reading.forget(response.id)
+        self._bands.took_failure(response)
         self._negotiator.took_failure(response)
         self._comparison.took_failure(response.id)
         self._maps.took_failure(response.id)

@@ -223,9 +223,10 @@ class Negotiator:
 
     def update(
         self, now: float, document: Document, selected: Selection | None, n_lights: int, dragging: bool,
-        precision: Precision = "half", n_bounces: int = 1,
+        precision: Precision = "half", n_bounces: int = 1, planned: bool = True,
     ) -> None:  # fmt: skip
-        """Ask for what is missing; ``now`` in seconds of any steady clock."""
+        """Ask for what is missing; ``now`` in seconds of any steady clock. planned: whether the bands of all layers
+        are known; until they are, nothing is asked for."""
         if not self._opened:
             return
         self._precision = precision
@@ -233,6 +234,9 @@ class Negotiator:
         if wish != self._wish:
             self._wish_since = -math.inf if self._wish is None else now
             self._wish = wish
+        if not planned:
+            self._wish_made_of = None
+            return
         self._ask_transport(wish, now, document, selected, dragging)
         self._released = False
         if not self._drag_quality:

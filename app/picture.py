@@ -7,18 +7,19 @@ Shapes: P pixels that see a reflecting object, p those of one layer, J bands.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from app.band_plans import BandPlans
 from app.document import Document
 from engine.curve.operators import HALF_PI
 from engine.material.layer import Layer
 from engine.material.maps import Images, MapMeans
 from engine.material.model import Model
-from engine.plan import MOST_BANDS, band_counts, bands_by_hand
+from engine.plan import MOST_BANDS, bands_by_hand
 from engine.scene.description import SceneDescription
 
 Array = NDArray[np.float64]
@@ -147,38 +148,18 @@ class Curves:
     """
 
     def __init__(self, most_bands: int = MOST_BANDS) -> None:
-        self.most_bands = most_bands
+        self.plans = BandPlans(most_bands)
         self.map_means: dict[tuple[str, Images], MapMeans] = {}
         self._cached: dict[tuple[str, str, int], tuple[Layer, Array]] = {}
-        self._planned: dict[str, tuple[Model, dict[str, int]]] = {}
-        self._learnt: dict[object, dict[str, int]] = {}
 
     def opened(self, layers: Mapping[str, Layer], planned: Mapping[str, dict[str, int]]) -> None:
-        """Another scene with these layers by key: they are planned anew, but for those whose plan is given."""
-        self._cached, self._learnt = {}, {}
-        known = planned if self.most_bands == MOST_BANDS else {}
-        self._planned = {key: (layers[key].model, counts) for key, counts in known.items() if key in layers}
-
-    def learn(self, layer: Layer, counts: Mapping[str, int]) -> None:
-        """How many bands a layer needs that the document may come to have: planned elsewhere, for it takes a while."""
-        if self.most_bands == MOST_BANDS:
-            self._learnt[_made_of(layer)] = dict(counts)
-
-    def replan(self, keys: Iterable[str]) -> None:
-        """These layers have become others: they are planned anew."""
-        for key in keys:
-            self._planned.pop(key, None)
+        """Another scene with these layers by key, whose bands are planned anew but where their plan is given."""
+        self._cached = {}
+        self.plans.opened(layers, planned)
 
     def bands(self, key: str, layer: Layer, chosen: int | None = None) -> dict[str, int]:
-        """J of each of the layer's transport factors; ``chosen`` for the sharpest where a person did.
-
-        Planned when the layer is first seen and kept while it is edited, so that transport outlives edits; a new model
-        is planned anew.
-        """
-        model, counts = self._planned.get(key, (None, {}))
-        if model is not layer.model:
-            counts = self._learnt.get(_made_of(layer)) or band_counts(layer, self.most_bands)
-            self._planned[key] = (layer.model, counts)
+        """J of each of the layer's transport factors as planned; ``chosen`` for the sharpest where a person did."""
+        counts = self.plans.of(key, layer)
         return counts if chosen is None else bands_by_hand(layer, counts, chosen)
 
     def coefficients(self, document: Document, key: str, most: int | None = None) -> dict[str, Array]:
@@ -229,11 +210,6 @@ def view_curve_of(layer: Layer) -> Array:
     if factor is None:
         return np.ones((N_VIEW_SAMPLES, 3))
     return layer.curve(factor.name)(np.linspace(0.0, HALF_PI, N_VIEW_SAMPLES))
-
-
-def _made_of(layer: Layer) -> object:
-    """What a layer's curves come from."""
-    return layer.model, layer.parameters, layer.edits
 
 
 def _same_curve(before: Layer, layer: Layer, factor: str) -> bool:

@@ -32,6 +32,7 @@ from engine.curve.bands import band_nodes, band_values, band_weights
 from engine.errors import InsituError
 from engine.material import kinds
 from engine.material.layer import Layer
+from engine.material.model import Model
 from engine.scene.description import MAX_BOUNCES
 
 if TYPE_CHECKING:
@@ -140,13 +141,15 @@ def bands_by_hand(layer: Layer, planned: Mapping[str, int], sharpest: int) -> di
     return counts
 
 
+def usual_bands(model: Model) -> dict[str, int]:
+    """J of each of the transport factors of a model's layers where no curve asks for more."""
+    return {factor.name: EDITABLE_BANDS[factor.gamma] for factor in model.factors}
+
+
 def band_counts(layer: Layer, most: int = MOST_BANDS) -> dict[str, int]:
     """J of each of the transport factors of a layer; ``most`` (a power of two) caps them."""
-    counts = {}
-    for factor in layer.model.factors:
-        least = min(EDITABLE_BANDS[factor.gamma], most)
-        counts[factor.name] = bandwidth(layer, factor.name, most=most, least=least)
-    return counts
+    usual = usual_bands(layer.model)
+    return {name: bandwidth(layer, name, most=most, least=min(n, most)) for name, n in usual.items()}
 
 
 def curve_deviation(layer: Layer, factor: str, n_bands: int) -> float:

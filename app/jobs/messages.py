@@ -66,6 +66,13 @@ class ReadMeasured(Request):
 
 
 @dataclass(frozen=True)
+class PlanBands(Request):
+    """Say how many bands the curves of these layers need; answered by `BandsPlanned`."""
+
+    layers: tuple[Layer, ...]
+
+
+@dataclass(frozen=True)
 class HandOutTable(Request):
     """Hand out the samples of a measured BRDF, read first where they are not there. number: what names them where
     the file was read before, 0 for whatever it holds. Answered by `TableHandedOut`."""
@@ -222,6 +229,13 @@ class MeasurementsRead(Response):
 
     found: dict[str, Measurement]
     bands: tuple[dict[str, int], ...] = ()
+
+
+@dataclass(frozen=True)
+class BandsPlanned(Response):
+    """J by factor of the layers of a `PlanBands`, in their order."""
+
+    bands: tuple[dict[str, int], ...]
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,9 +1,9 @@
 """What the worker does next: one long job and one quick one of each kind, all advanced step by step.
 
 A job is the iterator that a handler returns; each `next` is one step, short enough (about 100 ms) that a new request is
-noticed soon. A contraction is quick, and so are a freezing and the sampling of images: they are served between the
-steps of a transport that is under way. There are no threads and no queue but eight places, one for the newest request
-of each kind, so an old request cannot pile up.
+noticed soon. A contraction is quick, and so are a freezing, the planning of bands and the sampling of images: they are
+served between the steps of a transport that is under way. There are no threads and no queue but nine places, one for
+the newest request of each kind, so an old request cannot pile up.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from app.jobs.messages import (
     Freeze,
     HandOutTable,
     OpenScene,
+    PlanBands,
     ReadMeasured,
     Request,
     Response,
@@ -38,13 +39,14 @@ _CANCELS: dict[type[Request], tuple[type[Request], ...]] = {
     ComputeTransport: (ComputeTransport, Contract, Freeze),
     Contract: (Contract,),
     Freeze: (Freeze,),
+    PlanBands: (PlanBands,),
     ReadMeasured: (ReadMeasured,),
     HandOutTable: (HandOutTable,),
     WriteFiles: (WriteFiles,),
     SampleMaps: (SampleMaps,),
 }
 # The first goes first.
-_QUICK: tuple[type[Request], ...] = (SampleMaps, Contract, Freeze, HandOutTable, ReadMeasured, WriteFiles)
+_QUICK: tuple[type[Request], ...] = (PlanBands, SampleMaps, Contract, Freeze, HandOutTable, ReadMeasured, WriteFiles)
 
 
 class Handlers(Protocol):
@@ -58,7 +60,9 @@ class Handlers(Protocol):
 
     def handle(self, request: Request) -> Steps: ...
 
-    def quick(self, request: SampleMaps | Contract | Freeze | HandOutTable | ReadMeasured | WriteFiles) -> Steps: ...
+    def quick(
+        self, request: PlanBands | SampleMaps | Contract | Freeze | HandOutTable | ReadMeasured | WriteFiles
+    ) -> Steps: ...
 
 
 class _Job:

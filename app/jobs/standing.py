@@ -7,6 +7,7 @@ contraction and the freezing. An answer to a request that no longer stands is st
 from __future__ import annotations
 
 from app.jobs.messages import (
+    BandsPlanned,
     Cancel,
     ComputeTransport,
     Contract,
@@ -16,6 +17,7 @@ from app.jobs.messages import (
     HandOutTable,
     MeasurementsRead,
     OpenScene,
+    PlanBands,
     ReadMeasured,
     Request,
     Response,
@@ -31,6 +33,7 @@ _BUILT_ON: dict[type[Request], tuple[type[Request], ...]] = {
     ComputeTransport: (Contract, Freeze),
     Contract: (),
     Freeze: (),
+    PlanBands: (),
     ReadMeasured: (),
     HandOutTable: (),
     WriteFiles: (),
@@ -63,7 +66,7 @@ class Standing:
         """Note a current answer: a request that failed, or was answered once and for all, stands no longer."""
         if isinstance(response, SceneOpened):
             self._opened = self._requests[OpenScene]
-        elif isinstance(response, (Failed, MeasurementsRead, TableHandedOut, FilesWritten)):
+        elif isinstance(response, (Failed, BandsPlanned, MeasurementsRead, TableHandedOut, FilesWritten)):
             self.drop(response.id)
 
     def drop(self, id: int) -> None:

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from app.document import Document, LightState, document_from_description
+from app.jobs.bands import plan_bands
 from app.jobs.cache import Store, content_key
 from app.jobs.kernels import FIRST_TIME, INDIRECT, Kernels, are_compiled, note_compiled
 from app.jobs.layer_data import STAGES, LayerData, LitBy, joined, kept_of_tile, shape_of, store_of
@@ -32,6 +33,7 @@ from app.jobs.messages import (
     HandOutTable,
     LayerWork,
     OpenScene,
+    PlanBands,
     Progress,
     ReadMeasured,
     Request,
@@ -97,11 +99,14 @@ class Tasks:
                 yield from self._compute(request)
 
     def quick(
-        self, request: SampleMaps | Contract | Freeze | HandOutTable | ReadMeasured | WriteFiles
+        self, request: PlanBands | SampleMaps | Contract | Freeze | HandOutTable | ReadMeasured | WriteFiles
     ) -> Iterator[Response | None]:
         """One layer's picture, and its transport along one curve ("curve switching", [BenArtzi07, eq. 4.16]); or the
         indirect light, frozen for what is selected; or files of measured BRDFs, read, handed out or written; or images
-        as the eye sees them."""
+        as the eye sees them; or the bands of layers, planned."""
+        if isinstance(request, PlanBands):
+            yield from plan_bands(request)
+            return
         if isinstance(request, HandOutTable):
             yield from hand_out(request, self._cache)
             return

@@ -6,21 +6,25 @@ from typing import Any
 
 import numpy as np
 
+from app.document import document_from_description
+from app.jobs.bands import plan_bands
 from app.jobs.messages import (
     ComputeTransport,
     Contract,
     LayerPicture,
     LayerTransport,
     OpenScene,
+    PlanBands,
     Request,
     Response,
     SceneOpened,
     StageDone,
     stamped,
 )
+from app.measurements import unread_files
 from engine.material.layer import Layer
 from engine.measured.measurement import Measurement
-from engine.plan import Precision
+from engine.plan import Precision, band_counts
 from engine.scene.description import parse_description
 
 METAL = {"model": "rough_conductor", "alpha": 0.15}
@@ -39,7 +43,12 @@ SCENE: dict[str, Any] = {
 
 
 class FakeClient:
-    """Satisfies ``app.editor.WorkerClient``. ``requests`` holds all that was sent, oldest first, with ids from 1."""
+    """Satisfies ``app.editor.WorkerClient``. ``requests`` holds all that was sent, oldest first, with ids from 1.
+
+    It ``plans`` bands by itself, a poll after it was asked.
+    """
+
+    plans = True
 
     def __init__(self) -> None:
         self.alive = True
@@ -52,7 +61,10 @@ class FakeClient:
 
     def send(self, request: Request) -> int:
         self._id += 1
-        self.requests.append(stamped(request, self._id, request.revision))
+        sent = stamped(request, self._id, request.revision)
+        self.requests.append(sent)
+        if isinstance(sent, PlanBands) and self.plans:
+            self.answer(sent, *(answer for answer in plan_bands(sent) if answer is not None))
         return self._id
 
     def poll(self, budget_s: float = 0.0) -> list[Response]:
@@ -74,11 +86,13 @@ class FakeClient:
         self, scene: dict[str, Any] = SCENE, bands: dict[str, dict[str, int]] | None = None,
         measurements: dict[str, Measurement] | None = None, planned: tuple[tuple[Layer, dict[str, int]], ...] = (),
     ) -> None:  # fmt: skip
-        """Answer the newest OpenScene."""
-        text = parse_description(scene, "scene.toml").model_dump_json(by_alias=True)
-        opened = SceneOpened(
-            text, ("a note",), bands=bands or {}, measurements=measurements or {}, planned=planned
-        )
+        """Answer the newest OpenScene; bands: those planned, None for all."""
+        description = parse_description(scene, "scene.toml")
+        if bands is None:
+            document = document_from_description("scene.toml", description)
+            bands = {key: band_counts(layer) for key, layer in document.layers() if not unread_files([layer])}
+        text = description.model_dump_json(by_alias=True)
+        opened = SceneOpened(text, ("a note",), bands=bands, measurements=measurements or {}, planned=planned)
         self.answer(self.sent(OpenScene)[-1], opened)
 
     def finish_stage(self, stage: str, exact: bool) -> None:
@@ -142,7 +156,7 @@ class ServingClient(FakeClient):
         return id
 
     def poll(self, budget_s: float = 0.0) -> list[Response]:
-        taken: list[Response] = []
+        taken, self._due = self._due, []
         may_pause = not self._paused
         for due in self._answers.values():
             n = int(self._random.integers(0 if may_pause else 1, 3))
@@ -156,7 +170,7 @@ class ServingClient(FakeClient):
     @property
     def idle(self) -> bool:
         """Whether all that was asked has been answered."""
-        return not any(self._answers.values())
+        return not any((self._due, *self._answers.values()))
 
     def _stage(self, request: ComputeTransport, stage: str, last: str) -> list[Response]:
         answers: list[Response] = []

@@ -73,10 +73,12 @@ def test_opening_asks_for_all_layers_at_once(client: FakeClient) -> None:
 def test_the_workers_plan_of_a_scene_is_taken_over(client: FakeClient) -> None:
     editor = Editor(client, "shelf")
     client.open_scene(bands={"pot.1": {"theta_h": 16, "theta_d": 4}})
-    editor.tick(0.0)
+    for now in (0.0, 0.1):
+        editor.tick(now)
     (work,) = computed(client)
     assert [layer.bands for layer in work.layers][1] == (16, 4)
-    assert work.layers[0].bands == tuple(band_counts(editor.document.layer("pot.0")).values())  # nobody planned it
+    # Nobody planned it, and it was asked for apart.
+    assert work.layers[0].bands == tuple(band_counts(editor.document.layer("pot.0")).values())
 
 
 def test_each_scene_is_planned_anew(client: FakeClient) -> None:

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app import picture
 from app.commands import SetFrozen, SetParameter
 from app.document import Document, LightState, document_from_description
 from app.editor import Editor
@@ -21,6 +20,7 @@ from app.jobs.messages import (
     LayerPicture,
     MeasurementsRead,
     OpenScene,
+    PlanBands,
     Progress,
     ReadMeasured,
     SceneOpened,
@@ -37,7 +37,6 @@ from app.session import load_session
 from app.set_path import set_path
 from app.wishes import layer_work, transport_wish
 from engine.errors import InsituError, LoadError
-from engine.material.layer import Layer
 from engine.measured import tables
 from engine.measured.merl import merl_samples, read_merl
 from engine.plan import band_counts
@@ -157,8 +156,7 @@ def test_the_window_plans_no_bands_of_an_import(
     editor = Editor(client, "shelf")
     client.open_scene()
     editor.tick(0.0)
-    planned: list[Layer] = []
-    monkeypatch.setattr(picture, "band_counts", lambda layer, most: planned.append(layer) or band_counts(layer, most))
+    monkeypatch.delattr("app.band_plans.band_counts")
     file = tmp_path / "drawn.binary"
     editor.do(import_measured("pot", file))
     (asked,) = client.sent(ReadMeasured)
@@ -169,23 +167,22 @@ def test_the_window_plans_no_bands_of_an_import(
     for now in (0.1, 5.0):
         editor.tick(now)
     works = client.sent(ComputeTransport)[-1].layers
-    assert [work.bands for work in works if work.key.startswith("pot")] == [(32,), (128, 8)] and not planned
+    assert [work.bands for work in works if work.key.startswith("pot")] == [(32,), (128, 8)]
     editor.undo()
     editor.redo()
     editor.tick(10.0)
-    assert all(layer.model.name in ("lambert", "rough_conductor") for layer in planned)
+    assert not client.sent(PlanBands)
     # Nor of a session that has it.
     assert editor.save(tmp_path / "x.insitu") is None
     pot = editor.document.object("pot").layers
     other = Editor(client, str(tmp_path / "x.insitu"))
     assert with_read(client.sent(OpenScene)[-1].layers[:2], found) == pot
-    planned.clear()
     client.open_scene(measurements=found, planned=tuple(zip(pot, bands, strict=True)))
     for now in (0.0, 5.0):
         other.tick(now)
     works = client.sent(ComputeTransport)[-1].layers
     assert [work.bands for work in works if work.key.startswith("pot")] == [(32,), (128, 8)]
-    assert not any(layer.model.needs_file for layer in planned)
+    assert not client.sent(PlanBands)
 
 
 def test_an_import_that_fails_or_is_cancelled_changes_nothing(client: FakeClient, tmp_path: Path) -> None:

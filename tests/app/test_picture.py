@@ -7,10 +7,11 @@ import pytest
 
 from app.commands import SetModel, SetOperators, SetParameter
 from app.document import Document, ObjectState, all_factors
-from app.picture import MOST_BANDS, N_VIEW_SAMPLES, Curves, band_counts
+from app.picture import N_VIEW_SAMPLES, Curves
 from engine.curve.operators import Operator
 from engine.material import MODELS, make_layer
 from engine.material.model import Parameter
+from engine.plan import MOST_BANDS, band_counts
 
 LIFT = Operator("translate", "y", 0.1, 0.2, 0.3, 0.4, magnitude=1.0)
 

@@ -11,6 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from app.document import document_from_description
+from app.jobs.bands import plan_bands
 from app.jobs.messages import (
     ComputeTransport,
     Contract,
@@ -19,6 +21,7 @@ from app.jobs.messages import (
     LayerTransport,
     MeasurementsRead,
     OpenScene,
+    PlanBands,
     Progress,
     ReadMeasured,
     Request,
@@ -28,7 +31,7 @@ from app.jobs.messages import (
     StageDone,
 )
 from engine.curve.wavelet import forward
-from engine.plan import Precision
+from engine.plan import Precision, band_counts
 from engine.scene.description import SceneDescription
 from tests.naive.measured import drawn_measurement
 
@@ -124,11 +127,16 @@ class StandInClient:
 
     def _answers(self, request: Request) -> Iterator[Response]:
         if isinstance(request, OpenScene):
-            yield SceneOpened(SceneDescription.model_validate(SCENE).model_dump_json(by_alias=True), (), scene_arrays())
+            description = SceneDescription.model_validate(SCENE)
+            layers = document_from_description("stand-in", description).layers()
+            bands = {key: band_counts(layer) for key, layer in layers}
+            yield SceneOpened(description.model_dump_json(by_alias=True), (), scene_arrays(), bands)
         elif isinstance(request, ComputeTransport):
             yield from self._compute(request)
         elif isinstance(request, Contract):
             yield from self._contract(request)
+        elif isinstance(request, PlanBands):
+            yield from (answer for answer in plan_bands(request) if answer is not None)
         elif isinstance(request, ReadMeasured):
             yield MeasurementsRead({file: replace(drawn_measurement(), file=file) for file in request.files})
 

@@ -1,0 +1,132 @@
+"""How many bands each layer of a document has: planned by the worker, for that takes longer than the window may block.
+
+A layer is planned when it is first seen, and keeps its bands while it is edited, so that transport outlives edits; one
+of another model is planned anew. What was planned is remembered by what the layer was made of, so that undo finds it.
+
+An edit that brings another layer (a material of the library, a pasted one, another model) is carried out at once. Until
+its plan is there, a few hundredths of a second, the layer has the usual bands, which need no plan: the picture shows
+what it shows, and nothing is asked for that depends on bands. Rejected: the usual bands for good, which are too few for
+a clear coat; and edits that wait for their plan, for then undo, scripts and panels would find a document that is not
+what was asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+
+from app.document import Document
+from app.jobs.messages import BandsPlanned, Failed, PlanBands, Request
+from engine.material.layer import Layer
+from engine.material.model import Model
+from engine.plan import MOST_BANDS, band_counts, usual_bands
+
+Counts = dict[str, int]
+
+
+class BandPlans:
+    """J of each transport factor by layer key. most: what caps them; planned here until `leave_to_worker`."""
+
+    def __init__(self, most: int = MOST_BANDS) -> None:
+        self._most = most
+        self._by_worker = False
+        self._planned: dict[str, tuple[Model, Counts]] = {}
+        self._first_seen: dict[str, Layer] = {}
+        self._learnt: dict[object, Counts] = {}
+
+    def leave_to_worker(self) -> None:
+        """Plan nothing here any more; the worker caps nothing, so that capped plans stay here."""
+        self._by_worker = self._most == MOST_BANDS
+
+    def opened(self, layers: Mapping[str, Layer], planned: Mapping[str, Counts]) -> None:
+        """Another scene with these layers by key: they are planned anew, but for those whose plan is given."""
+        self._planned, self._first_seen, self._learnt = {}, {}, {}
+        for key in layers.keys() & planned.keys():
+            self.learn(layers[key], planned[key])
+
+    def learn(self, layer: Layer, counts: Mapping[str, int]) -> None:
+        """How many bands a layer needs that the document has or may come to have."""
+        if self._most == MOST_BANDS:
+            self._learnt[_made_of(layer)] = dict(counts)
+
+    def replan(self, keys: Iterable[str]) -> None:
+        """These layers have become others: they are planned anew."""
+        for key in keys:
+            self._planned.pop(key, None)
+            self._first_seen.pop(key, None)
+
+    def of(self, key: str, layer: Layer) -> Counts:
+        """J of each of the layer's factors; the usual ones as long as the worker has not planned it."""
+        known = self._known(key, layer)
+        if known is None and self._by_worker:
+            return usual_bands(layer.model)
+        if known is None:
+            known = self._keep(key, layer, band_counts(layer, self._most))
+        return known
+
+    def missing(self, layers: Iterable[tuple[str, Layer]]) -> tuple[Layer, ...]:
+        """What the worker is to plan for these layers by key, each as it was first seen; none where it plans none."""
+        if not self._by_worker:
+            return ()
+        return tuple(self._seen_as(key, layer) for key, layer in layers if self._known(key, layer) is None)
+
+    def _known(self, key: str, layer: Layer) -> Counts | None:
+        model, counts = self._planned.get(key, (None, None))
+        if model is layer.model:
+            return counts
+        for each in (layer, self._seen_as(key, layer)):
+            if (learnt := self._learnt.get(_made_of(each))) is not None:
+                return self._keep(key, layer, learnt)
+        return None
+
+    def _keep(self, key: str, layer: Layer, counts: Counts) -> Counts:
+        self._planned[key] = layer.model, counts
+        self._first_seen.pop(key, None)
+        return counts
+
+    def _seen_as(self, key: str, layer: Layer) -> Layer:
+        """The layer as it was when it came to have this model: a hand may move it until the answer comes."""
+        seen = self._first_seen.get(key)
+        if seen is None or seen.model is not layer.model:
+            seen = self._first_seen[key] = layer
+        return seen
+
+
+class BandTalk:
+    """The talk with the worker about bands. ``send`` hands a request over and returns its number."""
+
+    def __init__(self, send: Callable[[Request], int], plans: BandPlans) -> None:
+        self._send, self._plans = send, plans
+        plans.leave_to_worker()
+        self._asked: tuple[int, tuple[Layer, ...]] = 0, ()
+        self._planned: Document | None = None
+
+    def update(self, document: Document) -> bool:
+        """Ask for what is missing; whether every layer of the document is planned."""
+        if document is self._planned:
+            return True
+        missing = self._plans.missing(document.layers())
+        if not missing:
+            self._planned = document
+        elif any(layer not in self._asked[1] for layer in missing):
+            self._asked = self._send(PlanBands(missing)), missing
+        return not missing
+
+    def took(self, response: BandsPlanned) -> None:
+        """What was asked for last has been planned."""
+        if response.id == self._asked[0]:
+            self._learn(response.bands)
+
+    def took_failure(self, response: Failed) -> None:
+        """Layers that cannot be planned get the usual bands, so that they can be edited on."""
+        if response.id == self._asked[0]:
+            self._learn(usual_bands(layer.model) for layer in self._asked[1])
+
+    def _learn(self, bands: Iterable[Counts]) -> None:
+        for layer, counts in zip(self._asked[1], bands, strict=True):
+            self._plans.learn(layer, counts)
+        self._asked = 0, ()
+
+
+def _made_of(layer: Layer) -> object:
+    """What a layer's curves come from."""
+    return layer.model, layer.parameters, layer.edits
