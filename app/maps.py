@@ -9,6 +9,7 @@ has changed, one request at a time, as everything else is.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,6 +72,9 @@ class MapTalk:
     def took(self, response: MapsSampled) -> None:
         """Images were sampled."""
         surface = (_object(response.key), response.images)
+        # What was asked for shares its strokes with the document; what crossed between processes is a copy of them all.
+        surface = next((asked for asked in self._awaited if asked == surface), surface)
+        response = replace(response, images=surface[1])
         self._awaited.discard(surface)
         self._known.pop(surface, None)
         self._forget_begun(surface)

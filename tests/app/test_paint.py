@@ -1,6 +1,7 @@
 """Painting in documents: strokes as steps of the history, layers that are blended, sessions; and what the window shows
 while a stroke goes on."""
 
+import pickle
 from dataclasses import replace
 from pathlib import Path
 
@@ -87,7 +88,7 @@ def editor(client: FakeClient) -> Editor:
 
 
 def answer(editor: Editor, client: FakeClient, request: SampleMaps, level: float) -> list[LayerMapsChanged]:
-    for key, images in request.layers:
+    for key, images in pickle.loads(pickle.dumps(request.layers)):
         means = MapMeans(weight=level, both=(level, level, level))
         client.answer(request, MapsSampled(key, images, np.full((4, 4), level, np.float16), means, {}))
     return [event for event in editor.tick(0.1) if isinstance(event, LayerMapsChanged)]
@@ -109,7 +110,8 @@ def test_a_stroke_is_seen_while_it_goes_on(editor: Editor, client: FakeClient) -
     (event,) = answer(editor, client, client.sent(SampleMaps)[-1], 0.5)
     assert (event.samples == 0.5).all() and editor.maps.is_complete
     editor.end_drag()
-    assert len(editor.curves.map_means) == 1  # of the stroke as it went on nothing is kept
+    ((_, images),) = editor.curves.map_means  # of the stroke as it went on nothing is kept
+    assert images.strokes is editor.document.layer("pot.1").maps.strokes  # nor a copy of the document's strokes
     editor.undo()
     (event,) = [event for event in editor.tick(0.1) if isinstance(event, LayerMapsChanged)]
     assert event.samples is None
