@@ -4,6 +4,7 @@ Both are sums over the same rays. The bands are never stored: from what is known
 faster than they could be read. Stills, which sum once, keep nothing at all.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -148,16 +149,16 @@ class Fans:
 
 
 def _smooth(smoothing: Smoothing, light: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Light (p, D, 3), filtered."""
-    values = light.reshape(len(light), -1)
+    """Light (p, D, 3), filtered; p may be 0."""
+    values = light.reshape(len(light), math.prod(light.shape[1:]))
     out = np.empty_like(values)
     smooth_rows(*smoothing, values, out)
     return out.reshape(light.shape)
 
 
 def _smooth_planes(smoothing: Smoothing, light: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Light (..., p), filtered."""
-    planes = light.reshape(-1, light.shape[-1])
+    """Light (..., p), filtered; p may be 0."""
+    planes = light.reshape(math.prod(light.shape[:-1]), light.shape[-1])
     out = np.empty_like(planes)
     step = max(1, -(-len(planes) // _N_THREADS))
     with ThreadPoolExecutor(_N_THREADS) as pool:
