@@ -28,7 +28,7 @@ from app.jobs.messages import (
     Response,
 )
 from app.jobs.tiles import Tiles
-from engine.indirect.albedo import albedo_bands, albedo_of
+from engine.indirect.albedo import albedo_bands, albedo_of, tint_of
 from engine.indirect.curves import LayerCurves
 from engine.indirect.irradiance import NOBODY
 from engine.indirect.layers import IndirectLayer, albedos_of
@@ -210,8 +210,9 @@ class IndirectTasks:
         )
         e = albedo_bands(look.model, look.quotient_parameters, tuple(map(len, curves)))
         gain, view = np.asarray(look.gain, np.float64), np.asarray(look.view_curve, np.float64)
+        tint = tint_of(look.model, look.quotient_parameters, curves, view)
         seen_as, sent_as = (
-            LayerCurves(MODELS[look.model], np.array(look.quotient_parameters), each) for each in (curves, sent)
+            LayerCurves(MODELS[look.model], np.array(look.quotient_parameters), each, tint) for each in (curves, sent)
         )
         albedo = albedo_of(e, curves, gain, view)
         return IndirectLayer(self._object(look.key), seen_as, sent_as, gain, view, albedo)

@@ -342,7 +342,7 @@ class Frozen(Response):
     """Indirect light at the p samples of each layer, without f_q and f_o, by powers of the edited object's albedo.
 
     reflected: by layer key (D,p,3); bands (3,J,D,p) of the layer and curve that were named, which is then not among
-    `reflected`; albedos: by key of the edited object's layers, e (V,J,K) [engine.indirect.albedo].
+    `reflected`; albedos: by key of the edited object's layers, e (V,J,K) or (3,V,J,K) [engine.indirect.albedo].
     """
 
     number: int

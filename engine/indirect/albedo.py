@@ -4,8 +4,13 @@
 
 What of it does not depend on curves (`equivalence` puts them in) is found here once for a model and its quotient.
 Sharp bands are met by sampling as fans do: part by the cosine, part about the highlight's pole.
+
+Sums over rays know one quotient for all colours. Where a model has one for each (what was measured), albedos are those
+of each colour's own, and what the sums give is multiplied by how far they are from those of the common one: the `tint`.
+It has the right energy, at the common quotient's directions.
 """
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -15,7 +20,7 @@ from engine.indirect import _albedo_kernels as kernels
 from engine.indirect.curves import pole_of
 from engine.indirect.equivalence import N_VIEWS, albedo_of, view_angles
 from engine.indirect.rays import cosine_tables, pole_tables
-from engine.material import MODELS
+from engine.material import MODELS, kinds
 from engine.material.layer import Layer
 
 N_AZIMUTHS = 8
@@ -28,7 +33,40 @@ _GOLDEN = (1.0 + 5.0**0.5) / 2.0
 def albedo_bands(
     model_name: str, quotient_parameters: tuple[float, ...], bands: tuple[int, ...]
 ) -> NDArray[np.float64]:
-    """e (32, J, K) of a model by view angle; K = 1 for one curve. Sums over the views are means over cos θ_o dω_o."""
+    """e (32, J, K) of a model by view angle, or (3, 32, J, K) where each colour has its own quotient; K = 1 for one
+    curve. Sums over the views are means over cos θ_o dω_o."""
+    if not _is_coloured(model_name, quotient_parameters):
+        return _common_bands(model_name, quotient_parameters, bands)
+    before, after = quotient_parameters[: kinds.CHANNEL], quotient_parameters[kinds.CHANNEL + 1 :]
+    return np.stack([_common_bands(model_name, (*before, float(channel), *after), bands) for channel in range(3)])
+
+
+def tint_of(
+    model_name: str, quotient_parameters: tuple[float, ...], curves: Sequence[NDArray[np.floating]],
+    view_curve: NDArray[np.floating],
+) -> NDArray[np.float64]:  # fmt: skip
+    """By how much (3,) the albedos of each colour's own quotient are above those of the common one, under these curves
+    as `albedo_of` takes them; 1 where both are black."""
+    if not _is_coloured(model_name, quotient_parameters):
+        return np.ones(3)
+    bands = tuple(map(len, curves))
+    own, common = (
+        albedo_of(e(model_name, quotient_parameters, bands), curves, np.ones(3), view_curve)
+        for e in (albedo_bands, _common_bands)
+    )
+    return np.divide(own, common, out=np.ones(3), where=common > 0.0)
+
+
+def _is_coloured(model_name: str, quotient_parameters: tuple[float, ...]) -> bool:
+    """Whether each colour has its own quotient: of what was measured and read."""
+    return MODELS[model_name].is_coloured and bool(quotient_parameters[kinds.TABLE])
+
+
+@lru_cache(maxsize=64)
+def _common_bands(
+    model_name: str, quotient_parameters: tuple[float, ...], bands: tuple[int, ...]
+) -> NDArray[np.float64]:
+    """e (32, J, K) with the one quotient that the parameters name."""
     model = MODELS[model_name]
     n_a, n_b = (*bands, 1)[:2]
     kind_b = model.factors[1].gamma if len(model.factors) > 1 else -1

@@ -1,7 +1,7 @@
 """A layer's curves as compiled sums over rays take them, and where its highlight lies."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +15,16 @@ from engine.material.model import Model
 @dataclass(frozen=True, eq=False)
 class LayerCurves:
     """A layer as gather points reflect with it: model, quotient parameters (8,), values at the nodes of its one or two
-    curves, (J, 3) and (K, 3)."""
+    curves, (J, 3) and (K, 3); tint (3,): what sums over them are multiplied by, see `albedo`."""
 
     model: Model
     quotient_parameters: NDArray[np.float64]
     curves: tuple[NDArray[np.float64], ...]
+    tint: NDArray[np.float64] = field(default_factory=lambda: np.ones(3))
+
+    @property
+    def is_tinted(self) -> bool:
+        return bool((self.tint != 1.0).any())
 
     @property
     def bound_parameters(self) -> NDArray[np.float64]:

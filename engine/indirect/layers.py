@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.indirect.albedo import N_VIEW_SAMPLES, equivalent_albedo
+from engine.indirect.albedo import N_VIEW_SAMPLES, equivalent_albedo, tint_of
 from engine.indirect.curves import LayerCurves
 from engine.material.layer import Layer
 from engine.scene.hits import PrimaryHits
@@ -38,16 +38,17 @@ def indirect_layer(
     angles = np.linspace(0.0, np.pi / 2, N_VIEW_SAMPLES)
     seen = np.ones((N_VIEW_SAMPLES, 3)) if view is None else layer.curve(view.name)(angles)
     sent = tuple(n if second is None else min(n, second) for n in bands)
+    q = layer.quotient_parameters()
+    towards_eye, towards_others = (_coefficients(layer, each) for each in (bands, sent))
+    tint = tint_of(layer.model.name, tuple(q.tolist()), towards_eye, seen)
     return IndirectLayer(
-        i_object, _curves(layer, bands), _curves(layer, sent), share * layer.scale(), seen,
-        share * equivalent_albedo(layer, bands),
+        i_object, LayerCurves(layer.model, q, towards_eye, tint), LayerCurves(layer.model, q, towards_others, tint),
+        share * layer.scale(), seen, share * equivalent_albedo(layer, bands),
     )  # fmt: skip
 
 
-def _curves(layer: Layer, bands: tuple[int, ...]) -> LayerCurves:
-    factors = zip(layer.model.factors, bands, strict=False)
-    values = tuple(layer.coefficients(factor.name, n) for factor, n in factors)
-    return LayerCurves(layer.model, layer.quotient_parameters(), values)
+def _coefficients(layer: Layer, bands: tuple[int, ...]) -> tuple[NDArray[np.float64], ...]:
+    return tuple(layer.coefficients(factor.name, n) for factor, n in zip(layer.model.factors, bands, strict=False))
 
 
 def albedos_of(layers: Sequence[IndirectLayer], n_objects: int) -> NDArray[np.float64]:

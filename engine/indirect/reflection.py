@@ -96,6 +96,9 @@ class Fans:
                     reflect_photons(self._fans, begin, end, each, self._landed, light.thrown, result)
 
         self._in_parts(light, work, aims)
+        for layer, result in zip(layers, out, strict=True):
+            if layer.is_tinted:
+                result *= layer.tint.astype(np.float32)
         return out if self._smoothing is None else [_smooth(self._smoothing, each) for each in out]
 
     def by_band(self, layer: LayerCurves, factor: int, light: SentLight) -> NDArray[np.float32]:
@@ -112,6 +115,8 @@ class Fans:
                 reflect_photon_bands(self._fans, begin, end, optics, factor == 0, self._landed, light.thrown, out)
 
         self._in_parts(light, work, [aim])
+        if layer.is_tinted:
+            out *= layer.tint.astype(np.float32)[:, None, None, None]
         return out if self._smoothing is None else _smooth_planes(self._smoothing, out)
 
     def _aim(self, optics: kernels.Optics) -> Aim:

@@ -211,7 +211,7 @@ def glossy_tables(
         np.array([each.sent.bound_parameters for each in chosen], float).reshape(-1, kinds.N_QUOTIENT_PARAMETERS),
         np.concatenate([none, *(curve for pair in curves for curve in pair)]),
         begins[:, 0].copy(), lengths[:, 0].copy(), begins[:, 1].copy(), lengths[:, 1].copy(),
-        np.array([each.gain for each in chosen], np.float32).reshape(-1, 3),
+        np.array([each.gain * each.sent.tint for each in chosen], np.float32).reshape(-1, 3),
         np.array([each.view_curve for each in chosen], np.float32).reshape(len(chosen), -1, 3) if chosen
         else np.ones((0, 2, 3), np.float32),
         poles, axes,
@@ -222,7 +222,7 @@ def looks_of(layers: Sequence[IndirectLayer], n_objects: int) -> tuple[bytes, ..
     """What each object's glossy layers send on depends on, as bytes to compare."""
     looks = [b""] * n_objects
     for each in filter(is_glossy, layers):
-        arrays = (each.sent.quotient_parameters, *each.sent.curves, each.gain, each.view_curve)
+        arrays = (each.sent.quotient_parameters, *each.sent.curves, each.gain * each.sent.tint, each.view_curve)
         looks[each.i_object] += b"".join([each.sent.model.name.encode(), *(array.tobytes() for array in arrays)])
     return tuple(looks)
 

@@ -10,7 +10,8 @@ positive. Interpolated like this the layers' sum is the interpolated measurement
 tabulated and interpolated were rejected: times curves they would be it at the grid's points alone, and take twice the
 memory.
 
-Direct light has a quotient for each colour. Indirect light has one for all, weighted by what each reflects, and the
-colours of the curves: equivalent albedos of seven measured materials are then within 7 % of the true ones, but for
-channels that reflect little beside the others (0.068 for 0.044 in a yellow plastic's blue).
+Direct light has a quotient for each colour. Indirect light has the directions of one for all, weighted by what each
+reflects, the colours of the curves, and in each colour the energy of its own quotient (`engine.indirect.albedo`):
+equivalent albedos of two measured materials, of two layers and of one, are within 0.6 % of integrals of the data, where
+the quotient for all was up to 20 % off.
 """
