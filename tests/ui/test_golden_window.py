@@ -127,6 +127,7 @@ CHANGES: dict[str, tuple[Callable[[HeadlessWindow], None], set[str]]] = {
 }
 
 
+@pytest.mark.sweep
 def test_what_is_missing_or_wrong_is_found(window: HeadlessWindow) -> None:
     # Each change is made to the same window and taken back; what it is called on the right must be found.
     editor = window.shell.editor
