@@ -37,7 +37,8 @@ LEFT_OUT = "left out of a quick run"
 class IndirectEffort:
     """repetitions of edits of each object, rounds of selecting all of them, counts of objects the room is cut into and
     the side in pixels there; pictures' longest side; settings (objects, bounces) at which the representations are
-    compared, and the side there; warm_up: whether a first run, not counted, compiles what is missing."""
+    compared, and the side there; warm_up: whether a first run, not counted, compiles what is missing; room: whether
+    objects of the room are frozen, too."""
 
     repetitions: int = 20
     rounds: int = 3
@@ -47,6 +48,7 @@ class IndirectEffort:
     settings: tuple[tuple[int, int], ...] = ((2, 4), (4, 4), (7, 4), (12, 4), (7, 2), (7, 3), (7, 5))
     representation_side: int = 256
     warm_up: bool = True
+    room: bool = True
 
 
 QUICKLY = IndirectEffort(3, 1, (2, 4), 32, 64, ((2, 2), (3, 3)), 32)
@@ -91,6 +93,8 @@ def _window_figures(effort: IndirectEffort, scratch: Path, timeout_s: float) -> 
         figures = [_freeze_figure("freeze_s_cornell", found), *_cornell_figures(found, pictures)]
     except NotMeasured as error:
         figures = [not_measured(name, str(error)) for name in ("freeze_s_cornell", *OF_CORNELL)]
+    if not effort.room:
+        return [*figures, not_measured("freeze_s_room", LEFT_OUT)]
     try:
         return [*figures, _freeze_figure("freeze_s_room", found_of("room", 0)[0])]
     except NotMeasured as error:

@@ -61,7 +61,7 @@ class Lattice:
         kernels.must_split(
             self._open, self._objects, self._row_image, self._hits.position, self._hits.normal,
             self._least_alike, np.ascontiguousarray(values, np.float32), np.ascontiguousarray(noise, np.float32),
-            TOLERANCE, floor, split,
+            TOLERANCE, np.asarray(floor, np.float32), split,
         )  # fmt: skip
         split &= self._open[:, 2] > 1
         self._closed = np.concatenate([self._closed, self._open[~split]])

@@ -52,6 +52,7 @@ def project_layer(
 def project_points(hits: PrimaryHits, rows: np.ndarray, light: VisibleLight, layer: LayerShape, begin: int) -> BandTile:
     """One tile; `begin` is the index of its first point among the layer's points."""
     n_a, n_b = layer.bands
+    rows = np.asarray(rows, np.int32)  # the kernel is compiled for these
     n_points = len(rows)
     model = MODELS[layer.model]
     kind_a = model.factors[0].gamma

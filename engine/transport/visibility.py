@@ -290,7 +290,7 @@ def _trace(
 
 def evaluate_rows(hits: PrimaryHits, caster: RayCaster, visibility: Visibility, rows: np.ndarray) -> None:
     """Trace every target above the horizon of those rows that are not done yet."""
-    rows = rows[~visibility.done[rows]]
+    rows = np.asarray(rows[~visibility.done[rows]], np.int32)  # kernels are compiled for these
 
     def everything(block: np.ndarray, horizon: np.ndarray, todo: np.ndarray, doubt: np.ndarray) -> None:
         visibility.bits[block] = 0

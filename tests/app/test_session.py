@@ -253,6 +253,6 @@ def test_killed_while_saving_leaves_the_old_or_the_new_file(tmp_path: Path) -> N
     folder.mkdir()
     path = save_session(folder / "s", SMALL, ViewState())
     done = subprocess.run(
-        [sys.executable, "-c", KILL_LOOP, str(path), "220"], capture_output=True, text=True, timeout=60
+        [sys.executable, "-c", KILL_LOOP, str(path), "120"], capture_output=True, text=True, timeout=60
     )
     assert done.returncode == 0, done.stderr

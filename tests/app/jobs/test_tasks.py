@@ -464,7 +464,9 @@ def test_what_was_computed_before_comes_from_the_cache(source: str, store: Store
     assert recorder.n_tiles == tiles_of(*pictures(answers, "coarse").values()) + tiles_of(*expected.values())
 
 
-@pytest.mark.parametrize("n_kept", [0, 1, 4])
+@pytest.mark.parametrize(
+    "n_kept", [pytest.param(0, marks=pytest.mark.sweep), 1, pytest.param(4, marks=pytest.mark.sweep)]
+)
 def test_it_resumes_after_the_last_complete_tile(source: str, tmp_path: Path, monkeypatch, n_kept: int) -> None:
     whole = Recorder()
     monkeypatch.setattr(tasks_module, "project_layer", whole)

@@ -54,8 +54,8 @@ def wait_for(condition: Callable[[], bool], timeout_s: float) -> bool:
     ("during", "n_started", "number", "status", "impatient"),  # started: Xvfb, the program, its worker
     [
         ("windows", 4, signal.SIGINT, 130, True),
-        ("windows", 4, signal.SIGTERM, 143, False),
-        ("renderer", 3, signal.SIGINT, 130, False),
+        pytest.param("windows", 4, signal.SIGTERM, 143, False, marks=pytest.mark.sweep),
+        pytest.param("renderer", 3, signal.SIGINT, 130, False, marks=pytest.mark.sweep),
         ("renderer", 3, signal.SIGTERM, 143, True),
     ],
 )

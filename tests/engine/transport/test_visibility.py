@@ -129,6 +129,7 @@ def test_coherence_on_shapes() -> None:
     assert wrong <= 2e-4 and traced < 0.07
 
 
+@pytest.mark.sweep
 def test_coherence_on_the_bunny(shared_reference: Path) -> None:
     wrong, traced = wrong_answers(shared_reference / "bunny.toml", (128, 128), 4)
     assert wrong <= 2e-4 and traced < 0.12
