@@ -105,22 +105,11 @@ def draw_strip(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[Acti
     """The brush's controls at the foot of the picture, where the hand is."""
     if painted_key(context) is None or room.x < context.px(STRIP):
         return []
-    imgui.set_next_window_pos(
-        ImVec2(corner.x + 0.5 * room.x, corner.y + room.y - context.px(10)), imgui.Cond_.always, ImVec2(0.5, 1.0)
-    )
-    flags = (
-        imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_docking | imgui.WindowFlags_.always_auto_resize
-        | imgui.WindowFlags_.no_saved_settings | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_focus_on_appearing
-    )  # fmt: skip
-    imgui.push_style_color(imgui.Col_.window_bg, look.pack(look.grey(30, 0.94)))
-    imgui.push_style_var(imgui.StyleVar_.window_border_size, 1.0)
-    imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(context.px(8), context.px(6)))
     actions: list[Action] = []
-    if imgui.begin("Brush###brush", None, flags)[0]:
-        actions += _brush(context, min(context.px(120), (room.x - context.px(STRIP)) / 3.0 + context.px(60)))
-    imgui.end()
-    imgui.pop_style_var(2)
-    imgui.pop_style_color()
+    foot = ImVec2(corner.x + 0.5 * room.x, corner.y + room.y - context.px(10))
+    with widgets.strip(context, "Brush###brush", foot, ImVec2(0.5, 1.0), ImVec2(8, 6)) as is_seen:
+        if is_seen:
+            actions += _brush(context, min(context.px(120), (room.x - context.px(STRIP)) / 3.0 + context.px(60)))
     return actions
 
 

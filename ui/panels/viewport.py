@@ -272,26 +272,15 @@ def draw_recovery(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[A
     if context.state.journal is None:
         return []
     actions: list[Action] = []
-    imgui.set_next_window_pos(
-        ImVec2(corner.x + 0.5 * room.x, corner.y + context.px(10)), imgui.Cond_.always, ImVec2(0.5, 0)
-    )
-    flags = (
-        imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_docking | imgui.WindowFlags_.always_auto_resize
-        | imgui.WindowFlags_.no_saved_settings | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_focus_on_appearing
-    )  # fmt: skip
-    imgui.push_style_color(imgui.Col_.window_bg, look.pack(look.grey(30, 0.97)))
-    imgui.push_style_var(imgui.StyleVar_.window_border_size, 1.0)
-    imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(context.px(12), context.px(7)))
-    if imgui.begin("Recovery###recovery", None, flags)[0]:
-        imgui.align_text_to_frame_padding()
-        imgui.text_unformatted(f"{Icon.WARNING}  {context.state.journal}")
-        imgui.same_line(0.0, context.px(14))
-        if widgets.text_button(context, "recover", "Bring back", "Open the edits that were not saved."):
-            actions.append(Recover(True))
-        imgui.same_line()
-        if widgets.text_button(context, "discard", "Discard", "Throw these edits away for good."):
-            actions.append(Recover(False))
-    imgui.end()
-    imgui.pop_style_var(2)
-    imgui.pop_style_color()
+    top = ImVec2(corner.x + 0.5 * room.x, corner.y + context.px(10))
+    with widgets.strip(context, "Recovery###recovery", top, ImVec2(0.5, 0.0), ImVec2(12, 7)) as is_seen:
+        if is_seen:
+            imgui.align_text_to_frame_padding()
+            imgui.text_unformatted(f"{Icon.WARNING}  {context.state.journal}")
+            imgui.same_line(0.0, context.px(14))
+            if widgets.text_button(context, "recover", "Bring back", "Open the edits that were not saved."):
+                actions.append(Recover(True))
+            imgui.same_line()
+            if widgets.text_button(context, "discard", "Discard", "Throw these edits away for good."):
+                actions.append(Recover(False))
     return actions

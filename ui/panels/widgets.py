@@ -116,6 +116,23 @@ def slider(
 
 
 @contextmanager
+def strip(context: PanelContext, name: str, at: ImVec2, pivot: ImVec2, padding: ImVec2) -> Iterator[bool]:
+    """A small window over the picture, its pivot (shares of its size) at a place; whether anything of it is seen."""
+    imgui.set_next_window_pos(at, imgui.Cond_.always, pivot)
+    flags = (
+        imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_docking | imgui.WindowFlags_.always_auto_resize
+        | imgui.WindowFlags_.no_saved_settings | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_focus_on_appearing
+    )  # fmt: skip
+    imgui.push_style_color(imgui.Col_.window_bg, look.pack(look.grey(30, 0.95)))
+    imgui.push_style_var(imgui.StyleVar_.window_border_size, 1.0)
+    imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(context.px(padding.x), context.px(padding.y)))
+    yield bool(imgui.begin(name, None, flags)[0])
+    imgui.end()
+    imgui.pop_style_var(2)
+    imgui.pop_style_color()
+
+
+@contextmanager
 def _typing(begins: bool) -> Iterator[None]:
     """Have the slider drawn here take a number from the keyboard: imgui asks for Ctrl with the click."""
     held = imgui.get_io().key_ctrl
