@@ -1,0 +1,77 @@
+"""Interiors that nothing was tuned for, against paths through them: small ones that are kept, and fresh ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.measure.accuracy import Errors
+from app.measure.rooms import BLOCK, N_BOUNCES, ROOMS, RoomEffort, block_means, compared, room_errors, room_figures
+from app.project import open_project
+from app.stills import render_picture
+from engine.indirect.series import BounceSeries
+from engine.light.image_files import read_radiance_image
+from engine.transport.pipeline import Placement
+
+JUDGES = Path(__file__).resolve().parents[2] / "golden" / "rooms"
+# (relRMSE, difference of means) that direct light of each room keeps, and light after four bounces in blocks of 8 × 8
+# pixels, in which paths are quiet.
+DIRECT = {"stairwell": (0.10, 0.04), "ajar": (0.03, 0.003), "storeroom": (0.015, 0.004)}
+BOUNCES = {"stairwell": (0.035, 0.02), "ajar": (0.045, 0.005), "storeroom": (0.02, 0.003)}
+
+
+def test_blocks_count_what_is_given_of_them_alone() -> None:
+    picture = np.arange(4 * 6, dtype=np.float64).reshape(4, 6, 1).repeat(3, axis=2)
+    # Of the block at the upper left 0, 1, 6 and 7, of the one beside it 2 alone, nothing of the others.
+    means = block_means(picture, np.array([0, 1, 2, 6, 7]), 2)
+    np.testing.assert_allclose(means, [[3.5] * 3, [2.0] * 3])
+    np.testing.assert_allclose(block_means(picture, np.array([3, 9]), 1), [[3.0] * 3, [9.0] * 3])
+
+
+def test_a_quick_run_leaves_them_out() -> None:
+    figures = room_figures(None, lambda line: None)
+    assert len(figures) == 4 * len(ROOMS) and all(figure.value is None for figure in figures)
+
+
+def test_what_shines_itself_does_not_count() -> None:
+    project = open_project("storeroom", (16, 12))
+    truth = np.ones((12, 16, 3))
+    ours = truth.copy()
+    seen = Placement(project.scene).hits.pixel
+    ours.reshape(-1, 3)[seen] = 0.99
+    assert compared(project, ours, truth).mean == pytest.approx(-0.01)
+    hidden = np.setdiff1d(np.arange(16 * 12), seen)
+    ours.reshape(-1, 3)[hidden] = 1e6
+    assert compared(project, ours, truth).mean == pytest.approx(-0.01)
+
+
+@pytest.mark.parametrize("name", ROOMS)
+def test_direct_light_in_a_room_is_that_of_paths(name: str) -> None:
+    assert_within(against_judge(name, 1), DIRECT[name])
+
+
+@pytest.mark.parametrize("name", ROOMS)
+def test_light_between_walls_is_that_of_paths(name: str) -> None:
+    assert_within(against_judge(name, N_BOUNCES, BLOCK), BOUNCES[name])
+
+
+@pytest.mark.sweep
+@pytest.mark.parametrize("name", ROOMS)
+def test_rooms_against_fresh_paths(name: str) -> None:
+    effort = RoomEffort((96, 72), 2048)
+    assert_within(room_errors(name, effort, 1)[0], DIRECT[name])
+    assert_within(room_errors(name, effort, N_BOUNCES, BLOCK)[0], BOUNCES[name])
+
+
+def against_judge(name: str, n_bounces: int, block: int = 1) -> Errors:
+    """A room's still against the small picture that is kept of it."""
+    truth = read_radiance_image(JUDGES / f"{name}_{n_bounces}.exr")
+    project = open_project(name, truth.shape[1::-1])
+    ours = render_picture(project, lambda step: None, series=BounceSeries(n_bounces))
+    return compared(project, ours, truth, block)
+
+
+def assert_within(found: Errors, limits: tuple[float, float]) -> None:
+    assert found.rmse < limits[0] and abs(found.mean) < limits[1], found
