@@ -79,7 +79,7 @@ def main() -> int:
 
 def _run(arguments: list[str]) -> int:
     from app.console import COMMANDS
-    from app.project import find_source
+    from app.sources import find_source
 
     if not arguments or (len(arguments) == 1 and arguments[0] not in COMMANDS and arguments[0][:1] != "-"):
         return Desktop().open_window(find_source(arguments[0] if arguments else None))

@@ -1,49 +1,94 @@
-"""Files that are either old or new, never half.
+"""Files and folders that are either old or new, never half.
 
 The bytes go to a temporary name in the same folder, are flushed to the disk, and the name is then replaced in one
 step [POSIX, rename]. A process killed at any moment leaves the old file or the new one, and at most a stray temporary
 file, which the next write to the same name removes. Writing in place, even with a backup beside it, was rejected: a
 kill between truncation and the last write loses both the old text and the new.
+
+What a person asked for goes through `save_file` and `replacing_folder`, whose one line names the path; what the program
+keeps for itself (`private`) is for the user's eyes alone.
 """
 
 from __future__ import annotations
 
 import contextlib
+import errno
 import itertools
 import os
 import re
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
+from engine.errors import InsituError
+
+PRIVATE_FILE, PRIVATE_FOLDER = 0o600, 0o700
 _TEMPORARY = re.compile(r"\.(?P<name>.+)\.(?P<pid>\d+)-\d+\.tmp")
 _serial = itertools.count()
 
 
-def write_atomically(path: str | os.PathLike[str], data: bytes) -> None:
+def save_file(path: str | os.PathLike[str], data: bytes, *, private: bool = False) -> None:
+    """Replace the file at `path` by `data`; InsituError says why it cannot be, and the old file is then untouched."""
+    with _telling(path):
+        write_atomically(path, data, private=private)
+
+
+def make_folder_of(path: Path) -> None:
+    """Make the folder that a file is to be in; InsituError says why that cannot be."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InsituError(f"{path.parent}: the folder cannot be made, {error.strerror or error}") from error
+
+
+@contextlib.contextmanager
+def replacing_folder(folder: Path) -> Iterator[Path]:
+    """An empty folder to fill; leaving the block without an error puts what it holds in the place of `folder`.
+
+    Of a folder that is there already, files of the same names are replaced when all are written, and all others stay.
+    Raises InsituError that says why it cannot be written; what was there is then untouched.
+    """
+    with _telling(folder):
+        target = Path(os.path.realpath(folder))
+        if target.exists() and not target.is_dir():
+            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
+        target.parent.mkdir(parents=True, exist_ok=True)
+        # Beside a folder that is there could be another disk, or no right to write.
+        temporary = _temporary(target / target.name if target.is_dir() else target)
+        temporary.mkdir()
+        try:
+            yield temporary
+            _put_in_place(temporary, target)
+        finally:
+            shutil.rmtree(temporary, ignore_errors=True)
+
+
+def write_atomically(path: str | os.PathLike[str], data: bytes, *, private: bool = False) -> None:
     """Replace the file at `path` by `data`; on any error the old file is untouched and the OSError is raised.
 
-    A symbolic link is followed, so that it stays a link; the permissions of an existing file are kept.
+    A symbolic link is followed, so that it stays a link; the permissions of an existing file are kept, unless it is
+    `private`.
     """
-    with replacing(path) as file:
+    with replacing(path, private=private) as file:
         file.write(data)
 
 
 @contextlib.contextmanager
-def replacing(path: str | os.PathLike[str], *, durable: bool = True) -> Iterator[BinaryIO]:
+def replacing(path: str | os.PathLike[str], *, durable: bool = True, private: bool = False) -> Iterator[BinaryIO]:
     """A binary file to write; leaving the block without an error puts it in the place of `path`.
 
     `durable` waits until the bytes are on the disk, so that not even a power cut can leave half a file. Without it
     only the death of the process is covered: enough for files that carry a checksum and can be computed again.
     """
     target = Path(os.path.realpath(path))
-    sweep_temporaries(target.parent, target.name)
-    temporary = target.with_name(f".{target.name}.{os.getpid()}-{next(_serial)}.tmp")
+    temporary = _temporary(target)
     try:
-        with open(temporary, "xb") as file:
+        with open(temporary, "xb", opener=private_opener if private else None) as file:
             yield file
             file.flush()
-            _keep_permissions(target, file.fileno())
+            if not private:
+                _keep_permissions(target, file.fileno())
             if durable:
                 os.fsync(file.fileno())
         os.replace(temporary, target)
@@ -55,8 +100,19 @@ def replacing(path: str | os.PathLike[str], *, durable: bool = True) -> Iterator
         _flush_folder(target.parent)
 
 
+def private_opener(path: str, flags: int) -> int:
+    """For `open`: a file that is made is the user's alone."""
+    return os.open(path, flags, PRIVATE_FILE)
+
+
+def make_private_folder(folder: Path) -> Path:
+    """The folder, made where it is not there, then the user's alone."""
+    folder.mkdir(parents=True, exist_ok=True, mode=PRIVATE_FOLDER)
+    return folder
+
+
 def sweep_temporaries(folder: Path, name: str | None = None) -> None:
-    """Remove temporary files (of `name`, or all) whose writer no longer lives."""
+    """Remove temporary files and folders (of `name`, or all) whose writer no longer lives."""
     try:
         entries = os.listdir(folder)
     except OSError:
@@ -64,8 +120,42 @@ def sweep_temporaries(folder: Path, name: str | None = None) -> None:
     for entry in entries:
         match = _TEMPORARY.fullmatch(entry)
         if match and name in (None, match["name"]) and not process_lives(int(match["pid"])):
-            with contextlib.suppress(OSError):
+            try:
                 (folder / entry).unlink()
+            except OSError:
+                shutil.rmtree(folder / entry, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def _telling(path: str | os.PathLike[str]) -> Iterator[None]:
+    """What the system refuses of a file or folder that a person named, as InsituError with one line."""
+    try:
+        yield
+    except OSError as error:
+        why = error.strerror or str(error)
+        raise InsituError(f"{os.fspath(path)}: not written, {why}; what was there is untouched") from error
+
+
+def _temporary(target: Path) -> Path:
+    """A name beside the target that nobody else uses; names of writers that were killed are swept."""
+    sweep_temporaries(target.parent, target.name)
+    return target.with_name(f".{target.name}.{os.getpid()}-{next(_serial)}.tmp")
+
+
+def _put_in_place(temporary: Path, target: Path) -> None:
+    """Rename what was written: the whole folder where there is none yet, else file by file."""
+    if not target.is_dir():
+        os.rename(temporary, target)
+        _flush_folder(target.parent)
+        return
+    files = [file.relative_to(temporary) for file in temporary.rglob("*") if file.is_file()]
+    for place in (target / file for file in files):  # before anything is replaced
+        if place.is_dir() or (place.parent.exists() and not place.parent.is_dir()):
+            raise FileExistsError(errno.EEXIST, f"something else is at {place}")
+        place.parent.mkdir(parents=True, exist_ok=True)
+    for file in files:
+        os.replace(temporary / file, target / file)
+    _flush_folder(target)
 
 
 def process_lives(pid: int) -> bool:

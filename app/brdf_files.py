@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from app.atomic import write_atomically
+from app.atomic import save_file
 from app.jobs.cache import Store
 from app.material_file import Material, dump_material
 from app.measurements import with_read
@@ -34,7 +34,7 @@ def import_file(file: Path, output: Path, smoothing: float, cloth: bool, report:
     layers = with_read(measured_layers(file, cloth), {str(file.resolve()): measurement})
     smooth = tuple(layer.with_parameter("smoothing", smoothing) for layer in layers)
     text = dump_material(Material(file.stem[:64], smooth, "Measured"), output.resolve().parent)
-    _write(output, text.encode())
+    save_file(output, text.encode())
     return measurement
 
 
@@ -62,17 +62,10 @@ def export_steps(layers: Sequence[Layer], output: Path) -> Iterator[float]:
         if isinstance(step, float):
             yield step
         else:
-            _write(output, merl_bytes(step))
+            save_file(output, merl_bytes(step))
 
 
 def check_merl_name(path: Path) -> None:
     """Raises InsituError for a name that no reader of such files would take."""
     if path.suffix.lower() != SUFFIX:
         raise InsituError(f"{path}: the name of a MERL file ends in {SUFFIX}")
-
-
-def _write(path: Path, data: bytes) -> None:
-    try:
-        write_atomically(path, data)
-    except OSError as error:
-        raise InsituError(f"{path}: not written, {error.strerror or error}; what was there is untouched") from error

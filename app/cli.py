@@ -18,7 +18,10 @@ import typer
 
 from app.console import FAILED, INTERRUPTED, USAGE, complain
 from app.frontend import Frontend
-from app.project import find_source, open_project, parse_assignment
+from app.paths import state_problem
+from app.project import Project, open_project, parse_assignment
+from app.sources import find_source
+from engine.colour import view_named
 from engine.errors import InsituError
 from engine.indirect.series import MOST_BOUNCES, BounceSeries, parse_series
 from engine.plan import FEWEST_LIGHTS, MOST_LIGHTS, N_LIGHTS, Plan, plan_lines
@@ -30,8 +33,9 @@ Report = Callable[[float, str], None]
 cli = typer.Typer(
     name="insitu",
     help="A desktop editor for materials and light in their final placement.",
-    epilog="`insitu` alone opens the editor; `insitu SCENE` opens it on a scene. SCENE is a scene.toml, a session, or "
-    f"one of: {', '.join(builtin_scenes())}.",
+    epilog="`insitu` alone opens the editor; `insitu SCENE` opens it on a scene. SCENE is a scene.toml, a session, a "
+    "mesh (.ply, .obj, .glb: it stands on a floor, in grey where it has no materials), an environment (.exr, .hdr: the "
+    f"default scene under that light), or one of: {', '.join(builtin_scenes())}.",
     add_completion=False,
     no_args_is_help=True,
     rich_markup_mode=None,
@@ -74,7 +78,8 @@ def _size(value: tuple[int, int]) -> tuple[int, int]:
     return value
 
 
-Scene = Annotated[str, typer.Argument(help="A scene file, a session, or a built-in scene's name.")]
+SCENE_HELP = "A scene file, a session, a mesh, an environment, or a built-in scene's name."
+Scene = Annotated[str, typer.Argument(help=SCENE_HELP)]
 Values = Annotated[
     list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="For example teapot.1.alpha=0.3.")
 ]
@@ -84,6 +89,10 @@ Resolution = Annotated[
 ]
 Lights = Annotated[
     int, typer.Option("--lights", min=FEWEST_LIGHTS, max=MOST_LIGHTS, help="Triangles that the sky is cut into.")
+]
+ViewName = Annotated[
+    str | None,
+    typer.Option("--view", metavar="NAME", help="Filmic, AgX, ACES 2.0, ACES 1.3, Standard or False colour."),
 ]
 Rotation = Annotated[float | None, typer.Option("--rotation", help="Of the environment, degrees about +Y.")]
 Bounces = Annotated[
@@ -128,6 +137,7 @@ def render(
         bool, typer.Option("--reference", help="By brute force instead of transport: slow, to compare with.")
     ] = False,
     samples: Samples = None,
+    view: ViewName = None,
 ) -> int:
     """Render a picture with the editor's engine, without a window."""
     chosen = None if series is None else parse_series(series)
@@ -138,8 +148,12 @@ def render(
     if samples is not None and not reference:
         raise InsituError(f"--samples {samples}: transport takes no samples, expected --reference as well")
     from app.stills import StillProgress, check_output, render_picture, write_picture
+    from engine.indirect.beyond import TOO_BRIGHT, is_beyond
 
     check_output(output)
+    shown = None if view is None else view_named(view)
+    if shown is not None and output.suffix.lower() == ".exr":
+        raise InsituError(f"--view {view}: {output} holds light itself, expected a name that ends in .png")
     started = time.monotonic()
     project = open_project(scene, resolution, _assignments(set_, rotation))
     noise: float | None = None
@@ -153,7 +167,10 @@ def render(
         picture = render_picture(
             project, follow, n_lights=lights, reference=reference, series=chosen, n_samples=samples
         )  # fmt: skip
-    write_picture(output, picture)
+    _tell_notes(project)
+    write_picture(output, picture, shown or project.view)
+    if is_beyond(picture):
+        print(TOO_BRIGHT, file=sys.stderr)
     remains = "" if noise is None else f", noise {noise:.2%}"
     print(f"{output}: {picture.shape[1]} x {picture.shape[0]}, {time.monotonic() - started:.1f} s{remains}")
     return 0
@@ -183,13 +200,18 @@ def screenshot(
     size: Annotated[tuple[int, int], typer.Option("--size", metavar="W H", callback=_size)] = (1280, 800),
     scale: Annotated[float, typer.Option("--scale", min=0.5, max=4.0, help="1 is 96 dots an inch.")] = 1.0,
     resolution: Resolution = None,
+    view: ViewName = None,
 ) -> int:
     """Take a picture of the whole editor window; no display is needed."""
-    from app.script import load_script
+    from app.script import ChooseView, load_script
     from app.stills import check_output
 
     check_output(output, (".png",))
     steps = load_script(script, output.resolve().parent) if script is not None else ()
+    if problem := state_problem():
+        complain(problem)  # own materials are not there; the picture is
+    if view is not None:
+        steps = (ChooseView(view_named(view)), *steps)
     frontend: Frontend = context.obj
     frontend.take_screenshot(find_source(scene), output, steps, size, scale, resolution)
     print(f"{output}: {size[0]} x {size[1]}")
@@ -217,6 +239,7 @@ def plan(
         )  # fmt: skip
     for line in describe_plan(planned):
         print(line)
+    _tell_notes(project)
     return 0
 
 
@@ -256,7 +279,7 @@ def import_brdf(
 
 @cli.command("export-brdf")
 def export_brdf(
-    scene: Annotated[str, typer.Argument(help="A scene file, a session, or a built-in scene's name.")],
+    scene: Annotated[str, typer.Argument(help=SCENE_HELP)],
     object_: Annotated[str, typer.Argument(metavar="OBJECT", help="Whose material is written.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="OUT.binary (a MERL table) or OUT.toml.")],
     set_: Values = None,
@@ -288,7 +311,7 @@ def export_brdf(
 
 @cli.command()
 def export(
-    scene: Annotated[str, typer.Argument(help="A scene file, a session, or a built-in scene's name.")],
+    scene: Annotated[str, typer.Argument(help=SCENE_HELP)],
     output: Annotated[Path, typer.Option("-o", "--output", help="The folder to write.")],
     set_: Values = None,
     bounces: Bounces = None,
@@ -323,6 +346,12 @@ def doctor(context: typer.Context) -> int:
 
 
 # ------------------------------------------------------------------------------------------------ what a person reads
+
+
+def _tell_notes(project: Project) -> None:
+    """What was odd about the scene, and what was done about it."""
+    for note in project.scene.notes:
+        print(f"note: {note}")
 
 
 def describe_plan(plan: Plan) -> Iterator[str]:

@@ -11,13 +11,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from app.document import Document, all_factors, resolve, split_key
-from app.light_commands import SetEnvironment, SetIntensity, SetMapping, SetRotation
+from app.light_commands import SetEmission, SetEnvironment, SetIntensity, SetMapping, SetRotation
 from app.linked_layers import group_of, with_fresnel, without_fresnel
 from app.map_commands import SetMap
 from app.material_commands import AddLayers, RemoveLayer, SetMaterial
 from app.paint_commands import BlendByMap, ClearMap, Paint
 from app.series_commands import SetFirstBands
 from engine.curve.operators import Edit, Tabulated, collapse
+from engine.curve.pairs import edit_at, moved
 from engine.errors import InsituError
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
@@ -130,7 +131,7 @@ class ReplaceOperator:
 
 @dataclass(frozen=True)
 class RemoveOperator:
-    """Delete one operator."""
+    """Delete one operator, of a diagonal edit both."""
 
     key: str
     factor: str
@@ -142,13 +143,14 @@ class RemoveOperator:
 
     def apply(self, document: Document) -> Document:
         operators = _operators_with(document, self)
-        del operators[self.index]
+        there = edit_at(operators, self.index)
+        del operators[there.start : there.stop]
         return _with_operators(document, self, operators)
 
 
 @dataclass(frozen=True)
 class MoveOperator:
-    """Move one operator to another place in the list."""
+    """Move one operator, of a diagonal edit both, to the place of another."""
 
     key: str
     factor: str
@@ -161,13 +163,13 @@ class MoveOperator:
 
     def apply(self, document: Document) -> Document:
         operators = _operators_with(document, self)
-        operators.insert(min(max(self.to, 0), len(operators) - 1), operators.pop(self.index))
-        return _with_operators(document, self, operators)
+        to = min(max(self.to, 0), len(operators) - 1)
+        return _with_operators(document, self, list(moved(operators, self.index, to)))
 
 
 @dataclass(frozen=True)
 class MuteOperator:
-    """Switch one operator off, or on again, where it stands."""
+    """Switch one operator, of a diagonal edit both, off or on again, where it stands."""
 
     key: str
     factor: str
@@ -180,7 +182,8 @@ class MuteOperator:
 
     def apply(self, document: Document) -> Document:
         operators = _operators_with(document, self)
-        operators[self.index] = replace(operators[self.index], muted=self.muted)
+        for index in edit_at(operators, self.index):
+            operators[index] = replace(operators[index], muted=self.muted)
         return _with_operators(document, self, operators)
 
 
@@ -289,15 +292,16 @@ EditCommand = (
     SetParameter | SetModel | SetOperators | AddOperator | ReplaceOperator | RemoveOperator | MoveOperator
     | MuteOperator | CollapseOperators | ResetCurve | SetVisible | SetFrozen | SetFresnelTerm | SetEditable
     | SetMap | Paint | BlendByMap | ClearMap | SetMaterial | AddLayers | RemoveLayer | SetRotation | SetIntensity
-    | SetEnvironment | SetMapping | SetFirstBands
+    | SetEnvironment | SetMapping | SetEmission | SetFirstBands
 )  # fmt: skip
 
 
-def operator_title(operator: CurveEdit) -> str:
-    """What an operator is called in lists and in the undo menu: ``Translate Y``, ``Table``."""
-    if isinstance(operator, Tabulated):
+def operator_title(*edit: CurveEdit) -> str:
+    """What an edit is called in lists and in the undo menu: ``Translate Y``, ``Amplify XY``, ``Table``."""
+    first = edit[0]
+    if isinstance(first, Tabulated):
         return "Table"
-    return f"{operator.kind.capitalize()} {operator.axis.upper()}"
+    return f"{first.kind.capitalize()} {'XY' if len(edit) > 1 else first.axis.upper()}"
 
 
 def _editable_layer(document: Document, key: str) -> Layer:

@@ -25,8 +25,9 @@ from numpy.typing import NDArray
 
 from app.document import Document
 from app.jobs.messages import Contract, LayerPicture, Request
+from app.light_commands import emission_of
 from app.negotiator import CONTRACT_PATIENCE, Negotiator
-from app.picture import Coefficients, ComparedRefined, Curves, LayerLook, PictureEvent, view_curve_of
+from app.picture import Array, Coefficients, ComparedRefined, Curves, LayerLook, PictureEvent, view_curve_of
 from app.wishes import same_coefficients
 from engine.material.layer import Layer
 from engine.material.maps import LayerMaps
@@ -50,6 +51,7 @@ class Comparison:
         """samples: those of a layer's images, None where they are not known."""
         self._send, self._curves, self._samples = send, curves, samples
         self._document: Document | None = None
+        self._ids: set[int] = set()
         self._forget_revision()
 
     def _forget_revision(self, revision: int = -1) -> None:
@@ -81,11 +83,14 @@ class Comparison:
 
     def took(self, response: LayerPicture) -> bool:
         """Whether this is the answer to a request for A, and no part of side B."""
-        if self._asked is None or response.id != self._asked.id:
-            return False
-        self._pictures[self._asked.key] = response.radiance
+        if self._asked is not None and response.id == self._asked.id:
+            self._pictures[self._asked.key] = response.radiance
+            self._asked = None
+        return response.id in self._ids
+
+    def worker_restarted(self) -> None:
+        """A new worker would answer with its first, coarse stage: what was asked for is asked for again later."""
         self._asked = None
-        return True
 
     def took_failure(self, id: int) -> None:
         """Leave A as it is when the worker cannot draw it."""
@@ -111,7 +116,8 @@ class Comparison:
         light = replace(compared.light, intensity=document.light.intensity)
         if (compared.objects, light) == (document.objects, document.light):
             return self._follow(exact)
-        if has_indirect or not (talk.finished and exact):
+        lit_alike = emission_of(compared) == emission_of(document)
+        if has_indirect or not lit_alike or not (talk.finished and exact):
             return []
         return self._draw_apart(now, compared, document, talk)
 
@@ -133,7 +139,7 @@ class Comparison:
         if any(self._lacks_images(key, layer) for key, layer in compared.layers()):
             return []
         self._exact = True
-        return [ComparedRefined(self._looks(compared, differing))]
+        return [ComparedRefined(self._looks(compared, differing, talk.light_gain))]
 
     def _lacks_images(self, key: str, layer: Layer) -> bool:
         """Whether A has images in this layer that nobody sampled, or not lately."""
@@ -155,11 +161,12 @@ class Comparison:
     def _ask(self, key: str, revision: int, now: float) -> None:
         wanted = tuple(self._coefficients[key].items())
         self._asked = Asked(self._send(Contract(key, None, wanted, revision=revision)), key, now)
+        self._ids.add(self._asked.id)
 
-    def _looks(self, compared: Document, differing: list[str]) -> Mapping[str, LayerLook]:
+    def _looks(self, compared: Document, differing: list[str], light_gain: Array) -> Mapping[str, LayerLook]:
         return {
             key: LayerLook(
-                layer.scale(),
+                layer.scale() * light_gain,
                 view_curve_of(layer),
                 compared.is_visible(key),
                 self._pictures[key] if key in differing else None,

@@ -9,10 +9,10 @@ import os
 import sys
 import traceback
 from collections.abc import Callable
-from pathlib import Path
 
+from app.atomic import write_atomically
 from app.paths import state_directory
-from engine.errors import InsituError
+from engine.errors import InsituError, plain_line
 
 FAILED, USAGE, INTERRUPTED = 1, 2, 130
 ERROR_FILE = "last-error.txt"
@@ -38,25 +38,20 @@ def guarded(work: Callable[[], int]) -> int:
         where = f"{error.filename}: " if error.filename else ""
         complain(f"{where}{error.strerror or error}")
     except Exception as error:  # a defect of ours: the person gets a line, we get the details
-        complain(f"internal error, {type(error).__name__}: {one_line(str(error))}{_kept(traceback.format_exc())}")
+        complain(f"internal error, {type(error).__name__}: {error}{_kept(traceback.format_exc())}")
     return FAILED
 
 
 def complain(line: str) -> None:
     """One line on standard error."""
-    print(f"insitu: {one_line(line)}", file=sys.stderr)
-
-
-def one_line(text: str) -> str:
-    """The text without line breaks."""
-    return " ".join(text.split())
+    print(f"insitu: {plain_line(line)}", file=sys.stderr)
 
 
 def _kept(details: str) -> str:
     """Write the details of a defect to a file; words that say where."""
     try:
-        file = Path(state_directory()) / ERROR_FILE
-        file.write_text(details, encoding="utf-8")
+        file = state_directory() / ERROR_FILE
+        write_atomically(file, details.encode(errors="replace"), private=True)
     except OSError:
         return ""
     return f" (details are in {file})"

@@ -6,7 +6,8 @@ and undo restores bit by bit. Geometry and camera are not here: they are the sce
 Rejected: a mutable model with change signals, which undo, the journal and the worker would each have to guard.
 
 Names: a layer's *key* is ``"object.index"``; a *path* names anything a person can reach, written with the layer's
-index or its name: ``"teapot"``, ``"teapot.1"``, ``"teapot.coat.theta_h"``, ``"teapot.1.alpha"``, ``"light.rotation"``.
+index or its name: ``"teapot"``, ``"teapot.1"``, ``"teapot.coat.theta_h"``, ``"teapot.1.alpha"``, ``"lamp.emission"``,
+``"light.rotation"``.
 """
 
 from __future__ import annotations
@@ -71,12 +72,12 @@ class ObjectState:
 
     @property
     def emits(self) -> bool:
-        """Whether it shines; an emitter is seen by its emission, not by its layers."""
-        return self.emission is not None and any(self.emission)
+        """Whether the scene has it shine; an emitter is seen by its emission, be that black, not by its layers."""
+        return self.emission is not None
 
 
 class Selection(NamedTuple):
-    """The layer (and curve, when one is chosen) that panels show."""
+    """The layer (and curve, when one is chosen) that panels show; of an emitter, which may have none, layer 0."""
 
     object: str
     layer: int
@@ -161,6 +162,7 @@ class Target:
 
 SWITCHES = ("visible", "frozen", "editable")
 MATERIAL = "material"
+EMISSION = "emission"
 FRESNEL_TERM = "fresnel_term"
 LIGHT_FIELDS = ("rotation", "intensity", "environment", "mapping")
 
@@ -190,7 +192,7 @@ def resolve(document: Document, path: str) -> Target:
     state, rest = _split_object(document, path)
     if not rest:
         return Target("object", state.name)
-    if rest in (*SWITCHES, MATERIAL) and rest not in [layer.name for layer in state.layers]:
+    if rest in (*SWITCHES, MATERIAL, EMISSION) and rest not in [layer.name for layer in state.layers]:
         return Target("switch", state.name, name=rest)
     index, rest = _split_layer(state, rest)
     if not rest:
@@ -244,6 +246,16 @@ def _unknown(what: str, name: str, there: Iterable[str]) -> InsituError:
     return InsituError(f"there is no {what} {name!r}; {hint}there is: {', '.join(options) or 'none'}")
 
 
+def reflecting_layers(document: Document) -> tuple[tuple[str, Layer], ...]:
+    """The visible layers of all objects that reflect, by key: none of emitters."""
+    emitters = {state.name for state in document.objects if state.emits}
+    return tuple(
+        (key, layer)
+        for key, layer in document.layers()
+        if key.rpartition(".")[0] not in emitters and document.is_visible(key)
+    )
+
+
 def document_from_description(source: str, description: SceneDescription) -> Document:
     """The document of a scene as its file describes it. Raises LoadError that names a bad layer's key."""
     objects = tuple(_object_state(source, described) for described in description.objects)
@@ -253,4 +265,5 @@ def document_from_description(source: str, description: SceneDescription) -> Doc
 
 def _object_state(source: str, described: ObjectDescription) -> ObjectState:
     layers = layers_from_descriptions(source, described.name, described.layers)
-    return ObjectState(described.name, layers, described.emission, described.editable)
+    emission = described.emission if described.emits else None
+    return ObjectState(described.name, layers, emission, described.editable)

@@ -81,7 +81,9 @@ class EditedCurves:
             return False
         if self._shown.get(wish.key) != CurveShown(wish.key, wish.factor, shown.stage, wish.precision):
             return False
-        return same_coefficients({name: shown.coefficients[name] for name in wish.others}, wish.others)
+        # The layer that is shown may be the one before, with other curves than the document's.
+        others = {name: values for name, values in shown.coefficients.items() if name != wish.factor}
+        return same_coefficients(others, wish.others)
 
     def took(self, came: CurveShown, edited: tuple[str, ...]) -> bool:
         """Note one that came; whether its layer is among those that follow the selected curve now."""

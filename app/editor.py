@@ -11,11 +11,14 @@ did: a refused command comes back as one line of text.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
 from app.band_plans import BandTalk
+from app.barrier import Barrier
 from app.commands import EditCommand
 from app.comparison import Comparison
 from app.document import Document, Selection, layer_key
@@ -28,7 +31,6 @@ from app.jobs.messages import (
     Cancel,
     Failed,
     FilesWritten,
-    Footprint,
     Frozen,
     IndirectFound,
     IndirectNoise,
@@ -37,41 +39,49 @@ from app.jobs.messages import (
     MapsRefused,
     MapsSampled,
     MeasurementsRead,
+    Noted,
     Progress,
     Request,
     Response,
     SceneOpened,
     SkyImage,
     StageDone,
+    StageFootprint,
     TableHandedOut,
     WorkerRestarted,
     WriteFiles,
 )
 from app.journal import Journal, Recovery
 from app.known_light import KnownLight
+from app.light_commands import lit_by
 from app.maps import MapTalk
 from app.material_commands import SetMaterial
 from app.measurements import measured_files
+from app.memory import require_memory_for
 from app.negotiator import Negotiator
 from app.opening import Opening
+from app.paths import is_file_name, spoken_name
 from app.picture import (
     Array,
     Curves,
-    FootprintChanged,
+    Footprint,
     LayerRadiance,
     PictureEvent,
     SceneFrame,
     SkyChanged,
     TransportReady,
+    drawn_as,
 )
 from app.reading import Reading, describe_reading, import_measured
-from app.selecting import first_choice, next_choice, selection_of
+from app.selecting import first_choice, next_choice, next_operator, seen_layer, selection_of
 from app.session import Session
 from app.session_keeper import SessionKeeper
 from app.status import Gauges, RenderReport, Status
 from app.table_talk import TableTalk
 from app.view_state import AS_PLANNED, OpenPanel, SetView, ViewCommand, ViewState
 from engine.errors import InsituError
+from engine.indirect.beyond import TOO_BRIGHT
+from engine.scene.builtin import DEFAULT_SCENE
 from engine.scene.description import SceneDescription
 
 __all__ = ["Editor", "RenderReport", "Status", "WorkerClient"]
@@ -103,7 +113,8 @@ class Editor:
 
     client: the worker; source: the scene (or session) to open at once; resolution: (width, height) in place of the
     scene's own; journal: where unsaved edits are kept, None for nowhere (pictures without a person);
-    curves: how many bands each curve gets, None for as many as planned.
+    curves: how many bands each curve gets, None for as many as planned; barrier: what holds back faults in a frame,
+    None for one that lets them through.
     """
 
     def __init__(
@@ -114,22 +125,29 @@ class Editor:
         resolution: tuple[int, int] | None = None,
         journal: Journal | None = None,
         curves: Curves | None = None,
+        barrier: Barrier | None = None,
     ) -> None:
+        self.barrier = barrier or Barrier()
+        self.barrier.tell = partial(self.notify, is_error=True)
         self.history = History(Document(source))
         self.view = self._view_before_drag = ViewState()
         self.curves = curves or Curves()
         self.resolution = resolution
+        self.own_resolution = (0, 0)
         self._client = client
         self._keeper = SessionKeeper(journal)
         self._bands = BandTalk(client.send, self.curves.plans)
         self._negotiator = Negotiator(client.send, self.curves)
         self._indirect = IndirectTalk(client.send, self.curves)
+        self._told_beyond = False
         self._maps = MapTalk(client.send, self.curves)
         self._comparison = Comparison(client.send, self.curves, self._maps.samples)
         self._known_light = KnownLight()
         self._reading = Reading(client.send)
         self._tables = TableTalk(client.send)
         self._opening: Opening | None = None
+        self._scene_id = 0
+        self._footprints: dict[str, Footprint] = {}
         self._gauges = Gauges()
         self.open(source)
 
@@ -150,6 +168,7 @@ class Editor:
 
         Consecutive edits with the same ``merge_key`` are one step of the history.
         """
+        before = self.document
         try:
             if isinstance(command, SetView | OpenPanel):
                 self.view = command.apply(self.view)
@@ -158,7 +177,7 @@ class Editor:
             elif self.history.do(command, merge_key):
                 if isinstance(command, SetMaterial):
                     self.curves.plans.replan(layer_key(command.object, index) for index in range(len(command.layers)))
-                self._document_changed()
+                self._document_changed(before)
                 if isinstance(command, SetMaterial) and self.view.selected is not None:
                     self.select(self.view.selected.object)  # its layers are others
         except (InsituError, ValueError) as error:
@@ -188,11 +207,11 @@ class Editor:
 
     def undo(self) -> str | None:
         """One step back; the label of what was undone, None when there was nothing."""
-        return self._stepped(self.history.undo(), "undone")
+        return self._stepped(self.history.undo, "undone")
 
     def redo(self) -> str | None:
         """One step forward; the label of what was redone, None when there was nothing."""
-        return self._stepped(self.history.redo(), "redone")
+        return self._stepped(self.history.redo, "redone")
 
     def select(self, path: str | Selection | None) -> str | None:
         """Select an object, layer or curve; of an object its last layer, of a layer its first curve.
@@ -212,7 +231,7 @@ class Editor:
 
     def notify(self, text: str, is_error: bool = False) -> None:
         """Put one line into ``status.message``."""
-        self._gauges.message, self._gauges.is_error = text, is_error
+        self._gauges.notify(text, is_error)
 
     # ---------------------------------------------------------------------------------------------------------- files
 
@@ -234,6 +253,7 @@ class Editor:
         try:
             opening = Opening.of(source)
         except InsituError as error:
+            self._open_default(str(error))
             return self._refuse(str(error))
         self._open(opening)
         return None
@@ -245,6 +265,32 @@ class Editor:
         except InsituError as error:
             return self._refuse(str(error))
         self.notify(f"saved {path}")
+        return None
+
+    @property
+    def file(self) -> Path | None:
+        """The session or the scene's file that a person would open to come back here; None of a built-in scene."""
+        source = self.document.source
+        return self.session_path or (Path(source) if self.scene_is_open and is_file_name(source) else None)
+
+    @property
+    def name(self) -> str:
+        """What a person calls what is open."""
+        return spoken_name(str(self.session_path or self.document.source))
+
+    def give_up_unsaved(self) -> None:
+        """Keep what is unsaved neither in a session nor in the journal; undo still has it."""
+        self._keeper.give_up(self.document)
+
+    def resize(self, resolution: tuple[int, int] | None) -> str | None:
+        """Show the scene that is open at another resolution (None: its own), with all edits; None, or why not."""
+        try:
+            if resolution is not None:
+                require_memory_for(resolution, "choose fewer")
+        except InsituError as error:
+            return self._refuse(str(error))
+        view = replace(self.view, resolution=None if resolution == self.own_resolution else resolution)
+        self._open(Opening.of_resolution(self.document, view))
         return None
 
     def recover(self, recovery: Recovery) -> str | None:
@@ -281,7 +327,7 @@ class Editor:
 
     def export_measured(self, path: Path) -> str | None:
         """Have the selected object's material written as a MERL file; None, or one line that says why not."""
-        if self.view.selected is None:
+        if seen_layer(self.document, self.view.selected) is None or self.view.selected is None:
             return self._refuse(f"{path.name}: no object is selected whose material could be written")
         layers = self.document.object(self.view.selected.object).layers
         self._client.send(WriteFiles(str(path.resolve()), layers, measured_files(self.document)))
@@ -292,9 +338,7 @@ class Editor:
         if not self.scene_is_open:
             return self._refuse(f"{folder.name}: no scene is open that could be written")
         bounces = max(self.view.n_bounces, 1)
-        self._client.send(
-            WriteFiles(str(folder.resolve()), (), measured_files(self.document), self.document, bounces)
-        )
+        self._client.send(WriteFiles(str(folder.resolve()), (), measured_files(self.document), self.document, bounces))
         return None
 
     @property
@@ -312,12 +356,14 @@ class Editor:
         """Take the worker's answers and ask for what is missing; once a frame. ``now``: a steady clock, seconds."""
         now = time.monotonic() if now is None else now
         events: list[PictureEvent] = []
-        for response in self._client.poll(POLL_SECONDS):
-            events += self._take(response)
+        run, none, silence = self.barrier.run, events, list[Response]()
+        for response in run("The talk with the worker", partial(self._client.poll, POLL_SECONDS), silence, ()):
+            events = events + run("An answer of the worker", partial(self._take, response), none)
         if self.scene_is_open:
-            events += self._ask(now)
-            events += self._compare(now)
-            self._keep(now)
+            made_of = self.document, self.view
+            events = events + run("What follows an edit", partial(self._ask, now), none, made_of)
+            events = events + run("Side A", partial(self._compare, now), none, made_of)
+            run("The journal", partial(self._keep, now), None, made_of)
         self._gauges.measure_memory(now, self._client.pid)
         return events
 
@@ -333,11 +379,14 @@ class Editor:
             events += self._indirect.update(
                 now, document, view.selected, view.n_bounces, view.second_bands, talk.revision
             )
+            if self._indirect.is_beyond and not self._told_beyond:
+                self.notify(TOO_BRIGHT, True)
+            self._told_beyond = self._indirect.is_beyond
         return events
 
     def _compare(self, now: float) -> list[PictureEvent]:
         """Side A as it is chosen, and brought up to date."""
-        exact, view = self.status.picture == "exact", self.view
+        exact, view = self.status.is_finished, self.view
         if view.compare is not self._comparison.document:
             self._comparison.begin(view.compare, exact and view.compare is self.document)
         return self._comparison.update(
@@ -383,9 +432,14 @@ class Editor:
         """Keys of the layers that follow the selected curve, the selected one first; none of a fixed object."""
         return edited_layers(self.document, self.view.selected)
 
+    def drawn_as(self, key: str) -> tuple[object, ...]:
+        """What f_q and the curves of a layer belong to: a picture of another one is not to be drawn with them."""
+        layer = self.document.layer(key)
+        return drawn_as(layer.model.name, layer.quotient_parameters().tolist())
+
     def layer_gain(self, key: str) -> Array:
-        """f_q of a layer, (3,)."""
-        return self.curves.gain(self.document, key)
+        """What a layer's picture is multiplied by, (3,): f_q, and how much brighter the only light has become."""
+        return self.curves.gain(self.document, key) * self._negotiator.light_gain
 
     def view_curve(self, key: str) -> Array:
         """f_o of a layer at 256 angles θ_o from 0 to π/2, (256,3)."""
@@ -406,8 +460,13 @@ class Editor:
         status = self._gauges.status(
             self._negotiator, self._client.alive, self._opening is not None, self.view.precision,
             self._indirect.is_complete and self._maps.is_complete,
+            self._indirect.noise_of_picture(self._gauges.report.mean_radiance),
         )  # fmt: skip
-        return replace(status, compared_exact=self._comparison.exact, indirect_noise=self._indirect.noise)
+        n_bounces, note = self._gauges.bounces
+        return replace(
+            status, compared_exact=self._comparison.exact, indirect_noise=self._indirect.noise,
+            bounces_note=note if n_bounces == self.view.n_bounces else "",
+        )  # fmt: skip
 
     # -------------------------------------------------------------------------------------------------------- answers
 
@@ -432,14 +491,29 @@ class Editor:
                 self.notify("; ".join((f"written {response.path}", *response.notes)))
             case MapsSampled() if self._opening is None:
                 self._maps.took(response)
+                self._say_once(response.note)
                 self._indirect.means_changed()
                 self._gauges.picture_changed()
             case MapsRefused() if self._opening is None:
                 if self._maps.refuse(response, self.history):
                     self._document_changed()
                 self.notify(response.line, True)
+            case Noted():
+                self._gauges.notes += response.lines
+                self.notify("; ".join(response.lines), True)
+            case SkyImage() if response.id == self._scene_id:
+                self._gauges.notes += response.notes
+                return [SkyChanged(response.radiance)]
+            case StageFootprint() if response.id == self._scene_id:
+                self._footprints.setdefault(response.stage, Footprint(response.rows, response.weights))
+            case IndirectFound() if response.id == self._scene_id:
+                self._indirect.took_found(response)
+            case IndirectNoise() if response.id == self._scene_id:
+                self._indirect.took_noise(response)
             case WorkerRestarted():
                 self._negotiator.worker_restarted()
+                self._indirect.worker_restarted()
+                self._comparison.worker_restarted()
                 self.notify(f"the worker was started again ({response.reason}); your edits are untouched", True)
             case _ if response.revision == self._negotiator.revision and self._opening is None:
                 return self._take_picture(response)
@@ -447,20 +521,10 @@ class Editor:
 
     def _take_picture(self, response: Response) -> list[PictureEvent]:
         match response:
-            case SkyImage():
-                self._gauges.notes += response.notes
-                return [SkyChanged(response.radiance)]
-            case Footprint():
-                return [FootprintChanged(response.rows, response.weights, response.stage)]
-            case BouncesPlanned() if self.view.n_bounces == AS_PLANNED:  # else a person has chosen meanwhile
-                self.view = replace(self.view, n_bounces=response.n_bounces)
-                self._negotiator.took_bounces(response.n_bounces)
-            case IndirectFound():
-                self._indirect.took_found(response)
-            case IndirectNoise():
-                self._indirect.took_noise(response)
+            case BouncesPlanned() if self.view.n_bounces in (AS_PLANNED, response.n_bounces):
+                self._take_bounces(response)  # else a person has chosen meanwhile
             case Frozen():
-                return self._indirect.took_frozen(response)
+                self._indirect.took_frozen(response)
             case LayerPicture() if self._comparison.took(response):
                 return []
             case LayerPicture():
@@ -469,13 +533,29 @@ class Editor:
                 made_with = self._negotiator.took_picture(response)
                 self._gauges.has_picture = True
                 self._gauges.picture_changed()
-                return [LayerRadiance(response.key, response.stage, response.radiance, made_with)]
+                footprint = self._footprints.get(response.stage)
+                look = self._negotiator.drawn_as(response.key)
+                return [LayerRadiance(response.key, response.stage, response.radiance, made_with, footprint, look)]
             case LayerTransport() if self._negotiator.took_transport(response, self.document, self.view.selected):
                 self._gauges.picture_changed()
-                return [_transport_ready(response, self.edited_layers)]
+                return [_transport_ready(response, self.edited_layers, self._footprints.get(response.stage))]
             case StageDone():
                 self._take_stage(response)
         return []
+
+    def _take_bounces(self, response: BouncesPlanned) -> None:
+        if self.view.n_bounces == AS_PLANNED:
+            self.view = replace(self.view, n_bounces=response.n_bounces)
+            self._negotiator.took_bounces(response.n_bounces)
+        if response.warning and response.warning != self.status.bounces_note:
+            self.notify(response.warning)
+        self._gauges.bounces = response.n_bounces, response.warning
+
+    def _say_once(self, note: str) -> None:
+        """What is worth a word when it first comes up in a scene."""
+        if note and note not in self._gauges.notes:
+            self._gauges.notes += (note,)
+            self.notify(note)
 
     def _take_scene(self, response: SceneOpened) -> list[PictureEvent]:
         opening = self._opening
@@ -487,17 +567,17 @@ class Editor:
         except InsituError as error:
             self._take_failure(Failed(str(error), id=response.id))
             return []
+        frame = SceneFrame(opening.source, description, response.arrays, response.notes)
+        if opening.resizes:
+            self._take_resolution(opening, description, document, response)
+            return [frame]
         left_unsaved = self._keeper.leave(self.document, self.view)
-        self._opening = None
-        self._gauges = Gauges(notes=response.notes, memory_mb=self._gauges.memory_mb)
-        self._negotiator.scene_opened()
-        self._indirect.scene_opened()
-        self._maps.scene_opened()
-        self._tables.scene_opened()
+        self._forget_scene(description, response)
         self._known_light = KnownLight()
+        self.own_resolution = description.camera.resolution
         self.view = replace(
             self.view, selected=None, hovered=None, compare=None, operator=None, curve_zoom=None, solo=None,
-            lobe_pixel=None,
+            lobe_pixel=None, resolution=None,
             n_bounces=description.bounces or AS_PLANNED,
         )  # fmt: skip
         self.history = History(document)
@@ -505,10 +585,45 @@ class Editor:
         self._keeper.opened(document)
         self.select(first_choice(document))
         kept = "; the unsaved edits before it can be recovered at the next start" if left_unsaved else ""
-        self.notify(f"opened {description.name}{kept}")
+        said = opening.instead_of or f"opened {description.name}{kept}"
+        self.notify("; ".join((said, *response.notes)), bool(opening.instead_of))
         if opening.session is not None:
             self._restore(opening, opening.session, response)
-        return [SceneFrame(opening.source, description, response.arrays, response.notes)]
+        if opening.light is not None:
+            self._known_light.worked(document.light)
+            self.do(lit_by(opening.light))
+        return [frame]
+
+    def _forget_scene(self, description: SceneDescription, opened: SceneOpened) -> None:
+        """What is known of the picture is void: the worker has opened another, or the same at another resolution."""
+        self._opening, self._scene_id, self._footprints = None, opened.id, {}
+        gauges = self._gauges
+        self._gauges = Gauges(message_number=gauges.message_number, notes=opened.notes, memory_mb=gauges.memory_mb)
+        self._negotiator.scene_opened(has_sky=description.environment is not None)
+        self._indirect.scene_opened()
+        self._maps.scene_opened()
+        self._tables.scene_opened()
+
+    def _take_resolution(
+        self, opening: Opening, description: SceneDescription, scene: Document, opened: SceneOpened
+    ) -> None:
+        """The picture has another size: document, history and what is selected stay as they are."""
+        assert opening.session is not None
+        self._forget_scene(description, opened)
+        self._learn_bands(scene, self.document, opened)
+        resolution = opening.session.view.resolution
+        self.view = replace(self.view, hovered=None, compare=None, lobe_pixel=None, resolution=resolution)
+        self._document_changed()
+        width, height = resolution or self.own_resolution
+        self.notify(f"the picture has {width} x {height} pixels")
+
+    def _learn_bands(self, scene: Document, document: Document, opened: SceneOpened) -> None:
+        """What the worker has planned, of the scene's layers as far as the document has them and of the document's."""
+        described = dict(scene.layers())
+        unchanged = {key: layer for key, layer in document.layers() if layer == described.get(key)}
+        self.curves.opened(unchanged, opened.bands)
+        for layer, bands in opened.planned:
+            self.curves.plans.learn(layer, bands)
 
     def _restore(self, opening: Opening, session: Session, opened: SceneOpened) -> None:
         """Put a session's document and view in the place of the scene's, where they fit."""
@@ -517,11 +632,7 @@ class Editor:
         except InsituError as error:
             self.notify(f"opened the scene without its session: {error}", True)
             return
-        described = dict(self.document.layers())
-        unchanged = {key: layer for key, layer in document.layers() if layer == described.get(key)}
-        self.curves.opened(unchanged, opened.bands)
-        for layer, bands in opened.planned:
-            self.curves.plans.learn(layer, bands)
+        self._learn_bands(self.document, document, opened)
         self.history = History(document)
         selected = session.view.selected or self.view.selected
         self.view = replace(session.view, selected=selected, panels=self.view.panels)
@@ -550,10 +661,13 @@ class Editor:
         refused = self._negotiator.asked_light if self._negotiator.is_transport(response.id) else None
         if refused is not None and self._known_light.go_back(self.history, refused):
             self._document_changed()
-        if self._opening is not None and response.id == self._opening.id:
+        opening = self._opening
+        if opening is not None and response.id == opening.id:
             self._opening = None
             if self.scene_is_open:
                 self._negotiator.scene_opened(is_new=False)
+            elif opening.source != DEFAULT_SCENE:
+                self._open_default(response.line)
         self.notify(response.line, True)
 
     def _take_stage(self, response: StageDone) -> None:
@@ -573,12 +687,18 @@ class Editor:
         self._opening = replace(opening, id=id)
         self._gauges.progress = None
 
+    def _open_default(self, why: str) -> None:
+        """Where nothing is open, so that the window is of use: the built-in scene, and why it is that one."""
+        if not self.scene_is_open and self._opening is None:
+            self._open(Opening.of(DEFAULT_SCENE, f"{why} - the built-in {DEFAULT_SCENE} is open instead"))
+
     def _keep(self, now: float) -> None:
         problem = self._keeper.keep(now, self.document, self.view)
         if problem and problem != self._gauges.message:
             self.notify(problem, True)
 
-    def _document_changed(self) -> None:
+    def _document_changed(self, before: Document | None = None) -> None:
+        """Whoever compares is told. before: what it was, where the selected operator is to be followed."""
         self._gauges.picture_changed()
         self._negotiator.edited()
         self._indirect.edited()
@@ -586,11 +706,15 @@ class Editor:
         selected = self.view.selected
         if selected is not None and (choice := next_choice(self.document, selected)) != selected:
             self.select(choice)
+        elif before is not None:
+            operator = next_operator(before, self.document, selected, self.view.operator)
+            self.view = replace(self.view, operator=operator)
 
-    def _stepped(self, label: str | None, what: str) -> str | None:
+    def _stepped(self, step: Callable[[], str | None], what: str) -> str | None:
+        before, label = self.document, step()
         self._negotiator.hand_released()
         if label is not None:
-            self._document_changed()
+            self._document_changed(before)
             self.notify(f"{what}: {label}")
         return label
 
@@ -599,7 +723,7 @@ class Editor:
         return line
 
 
-def _transport_ready(response: LayerTransport, beside: tuple[str, ...]) -> TransportReady:
+def _transport_ready(response: LayerTransport, beside: tuple[str, ...], footprint: Footprint | None) -> TransportReady:
     return TransportReady(
         response.key,
         response.factor,
@@ -608,4 +732,5 @@ def _transport_ready(response: LayerTransport, beside: tuple[str, ...]) -> Trans
         response.norms,
         response.scale,
         beside,
+        footprint,
     )

@@ -20,10 +20,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from app.document import Document, Selection
+from app.document import Document, Selection, reflecting_layers
 from app.edited_curves import edited_layers
 from app.jobs.messages import Freeze, Frozen, IndirectFound, IndirectNoise, LayerReflection, Request
-from app.picture import Array, Curves, IndirectFootprint, IndirectRadiance, PictureEvent
+from app.picture import Array, Curves, Footprint, IndirectRadiance, PictureEvent, drawn_as
+from engine.indirect.beyond import in_full, is_beyond
 from engine.indirect.equivalence import albedo_of
 
 FREEZE_PATIENCE = 5.0
@@ -34,7 +35,6 @@ FINE_STAGE = "fine"
 def reflections(document: Document, curves: Curves, second: int | None = None) -> tuple[LayerReflection, ...]:
     """The visible layers of all objects that reflect, as they are now; of no more than `second` bands at the second
     bounce."""
-    emitters = {state.name for state in document.objects if state.emits}
     return tuple(
         LayerReflection(
             key, layer.model.name, tuple(layer.quotient_parameters().tolist()),
@@ -42,8 +42,7 @@ def reflections(document: Document, curves: Curves, second: int | None = None) -
             tuple(curves.coefficients(document, key, second).values()),
             curves.sent_gain(document, key), curves.view_curve(document, key),
         )
-        for key, layer in document.layers()
-        if key.rpartition(".")[0] not in emitters and document.is_visible(key)
+        for key, layer in reflecting_layers(document)
     )  # fmt: skip
 
 
@@ -71,14 +70,13 @@ class FreezeWish:
         return all(self._alike(mine, theirs) for mine, theirs in zip(self.looks, other.looks, strict=True))
 
     def same(self, other: FreezeWish) -> bool:
-        """Whether it was also made with what the other has of the edited object's curves: glossy ones have a shape."""
+        """Whether it was also made with what the other has of the edited object's curves: glossy ones have a shape, and
+        the noise is that of all."""
         if self is other:
             return True
-        mine, theirs = (tuple(look for look in wish.looks if self._is_shaped(look)) for wish in (self, other))
-        return len(mine) == len(theirs) and all(_equal(*pair) for pair in zip(mine, theirs, strict=True))
-
-    def _is_shaped(self, look: LayerReflection) -> bool:
-        return self.key is not None and _object(look.key) == _object(self.key) and look.model != "lambert"
+        return len(self.looks) == len(other.looks) and all(
+            _equal(*pair) for pair in zip(self.looks, other.looks, strict=True)
+        )
 
     def _alike(self, mine: LayerReflection, theirs: LayerReflection) -> bool:
         if (mine.key, mine.model, mine.quotient_parameters) != (theirs.key, theirs.model, theirs.quotient_parameters):
@@ -104,9 +102,9 @@ class IndirectTalk:
 
     def scene_opened(self) -> None:
         """Another scene: nothing is known of its light."""
-        self._revision = -1
         self._found: IndirectFound | None = None
-        self._frozen: tuple[FreezeWish, Frozen] | None = None
+        self._confirmed = -1
+        self._frozen: tuple[FreezeWish, Frozen, Footprint] | None = None
         self._asked: tuple[FreezeWish, int] | None = None
         self._serial = 0
         self._asked_at = self._changed_at = -math.inf
@@ -114,7 +112,8 @@ class IndirectTalk:
         self._wish_made_of: tuple[Document | None, Selection | None, int | None] = None, None, None
         self._drawn: FreezeWish | None = None
         self._shown: dict[str, tuple[object, ...]] = {}
-        self._noise: tuple[int, float] | None = None
+        self._beyond: set[str] = set()
+        self._noise: IndirectNoise | None = None
         self._n_bounces = 1
         self._complete = False
 
@@ -138,39 +137,61 @@ class IndirectTalk:
     @property
     def noise(self) -> float | None:
         """What chance is left in the indirect light that is shown, RMS relative to its mean; None while unknown."""
-        if not self._shown or self._frozen is None or self._noise is None or self._noise[0] != self._frozen[1].number:
-            return None
-        return self._noise[1]
+        return None if not self._shown or not self._knows_noise or self._noise is None else self._noise.noise
+
+    def noise_of_picture(self, direct: float) -> float:
+        """The same, relative to the mean of the whole picture; direct: that of its direct light. 0 while unknown."""
+        if self.noise is None or self._noise is None:
+            return 0.0
+        mean = self._noise.mean + direct
+        return self.noise * self._noise.mean / mean if mean > 0.0 else self.noise
+
+    @property
+    def _knows_noise(self) -> bool:
+        """Whether the noise that was told last is that of the light that came last."""
+        if self._frozen is None or self._noise is None:
+            return False
+        frozen = self._frozen[1]
+        return (self._noise.number, self._noise.serial) == (frozen.number, frozen.serial)
+
+    @property
+    def is_beyond(self) -> bool:
+        """Whether some of the indirect light is brighter than a picture holds."""
+        return bool(self._beyond)
 
     def edited(self) -> None:
         """The document or the selection changed: until the next update it is not known whether anything is missing."""
         self._complete = False
 
+    def worker_restarted(self) -> None:
+        """A new worker knows nothing of what was asked, and finds light anew."""
+        self._asked, self._confirmed = None, -1
+
     def took_found(self, response: IndirectFound) -> None:
-        """Samples were found; what they reflect comes with the next freezing."""
+        """Samples were found, or are those of another transport as well; what they reflect comes with a freezing."""
+        self._confirmed = response.revision
         if self._found is None or response.number != self._found.number:
             self._found = response
 
-    def took_frozen(self, response: Frozen) -> list[PictureEvent]:
-        """A freezing came: the footprint of its samples, if that is a new one."""
-        if self._asked is None or self._found is None:
-            return []
-        if (response.serial, response.number) != (self._serial, self._found.number):
-            return []
-        wish, _ = self._asked
-        is_new = self._frozen is None or self._frozen[1].number != response.number
-        self._frozen = wish, response
+    def took_frozen(self, response: Frozen) -> None:
+        """A freezing came; it is drawn with the footprint of its own samples."""
+        found = self._found
+        if self._asked is None or found is None or (response.serial, response.number) != (self._serial, found.number):
+            return
+        footprint = Footprint(found.rows, found.weights)
+        if self._frozen is not None and self._frozen[1].number == response.number:
+            footprint = self._frozen[2]
+        self._frozen = self._asked[0], response, footprint
         self._drawn = None
         self._shown.clear()
-        return [IndirectFootprint(self._found.rows, self._found.weights)] if is_new else []
 
     def means_changed(self) -> None:
         """What layers send on became known otherwise than by an edit: the mean of a texture."""
         self._wish_made_of = None, None, None
 
     def took_noise(self, response: IndirectNoise) -> None:
-        """How noisy what was found is."""
-        self._noise = response.number, response.noise
+        """How noisy what was frozen is."""
+        self._noise = response
 
     def update(
         self, now: float, document: Document, selected: Selection | None, n_bounces: int, second: int | None,
@@ -186,18 +207,23 @@ class IndirectTalk:
         if self._frozen is None:
             self._complete = False
             return []
-        made_for, frozen = self._frozen
+        made_for, frozen, _ = self._frozen
         fits = made_for.serves(wish)
-        is_final = self._found is not None and (self._found.number, self._found.stage) == (frozen.number, FINE_STAGE)
-        self._complete = fits and is_final and made_for.same(wish)
+        is_final = self._is_current(frozen, revision) and self._found is not None and self._found.stage == FINE_STAGE
+        self._complete = fits and is_final and made_for.same(wish) and self._knows_noise
         if not fits or self._drawn is wish:
             return []
         self._drawn = wish
-        return self._radiances(document, frozen, made_for)
+        return self._radiances(document, *self._frozen)
+
+    def _is_current(self, frozen: Frozen, revision: int) -> bool:
+        """Whether it is the newest light, and that of the transport asked last."""
+        return self._found is not None and self._found.number == frozen.number and self._confirmed == revision
 
     def _none(self) -> list[PictureEvent]:
         shown, self._shown, self._frozen, self._asked, self._drawn = self._shown, {}, None, None, None
-        return [IndirectRadiance(key, None) for key in shown]
+        self._beyond.clear()
+        return [IndirectRadiance(key) for key in shown]
 
     def _wish(self, document: Document, selected: Selection | None, second: int | None) -> FreezeWish:
         """Made once: most ticks find everything as it was, and the processors are the worker's."""
@@ -236,7 +262,9 @@ class IndirectTalk:
         self._serial += 1
         self._send(Freeze(wish.looks, wish.key, wish.factor, wish.second == 1, self._serial, revision=revision))
 
-    def _radiances(self, document: Document, frozen: Frozen, made_for: FreezeWish) -> list[PictureEvent]:
+    def _radiances(
+        self, document: Document, made_for: FreezeWish, frozen: Frozen, footprint: Footprint
+    ) -> list[PictureEvent]:
         """Of the layers whose radiance is another than the one shown."""
         albedo = self._albedo(document, frozen)
         events: list[PictureEvent] = []
@@ -247,7 +275,10 @@ class IndirectTalk:
             state = (*albedo.tolist(), id(curve))
             if self._shown.get(look.key) != state:
                 self._shown[look.key] = state
-                events.append(IndirectRadiance(look.key, _radiance(frozen, look.key, albedo, curve)))
+                radiance = _radiance(frozen, look.key, albedo, curve)
+                (self._beyond.add if is_beyond(radiance) else self._beyond.discard)(look.key)
+                look_as = drawn_as(look.model, look.quotient_parameters)
+                events.append(IndirectRadiance(look.key, radiance, footprint, look_as))
         return events
 
     def _albedo(self, document: Document, frozen: Frozen) -> Array:
@@ -263,17 +294,18 @@ class IndirectTalk:
 
 def _radiance(frozen: Frozen, key: str, albedo: Array, curve: Array | None) -> NDArray[np.float32]:
     """Indirect radiance (p,3) of one layer, without f_q and f_o."""
+    # Powers in double precision: beyond single, what they multiply may be 0.
     if curve is None:
         reflected = frozen.reflected[key]
         powers = albedo ** np.arange(len(reflected))[:, None]
-        return np.einsum("npc,nc->pc", reflected, powers.astype(np.float32))
+        return in_full(np.einsum("npc,nc->pc", reflected, powers), frozen.unit)
     bands = frozen.bands
-    powers = (albedo ** np.arange(bands.shape[2])[:, None]).astype(np.float32)
+    powers = albedo ** np.arange(bands.shape[2])[:, None]
     channels = [
         powers[:, c] @ (curve[:, c].astype(np.float32) @ bands[c].reshape(len(curve), -1)).reshape(bands.shape[2:])
         for c in range(3)
     ]
-    return np.stack(channels, axis=1)
+    return in_full(np.stack(channels, axis=1), frozen.unit)
 
 
 def _equal(one: LayerReflection, two: LayerReflection) -> bool:

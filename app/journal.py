@@ -19,13 +19,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
-from app.atomic import write_atomically
+from app.atomic import make_private_folder, private_opener, write_atomically
 from app.document import Document
 from app.paths import journal_directory
 from app.session import SUFFIX, JournalRecord, Session, dump_session, load_session
 from app.view_state import ViewState
-from engine.errors import InsituError
+from engine.errors import InsituError, LoadError
 
+DAMAGED = ".damaged"
 WRITE_SECONDS = 0.5
 RETRY_SECONDS = 5.0
 STALE_LOCK_SECONDS = 86400.0
@@ -62,17 +63,24 @@ class _Entry:
 
 
 class Journal:
-    """The journal of one running editor. ``problem`` is the last failure to write it, "" when there was none."""
+    """The journal of one running editor. ``problem`` is the last failure to write it, "" when there was none.
+
+    ``notice`` is a line about journals of other editors that cannot be read.
+    """
 
     def __init__(self, folder: Path | None = None) -> None:
         folder = journal_directory() if folder is None else folder
         self.path = folder / f"{os.getpid()}-{time.time_ns():x}-{next(_serial)}{SUFFIX}"
-        self.problem = ""
+        self.problem = self.notice = ""
         self.written: Document | None = None
-        self._lock = _locked(_lock_path(self.path))
+        self._lock: IO[bytes] | None = None
         self._noted: Document | None = None
         self._noted_at = float("-inf")
         self._entries: queue.SimpleQueue[_Entry | None] = queue.SimpleQueue()
+        try:
+            self._take_lock()
+        except OSError as error:
+            self._failed(error)
         self._thread = threading.Thread(target=self._write_all, name="journal", daemon=True)
         self._thread.start()
 
@@ -93,18 +101,30 @@ class Journal:
         if self._thread.is_alive():
             self._entries.put(None)
             self._thread.join()
-        self._lock.close()
+        if self._lock is not None:
+            self._lock.close()
         if not keep:
             Recovery(self.path, "", 0.0).discard()
 
     def _write_all(self) -> None:
-        """The thread: write the newest entry each time there is one."""
+        """The thread: look for journals that are damaged, then write the newest entry each time there is one."""
+        with contextlib.suppress(Exception):  # whatever is wrong with others, this journal is to be written
+            self.notice = set_damaged_aside(self.path.parent)
         while (entry := self._newest()) is not None:
             try:
                 self._write(entry)
                 self.written, self.problem = entry.document, ""
             except OSError as error:
-                self.problem = f"autosave failed: {self.path.parent}: {error.strerror or error}"
+                self._failed(error)
+
+    def _failed(self, error: OSError) -> None:
+        self.problem = f"autosave failed: {self.path.parent}: {error.strerror or error}"
+
+    def _take_lock(self) -> None:
+        """Without it another editor would take the journal for one that was left behind. Raises OSError."""
+        if self._lock is None:
+            make_private_folder(self.path.parent)
+            self._lock = _locked(_lock_path(self.path))
 
     def _newest(self) -> _Entry | None:
         entry = self._entries.get()
@@ -118,20 +138,46 @@ class Journal:
         return entry
 
     def _write(self, entry: _Entry) -> None:
+        self._take_lock()
         if entry.document is None:
             self.path.unlink(missing_ok=True)
             return
         session_path = None if entry.session_path is None else str(entry.session_path)
         record = JournalRecord(written_at=time.time(), session_path=session_path)
-        write_atomically(self.path, dump_session(entry.document, entry.view, journal=record).encode())
+        write_atomically(self.path, dump_session(entry.document, entry.view, journal=record).encode(), private=True)
 
 
 def recoverable_sessions(folder: Path | None = None) -> list[Recovery]:
-    """The journals of editors that no longer live, newest first; damaged ones are left out."""
+    """The journals of editors that no longer live, newest first; those that cannot be read are left out."""
     folder = journal_directory() if folder is None else folder
     _sweep_locks(folder)
     found = [recovery for path in folder.glob(f"*{SUFFIX}") if (recovery := _recovery(path)) is not None]
     return sorted(found, key=lambda recovery: recovery.written_at, reverse=True)
+
+
+def set_damaged_aside(folder: Path) -> str:
+    """Rename the journals of editors that no longer live which nobody can read: they are kept, and not met again.
+
+    One line about the first of them, "" where there is none. Those of a newer version stay for that.
+    """
+    lines = []
+    for path in sorted(folder.glob(f"*{SUFFIX}")):
+        if _owner_lives(_lock_path(path)):
+            continue
+        try:
+            load_session(path)
+        except InsituError as error:
+            if not (isinstance(error, LoadError) and error.what == "version"):
+                lines.append(f"edits that were not saved cannot be read: {error}; the file is kept as {_aside(path)}")
+    more = f", and {len(lines) - 1} more" if len(lines) > 1 else ""
+    return lines[0] + more if lines else ""
+
+
+def _aside(path: Path) -> Path:
+    """Give a journal a name that is no journal's, if that can be."""
+    with contextlib.suppress(OSError):
+        return path.rename(path.with_suffix(DAMAGED))
+    return path
 
 
 def _recovery(path: Path) -> Recovery | None:
@@ -161,7 +207,7 @@ def _lock_path(path: Path) -> Path:
 
 def _locked(path: Path) -> IO[bytes]:
     """The open, locked file; the lock lasts until it is closed or the process ends."""
-    file = open(path, "wb")
+    file = open(path, "wb", opener=private_opener)
     fcntl.flock(file, fcntl.LOCK_EX)
     return file
 

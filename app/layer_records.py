@@ -17,7 +17,6 @@ from app.described_layers import layers_from_descriptions
 from app.document import all_factors, layer_key
 from app.linked_layers import FRESNEL_NAME, Layers, alike
 from app.paths import written_path
-from app.toml_text import toml_lines, toml_value
 from engine.curve.operators import Operator, Tabulated
 from engine.errors import LoadError
 from engine.material.layer import Layer
@@ -25,6 +24,7 @@ from engine.material.maps import LayerMaps, map_values
 from engine.material.parameters import FRESNEL, Value
 from engine.measured.measurement import Measurement
 from engine.scene.description import LayerDescription, Maps, Name, Number, Parameter, Text
+from engine.scene.toml_text import toml_lines, toml_value
 
 MAX_TABLE = 8192
 MAX_LAYERS = 64
@@ -49,6 +49,7 @@ class OperatorRecord(Record):
     baseline: Number = 0.0
     channels: tuple[Flag, Flag, Flag] = (True, True, True)
     muted: Flag = False
+    joined: Flag = False
     gammas: Annotated[tuple[Number, ...], Field(max_length=MAX_TABLE)] = ()
     values: Annotated[tuple[Triple, ...], Field(max_length=MAX_TABLE)] = ()
 
@@ -66,7 +67,9 @@ class OperatorRecord(Record):
             return Tabulated(self.gammas, self.values, self.muted)
         if self.axis is None or self.regions is None or self.magnitude is None:
             raise ValueError("with axis, regions and magnitude")
-        return Operator(self.kind, self.axis, *self.regions, self.magnitude, self.baseline, self.channels, self.muted)
+        return Operator(
+            self.kind, self.axis, *self.regions, self.magnitude, self.baseline, self.channels, self.muted, self.joined
+        )
 
 
 class CurveRecord(Record):
@@ -90,9 +93,7 @@ class LayerRecord(Record):
 def layers_of(file: str, name: str, records: Sequence[LayerRecord]) -> Layers:
     """The layers of the object or material called `name`, edits and all. Raises LoadError for `file`."""
     described = [
-        LayerDescription(
-            model=each.model, name=each.name, follows=each.follows, maps=each.maps, parameters=each.values
-        )
+        LayerDescription(model=each.model, name=each.name, follows=each.follows, maps=each.maps, parameters=each.values)
         for each in records
     ]
     plain = layers_from_descriptions(file, name, described)
@@ -181,4 +182,5 @@ def _operator_values(operator: CurveEdit) -> dict[str, Any]:
         "baseline": operator.baseline,
         "channels": operator.channels,
         "muted": operator.muted,
+        "joined": operator.joined or None,
     }

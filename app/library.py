@@ -88,7 +88,7 @@ class Library:
             raise InsituError(f"{name!r} is no name for a material, expected 1 to {MAX_NAME} characters")
         path = self._path_for(name)
         material = Material(name, layers, OWN)
-        save_material(path, material)
+        save_material(path, material, private=True)
         entry = Entry(path, material, is_own=True)
         self._put(entry)
         return entry

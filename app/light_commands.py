@@ -4,13 +4,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
-from app.document import Document, LightState, Mapping
-from app.probe_file import probe_size
+from app.document import RGB, Document, LightState, Mapping
+from app.probe_file import likely_mapping, probe_size
 from engine.errors import InsituError, LoadError
+from engine.material.parameters import Parameter
 
 MAX_INTENSITY = 1e6
+EMISSION = Parameter(
+    "emission",
+    "rgb",
+    (1.0, 1.0, 1.0),
+    "Emission",
+    "Radiance of the light's surface, per channel: what is seen of it, and what it throws on the scene.",
+    (),
+    maximum=1e9,
+    logarithmic=True,
+)
 
 
 @dataclass(frozen=True)
@@ -61,6 +72,11 @@ class SetEnvironment:
         return replace(document, light=check_light(changed, "light"))
 
 
+def lit_by(file: Path) -> SetEnvironment:
+    """Light the scene by a file, read as its size suggests."""
+    return SetEnvironment(str(file.resolve()), likely_mapping(file))
+
+
 @dataclass(frozen=True)
 class SetMapping:
     """Read the environment's file as a lat-long or as an angular map [Debevec98].
@@ -88,6 +104,32 @@ class SetMapping:
                 f"{file.name} has {size[0]} x {size[1]} pixels, an angular map is square; nothing changed"
             )
         return replace(document, light=light)
+
+
+@dataclass(frozen=True)
+class SetEmission:
+    """Let an emitter shine with this radiance: three numbers, or one for all."""
+
+    object: str
+    emission: Any
+
+    @property
+    def label(self) -> str:
+        return f"{self.object} emission"
+
+    def apply(self, document: Document) -> Document:
+        state = document.object(self.object)
+        if not state.emits:
+            raise InsituError(f"{self.object} does not shine; the scene's file says which objects do")
+        if state.frozen:
+            raise InsituError(f"{self.object} is frozen; thaw it to change its light")
+        red, green, blue = cast(RGB, EMISSION.accept(self.emission))
+        return document.with_object(replace(state, emission=(red, green, blue)))
+
+
+def emission_of(document: Document) -> tuple[tuple[str, RGB], ...]:
+    """(name, radiance) of all emitters."""
+    return tuple((state.name, state.emission) for state in document.objects if state.emission is not None)
 
 
 def check_light(light: LightState, where: str) -> LightState:

@@ -70,7 +70,9 @@ def with_fresnel(layers: Layers, index: int) -> Layers:
     if layer.fresnel is not None:
         return layers
     if layer.follows:
-        raise InsituError(f"{layer.name} follows {layer.follows}; give that layer the Fresnel term")
+        raise InsituError(
+            f"{layer.title} follows {layers[group_of(layers, index)[0]].title}; give that layer the Fresnel term"
+        )
     strength = _strength(layer)
     fresnel: object = FRESNEL.default
     if strength is not None:

@@ -11,7 +11,7 @@ from app.document import Document
 from app.linked_layers import Layers
 from engine.errors import InsituError
 from engine.material.maps import set_map_field
-from engine.scene.builtin import builtin_scenes
+from engine.scene.builtin import scene_path
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".exr")
 
@@ -72,4 +72,4 @@ def _renamed(layers: Layers, new_name: Callable[[str], str]) -> Layers:
 
 def scene_folder(source: str) -> Path:
     """The folder of a built-in scene or a scene file."""
-    return (builtin_scenes().get(source) or Path(source)).resolve().parent
+    return scene_path(source).resolve().parent

@@ -47,7 +47,7 @@ class AddLayers:
 
     @property
     def label(self) -> str:
-        return f"add {', '.join(layer.name for layer in self.layers)} to {self.object}"
+        return f"add {', '.join(layer.title for layer in self.layers)} to {self.object}"
 
     def apply(self, document: Document) -> Document:
         state = _editable_object(document, self.object)

@@ -16,7 +16,6 @@ put on top of others, a curve's name that curve of the first layer.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,15 +23,15 @@ from typing import Annotated, Any
 
 from pydantic import Field, ValidationError
 
-from app.atomic import write_atomically
+from app.atomic import save_file
 from app.described_layers import layers_from_descriptions
 from app.layer_records import MAX_LAYERS, CurveRecord, Record, description_of, operator_lines, with_curves
 from app.linked_layers import Layers, alike
 from app.measurements import with_full_paths
-from app.toml_text import check_version, load_toml, toml_lines, toml_value
-from engine.errors import InsituError, LoadError
+from engine.errors import LoadError
 from engine.scene.complaints import first_complaint
 from engine.scene.description import LayerDescription, Text
+from engine.scene.toml_text import check_version, load_toml, parse_toml, toml_lines, toml_value
 
 MATERIAL_VERSION = 1
 MAX_MATERIAL_BYTES = 4 * 2**20
@@ -81,18 +80,15 @@ def load_material(path: Path) -> Material:
 def parse_material(text: str, where: str) -> Material:
     """The material in a text, called `where` in what LoadError says of it."""
     try:
-        tree = tomllib.loads(text)
-    except (ValueError, RecursionError):
+        tree = parse_toml(text, where)
+    except LoadError:
         raise LoadError(where, "text", f"{text[:24]!r}", "a material that was copied") from None
     return _material(tree, where)
 
 
-def save_material(path: Path, material: Material) -> None:
+def save_material(path: Path, material: Material, *, private: bool = False) -> None:
     """Write a material file, whole or not at all. InsituError says why it cannot be written."""
-    try:
-        write_atomically(path, dump_material(material).encode())
-    except OSError as error:
-        raise InsituError(f"{path}: not saved, {error.strerror or error}; what was there is untouched") from error
+    save_file(path, dump_material(material).encode(), private=private)
 
 
 def dump_material(material: Material, folder: Path | None = None) -> str:

@@ -20,12 +20,17 @@ def memory_bytes() -> tuple[int | None, int]:
     return values.get("MemAvailable"), values.get("MemTotal", 0)
 
 
-def require_memory_for(resolution: tuple[int, int]) -> None:
-    """InsituError when a picture of (width, height) pixels would need more memory than there is."""
-    needed, (free, _) = resolution[0] * resolution[1] * BYTES_A_PIXEL, memory_bytes()
+def bytes_for(resolution: tuple[int, int]) -> int:
+    """About what a picture of (width, height) pixels needs of the memory."""
+    return resolution[0] * resolution[1] * BYTES_A_PIXEL
+
+
+def require_memory_for(resolution: tuple[int, int], mend: str = "give a smaller --resolution") -> None:
+    """InsituError when a picture of (width, height) pixels would need more memory than there is; mend: what to do."""
+    needed, (free, _) = bytes_for(resolution), memory_bytes()
     if free is not None and needed > free:
         size = f"{resolution[0]} x {resolution[1]} pixels"
-        raise InsituError(f"{size} need about {gib(needed)}, {gib(free)} are free; give a smaller --resolution")
+        raise InsituError(f"{size} need about {gib(needed)}, {gib(free)} are free; {mend}")
 
 
 def gib(n_bytes: int) -> str:

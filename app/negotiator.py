@@ -4,10 +4,11 @@ Once a frame ``update`` compares what the document and the selection want with w
 last asked for, and asks for the difference. Being a comparison of states and not a chain of events, it also comes
 right after an undo, a crash, or a selection that changed in mid-computation.
 
+- Where emitters are all the light there is, and become brighter alike, what is there is multiplied (`light_gain`).
 - Light, quotient parameters, bands and the number of lights fix the transport, and of objects that are not editable
   the curves as well. When they change, it is asked for anew once the hand rests: at the end of a drag, or when nothing
   has changed for a quarter of a second; the worker makes of it what it does not have. While an environment is being
-  turned, drag-quality transport is asked for at once, one request at a time.
+  turned, or an emitter dimmed, drag-quality transport is asked for at once, one request at a time.
 - The selected curve wants its layer's transport, the layer's other factor contracted with its present curve ("curve
   switching", [BenArtzi07, eq. 4.16]), in half or single floats; it is asked for again when that other curve or the
   precision has changed. So do layers that share the curve (`edited_curves`).
@@ -24,12 +25,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.document import Document, LightState, Selection
+from app.document import SCENE_ENVIRONMENT, Document, LightState, Selection, reflecting_layers
 from app.edited_curves import EditedCurves, curve_wishes, edited_layers
 from app.indirect import reflections
 from app.jobs.messages import ComputeTransport, Contract, Failed, LayerPicture, LayerTransport, Request, StageDone
+from app.light_commands import emission_of
 from app.measurements import measured_files
-from app.picture import Array, Coefficients, Curves
+from app.picture import Array, Coefficients, Curves, drawn_as
 from app.wishes import (
     Contraction,
     CurveShown,
@@ -37,6 +39,7 @@ from app.wishes import (
     LayerShape,
     LayerShown,
     TransportWish,
+    brightened,
     layer_work,
     same_coefficients,
     transport_wish,
@@ -58,6 +61,7 @@ class Negotiator:
         self._send = send
         self._curves = curves
         self._opened = False
+        self._has_sky = True
         self._precision: Precision = "half"
         self._forget()
 
@@ -73,6 +77,8 @@ class Negotiator:
         self._exact = False
         self._complete = False
         self._released = False
+        self._light_gain = np.ones(3)
+        self.emitters_are_all = False
         self._edited = EditedCurves()
         self._forget_answers()
 
@@ -88,11 +94,20 @@ class Negotiator:
         """Another scene is being opened: ask for nothing meanwhile."""
         self._opened = False
 
-    def scene_opened(self, is_new: bool = True) -> None:
-        """The worker has a scene open, a new one or (``is_new`` False) still the one before."""
+    def scene_opened(self, is_new: bool = True, has_sky: bool = True) -> None:
+        """The worker has a scene open, a new one (``has_sky``: its own environment lights it) or (``is_new`` False)
+        still the one before.
+
+        What was asked of the one before was given up for the scene that could not be opened.
+        """
         self._opened = True
         if is_new:
+            self._has_sky = has_sky
             self._forget()
+        elif self._running:
+            self.resume()
+        else:
+            self._forget_requests()
 
     def edited(self) -> None:
         """The document or the selection changed: until the next update it is not known whether anything is missing."""
@@ -110,12 +125,17 @@ class Negotiator:
     def worker_restarted(self) -> None:
         """A new worker begins anew with what was asked; its first stages are no longer the final picture."""
         self._running, self._exact = self._asked is not None, False
+        self._forget_requests()
+
+    def _forget_requests(self) -> None:
+        """What else was asked for will not be answered."""
         self._contraction, self._asked_pictures = None, {}
         self._edited.forget_asked()
 
     def resume(self) -> None:
-        """Ask once more for what was cancelled or failed."""
+        """Ask once more for what was cancelled or failed; what may still come of that is void."""
         self._asked = None
+        self.revision += 1
 
     def rendered(self, key: str, factor: str, coefficients: Array) -> None:
         """The renderer has stepped a layer's picture to these coefficients exactly."""
@@ -133,7 +153,12 @@ class Negotiator:
     @property
     def light_is_current(self) -> bool:
         """Whether the light in the transport asked for is the document's."""
-        return self._asked is not None and self._wish is not None and self._asked.light == self._wish.light
+        return self._asked is not None and self._wish is not None and self._wish.lights_like(self._asked)
+
+    @property
+    def light_gain(self) -> Array:
+        """How much brighter (3,) the light is than in the transport asked for: it is linear in the only emitters."""
+        return self._light_gain
 
     @property
     def drag_quality(self) -> bool:
@@ -150,12 +175,19 @@ class Negotiator:
         models = [(key, layer.model) for key, layer in document.layers()]
         if self._asked is None or models != [(key, layer.model) for key, layer in like.layers()]:
             return False
-        return transport_wish(document, n_lights, self._asked.n_bounces, self._curves) == self._asked
+        wish = transport_wish(document, n_lights, self._asked.n_bounces, self._curves)
+        lit_alike = wish.emission == emission_of(like)
+        return lit_alike and replace(wish, emission=self._asked.emission) == self._asked
 
     def asked_bands(self, key: str) -> dict[str, int] | None:
         """J of each factor of a layer in the transport asked last; None where there is none of it."""
         shape = self._asked_shape(key)
         return None if shape is None else dict(shape.bands)
+
+    def drawn_as(self, key: str) -> tuple[object, ...]:
+        """What f_q and the curves of a layer's picture belong to, in the transport asked last."""
+        shape = self._asked_shape(key)
+        return () if shape is None else drawn_as(shape.model, shape.quotient_parameters)
 
     def is_transport(self, id: int) -> bool:
         """Whether this is the number of the transport asked last."""
@@ -251,7 +283,7 @@ class Negotiator:
         asked = self._asked
         if asked is None or self._released or now - self._wish_since >= REST_SECONDS:
             self._compute(wish, document, selected, wish.n_lights)
-        elif dragging and wish.turned_from(asked) and not (self._drag_quality and self._running):
+        elif dragging and wish.moved_from(asked) and not (self._drag_quality and self._running):
             self._compute(wish, document, selected, DRAG_QUALITY)
 
     def _compute(self, wish: TransportWish, document: Document, selected: Selection | None, n_lights: int) -> None:
@@ -277,6 +309,8 @@ class Negotiator:
             reflections(document, self._curves) if wish.n_bounces != 1 else (),
             tuple(curve.key for curve in curves[1:]),
             measured_files(document),
+            reflecting_layers(document) if wish.n_bounces != 1 else (),
+            wish.emission,
             revision=self.revision,
         )
         self._transport_id = self._send(request)
@@ -363,7 +397,15 @@ class Negotiator:
         if self._wish is not None and self._wish_made_of == made_of:
             return self._wish
         self._wish_made_of = made_of
-        return transport_wish(*made_of, self._curves)
+        return self._brightened(transport_wish(*made_of, self._curves))
+
+    def _brightened(self, wish: TransportWish) -> TransportWish:
+        """The same with the emission that was asked for, where all the light there is has only become brighter."""
+        self.emitters_are_all = not self._has_sky and wish.light.environment == SCENE_ENVIRONMENT
+        known = self._asked.emission if self.emitters_are_all and self._asked is not None else ()
+        factors = brightened(wish.emission, known)
+        self._light_gain = np.ones(3) if factors is None else factors
+        return wish if factors is None else replace(wish, emission=known)
 
     # ------------------------------------------------------------------------------------------------------- answers
 

@@ -9,29 +9,40 @@ from app.document import Document, document_from_description
 from app.jobs.messages import OpenScene, SceneOpened
 from app.journal import Recovery
 from app.measurements import document_with_read, layers_of_document, unread_files
-from app.paths import full_path
-from app.session import SUFFIX, Session, fit_session, load_session
+from app.session import Session, fit_session, load_session
+from app.sources import source_of
+from app.view_state import ViewState
 from engine.scene.description import SceneDescription
 
 
 @dataclass(frozen=True)
 class Opening:
-    """A scene that the worker was asked to open, by the request `id`; the session or journal that asked for it."""
+    """A scene that the worker was asked to open, by the request `id`; the session, the journal or the light for which
+    it is opened. `resizes`: it is the scene that is open, at another resolution."""
 
     id: int
     source: str
     session: Session | None = None
     session_path: Path | None = None
     recovery: Recovery | None = None
+    light: Path | None = None
+    instead_of: str = ""
+    resizes: bool = False
 
     @classmethod
-    def of(cls, source: str) -> Opening:
-        """Of a scene (built-in name or file) or a session file. Raises LoadError for a session that is wrong."""
-        path = Path(source)
-        if path.suffix != SUFFIX:
-            return cls(0, full_path(source))
-        session = load_session(path)
-        return cls(0, session.document.source, session, path.resolve())
+    def of(cls, name: str, instead_of: str = "") -> Opening:
+        """Of a scene (built-in name, scene file or mesh), light or a session file. Raises InsituError for what is none
+        of them, or wrong. instead_of: why this and not what the person named, in a line."""
+        source = source_of(name)
+        if source.session is None:
+            return cls(0, source.scene, light=source.light, instead_of=instead_of)
+        session = load_session(source.session)
+        return cls(0, session.document.source, session, source.session)
+
+    @classmethod
+    def of_resolution(cls, document: Document, view: ViewState) -> Opening:
+        """Of the scene that is open, as it is now, at the resolution that the view has."""
+        return cls(0, document.source, Session(document, view), resizes=True)
 
     @classmethod
     def of_recovery(cls, recovery: Recovery) -> Opening:
@@ -40,7 +51,9 @@ class Opening:
         return cls(0, session.document.source, session, recovery.session_path, recovery)
 
     def request(self, resolution: tuple[int, int] | None) -> OpenScene:
-        """What is asked of the worker; resolution (width, height) in place of the scene's own."""
+        """What is asked of the worker; resolution (width, height) in place of the scene's own and the session's."""
+        if self.session is not None and (resolution is None or self.resizes):
+            resolution = self.session.view.resolution
         layers = [] if self.session is None else layers_of_document(self.session.document)
         return OpenScene(self.source, resolution, unread_files(layers), tuple(layers))
 
@@ -55,4 +68,4 @@ class Opening:
     @property
     def file(self) -> str:
         """What the person opened."""
-        return str(self.session_path or self.source)
+        return str(self.session_path or self.light or self.source)

@@ -7,40 +7,70 @@ deleting a cache must never cost a person unsaved work.
 
 from __future__ import annotations
 
+import contextlib
 import os
 from pathlib import Path
 
 import platformdirs
+
+from app.atomic import make_private_folder
 
 APPLICATION = "insitu"
 STATE_VARIABLE = "INSITU_STATE"
 
 
 def state_directory() -> Path:
-    """The folder for journals and layout; created (private to the user) when it is not there."""
+    """The folder for journals and layout, made (private to the user) when it is not there.
+
+    Where it cannot be made it is named all the same: whoever reads finds nothing there, whoever writes says why not.
+    """
     configured = os.environ.get(STATE_VARIABLE)
-    folder = Path(configured) if configured else Path(platformdirs.user_state_dir(APPLICATION, appauthor=False))
-    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-    return folder
+    return _made(Path(configured) if configured else Path(platformdirs.user_state_dir(APPLICATION, appauthor=False)))
+
+
+def state_problem() -> str:
+    """One line for a person where nothing can be kept, else ""."""
+    folder = state_directory()
+    if folder.is_dir() and os.access(folder, os.W_OK):
+        return ""
+    return f"{folder}: cannot be written, nothing is kept there; set {STATE_VARIABLE} to a folder that can be"
 
 
 def journal_directory() -> Path:
     """The folder of the autosave journals, one file for each running editor."""
-    folder = state_directory() / "journals"
-    folder.mkdir(exist_ok=True, mode=0o700)
-    return folder
+    return _made(state_directory() / "journals")
 
 
 def material_directory() -> Path:
     """The folder of a person's own materials."""
-    folder = state_directory() / "materials"
-    folder.mkdir(exist_ok=True, mode=0o700)
+    return _made(state_directory() / "materials")
+
+
+def log_directory() -> Path:
+    """The folder of what is logged."""
+    return _made(state_directory() / "log")
+
+
+def _made(folder: Path) -> Path:
+    with contextlib.suppress(OSError):
+        make_private_folder(folder)
     return folder
 
 
 def layout_file() -> Path:
     """The file in which the window remembers its panels."""
     return state_directory() / "layout.ini"
+
+
+def recent_file() -> Path:
+    """The file that lists what was opened last."""
+    return state_directory() / "recent.txt"
+
+
+def spoken_name(source: str) -> str:
+    """What a person calls a scene or a session: its file's name without the ending, of a scene.toml its folder's."""
+    path = Path(source)
+    return path.parent.name if path.name == "scene.toml" else path.stem
 
 
 def is_file_name(source: str) -> bool:

@@ -7,7 +7,7 @@ Shapes: P pixels that see a reflecting object, p those of one layer, J bands.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,9 +16,11 @@ from numpy.typing import NDArray
 from app.band_plans import BandPlans
 from app.document import Document
 from engine.curve.operators import HALF_PI
+from engine.material import MODELS
 from engine.material.layer import Layer
 from engine.material.maps import Images, MapMeans
 from engine.material.model import Model
+from engine.measured.material import MeasuredModel
 from engine.plan import MOST_BANDS, bands_by_hand
 from engine.scene.description import SceneDescription
 
@@ -46,31 +48,33 @@ class SkyChanged:
 
 
 @dataclass(frozen=True, eq=False)
-class FootprintChanged:
-    """Which computed rows stand for each pixel while the picture is coarse: rows and weights (P,4).
+class Footprint:
+    """Which samples stand for each pixel: rows, those of its own object from 0, and weights (P,4).
 
-    No rows at all: every pixel has its own.
+    Whatever is made of samples carries its own, so that neither can meet another's.
     """
 
     rows: NDArray[np.integer]
     weights: NDArray[np.floating]
-    stage: str
 
 
 @dataclass(frozen=True, eq=False)
 class LayerRadiance:
-    """One layer's radiance (p,3) without f_q and f_o, made with these coefficients by factor."""
+    """One layer's radiance (p,3) without f_q and f_o, made with these coefficients by factor; footprint None: every
+    pixel has its own sample; drawn_as: see `drawn_as`."""
 
     key: str
     stage: str
     radiance: NDArray[np.floating]
     coefficients: Coefficients
+    footprint: Footprint | None = None
+    drawn_as: tuple[object, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class TransportReady:
     """The selected curve's transport in one layer: ``coefficients_first`` (J,p,3) in the Daubechies-4 domain, times
-    ``scale``. ``beside``: all layers that follow the curve."""
+    ``scale``. ``beside``: all layers that follow the curve; footprint: as of a `LayerRadiance`."""
 
     key: str
     factor: str
@@ -79,22 +83,18 @@ class TransportReady:
     norms: NDArray[np.floating]
     scale: NDArray[np.floating]
     beside: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class IndirectFootprint:
-    """Which samples of indirect light stand for each pixel from now on: rows and weights (P,4)."""
-
-    rows: NDArray[np.integer]
-    weights: NDArray[np.floating]
+    footprint: Footprint | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class IndirectRadiance:
-    """One layer's radiance (p,3) from light that was reflected before, without f_q and f_o; None: there is none."""
+    """One layer's radiance (p,3) from light that was reflected before, without f_q and f_o, and the footprint of its
+    samples; None: there is none; drawn_as: see `drawn_as`."""
 
     key: str
-    radiance: NDArray[np.floating] | None
+    radiance: NDArray[np.floating] | None = None
+    footprint: Footprint | None = None
+    drawn_as: tuple[object, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,15 +128,7 @@ class ComparedRefined:
 
 
 PictureEvent = (
-    SceneFrame
-    | SkyChanged
-    | FootprintChanged
-    | LayerRadiance
-    | TransportReady
-    | IndirectFootprint
-    | IndirectRadiance
-    | LayerMapsChanged
-    | ComparedRefined
+    SceneFrame | SkyChanged | LayerRadiance | TransportReady | IndirectRadiance | LayerMapsChanged | ComparedRefined
 )
 
 
@@ -202,6 +194,14 @@ class Curves:
         values.setflags(write=False)
         self._cached[key, factor, len(values)] = (layer, values)
         return values
+
+
+def drawn_as(model: str, quotient_parameters: Sequence[float]) -> tuple[object, ...]:
+    """What f_q and the curves of a layer's picture belong to: its model, and of a measured one the measurement.
+
+    Those of another one have another scale: with them the picture of the layer before would be far too bright or dark.
+    """
+    return (model, *quotient_parameters) if isinstance(MODELS[model], MeasuredModel) else (model,)
 
 
 def view_curve_of(layer: Layer) -> Array:

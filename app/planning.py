@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
 from app.project import Project
 from engine.plan import N_LIGHTS, Plan, plan_scene
 from engine.render.bounces import planned_bounces
-from engine.render.indirect import still_albedos
 from engine.render.pilot import estimate_cost
-from engine.render.still import StillLayer, StillProgress, finish, still_layers, with_maps
+from engine.render.still import StillProgress, finish, still_layers, with_maps
 from engine.transport.pipeline import Placement
 
 
@@ -30,11 +29,10 @@ def plan_project(
     )  # fmt: skip
     placement = Placement(project.scene)
     planned_layers = with_maps(placement, still_layers(layers.items(), project.object_names, plan))
-    if plan.bounces is None:
-        plan = _with_planned_bounces(plan, placement, planned_layers)
+    wanted = plan.bounces if "bounces" in plan.overruled else project.n_bounces or plan.bounces
+    bounces = planned_bounces(placement, project.indexed_layers, wanted)
+    said = bounces.reason or ("as the session says" if wanted == project.n_bounces else plan.reasons["bounces"])
+    reason = "; ".join(filter(None, (said, bounces.warning)))
+    plan = replace(plan, bounces=bounces.n_bounces, reasons={**plan.reasons, "bounces": reason})
     return finish(estimate_cost(placement, planned_layers, sky, plan), report)
 
-
-def _with_planned_bounces(plan: Plan, placement: Placement, layers: Sequence[StillLayer]) -> Plan:
-    bounces, reason = planned_bounces(placement, still_albedos(layers, len(placement.hits.object_ranges)))
-    return replace(plan, bounces=bounces, reasons={**plan.reasons, "bounces": reason})

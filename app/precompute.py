@@ -10,12 +10,14 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
+from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.messages import Failed, OpenScene, Progress, Response, SceneOpened, StageDone
 from app.jobs.tasks import Tasks
 from app.negotiator import Negotiator
 from app.picture import Curves
 from app.project import Project
+from app.view_state import AS_PLANNED
 from engine.errors import InsituError
 
 STEP_SECONDS = 0.1
@@ -24,19 +26,23 @@ Report = Callable[[Progress], None]
 Answer = TypeVar("Answer", bound=Response)
 
 
-def precompute(project: Project, report: Report, n_lights: int) -> StageDone:
-    """Compute all transport of a project into the cache; the last stage, with its bytes.
+def precompute(project: Project, report: Report, n_lights: int, store: Store | None = None) -> StageDone:
+    """Compute all transport of a project into the cache, and its indirect light; the last stage, with their bytes.
 
-    Raises InsituError when it cannot be computed.
+    store: None for the editor's. Raises InsituError when it cannot be computed, or not be kept.
     """
-    client = InProcessClient(Tasks())
+    store = store or Store()
+    store.require()
+    client = InProcessClient(Tasks(store))
     talk = Negotiator(client.send, Curves())
     client.send(OpenScene(project.document.source, project.scene.resolution))
     _until(client, SceneOpened, report)
     talk.scene_opened()
-    talk.update(time.monotonic(), project.document, None, n_lights, False)
+    n_bounces = project.n_bounces or project.scene.description.bounces or AS_PLANNED
+    talk.update(time.monotonic(), project.document, None, n_lights, False, n_bounces=n_bounces)
     while not (stage := _until(client, StageDone, report)).exact:
         pass
+    store.require_kept()
     return stage
 
 

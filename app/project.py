@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from app.document import Document, document_from_description
+from app.document import Document, document_from_description, reflecting_layers
+from app.light_commands import emission_of, lit_by
 from app.measurements import document_with_read, layers_of_document, unread_files
 from app.memory import require_memory_for
-from app.session import SUFFIX, fit_session, load_session
+from app.session import fit_session, load_session
 from app.set_path import set_path
-from engine.errors import InsituError
-from engine.scene.builtin import DEFAULT_SCENE, builtin_scenes
+from app.sources import find_source, source_of
+from engine.colour import ToneMapping
+from engine.errors import InsituError, LoadError
+from engine.scene.builtin import scene_path
+from engine.scene.toml_text import parse_toml
 
 if TYPE_CHECKING:
     from engine.material.layer import Layer
@@ -24,10 +27,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Project:
-    """A loaded scene and the document that a person would edit."""
+    """A loaded scene, the document that a person would edit, and the view that it is shown in; emitters shine as the
+    document says. n_bounces: as many as its session has, None for as many as the scene says or requires."""
 
     scene: Scene
     document: Document
+    view: ToneMapping = "filmic"
+    n_bounces: int | None = None
 
     @property
     def sky(self) -> SkyState:
@@ -39,12 +45,13 @@ class Project:
     @property
     def layers(self) -> dict[str, Layer]:
         """The layers that reflect, by key: all but those of emitters and of what is hidden."""
-        emitting = {state.name for state in self.document.objects if state.emits}
-        return {
-            key: layer
-            for key, layer in self.document.layers()
-            if key.rpartition(".")[0] not in emitting and self.document.is_visible(key)
-        }
+        return dict(reflecting_layers(self.document))
+
+    @property
+    def indexed_layers(self) -> tuple[tuple[int, Layer], ...]:
+        """The same by the index of their object in the scene."""
+        names = self.object_names
+        return tuple((names.index(key.rpartition(".")[0]), layer) for key, layer in self.layers.items())
 
     @property
     def editable(self) -> frozenset[str]:
@@ -56,37 +63,32 @@ class Project:
         return tuple(described.name for described in self.scene.description.objects)
 
 
-def find_source(name: str | None) -> str:
-    """A built-in scene's name or the path of a file that is there; InsituError lists the built-in ones."""
-    name = name or DEFAULT_SCENE
-    if name in builtin_scenes():
-        return name
-    if Path(name).exists():
-        return str(Path(name))
-    there = ", ".join(builtin_scenes())
-    raise InsituError(f"{name}: no such file, and no built-in scene of that name; built-in scenes are {there}")
-
-
 def open_project(
     name: str | None, resolution: tuple[int, int] | None = None, values: Sequence[tuple[str, Any]] = ()
 ) -> Project:
     """Load what `name` stands for and set `values` by path. Raises InsituError with one line for a person."""
     from engine.scene.load import load_scene
 
+    source = source_of(find_source(name))
+    session = None if source.session is None else load_session(source.session)
+    resolution = resolution or (None if session is None else session.view.resolution)
     if resolution is not None:
         require_memory_for(resolution)  # before a mesh is read
-    source = find_source(name)
-    session = load_session(Path(source)) if Path(source).suffix == SUFFIX else None
-    scene_source = source if session is None else session.document.source
-    path = builtin_scenes().get(scene_source) or Path(scene_source)
+    named = source.scene if session is None else session.document.source
+    path = scene_path(named)
     scene = load_scene(path, resolution)
     require_memory_for(scene.resolution)
-    document = _read(document_from_description(scene_source, scene.description), scene.folder, path)
+    document = _read(document_from_description(named, scene.description), scene.folder, path)
+    if source.light is not None:
+        document = lit_by(source.light).apply(document)
     if session is not None:
-        document = _read(fit_session(session, document, source))
+        document = _read(fit_session(session, document, str(source.session)))
     for where, value in values:
         document = _read(set_path(document, where, value).apply(document))
-    return Project(scene, document)
+    scene = scene.shining(dict(emission_of(document)))
+    if session is None:
+        return Project(scene, document)
+    return Project(scene, document, session.view.tone_mapping, session.view.n_bounces or None)
 
 
 def _read(document: Document, folder: Path | None = None, scene: Path | None = None) -> Document:
@@ -114,6 +116,6 @@ def parse_assignment(text: str) -> tuple[str, Any]:
     if not path or not equals or not value:
         raise InsituError(f"{text!r} is not of the form path=value, such as teapot.1.alpha=0.3")
     try:
-        return path, tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
+        return path, parse_toml(f"value = {value}", "--set")["value"]
+    except LoadError:
         return path, value

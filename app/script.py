@@ -20,10 +20,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from app.toml_text import load_toml
+from engine.colour import ToneMapping, view_named
 from engine.errors import LoadError
 from engine.scene.complaints import first_complaint
 from engine.scene.description import Number, Parameter, Text
+from engine.scene.toml_text import load_toml
 
 MAX_SCRIPT_BYTES = 2**20
 MAX_STEPS = 10_000
@@ -67,6 +68,13 @@ class Show:
     """Open a panel and bring it before those that share its place."""
 
     panel: str
+
+
+@dataclass(frozen=True)
+class ChooseView:
+    """Show light as one of the views of `engine.colour` does."""
+
+    view: ToneMapping
 
 
 @dataclass(frozen=True)
@@ -119,7 +127,7 @@ class RedoSteps:
 
 @dataclass(frozen=True)
 class WaitFor:
-    """Draw frames until the first shaded picture, or the exact one, is shown."""
+    """Draw frames until the first shaded picture is shown, or the one after which nothing more comes."""
 
     picture: Literal["first", "exact"]
 
@@ -133,7 +141,7 @@ class Capture:
 
 @dataclass(frozen=True)
 class AssertErrorBelow:
-    """Fail unless what is left to the exact picture is below this, relative RMS."""
+    """Fail unless what the curve has still to change in the picture is below this, relative RMS."""
 
     bound: float
 
@@ -144,6 +152,7 @@ Step = (
     | DragItem
     | DragPoints
     | Show
+    | ChooseView
     | PickLobe
     | PaintStroke
     | Rotate
@@ -209,6 +218,7 @@ class StepRecord(_Record):
     select: Text | None = None
     drag: DragRecord | None = None
     show: Text | None = None
+    view: Text | None = None
     lobe: tuple[PictureIndex, PictureIndex] | None = None
     paint: PaintRecord | None = None
     rotate: Annotated[Number, Field(ge=-1e9, le=1e9)] | None = None
@@ -236,6 +246,7 @@ _STEPS: dict[str, Callable[[Any, Path], Step]] = {
     "select": lambda path, folder: SelectPath(path),
     "drag": lambda drag, folder: drag.step(),
     "show": lambda panel, folder: Show(panel),
+    "view": lambda name, folder: ChooseView(view_named(name)),
     "lobe": lambda pixel, folder: PickLobe(pixel),
     "paint": lambda stroke, folder: PaintStroke(**dict(stroke)),
     "rotate": lambda degrees, folder: Rotate(degrees),
@@ -272,4 +283,6 @@ def parse_script(tree: dict[str, Any], file: Path, folder: Path) -> tuple[Step, 
     for number, step in enumerate(record.steps):
         if step.capture is not None and Path(step.capture).suffix.lower() != ".png":
             raise LoadError(file, f"step {number}: capture", step.capture, "a file name that ends in .png")
+        if step.view is not None:
+            view_named(step.view, file, f"step {number}: view")
     return tuple(step.step(folder) for step in record.steps)

@@ -2,22 +2,37 @@
 
 from __future__ import annotations
 
+from app.commands import CurveEdit
 from app.document import Document, Selection, all_factors, resolve
+from engine.curve.pairs import edits_of
 from engine.errors import InsituError
+
+Operators = tuple[CurveEdit, ...]
 
 
 def selection_of(document: Document, path: str | Selection) -> Selection:
-    """Of an object its topmost layer, of a layer its first curve. InsituError where there is no such thing."""
+    """Of an object its topmost layer, of a layer its first curve, an emitter as it is. InsituError where there is no
+    such thing."""
+    if isinstance(path, Selection) and document.object(path.object).emits:
+        return Selection(path.object, 0)
     target = resolve(document, path.path if isinstance(path, Selection) else path)
     if target.kind == "light":
         raise InsituError("the light cannot be selected; name an object, a layer or a curve")
-    layers = document.object(target.object).layers
+    state = document.object(target.object)
+    layers = state.layers
+    if state.emits:
+        return Selection(state.name, 0)
     if not layers:
         raise InsituError(f"{target.object} has no layers to edit")
     topmost = max(i for i, layer in enumerate(layers) if not layer.rises)
     index = topmost if target.layer is None else target.layer
     factor = target.name if target.kind == "factor" else layers[index].model.factors[0].name
     return Selection(target.object, index, factor)
+
+
+def seen_layer(document: Document, selected: Selection | None) -> Selection | None:
+    """The selection, where it is of a layer: an emitter is seen by its emission."""
+    return None if selected is None or document.object(selected.object).emits else selected
 
 
 def first_choice(document: Document) -> str | None:
@@ -29,8 +44,48 @@ def first_choice(document: Document) -> str | None:
 
 def next_choice(document: Document, selected: Selection) -> str | Selection:
     """What is selected in the place of a layer or a curve that an edit took away; else what was."""
-    layers = document.object(selected.object).layers
+    state = document.object(selected.object)
+    layers = state.layers
+    if state.emits:
+        return selected
     if selected.layer >= len(layers):
         return selected.object
     names = [factor.name for factor in all_factors(layers[selected.layer].model)]
     return selected if selected.factor is None or selected.factor in names else selected.key
+
+
+def next_operator(before: Document, after: Document, selected: Selection | None, index: int | None) -> int | None:
+    """Where the selected operator of the selected curve stands after an edit, an undo or a redo; None where it is gone.
+
+    Where none is selected, one that came (deleted before, or taken back) is.
+    """
+    old, new = _operators(before, selected), _operators(after, selected)
+    if old == new:
+        return index
+    same = 0
+    while same < min(len(old), len(new)) and old[same] == new[same]:
+        same += 1
+    tail = 0
+    while tail < min(len(old), len(new)) - same and old[-1 - tail] == new[-1 - tail]:
+        tail += 1
+    kept = None if index is None or index >= len(old) else _followed(old, new, same, tail, index)
+    came = new[same : len(new) - tail]
+    return same if kept is None and len(old) == same + tail and len(edits_of(came)) == 1 else kept
+
+
+def _followed(old: Operators, new: Operators, same: int, tail: int, index: int) -> int | None:
+    """Of lists that agree in their first `same` and last `tail` places; what lies between was moved or changed."""
+    if index < same:
+        return index
+    if index >= len(old) - tail:
+        return index + len(new) - len(old)
+    moved = [place for place in range(same, len(new) - tail) if new[place] == old[index]]
+    return moved[0] if moved else index if len(old) == len(new) else None
+
+
+def _operators(document: Document, selected: Selection | None) -> Operators:
+    """The operators of the selected curve; none where there is no such curve."""
+    if selected is None or selected.factor is None:
+        return ()
+    layers = next((state.layers for state in document.objects if state.name == selected.object), ())
+    return layers[selected.layer].operators(selected.factor) if selected.layer < len(layers) else ()

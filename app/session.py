@@ -14,20 +14,22 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from app.atomic import write_atomically
+from app.atomic import save_file
 from app.document import Document, LightState, ObjectState, Selection, all_factors
 from app.layer_records import MAX_LAYERS, Flag, LayerRecord, Record, layer_lines, layers_of
 from app.light_commands import MAX_INTENSITY, check_light
 from app.measurements import with_full_paths
 from app.paths import full_path, written_path
 from app.series_commands import FirstBands
-from app.toml_text import check_version, load_toml, toml_lines
+from app.sources import SESSION_ENDING
 from app.view_state import AS_PLANNED, SetView, ViewState
+from engine.colour import ToneMapping
 from engine.errors import InsituError, LoadError
 from engine.scene.complaints import first_complaint
-from engine.scene.description import MAX_BOUNCES, MAX_OBJECTS, Name, Number, Radiance, Text
+from engine.scene.description import MAX_BOUNCES, MAX_OBJECTS, Name, Number, Pixels, Radiance, Text
+from engine.scene.toml_text import check_version, load_toml, toml_lines
 
-SUFFIX = ".insitu"
+SUFFIX = SESSION_ENDING
 SESSION_VERSION = 1
 MAX_SESSION_BYTES = 64 * 2**20
 
@@ -52,7 +54,7 @@ class LightRecord(Record):
 class ViewRecord(Record):
     selected: Text | None = None
     exposure: Annotated[Number, Field(ge=-20.0, le=20.0)] = 0.0
-    tone_mapping: Literal["filmic", "linear", "false_colour"] = "filmic"
+    tone_mapping: ToneMapping = "filmic"
     fit: Flag = True
     log_y: Flag = False
     frame_budget_ms: Annotated[Number, Field(ge=2.0, le=200.0)] = 16.0
@@ -60,6 +62,7 @@ class ViewRecord(Record):
     n_bounces: Annotated[int, Field(ge=AS_PLANNED, le=MAX_BOUNCES, strict=True)] = 1
     second_bands: Literal[1, 8, 16] | None = None
     precision: Literal["half", "float"] = "half"
+    resolution: tuple[Pixels, Pixels] | None = None
 
 
 class JournalRecord(Record):
@@ -106,10 +109,7 @@ def save_session(path: Path, document: Document, view: ViewState) -> Path:
     path = path if path.suffix else path.with_suffix(SUFFIX)
     if path.suffix != SUFFIX:
         raise InsituError(f"{path}: a session's name ends in {SUFFIX}; the scene's own file is never overwritten")
-    try:
-        write_atomically(path, dump_session(document, view, path.resolve().parent).encode())
-    except OSError as error:
-        raise InsituError(f"{path}: not saved, {error.strerror or error}; what was there is untouched") from error
+    save_file(path, dump_session(document, view, path.resolve().parent).encode())
     return path
 
 
@@ -131,15 +131,22 @@ def load_session(path: Path) -> Session:
 def fit_session(session: Session, scene: Document, file: str) -> Document:
     """The session's document for a scene as it is now; LoadError when the scene has other objects.
 
-    Layers are the session's own: an object may have been given another material.
+    Layers are the session's own, where it has some: an object may have been given another material.
     """
     have, want = ({state.name for state in document.objects} for document in (scene, session.document))
     for name in sorted(have ^ want):
         found, there = ("not in the session", "all objects") if name in have else ("in the session", "only objects")
         raise LoadError(file, f"object {name!r}", found, f"{there} of the scene")
     saved = {state.name: state for state in session.document.objects}
-    objects = tuple(replace(saved[state.name], emission=state.emission) for state in scene.objects)
+    objects = tuple(_shining_as_in(state, saved[state.name]) for state in scene.objects)
     return Document(scene.source, objects, session.document.light, session.document.first_bands)
+
+
+def _shining_as_in(scene: ObjectState, saved: ObjectState) -> ObjectState:
+    """What is saved of an object; whether it shines, the scene alone says, and what it is made of where that is not
+    saved."""
+    emission = saved.emission or scene.emission if scene.emits else None
+    return replace(saved, emission=emission, layers=saved.layers or scene.layers)
 
 
 def dump_session(

@@ -20,6 +20,7 @@ class SessionKeeper:
         self._journal = journal
         self._saved: Document | None = None
         self._recovery: Recovery | None = None
+        self._told: set[str] = set()
 
     def leave(self, document: Document, view: ViewState) -> bool:
         """Another scene takes the document's place: unsaved edits stay in a journal to recover; whether there were."""
@@ -40,6 +41,10 @@ class SessionKeeper:
         """Whether the document has edits that no session file has."""
         return document is not self._saved and document != self._saved
 
+    def give_up(self, document: Document) -> None:
+        """The person does not want what is unsaved: no journal keeps it."""
+        self._saved = document
+
     def save(self, path: Path | None, document: Document, view: ViewState) -> Path:
         """Save to ``path``, or where it was saved last; the path. Raises InsituError that says why not."""
         path = path or self.path
@@ -50,7 +55,7 @@ class SessionKeeper:
         return self.path
 
     def keep(self, now: float, document: Document, view: ViewState) -> str:
-        """Once a frame: have unsaved edits written to the journal; "" or one line on why that failed.
+        """Once a frame: have unsaved edits written to the journal; "", or once a line on what is wrong there.
 
         The journal they were recovered from goes once ours has them.
         """
@@ -58,7 +63,10 @@ class SessionKeeper:
             return ""
         self._journal.note(now, document, view, self.unsaved(document), self.path)
         self._drop_recovered(self._journal)
-        return self._journal.problem
+        lines = {self._journal.notice, self._journal.problem}
+        news = next(iter(lines - self._told - {""}), "")
+        self._told = (self._told & lines) | {news}
+        return news
 
     def close(self, document: Document, view: ViewState) -> None:
         """Write what is unsaved a last time; it is offered at the next start. Without such edits the journal goes."""

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from app.commands import EditCommand, SetEditable, SetFresnelTerm, SetFrozen, SetParameter, SetVisible
-from app.document import FRESNEL_TERM, MATERIAL, Document, Target, resolve
+from app.document import EMISSION, FRESNEL_TERM, MATERIAL, Document, Target, resolve
 from app.library import Library
-from app.light_commands import SetEnvironment, SetIntensity, SetMapping, SetRotation
+from app.light_commands import SetEmission, SetEnvironment, SetIntensity, SetMapping, SetRotation
 from app.map_commands import SetMap
 from app.material_commands import SetMaterial
 from app.material_file import load_material
@@ -52,6 +52,8 @@ def _set_light(path: str, target: Target, value: Any) -> EditCommand:
 def _set_switch(path: str, target: Target, value: Any) -> EditCommand:
     if target.name == MATERIAL:
         return _set_material(path, target.object, value)
+    if target.name == EMISSION:
+        return SetEmission(target.object, value)
     if not isinstance(value, bool):
         raise LoadError(path, "value", value, "true or false")
     owner = target.key or target.object

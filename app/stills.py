@@ -9,15 +9,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from app.atomic import replacing, write_atomically
+from app.atomic import make_folder_of, save_file
 from app.project import Project
+from engine.colour import ToneMapping
 from engine.errors import InsituError
+from engine.indirect.beyond import BRIGHTEST, held
 from engine.indirect.series import BounceSeries
 from engine.material.layer import Layer
 from engine.plan import N_LIGHTS, Plan, plan_scene
 from engine.render.bounces import planned_bounces
-from engine.render.image_files import png_bytes, write_exr
-from engine.render.indirect import indirect_radiance, still_albedos
+from engine.render.image_files import exr_bytes, png_bytes
+from engine.render.indirect import indirect_radiance
 from engine.render.path_tracer import N_SAMPLES, render_paths
 from engine.render.still import (
     REFERENCE_LEVEL,
@@ -45,10 +47,7 @@ def check_output(path: Path, endings: tuple[str, ...] = ENDINGS) -> Path:
         raise InsituError(f"{path}: the name of a picture ends in {' or '.join(endings)}")
     if path.is_dir():
         raise InsituError(f"{path}: is a folder, expected the name of a picture")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InsituError(f"{path.parent}: the folder cannot be made, {error.strerror or error}") from error
+    make_folder_of(path)
     return path
 
 
@@ -66,7 +65,9 @@ def render_picture(
     placement = Placement(project.scene)
     plan = plan_still(project, sky.environment is not None, n_lights)
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
-    series = series or BounceSeries(plan.bounces or _required_bounces(placement, layers))
+    series = series or BounceSeries(
+        project.n_bounces or plan.bounces or planned_bounces(placement, project.indexed_layers).n_bounces
+    )
     if reference:
         steps = _reference(placement, project, series.n_bounces, n_samples)
     else:
@@ -75,11 +76,7 @@ def render_picture(
         if series.n_bounces > 1:
             indirect = finish(indirect_radiance(placement, layers, sky, series), report)
         steps = render_still(placement, layers, sky, still_quality(plan), indirect)
-    return finish(steps, report) * np.float32(project.document.light.intensity)
-
-
-def _required_bounces(placement: Placement, layers: Sequence[StillLayer]) -> int:
-    return planned_bounces(placement, still_albedos(layers, len(placement.hits.object_ranges)))[0]
+    return held(finish(steps, report) * np.float64(project.document.light.intensity), BRIGHTEST)
 
 
 def _reference(placement: Placement, project: Project, n_bounces: int, n_samples: int | None) -> Steps:
@@ -102,16 +99,9 @@ def plan_still(project: Project, has_sky: bool, n_lights: int = N_LIGHTS) -> Pla
     return plan_scene(project.scene, layers, has_sky=has_sky, still=True, n_lights=n_lights)
 
 
-def write_picture(path: Path, radiance: NDArray[np.float32]) -> None:
+def write_picture(path: Path, radiance: NDArray[np.float32], view: ToneMapping = "filmic") -> None:
     """Put a picture into an .exr (linear, 32 bits) or a .png (as the viewport shows it), whole or not at all."""
-    try:
-        if path.suffix.lower() == ".png":
-            write_atomically(path, png_bytes(radiance))
-            return
-        with replacing(path) as file:
-            write_exr(Path(file.name), radiance)
-    except OSError as error:
-        raise InsituError(f"{path}: not written, {error.strerror or error}; what was there is untouched") from error
+    save_file(path, png_bytes(radiance, tone_mapping=view) if path.suffix.lower() == ".png" else exr_bytes(radiance))
 
 
 def _layers_by_object(project: Project) -> Mapping[int, tuple[Layer, ...]]:

@@ -11,15 +11,14 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 from app.document import Document, Selection
+from engine.colour import ToneMapping
 from engine.errors import InsituError
 from engine.plan import Precision
 
-ToneMapping = Literal["filmic", "linear", "false_colour"]
 Tool = Literal["translate_x", "translate_y", "translate_xy", "amplify_x", "amplify_y", "amplify_xy"]
 Channel = Literal["rgb", "r", "g", "b"]
 BrdfPlot = Literal["lobe", "slice", "albedo"]
 
-TONE_MAPPINGS: tuple[ToneMapping, ...] = ("filmic", "linear", "false_colour")
 TOOLS: tuple[Tool, ...] = ("translate_x", "translate_y", "translate_xy", "amplify_x", "amplify_y", "amplify_xy")
 CHANNELS: tuple[Channel, ...] = ("rgb", "r", "g", "b")
 BRDF_PLOTS: tuple[BrdfPlot, ...] = ("lobe", "slice", "albedo")
@@ -27,8 +26,16 @@ AS_PLANNED = 0
 HALF_PI = 1.5707963267948966
 DEFAULT_REGIONS = (0.1, 0.25, 0.45, 0.6)
 DEFAULT_PANELS = MappingProxyType(
-    {"objects": True, "viewport": True, "curve": True, "material": True, "light": True, "accuracy": True,
-     "library": True, "brdf": True}
+    {
+        "objects": True,
+        "viewport": True,
+        "curve": True,
+        "material": True,
+        "light": True,
+        "accuracy": True,
+        "library": True,
+        "brdf": True,
+    }
 )
 
 
@@ -41,6 +48,9 @@ class ViewState:
     the second of at most ``second_bands`` bands a curve (1: by albedo; None: as many as it has), ``precision`` is that
     of transport on the GPU.
     ``compare`` is the document that A/B shows left of ``compare_divider`` (0 the left edge, 1 the right).
+    Unless it is shown to ``fit``, the picture has ``zoom`` screen pixels for each of its own, and the point at the
+    shares ``centre`` (across, down) of it stands in the panel's middle.
+    ``resolution`` is (width, height) of the picture in place of the scene's own; `app.editor.Editor.resize` changes it.
     ``regions`` are a ≤ b ≤ c ≤ d of the operator being shown or about to be made; ``operator`` is its index in the
     selected curve's list, None for one about to be made. ``curve_zoom`` is (γ low, γ high, y low, y high); None fits.
     The BRDF panel shows ``brdf_plot`` of the selected layer, or with ``brdf_whole`` of all layers of its object, in the
@@ -56,6 +66,8 @@ class ViewState:
     compare: Document | None = None
     compare_divider: float = 0.5
     fit: bool = True
+    zoom: float = 1.0
+    centre: tuple[float, float] = (0.5, 0.5)
     log_y: bool = False
     curve_zoom: tuple[float, float, float, float] | None = None
     channel: Channel = "rgb"
@@ -76,6 +88,7 @@ class ViewState:
     second_bands: int | None = None
     panels: Mapping[str, bool] = field(default_factory=lambda: DEFAULT_PANELS)
     show_shortcuts: bool = False
+    resolution: tuple[int, int] | None = None
 
     def panel_open(self, name: str) -> bool:
         return self.panels.get(name, True)
@@ -85,15 +98,21 @@ class ViewState:
 
     @property
     def channels(self) -> tuple[bool, bool, bool]:
-        """Which of red, green and blue an edit of the curve changes."""
-        red, green, blue = (self.channel in ("rgb", name) for name in ("r", "g", "b"))
-        return red, green, blue
+        """Which of red, green and blue a new edit of the curve changes."""
+        return channels_of(self.channel)
+
+
+def channels_of(channel: Channel) -> tuple[bool, bool, bool]:
+    """Whether red, green and blue are meant."""
+    red, green, blue = (channel in ("rgb", name) for name in ("r", "g", "b"))
+    return red, green, blue
 
 
 VIEW_FIELDS = frozenset(f.name for f in fields(ViewState))
 LIMITS: dict[str, tuple[float, float]] = {
     "exposure": (-20.0, 20.0),
     "compare_divider": (0.0, 1.0),
+    "zoom": (0.05, 64.0),
     "lobe_angle": (0.0, 1.55),
     "frame_budget_ms": (2.0, 200.0),
     "n_lights": (20, 20000),

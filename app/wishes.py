@@ -7,11 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from app.document import Document, LightState
+from app.document import RGB, Document, LightState
 from app.jobs.messages import LayerWork
+from app.light_commands import emission_of
 from app.picture import Array, Coefficients, Curves
 from engine.material.layer import Layer
 from engine.plan import Precision
+
+Emission = tuple[tuple[str, RGB], ...]
 
 
 @dataclass(frozen=True)
@@ -77,14 +80,20 @@ class TransportWish:
     layers: tuple[LayerShape, ...]
     n_lights: int
     n_bounces: int = 1
+    emission: Emission = ()
 
-    def turned_from(self, other: TransportWish) -> bool:
-        """Whether only the environment's rotation differs."""
-        return self != other and replace(self, light=replace(self.light, rotation=other.light.rotation)) == other
+    def moved_from(self, other: TransportWish) -> bool:
+        """Whether only the environment's rotation differs, or what emitters emit."""
+        light = replace(self.light, rotation=other.light.rotation)
+        return self != other and replace(self, light=light, emission=other.emission) == other
+
+    def lights_like(self, other: TransportWish) -> bool:
+        """Whether the light is the same."""
+        return (self.light, self.emission) == (other.light, other.emission)
 
     def alike(self, before: TransportWish) -> tuple[str, ...]:
         """Keys of the layers that look as they did under the wish before."""
-        if (self.light, self.n_lights) != (before.light, before.n_lights):
+        if not self.lights_like(before) or self.n_lights != before.n_lights:
             return ()
         return tuple(shape.key for shape in self.layers if shape.looks_like(before.shape(shape.key)))
 
@@ -149,7 +158,17 @@ def transport_wish(document: Document, n_lights: int, n_bounces: int, curves: Cu
         for key, layer in document.layers()
         if key.rpartition(".")[0] not in emitters
     )
-    return TransportWish(replace(document.light, intensity=1.0), shapes, n_lights, n_bounces)
+    light = replace(document.light, intensity=1.0)
+    return TransportWish(light, shapes, n_lights, n_bounces, emission_of(document))
+
+
+def brightened(wanted: Emission, known: Emission) -> Array | None:
+    """The factors (3,) by which every emitter is brighter than it was; None where they are not the same for all."""
+    if [name for name, _ in wanted] != [name for name, _ in known] or not known:
+        return None
+    new, old = (np.array([radiance for _, radiance in each], dtype=np.float64) for each in (wanted, known))
+    factors = np.divide(new.sum(axis=0), old.sum(axis=0), out=np.zeros(3), where=old.sum(axis=0) > 0.0)
+    return factors if np.allclose(old * factors, new, rtol=1e-9, atol=0.0) else None
 
 
 def same_coefficients(one: Mapping[str, Array], two: Mapping[str, Array]) -> bool:

@@ -2,7 +2,7 @@
 
 A loader never lets a traceback of a foreign library through; it raises `LoadError`, which names the file, the thing in
 it, the value found and the range expected. `InsituError` is the common ancestor: whoever shows errors to a person
-catches it alone, anything else is a defect of ours.
+catches it alone, anything else is a defect of ours. Lines for a person are made by `plain_line`, whatever is in them.
 """
 
 from __future__ import annotations
@@ -10,10 +10,15 @@ from __future__ import annotations
 from pathlib import Path
 
 _LONGEST_VALUE = 80
+_LONGEST_HEAD, _LONGEST_TAIL = 300, 190
+LONGEST_LINE = _LONGEST_HEAD + _LONGEST_TAIL + 3
 
 
 class InsituError(Exception):
     """A failure with a one-line message meant for a person."""
+
+    def __init__(self, line: str = "") -> None:
+        super().__init__(plain_line(line))
 
 
 class LoadError(InsituError):
@@ -33,8 +38,23 @@ class LoadError(InsituError):
         return LoadError, (self.file, self.what, describe_value(self.value), self.expected)
 
 
+def plain_line(text: str) -> str:
+    """The text as one line of at most `LONGEST_LINE` printable characters.
+
+    Of a longer one its beginning, which says where, and its end, which says what to do, are kept.
+    """
+    if len(text) > 4 * LONGEST_LINE:
+        text = f"{text[: 2 * LONGEST_LINE]} … {text[-LONGEST_LINE:]}"
+    text = _printable(" ".join(text.split()))
+    return text if len(text) <= LONGEST_LINE else f"{text[:_LONGEST_HEAD]} … {text[-_LONGEST_TAIL:]}"
+
+
 def describe_value(value: object) -> str:
     """The value on one printable line of at most 80 characters."""
-    text = value if isinstance(value, str) else repr(value)
-    text = "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
+    text = _printable(value if isinstance(value, str) else repr(value))
     return text if len(text) <= _LONGEST_VALUE else text[: _LONGEST_VALUE - 1] + "…"
+
+
+def _printable(text: str) -> str:
+    """Without what a terminal or a label would act upon: control characters, marks that turn the direction round."""
+    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)

@@ -38,7 +38,7 @@ WINDOW_SIDE = (
     "ui/gl/*.py",
     "ui/panels/*.py",
 )
-SLOW_LIBRARIES = ("numba", "trimesh", "scipy", "embreex", "matplotlib", "OpenEXR")
+SLOW_LIBRARIES = ("numba", "trimesh", "scipy", "embreex", "matplotlib", "OpenEXR", "PyOpenColorIO")
 
 
 def imported_modules(path: Path) -> list[tuple[int, str]]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import cast
 
@@ -15,17 +16,19 @@ from app.commands import EditCommand
 from app.editor import Editor
 from app.journal import Recovery
 from app.library import Library
-from app.light_commands import SetEnvironment
+from app.light_commands import lit_by
 from app.linked_layers import Layers
 from app.map_commands import IMAGE_SUFFIXES, SetMap, image_name, with_full_names
 from app.material_file import MAX_MATERIAL_BYTES, dump_material, parse_material
 from app.paint_commands import without_strokes
 from app.pasting import pasted
-from app.probe_file import likely_mapping
-from app.session import SUFFIX
+from app.recent import RecentFiles
+from app.selecting import seen_layer
+from app.sources import EXPECTED, LIGHT_ENDINGS, PICTURE_ENDINGS, SCENE_ENDINGS, SESSION_ENDING
 from app.view_state import OpenPanel, ViewCommand
 from engine.errors import InsituError
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
+from engine.scene.builtin import builtin_scenes
 from ui.clipboard import Clipboard
 from ui.panels.actions import (
     Action,
@@ -40,6 +43,8 @@ from ui.panels.actions import (
     ExportScene,
     Hold,
     ImportMeasured,
+    InOneStep,
+    Leave,
     OpenFile,
     OpenImage,
     Paste,
@@ -48,7 +53,9 @@ from ui.panels.actions import (
     Redo,
     ReloadImages,
     ResetLayout,
+    Resize,
     SaveMaterial,
+    SavePicture,
     SaveSession,
     Screenshot,
     Select,
@@ -58,10 +65,6 @@ from ui.panels.actions import (
 )
 from ui.panels.state import FileQuestion, PanelState
 
-SCENE_ENDINGS = (".toml", SUFFIX)
-ENVIRONMENT_ENDINGS = (".exr", ".hdr", ".pic")
-PICTURE_ENDINGS = (".png", ".jpg", ".jpeg")
-
 
 @dataclass(frozen=True)
 class Outcome:
@@ -70,28 +73,55 @@ class Outcome:
     state: PanelState
     reset_layout: bool = False
     screenshot: Path | None = None
+    picture: SavePicture | None = None
     quit: bool = False
+
+    def after(self, earlier: Outcome) -> Outcome:
+        """This one, and what is still to be done of an earlier one of the same frame."""
+        return replace(
+            self, screenshot=self.screenshot or earlier.screenshot, picture=self.picture or earlier.picture,
+            quit=self.quit or earlier.quit,
+        )  # fmt: skip
 
 
 class Actor:
-    """Carries actions out on one editor. `recovery` is the journal that the recovery strip offers, if any."""
+    """Carries actions out on one editor. `recoveries` are edits that editors before it left behind."""
 
-    def __init__(self, editor: Editor, library: Library | None = None, clipboard: Clipboard | None = None) -> None:
+    def __init__(
+        self,
+        editor: Editor,
+        library: Library | None = None,
+        clipboard: Clipboard | None = None,
+        recent: RecentFiles | None = None,
+    ) -> None:
         self._editor = editor
+        self.recent = recent or RecentFiles()
+        self._noted: Path | None = None
         self.library = library or Library()
         self._clipboard = clipboard or Clipboard()
         self._folder: Path | None = None
-        self.recovery: Recovery | None = None
+        self._picture_ending, self._deep = ".png", False
+        self.recoveries: tuple[Recovery, ...] = ()
 
     def perform(self, actions: Sequence[Action], state: PanelState, now: float) -> Outcome:
         """All actions of one frame, in order; `now` in seconds of the window's clock."""
         outcome = Outcome(state)
         for action in actions:
-            outcome = self._perform(action, outcome)
+            outcome = self._editor.barrier.run("This action", partial(self._perform, action, outcome), outcome)
+        self._note_file()
         return outcome
+
+    def _note_file(self) -> None:
+        """Put what has been opened, or saved, into the list of recent files."""
+        file = self._editor.file
+        if file is not None and file != self._noted:
+            self.recent.add(file)
+        self._noted = file
 
     def _perform(self, action: Action, outcome: Outcome) -> Outcome:
         state = outcome.state
+        if self._leaves(action) and self._editor.unsaved:
+            return replace(outcome, state=replace(state, leaving=action))
         match action:
             case Hold():
                 return replace(outcome, state=replace(state, grip=action.grip))
@@ -102,19 +132,23 @@ class Actor:
                 return replace(outcome, state=replace(state, **action.changes))
             case ShowPanel():
                 self._editor.do(OpenPanel(action.name))
-                return replace(outcome, state=replace(state, front=action.name))
+                return replace(outcome, state=replace(state, front=(action.name,)))
             case AskFile():
-                question = FileQuestion(action.purpose, self._folder or Path.cwd(), key=action.key)
-                return replace(outcome, state=replace(state, question=question))
+                return replace(outcome, state=replace(state, question=self._question(action)))
             case Screenshot():
                 return replace(outcome, screenshot=action.path or picture_name(Path.cwd(), datetime.now()))
+            case SavePicture():
+                self._folder, self._deep = action.path.resolve().parent, action.deep
+                self._picture_ending = action.path.suffix.lower()
+                return replace(outcome, picture=action)
             case ResetLayout():
                 return replace(outcome, reset_layout=True)
             case Quit():
                 return replace(outcome, quit=True)
             case Recover():
-                self._recover(action.accept)
-                return replace(outcome, state=replace(state, journal=None))
+                return replace(outcome, state=self._recover(action, state))
+            case Leave():
+                return self._leave(action.saves, outcome)
             case SaveSession():
                 return self._save(action.path, outcome)
             case _:
@@ -128,6 +162,8 @@ class Actor:
                 editor.begin_drag(action.label)
             case EndDrag():
                 editor.end_drag()
+            case InOneStep():
+                editor.do(action.command, action.gesture)
             case Undo():
                 editor.undo()
             case Redo():
@@ -149,6 +185,8 @@ class Actor:
                 self._open_image(action.path, action.key, action.name)
             case ReloadImages():
                 editor.reload_images(action.key)
+            case Resize():
+                editor.resize(action.resolution)
             case CancelWork():
                 editor.cancel_work()
             case SaveMaterial() | DeleteMaterial():
@@ -162,36 +200,37 @@ class Actor:
             case _:
                 editor.do(cast(EditCommand | ViewCommand, action))
 
-    def drop(self, paths: Sequence[str], image: str | None = None) -> None:
+    def dropped(self, paths: Sequence[str], image: str | None = None) -> list[Action]:
         """Open the file that was dropped on the window; several at once are refused, for one would hide the other.
 
         image: "texture" or "weight" where it was dropped on that of the selected layer.
         """
-        selected = self._editor.view.selected
+        selected = seen_layer(self._editor.document, self._editor.view.selected)
         if len(paths) == 1 and image and selected and Path(paths[0]).suffix.lower() in IMAGE_SUFFIXES:
-            self._open_image(Path(paths[0]), selected.key, image)
-        elif len(paths) == 1:
-            self.open(paths[0])
-        elif paths:
+            return [OpenImage(Path(paths[0]), selected.key, image)]
+        if len(paths) == 1:
+            return [OpenFile(paths[0])]
+        if paths:
             wanted = "one scene, session, environment or texture"
             self._editor.notify(f"{len(paths)} files were dropped; drop {wanted}", True)
+        return []
 
     def open(self, path: str) -> None:
         """Open a scene or session, light the scene by an environment, make the selected object of what was measured, or
         give the selected layer a texture; anything else is refused in one line."""
         suffix = Path(path).suffix.lower()
-        if suffix in (*SCENE_ENDINGS, *ENVIRONMENT_ENDINGS, *MEASURED_ENDINGS):
+        if suffix in (*SCENE_ENDINGS, SESSION_ENDING, *LIGHT_ENDINGS, *MEASURED_ENDINGS):
             self._open_file(Path(path), suffix)
         elif suffix in PICTURE_ENDINGS:
             self._drop_picture(Path(path))
         elif suffix or Path(path).is_absolute():
-            known = f"a scene (.toml), a session ({SUFFIX}), light (.exr, .hdr), a measured BRDF (.binary, .brdf)"
-            self._editor.notify(f"{path}: expected {known} or a texture (.png, .jpg)", True)
+            known = f"{EXPECTED}, a measured BRDF (.binary, .brdf) or a texture (.png, .jpg)"
+            self._editor.notify(f"{path}: expected {known}", True)
         else:  # a built-in scene, from the menu
             self._editor.open(path)
 
     def _drop_picture(self, path: Path) -> None:
-        selected = self._editor.view.selected
+        selected = seen_layer(self._editor.document, self._editor.view.selected)
         if selected is None:
             self._editor.notify(f"{path.name}: select the layer that it is to be the texture of", True)
         else:
@@ -215,22 +254,56 @@ class Actor:
             return
         if suffix in MEASURED_ENDINGS:
             self._editor.import_measured(path)
-        elif suffix in ENVIRONMENT_ENDINGS:
-            file = path.resolve()
-            self._editor.do(SetEnvironment(str(file), likely_mapping(file)))
+        elif suffix in LIGHT_ENDINGS and self._editor.scene_is_open:
+            self._editor.do(lit_by(path))
         else:
             self._editor.open(str(path))
 
+    def _question(self, action: AskFile) -> FileQuestion:
+        """Where to look for the file, and of a session the name that it is likely to get."""
+        folder, editor = self._folder or Path.cwd(), self._editor
+        if action.purpose == "save_picture":
+            return FileQuestion(action.purpose, folder, f"{editor.name}{self._picture_ending}", deep=self._deep)
+        if action.purpose != "save_session":
+            return FileQuestion(action.purpose, folder, key=action.key)
+        file = editor.file
+        return FileQuestion(action.purpose, folder if file is None else file.parent, f"{editor.name}{SESSION_ENDING}")
+
     def _save(self, path: Path | None, outcome: Outcome) -> Outcome:
         if path is None and self._editor.session_path is None:
-            question = FileQuestion(
-                "save_session", self._folder or Path.cwd(), suggested_name(self._editor.document.source)
-            )
-            return replace(outcome, state=replace(outcome.state, question=question))
+            return replace(outcome, state=replace(outcome.state, question=self._question(AskFile("save_session"))))
         if path is not None:
             self._folder = path.resolve().parent
-        self._editor.save(path)
+        if self._editor.save(path) is None and outcome.state.leaving is not None:
+            return self._go_on(outcome)
         return outcome
+
+    # ---------------------------------------------------------------------------------------------------- unsaved edits
+
+    def _leaves(self, action: Action) -> bool:
+        """Whether something else takes the place of what is open."""
+        match action:
+            case OpenFile():
+                path = Path(action.path)
+                is_scene = path.suffix.lower() in (*SCENE_ENDINGS, SESSION_ENDING) and path.is_file()
+                return is_scene or action.path in builtin_scenes()
+            case Recover():
+                return action.accept
+            case Quit():
+                return not action.keeps
+        return False
+
+    def _leave(self, saves: bool, outcome: Outcome) -> Outcome:
+        """The answer to what becomes of unsaved edits; a session without a name asks for one first."""
+        if saves:
+            return self._save(None, outcome)
+        self._editor.give_up_unsaved()
+        return self._go_on(outcome)
+
+    def _go_on(self, outcome: Outcome) -> Outcome:
+        """With the action that waited."""
+        action, state = outcome.state.leaving, replace(outcome.state, leaving=None)
+        return replace(outcome, state=state) if action is None else self._perform(action, replace(outcome, state=state))
 
     def _change_library(self, action: SaveMaterial | DeleteMaterial) -> None:
         try:
@@ -257,21 +330,13 @@ class Actor:
         except InsituError as error:
             editor.notify(str(error), True)
 
-    def _recover(self, accept: bool) -> None:
-        recovery, self.recovery = self.recovery, None
-        if recovery is None:
-            return
-        if accept:
-            self._editor.recover(recovery)
-        else:
-            recovery.discard()
-
-
-def suggested_name(source: str) -> str:
-    """A session's name for a scene: its file's or, for a scene.toml, its folder's name."""
-    path = Path(source)
-    stem = path.parent.name if path.name == "scene.toml" else path.stem
-    return f"{stem or 'session'}{SUFFIX}"
+    def _recover(self, action: Recover, state: PanelState) -> PanelState:
+        self.recoveries = tuple(each for each in self.recoveries if each != action.recovery)
+        if not action.accept:
+            action.recovery.discard()
+            return state
+        self._editor.recover(action.recovery)
+        return replace(state, shows_recoveries=False)
 
 
 def picture_name(folder: Path, moment: datetime) -> Path:

@@ -19,7 +19,9 @@ from app.document import Document
 from app.editor import Editor
 from app.linked_layers import group_of
 from app.measurements import measurement_in
+from app.selecting import seen_layer
 from app.view_state import ViewState
+from engine.colour import ToneMapping
 from engine.errors import InsituError
 from engine.material.layer import Layer
 from engine.measured.measurement import Measurement
@@ -30,6 +32,7 @@ from ui.gl.passes import Passes
 from ui.gl.textures import TextureMemory
 from ui.panels.brdf_board import BrdfBoard, Part
 from ui.panels.picture import Picture
+from ui.shown_view import ShownView
 from ui.surface_lobe import SurfacePoint, surface_lobe
 from ui.table_feed import TableFeed
 
@@ -51,7 +54,8 @@ class BrdfFeed:
     ) -> None:  # fmt: skip
         self._context, self._board, self._picture = context, board, picture
         self._passes, self._memory = Passes(context), TextureMemory(context)
-        self._tables = tables
+        self._tables, self._view = tables, ShownView()
+        self._tone_mapping: ToneMapping = "filmic"
         self._stack = BrdfStack(self._passes, self._memory, tables.tables)
         self._sphere: LitSphere | None = None
         self._slice: brdf_views.Slice | None = None
@@ -70,7 +74,7 @@ class BrdfFeed:
 
         `surface_at` tells what a pixel (column, row) of the picture sees of the selected object.
         """
-        self._surface_at = surface_at
+        self._surface_at, self._tone_mapping = surface_at, self._view.follow(editor.view.tone_mapping)
         layers = shown_layers(editor.document, editor.view)
         self._want_tables(editor, layers)
         part = self._due(layers, editor)
@@ -137,7 +141,7 @@ class BrdfFeed:
         what = layers, self._board.curves_alone
         match part:
             case "sphere":
-                return what, self._board.sphere_side, view.tone_mapping
+                return what, self._board.sphere_side, self._tone_mapping
             case "lobe":
                 return what, azimuth_of(view), view.lobe_angle
             case "slice":
@@ -176,7 +180,7 @@ class BrdfFeed:
             self._sphere.restart()
             self._begun_for["sphere"] = question
         started, rows = time.perf_counter(), min(self._rows, self._sphere.rows_left)
-        self._sphere.step(self._stack, view.tone_mapping, rows)
+        self._sphere.step(self._stack, self._tone_mapping, rows)
         self._rows = max(self._rows_in_time(rows, started), LEAST_ROWS)
         if self._sphere.steps:
             self._board.sphere = self._picture(self._sphere.texture)
@@ -216,13 +220,14 @@ def shown_layers(document: Document, view: ViewState) -> Layers:
 
     None where nothing is selected.
     """
-    if view.selected is None:
+    selected = seen_layer(document, view.selected)
+    if selected is None:
         return ()
-    layers = document.object(view.selected.object).layers
+    layers = document.object(selected.object).layers
     if view.brdf_whole:
         return tuple(layer for layer in layers if layer.visible)
-    lead = layers[group_of(layers, view.selected.layer)[0]] if layers[view.selected.layer].rises else None
-    chosen = lead or layers[view.selected.layer]
+    lead = layers[group_of(layers, selected.layer)[0]] if layers[selected.layer].rises else None
+    chosen = lead or layers[selected.layer]
     return (chosen, *(layer for layer in layers if layer.rises and layer.follows == chosen.name))
 
 

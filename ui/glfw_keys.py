@@ -59,3 +59,29 @@ def _table() -> dict[int, tuple[imgui.Key, ...]]:
 
 KEYS = _table()
 """For each GLFW key the imgui keys it presses; a modifier presses itself and its role."""
+_ROLES = (
+    (glfw.MOD_CONTROL, Key.mod_ctrl), (glfw.MOD_SHIFT, Key.mod_shift), (glfw.MOD_ALT, Key.mod_alt),
+    (glfw.MOD_SUPER, Key.mod_super),
+)  # fmt: skip
+# Their GLFW keys are their ASCII codes.
+_PRINTED = frozenset(string.ascii_uppercase + "-=[]\\,;'./`")
+_MODIFIER_KEYS = frozenset(getattr(glfw, f"KEY_{side}_{name}") for name in _MODIFIERS for side in ("LEFT", "RIGHT"))
+
+
+def as_printed(key: int, name: str | None) -> int:
+    """The key by what is printed on it: GLFW's keys are places on an American keyboard, shortcuts go by letters.
+
+    `name` is what the layout has in the key's place; where that is no Latin letter the place counts.
+    """
+    return ord(name.upper()) if name and len(name) == 1 and name.upper() in _PRINTED else key
+
+
+def key_changes(key: int, pressed: bool, modifiers: int) -> list[tuple[imgui.Key, bool]]:
+    """What a key event of GLFW tells imgui, in order: the modifiers that a key was pressed with come before it."""
+    parts = [(part, pressed) for part in KEYS.get(key, ())]
+    return parts if key in _MODIFIER_KEYS or not pressed else [*held(modifiers), *parts]
+
+
+def held(modifiers: int) -> list[tuple[imgui.Key, bool]]:
+    """Which modifiers are held, by GLFW's bits."""
+    return [(role, bool(modifiers & bit)) for bit, role in _ROLES]

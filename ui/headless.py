@@ -15,9 +15,10 @@ import moderngl
 import numpy as np
 from imgui_bundle import imgui
 from numpy.typing import NDArray
-from PIL import Image
 
+from app.atomic import make_folder_of, save_file
 from app.editor import Editor
+from engine.render.image_files import pixels_png
 from ui.gl.context import create_headless_context
 from ui.shell import FrameResult, Shell
 
@@ -42,13 +43,22 @@ class HeadlessWindow:
     ) -> None:
         self.context = context or create_headless_context()
         self.size = size
-        self._texture = self.context.texture(size, 4)
-        self._target = self.context.framebuffer([self._texture])
+        self._make_target()
         self.shell = Shell(self.context, editor, scale=scale, layout_file=layout_file, clock=self._now)
         self._time = 0.0
 
     def _now(self) -> float:
         return getattr(self, "_time", 0.0)
+
+    def resize(self, size: tuple[int, int]) -> None:
+        """Give the window another size, in framebuffer pixels."""
+        old = self._target, self._texture
+        self.size = size
+        self._make_target()
+        self._target.use()  # a framebuffer that is bound cannot be released
+        for thing in old:
+            thing.release()
+        self.shell.note_change()
 
     def frame(self) -> FrameResult:
         """Take the worker's answers and draw one frame; a picture that was asked for by a button is saved."""
@@ -105,22 +115,22 @@ class HeadlessWindow:
     def move(self, x: float, y: float) -> None:
         """Move the mouse there, in framebuffer pixels."""
         self.shell.note_input()
-        self.shell.io.add_mouse_pos_event(x, y)
+        self.shell.events.move(x, y)
         self.frame()
 
     def leave(self) -> None:
         """Move the mouse out of the window, so that no tooltip and nothing lit by it stays."""
-        self.shell.io.add_mouse_pos_event(-sys.float_info.max, -sys.float_info.max)
+        self.shell.events.move(-sys.float_info.max, -sys.float_info.max)
         self.frames(2)
 
     def press(self, button: int = 0) -> None:
         """Press a mouse button: 0 left, 1 right, 2 middle."""
-        self.shell.io.add_mouse_button_event(button, True)
+        self.shell.events.button(button, True)
         self.frame()
 
     def release(self, button: int = 0) -> None:
         """Let the button go."""
-        self.shell.io.add_mouse_button_event(button, False)
+        self.shell.events.button(button, False)
         self.frame()
         self.frame()
 
@@ -133,7 +143,7 @@ class HeadlessWindow:
 
     def wheel(self, amount: float) -> None:
         """Turn the wheel, positive away from the hand."""
-        self.shell.io.add_mouse_wheel_event(0.0, amount)
+        self.shell.events.wheel(0.0, amount)
         self.frames(2)
 
     def drag(
@@ -163,21 +173,22 @@ class HeadlessWindow:
         """Press and release a key together with modifiers (`imgui.Key.mod_ctrl`, ...)."""
         self.shell.note_input()
         for part in (*modifiers, key):
-            self.shell.io.add_key_event(part, True)
+            self.shell.events.key(part, True)
         self.frame()
         for part in (key, *modifiers):
-            self.shell.io.add_key_event(part, False)
+            self.shell.events.key(part, False)
         self.frame()
         self.frame()
 
     def hold(self, key: imgui.Key, down: bool) -> None:
         """Hold a modifier down, or let it go."""
-        self.shell.io.add_key_event(key, down)
+        self.shell.events.key(key, down)
         self.frame()
 
     def type(self, text: str) -> None:
         """Type characters."""
-        self.shell.io.add_input_characters_utf8(text)
+        for character in text:
+            self.shell.events.character(ord(character))
         self.frames(2)
 
     # ----------------------------------------------------------------------------------------------------- the picture
@@ -188,12 +199,16 @@ class HeadlessWindow:
         return data.reshape(self.size[1], self.size[0], 3)[::-1].copy()
 
     def save(self, file: Path) -> None:
-        """Write the window's pixels to a PNG."""
-        file.parent.mkdir(parents=True, exist_ok=True)
-        Image.fromarray(self.pixels()).save(file)
+        """Write the window's pixels to a PNG. Raises InsituError."""
+        make_folder_of(file)
+        save_file(file, pixels_png(self.pixels()))
 
     def close(self) -> None:
         """Free what was made here; a context that was handed in stays."""
         self.shell.close()
         self._target.release()
         self._texture.release()
+
+    def _make_target(self) -> None:
+        self._texture = self.context.texture(self.size, 4)
+        self._target = self.context.framebuffer([self._texture])

@@ -1,27 +1,29 @@
-"""Where the panels are docked: a default for any size and scale, and its memory in a file.
+"""Where the panels are docked by default, for any size and scale of the window.
 
-The remembered layout is imgui's own text with a first line that says for which scale it was made; at another scale,
-where its pixels would be wrong, the default is built again. The file is only a convenience: whatever is wrong with it,
-the window opens with the default layout.
+The picture is the middle and takes what the others leave. A window has one of three forms: wide, with a column on
+either side; compact, with one column and panels behind each other; small, with all panels behind each other beside the
+picture. Each form keeps its own arrangement (`ui.layout_memory`), so that a window made small for a moment is as it was
+when it is large again.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
+from typing import Literal
 
 from imgui_bundle import ImVec2, imgui
 
-from app.atomic import write_atomically
 from app.view_state import OpenPanel
 
-VERSION = 4
-LEFT_WIDTH = 216.0
-LIBRARY_SHARE = 0.56
-RIGHT_WIDTH = 306.0
-CURVE_SHARE = 0.41
+LEFT_WIDTH, RIGHT_WIDTH, COMPACT_WIDTH = 216.0, 290.0, 250.0
+CURVE_HEIGHT, COMPACT_CURVE_HEIGHT = 240.0, 216.0
 LIGHT_HEIGHT, ACCURACY_HEIGHT = 242.0, 300.0
+LIBRARY_SHARE, COMPACT_OBJECTS_SHARE, SMALL_SHARE = 0.56, 0.42, 0.5
+LEAST_WIDE, LEAST_COMPACT = (1020.0, 640.0), (600.0, 440.0)
+LEAST_SIZE = (400, 300)
 DOCK_SPACE = "insitu.dock"
+
+Form = Literal["wide", "compact", "small"]
 
 
 @dataclass(frozen=True)
@@ -42,18 +44,33 @@ VIEWPORT = Panel("viewport", "Picture")
 CURVE = Panel("curve", "Curve")
 MATERIAL = Panel("material", "Material")
 LIGHT = Panel("light", "Light")
-ACCURACY = Panel("accuracy", "Speed and accuracy")
+ACCURACY = Panel("accuracy", "Accuracy")
 LIBRARY = Panel("library", "Library")
 BRDF = Panel("brdf", "BRDF")
 PANELS = (OBJECTS, VIEWPORT, CURVE, MATERIAL, LIGHT, ACCURACY, BRDF, LIBRARY)
+# Of panels behind each other, those that are seen first; and those that are folded away at first.
+IN_FRONT: dict[Form, tuple[str, ...]] = {
+    "wide": (), "compact": (OBJECTS.key, MATERIAL.key), "small": (),
+}  # fmt: skip
+FOLDED: dict[Form, frozenset[str]] = {
+    "wide": frozenset(), "compact": frozenset(), "small": frozenset(p.key for p in PANELS) - {VIEWPORT.key},
+}  # fmt: skip
 
 
-def begin_dock_space(scale: float, rebuild: bool) -> None:
+def form_of(size: tuple[float, float], scale: float) -> Form:
+    """The form of a window of so many framebuffer pixels."""
+    width, height = size[0] / scale, size[1] / scale
+    if width >= LEAST_WIDE[0] and height >= LEAST_WIDE[1]:
+        return "wide"
+    return "compact" if width >= LEAST_COMPACT[0] and height >= LEAST_COMPACT[1] else "small"
+
+
+def begin_dock_space(form: Form, scale: float, rebuild: bool) -> None:
     """Fill what menu and status bar leave with the dock space; build the default where there is no layout yet."""
     viewport = imgui.get_main_viewport()
     identity = imgui.get_id(DOCK_SPACE)
     if rebuild or imgui.internal.dock_builder_get_node(identity) is None:
-        build_default(identity, viewport.work_size, scale)
+        build_default(identity, viewport.work_size, form, scale)
     # The window is cleared with the backdrop and the panels fill it: a third layer over all of it would cost a software
     # rasterizer a fifth of the frame.
     imgui.push_style_color(imgui.Col_.window_bg, 0)
@@ -61,69 +78,75 @@ def begin_dock_space(scale: float, rebuild: bool) -> None:
     imgui.pop_style_color()
 
 
-def build_default(identity: int, size: ImVec2, scale: float) -> None:
-    """Objects over library and BRDF; the picture over the curve; material, light and accuracy in a column right."""
+def build_default(identity: int, size: ImVec2, form: Form, scale: float) -> None:
+    """Dock all panels as the form has them by default."""
     builder = imgui.internal
     builder.dock_builder_remove_node(identity)
     builder.dock_builder_add_node(identity, int(imgui.internal.DockNodeFlagsPrivate_.dock_space))
     builder.dock_builder_set_node_size(identity, size)
-    left, rest = _split(identity, imgui.Dir.left, min(LEFT_WIDTH * scale / size.x, 0.25))
-    right, middle = _split(rest, imgui.Dir.right, min(RIGHT_WIDTH * scale / (size.x - LEFT_WIDTH * scale), 0.4))
-    curve, picture = _split(middle, imgui.Dir.down, CURVE_SHARE)
-    column = imgui.internal.dock_builder_get_node(right).size.y
-    accuracy, upper = _split(right, imgui.Dir.down, min(ACCURACY_HEIGHT * scale / column, 0.45))
-    light, material = _split(
-        upper, imgui.Dir.down, min(LIGHT_HEIGHT * scale / (column - ACCURACY_HEIGHT * scale), 0.5)
-    )
-    library, objects = _split(left, imgui.Dir.down, LIBRARY_SHARE)
-    places = (objects, picture, curve, material, light, accuracy, library, library)
-    for panel, node in zip(PANELS, places, strict=True):
-        builder.dock_builder_dock_window(panel.window, node)
-    picture_node = builder.dock_builder_get_node(picture)
+    places = {"wide": _wide, "compact": _compact, "small": _small}[form](identity, scale)
+    for panel in PANELS:
+        builder.dock_builder_dock_window(panel.window, places[panel])
+    picture = builder.dock_builder_get_node(places[VIEWPORT])
     hide_single_tab = imgui.DockNodeFlags_.auto_hide_tab_bar
-    picture_node.set_local_flags(int(picture_node.local_flags) | int(hide_single_tab))
+    picture.set_local_flags(int(picture.local_flags) | int(hide_single_tab))
     builder.dock_builder_finish(identity)
 
 
-def _split(node: int, side: imgui.Dir, share: float) -> tuple[int, int]:
-    """(the new node at `side`, what remains)."""
-    split = imgui.internal.dock_builder_split_node(node, side, share)
+def _wide(root: int, scale: float) -> dict[Panel, int]:
+    """Objects over library and BRDF; the picture over the curve; material, light and accuracy in a column right."""
+    left, rest = _split(root, imgui.Dir.left, LEFT_WIDTH * scale, 0.25)
+    right, middle = _split(rest, imgui.Dir.right, RIGHT_WIDTH * scale, 0.4)
+    curve, picture = _split(middle, imgui.Dir.down, CURVE_HEIGHT * scale, 0.36)
+    accuracy, upper = _split(right, imgui.Dir.down, ACCURACY_HEIGHT * scale, 0.45)
+    light, material = _split(upper, imgui.Dir.down, LIGHT_HEIGHT * scale, 0.5)
+    library, objects = _split(left, imgui.Dir.down, LIBRARY_SHARE * _size(left).y)
+    return {
+        OBJECTS: objects, LIBRARY: library, BRDF: library, VIEWPORT: picture, CURVE: curve, MATERIAL: material,
+        LIGHT: light, ACCURACY: accuracy,
+    }  # fmt: skip
+
+
+def _compact(root: int, scale: float) -> dict[Panel, int]:
+    """The picture over the curve; right objects, library and BRDF over material, light and accuracy."""
+    right, middle = _split(root, imgui.Dir.right, COMPACT_WIDTH * scale, 0.4)
+    curve, picture = _split(middle, imgui.Dir.down, COMPACT_CURVE_HEIGHT * scale, 0.42)
+    upper, lower = _split(right, imgui.Dir.up, COMPACT_OBJECTS_SHARE * _size(right).y)
+    return {
+        OBJECTS: upper, LIBRARY: upper, BRDF: upper, VIEWPORT: picture, CURVE: curve, MATERIAL: lower, LIGHT: lower,
+        ACCURACY: lower,
+    }  # fmt: skip
+
+
+def _small(root: int, scale: float) -> dict[Panel, int]:
+    """The picture beside all others."""
+    others, picture = _split(root, imgui.Dir.right, SMALL_SHARE * _size(root).x)
+    return {**dict.fromkeys(PANELS, others), VIEWPORT: picture}
+
+
+def _split(node: int, side: imgui.Dir, extent: float, most: float = 1.0) -> tuple[int, int]:
+    """(the new node at `side`, of so many pixels or at most that share, what remains)."""
+    size = _size(node)
+    whole = size.x if side in (imgui.Dir.left, imgui.Dir.right) else size.y
+    split = imgui.internal.dock_builder_split_node(node, side, min(extent / max(whole, 1.0), most))
     return split.id_at_dir, split.id_at_opposite_dir
 
 
-def load(file: Path | None, scale: float) -> bool:
-    """Restore the layout before the first frame. Whether there was one for this version and scale."""
-    if file is None:
-        return False
-    try:
-        first, _, body = file.read_text(encoding="utf-8").partition("\n")
-    except (OSError, UnicodeDecodeError):
-        return False
-    if first != _first_line(scale):
-        return False
-    imgui.load_ini_settings_from_memory(body)
-    return True
-
-
-def save(file: Path | None, scale: float) -> None:
-    """Remember the layout; a folder that cannot be written to costs nothing but the memory."""
-    if file is None:
-        return
-    text = f"{_first_line(scale)}\n{imgui.save_ini_settings_to_memory()}"
-    try:
-        write_atomically(file, text.encode())
-    except OSError:
-        return
-
-
-def _first_line(scale: float) -> str:
-    return f"; insitu layout {VERSION} scale {scale:.2f}"
+def _size(node: int) -> ImVec2:
+    return imgui.internal.dock_builder_get_node(node).size
 
 
 def is_behind(panel: Panel) -> bool:
     """Whether another panel that shares its place is before it."""
     window = imgui.internal.find_window_by_name(panel.window)
     return window is not None and bool(window.hidden)
+
+
+def shares_place(panel: Panel) -> bool:
+    """Whether it is docked where other panels are too."""
+    window = imgui.internal.find_window_by_name(panel.window)
+    node = None if window is None else window.dock_node
+    return node is not None and len(node.windows) > 1
 
 
 def closed(panel: Panel) -> OpenPanel:

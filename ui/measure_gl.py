@@ -65,7 +65,7 @@ class Bench:
 
     def wait_until_exact(self) -> None:
         """Frames until the picture is exact; raises InsituError when it does not come."""
-        self.wait_until(lambda: self.editor.status.picture == "exact")
+        self.wait_until(lambda: self.editor.status.is_finished)
 
     def wait_until(self, done: Callable[[], bool]) -> None:
         """Frames until `done()` after one of them; raises InsituError when that does not come."""
@@ -198,9 +198,7 @@ def measure_wide(bench: Bench, widest: str, repetitions: int) -> dict[str, Any]:
     return found
 
 
-def measure(
-    source: str, resolution: tuple[int, int] | None, n_lights: int | None, repetitions: int
-) -> dict[str, Any]:
+def measure(source: str, resolution: tuple[int, int] | None, n_lights: int | None, repetitions: int) -> dict[str, Any]:
     """All figures of the renderer."""
     with contextlib.closing(Bench(source, resolution, n_lights)) as bench:
         found = measure_planned(bench, repetitions)
@@ -266,7 +264,7 @@ def start(source: str) -> None:
     times = start_times()
     feed: PictureFeed | None = None
     busy = True
-    while editor.status.picture != "exact" and not editor.status.is_error:
+    while not editor.status.is_finished and not editor.status.is_error:
         began = time.monotonic()
         drawn = window.look(telling=True) or busy
         if times is not None:

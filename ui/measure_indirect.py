@@ -104,7 +104,7 @@ def edit(bench: Bench, operators: tuple[Operator, ...]) -> tuple[float, float]:
         raise InsituError(refused)
     bench.wait_until(lambda: not bench.feed.is_behind)
     framed = time.perf_counter() - started
-    if bench.editor.status.picture != "exact":
+    if not bench.editor.status.is_finished:
         bench.wait_until_exact()
     return framed, time.perf_counter() - started
 

@@ -23,12 +23,12 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from app.document import LightState, layer_key
+from app.document import RGB, LightState, layer_key
 from app.editor import Editor
+from app.light_commands import emission_of
 from app.picture import (
     ComparedRefined,
-    FootprintChanged,
-    IndirectFootprint,
+    Footprint,
     IndirectRadiance,
     LayerLook,
     LayerMapsChanged,
@@ -51,6 +51,8 @@ from ui.gl.placement import PlacementRenderer
 from ui.gl.rehearsal import rehearse
 from ui.gl.tonemap import DisplayView
 from ui.map_feed import MapFeed, small_texture
+from ui.shown_view import ShownView
+from ui.still import Still
 from ui.surface_lobe import SurfacePoint
 
 # Between two looks at what the worker has sent, while a curve that was selected is waited for.
@@ -77,7 +79,12 @@ class PictureFeed:
         self._names: list[str] = []
         self._arrays: Mapping[str, NDArray[Any]] = {}
         self._view_curves: dict[str, NDArray[np.float64]] = {}
+        self._indirect: dict[str, IndirectRadiance] = {}
+        self._drawn_as: dict[str, tuple[object, ...]] = {}
+        self._holds = False
+        self._emission: dict[str, RGB] = {}
         self._maps = MapFeed(renderer)
+        self._view = ShownView()
         self._wanted: dict[str, NDArray[np.float64]] = {}
         self._compared: object = None
         self._rotation: float | None = None
@@ -159,6 +166,17 @@ class PictureFeed:
         place = int(start) + int(np.searchsorted(arrays["pixel"][start:stop], row * width + column))
         return place if place < stop and arrays["pixel"][place] == row * width + column else None
 
+    def still(self, editor: Editor) -> Still | None:
+        """The picture as it is now, for a file; None before there is one. Waits for the GPU."""
+        frame = self.renderer.frame
+        if frame is None or self._texture is None:
+            return None
+        return Still(
+            self.renderer.finished_image(self._display_view(editor)),
+            self.renderer.linear_image() * np.float32(editor.document.light.intensity),
+            (frame.edge_pixels, frame.edge_neighbours, frame.edge_weights),
+        )
+
     def take(self, editor: Editor, now: float) -> bool:
         """Take the worker's answers and ask it for what is missing. Whether there is something to draw."""
         until = time.perf_counter() + TAKING_SECONDS
@@ -235,15 +253,11 @@ class PictureFeed:
             case SkyChanged():
                 self.renderer.set_environment(event.radiance, editor.document.light.rotation)
                 self._take_sky_picture(event.radiance)
-            case FootprintChanged():
-                own = len(event.rows) == 0
-                self.renderer.set_footprint(None if own else event.rows, None if own else event.weights)
             case LayerRadiance():
                 self._take_radiance(event)
-            case IndirectFootprint():
-                self.renderer.set_indirect_footprint(event.rows, event.weights)
-            case IndirectRadiance() if event.key in self.renderer.layer_keys:
-                self.renderer.set_layer_indirect(event.key, event.radiance)
+            case IndirectRadiance():
+                self._indirect[event.key] = event
+                self._take_indirect(event.key)
             case LayerMapsChanged():
                 self._maps.take(event)
             case ComparedRefined():
@@ -251,7 +265,10 @@ class PictureFeed:
                     self.renderer.snapshot_compare({key: _look(look) for key, look in event.looks.items()})
             case TransportReady():
                 numbers, curve = event.coefficients_first, event.factor
-                self.renderer.begin_transport(event.key, numbers, event.norms, event.scale, event.beside, curve)
+                self.renderer.set_footprint(*_both(event.footprint))
+                self.renderer.begin_transport(
+                    event.key, numbers, event.norms, event.scale, event.beside, curve, event.stage
+                )
 
     def _take_scene(self, event: SceneFrame) -> None:
         self.renderer.set_frame(picture_frame(event))
@@ -259,23 +276,43 @@ class PictureFeed:
         self._names = [described.name for described in event.description.objects]
         self._arrays = event.arrays
         self._view_curves.clear()
+        self._indirect.clear()
+        self._drawn_as.clear()
+        self._emission.clear()
         self._maps.clear()
         self._wanted = {}
         self._compared = self._rotation = None
 
     def _take_radiance(self, event: LayerRadiance) -> None:
         renderer = self.renderer
+        renderer.set_footprint(*_both(event.footprint))
         if event.key not in renderer.layer_keys:
             renderer.set_layer(event.key, self._names.index(event.key.rpartition(".")[0]), len(event.radiance))
             self._maps.layer_made(event.key)
+        if self._drawn_as.get(event.key) != event.drawn_as:
+            self._drawn_as[event.key] = event.drawn_as
+            self._take_indirect(event.key)  # it may have been the first to come, or be that of the layer before
         bands = event.coefficients.get(renderer.transport_curve(event.key) or "")
-        renderer.set_layer_radiance(event.key, event.radiance, None if bands is None else forward(bands))
+        shown = None if bands is None else forward(bands)
+        renderer.set_layer_radiance(event.key, event.radiance, shown, event.stage)
+
+    def _take_indirect(self, key: str) -> None:
+        """Show a layer's indirect light, where it is that of the layer whose direct light is shown."""
+        event = self._indirect.get(key)
+        if event is None or key not in self.renderer.layer_keys:
+            return
+        if event.footprint is None or event.drawn_as != self._drawn_as[key]:
+            self.renderer.set_layer_indirect(key, None)
+            return
+        self.renderer.set_indirect_footprint(event.footprint.rows, event.footprint.weights)
+        self.renderer.set_layer_indirect(key, event.radiance)
 
     # ---------------------------------------------------------------------------------------------------- each frame
 
     def _follow(self, editor: Editor, last_frame_ms: float) -> bool:
         """The document as it is now, in the picture. Whether there is more to come."""
         thumbnail_came = self._follow_environment(editor)
+        self._follow_emitters(editor)
         self._follow_layers(editor)
         self._follow_curve(editor)
         self._follow_comparison(editor)
@@ -293,13 +330,14 @@ class PictureFeed:
         exact = uploaded and report.exact and not self._waiting
         editor.report_rendering(
             RenderReport(
-                max(wanted - report.remaining, 0), wanted, report.image_error, self._frame_ms, exact,
-                self.renderer.transport_precision, self.renderer.memory_bytes / 1e6,
+                max(wanted - report.remaining, 0), wanted, report.image_error, self._frame_ms,
+                exact and not self._holds,
+                self.renderer.transport_precision, self.renderer.memory_bytes / 1e6, self.renderer.mean_radiance,
             )
         )  # fmt: skip
         changed = exact != self._exact_before
         self._exact_before = exact
-        return not exact or changed or thumbnail_came
+        return not exact or changed or thumbnail_came or self._view.waits
 
     def _follow_environment(self, editor: Editor) -> bool:
         """Turn the background with the light; whether the thumbnail is a new one."""
@@ -312,6 +350,13 @@ class PictureFeed:
         self._show_thumbnail(self._thumbnail_due.result())
         self._thumbnail_due = None
         return True
+
+    def _follow_emitters(self, editor: Editor) -> None:
+        """What is seen of them."""
+        for name, radiance in emission_of(editor.document):
+            if name in self._names and self._emission.get(name) != radiance:
+                self._emission[name] = radiance
+                self.renderer.set_emission(self._names.index(name), radiance)
 
     @property
     def _thumbnail_is_ready(self) -> bool:
@@ -338,8 +383,10 @@ class PictureFeed:
                 if key not in gone:
                     continue
                 gone.remove(key)
-                self.renderer.set_layer_gain(key, editor.layer_gain(key).tolist())
                 self.renderer.set_layer_visible(key, is_seen(document, editor.view, key))
+                if not self._is_drawn(editor, key):
+                    continue
+                self.renderer.set_layer_gain(key, editor.layer_gain(key).tolist())
                 self._maps.follow(key, state.layers[index].maps)
                 curve = editor.view_curve(key)
                 if self._view_curves.get(key) is not curve:
@@ -348,13 +395,21 @@ class PictureFeed:
         for key in gone:  # it may come back, by undo, before the worker has heard of it
             self.renderer.set_layer_visible(key, False)
 
+    def _is_drawn(self, editor: Editor, key: str) -> bool:
+        """Whether the picture of a layer is its own, and not that of the one that it took the place of."""
+        return self._drawn_as.get(key) == editor.drawn_as(key)
+
     def _follow_curve(self, editor: Editor) -> None:
-        """The selected curve, in all layers that follow it."""
+        """The selected curve, in all layers that follow it and have a picture of their own."""
+        self._holds = False
         factor = (editor.view.selected and editor.view.selected.factor) or ""
         found: dict[str, NDArray[np.float64]] = {}
         for key in editor.edited_layers:
             coefficients = editor.wanted_coefficients(key).get(factor)
             if coefficients is not None and key in self.renderer.layer_keys:
+                if not self._is_drawn(editor, key):
+                    self._holds = True
+                    continue
                 found[key] = coefficients
                 if self._wanted.get(key) is not coefficients:
                     self.renderer.wanted(key, forward(coefficients), factor)
@@ -376,7 +431,7 @@ class PictureFeed:
         return DisplayView(
             exposure=view.exposure + _stops(editor.document.light),
             compare_exposure=None if compared is None else view.exposure + _stops(compared.light),
-            tone_mapping=view.tone_mapping,
+            tone_mapping=self._view.follow(view.tone_mapping),
             selected=self._index(view.selected.object if view.selected else None),
             hovered=self._index(view.hovered),
             compare_divider=view.compare_divider if view.compare is not None else None,
@@ -384,6 +439,10 @@ class PictureFeed:
 
     def _index(self, name: str | None) -> int | None:
         return self._names.index(name) if name in self._names else None
+
+
+def _both(footprint: Footprint | None) -> tuple[NDArray[np.integer] | None, NDArray[np.floating] | None]:
+    return (None, None) if footprint is None else (footprint.rows, footprint.weights)
 
 
 def _stops(light: LightState) -> float:

@@ -19,6 +19,7 @@ from app.paint_commands import Paint
 from app.script import (
     AssertErrorBelow,
     Capture,
+    ChooseView,
     DragItem,
     DragPoints,
     ImportFile,
@@ -45,6 +46,7 @@ from ui.headless import DEFAULT_SIZE, HeadlessWindow
 from ui.layout import PANELS
 from ui.panels.actions import ShowPanel
 from ui.picture_feed import PictureFeed
+from ui.shown_view import is_at_hand
 
 WAIT_SECONDS = 1800.0
 
@@ -93,7 +95,7 @@ def run_steps(window: HeadlessWindow, editor: Editor, steps: Sequence[Step]) -> 
     for number, step in enumerate(steps, 1):
         try:
             _run(window, editor, step)
-        except ScriptError as error:
+        except InsituError as error:
             raise ScriptError(f"step {number}: {error}") from error
 
 
@@ -111,7 +113,7 @@ def wait_for_picture(
 
     def there() -> bool:
         state = editor.status.picture
-        return state == "exact" if picture == "exact" else state != "waiting"
+        return editor.status.is_finished if picture == "exact" else state != "waiting"
 
     window.frames(2)
     _wait(window, editor, there, timeout)
@@ -138,6 +140,9 @@ def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
             window.drag(step.start, step.end)
         case Show():
             _show(window, step.panel)
+        case ChooseView():
+            _refused(editor.do(SetView.of(tone_mapping=step.view)))
+            window.run_until(lambda: is_at_hand(step.view), WAIT_SECONDS)
         case PickLobe():
             _refused(editor.do(SetView.of(lobe_pixel=step.pixel)))
         case PaintStroke():
@@ -224,6 +229,6 @@ def _refused(line: str | None) -> None:
 
 
 def _assert_error(editor: Editor, bound: float) -> None:
-    error = editor.status.image_error
+    error = editor.status.curve_error
     if error is None or not error < bound:
-        raise ScriptError(f"image error = {error}, expected below {bound:g}")
+        raise ScriptError(f"error of the curve = {error}, expected below {bound:g}")

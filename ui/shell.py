@@ -1,20 +1,22 @@
 """One frame of the window: the same code behind a GLFW window and in a framebuffer without a display.
 
-    events ─► panels (draw, return actions) ─► actions carried out ─► picture ─► pixels
+    events ─► panels (draw, return actions) ─► actions carried out ─┬─► picture ─► pixels
+       ▲───────────────── while there are more events ◄─────────────┘
     between two frames: the worker's answers, and the picture where the hand is still
 
 The order within a frame puts the hand first: what it did is in the document before the picture is brought up to date,
-so a drag and its picture are in the same frame. What only the worker changed is drawn before the frame, in a step of
-its own: the hand is heard before and after it, where picture and panels together would hold it up for too long.
+so a drag and its picture are in the same frame. Events that came in during a long frame are all heard in the next one,
+in order, in as many passes through the panels as that takes (`ui.event_queue`). What only the worker changed is drawn
+before the frame, in a step of its own: the hand is heard before and after it, where picture and panels together would
+hold it up for too long.
 """
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime
 from functools import partial
 from pathlib import Path
 from typing import Protocol
@@ -22,26 +24,34 @@ from typing import Protocol
 import moderngl
 from imgui_bundle import ImVec2, imgui
 
+from app.document import Selection
 from app.editor import Editor
-from app.journal import Recovery
 from app.library import Entry
+from app.recent import RecentFiles
+from app.selecting import seen_layer
 from app.status import Status
 from ui import layout, theme
-from ui.actor import Actor
+from ui.actor import Actor, Outcome
 from ui.brdf_feed import BrdfFeed
 from ui.brush import Spot
+from ui.docking import Docking
+from ui.event_queue import ALTS, EventQueue
 from ui.gl.interface import InterfaceRenderer
 from ui.gl.thumbnails import Thumbnails
 from ui.panels import (
     brdf,
     curve_editor,
     dialogs,
+    escape,
+    folding,
+    leaving,
     library,
     light,
     material,
     menus,
     objects,
     paint,
+    resolution,
     status_bar,
     tradeoff,
     viewport,
@@ -49,23 +59,37 @@ from ui.panels import (
 from ui.panels import (
     help as shortcuts,
 )
-from ui.panels.actions import Action, CancelDrag
+from ui.panels.actions import Action, CancelDrag, SavePicture, SetPanel
 from ui.panels.brdf_board import BrdfBoard
-from ui.panels.context import Handles, PanelContext
+from ui.panels.context import Fields, Handles, PanelContext
+from ui.panels.dialogs import ENDINGS
+from ui.panels.guard import close_what_is_open, depth_now, draw_fault, guarded
 from ui.panels.picture import Picture
 from ui.panels.state import Notice, PanelState
 from ui.spoken_names import spoken
+from ui.still import Still, StillSaver
 from ui.surface_lobe import SurfacePoint
 from ui.table_feed import TableFeed
 
+TITLE = "Insitu"
 SETTLE_SECONDS = 0.9
 HELD_SECONDS = 0.03
 # Answers that took longer leave other work to the next look.
 LITTLE_SECONDS = 0.002
+# How long a frame that failed waits for the next, where no event comes.
+FAILED_SECONDS = 1.0
 # Frames that the layout takes to settle after the start.
 FIRST_FRAMES = 3
+# A frame hears no further events after this time, a fraction of a long frame; the next, at once, hears the rest.
+HEARING_SECONDS = 0.03
+# imgui's own 0.3 is less than desktops have, and passes in two frames.
+DOUBLE_CLICK_SECONDS = 0.45
+# What tells imgui that Alt is not its own to use: it would step to the tabs of panels.
+ALT_OWNER = 0x1A5171
 # How often the worker's progress alone is worth a frame: each takes processor time from the worker.
 PROGRESS_SECONDS = 0.1
+# Beyond this zoom a person looks at pixels, which are then squares.
+SHARP_ZOOM = 2.0
 
 
 class PictureSource(Protocol):
@@ -82,6 +106,8 @@ class PictureSource(Protocol):
 
     def map_thumbnails(self, key: str) -> Mapping[str, moderngl.Texture]: ...
 
+    def still(self, editor: Editor) -> Still | None: ...
+
     def take(self, editor: Editor, now: float) -> bool: ...
 
     def draw(self, editor: Editor, last_frame_ms: float) -> bool: ...
@@ -97,13 +123,15 @@ class PictureSource(Protocol):
 class FrameResult:
     """`busy`: another frame should follow at once; `redraw_in`: else after this many seconds, None when nothing is due.
 
-    `screenshot`: where the person asked this frame's pixels to be saved; `quit`: whether the window was asked to close.
+    `screenshot`: where the person asked this frame's pixels to be saved; `quit`: whether the window was asked to close;
+    `drawn`: whether there is a picture of the window at all: the last one stays where a frame failed.
     """
 
     busy: bool
     redraw_in: float | None = None
     screenshot: Path | None = None
     quit: bool = False
+    drawn: bool = True
 
 
 class Shell:
@@ -116,13 +144,15 @@ class Shell:
         *,
         scale: float = 1.0,
         layout_file: Path | None = None,
+        recent: RecentFiles | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.editor = editor
         self.source: PictureSource | None = None
         self.state = PanelState()
         self.handles = Handles()
-        self.actor = Actor(editor)
+        self._fields = Fields()
+        self.actor = Actor(editor, recent=recent)
         self._clock = clock
         self._imgui = imgui.create_context()
         imgui.set_current_context(self._imgui)
@@ -131,25 +161,30 @@ class Shell:
         self._io.config_docking_always_tab_bar = False
         self._io.config_windows_move_from_title_bar_only = True
         self._io.config_input_text_cursor_blink = False
+        self._io.mouse_double_click_time = DOUBLE_CLICK_SECONDS
         self._io.set_ini_filename("")
+        self.events = EventQueue(self._imgui, self._io)
         self.theme = theme.apply(scale)
-        self._layout_file = layout_file
-        self._rebuild_layout = not layout.load(layout_file, scale)
+        self._docking = Docking(editor, layout_file, scale)
+        self._front: tuple[str, ...] = ()
         self._gl = context
         self._interface = InterfaceRenderer(context)
         self._brdf_board = BrdfBoard()
         self._tables = TableFeed(context)
         self._brdf = BrdfFeed(context, self._brdf_board, self._picture, self._tables)
+        self._escape_is_imguis = False
         self._frame_ms = 0.0
         self._prepared: bool | None = None
         self._prepared_ms = 0.0
         self._last_frame = clock()
         self._last_input = -math.inf
         self._n_frames = 0
-        self._seen_message = ""
+        self._seen_message = 0
         self._told: Status | None = None
         self._told_at = -math.inf
         self.inputs = 0
+        self._requested: list[Action] = []
+        self._stills = StillSaver()
         self._library_unread = True
         self._thumbnails = Thumbnails(context, self._tables.tables, partial(self._tables.complete, editor))
         self.environments: tuple[str, ...] = ()
@@ -157,7 +192,7 @@ class Shell:
 
     @property
     def io(self) -> imgui.IO:
-        """Where mouse and keyboard events go in."""
+        """What imgui knows of mouse and keyboard; events go into `events`."""
         imgui.set_current_context(self._imgui)
         return self._io
 
@@ -178,12 +213,33 @@ class Shell:
         self._frame_ms = milliseconds + self._prepared_ms
         self._prepared_ms = 0.0
 
-    def offer_recovery(self, recovery: Recovery) -> None:
-        """Show a strip over the picture that offers what a journal kept."""
-        self.actor.recovery = recovery
-        written = datetime.fromtimestamp(recovery.written_at)
-        text = f"Edits of {Path(recovery.scene).stem} from {written:%H:%M} on {written:%d %B} were not saved."
-        self.state = replace(self.state, journal=text)
+    def request(self, *actions: Action) -> None:
+        """Have actions carried out in the coming frame, as if a panel asked for them then."""
+        self._requested += actions
+        self.note_input()
+
+    def _save_picture(self, action: SavePicture) -> None:
+        """What is shown now, taken at once and written by a thread."""
+        if action.path.suffix.lower() not in ENDINGS["save_picture"]:
+            self.editor.notify(f"{action.path}: the name of a picture ends in .png or .exr", True)
+            return
+        still = None if self.source is None else self.source.still(self.editor)
+        if still is None:
+            self.editor.notify("there is no picture yet to be saved", True)
+            return
+        exact = self.editor.status.picture == "exact"
+        remark = "" if exact else "; it is a preview: the picture is not exact yet"
+        self._stills.save(still, action.path, action.deep, remark)
+
+    def drop(self, paths: Sequence[str], image: str | None = None) -> None:
+        """Files were dropped on the window; `image`: on the "texture" or the "weight" of the selected layer."""
+        self.do(*self.actor.dropped(paths, image))
+
+    @property
+    def title(self) -> str:
+        """Of the window: what is open, and a star where it has edits that are not saved."""
+        name = self.editor.name
+        return f"{name}{'*' if self.editor.unsaved else ''} - {TITLE}" if name else TITLE
 
     def do(self, *actions: Action) -> None:
         """Carry out actions as if a panel had asked for them (scripts)."""
@@ -199,11 +255,29 @@ class Shell:
             imgui.set_current_context(self._imgui)
             self.theme = replace(self.theme, scale=scale)
             theme.set_style(scale)
-            self._rebuild_layout = True
+            self._docking.rescale(scale)
 
     def frame(self, target: moderngl.Framebuffer, size: tuple[int, int], now: float | None = None) -> FrameResult:
         """Take the hand's events, bring the picture up to date and draw the window into `target`, `size` in pixels."""
         now = self._clock() if now is None else now
+        failed = FrameResult(busy=False, redraw_in=FAILED_SECONDS, drawn=False)
+        return self.editor.barrier.run("The window", partial(self._frame, target, size, now), failed, ())
+
+    def _frame(self, target: moderngl.Framebuffer, size: tuple[int, int], now: float) -> FrameResult:
+        try:
+            return self._whole_frame(target, size, now)
+        except BaseException:
+            self._end_what_was_begun()
+            raise
+
+    def _end_what_was_begun(self) -> None:
+        """Leave imgui as it is between two frames."""
+        imgui.set_current_context(self._imgui)
+        if imgui.get_current_context().within_frame_scope:
+            close_what_is_open(self._depth)
+            imgui.end_frame()
+
+    def _whole_frame(self, target: moderngl.Framebuffer, size: tuple[int, int], now: float) -> FrameResult:
         imgui.set_current_context(self._imgui)
         self._io.display_size = ImVec2(float(size[0]), float(size[1]))
         self._io.delta_time = min(max(now - self._last_frame, 1e-4), 0.25)
@@ -211,41 +285,77 @@ class Shell:
         self._n_frames += 1
         self._told, self._told_at = _telling(self.editor.status), now
         self._take_message(now)
-        self._read_library()
-        imgui.new_frame()
-        self.handles.begin_frame()
-        self._brdf_board.begin_frame()
-        actions = self._panels(self._context(now))
-        self.handles.end_frame()
+        self.editor.barrier.run("The library", self._read_library, None, ())
+        self._docking.take_size(size, self.theme.scale)
+        actions, outcome = self._hear(now)
         imgui.render()
-        outcome = self.actor.perform(actions, replace(self.state, front=None), now)
-        self.state = outcome.state
-        self._rebuild_layout = outcome.reset_layout
         prepared, self._prepared = self._prepared, None
         hand_first = prepared is None or bool(actions) or self._hand_is_busy
         working = self._draw_picture() if hand_first else bool(prepared)
-        working = self._brdf.draw(self.editor, self._surface_at, self._hand_is_busy, now) or working
+        working = self._draw_brdf(now) or working
+        if outcome.picture is not None:
+            self._save_picture(outcome.picture)
         target.use()
         target.clear(*theme.BACKDROP)
         self._interface.render(target)
-        self._thumbnails_go_on()
-        self._remember_layout()
-        return self._result(working or bool(actions), outcome.screenshot, outcome.quit)
+        self.editor.barrier.run("A thumbnail", self._thumbnails_go_on, None, ())
+        self._docking.remember()
+        return self._result(working or bool(actions) or self._docking.is_settling, outcome.screenshot, outcome.quit)
+
+    def _hear(self, now: float) -> tuple[list[Action], Outcome]:
+        """Pass through the panels until all events that came in are heard; what the panels asked for, carried out."""
+        end = time.perf_counter() + HEARING_SECONDS
+        actions, outcome = self._pass(now)
+        while not (self.events.is_empty or outcome.quit or time.perf_counter() > end):
+            imgui.end_frame()
+            self._io.delta_time = 1e-4
+            asked, later = self._pass(now)
+            actions, outcome = actions + asked, later.after(outcome)
+        return actions, outcome
+
+    def _pass(self, now: float) -> tuple[list[Action], Outcome]:
+        """Let the panels answer the next events."""
+        keys_taken, self._escape_is_imguis = escape.keys_are_taken(), escape.is_imguis()
+        self.events.hand_over()
+        self._docking.make_room(self.state.front)
+        imgui.new_frame()
+        self._depth = depth_now()
+        for key in ALTS:
+            imgui.internal.set_key_owner(key, ALT_OWNER)
+        self.handles.begin_frame()
+        self._brdf_board.begin_frame()
+        context = replace(self._context(now), keys_taken=keys_taken, alt_tapped=self.events.alt_tapped)
+        requested, self._requested = self._requested, []
+        actions = [*requested, *self._panels(context), *self._refusal(now)]
+        self.handles.end_frame()
+        outcome = self.actor.perform(actions, replace(self.state, front=self._front), now)
+        self.state = outcome.state
+        if outcome.reset_layout:
+            self._docking.reset()
+        return actions, outcome
+
+    def _refusal(self, now: float) -> list[Action]:
+        """The line that says why a number typed was not taken."""
+        refusal, self._fields.refusal = self._fields.refusal, ""
+        return [SetPanel({"notice": Notice(refusal, now, True)})] if refusal else []
 
     def idle(self, now: float) -> bool:
         """Between frames: take the worker's answers. Whether there is something new to draw."""
-        return self.take(now) or self._has_news(now)
+        return self.take(now) or self.editor.barrier.run("The status", partial(self._has_news, now), False, ())
 
     def take(self, now: float) -> bool:
         """As `idle`, but without regard to what only the panels would tell."""
-        if self.source is None:
+        for line, failed in self._stills.news():
+            self.editor.notify(line, failed)
+        source, run = self.source, self.editor.barrier.run
+        if source is None:
             return False
         started = time.perf_counter()
-        if self.source.take(self.editor, now):
+        if run("The worker's answers", lambda: source.take(self.editor, now), False, ()):
             return True
         if self._hand_is_busy or time.perf_counter() - started > LITTLE_SECONDS:
             return False
-        return self._tables.go_on(self.editor)
+        return run("A measured table", lambda: self._tables.go_on(self.editor), False, ())
 
     @property
     def awaits_table(self) -> bool:
@@ -257,14 +367,15 @@ class Shell:
         if self.source is None or self._hand_is_busy:
             return
         started = time.perf_counter()
-        self._prepared = self.source.draw(self.editor, self._frame_ms)
+        self._prepared = self._draw_source(self.source)
         self._gl.finish()
         self._prepared_ms = 1e3 * (time.perf_counter() - started)
 
     def close(self) -> None:
         """Remember the layout and free what was made here."""
         imgui.set_current_context(self._imgui)
-        layout.save(self._layout_file, self.theme.scale)
+        self._stills.close()
+        self._docking.keep()
         self._brdf.close()
         self._tables.release()
         self._interface.release()
@@ -282,11 +393,22 @@ class Shell:
         if source is None:
             return False
         before = [(t.glo if t is not None else 0, t) for t in (source.picture, source.environment)]
-        working = source.draw(self.editor, self._frame_ms)
+        working = self._draw_source(source)
         for (reference, old), new in zip(before, (source.picture, source.environment), strict=True):
             if old is not None and old is not new:
                 self._interface.substitute(reference, new)
         return working
+
+    def _draw_source(self, source: PictureSource) -> bool:
+        editor = self.editor
+        made_of = editor.document, editor.view
+        return editor.barrier.run("The picture", lambda: source.draw(editor, self._frame_ms), False, made_of)
+
+    def _draw_brdf(self, now: float) -> bool:
+        editor = self.editor
+        made_of = editor.document, editor.view
+        draw = partial(self._brdf.draw, editor, self._surface_at, self._hand_is_busy, now)
+        return editor.barrier.run("The BRDF's picture", draw, False, made_of)
 
     def _surface_at(self, column: int, row: int) -> SurfacePoint | None:
         """What a pixel sees of the selected object."""
@@ -309,7 +431,7 @@ class Shell:
         held = self.state.grip is not None  # a key held down repeats without an event of its own
         redraw_in = HELD_SECONDS if held else 0.1 if since < SETTLE_SECONDS else None
         settling = since < 0.05 or self._n_frames < FIRST_FRAMES
-        follows = self._library_unread or self._thumbnails_follow
+        follows = self._library_unread or self._thumbnails_follow or not self.events.is_empty
         return FrameResult(busy or settling or follows, redraw_in, screenshot, quit)
 
     def _thumbnail(self, entry: Entry) -> Picture | None:
@@ -318,7 +440,7 @@ class Shell:
     @property
     def _at_leisure(self) -> bool:
         """Whether nobody waits for a frame: neither a hand nor the picture."""
-        return not self._hand_is_busy and self.editor.status.picture == "exact"
+        return not self._hand_is_busy and self.editor.status.is_finished
 
     @property
     def _thumbnails_follow(self) -> bool:
@@ -334,12 +456,12 @@ class Shell:
             self._library_unread = self.actor.library.read_next()
 
     def _take_message(self, now: float) -> None:
-        """Show what the editor has to say, once."""
+        """Show what the editor has to say, once; the same may be said again."""
         status = self.editor.status
-        if status.message != self._seen_message:
-            self._seen_message = status.message
+        if status.message_number != self._seen_message:
             said = spoken(self.editor.document, status.message)
             self.state = replace(self.state, notice=Notice(said, now, status.is_error))
+            self._seen_message = status.message_number
 
     def _context(self, now: float) -> PanelContext:
         editor, source = self.editor, self.source
@@ -354,11 +476,17 @@ class Shell:
             state=self.state,
             theme=self.theme,
             handles=self.handles,
+            fields=self._fields,
             brdf=self._brdf_board,
             undo_label=undo and spoken(document, undo),
             redo_label=redo and spoken(document, redo),
             environments=self.environments,
             scenes=self.scenes,
+            name=editor.name,
+            own_resolution=editor.own_resolution,
+            unsaved=editor.unsaved,
+            recent=self.actor.recent.entries,
+            recoveries=self.actor.recoveries,
             library=self.actor.library.entries,
             thumbnail=self._thumbnail,
             now=now,
@@ -367,7 +495,7 @@ class Shell:
             return context
         return replace(
             context,
-            picture=self._picture(source.picture),
+            picture=self._picture(source.picture, sharp=not editor.view.fit and editor.view.zoom > SHARP_ZOOM),
             environment=self._picture(source.environment),
             map_thumbnails=self._map_thumbnails(source),
             map_refusal=self._map_refusal(),
@@ -376,51 +504,84 @@ class Shell:
             spot_at=source.spot_at,
         )
 
+    @property
+    def _selected_layer(self) -> Selection | None:
+        return seen_layer(self.editor.document, self.editor.view.selected)
+
     def _map_thumbnails(self, source: PictureSource) -> dict[str, Picture]:
         """Of the selected layer's images."""
-        selected = self.editor.view.selected
+        selected = self._selected_layer
         textures = {} if selected is None else source.map_thumbnails(selected.key)
         found = {name: self._picture(texture) for name, texture in textures.items()}
         return {name: picture for name, picture in found.items() if picture is not None}
 
     def _map_refusal(self) -> str | None:
-        editor = self.editor
-        selected = editor.view.selected
+        editor, selected = self.editor, self._selected_layer
         return None if selected is None else editor.maps.refusal(selected.key, editor.document.layer(selected.key).maps)
 
-    def _picture(self, texture: moderngl.Texture | None) -> Picture | None:
+    def _picture(self, texture: moderngl.Texture | None, sharp: bool = False) -> Picture | None:
+        """A texture for panels to draw; `sharp` shows its pixels as squares where they are enlarged."""
         if texture is None:
             return None
-        texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
+        texture.filter = (moderngl.NEAREST, moderngl.NEAREST) if sharp else (moderngl.LINEAR, moderngl.LINEAR)
         return Picture(self._interface.register(texture), texture.width, texture.height)
 
     def _panels(self, context: PanelContext) -> list[Action]:
-        actions = menus.draw(context)
-        actions += status_bar.draw(context)
-        layout.begin_dock_space(self.theme.scale, self._rebuild_layout)
-        self._rebuild_layout = False
-        actions += _window(context, layout.OBJECTS, objects.draw)
-        actions += _window(context, layout.LIBRARY, library.draw)
-        actions += _window(context, layout.BRDF, brdf.draw)
-        actions += _picture_window(context)
-        actions += _window(context, layout.CURVE, curve_editor.draw)
-        actions += _window(context, layout.MATERIAL, material.draw)
-        actions += _window(context, layout.LIGHT, light.draw)
-        actions += _window(context, layout.ACCURACY, tradeoff.draw)
-        actions += dialogs.draw(context)
-        actions += shortcuts.draw(context)
-        if self._gesture_cancelled():
-            return [CancelDrag()]
-        return actions + shortcuts.keyboard(context)
+        barrier = self.editor.barrier
+        actions = guarded(barrier, "The menu", menus.draw, context) or []
+        actions += guarded(barrier, "The status bar", status_bar.draw, context) or []
+        actions += guarded(barrier, "The strip of panels", folding.draw_strip, context) or []
+        self._front = self._docking.begin_space(self.theme.scale)
+        actions += self._window(context, layout.OBJECTS, objects.draw)
+        actions += self._window(context, layout.LIBRARY, library.draw)
+        actions += self._window(context, layout.BRDF, brdf.draw)
+        actions += self._picture_window(context)
+        actions += self._window(context, layout.CURVE, curve_editor.draw)
+        actions += self._window(context, layout.MATERIAL, material.draw)
+        actions += self._window(context, layout.LIGHT, light.draw)
+        actions += self._window(context, layout.ACCURACY, tradeoff.draw)
+        actions += guarded(barrier, "The tabs", folding.draw_buttons, context) or []
+        actions += guarded(barrier, "The dialog", dialogs.draw, context) or []
+        actions += guarded(barrier, "The resolution", resolution.draw, context) or []
+        actions += guarded(barrier, "The question", leaving.draw, context) or []
+        actions += guarded(barrier, "The help", shortcuts.draw, context) or []
+        if not imgui.is_key_pressed(imgui.Key.escape, False):
+            return actions + (guarded(barrier, "The keyboard", shortcuts.keyboard, context) or [])
+        answered = escape.answer(context, self._escape_is_imguis, self._hand_is_busy)
+        # What the panels ask for in mid-drag belongs to the drag, and goes with it.
+        return answered if CancelDrag() in answered else actions + answered
 
-    def _gesture_cancelled(self) -> bool:
-        """Whether Esc was pressed in mid-drag: what the panels ask for in this frame belongs to the drag, and goes."""
-        return self._hand_is_busy and imgui.is_key_pressed(imgui.Key.escape, False)
+    def _window(
+        self, context: PanelContext, panel: layout.Panel, draw: Callable[[PanelContext], list[Action]], flags: int = 0
+    ) -> list[Action]:
+        """A dockable window around a panel; closing it is an action like any other."""
+        if not is_shown(context, panel):
+            return []
+        if panel.key in context.state.front:
+            imgui.set_next_window_focus()
+        # The narrow tabs of panels behind each other have no room for it; they are folded, or closed in the menu.
+        closable = None if layout.shares_place(panel) else True
+        visible, is_open = imgui.begin(panel.window, closable, flags | imgui.WindowFlags_.no_collapse)
+        actions = self._panel(f"The panel {panel.title}", draw, context) if visible else []
+        imgui.end()
+        return [*actions, layout.closed(panel)] if is_open is False else actions
 
-    def _remember_layout(self) -> None:
-        if self._io.want_save_ini_settings:
-            layout.save(self._layout_file, self.theme.scale)
-            self._io.want_save_ini_settings = False
+    def _panel(self, name: str, draw: Callable[[PanelContext], list[Action]], context: PanelContext) -> list[Action]:
+        """A panel's contents, or a word in their place."""
+        actions = guarded(self.editor.barrier, name, draw, context)
+        if actions is None:
+            draw_fault(name)
+        return actions or []
+
+    def _picture_window(self, context: PanelContext) -> list[Action]:
+        imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(0, 0))
+        # Docked, it shows what the window was cleared with: painting that again would be a sixth of a software frame.
+        flags = (
+            imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse | imgui.WindowFlags_.no_background
+        )
+        actions = self._window(context, layout.VIEWPORT, _picture_and_brush, flags)
+        imgui.pop_style_var()
+        return actions
 
 
 def _telling(status: Status) -> Status:
@@ -428,33 +589,13 @@ def _telling(status: Status) -> Status:
     return replace(status, frame_ms=0.0, memory_mb=0.0, seconds_left=None, fraction=round(status.fraction, 2))
 
 
-def _window(
-    context: PanelContext, panel: layout.Panel, draw: Callable[[PanelContext], list[Action]], flags: int = 0
-) -> list[Action]:
-    """A dockable window around a panel; closing it is an action like any other."""
-    if not context.view.panel_open(panel.key):
-        return []
-    if context.state.front == panel.key:
-        imgui.set_next_window_focus()
-    visible, is_open = imgui.begin(panel.window, True, flags | imgui.WindowFlags_.no_collapse)
-    actions = draw(context) if visible else []
-    imgui.end()
-    return actions if is_open else [*actions, layout.closed(panel)]
+def is_shown(context: PanelContext, panel: layout.Panel) -> bool:
+    """Whether a panel is in the window; the picture alone is there in any case."""
+    if context.state.alone:
+        return panel is layout.VIEWPORT
+    return context.view.panel_open(panel.key)
 
 
-def _picture_window(context: PanelContext) -> list[Action]:
-    imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(0, 0))
-    # Docked, it shows what the window was cleared with: painting that again would be a sixth of a software frame.
-    flags = (
-        imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse | imgui.WindowFlags_.no_background
-    )
-    actions = _window(context, layout.VIEWPORT, _picture_and_recovery, flags)
-    imgui.pop_style_var()
-    return actions
-
-
-def _picture_and_recovery(context: PanelContext) -> list[Action]:
+def _picture_and_brush(context: PanelContext) -> list[Action]:
     corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
-    actions = viewport.draw(context)
-    actions += paint.draw_strip(context, corner, room)
-    return actions + viewport.draw_recovery(context, corner, room)
+    return viewport.draw(context) + paint.draw_strip(context, corner, room)

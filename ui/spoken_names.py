@@ -23,7 +23,7 @@ def spoken(document: Document, text: str) -> str:
 def _spoken_layer(key: str, layer: Layer, text: str) -> str:
     labels = {factor.name: factor.label.rpartition(" ")[0] for factor in all_factors(layer.model)}
     labels |= {parameter.name: parameter.label for parameter in layer.table}
-    name = f"{key.rpartition('.')[0]} / {layer.name or layer.model.label}"
+    name = f"{key.rpartition('.')[0]} / {layer.title}"
 
     def said(found: re.Match[str]) -> str:
         what = found[1] or ""

@@ -40,7 +40,7 @@ class StartTimes:
             "scene": scene_is_open,
             "first_layer": status.picture != "waiting",
             "first_picture": status.picture != "waiting" and status.transport_mb > 0.0,
-            "exact": status.picture == "exact",
+            "exact": status.is_finished,
         }
         news = [name for name, is_so in reached.items() if is_so and name not in self._content]
         if news:

@@ -13,28 +13,34 @@ import gc
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import glfw
+import numpy as np
 from imgui_bundle import imgui
-from PIL import Image
 
+from app.atomic import save_file
+from app.barrier import Barrier
 from app.editor import Editor, WorkerClient
 from app.jobs.client import Client
 from app.journal import Journal, Recovery, recoverable_sessions
-from app.paths import layout_file
+from app.paths import layout_file, recent_file
+from app.recent import RecentFiles
 from engine.errors import InsituError
+from engine.render.image_files import pixels_png
 from engine.scene.builtin import builtin_environments, builtin_scenes
-from ui.gl.context import REQUIRED_VERSION, GraphicsError, create_window_context
+from ui.gl.context import REQUIRED_VERSION, GraphicsError, create_window_context, spare_full_disk
 from ui.gl.placement import PlacementRenderer
-from ui.glfw_keys import KEYS
+from ui.glfw_keys import as_printed, held, key_changes
+from ui.layout import LEAST_SIZE
+from ui.panels.actions import Quit
 from ui.panels.maps import image_at
 from ui.picture_feed import CURVE_LOOK_SECONDS, PictureFeed
-from ui.shell import FrameResult, Shell
+from ui.shell import TITLE, FrameResult, Shell
 from ui.start_times import start_times
 
-TITLE = "Insitu"
 WORKER_LOOK_SECONDS = 0.05
 # While the first picture is awaited.
 EAGER_LOOK_SECONDS = 0.015
@@ -81,7 +87,8 @@ def run(
         print(f"insitu: {error}", file=sys.stderr)
         return 1
     recoveries = recoverable_sessions()
-    editor = Editor(client or Client(), source, resolution=resolution, journal=Journal())
+    barrier = Barrier(holds=True)
+    editor = Editor(client or Client(), source, resolution=resolution, journal=Journal(), barrier=barrier)
     try:
         window = Window(handle, editor, require, recoveries)
         gc.freeze()  # what the libraries brought stays: looking through it would block the window for 30 ms at a time
@@ -101,6 +108,7 @@ def run(
 def open_glfw_window(require: int = REQUIRED_VERSION) -> Any:
     """A window with a GL core context, current in this thread. Raises NoDisplay or GraphicsError."""
     problems: list[str] = []
+    spare_full_disk()
     glfw.ERROR_REPORTING = "ignore"
     glfw.set_error_callback(lambda code, text: problems.append(_text(text)))
     if not glfw.init():
@@ -169,15 +177,17 @@ class Window:
         self.longest_frame = 0.0
         self._times = start_times()
         self._context = create_window_context(require)
-        self.shell = Shell(self._context, editor, scale=self._scale(), layout_file=layout_file())
+        recent = RecentFiles(recent_file())
+        self.shell = Shell(self._context, editor, scale=self._scale(), layout_file=layout_file(), recent=recent)
         self.shell.environments = tuple(builtin_environments())
         self.shell.scenes = tuple(builtin_scenes())
-        if recoveries:
-            self.shell.offer_recovery(recoveries[0])
+        self.shell.actor.recoveries = tuple(recoveries)
         self._feed: PictureFeed | None = None
         self._cursors = {shape: glfw.create_standard_cursor(shape) for shape in set(CURSORS.values())}
         self._shown_cursor = -1
+        self._shown_title = ""
         self._connect()
+        self._limit_size()
 
     def loop(self, on_frame: Callable[[Window], bool] | None = None) -> None:
         """Draw and wait until the window is closed."""
@@ -218,7 +228,9 @@ class Window:
         if result.screenshot is not None:
             self._save(result.screenshot, size)
         self._show_cursor()
-        glfw.swap_buffers(self.handle)
+        self._show_title()
+        if result.drawn:
+            glfw.swap_buffers(self.handle)
         took = time.monotonic() - started
         self.longest_frame = max(self.longest_frame, took)
         self.shell.note_frame_time(1e3 * took)
@@ -251,6 +263,9 @@ class Window:
 
     def _take_events(self, take: Callable[..., None], *arguments: float) -> None:
         """Let GLFW call our handlers; its Python side cannot read every file name that a desktop can drop."""
+        self.editor.barrier.run("An event", partial(self._hear, take, *arguments), None)
+
+    def _hear(self, take: Callable[..., None], *arguments: float) -> None:
         try:
             take(*arguments)
         except UnicodeDecodeError:
@@ -274,10 +289,11 @@ class Window:
 
     def _save(self, file: Path, size: tuple[int, int]) -> None:
         data = self._context.screen.read(viewport=(0, 0, *size), components=3, alignment=1)
+        pixels = np.frombuffer(data, np.uint8).reshape(size[1], size[0], 3)[::-1]
         try:
-            Image.frombytes("RGB", size, data).transpose(Image.Transpose.FLIP_TOP_BOTTOM).save(file)
-        except OSError as error:
-            self.editor.notify(f"{file}: not saved, {error.strerror or error}", True)
+            save_file(file, pixels_png(pixels))
+        except InsituError as error:
+            self.editor.notify(str(error), True)
             return
         self.editor.notify(f"saved {file}")
 
@@ -291,6 +307,7 @@ class Window:
         glfw.set_key_callback(self.handle, self._on_key)
         glfw.set_char_callback(self.handle, self._on_char)
         glfw.set_drop_callback(self.handle, self._on_drop)  # type: ignore[arg-type]
+        glfw.set_window_close_callback(self.handle, self._on_close)
         glfw.set_window_focus_callback(self.handle, self._on_focus)
         glfw.set_window_refresh_callback(self.handle, lambda handle: self.shell.note_change())
         glfw.set_framebuffer_size_callback(self.handle, lambda handle, width, height: self.shell.note_change())
@@ -303,11 +320,18 @@ class Window:
         """Of the screen the window is on; 1 at 96 dpi."""
         return float(max(glfw.get_window_content_scale(self.handle)))
 
+    def _limit_size(self) -> None:
+        """No smaller than the panels can be, in screen units."""
+        (wide, _), (pixels, _) = glfw.get_window_size(self.handle), glfw.get_framebuffer_size(self.handle)
+        unit = self._scale() * wide / max(pixels, 1)
+        width, height = (round(side * unit) for side in LEAST_SIZE)
+        glfw.set_window_size_limits(self.handle, width, height, glfw.DONT_CARE, glfw.DONT_CARE)
+
     def _on_move(self, handle: Any, x: float, y: float) -> None:
         """Positions come in screen units; the shell works in framebuffer pixels."""
         if (place := self._pixel(handle, x, y)) is not None:
             self.shell.note_input()
-            self.shell.io.add_mouse_pos_event(*place)
+            self.shell.events.move(*place)
 
     def _pixel(self, handle: Any, x: float, y: float) -> tuple[float, float] | None:
         """A place in screen units in framebuffer pixels; None while the window has no size."""
@@ -319,30 +343,44 @@ class Window:
     def _on_button(self, handle: Any, button: int, action: int, modifiers: int) -> None:
         if button < 3:
             self.shell.note_input()
-            self.shell.io.add_mouse_button_event(button, action == glfw.PRESS)
+            for role, down in held(modifiers):
+                self.shell.events.key(role, down)
+            self.shell.events.button(button, action == glfw.PRESS)
 
     def _on_scroll(self, handle: Any, x: float, y: float) -> None:
         self.shell.note_input()
-        self.shell.io.add_mouse_wheel_event(x, y)
+        self.shell.events.wheel(x, y)
 
     def _on_key(self, handle: Any, key: int, code: int, action: int, modifiers: int) -> None:
         self.shell.note_input()
-        for part in KEYS.get(key, ()):
-            self.shell.io.add_key_event(part, action != glfw.RELEASE)
+        if action != glfw.REPEAT:  # imgui repeats keys by itself
+            key = as_printed(key, _text(glfw.get_key_name(key, code) or ""))
+            for part, down in key_changes(key, action == glfw.PRESS, modifiers):
+                self.shell.events.key(part, down)
 
     def _on_char(self, handle: Any, character: int) -> None:
         self.shell.note_input()
-        self.shell.io.add_input_character(character)
+        self.shell.events.character(character)
 
     def _on_drop(self, handle: Any, paths: list[str]) -> None:
         self.shell.note_input()
         place = self._pixel(handle, *glfw.get_cursor_pos(handle))
         shell = self.shell
-        shell.actor.drop(paths, None if place is None else image_at(shell.handles, shell.theme, *place))
+        shell.drop(paths, None if place is None else image_at(shell.handles, shell.theme, *place))
 
     def _on_focus(self, handle: Any, focused: int) -> None:
         self.shell.note_change()
-        self.shell.io.add_focus_event(bool(focused))
+        self.shell.events.focus(bool(focused))
+
+    def _on_close(self, handle: Any) -> None:
+        """The person closes the window: edits that are not saved are asked about, once; then the journal keeps them."""
+        glfw.set_window_should_close(handle, False)
+        self.shell.request(Quit(keeps=isinstance(self.shell.state.leaving, Quit)))
+
+    def _show_title(self) -> None:
+        if self.shell.title != self._shown_title:
+            self._shown_title = self.shell.title
+            glfw.set_window_title(self.handle, self._shown_title)
 
     def _show_cursor(self) -> None:
         wanted = CURSORS.get(int(imgui.get_mouse_cursor()), glfw.ARROW_CURSOR)

@@ -20,15 +20,14 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from app.atomic import replacing, write_atomically
+from app.atomic import replacing_folder, write_atomically
 from app.export.materials import Written, write_material
 from app.export.meshes import ply_bytes
 from app.export.xml_parts import add, add_numbers
 from app.project import Project
-from engine.errors import InsituError
 from engine.material.layer import Layer
-from engine.render.image_files import write_exr
-from engine.texture.surface import mean_maps
+from engine.render.image_files import exr_bytes
+from engine.texture.surface import mean_factor
 
 RENDER = Path(__file__).with_name("render.py")
 MITSUBA = "3.5.0"
@@ -37,14 +36,12 @@ Steps = Generator[tuple[float, str], None, list[str]]
 
 
 def export_steps(project: Project, folder: Path, n_bounces: int) -> Steps:
-    """Write the folder; yields the share done and the object that is next, returns notes on what is not the same
-    there, a line each. Raises InsituError."""
-    try:
+    """Write the folder, whole or not at all; yields the share done and the object that is next, returns notes on what
+    is not the same there, a line each. Raises InsituError."""
+    with replacing_folder(folder) as unfinished:
         for part in ("meshes", "materials"):
-            (folder / part).mkdir(parents=True, exist_ok=True)
-        return (yield from _write(project, folder, n_bounces))
-    except OSError as error:
-        raise InsituError(f"{folder}: not written, {error.strerror or error}") from error
+            (unfinished / part).mkdir()
+        return (yield from _write(project, unfinished, n_bounces))
 
 
 def export_scene(project: Project, folder: Path, n_bounces: int, report: Report) -> list[str]:
@@ -98,8 +95,7 @@ def _add_sky(root: ElementTree.Element, project: Project, folder: Path) -> list[
     if radiance.shape[:2] == (1, 1):
         add_numbers(add(root, "emitter", type="constant"), "rgb", "radiance", radiance[0, 0])
         return []
-    with replacing(folder / "sky.exr") as file:
-        write_exr(Path(file.name), radiance)
+    write_atomically(folder / "sky.exr", exr_bytes(radiance))
     emitter = add(root, "emitter", type="envmap")
     add(emitter, "string", name="filename", value="sky.exr")
     # Mitsuba's image is seen from the other side of the seam: its left edge looks along -Z, where ours has its middle.
@@ -121,20 +117,9 @@ def _add_object(root: ElementTree.Element, project: Project, folder: Path, index
         add_numbers(add(shape, "bsdf", type="diffuse"), "rgb", "reflectance", (0.0, 0.0, 0.0))
         return []
     layers: list[Layer] = [layer for key, layer in project.layers.items() if key.rpartition(".")[0] == name]
-    factors = np.array([_mean_factor(project, index, layer) for layer in layers]).reshape(-1, 3)
+    factors = np.array([mean_factor(scene, index, layer.maps) for layer in layers]).reshape(-1, 3)
     written: Written = write_material(shape, layers, folder, stem, _own_up(project, index), factors)
     return [f"{name}: {note}" for note in written.notes]
-
-
-def _mean_factor(project: Project, index: int, layer: Layer) -> np.ndarray:
-    """The mean of a layer's texture and weight map over its object, (3,). Raises LoadError."""
-    maps, scene = layer.maps, project.scene
-    if maps.is_plain:
-        return np.ones(3)
-    if maps.is_of_files:
-        scene.check_has_uvs(index, "texture" if maps.texture else "weight")
-    texture, weight = scene.textures.texture(maps.images), scene.textures.weight(maps.images)
-    return mean_maps(scene, index, maps.images, texture, weight).factor(maps)
 
 
 def _own_up(project: Project, index: int) -> np.ndarray:

@@ -8,11 +8,13 @@ Offsets count from the start of the record. Never pickled: a damaged or foreign 
 from __future__ import annotations
 
 import json
+import math
+import re
 import struct
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +25,9 @@ _MAGIC = b"INSITUA1"
 _FIXED = struct.Struct("<8sIIQI")  # magic, version, bytes of the JSON, bytes of the record, crc32 of JSON and numbers
 _LARGEST_JSON = 1 << 20
 _KINDS = "biufc"  # booleans and numbers: nothing that would need pickling
+_DTYPE = re.compile(rf"[<>|][{_KINDS}](1|2|4|8|16)")
+_CHECKSUM = re.compile("[0-9a-f]{8}")
+_MOST_AXES = 8
 Arrays = Mapping[str, NDArray[np.generic]]
 
 
@@ -42,7 +47,7 @@ class Entry:
 
     @property
     def n_bytes(self) -> int:
-        return self.dtype.itemsize * int(np.prod(self.shape, dtype=object))
+        return self.dtype.itemsize * math.prod(self.shape)
 
 
 @dataclass(frozen=True)
@@ -76,7 +81,8 @@ def write_record(file: BinaryIO, label: str, arrays: Arrays) -> int:
 
 
 def read_record(buffer: memoryview) -> Record:
-    """The record at the start of `buffer`; every byte is checked. Raises RecordError when anything disagrees."""
+    """The record at the start of `buffer`; every byte is checked, and so is what the header says: a checksum finds
+    accidents, not a header that somebody has made. Raises RecordError when anything disagrees."""
     label, entries, size = _read_header(buffer)
     arrays = {}
     for entry in entries:
@@ -116,11 +122,46 @@ def _read_header(buffer: memoryview) -> tuple[str, list[Entry], int]:
     header = bytes(buffer[_FIXED.size : _FIXED.size + json_size])
     if zlib.crc32(header, zlib.crc32(_FIXED.pack(magic, version, json_size, size, 0))) != crc:
         raise RecordError("its header is damaged")
-    content = json.loads(header)
-    start = _aligned(_FIXED.size + json_size)
-    rows = content["arrays"]
-    entries = [Entry(n, np.dtype(d), tuple(shape), start + o, int(c, 16)) for n, d, shape, o, c in rows]
-    return content["label"], entries, size
+    return *_content(header, _aligned(_FIXED.size + json_size), size), size
+
+
+def _content(header: bytes, start: int, end: int) -> tuple[str, list[Entry]]:
+    """What the JSON says, if it is as we write it: arrays that follow each other from byte `start` to `end`."""
+    try:
+        content = json.loads(header)
+    except (ValueError, RecursionError):
+        raise RecordError("its header is not JSON") from None
+    label, rows = (content.get(key) if isinstance(content, dict) else None for key in ("label", "arrays"))
+    if not isinstance(label, str) or not isinstance(rows, list):
+        raise RecordError("its header has no label or no arrays")
+    entries: list[Entry] = []
+    offset = start
+    for row in rows:
+        entry = _entry(row, start)
+        if entry.offset != offset or any(entry.name == other.name for other in entries):
+            raise RecordError(f"array {entry.name!r} is not where it should be")
+        entries.append(entry)
+        offset += _aligned(entry.n_bytes)
+    if offset != end:
+        raise RecordError(f"its arrays end at byte {offset} of {end}")
+    return label, entries
+
+
+def _entry(row: Any, start: int) -> Entry:
+    """One array's row of the header."""
+    match row:
+        case [str(name), str(dtype), [*shape], int(offset), str(crc)] if (
+            _DTYPE.fullmatch(dtype)
+            and len(shape) <= _MOST_AXES
+            and all(type(side) is int and side >= 0 for side in shape)
+            and math.prod(max(side, 1) for side in shape) < 1 << 56  # NumPy refuses more, empty or not
+            and _CHECKSUM.fullmatch(crc)
+        ):
+            try:
+                return Entry(name, np.dtype(dtype), tuple(shape), start + offset, int(crc, 16))
+            except TypeError:  # such as a complex number of one byte
+                pass
+    raise RecordError("its header does not say what its arrays are")
 
 
 def _bytes_of(array: NDArray[np.generic]) -> memoryview:

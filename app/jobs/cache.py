@@ -2,34 +2,44 @@
 
 A key is a hash of all that the arrays depend on (`content_key`), so an entry is never out of date, only absent.
 Entries are written to a temporary name and renamed, read through a memory map, checked byte by byte before they are
-handed out, and deleted when anything is wrong with them. The least recently used go when the bound is exceeded. The
-cache only ever saves time: what goes wrong with it becomes a note, never an error.
+handed out, held against what they have to be by who takes them, and deleted when anything is wrong with them. The least
+recently used go when the bound is exceeded. The cache only ever saves time: what goes wrong with it becomes a note,
+said once, never an error.
 """
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
+import logging
 import mmap
 import os
 import re
+from collections.abc import Callable
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, TypeVar
 
 import numpy as np
 import platformdirs
 from numpy.typing import NDArray
 
-from app.atomic import replacing, sweep_temporaries
+from app.atomic import make_private_folder, replacing, sweep_temporaries
 from app.jobs.array_record import Arrays, RecordError, read_record, record_size, write_record
 from app.jobs.tiles import Tiles
+from engine.errors import InsituError
+from engine.stored_arrays import UnsoundArrays
+
+_log = logging.getLogger("insitu.jobs")
 
 CACHE_VARIABLE = "INSITU_CACHE"
 DEFAULT_BOUND = 4 << 30
 _KEY = re.compile(r"[A-Za-z0-9_-]{1,120}")
 _ENTRY = ".arrays"
 _TILES = ".tiles"
+_NEED_LESS = "fewer --lights or a smaller --resolution need less"
+_MEND = f"free some room, or set {CACHE_VARIABLE} to a folder that can be written"
 
+Made = TypeVar("Made")
 KeyPart = str | bytes | int | float | bool | None | NDArray[np.generic] | tuple["KeyPart", ...]
 
 
@@ -58,44 +68,75 @@ class Store:
         self._folder = folder or cache_folder()
         self._bound = bound
         self._notes: list[str] = []
+        self._said: set[str] = set()
+        self._failure = ""
+        self._wanted: set[Path] = set()
         sweep_temporaries(self._folder)
 
     def take_notes(self) -> tuple[str, ...]:
-        """What a person should know about the cache since the last call; each note once."""
-        notes, self._notes = self._notes, []
-        return tuple(dict.fromkeys(notes))
+        """What a person should know about the cache and has not been told yet."""
+        notes = tuple(note for note in dict.fromkeys(self._notes) if note not in self._said)
+        self._notes = []
+        self._said.update(notes)
+        return notes
 
-    def get(self, key: str) -> dict[str, NDArray[np.generic]] | None:
-        """The arrays under the key, read-only and mapped from the file; None when there are none, or no sound ones."""
+    def require(self) -> None:
+        """Raises InsituError where nothing can be kept."""
+        probe = self._path("probe", _ENTRY)
+        try:
+            make_private_folder(self._folder)
+            with replacing(probe, durable=False, private=True) as file:
+                _reserve(file, 1 << 16)
+        except OSError as error:
+            raise InsituError(f"the cache in {self._folder} {_cannot_write(error)}; {_MEND}") from error
+        _remove(probe)
+
+    def require_kept(self) -> None:
+        """Raises InsituError where something is not there, or no longer, that this process has put or looked for."""
+        missing = [path for path in self._wanted if not path.exists()]
+        if missing:
+            lost = f"({len(missing)} of {len(self._wanted)} parts are not kept)"
+            why = f"{self._failure} {lost}; {_MEND}" if self._failure else f"{self._too_small()} {lost}; {_NEED_LESS}"
+            raise InsituError(f"the cache in {self._folder} {why}")
+
+    def get(self, key: str, read: Callable[[Arrays], Made]) -> Made | None:
+        """What `read` makes of the arrays under the key; None when there are none, or no sound ones.
+
+        They are read-only, and what was checked: the file may change. `read` raises UnsoundArrays where they are not
+        what it needs.
+        """
         path = self._path(key, _ENTRY)
         try:
-            arrays = _read_entry(path, key)
-        except FileNotFoundError:
+            made = read(_read_entry(path, key))
+        except (FileNotFoundError, NotADirectoryError):
             return None
-        except RecordError as error:
-            self._notes.append(f"cache entry {path.name} was not usable ({error}); it is computed again")
+        except (RecordError, UnsoundArrays) as error:
+            _log.warning("%s: %s", path, error)
+            self._notes.append(f"part of the cache in {self._folder} was damaged and is computed again")
             _remove(path)
             return None
         except OSError as error:  # no memory to map it, no right to read it: it may be sound
-            self._notes.append(f"cache entry {path.name} cannot be read ({error.strerror}); it is computed again")
+            self._notes.append(f"the cache in {self._folder} cannot be read ({error.strerror}); all is computed again")
             return None
+        self._wanted.add(path)
         _touch(path)
-        return arrays
+        return made
 
     def put(self, key: str, arrays: Arrays) -> bool:
         """Keep the arrays, or note why not."""
         size = record_size(arrays, key)
-        if size > self._bound:
-            self._notes.append(f"{size >> 20} MiB are more than the cache may hold ({self._bound >> 20} MiB); not kept")
-            return False
         path = self._path(key, _ENTRY)
+        self._wanted.add(path)
+        if size > self._bound:
+            self._note(self._too_small())
+            return False
         try:
-            self._folder.mkdir(parents=True, exist_ok=True)
-            with replacing(path, durable=False) as file:
+            make_private_folder(self._folder)
+            with replacing(path, durable=False, private=True) as file:
                 _reserve(file, size)
                 write_record(file, key, arrays)
         except OSError as error:
-            self._note_failure(error)
+            self._note_error(error)
             return False
         self._shrink(keep=path)
         return True
@@ -104,9 +145,9 @@ class Store:
         """The tiles of an unfinished computation, with those that an earlier run completed."""
         path = self._path(key, _TILES)
         with contextlib.suppress(OSError):
-            self._folder.mkdir(parents=True, exist_ok=True)
+            make_private_folder(self._folder)
         self._shrink(keep=path)
-        return Tiles(path, key, n_tiles, self._note_failure)
+        return Tiles(path, key, n_tiles, self._note_error)
 
     def size(self) -> int:
         """Bytes in the cache now."""
@@ -144,9 +185,15 @@ class Store:
             raise ValueError(f"key {key!r}, expected 1 to 120 letters, digits, '_' or '-'")
         return self._folder / (key + suffix)
 
-    def _note_failure(self, error: OSError) -> None:
-        why = error.strerror or str(error)
-        self._notes.append(f"the cache in {self._folder} cannot be written ({why}); results stay in memory only")
+    def _too_small(self) -> str:
+        return f"may hold {self._bound / 2**20:.0f} MiB, too few for all of this"
+
+    def _note_error(self, error: OSError) -> None:
+        self._failure = _cannot_write(error)
+        self._note(self._failure)
+
+    def _note(self, why: str) -> None:
+        self._notes.append(f"the cache in {self._folder} {why}; results stay in memory only")
 
 
 def _read_entry(path: Path, key: str) -> dict[str, NDArray[np.generic]]:
@@ -154,7 +201,9 @@ def _read_entry(path: Path, key: str) -> dict[str, NDArray[np.generic]]:
         size = os.fstat(file.fileno()).st_size
         if not size:
             raise RecordError("empty")
-        record = read_record(memoryview(mmap.mmap(file.fileno(), size, access=mmap.ACCESS_READ)))
+        with mmap.mmap(file.fileno(), size, access=mmap.ACCESS_READ) as mapped:
+            content = mapped[:]  # what is checked is what is used, whatever becomes of the file
+    record = read_record(memoryview(content))
     if (record.label, record.n_bytes) != (key, size):
         raise RecordError(f"{size} bytes of {record.label!r}, expected {record.n_bytes} of {key!r}")
     return record.arrays
@@ -164,6 +213,10 @@ def _reserve(file: BinaryIO, size: int) -> None:
     """Have a full disk refuse before anything is written."""
     if hasattr(os, "posix_fallocate"):
         os.posix_fallocate(file.fileno(), 0, size)
+
+
+def _cannot_write(error: OSError) -> str:
+    return f"cannot be written ({error.strerror or error})"
 
 
 def _feed(digest: hashlib.blake2b, part: KeyPart | tuple[KeyPart, ...]) -> None:

@@ -75,7 +75,6 @@ class Client:
         self._due: list[Response] = []
         self._dying: list[WorkerProcess] = []
         self._process: WorkerProcess | None = None
-        self._posted: set[int] = set()  # numbers of the requests that this worker was sent
         self._closed = False
         self._hopeless = False  # the worker has said that it cannot start
         self._spoken = False  # whether this worker has given a sign of life
@@ -192,9 +191,11 @@ class Client:
         elif isinstance(message, Failed) and message.id == 0:  # it cannot start
             self._hopeless = True
             responses.append(message)
-        elif isinstance(message, Response) and self._standing.is_current(message):
-            self._standing.settle(message)
-            responses.append(message)
+        elif isinstance(message, Response):
+            self._standing.heard(message)
+            if self._standing.is_current(message):
+                self._standing.settle(message)
+                responses.append(message)
             if isinstance(message, Failed):
                 self._post_standing()  # the scene that stands again may be one that this worker has not opened
 
@@ -225,15 +226,13 @@ class Client:
         except OSError as error:
             self._due.append(Failed(f"the worker could not be started: {error.strerror}"))
             return
-        self._posted.clear()
+        self._standing.new_worker()
         self._post_standing()
 
     def _post_standing(self) -> None:
         """Send the standing requests that this worker has not been sent."""
-        for request in self._standing.requests():
-            if request.id not in self._posted:
-                self._posted.add(request.id)
-                self._post(request)
+        for request in self._standing.to_send():
+            self._post(request)
 
     def _post(self, request: Request) -> None:
         assert self._process is not None

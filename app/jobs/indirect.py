@@ -9,13 +9,15 @@ goes on.
 
 from __future__ import annotations
 
+import itertools
+import time
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
-from app.jobs.array_record import Arrays, RecordError
+from app.jobs.array_record import Arrays
 from app.jobs.cache import Store, content_key
 from app.jobs.messages import (
     BouncesPlanned,
@@ -31,19 +33,22 @@ from app.jobs.tiles import Tiles
 from engine.indirect.albedo import albedo_bands, albedo_of, tint_of
 from engine.indirect.curves import LayerCurves
 from engine.indirect.irradiance import NOBODY
-from engine.indirect.layers import IndirectLayer, albedos_of
+from engine.indirect.layers import IndirectLayer
 from engine.indirect.light import IndirectLight
 from engine.indirect.representation import GatherPolynomial, Selected
 from engine.indirect.solver import FINE, ROUGH, Fineness, Solver, relit
 from engine.indirect.stored import NAMES, arrays_of
 from engine.material import MODELS
+from engine.material.layer import Layer
 from engine.render.bounces import planned_bounces
 from engine.transport.pipeline import Placement, SkyState
 
 Steps = Iterator[Response | None]
 # Raised when anything changes the numbers in what is kept on disk.
-STORED_VERSION = 2
+STORED_VERSION = 3
 MOST_PARTS = 1024
+# Of the work on indirect light, the share until it is found; then surfaces reflect it, and its noise is told.
+FOUND_AT = 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,12 +70,7 @@ class _KeptParts:
         self._tiles = tiles
 
     def part(self, index: int) -> Arrays | None:
-        if index not in self._tiles.complete_tiles:
-            return None
-        try:
-            return self._tiles.tile(index)
-        except (OSError, RecordError):  # sound when the file was opened: found anew
-            return None
+        return self._tiles.tile(index, dict)
 
     def keep(self, index: int, arrays: Arrays) -> None:
         if index < MOST_PARTS:
@@ -80,15 +80,21 @@ class _KeptParts:
 class IndirectTasks:
     """Indirect light of the scene that is open, and the freezing that was asked for last."""
 
-    def __init__(self, placement: Placement, store: Store | None = None, scene_key: str = "") -> None:
-        """store: where fine light is kept for the next time, under keys of the scene; None for nowhere."""
+    def __init__(
+        self, placement: Placement, store: Store | None = None, scene_key: str = "", scene_id: int = 0
+    ) -> None:
+        """store: where fine light is kept for the next time, under keys of the scene, None for nowhere; scene_id: the
+        number of the request that opened it."""
         self._placement, self._store, self._scene_key = placement, store, scene_key
         self._names = [described.name for described in placement.scene.description.objects]
         self._found: _Found | None = None
         self._wish: Freeze | None = None
-        self._noise_told = 0
+        self._scene_id = scene_id
+        self._asked: tuple[str, int] | None = None
+        self._told = 0
+        self._noise_found: tuple[_Found, Freeze, tuple[float, float]] | None = None
         self._kept: GatherPolynomial | None = None
-        self._number = 0
+        self._numbers = itertools.count(time.time_ns())  # none that a worker before this one gave
 
     @property
     def n_bytes(self) -> int:
@@ -96,14 +102,16 @@ class IndirectTasks:
         kept = 0 if self._kept is None else self._kept.n_bytes
         return kept + (0 if self._found is None else self._found.light.n_bytes)
 
-    def forget_wish(self) -> None:
-        """Another transport was asked for: its freezing comes after it."""
-        self._wish = None
+    def asked_anew(self, lit_by: str, n_bounces: int) -> None:
+        """Another transport was asked for, under the light of that key: its freezing comes after it. No bounces: as
+        many as will be planned."""
+        self._wish, self._asked, self._told = None, (lit_by, n_bounces), 0
 
-    def planned(self, looks: Sequence[LayerReflection]) -> BouncesPlanned:
-        """How many bounces the scene requires with its layers as they look."""
-        albedos = albedos_of([self._layer(look) for look in looks], len(self._names))
-        return BouncesPlanned(*planned_bounces(self._placement, albedos))
+    def planned(self, layers: Sequence[tuple[str, Layer]], n_bounces: int = 0) -> BouncesPlanned:
+        """How many bounces the scene requires with these layers, by key; or what of the light `n_bounces` leave out."""
+        indexed = [(self._object(key), layer) for key, layer in layers]
+        plan = planned_bounces(self._placement, indexed, n_bounces or None)
+        return BouncesPlanned(plan.n_bounces, plan.reason, plan.warning)
 
     def find(
         self, looks: Sequence[LayerReflection], sky: SkyState, lit_by: str, n_bounces: int, is_last: bool
@@ -112,6 +120,7 @@ class IndirectTasks:
 
         lit_by: a key of the light.
         """
+        self._asked = lit_by, n_bounces
         models = tuple((look.key, look.model) for look in looks)
         found = self._found
         same_rays = found is not None and found.models == models and found.depth >= n_bounces
@@ -124,53 +133,55 @@ class IndirectTasks:
             light = relit(found.light, self._placement, sky, found.fineness, n_bounces)
             yield from self._hold(replace(found, light=light, lit_by=lit_by))
             return
-        kept, key = self._kept_on_disk(models, lit_by, n_bounces)
-        fineness = FINE if is_last or kept is not None else ROUGH
         of_object: dict[int, list[str]] = {}
         for look in looks:
             of_object.setdefault(self._object(look.key), []).append(look.model)
-        solver = Solver(self._placement, of_object, sky, n_bounces, fineness)
+        solver = partial(Solver, self._placement, of_object, sky, n_bounces)
+        # The curves that decided where light is finest do not count: within a session they do not either.
+        key = content_key("indirect", STORED_VERSION, NAMES, self._scene_key, models, lit_by, n_bounces, repr(FINE))
+        kept = None if self._store is None else self._store.get(key, lambda arrays: solver(FINE).restored(arrays))
         if kept is not None:
-            yield from self._hold(_Found(solver.restored(kept), fineness, models, lit_by, n_bounces, 0))
+            yield from self._hold(_Found(kept, FINE, models, lit_by, n_bounces, 0))
             return
         layers = [self._layer(look) for look in looks]
+        fineness = FINE if is_last else ROUGH
         if self._store is None or fineness is not FINE:
-            light = yield from _told(solver.solve(layers))
+            light = yield from _told(solver(fineness).solve(layers))
             yield from self._hold(_Found(light, fineness, models, lit_by, n_bounces, 0))
             return
         with self._store.open_tiles(key, MOST_PARTS) as tiles:
-            light = yield from _told(solver.solve(layers, _KeptParts(tiles)))
-            yield from self._hold(_Found(light, fineness, models, lit_by, n_bounces, 0))
+            light = yield from _told(solver(FINE).solve(layers, _KeptParts(tiles)))
+            yield from self._hold(_Found(light, FINE, models, lit_by, n_bounces, 0))
             if self._store.put(key, arrays_of(light)):
                 tiles.finish()
-
-    def _kept_on_disk(
-        self, models: tuple[tuple[str, str], ...], lit_by: str, n_bounces: int
-    ) -> tuple[dict[str, NDArray[np.generic]] | None, str]:
-        """Fine light that was found before, if it is kept, and its key. The curves that decided where it is finest do
-        not count: within a session they do not either."""
-        key = content_key("indirect", STORED_VERSION, NAMES, self._scene_key, models, lit_by, n_bounces, repr(FINE))
-        return (None if self._store is None else self._store.get(key)), key
 
     def freeze(self, request: Freeze) -> Steps:
         """The answer, if there is anything to answer with; it is given again when there is something finer."""
         self._wish = request
-        if self._found is not None:
+        if self._found is not None and self._is_as_asked(self._found):
+            if self._found.number != self._told:
+                yield self._where(self._found)
             yield from self._frozen(self._found, request)
             yield from self._noise(self._found, request)
 
+    def _is_as_asked(self, found: _Found) -> bool:
+        """Whether it is the light of the transport asked for last."""
+        lit_by, n_bounces = self._asked or (found.lit_by, found.light.n_bounces)
+        return found.lit_by == lit_by and n_bounces in (0, found.light.n_bounces)
+
     def _hold(self, found: _Found) -> Steps:
-        self._number += 1
         self._kept = self._kept.under(found.light) if self._kept is not None else GatherPolynomial(found.light)
-        self._found = found = replace(found, number=self._number)
+        self._found = found = replace(found, number=next(self._numbers))
         yield self._where(found)
         if self._wish is not None:
+            yield Progress("indirect light", FOUND_AT, text="reflecting it to the eye")
             yield from self._frozen(found, self._wish)
             yield from self._noise(found, self._wish)
 
     def _where(self, found: _Found) -> IndirectFound:
         rows, weights = found.light.footprint_by_object()
-        return IndirectFound(found.number, found.fineness.name, rows, weights)
+        self._told = found.number
+        return IndirectFound(found.number, found.fineness.name, rows, weights, id=self._scene_id)
 
     def _frozen(self, found: _Found, wish: Freeze) -> Steps:
         edited = NOBODY if wish.key is None else self._object(wish.key)
@@ -187,21 +198,17 @@ class IndirectTasks:
             look.key: albedo_bands(look.model, look.quotient_parameters, tuple(map(len, look.coefficients)))
             for look in wish.looks if self._object(look.key) == edited
         }  # fmt: skip
-        yield Frozen(found.number, wish.serial, wish.key, wish.factor, reflected, frozen.bands, albedos)
+        unit = found.light.unit
+        yield Frozen(found.number, wish.serial, wish.key, wish.factor, reflected, frozen.bands, albedos, unit)
 
     def _noise(self, found: _Found, wish: Freeze) -> Steps:
-        """Once for each light that is found: curves change it little."""
-        if found.number == self._noise_told:
-            return
-        light = found.light.by_albedo() if wish.by_albedo else found.light
-        steps = light.noise([self._layer(look) for look in wish.looks])
-        while True:
-            try:
-                yield next(steps)
-            except StopIteration as end:
-                self._noise_told = found.number
-                yield IndirectNoise(found.number, end.value)
-                return
+        """Of the light as its layers look: a curve that is lifted may show what was lost in the rest."""
+        known = self._noise_found
+        if known is None or known[0] is not found or not _look_alike(known[1], wish):
+            light = found.light.by_albedo() if wish.by_albedo else found.light
+            noise = yield from light.noise([self._layer(look) for look in wish.looks])
+            self._noise_found = known = found, wish, noise
+        yield IndirectNoise(found.number, wish.serial, *known[2], id=self._scene_id)
 
     def _layer(self, look: LayerReflection) -> IndirectLayer:
         curves, sent = (
@@ -221,11 +228,27 @@ class IndirectTasks:
         return self._names.index(key.rpartition(".")[0])
 
 
+def _look_alike(one: Freeze, two: Freeze) -> bool:
+    """Whether all layers look the same in both."""
+    if one.by_albedo != two.by_albedo or [each.key for each in one.looks] != [each.key for each in two.looks]:
+        return False
+    return all(_same_look(*pair) for pair in zip(one.looks, two.looks, strict=True))
+
+
+def _same_look(one: LayerReflection, two: LayerReflection) -> bool:
+    if (one.model, one.quotient_parameters) != (two.model, two.quotient_parameters):
+        return False
+    mine, theirs = ((*look.coefficients, *look.sent, look.gain, look.view_curve) for look in (one, two))
+    return all(map(np.array_equal, mine, theirs))
+
+
 def _told(steps: Generator[tuple[float, str], None, IndirectLight]) -> Generator[Response | None, None, IndirectLight]:
-    """The steps of a solver as progress."""
+    """The steps of a solver as progress, which goes on where it begins anew."""
+    most = 0.0
     while True:
         try:
             fraction, text = next(steps)
         except StopIteration as end:
             return end.value  # type: ignore[no-any-return]
-        yield Progress("indirect light", fraction, text=text)
+        most = max(most, FOUND_AT * fraction)
+        yield Progress("indirect light", most, text=text)

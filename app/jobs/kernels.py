@@ -37,7 +37,10 @@ GC_THRESHOLD = 100_000
 # which has compiled the first's details when it comes to them.
 PARTS = ("projection", "the rest")
 INDIRECT = "indirect"
-FIRST_TIME = "compiling for this computer, the first time only"
+COMPILING = "compiling, on the first start only"
+FIRST_TIME = "compiled for this computer and kept: later starts need not"
+# How many files the compiled kernels of the first picture are, about equally long to make.
+N_FILES = 52
 _COMPILER_SECONDS = 300.0
 _log = logging.getLogger("insitu.jobs")
 
@@ -55,6 +58,13 @@ class Kernels:
     def prepare(self) -> None:
         """Begin to make all ready, in a thread; import the engine before."""
         threading.Thread(target=self._prepare, name="kernels", daemon=True).start()
+
+    @property
+    def fraction(self) -> float:
+        """How much of it is compiled, by the files that are there; below 1 until all is."""
+        folder = os.environ.get(NUMBA_VARIABLE)
+        n_files = sum(1 for _ in Path(folder).rglob("*.nbc")) if folder else 0
+        return min(n_files / N_FILES, 0.99)
 
     def wait(self, timeout_s: float) -> bool:
         """Whether all is ready, waiting for it so long at most."""

@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.document import LightState
-from app.jobs.array_record import Arrays
 from app.jobs.messages import LayerPicture, LayerTransport, LayerWork, Response
 from engine.plan import Precision
-from engine.transport.bandstore import BandStore, BandTile, join_tiles, store_from_arrays
-from engine.transport.fixed import FixedPicture, join_pictures, picture_of_tile
+from engine.stored_arrays import Arrays
+from engine.transport.bandstore import BandStore, BandTile, arrays_of_file, join_tiles, store_from_arrays
+from engine.transport.fixed import FixedPicture, join_pictures, picture_of_file, picture_of_tile
 from engine.transport.pipeline import COARSE, DRAG, FINAL, PREVIEW
 from engine.transport.planes import curve_planes
 from engine.transport.projection import LayerShape
@@ -34,6 +34,7 @@ class LitBy:
 
     light: LightState
     n_lights: int
+    emission: tuple[tuple[str, tuple[float, float, float]], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,8 +124,14 @@ def joined(work: LayerWork, parts: Mapping[int, Arrays]) -> BandStore | FixedPic
     return join_tiles(shape_of(work).bands, (BandTile(begin, **part) for begin, part in parts.items()))
 
 
-def store_of(work: LayerWork, arrays: Mapping[str, np.ndarray]) -> BandStore | FixedPicture:
-    """What `store.arrays()` was."""
+def part_of_file(work: LayerWork, n_points: int, arrays: Arrays) -> _Part:
+    """What was kept of a tile, or of all of the layer, of so many points. Raises UnsoundArrays."""
     if work.fixed:
-        return FixedPicture(np.array(arrays["picture"]))
-    return store_from_arrays(shape_of(work).bands, arrays)
+        return {"picture": picture_of_file(n_points, arrays)}
+    return arrays_of_file(shape_of(work).bands, n_points, arrays)
+
+
+def store_of(work: LayerWork, n_points: int, arrays: Arrays) -> BandStore | FixedPicture:
+    """What `store.arrays()` was, as it comes from a file. Raises UnsoundArrays."""
+    part = part_of_file(work, n_points, arrays)
+    return FixedPicture(part["picture"]) if work.fixed else store_from_arrays(shape_of(work).bands, part)

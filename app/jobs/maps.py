@@ -15,6 +15,7 @@ from engine.material.maps import Images
 from engine.material.strokes import Strokes
 from engine.render.display import encode_srgb
 from engine.scene.hits import PrimaryHits
+from engine.scene.load import PROJECTED
 from engine.texture.canvas import Canvas
 from engine.texture.pyramid import Pyramid
 from engine.texture.surface import MapSampler
@@ -54,7 +55,9 @@ class MapTasks:
         thumbnails = {what: thumbnail(pyramid) for what, pyramid in pyramids.items() if pyramid is not None}
         if images.strokes:
             thumbnails["weight"] = begun.thumbnail.of(seen.weight)
-        return MapsSampled(key, images, samples, seen.means, thumbnails)
+        by_box = images.is_of_files and not self._placement.scene.has_uvs[i_object]
+        note = f"{self._names[i_object]}: {PROJECTED}" if by_box else ""
+        return MapsSampled(key, images, samples, seen.means, thumbnails, note)
 
     def _work(self, sampler: MapSampler, i_object: int, images: Images) -> _Begun:
         """What strokes are painted on; made anew where they are those of the last time: files were written since."""

@@ -1,7 +1,8 @@
 """What the window asks of the worker, and what the worker answers: one frozen dataclass a message.
 
 Every message carries `id`, the request it belongs to, and `revision`, the document it was made from. Both may be left
-out: the client numbers a request as it is sent, and the worker stamps an answer with the numbers of its request.
+out: the client numbers a request as it is sent, and the worker stamps an answer with the numbers of its request; an
+answer that belongs to another one, the scene's, says so by its own `id`.
 
 Shapes: P pixels that see a reflecting object, p those of one layer, J bands, H × W the picture. Images have row 0 at
 the top. Arrays of 4 KiB and more cross in shared memory and arrive read-only (see `shared_arrays`).
@@ -131,8 +132,9 @@ class ComputeTransport(Request):
 
     selected, factor: the curve whose transport is handed out as well, in the layer of that key and in `followers`.
     With n_bounces > 1 the indirect light is found as well; `looks` say where the picture of it bends. 0 asks for as
-    many bounces as the scene requires, and for `BouncesPlanned`. measured: (file, number) of the tables that layers
-    need, which a worker that has just been started reads first.
+    many bounces as the scene requires. Both are answered by `BouncesPlanned`, of the `reflecting` layers by key.
+    measured: (file, number) of the tables that layers need, which a worker that has just been started reads first.
+    emission: (name, radiance) of emitters, where it is not as the scene has it.
     """
 
     light: LightState
@@ -146,6 +148,8 @@ class ComputeTransport(Request):
     looks: tuple[LayerReflection, ...] = ()
     followers: tuple[str, ...] = ()
     measured: tuple[tuple[str, int], ...] = ()
+    reflecting: tuple[tuple[str, Layer], ...] = ()
+    emission: tuple[tuple[str, tuple[float, float, float]], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,7 +260,9 @@ class FilesWritten(Response):
 
 @dataclass(frozen=True, eq=False)
 class SkyImage(Response):
-    """The environment that lights the scene, for the background: radiance (H,W,3), black where there is none."""
+    """The environment that lights the scene, for the background: radiance (H,W,3), black where there is none.
+
+    Told once, under the first light with it: it belongs to the scene, as `StageFootprint` does."""
 
     radiance: NDArray[np.floating]
     notes: tuple[str, ...] = ()
@@ -273,8 +279,12 @@ class Progress(Response):
 
 
 @dataclass(frozen=True, eq=False)
-class Footprint(Response):
-    """Which computed samples stand for each pixel while the picture is coarse: rows (P,4) i32, weights (P,4) f32."""
+class StageFootprint(Response):
+    """Which computed samples stand for each pixel in the coarse pictures of a stage: rows (P,4) i32, weights (P,4) f32.
+
+    Belongs to the scene, not to the request in whose course it is told: pictures of that stage follow under any. Of a
+    stage without one, every pixel has its own sample.
+    """
 
     rows: NDArray[np.integer]
     weights: NDArray[np.floating]
@@ -312,16 +322,19 @@ class LayerTransport(Response):
 
 @dataclass(frozen=True)
 class BouncesPlanned(Response):
-    """How many bounces the scene requires, and why."""
+    """How many bounces the scene requires, and why; of as many as were asked for, that number. warning: what of the
+    light is missing after them, empty where that is little."""
 
     n_bounces: int
     reason: str
+    warning: str = ""
 
 
 @dataclass(frozen=True, eq=False)
 class IndirectFound(Response):
     """Where the indirect light of a stage was found: for each point four samples of its own object, by number, and
-    their weights (P,4). `number` tells which `Frozen` belong to it."""
+    their weights (P,4). `number` tells which `Frozen` belong to it. It belongs to the scene, as `StageFootprint`
+    does, and is told again under each transport whose light it is."""
 
     number: int
     stage: str
@@ -331,18 +344,22 @@ class IndirectFound(Response):
 
 @dataclass(frozen=True)
 class IndirectNoise(Response):
-    """What chance is left in an indirect light that was found, RMS over the picture relative to its mean."""
+    """What chance is left in indirect light as it was frozen: RMS over the picture, relative to its own mean, and that
+    mean radiance. Follows the `Frozen` of these numbers."""
 
     number: int
+    serial: int
     noise: float
+    mean: float
 
 
 @dataclass(frozen=True, eq=False)
 class Frozen(Response):
     """Indirect light at the p samples of each layer, without f_q and f_o, by powers of the edited object's albedo.
 
-    reflected: by layer key (D,p,3); bands (3,J,D,p) of the layer and curve that were named, which is then not among
-    `reflected`; albedos: by key of the edited object's layers, e (V,J,K) or (3,V,J,K) [engine.indirect.albedo].
+    reflected: by layer key (D,p,3), in units of `unit`; bands (3,J,D,p), likewise, of the layer and curve that were
+    named, which is then not among `reflected`; albedos: by key of the edited object's layers, e (V,J,K) or (3,V,J,K)
+    [engine.indirect.albedo].
     """
 
     number: int
@@ -352,18 +369,21 @@ class Frozen(Response):
     reflected: dict[str, NDArray[np.float32]]
     bands: NDArray[np.float32]
     albedos: dict[str, NDArray[np.float64]]
+    unit: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class MapsSampled(Response):
     """A layer's images as the eye sees them: `samples` (p,4) float16 at every pixel of its object, the texture's linear
-    RGB and the weight; their means over the surface; `thumbnails` (h,w,3) uint8 sRGB, by "texture" and "weight"."""
+    RGB and the weight; their means over the surface; `thumbnails` (h,w,3) uint8 sRGB, by "texture" and "weight".
+    note: what a person should know of how they lie, or nothing."""
 
     key: str
     images: Images
     samples: NDArray[np.float16]
     means: MapMeans
     thumbnails: dict[str, NDArray[np.uint8]]
+    note: str = ""
 
 
 @dataclass(frozen=True)
@@ -390,6 +410,13 @@ class Failed(Response):
     """The request was given up; `line` is one sentence for the person."""
 
     line: str
+
+
+@dataclass(frozen=True)
+class Noted(Response):
+    """What a person should know though the answer does not suffer by it, a line each; nothing is said twice."""
+
+    lines: tuple[str, ...]
 
 
 @dataclass(frozen=True)

@@ -80,7 +80,9 @@ class _Job:
         if self._steps is None:
             self._steps = iter(self._start(self.request))
         response = next(self._steps)
-        return None if response is None else stamped(response, self.request.id, self.request.revision)
+        if response is None:
+            return None
+        return stamped(response, response.id or self.request.id, self.request.revision)
 
     def close(self) -> None:
         close = getattr(self._steps, "close", None)
@@ -166,12 +168,8 @@ class Schedule:
 def _line_for(error: Exception, request: Request, details: str) -> str:
     """One line for the person; what is no fault of theirs goes to the log with its traceback."""
     if isinstance(error, InsituError):
-        return _on_one_line(str(error))
+        return str(error)
     _log.error("%s failed", type(request).__name__, exc_info=error)
     if isinstance(error, MemoryError):
         return "out of memory; lower the resolution, the lights or the bands" + details
-    return _on_one_line(f"internal error: {type(error).__name__}: {error}") + details
-
-
-def _on_one_line(text: str) -> str:
-    return " ".join(text.split())
+    return "the computation failed: a defect of Insitu. Undo the last edit to go on" + details

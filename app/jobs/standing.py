@@ -1,7 +1,9 @@
 """The requests that stand: the newest of each kind, whose answers count and which a new worker is given again.
 
 A request of one kind replaces the older of that kind and what was built on it: a scene the transport, a transport the
-contraction and the freezing. An answer to a request that no longer stands is stale.
+contraction and the freezing. An answer to a request that no longer stands is stale. Each worker is sent each of them
+once; but a scene that stands again, where the one after it was refused or cancelled, once more to a worker that has not
+opened it: what came after it made that worker give it up.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from app.jobs.messages import (
     Freeze,
     HandOutTable,
     MeasurementsRead,
+    Noted,
     OpenScene,
     PlanBands,
     ReadMeasured,
@@ -47,6 +50,8 @@ class Standing:
     def __init__(self) -> None:
         self._requests: dict[type[Request], Request] = {}
         self._opened: Request | None = None  # the last scene that did open
+        self._sent: set[int] = set()  # what the present worker was sent
+        self._open_here = 0  # the scene that it has open
 
     def add(self, request: Request) -> None:
         """Note a request that is sent now."""
@@ -59,8 +64,25 @@ class Standing:
             self._clear_from(type(request))
             self._requests[type(request)] = request
 
+    def new_worker(self) -> None:
+        """Another worker, which was sent nothing."""
+        self._sent.clear()
+        self._open_here = 0
+
+    def to_send(self) -> list[Request]:
+        """What the present worker is to be sent now, in order; it counts as sent."""
+        unsent = [request for request in self.requests() if request.id not in self._sent]
+        self._sent.update(request.id for request in unsent)
+        return unsent
+
+    def heard(self, response: Response) -> None:
+        """Note an answer of the present worker, current or not."""
+        if isinstance(response, SceneOpened):
+            self._open_here = response.id
+
     def is_current(self, response: Response) -> bool:
-        return any(request.id == response.id for request in self._requests.values())
+        """Whether it still counts; what is said of the cache is true whatever was asked since."""
+        return isinstance(response, Noted) or any(request.id == response.id for request in self._requests.values())
 
     def settle(self, response: Response) -> None:
         """Note a current answer: a request that failed, or was answered once and for all, stands no longer."""
@@ -90,5 +112,8 @@ class Standing:
     def _fall_back(self) -> None:
         """Let the scene that was opened last stand, and none that is not open."""
         self._requests.pop(OpenScene, None)
-        if self._opened is not None:
-            self._requests[OpenScene] = self._opened
+        if self._opened is None:
+            return
+        self._requests[OpenScene] = self._opened
+        if self._opened.id != self._open_here:
+            self._sent.discard(self._opened.id)

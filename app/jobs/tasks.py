@@ -12,8 +12,9 @@ so that a scene seen before opens at once and a worker that died goes on where i
 from __future__ import annotations
 
 import time
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Generator, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,16 +23,16 @@ import numpy as np
 from app.document import Document, LightState, document_from_description
 from app.jobs.bands import plan_bands
 from app.jobs.cache import Store, content_key
-from app.jobs.kernels import FIRST_TIME, INDIRECT, Kernels, are_compiled, note_compiled
-from app.jobs.layer_data import STAGES, LayerData, LitBy, joined, kept_of_tile, shape_of, store_of
+from app.jobs.kernels import COMPILING, FIRST_TIME, INDIRECT, Kernels, are_compiled, note_compiled
+from app.jobs.layer_data import STAGES, LayerData, LitBy, joined, kept_of_tile, part_of_file, shape_of, store_of
 from app.jobs.measured import described_paths, ensure_tables, hand_out, read_files, read_for, write_file
 from app.jobs.messages import (
     ComputeTransport,
     Contract,
-    Footprint,
     Freeze,
     HandOutTable,
     LayerWork,
+    Noted,
     OpenScene,
     PlanBands,
     Progress,
@@ -42,6 +43,7 @@ from app.jobs.messages import (
     SceneOpened,
     SkyImage,
     StageDone,
+    StageFootprint,
     WriteFiles,
 )
 from app.measurements import document_with_read, layers_of_document, unread_files, with_read
@@ -49,8 +51,9 @@ from app.sky import sky_of
 from engine.errors import InsituError
 from engine.light.environment import Environment, downsampled, load_environment
 from engine.plan import Precision, band_counts
-from engine.scene.builtin import builtin_scenes
+from engine.scene.builtin import scene_path
 from engine.scene.load import Scene, load_scene
+from engine.stored_arrays import ArrayReader, Arrays
 from engine.transport.bandstore import BandStore
 from engine.transport.fixed import FixedPicture
 from engine.transport.pipeline import COARSE, DRAG, FINAL, PREVIEW, Placement, Quality, SkyState
@@ -77,7 +80,7 @@ class Tasks:
         self._cache = store or Store()
         self._kernels = kernels
         self._placement: Placement | None = None
-        self._scene_key = ""
+        self._scene_key, self._scene_id = "", 0
         self._layers: dict[str, LayerData] = {}
         self._light: tuple[str, VisibleLight] | None = None
         self._indirect: IndirectTasks | None = None
@@ -85,6 +88,8 @@ class Tasks:
         self._selected: dict[str, str] = {}
         self._precision: Precision = "half"
         self._environments: dict[tuple[str, str], Environment] = {}
+        self._current: dict[str, LayerData] = {}
+        self._told: set[str] = set()
         self._sky_shown: object = None
         self._maps: MapTasks | None = None
 
@@ -97,6 +102,7 @@ class Tasks:
                 yield from self._open(request)
             case ComputeTransport():
                 yield from self._compute(request)
+        yield from self._noted()
 
     def quick(
         self, request: PlanBands | SampleMaps | Contract | Freeze | HandOutTable | ReadMeasured | WriteFiles
@@ -104,6 +110,12 @@ class Tasks:
         """One layer's picture, and its transport along one curve ("curve switching", [BenArtzi07, eq. 4.16]); or the
         indirect light, frozen for what is selected; or files of measured BRDFs, read, handed out or written; or images
         as the eye sees them; or the bands of layers, planned."""
+        yield from self._quick(request)
+        yield from self._noted()
+
+    def _quick(
+        self, request: PlanBands | SampleMaps | Contract | Freeze | HandOutTable | ReadMeasured | WriteFiles
+    ) -> Steps:
         if isinstance(request, PlanBands):
             yield from plan_bands(request)
             return
@@ -126,9 +138,14 @@ class Tasks:
             others = self._selected if request.beside else {}
             self._selected, self._precision = {**others, request.key: request.factor}, request.precision
         self._contracted[request.key] = dict(request.coefficients)
-        data = self._layers.get(request.key)
+        data = self._current.get(request.key)
         if data is not None and data.takes(self._contracted[request.key]):
-            yield from self._hold(data).answers(request.factor, request.precision, request.picture)
+            yield from self._answers(self._hold(data), request.factor, request.precision, request.picture)
+
+    def _noted(self) -> Steps:
+        """What is wrong with the cache, as soon as there is something new."""
+        if lines := self._cache.take_notes():
+            yield Noted(lines)
 
     def _write(self, request: WriteFiles) -> Steps:
         if request.document is None:
@@ -153,8 +170,9 @@ class Tasks:
     # --------------------------------------------------------------------------------------------------- scenes
 
     def _open(self, request: OpenScene) -> Steps:
+        self._sky_shown = None  # told while this request stood, it went unheard
         yield Progress("scene", 0.0, text="reading the scene")
-        path = builtin_scenes().get(request.source) or Path(request.source)
+        path = scene_path(request.source)
         scene = load_scene(path, request.resolution)
         yield Progress("scene", 0.5, text="tracing what the camera sees")
         placement = Placement(scene)
@@ -163,23 +181,27 @@ class Tasks:
         document = document_from_description(request.source, scene.description)
         names = described_paths(unread_files(layers_of_document(document)), scene.folder, path)
         measurements = yield from read_files(names | {file: Path(file) for file in request.measured}, self._cache)
-        self._placement, self._layers, self._light = placement, {}, None
+        self._placement, self._layers, self._current, self._light = placement, {}, {}, None
         self._indirect, self._maps = None, None
-        self._selected, self._sky_shown = {}, None
-        self._scene_key = _scene_key(scene)
+        self._selected = {}
+        self._scene_key, self._scene_id = _scene_key(scene), request.id
         self._recall_visibility(placement)
         description = scene.description.model_dump_json(by_alias=True)
-        notes = scene.notes + self._cache.take_notes()
         document = document_with_read(document, measurements)
         own, asked = layers_of_document(document), with_read(request.layers, measurements)
         planned = tuple((layer, band_counts(layer)) for layer in asked if layer not in own)
         arrays, bands = _frame_arrays(placement), _planned_bands(document)
-        yield SceneOpened(description, notes, arrays, bands, measurements, planned)
+        yield SceneOpened(description, scene.notes, arrays, bands, measurements, planned)
 
     def _recall_visibility(self, placement: Placement) -> None:
-        kept = self._cache.get(content_key("visibility", self._scene_key))
-        if kept is not None and kept["bits"].shape == placement.sphere.bits.shape:
-            placement.sphere.bits[:] = kept["bits"]
+        mine = placement.sphere.bits
+
+        def bits_of(arrays: Arrays) -> np.ndarray:
+            return ArrayReader(arrays).take("bits", mine.dtype, *mine.shape)
+
+        kept = self._cache.get(content_key("visibility", self._scene_key), bits_of)
+        if kept is not None:
+            mine[:] = kept
             placement.sphere.done[:] = True
 
     # ------------------------------------------------------------------------------------------------ transport
@@ -189,38 +211,40 @@ class Tasks:
         if placement is None:
             raise InsituError("no scene is open")
         yield from ensure_tables(request.measured, self._cache)
-        self._contracted = {}
+        self._contracted, self._current, self._told = {}, {}, set()
         self._layers = {work.key: self._layers[work.key] for work in request.layers if work.key in self._layers}
-        if self._indirect is not None:
-            self._indirect.forget_wish()
         if request.selected and request.factor:
             self._selected = dict.fromkeys((request.selected, *request.followers), request.factor)
         self._precision = request.precision
+        placement.shine(dict(request.emission))
         sky = sky_of(placement.scene, request.light, self._environment)
+        if self._indirect is not None:
+            self._indirect.asked_anew(_lit_key(sky, placement.scene), request.n_bounces)
         if (image := self._sky_image(sky, request.light)) is not None:
             yield image
-        lit_by = LitBy(request.light, request.n_lights_final)
+        lit_by = LitBy(request.light, request.n_lights_final, request.emission)
         yield from self._tell_held(placement, request, lit_by)
         yield from self._kernels_ready()
-        n_bounces = request.n_bounces
+        n_bounces, bounces_told = request.n_bounces, request.n_bounces == 1
         for quality, exact in _stages(request):
             started = time.monotonic()
             works = self._selected_first(request)
             due = [work for work in works if not self._is_spared(work, lit_by, quality.name, exact)]
             if due:
                 yield from self._stage(placement, due, sky, lit_by, quality)
-            if n_bounces == 0 and quality is not DRAG:
-                planned = self._indirect_tasks().planned(request.looks)
-                n_bounces = planned.n_bounces
+            if not bounces_told and quality is not DRAG:
+                planned = self._indirect_tasks().planned(request.reflecting, n_bounces)
+                n_bounces, bounces_told = planned.n_bounces, True
                 yield planned
             if n_bounces > 1 and quality is not DRAG and (exact or quality.name == COARSE.name):
                 tasks = self._indirect_tasks()
-                found = tasks.find(request.looks, sky, _sky_key(sky), n_bounces, exact)
+                found = tasks.find(request.looks, sky, _lit_key(sky, placement.scene), n_bounces, exact)
                 yield from _telling_first_time(found, exact)
             if due or exact:
                 n_bytes = sum(data.store.n_bytes for data in self._layers.values())
                 n_bytes += 0 if self._indirect is None else self._indirect.n_bytes
                 yield StageDone(quality.name, exact, time.monotonic() - started, n_bytes)
+            yield from self._noted()
 
     def _indirect_tasks(self) -> IndirectTasks:
         """Made, and its kernels read, when a scene first wants more than direct light."""
@@ -229,7 +253,7 @@ class Tasks:
         if self._indirect is None:
             from app.jobs.indirect import IndirectTasks
 
-            self._indirect = IndirectTasks(self._placement, self._cache, self._scene_key)
+            self._indirect = IndirectTasks(self._placement, self._cache, self._scene_key, self._scene_id)
         return self._indirect
 
     def _selected_first(self, request: ComputeTransport) -> list[LayerWork]:
@@ -240,9 +264,8 @@ class Tasks:
         for work in self._selected_first(request):
             data = self._layers.get(work.key)
             if data is not None and data.is_picture_of(work, lit_by):
-                yield self._footprint(placement, STAGES[data.stage])
                 data = self._hold(data.taken_over_by(work))
-                yield from data.answers(self._selected_factor(work.key), self._precision)
+                yield from self._answers(data, self._selected_factor(work.key), self._precision)
 
     def _is_spared(self, work: LayerWork, lit_by: LitBy, stage: str, is_last: bool) -> bool:
         data = self._layers.get(work.key)
@@ -252,10 +275,9 @@ class Tasks:
         """Until the kernels are there; the first time on a machine that is worth a word."""
         if self._kernels is None:
             return
-        if self._kernels.first_time and not self._kernels.wait(KERNEL_SECONDS):
-            yield Progress("compiling", 0.0, text=FIRST_TIME)
+        clock = _Clock(COMPILING)
         while not self._kernels.wait(KERNEL_SECONDS):
-            yield None
+            yield clock.progress(self._kernels.fraction, FIRST_TIME) if self._kernels.first_time else None
         self._kernels = None
 
     def _stage(
@@ -264,9 +286,8 @@ class Tasks:
         clock = _Clock(quality.name)
         if quality is DRAG and sky.environment is not None:
             sky = replace(sky, environment=downsampled(sky.environment, DRAG_ENVIRONMENT_HEIGHT))
-        key = self._light_key(sky, quality) if quality.name == FINAL.name else ""
+        key = self._light_key(sky, placement.scene, quality) if quality.name == FINAL.name else ""
         light = yield from self._final_light(placement, sky, quality, key, clock)
-        yield self._footprint(placement, quality)
         total = sum(len(placement.rows_of(_object_index(placement, work), quality.stride)) for work in works) or 1
         done = 0
         for work in works:
@@ -274,7 +295,7 @@ class Tasks:
             store = yield from self._project(placement, rows, work, light, key, clock, done, total)
             done += len(rows)
             data = self._hold(LayerData(work, lit_by, quality.name, store, light.lighting.unit))
-            yield from data.answers(self._selected_factor(work.key), self._precision)
+            yield from self._answers(data, self._selected_factor(work.key), self._precision)
 
     def _final_light(
         self, placement: Placement, sky: SkyState, quality: Quality, key: str, clock: _Clock
@@ -315,12 +336,16 @@ class Tasks:
             return joined(work, parts)
         baked = work.coefficients if work.fixed else ()
         key = content_key("transport", light_key, work.key, work.model, work.quotient_parameters, work.bands, *baked)
-        if (kept := self._cache.get(key)) is not None:
-            return store_of(work, kept)
+        kept = self._cache.get(key, partial(store_of, work, len(rows)))
+        if kept is not None:
+            return kept
         n_tiles = -(-len(rows) // TILE)
         with self._cache.open_tiles(key, n_tiles) as resumed:
-            parts = {i * TILE: _writable(resumed.tile(i)) for i in sorted(resumed.complete_tiles)}
-            for tile in project_layer(placement.hits, rows, light, shape, resumed.complete_tiles):
+            for i in sorted(resumed.complete_tiles):
+                part = resumed.tile(i, partial(part_of_file, work, min(len(rows) - i * TILE, TILE)))
+                if part is not None:
+                    parts[i * TILE] = part
+            for tile in project_layer(placement.hits, rows, light, shape, frozenset(i // TILE for i in parts)):
                 parts[tile.begin] = kept_of_tile(work, tile)
                 resumed.append_tile(tile.begin // TILE, parts[tile.begin])
                 yield clock.progress(0.3 + 0.7 * (done + tile.begin) / total, work.key)
@@ -330,25 +355,33 @@ class Tasks:
         return store
 
     def _selected_factor(self, key: str) -> str | None:
-        """The curve that is selected, where it is one of this layer's."""
+        """The curve that was selected last of a layer."""
         return self._selected.get(key)
 
     def _hold(self, data: LayerData) -> LayerData:
-        """Keep it, with the coefficients asked for last: a Contract may have come since the request."""
+        """Keep it as what the newest request is answered from, with the coefficients asked for last.
+
+        A Contract may have come since."""
         given = self._contracted.get(data.work.key)
         if given is not None and data.takes(given):
             data = data.under(given)
-        self._layers[data.work.key] = data
+        self._layers[data.work.key] = self._current[data.work.key] = data
         return data
 
-    def _footprint(self, placement: Placement, quality: Quality) -> Footprint:
-        if quality.stride == 1:
-            return Footprint(np.zeros((0, 4), np.int32), np.zeros((0, 4), np.float32), quality.name)
-        return Footprint(*placement.footprint(quality.stride), quality.name)
+    def _answers(
+        self, data: LayerData, factor: str | None, precision: Precision, picture: bool = True
+    ) -> Iterator[Response]:
+        """What a layer answers; before the first one of a coarse stage, which samples stand for each pixel in it."""
+        stride = STAGES[data.stage].stride
+        if stride > 1 and data.stage not in self._told and self._placement is not None:
+            self._told.add(data.stage)
+            yield StageFootprint(*self._placement.footprint(stride), data.stage, id=self._scene_id)
+        # What was selected may be a curve of the model that the layer had before.
+        yield from data.answers(factor if factor in data.work.factors else None, precision, picture)
 
-    def _light_key(self, sky: SkyState, quality: Quality) -> str:
+    def _light_key(self, sky: SkyState, scene: Scene, quality: Quality) -> str:
         return content_key(
-            CACHE_VERSION, self._scene_key, _sky_key(sky), quality.n_lights, quality.n_patches, quality.max_level
+            CACHE_VERSION, self._scene_key, _lit_key(sky, scene), quality.n_lights, quality.n_patches, quality.max_level
         )
 
     # ---------------------------------------------------------------------------------------------------- light
@@ -366,27 +399,28 @@ class Tasks:
             return None
         self._sky_shown = shown
         if sky.environment is None:
-            return SkyImage(np.zeros((1, 2, 3), np.float32))
+            return SkyImage(np.zeros((1, 2, 3), np.float32), id=self._scene_id)
         environment = sky.environment
         if environment.radiance.shape[0] > BACKGROUND_HEIGHT:
             environment = downsampled(environment, BACKGROUND_HEIGHT)
-        return SkyImage(environment.radiance * np.float32(sky.scale), sky.environment.notes)
+        return SkyImage(environment.radiance * np.float32(sky.scale), sky.environment.notes, id=self._scene_id)
 
 
 class _Clock:
     """Turns a stage's fraction into Progress with the time left."""
 
     def __init__(self, stage: str) -> None:
-        self._stage, self._started, self._told = stage, time.monotonic(), 0.0
+        self._stage, self._started, self._told, self._most = stage, time.monotonic(), 0.0, 0.0
 
     def progress(self, fraction: float, text: str) -> Progress | None:
-        """At most twenty a second; the time left is known once two percent are done."""
+        """At most twenty a second, never less than before; the time left is known once two percent are done."""
+        self._most = fraction = min(max(self._most, fraction), 1.0)
         now = time.monotonic()
         if now - self._told < 0.05:
             return None
         self._told = now
         left = (now - self._started) * (1 - fraction) / fraction if fraction > 0.02 else None
-        return Progress(self._stage, min(fraction, 1.0), left, text)
+        return Progress(self._stage, fraction, left, text)
 
 
 def _stages(request: ComputeTransport) -> list[tuple[Quality, bool]]:
@@ -412,18 +446,15 @@ def _telling_first_time(steps: Iterator[Response | None], is_last: bool) -> Step
         note_compiled(INDIRECT)
 
 
-def _sky_key(sky: SkyState) -> str:
-    return content_key(None if sky.environment is None else sky.environment.radiance, sky.rotation, sky.scale)
+def _lit_key(sky: SkyState, scene: Scene) -> str:
+    """Of all the light there is."""
+    radiance = None if sky.environment is None else sky.environment.radiance
+    return content_key(radiance, sky.rotation, sky.scale, scene.emission)
 
 
 def _object_index(placement: Placement, work: LayerWork) -> int:
     name = work.key.rpartition(".")[0]
     return [described.name for described in placement.scene.description.objects].index(name)
-
-
-def _writable(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Copies of arrays from disk: kernels are compiled for arrays that can be written."""
-    return {name: np.array(array) for name, array in arrays.items()}
 
 
 def _scene_key(scene: Scene) -> str:

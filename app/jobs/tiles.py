@@ -16,11 +16,13 @@ import os
 from collections.abc import Callable
 from io import BytesIO, FileIO
 from pathlib import Path
+from typing import TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
+from app.atomic import private_opener
 from app.jobs.array_record import Arrays, RecordError, read_record, write_record
+from engine.stored_arrays import UnsoundArrays
+
+Made = TypeVar("Made")
 
 
 class Tiles:
@@ -33,6 +35,7 @@ class Tiles:
         self._path = path
         self._key = key
         self._n_tiles = n_tiles
+        self._labels = {self._label(index): index for index in range(n_tiles)}
         self._note_failure = note_failure
         self._extents: dict[int, tuple[int, int]] = {}
         self._end = 0
@@ -62,12 +65,16 @@ class Tiles:
         self._end += size
         return True
 
-    def tile(self, index: int) -> dict[str, NDArray[np.generic]]:
-        """The arrays of a complete tile, read-only and checked again. Raises KeyError, RecordError."""
+    def tile(self, index: int, read: Callable[[Arrays], Made]) -> Made | None:
+        """What `read` makes of the arrays of a tile, read-only and checked again; None where there are none, or no
+        sound ones. `read` raises UnsoundArrays where they are not what it needs."""
+        if self._file is None or index not in self._extents:
+            return None
         offset, size = self._extents[index]
-        if self._file is None:
-            raise RecordError("the tiles are closed")
-        return read_record(memoryview(os.pread(self._file.fileno(), size, offset))).arrays
+        try:
+            return read(read_record(memoryview(os.pread(self._file.fileno(), size, offset))).arrays)
+        except (OSError, RecordError, UnsoundArrays):  # sound when the file was opened, or never: found anew
+            return None
 
     def finish(self) -> None:
         """Close and delete the tiles."""
@@ -90,7 +97,7 @@ class Tiles:
     def _open(self) -> FileIO | None:
         """The file, locked, its damaged end cut off; None when that is not possible."""
         try:
-            file = FileIO(self._path, "a+")
+            file = FileIO(self._path, "a+", opener=private_opener)
         except OSError as error:
             self._note_failure(error)
             return None
@@ -135,7 +142,6 @@ class Tiles:
         return json.dumps([self._key, self._n_tiles, index])
 
     def _index_in(self, label: str) -> int:
-        key, n_tiles, index = json.loads(label)
-        if (key, n_tiles) != (self._key, self._n_tiles):
+        if label not in self._labels:
             raise RecordError("tiles of something else")
-        return int(index)
+        return self._labels[label]

@@ -21,13 +21,14 @@ import threading
 from collections.abc import Sequence
 from typing import Any, cast
 
+from app.atomic import private_opener
 from app.jobs.background import die_with
 from app.jobs.channel import Channel, ChannelClosed
 from app.jobs.messages import Failed, Heartbeat, Request, Shutdown
 from app.jobs.schedule import Handlers, Schedule
 from app.jobs.shared_arrays import OutOfMemory, sweep_dead_blocks
 from app.kernel_cache import use_kernel_cache
-from app.paths import state_directory
+from app.paths import log_directory
 
 _LARGEST_LOG = 1 << 20
 
@@ -87,11 +88,9 @@ def beat(worker: Worker, channel: Channel, interval: float, parent: int) -> None
 def log_to_file() -> str:
     """Send the log and everything on stderr to the log file: its name for messages, "" when there is none."""
     try:
-        folder = state_directory() / "log"
-        folder.mkdir(exist_ok=True)
-        path = folder / "worker.log"
+        path = log_directory() / "worker.log"
         too_long = path.exists() and path.stat().st_size > _LARGEST_LOG
-        file = open(path, "wb" if too_long else "ab", buffering=0)
+        file = open(path, "wb" if too_long else "ab", buffering=0, opener=private_opener)
     except OSError:
         return ""
     os.dup2(file.fileno(), 2)

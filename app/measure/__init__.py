@@ -3,7 +3,8 @@
     subject ─► speed (against brute force) ─┐
             ─► sweep (against the oracle) ──┼─► figures.json, sweep.csv, plots
             ─► launches (window, renderer) ─┤
-    cornell, room ─► indirect light ────────┘
+    cornell, room ─► indirect light ────────┤
+    stairwell, ajar, storeroom ─► rooms ────┘
 
 `figures` names what was promised and its limits; `speed` and `accuracy` measure in this process, `launches` starts the
 window and the renderer's measurements as programs of their own, because nothing here may touch GL. What cannot be
@@ -28,6 +29,7 @@ from app.measure.indirect import IndirectEffort, indirect_figures
 from app.measure.launches import Launch, Screen, launch, measure_renderer, open_screen
 from app.measure.machine import load_average, machine_facts
 from app.measure.plots import write_plots
+from app.measure.rooms import RoomEffort, room_figures
 from app.measure.speed import (
     RAW_RAYS,
     Precomputed,
@@ -64,11 +66,12 @@ class Effort:
     timeout_s: float = 1800.0
     grid: Grid = field(default_factory=Grid)
     indirect: IndirectEffort = field(default_factory=IndirectEffort)
+    rooms: RoomEffort | None = field(default_factory=RoomEffort)
 
 
 FULL = Effort("full")
 VISIBILITY_RESOLUTION = 512, 512
-QUICKLY = Effort("quick", 1, 1, 0, 10, 64, 200_000, 300, False, 300.0, QUICK, INDIRECT_QUICKLY)
+QUICKLY = Effort("quick", 1, 1, 0, 10, 64, 200_000, 300, False, 300.0, QUICK, INDIRECT_QUICKLY, None)
 
 
 def run(
@@ -94,6 +97,7 @@ def run(
         figures += indirect_figures(
             effort.indirect, effort.repetitions, effort.references, Path(name), output, effort.timeout_s, report
         )
+    figures += room_figures(effort.rooms, report)
     sweep_source = _open(source, effort.grid.side)
     report(f"sweep at {_size(sweep_source)}")
     swept = run_sweep(sweep_source, effort.grid, _frame_seconds(renderer))
@@ -242,9 +246,7 @@ def _window_figures(subject: Subject, effort: Effort, scratch: Path) -> list[Fig
     return _start_figures(screen, warm, whole, cold)
 
 
-def _warm_launches(
-    screen: Screen, source: str, effort: Effort, scratch: Path
-) -> tuple[list[Launch], Launch]:
+def _warm_launches(screen: Screen, source: str, effort: Effort, scratch: Path) -> tuple[list[Launch], Launch]:
     """Launches with compiled kernels: some to the first picture, the last of them on to the exact one.
 
     The first is not counted: it may have to compile what only the worker needs.
@@ -283,9 +285,7 @@ def _start_figures(screen: Screen, warm: list[Launch], whole: Launch, cold: list
     ]
     if cold:
         how = f"{how}, no compiled kernels, to the first frame in which every layer is shaded"
-        figures.append(
-            Figure("first_picture_cold_s", tuple(each.milestones["first_picture"] for each in cold), how)
-        )
+        figures.append(Figure("first_picture_cold_s", tuple(each.milestones["first_picture"] for each in cold), how))
     return figures
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from app.atomic import write_atomically
+from app.atomic import save_file
 from engine.errors import InsituError
 
 
@@ -28,7 +28,7 @@ class Spec:
 
 
 BRUTE = "of brute-force shadow rays"
-SPECS: Mapping[str, Spec] = {
+SPECS: dict[str, Spec] = {
     "precompute_ratio_4000": Spec(BRUTE, 1.0),
     "precompute_ratio_400": Spec(BRUTE, 0.15),
     "visibility_ratio": Spec(BRUTE, 0.15, "worst"),
@@ -65,6 +65,12 @@ SPECS: Mapping[str, Spec] = {
     "oracle_mean": Spec("relative difference of means", 0.005),
     "reference_error": Spec("relRMSE", 0.02, "worst"),
     "reference_mean": Spec("relative difference of means", 0.005, "worst"),
+}
+_OF_A_ROOM = {"direct_error": 0.015, "direct_mean": 0.003, "error": 0.02, "mean": 0.005}
+SPECS |= {
+    f"room_{kind}_{room}": Spec("relRMSE" if kind.endswith("error") else "relative difference of means", limit)
+    for room in ("stairwell", "ajar", "storeroom")
+    for kind, limit in _OF_A_ROOM.items()
 }
 PROMISED = tuple(SPECS)[:24]
 
@@ -138,7 +144,7 @@ def not_measured(name: str, reason: str) -> Figure:
 def write_figures(file: Path, figures: Sequence[Figure], facts: Mapping[str, Any]) -> None:
     """Write figures by name, and the facts of the run and the machine beside them, as JSON."""
     content = {figure.name: figure.as_json() for figure in figures} | dict(facts)
-    write_atomically(file, (json.dumps(content, indent=2, allow_nan=False) + "\n").encode())
+    save_file(file, (json.dumps(content, indent=2, allow_nan=False) + "\n").encode())
 
 
 def summary_lines(figures: Sequence[Figure]) -> list[str]:

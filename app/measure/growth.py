@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from app.atomic import write_atomically
+from app.atomic import save_file
 from app.document import document_from_description
 from app.indirect import reflections
 from app.jobs.indirect import IndirectTasks
@@ -110,4 +110,4 @@ def write_rows(file: Path, rows: Sequence[Row]) -> None:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(field.name for field in fields(Row))
     writer.writerows([n, f"{kept:.6g}", f"{frozen:.6g}"] for n, kept, frozen in map(astuple, rows))
-    write_atomically(file, text.getvalue().encode())
+    save_file(file, text.getvalue().encode())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
+from app.atomic import save_file
 from app.measure.sweep import Row, pareto_front
 
 SIZE = (8.0, 5.0)
@@ -99,5 +101,7 @@ def _draw_front(axes: Axes, costs: Sequence[float], wrongs: Sequence[float]) -> 
 
 
 def _save(file: Path, figure: Figure) -> None:
-    figure.savefig(file, dpi=DPI)
+    buffer = io.BytesIO()
+    figure.savefig(buffer, dpi=DPI)
     plt.close(figure)
+    save_file(file, buffer.getvalue())

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from app.atomic import write_atomically
+from app.atomic import save_file
 from app.document import document_from_description
 from app.measure.growth import SOURCE, cut
 from app.measure.subject import at_most, open_subject
@@ -102,7 +102,7 @@ def write_rows(file: Path, rows: Sequence[Row]) -> None:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(field.name for field in fields(Row))
     writer.writerows([f"{x:.4g}" if isinstance(x, float) else x for x in astuple(row)] for row in rows)
-    write_atomically(file, text.getvalue().encode())
+    save_file(file, text.getvalue().encode())
 
 
 def _timed(made: Representation, layers: Sequence[IndirectLayer], i_layer: int) -> tuple[float, FrozenLight]:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
-from app.document import Document, document_from_description
-from app.sky import sky_of
+from app.document import Document
+from app.project import open_project
 from engine.material.layer import Layer
 from engine.plan import band_counts, bands_by_hand
-from engine.scene.builtin import builtin_scenes
-from engine.scene.load import Scene, load_scene
+from engine.scene.load import Scene
 from engine.transport.pipeline import SkyState
 from engine.transport.projection import LayerShape
 
@@ -43,11 +41,9 @@ class Subject:
 
 
 def open_subject(source: str, resolution: tuple[int, int] | None = None) -> Subject:
-    """Open a built-in scene or a scene file; `resolution` (width, height) replaces its own. Raises LoadError."""
-    path = builtin_scenes().get(source) or Path(source)
-    scene = load_scene(path, resolution)
-    document = document_from_description(source, scene.description)
-    return Subject(source, scene, document, sky_of(scene, document.light))
+    """Open what a person named; `resolution` (width, height) replaces the scene's own. Raises InsituError."""
+    project = open_project(source, resolution)
+    return Subject(source, project.scene, project.document, project.sky)
 
 
 def at_most(resolution: tuple[int, int], side: int) -> tuple[int, int]:

@@ -24,7 +24,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from app.atomic import write_atomically
+from app.atomic import save_file
 from app.measure.accuracy import Errors, errors, layer_coefficients, oracle, random_rows, reflected, seen_scale
 from app.measure.speed import LayerTransport, Precomputed, precompute_on, visibility_seconds
 from app.measure.subject import Subject
@@ -144,7 +144,7 @@ def write_csv(file: Path, rows: Sequence[Row]) -> None:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(field.name for field in fields(Row))
     writer.writerows([_cell(value) for value in astuple(row)] for row in rows)
-    write_atomically(file, text.getvalue().encode())
+    save_file(file, text.getvalue().encode())
 
 
 def _cell(value: object) -> str:

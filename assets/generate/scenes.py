@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from . import cornell, dominoes, earrings, plant, plate, ring, room, shapes, teatray, vase
+from . import ajar, cornell, dominoes, earrings, plant, plate, ring, room, shapes, stairwell, storeroom, teatray, vase
 from .mesh import Mesh
 
 # The environment that each scene's folder holds a copy of: a scene reads no file outside of its folder.
@@ -31,6 +31,9 @@ SCENES: dict[str, Callable[[], dict[str, Mesh]]] = {
     "room": room.meshes,
     "ring": ring.meshes,
     "plate": plate.meshes,
+    "stairwell": stairwell.meshes,
+    "ajar": ajar.meshes,
+    "storeroom": storeroom.meshes,
 }
 
 # Textures and weight maps: for each scene, file name -> (H, W, 3) sRGB or (H, W) shares, 8 bits.

@@ -177,5 +177,11 @@ def quads(corners: Floats) -> Mesh:
     return Mesh(corners.reshape(-1, 3), normals.repeat(4, axis=0), faces)
 
 
+def panel(middle: Sequence[float], across: Sequence[float] | Floats, up: Sequence[float] | Floats) -> Mesh:
+    """A flat rectangle about its middle with two half edges; its front faces along across x up."""
+    m, a, u = (np.asarray(each, dtype=float) for each in (middle, across, up))
+    return quads(np.array([[m - a - u, m + a - u, m + a + u, m - a + u]]))
+
+
 def _unit(vectors: Floats) -> Floats:
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)

@@ -43,6 +43,8 @@ RELATIVE_TOLERANCE = 1e-5
 ABSOLUTE_TOLERANCE = 1e-10
 # After so many rounds of giving excess to neighbours hardly any is left.
 MOST_LEVELLINGS = 8
+# Room below this share of the excess is none: the quotient of both may have no number.
+LEAST_ROOM = 1e-12
 
 # Kronrod's extension of the three-point Gauss rule: nodes in [-1, 1] (the Gauss ones are 1, 3, 5).
 _NODES = np.array([-0.9604912687080203, -0.7745966692414834, -0.4342437493468026, 0.0,
@@ -209,7 +211,7 @@ def _within(values: Array, low: Array, high: Array, weights: Array) -> Array:
     left = total - (values * weights).sum(axis=0)
     room = np.where(left > 0.0, high - values, values - low)
     room_in_all = (room * weights).sum(axis=0)
-    share = np.divide(left, room_in_all, out=np.zeros_like(left), where=room_in_all > 0.0)
+    share = np.divide(left, room_in_all, out=np.zeros_like(left), where=room_in_all > LEAST_ROOM * np.abs(left))
     return np.clip(values + room * share, low, high)
 
 
@@ -218,7 +220,7 @@ def _given(excess: Array, room: Array) -> Array:
     around = np.zeros_like(room)
     around[1:] += room[:-1]
     around[:-1] += room[1:]
-    share = np.divide(excess, around, out=np.zeros_like(room), where=around > 0.0)
+    share = np.divide(excess, around, out=np.zeros_like(room), where=around > LEAST_ROOM * excess)
     received = np.zeros_like(room)
     received[1:] += share[:-1]
     received[:-1] += share[1:]

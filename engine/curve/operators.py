@@ -51,6 +51,7 @@ class OperatorError(ValueError):
 class Operator:
     """One edit. Angles in radians; `baseline` is a value for axis "y" and an angle for axis "x".
 
+    `joined`: the X-operator above this Y-operator belongs to it, the two are one diagonal edit (`engine.curve.pairs`).
     Raises OperatorError for regions out of order and for numbers that are not finite or beyond 1e12.
     """
 
@@ -64,6 +65,7 @@ class Operator:
     baseline: float = 0.0
     channels: Channels = ALL_CHANNELS
     muted: bool = False
+    joined: bool = False
 
     def __post_init__(self) -> None:
         if self.kind not in ("translate", "amplify") or self.axis not in ("x", "y"):
@@ -100,6 +102,11 @@ class Operator:
             ends[:i] = [min(end, wanted) for end in ends[:i]]
             ends[i + 1 :] = [max(end, wanted) for end in ends[i + 1 :]]
         return dataclasses.replace(self, a=ends[0], b=ends[1], c=ends[2], d=ends[3])
+
+    @property
+    def at_limit(self) -> bool:
+        """Whether any stronger it would fold the curve over."""
+        return self.clamped().magnitude == largest_monotone_magnitude(self)
 
     def clamped(self) -> Operator:
         """The operator with its magnitude held where an X-operator stays monotone; a Y-operator as it is."""
@@ -231,7 +238,7 @@ def diagonal(
 ) -> tuple[Operator, Operator]:
     """A diagonal drag as two layered translations, Y first: after X the regions would no longer be in place."""
     return (
-        Operator("translate", "y", *regions, magnitude=dy, channels=channels),
+        Operator("translate", "y", *regions, magnitude=dy, channels=channels, joined=True),
         Operator("translate", "x", *regions, magnitude=dx, channels=channels),
     )
 

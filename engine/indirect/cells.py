@@ -20,7 +20,7 @@ from engine.scene.load import Scene
 from engine.scene.raycaster import Intersections, RayCaster
 
 MOST_CELLS = kernels.MOST_CELLS
-_SLOTS = 1 << 18
+N_SLOTS = 1 << 18
 # Rays a chunk: what the caster takes at once without splitting it over threads of its own.
 CHUNK = 32768
 NO_TURN = nullcontext()
@@ -57,7 +57,7 @@ class Cells:
         self._low = scene.vertices[np.unique(scene.triangles)].min(axis=0) - np.float32(0.37 * size)
         places = (MOST_CELLS, kernels.N_PLACES)
         self._table = kernels.Table(
-            np.zeros(_SLOTS, np.uint64), np.zeros(_SLOTS, np.int32), np.zeros(1, np.int64),
+            np.zeros(N_SLOTS, np.uint64), np.zeros(N_SLOTS, np.int32), np.zeros(1, np.int64),
             np.zeros(MOST_CELLS, np.int32), np.zeros(MOST_CELLS, np.uint64), np.zeros(MOST_CELLS, np.int64),
             np.zeros(places, np.uint32), np.zeros(places, np.int32), np.zeros(places, np.float32),
             np.zeros(places, np.float32), np.zeros(places, np.uint8),

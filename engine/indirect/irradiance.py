@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from engine.indirect import _reflection_kernels as kernels
 from engine.indirect._cell_kernels import Lights
+from engine.indirect.beyond import held
 from engine.indirect.cells import CHUNK, Cells
 from engine.indirect.rays import cosine_tables
 from engine.indirect.turns import Turn, by_turns
@@ -96,7 +97,7 @@ def radiosity(
     bright = np.empty_like(latest)
     kernels.brighten(before, light.objects, albedos, edited, bright)
     kernels.brighten(total, light.objects, albedos, edited, before)
-    return before, bright
+    return held(before), held(bright)
 
 
 def bounced(seen: NDArray[np.uint16], bright: NDArray[np.float32], n_powers: int) -> NDArray[np.float32]:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from engine.indirect._ray_kernels import NORMAL
 from engine.indirect._second_kernels import Lamps
+from engine.indirect.beyond import SQUARED, held, in_full
 from engine.indirect.cells import Cells
 from engine.indirect.gather import FanSize, Gathered, object_of_rows
 from engine.indirect.irradiance import NOBODY, CellLight, radiosity
@@ -106,14 +107,16 @@ class GatherPoints:
             found = self.fans(i_object, half).reflected([layer.curves for layer in own], light)
             radiance = np.zeros((len(mine), 3), np.float32)
             for layer, reflected in zip(own, found, strict=True):
-                radiance += reflected[:, 0] * seen_from(self.hits, rows[mine], layer)
-            yield mine, radiance
+                with np.errstate(over="ignore"):
+                    radiance += reflected[:, 0] * seen_from(self.hits, rows[mine], layer)
+            yield mine, held(radiance)
 
 
 @dataclass(frozen=True, eq=False)
 class IndirectLight:
     """footprint: for each point of the picture four gather points, by number, and their weights, (P, 4) each; light:
-    what the cells send on, in up to n_bounces reflections; lamps: all that shines."""
+    what the cells send on, in up to n_bounces reflections; lamps: all that shines. All of it is in units of `unit`,
+    pictures excepted."""
 
     points: GatherPoints
     footprint: Footprint
@@ -121,6 +124,7 @@ class IndirectLight:
     light: CellLight
     lamps: Lamps
     n_bounces: int
+    unit: float = 1.0
 
     @property
     def n_bytes(self) -> int:
@@ -146,7 +150,7 @@ class IndirectLight:
     def smoothed(self, layers: Sequence[IndirectLayer]) -> "IndirectLight":
         """The same with the filter that the noise under these layers calls for."""
         points, light = self.unfiltered().points, self.sent(layers)
-        first, second = (points.reflected(layers, light, half) for half in (0, 1))
+        first, second = (held(points.reflected(layers, light, half), SQUARED) for half in (0, 1))
         turns = least_alike(self.points.poles != NORMAL)
         smoothing = smoothing_for(self.points.hits, self.points.gathered.rows, turns, first, second)
         return replace(self, points=replace(self.points, smoothing=smoothing))
@@ -166,21 +170,23 @@ class IndirectLight:
 
     def at_points(self, layers: Sequence[IndirectLayer], half: int | None = None) -> NDArray[np.float32]:
         """Indirect radiance (p, 3) of all gather points; of one half of the rays where one is named."""
-        return self.points.reflected(layers, self.sent(layers), half)
+        return in_full(self.points.reflected(layers, self.sent(layers), half), self.unit)
 
-    def noise(self, layers: Sequence[IndirectLayer]) -> Generator[None, None, float]:
-        """What chance is left in the picture, RMS relative to its mean, in steps: its halves differ by twice that.
+    def noise(self, layers: Sequence[IndirectLayer]) -> Generator[None, None, tuple[float, float]]:
+        """What chance is left in the picture, RMS relative to its mean, and that mean, in steps: its halves differ by
+        twice the chance.
 
         What the filter blurs besides is not in it."""
         light, (rows, weights) = self.sent(layers), self.footprint
         halves = np.zeros((2, len(self.points.gathered.rows), 3), np.float32)
         for half in (0, 1):
             for mine, radiance in self.points.reflected_by_object(layers, light, half):
-                halves[half, mine] = radiance
+                halves[half, mine] = held(radiance, SQUARED)
                 yield None
         first, second = (np.einsum("pk,pkc->pc", weights, found[rows]) for found in halves)
         mean = 0.5 * float(np.mean(first + second, dtype=np.float64))
-        return 0.5 * float(np.sqrt(np.mean((first - second) ** 2, dtype=np.float64))) / mean if mean > 0.0 else 0.0
+        rms = 0.5 * float(np.sqrt(np.mean((first - second) ** 2, dtype=np.float64)))
+        return (rms / mean if mean > 0.0 else 0.0), mean * self.unit
 
     def picture(self, layers: Sequence[IndirectLayer], half: int | None = None) -> NDArray[np.float32]:
         """Indirect radiance (P, 3) of all points of the picture."""
@@ -191,4 +197,4 @@ class IndirectLight:
     ) -> NDArray[np.float32]:
         """What some layers reflect of light that all of them sent, (P, 3)."""
         found, (rows, weights) = self.points.reflected(layers, light, half), self.footprint
-        return np.asarray(np.einsum("pk,pkc->pc", weights, found[rows]), np.float32)
+        return in_full(np.einsum("pk,pkc->pc", weights, found[rows]), self.unit)

@@ -7,15 +7,15 @@ another digest belongs to other materials or another grid, and is found anew, wi
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
-from typing import Protocol
+from collections.abc import Callable
+from typing import Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from engine.indirect.cells import TooManyCells
+from engine.stored_arrays import Arrays, UnsoundArrays
 
-Arrays = Mapping[str, NDArray[np.generic]]
+Made = TypeVar("Made")
 _DIGEST = "digest"
 _TOO_FINE = b"the grid is too fine"
 
@@ -37,16 +37,23 @@ class Parts:
         self._index = 0
         self._done = self._under_way = b""
 
-    def begin(self, *inputs: bytes) -> Arrays | None:
-        """The next part if it was kept, else None. Raises TooManyCells where an earlier run did."""
+    def begin(self, read: Callable[[Arrays], Made], *inputs: bytes) -> Made | None:
+        """What `read` makes of the next part if it was kept and is what it needs, else None.
+
+        Raises TooManyCells where an earlier run did.
+        """
         stored, digest = self._stored()
         if digest is not None and digest == self._after(_TOO_FINE):
             raise TooManyCells("as before")
         self._under_way = self._after(*inputs)
         if stored is None or digest != self._under_way:
             return None
+        try:
+            made = read(stored)
+        except UnsoundArrays:
+            return None
         self._end(self._under_way)
-        return stored
+        return made
 
     def keep(self, arrays: Arrays) -> None:
         """What the part is that was begun."""
@@ -67,7 +74,8 @@ class Parts:
 
     def _stored(self) -> tuple[Arrays | None, bytes | None]:
         stored = None if self._keeper is None else self._keeper.part(self._index)
-        return stored, None if stored is None else stored[_DIGEST].tobytes()
+        digest = None if stored is None else stored.get(_DIGEST)
+        return stored, None if digest is None else digest.tobytes()
 
     def _after(self, *inputs: bytes) -> bytes:
         """The digest of a part with these inputs after those that are done."""

@@ -17,6 +17,7 @@ from engine.indirect import _reflection_kernels as kernels
 from engine.indirect._photon_kernels import reflect_photon_bands, reflect_photons
 from engine.indirect._smoothing_kernels import smooth_planes, smooth_rows
 from engine.indirect.aim import Aim, SecondAim, n_angles_of
+from engine.indirect.beyond import held
 from engine.indirect.curves import LayerCurves
 from engine.indirect.gather import FanSize, Gathered, object_of_rows
 from engine.indirect.photons import Landed, PhotonMap, Sent, land, landed_of, nothing_landed
@@ -99,6 +100,7 @@ class Fans:
         for layer, result in zip(layers, out, strict=True):
             if layer.is_tinted:
                 result *= layer.tint.astype(np.float32)
+        out = [held(each) for each in out]
         return out if self._smoothing is None else [_smooth(self._smoothing, each) for each in out]
 
     def by_band(self, layer: LayerCurves, factor: int, light: SentLight) -> NDArray[np.float32]:
@@ -117,6 +119,7 @@ class Fans:
         self._in_parts(light, work, [aim])
         if layer.is_tinted:
             out *= layer.tint.astype(np.float32)[:, None, None, None]
+        out = held(out)
         return out if self._smoothing is None else _smooth_planes(self._smoothing, out)
 
     def _aim(self, optics: kernels.Optics) -> Aim:

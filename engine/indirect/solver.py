@@ -7,13 +7,16 @@ asks for the cells' irradiance anew, a material for nothing but sums.
 
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.indirect._cell_kernels import NO_CELL, Lights
+from engine.indirect._cell_kernels import NO_CELL, Table
 from engine.indirect._ray_kernels import HALF, NORMAL
-from engine.indirect.cells import Cells, TooManyCells, patch_lights, sky_lights
+from engine.indirect.beyond import SQUARED, held
+from engine.indirect.cells import Cells, TooManyCells
 from engine.indirect.curves import pole_of
 from engine.indirect.gather import FanSize, Gathered, gather, joined, object_of_rows
 from engine.indirect.irradiance import CellLight, connect, direct_irradiance, radiosity
@@ -23,19 +26,20 @@ from engine.indirect.light import Footprint, GatherPoints, IndirectLight
 from engine.indirect.parts import Keeper, Parts
 from engine.indirect.photons import PhotonMap, PhotonSource, no_photons, nothing_landed
 from engine.indirect.reflection import SentLight
-from engine.indirect.second_bounce import SecondRays, axes_of, lamps_of, no_records
+from engine.indirect.second_bounce import SecondRays, axes_of, no_records
+from engine.indirect.shining import shining_on
 from engine.indirect.stored import (
     arrays_of_gathered,
     arrays_of_table,
-    cell_light_of,
-    footprint_of,
-    gathered_of,
-    smoothing_of,
-    table_of,
+    read_cell_light,
+    read_cell_size,
+    read_footprint,
+    read_gathered,
+    read_smoothing,
+    read_table,
 )
-from engine.light.emitters import EmitterPatches
-from engine.light.lights import TriangleLights, cut_lights
 from engine.scene.hits import PrimaryHits
+from engine.stored_arrays import ArrayReader, Arrays
 from engine.transport.footprint import footprint, lattice_rows
 from engine.transport.pipeline import Placement, SkyState
 
@@ -62,7 +66,6 @@ class Fineness:
 ROUGH = Fineness("rough", 128, 32, 1 << 15, 4000, 64, 64, False)
 FINE = Fineness("fine", 512, 96, 1 << 19, 24000, 128, 256, True)
 STILL = Fineness("still", 1024, 1024, 1 << 20, 48000, 128, 256, True)
-N_LIGHTS, N_PATCHES = 4000, 256
 # What a first look at the scene takes.
 _PILOT_POINTS, _PILOT_RAYS = 1024, 64
 _GROWTH = 1.26
@@ -71,10 +74,13 @@ PART_POINTS = 4096
 _PHOTONS_SHARE = np.float32(0.3)
 
 Progress = tuple[float, str]
+# Where in the whole its phases end, by processor time: a first look, light between what it saw (only where more looks
+# follow), these looks, light between all, and light on it; what is left is the filter's.
+_LOOKED, _ROUGHLY_LIT, _LOOKED_CLOSER, _LIT, _SHONE_ON = 0.1, 0.35, (0.45, 0.6, 0.75), 0.93, 0.96
 
 
 class Solver:
-    """Finds the indirect light of a scene; its steps are generators that yield (fraction, text)."""
+    """Finds the indirect light of a scene; its steps are generators that yield (fraction of the whole, text)."""
 
     def __init__(
         self, placement: Placement, models: Mapping[int, Sequence[str]], sky: SkyState, n_bounces: int,
@@ -88,11 +94,10 @@ class Solver:
         n_objects = len(placement.hits.object_ranges)
         self._poles = np.array([pole_of(models.get(i, ())) for i in range(n_objects)], np.int64)
         self._sizes = tuple(_fan_size(fineness.n_rays, int(pole)) for pole in self._poles)
-        cut, patches = _cut(sky), placement.patches(N_PATCHES)
-        self._lights, self._lamps = _lights(cut, patches), lamps_of(cut, patches)
+        self._shining = shining_on(placement, sky)
         is_glossy = np.array([bool(set(models.get(i, ())) - {"lambert"}) for i in range(n_objects)])
         self._axes = axes_of(placement.scene)
-        second = SecondRays(is_glossy, self._poles, self._axes, self._lamps, fineness.n_records)
+        second = SecondRays(is_glossy, self._poles, self._axes, self._shining.lamps, fineness.n_records)
         self._second = second if glossy else None
 
     def solve(
@@ -111,14 +116,21 @@ class Solver:
                 parts.too_fine()
                 size *= _GROWTH
 
-    def restored(self, arrays: Mapping[str, NDArray[np.generic]]) -> IndirectLight:
-        """What `solve` gave and `stored.arrays_of` made arrays of."""
-        cells = Cells(self._placement.scene, self._placement.caster, float(arrays["cell_size"][0]))
-        cells.restore(table_of(arrays))
-        points = self._points(gathered_of(arrays), self._photons(cells))
-        points = replace(points, smoothing=smoothing_of(arrays))
-        light = cell_light_of(arrays, cells.objects.copy())
-        return IndirectLight(points, footprint_of(arrays), cells, light, self._lamps, self._n_bounces)
+    def restored(self, arrays: Arrays) -> IndirectLight:
+        """What `solve` gave and `stored.arrays_of` made arrays of. Raises UnsoundArrays for anything else."""
+        reader = self._reader(arrays)
+        cells = Cells(self._placement.scene, self._placement.caster, read_cell_size(reader))
+        cells.restore(read_table(reader))
+        gathered, found, smoothing = read_gathered(reader), read_footprint(reader), read_smoothing(reader)
+        light = read_cell_light(reader, self._fineness.n_cell_rays, cells.objects.copy())
+        points = replace(self._points(gathered, self._photons(cells)), smoothing=smoothing)
+        return self._found(points, found, cells, light)
+
+    def _reader(self, arrays: Arrays) -> ArrayReader:
+        """Of arrays that belong to this scene, light and fineness."""
+        scene, n_lights = self._placement.scene, len(self._shining.lamps.cumulative)
+        sizes = {"P": len(self._placement.hits.pixel), "M": len(self._poles), "T": len(scene.triangles)}
+        return ArrayReader(arrays, **sizes, R=self._fineness.n_rays, L=n_lights)
 
     def _cell_size(self) -> float:
         """Metres, so that what a first look hits falls into about as many cells as wanted."""
@@ -150,15 +162,20 @@ class Solver:
             points, found = yield from self._refined(cells, nothing, layers, photons, parts)
         else:
             points, found = yield from self._even(cells, nothing, photons, parts)
-        light = yield from self._light(cells, self._fineness, parts)
-        return IndirectLight(points, found, cells, light, self._lamps, self._n_bounces).smoothed(layers)
+        begin = _LOOKED_CLOSER[-1] if self._fineness.adaptive else _LOOKED
+        light = yield from self._light(cells, self._fineness, parts, (begin, _LIT))
+        yield _SHONE_ON, "taking out noise"
+        return self._found(points, found, cells, light).smoothed(layers)
+
+    def _found(self, points: GatherPoints, found: Footprint, cells: Cells, light: CellLight) -> IndirectLight:
+        return IndirectLight(points, found, cells, light, self._shining.lamps, self._n_bounces, self._shining.unit)
 
     def _photons(self, cells: Cells) -> PhotonMap:
         """What glossy surfaces throw."""
         if self._second is None:
             return PhotonMap(no_photons(len(self._poles)))
         source = PhotonSource(
-            self._placement.scene, cells, self._second.glossy, self._poles, self._axes, self._lamps
+            self._placement.scene, cells, self._second.glossy, self._poles, self._axes, self._shining.lamps
         )
         return PhotonMap(source.send(self._placement.hits, self._fineness.n_photons))
 
@@ -168,7 +185,7 @@ class Solver:
         """Every eighth pixel."""
         hits = self._placement.hits
         rows = lattice_rows(hits, COARSEST)
-        points = self._points((yield from self._gather(cells, nothing, rows, parts)), photons)
+        points = self._points((yield from self._gather(cells, nothing, rows, parts, (0.0, _LOOKED))), photons)
         numbers, weights = footprint(hits, rows, COARSEST)
         return points, (_among_all(hits, rows, numbers), weights)
 
@@ -180,11 +197,14 @@ class Solver:
         lattice = Lattice(self._placement.hits, self._poles != NORMAL)
         values, noise = np.zeros((2, len(self._placement.hits.pixel), 3), np.float32)
         bright = None
+        looks = iter(pairwise((_ROUGHLY_LIT, *_LOOKED_CLOSER)))
+        span = 0.0, _LOOKED
         while True:
-            gathered = yield from self._gather(cells, gathered, lattice.wanted(), parts)
+            gathered = yield from self._gather(cells, gathered, lattice.wanted(), parts, span)
+            span = next(looks, (_LOOKED_CLOSER[-1],) * 2)
             if bright is None:
                 coarser = replace(self._fineness, n_cell_rays=n_rays, n_samples=n_samples)
-                light = yield from self._light(cells, coarser, parts)
+                light = yield from self._light(cells, coarser, parts, (_LOOKED, _ROUGHLY_LIT))
                 bright, _ = radiosity(light, albedos_of(layers, len(self._poles)), self._n_bounces)
             new_cells = np.zeros((len(cells) - len(bright), *bright.shape[1:]), np.float32)  # not known yet: dark
             points = self._points(gathered, photons)
@@ -192,7 +212,7 @@ class Solver:
             thrown = points.thrown(layers)
             thrown = thrown._replace(light=_PHOTONS_SHARE * thrown.light)
             sent = SentLight(np.concatenate([bright, new_cells]), None, thrown)
-            first, second = (points.reflected(layers, sent, half) for half in (0, 1))
+            first, second = (held(points.reflected(layers, sent, half), SQUARED) for half in (0, 1))
             values[gathered.rows], noise[gathered.rows] = 0.5 * (first + second), 0.5 * abs(first - second)
             if not lattice.refine(values, noise):
                 return points, lattice.footprint()
@@ -205,9 +225,9 @@ class Solver:
         return points.reached_by(photons, self._placement.scene)
 
     def _gather(
-        self, cells: Cells, before: Gathered, rows: NDArray[np.int32], parts: Parts
+        self, cells: Cells, before: Gathered, rows: NDArray[np.int32], parts: Parts, span: tuple[float, float]
     ) -> Generator[Progress, None, Gathered]:
-        """The gather points with those of some more rows."""
+        """The gather points with those of some more rows; span: from where to where in the whole this is."""
         found = [before]
         n_pole = np.array([size.n_pole for size in self._sizes])[object_of_rows(self._placement.hits, rows)]
         done = 0
@@ -218,17 +238,17 @@ class Solver:
                 for gathered in self._gathered(cells, part, size, parts):
                     found.append(gathered)
                     done += len(gathered.rows)
-                    yield done / len(rows), "looking around"
+                    yield span[0] + (span[1] - span[0]) * done / len(rows), "looking around"
         return joined(found)
 
     def _gathered(
         self, cells: Cells, rows: NDArray[np.int32], size: FanSize, parts: Parts
     ) -> Iterator[Gathered]:
         """One part of the gather points: what was kept of it, or what is traced."""
-        kept = parts.begin(b"fans", rows.tobytes(), repr((size, cells.size)).encode())
+        kept = parts.begin(self._kept_fans, b"fans", rows.tobytes(), repr((size, cells.size)).encode())
         if kept is not None:
-            cells.restore(table_of(kept))
-            yield gathered_of(kept)
+            cells.restore(kept[0])
+            yield kept[1]
             return
         found = []
         for each in gather(self._placement.hits, cells, rows, self._poles, size, self._second):
@@ -236,19 +256,31 @@ class Solver:
             yield each
         parts.keep({**arrays_of_gathered(joined(found)), **arrays_of_table(cells.table())})
 
-    def _light(self, cells: Cells, fineness: Fineness, parts: Parts) -> Generator[Progress, None, CellLight]:
-        kept = parts.begin(b"light", repr(fineness).encode())
+    def _light(
+        self, cells: Cells, fineness: Fineness, parts: Parts, span: tuple[float, float]
+    ) -> Generator[Progress, None, CellLight]:
+        kept = parts.begin(partial(self._kept_light, fineness), b"light", repr(fineness).encode())
         if kept is not None:
-            cells.restore(table_of(kept))
-            return cell_light_of(kept, cells.objects.copy())
+            cells.restore(kept[0])
+            return kept[1]
         found = [np.zeros((0, fineness.n_cell_rays), np.uint16)]
         for fraction, seen in connect(cells, self._n_bounces, fineness.n_cell_rays):
             found.append(seen)
-            yield fraction, "light between surfaces"
-        direct = direct_irradiance(cells, self._lights, fineness.n_samples)
+            yield span[0] + (span[1] - span[0]) * fraction, "light between surfaces"
+        direct = direct_irradiance(cells, self._shining.lights, fineness.n_samples)
         light = CellLight(cells.objects.copy(), np.concatenate(found), direct)
         parts.keep({"cell_seen": light.seen, "direct": direct, **arrays_of_table(cells.table())})
         return light
+
+
+    def _kept_fans(self, arrays: Arrays) -> tuple[Table, Gathered]:
+        reader = self._reader(arrays)
+        return read_table(reader), read_gathered(reader)
+
+    def _kept_light(self, fineness: Fineness, arrays: Arrays) -> tuple[Table, CellLight]:
+        reader = self._reader(arrays)
+        table = read_table(reader)
+        return table, read_cell_light(reader, fineness.n_cell_rays, table.objects.copy())
 
 
 def relit(
@@ -258,29 +290,15 @@ def relit(
 
     What was recorded of glossy surfaces belongs to the old light: they go by albedo, until the rays are traced anew.
     """
-    cut, patches = _cut(sky), placement.patches(N_PATCHES)
-    direct = direct_irradiance(found.cells, _lights(cut, patches), fineness.n_samples)
-    return replace(found.by_albedo(), light=replace(found.light, direct=direct), n_bounces=n_bounces)
+    shining = shining_on(placement, sky)
+    light = replace(found.light, direct=direct_irradiance(found.cells, shining.lights, fineness.n_samples))
+    return replace(found.by_albedo(), light=light, n_bounces=n_bounces, unit=shining.unit)
 
 
 def _fan_size(n_rays: int, pole: int) -> FanSize:
     """A matt surface is seen by the cosine alone, half of the others' rays go towards the highlight."""
     n_pole = 0 if pole == NORMAL else n_rays // 2
     return FanSize(n_rays - n_pole, n_pole)
-
-
-def _cut(sky: SkyState) -> TriangleLights | None:
-    if sky.environment is None:
-        return None
-    cut = cut_lights(sky.environment, N_LIGHTS, sky.rotation)
-    return replace(cut, power=(cut.power * np.float32(sky.scale)).astype(np.float32))
-
-
-def _lights(cut: TriangleLights | None, patches: EmitterPatches | None) -> tuple[Lights, ...]:
-    """The sky and the emitters, each to be sampled by power."""
-    lights = [] if cut is None else [sky_lights(cut)]
-    lights += [] if patches is None else [patch_lights(patches)]
-    return tuple(each for each in lights if len(each.cumulative))
 
 
 def _among_all(hits: PrimaryHits, rows: NDArray[np.int32], within: NDArray[np.int32]) -> NDArray[np.int32]:

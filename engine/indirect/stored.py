@@ -1,24 +1,26 @@
 """Indirect light as named arrays and back: all that was traced and sampled, nothing that follows from scene and light.
 
 What it is stored under has to tell apart all that it depends on: scene, camera, light, bounces, fineness, the models of
-the objects, and the names of the arrays themselves.
+the objects, and the names of the arrays themselves. What comes back is held against scene and light before any kernel
+indexes by it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.indirect._cell_kernels import Table
-from engine.indirect._second_kernels import Records
+from engine.indirect._cell_kernels import MOST_CELLS, N_PLACES, NO_CELL, Table
+from engine.indirect._second_kernels import N_BY_POLE, N_BY_POWER, NO_LIGHT, Records
+from engine.indirect.cells import N_SLOTS
 from engine.indirect.gather import Gathered
 from engine.indirect.irradiance import CellLight
 from engine.indirect.light import Footprint, IndirectLight
 from engine.indirect.smoothing import Smoothing, no_smoothing
+from engine.stored_arrays import ArrayReader, UnsoundArrays
 
 Arrays = dict[str, NDArray[np.generic]]
+N_CANDIDATES = N_BY_POWER + N_BY_POLE
 _RECORDS, _CELLS, _SMOOTHING = "records.", "cells.", "smoothing."
 _OWN = ("rows", "seen", "footprint", "footprint_weights", "cell_seen", "direct", "cell_size")
 NAMES = (
@@ -39,34 +41,92 @@ def arrays_of(light: IndirectLight) -> Arrays:
 
 
 def arrays_of_gathered(gathered: Gathered) -> Arrays:
-    """What `gathered_of` reads."""
+    """What `read_gathered` reads."""
     records = {_RECORDS + name: array for name, array in zip(Records._fields, gathered.records, strict=True)}
     return {"rows": gathered.rows, "seen": gathered.seen, **records}
 
 
 def arrays_of_table(table: Table) -> Arrays:
-    """What `table_of` reads."""
+    """What `read_table` reads."""
     return {_CELLS + name: array for name, array in zip(Table._fields, table, strict=True)}
 
 
-def gathered_of(arrays: Mapping[str, NDArray[np.generic]]) -> Gathered:
-    """The gather points among the arrays, as copies: kernels are compiled for arrays that can be written."""
-    records = Records(*(np.array(arrays[_RECORDS + name]) for name in Records._fields))
-    return Gathered(np.array(arrays["rows"]), np.array(arrays["seen"]), records)
+def read_table(reader: ArrayReader) -> Table:
+    """The cells as `Cells.table` gave them. The reader knows the sizes M and T of objects and triangles, and learns C.
+
+    Raises UnsoundArrays, as all that follow.
+    """
+    known = reader.sizes
+    keys = reader.take(_CELLS + "keys", np.uint64, N_SLOTS)
+    known["C"] = int(np.count_nonzero(keys))
+    if known["C"] > MOST_CELLS:
+        raise UnsoundArrays("more cells than there can be")
+    cells = reader.take(_CELLS + "cells", np.int32, N_SLOTS, below=max(known["C"], 1))
+    n_cells = reader.take(_CELLS + "n_cells", np.int64, 1)
+    objects = reader.take(_CELLS + "objects", np.int32, "C", below=known["M"])
+    seeds = reader.take(_CELLS + "seeds", np.uint64, "C")
+    n_places = reader.take(_CELLS + "n_places", np.int64, "C", below=N_PLACES + 1)
+    if n_cells[0] != known["C"] or not n_places.all():
+        raise UnsoundArrays("cells without a place, or not as many as said")
+    hashes = reader.take(_CELLS + "hashes", np.uint32, "C", N_PLACES)
+    triangle = reader.take(_CELLS + "triangle", np.int32, "C", N_PLACES, below=known["T"])
+    u, v = (reader.take(_CELLS + name, np.float32, "C", N_PLACES) for name in "uv")
+    side = reader.take(_CELLS + "side", np.uint8, "C", N_PLACES)
+    return Table(keys, cells, n_cells, objects, seeds, n_places, hashes, triangle, u, v, side)
 
 
-def footprint_of(arrays: Mapping[str, NDArray[np.generic]]) -> Footprint:
-    return np.array(arrays["footprint"]), np.array(arrays["footprint_weights"])
+def read_gathered(reader: ArrayReader) -> Gathered:
+    """The gather points, after the cells. The reader knows P points of the picture, R rays a gather point and L lights,
+    and learns p."""
+    known = reader.sizes
+    rows = reader.take("rows", np.int32, "p", below=known["P"])
+    if (np.diff(rows) <= 0).any():
+        raise UnsoundArrays("gather points that do not ascend")
+    seen = reader.take("seen", np.uint16, "p", "R", below=known["C"], or_else=NO_CELL)
+    return Gathered(rows, seen, _read_records(reader, seen))
 
 
-def smoothing_of(arrays: Mapping[str, NDArray[np.generic]]) -> Smoothing:
-    return Smoothing(*(np.array(arrays[_SMOOTHING + name]) for name in Smoothing._fields))
+def _read_records(reader: ArrayReader, seen: NDArray[np.uint16]) -> Records:
+    known = reader.sizes
+    start = reader.runs(_RECORDS + "start", "p", "n")
+    times = reader.take(_RECORDS + "times", np.float32, "p")
+    ray = reader.take(_RECORDS + "ray", np.uint16, "n", below=known["R"])
+    if (seen[np.repeat(np.arange(known["p"]), np.diff(start)), ray] == NO_CELL).any():
+        raise UnsoundArrays("records of rays that hit nothing")
+    normal = reader.take(_RECORDS + "normal", np.float32, "n", 3)
+    distance = reader.take(_RECORDS + "distance", np.float32, "n")
+    light = reader.take(_RECORDS + "light", np.uint16, "n", below=known["L"], or_else=NO_LIGHT)
+    candidate = reader.take(_RECORDS + "candidate", np.uint8, "n", below=N_CANDIDATES)
+    weight = reader.take(_RECORDS + "weight", np.float32, "n")
+    beyond = reader.take(_RECORDS + "beyond", np.uint16, "n", below=known["C"], or_else=NO_CELL)
+    return Records(start, times, ray, normal, distance, light, candidate, weight, beyond)
 
 
-def table_of(arrays: Mapping[str, NDArray[np.generic]]) -> Table:
-    """The cells as `Cells.table` gave them."""
-    return Table(*(np.array(arrays[_CELLS + name]) for name in Table._fields))
+def read_footprint(reader: ArrayReader) -> Footprint:
+    """Of every point of the picture, after the gather points."""
+    rows = reader.take("footprint", np.int32, "P", 4, below=reader.sizes["p"])
+    return rows, reader.take("footprint_weights", np.float32, "P", 4)
 
 
-def cell_light_of(arrays: Mapping[str, NDArray[np.generic]], objects: NDArray[np.int32]) -> CellLight:
-    return CellLight(objects, np.array(arrays["cell_seen"]), np.array(arrays["direct"]))
+def read_smoothing(reader: ArrayReader) -> Smoothing:
+    """The filter, after the gather points."""
+    start = reader.runs(_SMOOTHING + "start", "p", "entries")
+    neighbour = reader.take(_SMOOTHING + "neighbour", np.int32, "entries", below=reader.sizes["p"])
+    return Smoothing(start, neighbour, reader.take(_SMOOTHING + "weight", np.float32, "entries"))
+
+
+def read_cell_light(reader: ArrayReader, n_rays: int, objects: NDArray[np.int32]) -> CellLight:
+    """What cells of these objects send to one another by so many rays each, after the cells."""
+    known = reader.sizes
+    seen = reader.take("cell_seen", np.uint16, "sending", n_rays, below=known["C"], or_else=NO_CELL)
+    if known["sending"] > known["C"]:
+        raise UnsoundArrays("more cells send than there are")
+    return CellLight(objects, seen, reader.take("direct", np.float32, "C", 3))
+
+
+def read_cell_size(reader: ArrayReader) -> float:
+    """Metres."""
+    size = float(reader.take("cell_size", np.float64, 1)[0])
+    if size <= 0.0:
+        raise UnsoundArrays("cells without a size")
+    return size

@@ -47,7 +47,7 @@ class AshikhminHybrid(Model):
             "scalar",
             0.5,
             "Bias b",
-            "Where around its middle the highlight is bright: 1 along the tangent, -1 across, 0 all around.",
+            "Where around its middle the highlight is bright: 1 along the threads, -1 across, 0 all around.",
             ("B",),
             minimum=-1.0,
         ),

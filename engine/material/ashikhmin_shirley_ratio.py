@@ -27,8 +27,11 @@ class AshikhminShirleyRatio(Model):
     """
 
     name = "ashikhmin_shirley_ratio"
-    label = "Anisotropy ratio"
-    tooltip = "Brushed metal with one curve: how much narrower the highlight is across than along."
+    label = "Ashikhmin-Shirley, one ratio"
+    tooltip = (
+        "Brushed metal: Ashikhmin and Shirley's anisotropic highlight, a streak, with one curve. Its width along the "
+        "brushing is fixed; the curve says how much narrower than that it is across, the anisotropy ratio."
+    )
     kind = kinds.ASHIKHMIN_SHIRLEY_RATIO
     highlight_in_quotient = True
     factors = (GAMMA_RATIO,)
@@ -38,7 +41,7 @@ class AshikhminShirleyRatio(Model):
             "scalar",
             20.0,
             "Exponent nᵤ",
-            "Sharpness of the highlight along the tangent.",
+            "Sharpness of the highlight along the brushing.",
             ("scale", "quotient"),
             minimum=1.0,
             maximum=1e3,
@@ -48,8 +51,8 @@ class AshikhminShirleyRatio(Model):
             "ratio",
             "scalar",
             10.0,
-            "Ratio r",
-            "How many times sharper the highlight is across than along: 1 is round, 100 is a streak.",
+            "Anisotropy ratio r",
+            "How many times sharper the highlight is across the brushing than along it: 1 is round, 100 is a streak.",
             ("A", "scale"),
             minimum=1.0,
             maximum=1e3,

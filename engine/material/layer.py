@@ -76,6 +76,15 @@ class Layer:
     maps: LayerMaps = LayerMaps()
 
     @property
+    def title(self) -> str:
+        """What a person reads: the name that somebody gave it; without one, what the layer is."""
+        known = {"": self.model.label, self.model.name: self.model.label, "fresnel": "Fresnel term"}
+        name, _, number = self.name.rpartition(" ")
+        if number.isdecimal() and name in known:  # the second of its kind
+            return f"{known[name]} {number}"
+        return known.get(self.name, self.name)
+
+    @property
     def table(self) -> tuple[Parameter, ...]:
         """What a person may set: the parameters of the model, and R where it has one."""
         return self.model.parameters if self.fresnel is None else (*self.model.parameters, FRESNEL)
@@ -153,9 +162,7 @@ class Layer:
         """This layer with another's curves: the operators of those that both models have, and the parameters that drive
         curves in both tables alike; where it is the second term of the other, all. Itself where nothing differs."""
         if self.rises or other.rises:
-            shared = self.replace(
-                model=other.model, parameters=other.parameters, edits=other.edits, maps=other.maps
-            )
+            shared = self.replace(model=other.model, parameters=other.parameters, edits=other.edits, maps=other.maps)
             return self if shared == self else shared
         curves = self.model.curve_names & other.model.curve_names
         edits = {name: operators for name, operators in self.edits if name not in curves}

@@ -42,12 +42,12 @@ THETA_O = Factor("theta_o", kinds.THETA_O, "view θₒ", "Brightness as the surf
 THETA_R = Factor("theta_r", kinds.THETA_R, "mirror θᵣ", "The highlight's profile, from its middle outwards.")
 THETA_H = Factor("theta_h", kinds.THETA_H, "half θₕ", "The highlight's profile, from its middle outwards.")
 THETA_D = Factor("theta_d", kinds.THETA_D, "difference θ_d", "Reflectance and tint, from head-on to grazing.")
-GAMMA_ALPHA = Factor("gamma_alpha", kinds.GAMMA_ALPHA, "along γ_α", "The highlight's profile along the tangent.")
-GAMMA_BETA = Factor("gamma_beta", kinds.GAMMA_BETA, "across γ_β", "The highlight's profile across the tangent.")
-GAMMA_RATIO = Factor("gamma_ratio", kinds.GAMMA_RATIO, "ratio γᵣ", "How far the highlight reaches across the tangent.")
-SLOPE_U = Factor("theta_u", kinds.SLOPE_U, "along θ_u", "The highlight's profile along the tangent.")
-SLOPE_V = Factor("theta_v", kinds.SLOPE_V, "across θ_v", "The highlight's profile across the tangent.")
-PHI_H = Factor("phi_h", kinds.PHI_H, "azimuth φₕ", "The highlight's strength from along the tangent, 0°, to across.")
+GAMMA_ALPHA = Factor("gamma_alpha", kinds.GAMMA_ALPHA, "along γ_α", "The highlight's profile along the brushing.")
+GAMMA_BETA = Factor("gamma_beta", kinds.GAMMA_BETA, "across γ_β", "The highlight's profile across the brushing.")
+GAMMA_RATIO = Factor("gamma_ratio", kinds.GAMMA_RATIO, "ratio γᵣ", "How far the highlight reaches across the brushing.")
+SLOPE_U = Factor("theta_u", kinds.SLOPE_U, "along θ_u", "The highlight's profile along the brushing.")
+SLOPE_V = Factor("theta_v", kinds.SLOPE_V, "across θ_v", "The highlight's profile across the brushing.")
+PHI_H = Factor("phi_h", kinds.PHI_H, "azimuth φₕ", "The highlight's strength from along the threads, 0°, to across.")
 
 
 class Model(ABC):

@@ -29,7 +29,7 @@ class RoughConductor(Model):
             "choice",
             "ggx",
             "Distribution",
-            "Shape of the highlight: ggx has a small core and a wide glow, beckmann ends sooner.",
+            "Shape of the highlight: GGX has a small core and a wide glow, Beckmann ends sooner.",
             ("A", "quotient"),
             choices=("ggx", "beckmann"),
         ),

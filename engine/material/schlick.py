@@ -55,7 +55,7 @@ class Schlick(Model):
             "scalar",
             1.0,
             "Isotropy p",
-            "1 is a round highlight; small values stretch it across the tangent, as on metal brushed along it.",
+            "1 is a round highlight; small values stretch it across the brushing, as on brushed metal.",
             ("quotient",),
             minimum=0.01,
             maximum=1.0,

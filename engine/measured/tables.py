@@ -8,16 +8,17 @@ file and of how factors are fitted. What was read is kept in a store, under that
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Generator, Mapping
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine.errors import InsituError, LoadError
-from engine.measured.coordinates import SHAPE
+from engine.measured.coordinates import N_NODES, SHAPE
 from engine.measured.cornell import SUFFIX as CORNELL
 from engine.measured.cornell import read_cornell, scattered_samples
 from engine.measured.fill import Filled, fill_samples
@@ -26,7 +27,9 @@ from engine.measured.measurement import CURVES, ENDINGS, FitReport, Measurement
 from engine.measured.merl import merl_samples, read_merl
 from engine.measured.scattered import METHOD as SCATTERED_METHOD
 from engine.measured.scattered import fit_scattered
+from engine.stored_arrays import ArrayReader, Arrays
 
+Made = TypeVar("Made")
 # Raised when anything changes what is made of a file.
 FIT_VERSION = 3
 
@@ -36,9 +39,9 @@ Steps = Generator[tuple[float, str], None, Measurement]
 class ArrayStore(Protocol):
     """Arrays kept on disk by key, such as `app.jobs.cache.Store`."""
 
-    def get(self, key: str) -> Mapping[str, NDArray[np.generic]] | None: ...
+    def get(self, key: str, read: Callable[[Arrays], Made]) -> Made | None: ...
 
-    def put(self, key: str, arrays: Mapping[str, NDArray[np.generic]]) -> bool: ...
+    def put(self, key: str, arrays: Arrays) -> bool: ...
 
 
 @dataclass(eq=False)
@@ -92,18 +95,17 @@ def read_measurement(path: Path, store: ArrayStore | None = None) -> Steps:
     number = int(key[:12], 16) or 1
     if number in _tables:
         return replace(_tables[number].measurement, file=str(path))
-    kept = None if store is None else store.get(f"measured-{key}")
+    kept = None if store is None else store.get(f"measured-{key}", partial(_from_arrays, str(path), number))
     if kept is not None:
-        measurement = _from_arrays(str(path), number, kept)
-        add_table(np.asarray(kept["samples"], np.float32), measurement)
-        return measurement
+        add_table(*kept)
+        return kept[1]
     filled, factors, method = yield from _made_of(data, path)
     report = FitReport(filled.n_missing, filled.n_below, factors.error, factors.error_whole, method)
     arrays = _arrays(filled.table, factors, report)
     if store is not None:
         store.put(f"measured-{key}", arrays)
-    measurement = _from_arrays(str(path), number, arrays)
-    add_table(filled.table, measurement)
+    samples, measurement = _from_arrays(str(path), number, arrays)
+    add_table(samples, measurement)
     return measurement
 
 
@@ -149,24 +151,25 @@ def _arrays(table: NDArray[np.float32], factors: Factors, report: FitReport) -> 
     curves = [factors.slant, factors.slant, factors.theta_d, factors.theta_h, factors.slant_p, factors.half_q]
     return {
         "samples": table,
-        "strengths": np.stack([factors.diffuse, factors.specular, factors.whole]),
+        "strengths": np.stack([factors.diffuse, factors.specular, factors.whole]).astype(np.float64),
         "curves": np.stack(curves).astype(np.float32),
-        "filled": np.array([report.n_missing, report.n_below]),
-        "error": np.array([report.error, report.error_whole]),
+        "filled": np.array([report.n_missing, report.n_below], np.int64),
+        "error": np.array([report.error, report.error_whole], np.float64),
         "method": np.frombuffer(report.method.encode(), np.uint8),
     }
 
 
-def _from_arrays(file: str, number: int, arrays: Mapping[str, NDArray[np.generic]]) -> Measurement:
-    if arrays["samples"].shape != (*SHAPE, 3):
-        raise InsituError(f"{file}: what was kept of it has another shape")
-    diffuse, specular, whole = (_rgb(row) for row in np.asarray(arrays["strengths"], float))
-    missing, below = (int(n) for n in np.asarray(arrays["filled"], int))
-    error, error_whole = (float(error) for error in np.asarray(arrays["error"], float))
-    method = np.asarray(arrays["method"], np.uint8).tobytes().decode()
+def _from_arrays(file: str, number: int, arrays: Arrays) -> tuple[NDArray[np.float32], Measurement]:
+    """The samples and what was fitted to them. Raises UnsoundArrays."""
+    reader = ArrayReader(arrays)
+    samples = reader.take("samples", np.float32, *SHAPE, 3)
+    diffuse, specular, whole = (_rgb(row) for row in reader.take("strengths", np.float64, 3, 3))
+    missing, below = (int(n) for n in reader.take("filled", np.int64, 2))
+    error, error_whole = (float(error) for error in reader.take("error", np.float64, 2))
+    method = reader.take("method", np.uint8, "text").tobytes().decode(errors="replace")
+    curves = tuple(curve.tobytes() for curve in reader.take("curves", np.float32, len(CURVES), N_NODES, 3))
     report = FitReport(missing, below, error, error_whole, method)
-    curves = tuple(np.ascontiguousarray(curve, np.float32).tobytes() for curve in arrays["curves"])
-    return Measurement(file, number, diffuse, specular, whole, curves, report)
+    return samples, Measurement(file, number, diffuse, specular, whole, curves, report)
 
 
 def _rgb(row: NDArray[np.float64]) -> tuple[float, float, float]:

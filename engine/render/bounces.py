@@ -4,21 +4,56 @@ Each path begins at a random point of the picture and goes on by the cosine, its
 albedo of each surface it meets. Were all surfaces lit alike, the weights left at the Nth surface would be the share of
 the light that takes N reflections to the eye; the series ends where one more would carry less than the tolerance. What
 is lit unevenly can need one bounce more or fewer: nothing of the light is asked, so that the answer holds for any.
+Nor does it depend on how many bands curves are computed with, so that a plan, a still and the editor say the same.
 """
+
+from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.indirect.albedo import equivalent_albedo
+from engine.material.layer import Layer
+from engine.plan import usual_bands
 from engine.scene.hits import object_ids, shading_frames
+from engine.scene.load import Scene
+from engine.texture.surface import mean_factor
 from engine.transport.pipeline import Placement
 
 TOLERANCE = 0.01
 MOST_PLANNED = 4
+MUCH = 0.25
+"""A share of the light that is said to be missing."""
+_ENDLESS = 0.999  # of one bounce's light the next carries so much: within what 4096 paths tell it is all
 _N_PATHS = 4096
 
 
-def bounce_shares(placement: Placement, albedos: NDArray[np.float64], seed: int = 1) -> NDArray[np.float64]:
-    """Shares (MOST_PLANNED + 1,) of all these bounces' light that one reflection, two, … carry; 0 where it is dark.
+@dataclass(frozen=True)
+class BouncePlan:
+    """How many bounces, and why. missing: the share of all reflected light that comes after them, as far as the paths
+    tell, 1 where there is no end of it; most_missing: what it cannot exceed, 1 where no albedo bounds it."""
+
+    n_bounces: int
+    reason: str
+    missing: float
+    most_missing: float
+
+    @property
+    def warning(self) -> str:
+        """What is to be said where much is missing, else ""."""
+        if self.missing >= 1.0:
+            return f"all light is reflected on and on: no number of bounces holds it, {self.n_bounces} are shown"
+        if self.missing > MUCH:
+            kept = f"{self.n_bounces} bounces keep {1.0 - self.missing:.0%} of the light, the rest is missing"
+            return kept.replace("1 bounces keep", "1 bounce keeps")
+        return ""
+
+
+def carried_light(
+    placement: Placement, albedos: NDArray[np.float64], n_bounces: int, seed: int = 1
+) -> NDArray[np.float64]:
+    """What one reflection, two, … carry, (n_bounces, 3), each in the same unit; 0 where it is dark.
 
     albedos (M, 3): of each object, 0 for emitters.
     """
@@ -28,9 +63,9 @@ def bounce_shares(placement: Placement, albedos: NDArray[np.float64], seed: int 
     objects = np.searchsorted(hits.object_ranges[:, 1], rows, "right")
     origins, normals = hits.offset_position[rows], hits.normal[rows]
     weights = albedos[objects]
-    carried = np.zeros(MOST_PLANNED + 1)
-    for bounce in range(len(carried)):
-        carried[bounce] = weights.mean(axis=1).sum()
+    carried = np.zeros((n_bounces, 3))
+    for bounce in range(n_bounces):
+        carried[bounce] = weights.sum(axis=0)
         directions = _by_cosine(normals, generator)
         found = caster.intersect(origins, directions)
         ids = object_ids(scene, found)
@@ -40,8 +75,33 @@ def bounce_shares(placement: Placement, albedos: NDArray[np.float64], seed: int 
         weights = weights[met] * albedos[ids[met]]
         frames = shading_frames(scene, caster, found, ids, met, -directions[met])
         origins, normals = frames["offset_position"], frames["normal"]
-    total = carried.sum()
-    return carried / total if total > 0.0 else carried
+    return carried
+
+
+def shares_of(carried: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Shares (N,) of all these bounces' light that each carries, over all colours."""
+    each, total = carried.sum(axis=1), carried.sum()
+    return np.asarray(each / total if total > 0.0 else each)
+
+
+def missing_light(carried: NDArray[np.float64], largest_albedo: float) -> tuple[float, float]:
+    """The share of all reflected light that comes after the last but one of these bounces, (N + 1, 3): as it goes on
+    from there, and what it cannot exceed.
+
+    Each bounce carries at most the largest albedo ρ of what the one before it did, so that what comes after N bounces
+    is at most that of bounce N + 1 times 1 / (1 − ρ). What it is, is told by the part r that the last one carries of
+    the one before, by colour: in a closed scene of one albedo r = ρ, and both are ρ^N.
+    """
+    last, next_one = carried[-2], carried[-1]
+    ratio = np.divide(next_one, last, out=np.zeros(3), where=last > 0.0)
+    kept = carried[:-1].sum()
+    if not next_one.any():
+        return 0.0, 0.0
+    if (ratio >= _ENDLESS).any():
+        return 1.0, 1.0
+    after = float((next_one / (1.0 - ratio)).sum())
+    most = float(next_one.sum()) / (1.0 - largest_albedo) if largest_albedo < 1.0 else np.inf
+    return after / (kept + after), 1.0 if np.isinf(most) else max(most, after) / (kept + max(most, after))
 
 
 def required_bounces(shares: NDArray[np.float64], tolerance: float = TOLERANCE) -> int:
@@ -52,11 +112,27 @@ def required_bounces(shares: NDArray[np.float64], tolerance: float = TOLERANCE) 
     return len(shares) - 1
 
 
-def planned_bounces(placement: Placement, albedos: NDArray[np.float64]) -> tuple[int, str]:
-    """How many, and why. albedos (M, 3) as for `bounce_shares`."""
-    shares = bounce_shares(placement, albedos)
-    n_bounces = required_bounces(shares)
-    return n_bounces, _reason(shares, n_bounces)
+def planned_bounces(
+    placement: Placement, layers: Iterable[tuple[int, Layer]], n_bounces: int | None = None
+) -> BouncePlan:
+    """How many bounces with these visible layers of the scene's objects (by index), or what becomes of `n_bounces`."""
+    albedos = object_albedos(placement.scene, layers)
+    carried = carried_light(placement, albedos, (n_bounces or MOST_PLANNED) + 1)
+    reason = ""
+    if n_bounces is None:
+        shares = shares_of(carried)
+        n_bounces = required_bounces(shares)
+        reason = _reason(shares, n_bounces)
+    return BouncePlan(n_bounces, reason, *missing_light(carried[: n_bounces + 1], float(albedos.max(initial=0.0))))
+
+
+def object_albedos(scene: Scene, layers: Iterable[tuple[int, Layer]]) -> NDArray[np.float64]:
+    """Equivalent albedo (M, 3) of every object: the sum over its layers, images by their means over the surface."""
+    albedos = np.zeros((len(scene.triangle_ranges), 3))
+    for i_object, layer in layers:
+        bands = tuple(usual_bands(layer.model).values())
+        albedos[i_object] += mean_factor(scene, i_object, layer.maps) * equivalent_albedo(layer, bands)
+    return albedos
 
 
 def _reason(shares: NDArray[np.float64], n_bounces: int) -> str:

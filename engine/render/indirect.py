@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.indirect.layers import IndirectLayer, albedos_of, indirect_layer
+from engine.indirect.layers import IndirectLayer, indirect_layer
 from engine.indirect.light import IndirectLight
 from engine.indirect.series import BounceSeries
 from engine.indirect.solver import STILL, Fineness, Solver
@@ -45,11 +45,6 @@ def _picture(
             alone = found.reflecting([replace(seen, gain=each.layer.scale())], light)
             total[begin:end] += alone[begin:end] * factor
     return total
-
-
-def still_albedos(layers: Sequence[StillLayer], n_objects: int) -> NDArray[np.float64]:
-    """Equivalent albedo (M, 3) of every object."""
-    return albedos_of(_reflecting(layers), n_objects)
 
 
 def _reflecting(layers: Sequence[StillLayer], second: int | None = None) -> list[IndirectLayer]:

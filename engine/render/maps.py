@@ -38,8 +38,6 @@ class MapFactors:
             if found:
                 self._maps[i_object] = found
                 n_layers = max(n_layers, len(visible))
-                if any(maps.is_of_files for _, maps in found):
-                    scene.check_has_uvs(i_object, "texture")
         self._n_layers = n_layers
 
     def of_eye(self, placement: Placement) -> Factors:

@@ -90,7 +90,7 @@ class EmitterLight:
     """All triangles that shine, drawn by power and evenly over their area; they shine to their front."""
 
     def __init__(self, scene: Scene) -> None:
-        shining = np.flatnonzero(scene.emitters[scene.object_of_triangle])
+        shining = np.flatnonzero((scene.emitters & scene.emission.any(axis=1))[scene.object_of_triangle])
         corners = scene.vertices[scene.triangles[shining]].astype(np.float64)
         edges = corners[:, 1:] - corners[:, :1]
         across = np.cross(edges[:, 0], edges[:, 1])

@@ -15,6 +15,11 @@ def builtin_scenes() -> dict[str, Path]:
     return {name: found[name] for name in sorted(found, key=lambda name: (name != DEFAULT_SCENE, name))}
 
 
+def scene_path(source: str) -> Path:
+    """The file of a scene: of a built-in one by its name, else the path itself."""
+    return builtin_scenes().get(source) or Path(source)
+
+
 def builtin_environments() -> dict[str, Path]:
     """Name -> lat-long EXR, by name."""
     return {path.stem: path for path in sorted((ASSETS / "environments").glob("*.exr"))}

@@ -9,7 +9,6 @@ model and its parameters make sense is for `engine.material` to say: here they a
 from __future__ import annotations
 
 import math
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -24,11 +23,10 @@ from pydantic import (
     model_validator,
 )
 
-from engine.errors import LoadError
 from engine.material.maps import LayerMaps, map_fields, map_values, maps_from
 from engine.material.parameters import ParameterError
 from engine.scene.complaints import first_complaint
-from engine.scene.files import read_regular_file
+from engine.scene.toml_text import check_version, load_toml, toml_lines, toml_value
 from engine.scene.transform import check_transform
 
 SCENE_VERSION = 1
@@ -221,25 +219,12 @@ class SceneDescription(_Description):
 def load_description(path: str | Path) -> SceneDescription:
     """Read and validate a scene file; raises LoadError with file, key, value and what was expected."""
     path = Path(path)
-    data = read_regular_file(path, MAX_SCENE_BYTES)
-    try:
-        tree = tomllib.loads(data.decode("utf-8"))
-    except UnicodeDecodeError as error:
-        raise LoadError(path, f"byte {error.start}", hex(data[error.start]), "UTF-8 text") from None
-    except RecursionError:
-        raise LoadError(path, "nesting", "too deep", "a TOML file with a few levels") from None
-    except ValueError as error:
-        raise LoadError(path, "TOML", str(error), "a valid TOML file") from None
-    return parse_description(tree, path)
+    return parse_description(load_toml(path, MAX_SCENE_BYTES), path)
 
 
 def parse_description(tree: dict[str, Any], file: str | Path) -> SceneDescription:
     """Validate the tree of a TOML file named `file`."""
-    version = tree.get("version")
-    if isinstance(version, int) and not isinstance(version, bool) and version > SCENE_VERSION:
-        raise LoadError(file, "version", f"{version} (made by a newer version)", f"version {SCENE_VERSION}")
-    if version != SCENE_VERSION or isinstance(version, bool):
-        raise LoadError(file, "version", "nothing" if version is None else version, f"{SCENE_VERSION}")
+    check_version(tree, file, SCENE_VERSION)
     try:
         return SceneDescription.model_validate(tree)
     except ValidationError as error:
@@ -248,7 +233,7 @@ def parse_description(tree: dict[str, Any], file: str | Path) -> SceneDescriptio
 
 def dump_description(description: SceneDescription) -> str:
     """The TOML text that reads back as an equal description."""
-    lines = [f"version = {description.version}", f"name = {_toml(description.name)}"]
+    lines = [f"version = {description.version}", f"name = {toml_value(description.name)}"]
     lines += [] if description.bounces is None else [f"bounces = {description.bounces}"]
     lines += ["[camera]", *_table(description.camera)]
     if description.environment is not None:
@@ -262,37 +247,10 @@ def dump_description(description: SceneDescription) -> str:
 
 def _table(model: BaseModel, skip: str = "") -> list[str]:
     """`key = value` lines of a model's fields, those at None left out."""
-    fields = ((key, getattr(model, key)) for key in type(model).model_fields if key != skip)
-    return [f"{key} = {_toml(value)}" for key, value in fields if value is not None]
+    return toml_lines({key: getattr(model, key) for key in type(model).model_fields if key != skip})
 
 
 def _layer(layer: LayerDescription) -> str:
     """A layer as a TOML inline table."""
     named = {"model": layer.model, "name": layer.name, "follows": layer.follows}
-    own = {key: value for key, value in named.items() if value is not None} | layer.parameters | map_values(layer.maps)
-    return "{ " + ", ".join(f"{_key(key)} = {_toml(value)}" for key, value in own.items()) + " }"
-
-
-def _key(key: str) -> str:
-    """A TOML key, quoted unless it is a bare one."""
-    bare = key.isascii() and key.replace("_", "a").replace("-", "a").isalnum()
-    return key if bare else _toml(key)
-
-
-def _toml(value: object) -> str:
-    """A TOML value; floats in the shortest form that reads back the same."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, (int, float)):
-        return repr(value)
-    if isinstance(value, (tuple, list)):
-        return "[" + ", ".join(_toml(item) for item in value) + "]"
-    escaped = "".join(_escape(c) for c in str(value))
-    return f'"{escaped}"'
-
-
-def _escape(character: str) -> str:
-    """A character inside a basic TOML string."""
-    if character in '"\\':
-        return "\\" + character
-    return character if character.isprintable() else f"\\U{ord(character):08x}"
+    return toml_value(named | layer.parameters | map_values(layer.maps))

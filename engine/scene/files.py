@@ -31,7 +31,9 @@ def read_regular_file(path: Path, max_bytes: int) -> bytes:
         if status.st_size > max_bytes:
             raise LoadError(path, "size", f"{status.st_size} bytes", f"at most {max_bytes} bytes")
         with os.fdopen(descriptor, "rb", closefd=False) as file:
-            data = file.read(max_bytes + 1)
+            data = file.read(status.st_size + 1)  # more is set aside before it is known to be needed
+            if len(data) > status.st_size:
+                data += file.read(max_bytes + 1 - len(data))
     except OSError as error:
         raise LoadError(path, "file", error.strerror or str(error), "a readable file") from None
     finally:

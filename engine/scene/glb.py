@@ -82,6 +82,14 @@ class Fields:
                 raise LoadError(self.file, f"{place} {i}", item, "an object")
         return [Fields(item, f"{place} {i}", self.file) for i, item in enumerate(value)]
 
+    def item(self, key: str, index: int) -> Fields | None:
+        """One object of a list, without a look at the others; None past its end."""
+        value = self.values.get(key, [])
+        if not isinstance(value, list) or not all(isinstance(item, dict) for item in value[index : index + 1]):
+            raise self.error(f"{key} {index}", value, "an object")
+        place = f"{self.place}: {key} {index}" if self.place else f"{key} {index}"
+        return Fields(value[index], place, self.file) if index < len(value) else None
+
     def indices(self, key: str, count: int) -> list[int]:
         """A list of indices below count."""
         value = self.values.get(key, [])

@@ -21,16 +21,18 @@ from engine.scene.files import read_regular_file, resolve_inside
 from engine.scene.glb import Fields, parse_glb
 from engine.scene.gltf_materials import PartMaterial, read_material
 from engine.scene.gltf_textures import Images
-from engine.scene.mesh import MAX_MESH_BYTES, Mesh, join_meshes, place_mesh, validate_mesh
+from engine.scene.mesh import MAX_MESH_BYTES, Mesh, join_meshes, place_copies, validate_mesh
 from engine.scene.transform import check_transform
 
 MAX_DEPTH = 256
 MAX_COUNT = 2**31 - 1
-MAX_VERTICES = 50_000_000
+# Vertices and faces of all copies that nodes make of meshes, one more for every byte: small files must not cost much.
+MOST_COPIED = 1_000_000
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _HARMLESS = ("KHR_materials_", "KHR_texture_", "KHR_lights_")
 _TRIANGLES = 4
+_TRANSFORM = ("matrix", "translation", "rotation", "scale")
 
 
 @dataclass(frozen=True)
@@ -70,26 +72,18 @@ def read_glb(path: Path) -> GlbModel:
     _check_uris(root, binary)
     file = _File(path, binary, root.children("bufferViews"), root.children("accessors"), root.children("meshes"),
                  root.children("nodes"), len(root.children("materials")))
-    by_material: dict[int, list[Mesh]] = {}
-    n_vertices, skipped = 0, 0
-    cache: dict[int, tuple[list[tuple[int, Mesh]], int]] = {}
-    for mesh_index, matrix in _placed_meshes(file, root):
-        if mesh_index not in cache:
-            cache[mesh_index] = _read_primitives(file, mesh_index)
-        primitives, n_skipped = cache[mesh_index]
-        skipped += n_skipped
-        n_vertices += sum(len(mesh.vertices) for _, mesh in primitives)
-        if n_vertices > MAX_VERTICES:
-            raise LoadError(path, "vertices of all nodes", n_vertices, f"at most {MAX_VERTICES}")
-        for material, mesh in primitives:
-            by_material.setdefault(material, []).append(place_mesh(mesh, matrix))
+    copies, skipped = _Copies(file), 0
+    for mesh_index, matrices in _placed_meshes(file, root).items():
+        for primitive in file.meshes[mesh_index].children("primitives"):
+            skipped += 0 if copies.take(primitive, matrices) else len(matrices)
+    by_material = copies.by_material()
     if not by_material:
         raise LoadError(path, "faces", 0, "at least one mesh of triangles in the scene")
     images = Images(root, binary)
-    materials = [read_material(fields, images) for fields in root.children("materials")]
-    parts = [_part(meshes, materials[k] if k >= 0 else PartMaterial()) for k, meshes in sorted(by_material.items())]
-    used = [materials[k] for k in sorted(by_material) if k >= 0]
-    return GlbModel(tuple(parts), tuple(_notes(root, used, skipped)))
+    described = root.children("materials")
+    used = {k: PartMaterial() if k < 0 else read_material(described[k], images) for k in by_material}
+    parts = [_part(by_material[k], material) for k, material in used.items()]
+    return GlbModel(tuple(parts), tuple(_notes(root, list(used.values()), skipped)))
 
 
 def _part(meshes: list[Mesh], material: PartMaterial) -> GlbPart:
@@ -129,8 +123,8 @@ def _check_uris(root: Fields, binary: bytes) -> None:
             resolve_inside(root.file.parent, unquote(uri), root.file, f"{image.place}: uri")
 
 
-def _placed_meshes(file: _File, root: Fields) -> list[tuple[int, npt.NDArray[np.float64]]]:
-    """(mesh, matrix to the file's frame) of every node in the scene, parents before children."""
+def _placed_meshes(file: _File, root: Fields) -> dict[int, list[npt.NDArray[np.float64]]]:
+    """Of every mesh in the scene the matrices to the file's frame of the nodes that have it."""
     children = [node.indices("children", len(file.nodes)) for node in file.nodes]
     parents: dict[int, int] = {}
     for k, below in enumerate(children):
@@ -140,16 +134,18 @@ def _placed_meshes(file: _File, root: Fields) -> list[tuple[int, npt.NDArray[np.
                                 "one parent: nodes in a tree without a loop")
             parents[child] = k
     stack = [(k, np.eye(4), 0) for k in reversed(_roots(file, root, parents))]
-    placed, reached = [], 0
+    placed: dict[int, list[npt.NDArray[np.float64]]] = {}
+    reached = 0
     while stack:
         k, above, depth = stack.pop()
         reached += 1
         if depth > MAX_DEPTH or reached > len(file.nodes):
             raise LoadError(file.path, f"nodes {k}: depth", "too deep" if depth > MAX_DEPTH else "a loop",
                             f"a tree of at most {MAX_DEPTH} levels")
-        matrix = _finite(above @ _node_matrix(file.nodes[k]), file.nodes[k])
-        if file.nodes[k].has("mesh"):
-            placed.append((file.nodes[k].integer("mesh", 0, len(file.meshes) - 1), matrix))
+        node = file.nodes[k]
+        matrix = above if node.values.keys().isdisjoint(_TRANSFORM) else _finite(above @ _node_matrix(node), node)
+        if node.has("mesh"):
+            placed.setdefault(node.integer("mesh", 0, len(file.meshes) - 1), []).append(matrix)
         stack += [(child, matrix, depth + 1) for child in reversed(children[k])]
     return placed
 
@@ -196,19 +192,39 @@ def _finite(matrix: npt.NDArray[np.float64], node: Fields) -> npt.NDArray[np.flo
     return matrix
 
 
-def _read_primitives(file: _File, index: int) -> tuple[list[tuple[int, Mesh]], int]:
-    """(material or −1, mesh) of a mesh's primitives, and how many were points or lines."""
-    found, skipped = [], 0
-    for primitive in file.meshes[index].children("primitives"):
+class _Copies:
+    """The triangles of a file by material: each list of them read once, and placed once for all its copies, of which a
+    file may have no more than its size is worth."""
+
+    def __init__(self, file: _File) -> None:
+        self._file = file
+        self._read: dict[str, Mesh] = {}
+        self._matrices: dict[tuple[int, str], list[npt.NDArray[np.float64]]] = {}
+        self._most, self._n = MOST_COPIED + len(file.binary), 0
+
+    def take(self, primitive: Fields, matrices: list[npt.NDArray[np.float64]]) -> bool:
+        """Read a primitive and note where copies of it stand; False for points and lines, which are left out."""
         mode = primitive.integer("mode", 0, 6, _TRIANGLES)
         if mode < _TRIANGLES:
-            skipped += 1
-            continue
+            return False
         if mode != _TRIANGLES:
             raise primitive.error("mode", mode, f"{_TRIANGLES} (triangles; no strips, no fans)")
-        material = primitive.integer("material", -1, file.n_materials - 1, -1)
-        found.append((material, _read_primitive(file, primitive)))
-    return found, skipped
+        made_of = repr((primitive.values.get("attributes"), primitive.values.get("indices")))
+        mesh = self._read.get(made_of) or self._read.setdefault(made_of, _read_primitive(self._file, primitive))
+        self._n += (len(mesh.vertices) + len(mesh.triangles)) * len(matrices)
+        if self._n > self._most:
+            expected = f"at most {self._most} in a file of this size"
+            raise primitive.error("vertices and faces of all copies", self._n, expected)
+        material = primitive.integer("material", -1, self._file.n_materials - 1, -1)
+        self._matrices.setdefault((material, made_of), []).extend(matrices)
+        return True
+
+    def by_material(self) -> dict[int, list[Mesh]]:
+        """All triangles, in the order of the materials, −1 for what has none."""
+        found: dict[int, list[Mesh]] = {}
+        for (material, made_of), matrices in self._matrices.items():
+            found.setdefault(material, []).append(place_copies(self._read[made_of], np.stack(matrices)))
+        return dict(sorted(found.items()))
 
 
 def _read_primitive(file: _File, primitive: Fields) -> Mesh:

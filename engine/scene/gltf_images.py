@@ -4,27 +4,30 @@ from __future__ import annotations
 
 import base64
 import binascii
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from urllib.parse import unquote
 
 from engine.scene.files import read_regular_file, resolve_inside
-from engine.scene.glb import Fields, parse_glb
+from engine.scene.glb import MAX_ITEMS, Fields, parse_glb
 from engine.scene.mesh import MAX_MESH_BYTES
 
 MAX_IMAGE_BYTES = 256 * 2**20
 
 
-def read_image(path: Path, index: int) -> bytes:
-    """The bytes of one image of a GLB file; raises LoadError naming the place and what was expected there."""
-    return image_bytes(*parse_glb(read_regular_file(path, MAX_MESH_BYTES), path), index)
+def image_reader(path: Path) -> Callable[[int], bytes]:
+    """What gives the bytes of a GLB file's images by number; it, too, raises LoadError naming the place and what was
+    expected there."""
+    return partial(image_bytes, *parse_glb(read_regular_file(path, MAX_MESH_BYTES), path))
 
 
 def image_bytes(root: Fields, binary: bytes, index: int) -> bytes:
     """The same of a file that has been read: its root and its binary chunk."""
-    images = root.children("images")
-    if index >= len(images):
-        raise root.error(f"images {index}", "nothing", f"an image from 0 to {len(images) - 1}" if images else "images")
-    image = images[index]
+    image = root.item("images", index)
+    if image is None:
+        there = len(root.values.get("images", []))
+        raise root.error(f"images {index}", "nothing", f"an image from 0 to {there - 1}" if there else "images")
     uri = image.text("uri")
     if uri is None:
         return _from_chunk(root, image, binary)
@@ -36,8 +39,10 @@ def image_bytes(root: Fields, binary: bytes, index: int) -> bytes:
 
 def _from_chunk(root: Fields, image: Fields, binary: bytes) -> bytes:
     """The bytes of a buffer view."""
-    views = root.children("bufferViews")
-    view = views[image.integer("bufferView", 0, len(views) - 1)]
+    index = image.integer("bufferView", 0, MAX_ITEMS)
+    view = root.item("bufferViews", index)
+    if view is None:
+        raise image.error("bufferView", index, f"an integer from 0 to {len(root.children('bufferViews')) - 1}")
     view.integer("buffer", 0, 0)
     start = view.integer("byteOffset", 0, len(binary), 0)
     return binary[start : start + view.integer("byteLength", 1, len(binary) - start)]

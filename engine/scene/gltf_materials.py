@@ -30,6 +30,8 @@ _SMOOTHEST = 0.01
 _BRIGHTEST = 0.98
 _MIXED = 0.02  # metalness this close to 0 or 1 is that
 RGB = tuple[float, float, float]
+GREY = (LayerDescription(model="lambert", parameters={"albedo": (0.5, 0.5, 0.5)}),)
+"""What has no material at all."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,7 @@ class PartMaterial:
     """Layers of a material (glTF's default: white, metal 1, roughness 1, is replaced by plain grey), its emission, and
     what of it is not shown."""
 
-    layers: tuple[LayerDescription, ...] = (LayerDescription(model="lambert", parameters={"albedo": (0.5, 0.5, 0.5)}),)
+    layers: tuple[LayerDescription, ...] = GREY
     emission: RGB | None = None
     notes: tuple[str, ...] = ()
 

@@ -1,7 +1,8 @@
 """Which image a glTF material uses, how it lies on the surface, and its mean.
 
-An image that cannot be had (kept in a format of an extension, placed by a second set of coordinates, or not there) is
-stepped over with a note: the material's factors stand for it. Repeats are kept; a texture that is turned or moved by
+An image that cannot be had (kept in a format of an extension, placed by a second set of coordinates, larger with those
+before it than the file is worth, or not there) is stepped over with a note: the material's factors stand for it. Images
+that are the same bytes are one. Repeats are kept; a texture that is turned or moved by
 another part than whole repeats is shown without that, with a note.
 """
 
@@ -15,7 +16,11 @@ from engine.errors import LoadError
 from engine.material.maps import MAX_REPEATS
 from engine.scene.glb import Fields
 from engine.scene.gltf_images import image_bytes
-from engine.texture.images import is_readable, read_texture
+from engine.texture.images import image_size, read_texture
+
+# Of all images of one file, and more for every byte: a few kilobytes can claim millions of pixels.
+MOST_PIXELS = 1 << 26
+PIXELS_A_BYTE = 32
 
 
 @dataclass(frozen=True)
@@ -31,8 +36,11 @@ class Images:
 
     def __init__(self, root: Fields, binary: bytes) -> None:
         self._root, self._binary = root, binary
-        self._textures, self._n_images = root.children("textures"), len(root.children("images"))
+        self._textures, self._images = root.children("textures"), root.children("images")
         self._means: dict[int, tuple[float, float, float]] = {}
+        self._first_of: dict[str, int] = {}
+        self._usable: dict[int, tuple[int | None, str]] = {}
+        self._pixels_left = MOST_PIXELS + PIXELS_A_BYTE * len(binary)
 
     def use(self, info: Fields, notes: list[str]) -> TextureUse | None:
         """What a material's texture says, None where it cannot be shown; notes tell why."""
@@ -64,14 +72,31 @@ class Images:
         if not texture.has("source"):
             notes.append("a texture in a format of an extension is not shown")
             return None
-        image = texture.integer("source", 0, self._n_images - 1)
+        image = texture.integer("source", 0, len(self._images) - 1)
+        if image not in self._usable:
+            self._usable[image] = self._examined(image)
+        usable, note = self._usable[image]
+        if note:
+            notes.append(note)
+        return usable
+
+    def _examined(self, image: int) -> tuple[int | None, str]:
+        """The first image of these bytes, if it can be read; else None and why not."""
+        where = [self._images[image].values.get(key) for key in ("bufferView", "uri")]
+        first = self._first_of.setdefault(repr(where), image)
+        if first != image:
+            return self._usable[first]
         try:
-            if is_readable(image_bytes(self._root, self._binary, image)):
-                return image
-            notes.append(f"image {image} is no PNG or JPEG and not shown")
+            size = image_size(image_bytes(self._root, self._binary, image), f"{self._root.file}#{image}")
         except LoadError as error:
-            notes.append(f"image {image} is not shown: {error.what} = {error.value}")
-        return None
+            return None, f"image {image} is not shown: {error.what} = {error.value}"
+        if size is None:
+            return None, f"image {image} is no PNG or JPEG and not shown"
+        n_pixels = size[0] * size[1]
+        if n_pixels > self._pixels_left:
+            return None, "images are not shown that have, with those before them, too many pixels for such a file"
+        self._pixels_left -= n_pixels
+        return image, ""
 
 
 def _repeats(transform: Fields, notes: list[str]) -> tuple[float, float]:

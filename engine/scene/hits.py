@@ -18,6 +18,8 @@ from engine.scene.raycaster import Intersections, RayCaster
 Floats = npt.NDArray[np.float32]
 Integers = npt.NDArray[np.int32]
 
+# Of a shading normal to the eye.
+LEAST_COSINE = 1e-3
 # Four rays a pixel on a rotated grid, in pixels from its centre.
 _SUB_RAYS = ((-0.375, -0.125), (0.125, -0.375), (0.375, 0.125), (-0.125, 0.375))
 
@@ -27,10 +29,11 @@ class PrimaryHits:
     """The shading points of a picture (P of them), sorted by object, then row-major. Vectors are unit, float32.
 
     pixel (P,): row · width + column; object_ranges (M, 2) into the points; position (P, 3) in the scene's frame and
-    offset_position, lifted off the surface for shadow rays; normal: the shading normal, interpolated where smooth,
-    turned to the eye; geometric_normal: the face's, turned to the eye; front (P,): whether the eye sees the side that
-    the winding faces; tangent: across the object's Y axis, the brushed direction; wo: to the eye. object_image (H, W)
-    int16, −1 for the background; emission_image (H, W, 3): emitters seen from their front; ray_directions (H, W, 3).
+    offset_position, lifted off the surface for shadow rays; normal: the shading normal, interpolated where smooth, on
+    the face's side and the eye's; geometric_normal: the face's, turned to the eye; front (P,): whether the eye sees the
+    side that the winding faces; tangent: across the object's Y axis, the brushed direction; wo: to the eye.
+    object_image (H, W) int16, −1 for the background; emission_image (H, W, 3): emitters seen from their front;
+    ray_directions (H, W, 3).
     edge_pixels (E,) of which the share edge_weights (E,) shows what edge_neighbours (E,) see (anti-aliasing for the
     screen alone).
     """
@@ -115,7 +118,8 @@ def shading_frames(
     length = np.linalg.norm(interpolated, axis=1, keepdims=True)
     usable = scene.smooth[ids][:, None] & (length > 1e-4)
     shading = np.where(usable, interpolated / np.where(usable, length, 1.0), geometric)
-    geometric, shading = _face(geometric, wo), _face(shading, wo)
+    geometric = _face(geometric, wo)
+    shading = _towards(_face(shading, geometric), wo)
     vectors = {
         "position": position,
         "offset_position": caster.offset_origins(position, geometric),
@@ -127,13 +131,20 @@ def shading_frames(
     return {name: np.ascontiguousarray(vector, dtype=np.float32) for name, vector in vectors.items()}
 
 
-def _face(normals: npt.NDArray[np.float64], wo: Floats) -> npt.NDArray[np.float64]:
-    """Normals turned to the eye's side.
+def _face(normals: npt.NDArray[np.float64], side: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
+    """Normals turned to a side: the face's to the eye's, the shading normal to the face's."""
+    return np.where(np.einsum("pk,pk->p", normals, side)[:, None] < 0.0, -normals, normals)
 
-    Each by its own sign, as a two-sided material does that asks the shading frame where the eye is: an interpolated
-    normal that leans away from an eye which sees the face's front is turned round too, and stays a unit vector.
+
+def _towards(normals: npt.NDArray[np.float64], wo: Floats) -> npt.NDArray[np.float64]:
+    """Unit normals, those that lean away from the eye bent until it sees their side edge on.
+
+    Along silhouettes an interpolated normal may point behind a face that the eye sees. Turned round by its own sign, as
+    two-sided materials do that ask the shading frame alone, it would face into the body: a dark dot in the picture.
     """
-    return np.where(np.einsum("pk,pk->p", normals, wo)[:, None] < 0.0, -normals, normals)
+    along = np.einsum("pk,pk->p", normals, wo)[:, None]
+    bent = normals + np.maximum(LEAST_COSINE - along, 0.0) * wo
+    return np.where(along < LEAST_COSINE, bent / np.linalg.norm(bent, axis=1, keepdims=True), normals)
 
 
 def _tangents(scene: Scene, ids: Integers, normals: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

@@ -7,22 +7,25 @@ are then relative to `Scene.origin`, the camera included.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from engine.errors import LoadError
+from engine.scene.box_projection import box_frame
 from engine.scene.defects import count_defects
 from engine.scene.description import SceneDescription, load_description
 from engine.scene.files import resolve_inside
-from engine.scene.mesh import Mesh, face_normals, join_meshes, join_uvs, place_mesh
+from engine.scene.mesh import MESH_ENDINGS, Mesh, face_normals, join_meshes, join_uvs, place_mesh
 from engine.scene.parts import ObjectMesh, object_meshes
+from engine.scene.stage import DEFAULT_ENVIRONMENT, stage_mesh
 from engine.texture.store import TextureStore
 
 MAX_EXTENT = 1e9
-NEEDS_UVS = "a mesh with texture coordinates (OBJ vt, PLY s t or u v, GLB TEXCOORD_0) or a primitive"
+PROJECTED = "no texture coordinates, so images are projected from the sides of its box"
 MAX_TRIANGLES = 50_000_000
 _FAR = 16.0
 
@@ -35,7 +38,8 @@ class Scene:
     clockwise seen from the front; object_of_triangle (T,) int32; triangle_ranges (M, 2); geometric_normals (T, 3)
     float32; smooth (M,) bool: whether normals are interpolated; emission (M, 3) float32, zero where nothing shines.
     uvs (T, 3, 2) float32: texture coordinates of the triangles' corners, v upwards, 0 in objects without, None where no
-    object has them; has_uvs (M,) bool; textures: the scene's images.
+    object has them; has_uvs (M,) bool; boxes (M, 3, 4) the frames in which the others are looked up
+    (`engine.scene.box_projection`); textures: the scene's images.
     """
 
     description: SceneDescription
@@ -53,51 +57,65 @@ class Scene:
     file: Path
     uvs: npt.NDArray[np.float32] | None
     has_uvs: npt.NDArray[np.bool_]
+    boxes: npt.NDArray[np.float64]
     textures: TextureStore
     environment_path: Path | None = None
     notes: tuple[str, ...] = field(default=())
 
     @property
     def emitters(self) -> npt.NDArray[np.bool_]:
-        """Which objects shine (M,)."""
-        return np.asarray(self.emission.any(axis=1))
+        """Which objects are emitters (M,): those that the file has shine, however dark they have been made since."""
+        return np.array([described.emits for described in self.description.objects], bool)
+
+    def shining(self, emission: Mapping[str, tuple[float, float, float]]) -> Scene:
+        """The scene with emitters, by name, of this radiance instead of their own; names of no emitter do not count."""
+        changed = self.emission.copy()
+        for i in np.flatnonzero(self.emitters):
+            changed[i] = emission.get(self.description.objects[i].name, changed[i])
+        return replace(self, emission=changed)
 
     @property
     def eye(self) -> npt.NDArray[np.float64]:
         """The camera's position in the frame of the arrays (3,)."""
         return np.subtract(self.description.camera.position, self.origin)
 
-    def check_has_uvs(self, i_object: int, what: str) -> None:
-        """Raises LoadError where a map is wanted on a mesh without texture coordinates."""
-        if not self.has_uvs[i_object]:
-            name = self.description.objects[i_object].name
-            raise LoadError(self.file, f"object {name!r}: {what}", "a mesh without texture coordinates", NEEDS_UVS)
-
 
 def load_scene(path: str | Path, resolution: tuple[int, int] | None = None) -> Scene:
-    """Read a scene file and its meshes; `resolution` = (width, height) replaces the file's. Raises LoadError."""
+    """Read a scene file and its meshes, or one mesh as a scene of its own; `resolution` = (width, height) replaces the
+    file's. Raises LoadError."""
     path = Path(path)
-    return build_scene(load_description(path), path, resolution)
+    if path.suffix.lower() not in MESH_ENDINGS:
+        return build_scene(load_description(path), path, resolution)
+    stage = stage_mesh(path)
+    return _assemble(stage.description, stage.items, stage.notes, path, resolution, DEFAULT_ENVIRONMENT)
 
 
 def build_scene(description: SceneDescription, path: Path, resolution: tuple[int, int] | None = None) -> Scene:
     """The scene of a description that was read from (or would stand at) `path`."""
-    folder = path.parent
     environment_path = None
     if description.environment is not None and description.environment.file is not None:
-        environment_path = resolve_inside(folder, description.environment.file, path, "environment: file")
-    items, notes = object_meshes(description, folder, path)
+        environment_path = resolve_inside(path.parent, description.environment.file, path, "environment: file")
+    items, notes = object_meshes(description, path.parent, path)
+    return _assemble(description, items, notes, path, resolution, environment_path)
+
+
+def _assemble(
+    description: SceneDescription, items: Sequence[ObjectMesh], notes: Sequence[str], path: Path,
+    resolution: tuple[int, int] | None, environment_path: Path | None,
+) -> Scene:  # fmt: skip
+    """The arrays of objects that have been read; the description takes over what they became."""
+    _check_count(items, path)
     placed, place_notes = _place_all(items, path)
     description = description.model_copy(update={"objects": tuple(item.description for item in items)})
     vertices, origin = _recentre([mesh.vertices for mesh in placed], path)
-    triangles, ranges = _join_triangles(placed, path)
+    triangles, ranges = _join_triangles(placed)
     geometric, _ = face_normals(vertices, triangles)
     counts = ranges[:, 1] - ranges[:, 0]
     objects = description.objects
     emission = np.array([o.emission if o.emission is not None else (0.0, 0.0, 0.0) for o in objects], np.float32)
     scene = Scene(
         description=description,
-        folder=folder,
+        folder=path.parent,
         resolution=resolution or description.camera.resolution,
         vertices=vertices,
         normals=np.concatenate([mesh.normals for mesh in placed]).astype(np.float32),  # type: ignore[arg-type]
@@ -110,10 +128,11 @@ def build_scene(description: SceneDescription, path: Path, resolution: tuple[int
         origin=origin,
         file=path,
         uvs=join_uvs(placed),
+        boxes=np.array([box_frame(i.mesh, np.reshape(i.description.transform, (4, 4)), origin) for i in items]),
         has_uvs=np.array([mesh.uvs is not None for mesh in placed]),
         textures=TextureStore(path),
         environment_path=environment_path,
-        notes=tuple(notes + place_notes + _layer_notes(description)),
+        notes=(*notes, *place_notes, *_layer_notes(description), *_map_notes(description, placed)),
     )
     _load_maps(scene)
     return scene
@@ -124,17 +143,24 @@ def _load_maps(scene: Scene) -> None:
 
     A scene file may name only what stands in its folder; full paths are for a person to choose.
     """
-    for i, described in enumerate(scene.description.objects):
+    wanted = []
+    for described in scene.description.objects:
         for maps in (layer.maps for layer in described.layers if not layer.maps.is_plain and not described.emits):
-            if maps.is_of_files:
-                scene.check_has_uvs(i, "texture" if maps.texture else "weight")
             for what, name in (("texture", maps.texture), ("weight", maps.weight)):
                 if name:
                     resolve_inside(scene.folder, name.rpartition("#")[0] or name, scene.file, what)
-            scene.textures.load(maps.images)
+            wanted.append(maps.images)
+    scene.textures.load(wanted)
 
 
-def _place_all(items: list[ObjectMesh], path: Path) -> tuple[list[Mesh], list[str]]:
+def _check_count(items: Sequence[ObjectMesh], path: Path) -> None:
+    """Refuses too many triangles, before each object that shares a mesh gets a copy of it."""
+    total = sum(len(item.mesh.triangles) for item in items)
+    if total > MAX_TRIANGLES:
+        raise LoadError(path, "triangles", total, f"at most {MAX_TRIANGLES}")
+
+
+def _place_all(items: Sequence[ObjectMesh], path: Path) -> tuple[list[Mesh], list[str]]:
     """Every object's mesh in world coordinates (float64), and what was odd about it."""
     placed, notes = [], []
     for item in items:
@@ -167,11 +193,8 @@ def _recentre(vertices: list[npt.NDArray[np.float64]], path: Path) -> tuple[npt.
     return (joined - origin).astype(np.float32), origin
 
 
-def _join_triangles(placed: list[Mesh], path: Path) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+def _join_triangles(placed: list[Mesh]) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
     """Triangles over the joined vertices, and the range (M, 2) of each object's."""
-    total = sum(len(mesh.triangles) for mesh in placed)
-    if total > MAX_TRIANGLES:
-        raise LoadError(path, "triangles", total, f"at most {MAX_TRIANGLES}")
     triangles = join_meshes(placed).triangles
     ends = np.cumsum([len(mesh.triangles) for mesh in placed])
     ranges = np.stack([np.concatenate([[0], ends[:-1]]), ends], axis=1).astype(np.int32)
@@ -181,3 +204,12 @@ def _join_triangles(placed: list[Mesh], path: Path) -> tuple[npt.NDArray[np.int3
 def _layer_notes(description: SceneDescription) -> list[str]:
     """What the description says that will not be seen."""
     return [f"{o.name}: shines, so its layers are not shown" for o in description.objects if o.emits and o.layers]
+
+
+def _map_notes(description: SceneDescription, placed: list[Mesh]) -> list[str]:
+    """Which objects' images lie on them by the box."""
+    return [
+        f"{described.name}: {PROJECTED}"
+        for described, mesh in zip(description.objects, placed, strict=True)
+        if mesh.uvs is None and not described.emits and any(layer.maps.is_of_files for layer in described.layers)
+    ]

@@ -7,7 +7,7 @@ invalid files silently (indices out of range, counts that do not match, NaN) or 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,7 @@ import numpy.typing as npt
 from engine.errors import LoadError
 from engine.scene.files import read_regular_file
 
+MESH_ENDINGS = (".ply", ".obj", ".glb")
 MAX_MESH_BYTES = 512 * 2**20
 MAX_COORDINATE = 1e12
 MAX_UV = 1e4  # beyond, single precision no longer tells texels apart
@@ -135,22 +136,38 @@ def _are_short(vectors: Floats) -> npt.NDArray[np.bool_]:
 
 
 def place_mesh(mesh: Mesh, matrix: npt.NDArray[np.float64]) -> Mesh:
-    """The mesh under an affine transform, with unit normals.
+    """The mesh under an affine transform, with unit normals: its own, or smooth ones where it has none."""
+    placed = place_copies(mesh, matrix[None])
+    return placed if placed.normals is not None else replace(
+        placed, normals=smooth_normals(placed.vertices, placed.triangles)
+    )  # fmt: skip
+
+
+def place_copies(mesh: Mesh, matrices: npt.NDArray[np.float64]) -> Mesh:
+    """Copies of a mesh under affine transforms (N, 4, 4) as one mesh, with unit normals where it has normals.
 
     Normals go with the inverse transpose (here the cofactor matrix det(A) A⁻ᵀ, which needs no division). A mirroring
     transform turns the winding round, so that fronts stay fronts and geometric and vertex normals agree.
     """
-    linear = matrix[:3, :3]
-    vertices = mesh.vertices @ linear.T + matrix[:3, 3]
-    cofactor = np.cross(linear[[1, 2, 0]], linear[[2, 0, 1]])
-    mirrored = np.dot(linear[0], cofactor[0]) < 0.0
-    triangles = mesh.triangles[:, ::-1] if mirrored else mesh.triangles
-    uvs = mesh.uvs[:, ::-1] if mirrored and mesh.uvs is not None else mesh.uvs
+    linear = matrices[:, :3, :3]
+    vertices = (mesh.vertices @ linear.swapaxes(1, 2) + matrices[:, None, :3, 3]).reshape(-1, 3)
+    cofactor = np.cross(linear[:, [1, 2, 0]], linear[:, [2, 0, 1]])
+    mirrored = np.einsum("nk,nk->n", linear[:, 0], cofactor[:, 0]) < 0.0
+    starts = np.arange(len(matrices), dtype=np.int32) * len(mesh.vertices)
+    triangles = _wound(mesh.triangles, mirrored) + np.repeat(starts, len(mesh.triangles))[:, None]
+    uvs = None if mesh.uvs is None else _wound(mesh.uvs, mirrored)
     if mesh.normals is None:
-        return Mesh(vertices, triangles, smooth_normals(vertices, triangles), uvs)
-    turned = mesh.normals @ (cofactor / np.abs(cofactor).max() * (-1.0 if mirrored else 1.0)).T
+        return Mesh(vertices, triangles, None, uvs)
+    sign = np.where(mirrored, -1.0, 1.0) / np.abs(cofactor).max(axis=(1, 2))
+    turned = (mesh.normals @ (cofactor * sign[:, None, None]).swapaxes(1, 2)).reshape(-1, 3)
     fallback = smooth_normals(vertices, triangles) if _are_short(turned).any() else np.array([0.0, 1.0, 0.0])
     return Mesh(vertices, triangles, normalize(turned, fallback), uvs)
+
+
+def _wound(corners: npt.NDArray, mirrored: npt.NDArray[np.bool_]) -> npt.NDArray:
+    """Copies of what stands at the corners of triangles (T, 3, ...), those of mirrored ones the other way round."""
+    copies = [corners[:, ::-1] if turned else corners for turned in mirrored]
+    return np.concatenate(copies)
 
 
 def join_meshes(meshes: list[Mesh]) -> Mesh:

@@ -21,6 +21,7 @@ from engine.scene.mesh import Mesh, fan_triangles
 _IGNORED = frozenset(("vp", "o", "g", "s", "usemtl", "l", "p", "mg", "usemap", "maplib", "lod", "shadow_obj",
                       "trace_obj", "bevel", "c_interp", "d_interp"))
 _MAX_INDEX_DIGITS = 12
+_MOST_LIBRARIES = 64
 
 
 @dataclass
@@ -35,6 +36,8 @@ class _Lines:
     corners: list[tuple[int, int, int]] = field(default_factory=list)
     lengths: list[int] = field(default_factory=list)
     lines: list[int] = field(default_factory=list)
+    libraries: set[str] = field(default_factory=set)
+    known_corners: dict[str, tuple[int, int, int]] = field(default_factory=dict)
     number: int = 0
 
 
@@ -43,12 +46,15 @@ def parse_obj(data: bytes, file: Path) -> Mesh:
     state = _Lines(file)
     if b"\0" in data:
         raise LoadError(file, f"byte {data.index(0)}", "binary data", "the text of an OBJ file")
-    held = ""
+    held: list[str] = []
     for state.number, line in enumerate(data.decode("utf-8", "replace").split("\n"), start=1):
-        line = (held + line).rstrip()
-        held = line[:-1] + " " if line.endswith("\\") else ""
-        if not held:
-            _read_line(state, line.partition("#")[0].split())
+        line = line.rstrip()
+        if line.endswith("\\"):
+            held.append(line[:-1])
+            continue
+        if held:
+            line, held = " ".join((*held, line)), []
+        _read_line(state, line.partition("#")[0].split())
     if held:
         raise LoadError(file, f"line {state.number}", "\\", "a line after the last continuation")
     return _assemble(state)
@@ -68,9 +74,18 @@ def _read_line(state: _Lines, words: list[str]) -> None:
         state.textures.append((_numbers(state, words, (1, 2, 3)) + [0.0])[:2])
     elif words[0] == "mtllib":
         for name in words[1:]:
-            resolve_inside(state.file.parent, name, state.file, f"line {state.number}: mtllib")
+            if name not in state.libraries:
+                _check_library(state, name)
     else:
         raise _refused(state, " ".join(words), "v, vn, vt, f, o, g, s, usemtl, mtllib or a comment")
+
+
+def _check_library(state: _Lines, name: str) -> None:
+    """Note a material library of the file's folder; following names to where they lead takes long."""
+    if len(state.libraries) == _MOST_LIBRARIES:
+        raise _refused(state, f"mtllib {name}", f"at most {_MOST_LIBRARIES} material libraries")
+    resolve_inside(state.file.parent, name, state.file, f"line {state.number}: mtllib")
+    state.libraries.add(name)
 
 
 def _numbers(state: _Lines, words: list[str], counts: tuple[int, ...]) -> list[float]:
@@ -89,15 +104,23 @@ def _read_face(state: _Lines, words: list[str]) -> None:
     if len(words) < 3:
         raise _refused(state, "f " + " ".join(words), "at least 3 corners")
     for word in words:
-        parts = word.split("/")
-        if len(parts) > 3:
-            raise _refused(state, word, "v, v/vt, v//vn or v/vt/vn")
-        position = _index(state, word, parts[0], len(state.positions), "v")
-        normal = _index(state, word, parts[2], len(state.normals), "vn") if len(parts) == 3 and parts[2] else -1
-        texture = _index(state, word, parts[1], len(state.textures), "vt") if len(parts) > 1 and parts[1] else -1
-        state.corners.append((position, normal, texture))
+        state.corners.append(state.known_corners.get(word) or _read_corner(state, word))
     state.lengths.append(len(words))
     state.lines.append(state.number)
+
+
+def _read_corner(state: _Lines, word: str) -> tuple[int, int, int]:
+    """(position, normal, texture) of a corner; one that counts from the first on means the same wherever it stands."""
+    parts = word.split("/")
+    if len(parts) > 3:
+        raise _refused(state, word, "v, v/vt, v//vn or v/vt/vn")
+    position = _index(state, word, parts[0], len(state.positions), "v")
+    normal = _index(state, word, parts[2], len(state.normals), "vn") if len(parts) == 3 and parts[2] else -1
+    texture = _index(state, word, parts[1], len(state.textures), "vt") if len(parts) > 1 and parts[1] else -1
+    corner = position, normal, texture
+    if "-" not in word:
+        state.known_corners[word] = corner
+    return corner
 
 
 def _index(state: _Lines, word: str, digits: str, count: int, kind: str) -> int:

@@ -13,6 +13,7 @@ from engine.errors import LoadError
 from engine.scene.description import MAX_OBJECTS, LayerDescription, ObjectDescription, SceneDescription
 from engine.scene.files import resolve_inside
 from engine.scene.gltf import GlbModel, GlbPart, read_glb
+from engine.scene.gltf_materials import GREY
 from engine.scene.mesh import Mesh, join_meshes, read_mesh
 from engine.scene.primitives import PRIMITIVES
 
@@ -49,7 +50,25 @@ def object_meshes(description: SceneDescription, folder: Path, path: Path) -> tu
             items += _glb_objects(item, models[file], path, taken)
     if len(items) > MAX_OBJECTS:
         raise LoadError(path, "objects", len(items), f"at most {MAX_OBJECTS}")
-    return items, notes
+    return _with_layers(items, notes), notes
+
+
+def _with_layers(items: list[ObjectMesh], notes: list[str]) -> list[ObjectMesh]:
+    """What neither shines nor has layers would be black for ever: it gets grey ones, and a note says so."""
+    bare = [item.description.name for item in items if not item.description.layers and not item.description.emits]
+    if bare:
+        notes.append(f"{_listed(bare)}: without a material, shown in a grey that can be edited")
+    return [
+        replace(item, description=item.description.model_copy(update={"layers": GREY}))
+        if item.description.name in bare
+        else item
+        for item in items
+    ]
+
+
+def _listed(names: list[str]) -> str:
+    """The first few names."""
+    return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
 
 
 def _glb_objects(item: ObjectDescription, model: GlbModel, path: Path, taken: set[str]) -> list[ObjectMesh]:
@@ -67,7 +86,7 @@ def _glb_objects(item: ObjectDescription, model: GlbModel, path: Path, taken: se
     for k in chosen:
         part = model.parts[k]
         own = {"layers": _layers(part, str(item.mesh)), "emission": part.emission}
-        named = {"name": _free_name(item.name, k, taken), "part": k}
+        named = {"name": free_name(f"{item.name[:48]} {k + 1}", taken), "part": k}
         items.append(ObjectMesh(item.model_copy(update=own | named), part.mesh))
     return items
 
@@ -81,10 +100,9 @@ def _layers(part: GlbPart, file: str) -> tuple[LayerDescription, ...]:
     )  # fmt: skip
 
 
-def _free_name(name: str, part: int, taken: set[str]) -> str:
-    """`name part`, with more behind it if that is taken."""
-    candidate = f"{name[:48]} {part + 1}"
-    while candidate in taken:
-        candidate += "+"
-    taken.add(candidate)
-    return candidate
+def free_name(name: str, taken: set[str]) -> str:
+    """The name, with more behind it if it is taken; from then on it is."""
+    while name in taken:
+        name += "+"
+    taken.add(name)
+    return name

@@ -8,6 +8,7 @@ vertex indices are stepped over.
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
@@ -23,6 +24,8 @@ _MAX_COUNT = 2**31 - 1
 _TYPES = {"char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
           "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
           "double": "f8", "float64": "f8"}
+_CODES = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I"}
+_CORNERS = ("vertex_indices", "vertex_index")
 _UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
 _FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
@@ -46,6 +49,10 @@ class _Element:
         """Whether its rows differ in length."""
         return any(p.count_type for p in self.properties)
 
+    def reads(self, p: _Property) -> bool:
+        """Whether a mesh is made of a property; others are stepped over."""
+        return self.name == "vertex" and not p.count_type or self.name == "face" and p.name in _CORNERS
+
 
 @dataclass
 class _Lists:
@@ -64,7 +71,7 @@ def parse_ply(data: bytes, file: Path) -> Mesh:
         columns = _read_ascii(data, body, elements, file)
     vertices = _vectors(columns, "vertex", "x y z", file)
     normals = _vectors(columns, "vertex", "nx ny nz", file) if ("vertex", "nx") in columns else None
-    faces = columns.get(("face", "vertex_indices"), columns.get(("face", "vertex_index")))
+    faces = next((columns["face", name] for name in _CORNERS if ("face", name) in columns), None)
     if not isinstance(faces, _Lists):
         raise LoadError(file, "element face", "no list vertex_indices", "a list of vertex indices")
     triangles = _triangulate(faces, len(vertices), file)
@@ -152,7 +159,8 @@ def _row_type(element: _Element, order: str, lengths: dict[str, int]) -> np.dtyp
 
 
 def _read_rows(data: bytes, start: int, element: _Element, order: str, lengths: dict[str, int], file: Path) -> tuple:
-    """Columns of an element whose rows all have one layout, and where the next element starts."""
+    """Columns of an element whose rows all have one layout, and where the next element starts; none where a list has
+    another length than its first."""
     if not element.properties:
         return {}, start
     layout = _row_type(element, order, lengths)
@@ -160,13 +168,14 @@ def _read_rows(data: bytes, start: int, element: _Element, order: str, lengths: 
     if end > len(data):
         _truncated(data, start, element, layout.itemsize, file)
     rows = np.frombuffer(data, layout, element.count, start)
+    if any((rows[f"n{i}"] != lengths[p.name]).any() for i, p in enumerate(element.properties) if p.count_type):
+        return None, start
     columns: dict[tuple[str, str], Column | _Lists] = {}
     for i, p in enumerate(element.properties):
-        values = rows[f"v{i}"].astype(np.float64)
-        if p.count_type:
-            columns[element.name, p.name] = _Lists(rows[f"n{i}"].astype(np.int64), values.reshape(-1))
-        else:
-            columns[element.name, p.name] = values
+        if element.reads(p):
+            values = rows[f"v{i}"].astype(np.float64)
+            counts = rows[f"n{i}"].astype(np.int64) if p.count_type else None
+            columns[element.name, p.name] = values if counts is None else _Lists(counts, values.reshape(-1))
     return columns, end
 
 
@@ -177,8 +186,7 @@ def _read_list_rows(data: bytes, start: int, element: _Element, order: str, file
     lengths, first_end = _first_lengths(data, start, element, order, file)
     if start + (first_end - start) * element.count <= len(data):
         columns, end = _read_rows(data, start, element, order, lengths, file)
-        uniform = (columns[element.name, p.name].lengths == lengths[p.name] for p in element.properties if p.count_type)
-        if all(same.all() for same in uniform):
+        if columns is not None:
             return columns, end
     return _walk_rows(data, start, element, order, file)
 
@@ -198,29 +206,51 @@ def _first_lengths(data: bytes, start: int, element: _Element, order: str, file:
 
 
 def _walk_rows(data: bytes, start: int, element: _Element, order: str, file: Path) -> tuple:
-    """An element with lists of different lengths, one row at a time."""
-    counts: dict[str, list[int]] = {p.name: [] for p in element.properties}
-    values: dict[str, list[npt.NDArray]] = {p.name: [] for p in element.properties}
-    if element.count > len(data) - start:
+    """An element with lists of different lengths, one row at a time; what nobody asks for is stepped over."""
+    size = len(data)
+    if element.count > size - start:
         _truncated(data, start, element, 1, file)
-    for _ in range(element.count):
-        for p in element.properties:
+    found: dict[str, tuple[list[int], list[int]]] = {p.name: ([], []) for p in element.properties if element.reads(p)}
+    steps = [(_counter(p, order), np.dtype(p.type).itemsize, found.get(p.name)) for p in element.properties]
+    for row in range(element.count):
+        for counter, itemsize, noted in steps:
             n = 1
-            if p.count_type:
-                n = int(_scalar(data, start, order + p.count_type, element, file))
-                start += np.dtype(p.count_type).itemsize
-            size = np.dtype(p.type).itemsize * n
-            if n < 0 or start + size > len(data):
-                raise LoadError(file, f"element {element.name}: row {len(counts[p.name])}", f"a list of {n}",
-                                f"a length that fits the file of {len(data)} bytes")
-            counts[p.name].append(n)
-            values[p.name].append(np.frombuffer(data, order + p.type, n, start))
-            start += size
+            if counter is not None:
+                if start + counter.size > size:
+                    _truncated(data, start, element, counter.size, file)
+                (n,) = counter.unpack_from(data, start)
+                start += counter.size
+            end = start + itemsize * n
+            if n < 0 or end > size:
+                raise LoadError(file, f"element {element.name}: row {row}", f"a list of {n}",
+                                f"a length that fits the file of {size} bytes")
+            if noted is not None:
+                noted[0].append(n)
+                noted[1].append(start)
+            start = end
     columns = {}
     for p in element.properties:
-        flat = np.concatenate(values[p.name]).astype(np.float64)
-        columns[element.name, p.name] = _Lists(np.array(counts[p.name], np.int64), flat) if p.count_type else flat
+        if p.name in found:
+            lengths, starts = (np.array(each, np.int64) for each in found[p.name])
+            flat = _gathered(data, starts, lengths, order + p.type)
+            columns[element.name, p.name] = _Lists(lengths, flat) if p.count_type else flat
     return columns, start
+
+
+def _counter(p: _Property, order: str) -> struct.Struct | None:
+    """What reads the length of a list."""
+    return struct.Struct(order + _CODES[p.count_type]) if p.count_type else None
+
+
+def _gathered(
+    data: bytes, starts: npt.NDArray[np.int64], lengths: npt.NDArray[np.int64], layout: str
+) -> npt.NDArray[np.float64]:
+    """All values of runs that begin at byte offsets, one run after the other."""
+    size = np.dtype(layout).itemsize
+    within = np.arange(int(lengths.sum())) - np.repeat(np.cumsum(lengths) - lengths, lengths)
+    at = np.repeat(starts, lengths) + size * within
+    octets = np.frombuffer(data, np.uint8)[at[:, None] + np.arange(size)]
+    return octets.view(layout)[:, 0].astype(np.float64)
 
 
 def _scalar(data: bytes, start: int, layout: str, element: _Element, file: Path) -> int:

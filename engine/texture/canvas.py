@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from engine.material.maps import Images, MapMeans
 from engine.material.strokes import Strokes
+from engine.scene.box_projection import box_uvs
 from engine.scene.hits import PrimaryHits
 from engine.scene.load import Scene
 from engine.texture.pyramid import Pyramid
@@ -84,8 +85,8 @@ def spread_points(
     colours, shares = np.ones((len(u), 3)), np.full(len(u), images.weight_start, np.float32)
     if texture is not None or weight is not None:
         uv = uvs_at(scene, triangle, u, v)
-        assert scene.uvs is not None
-        edges = scene.uvs[triangle, 1:].astype(np.float64) - scene.uvs[triangle, :1]
+        uvs = _corner_uvs(scene, triangle)
+        edges = uvs[:, 1:] - uvs[:, :1]
         stretch = np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]) / area[triangle - begin]
         share = stretch * cumulative[-1] / _N_MEAN_SAMPLES  # of the image, that one point stands for
         if texture is not None:
@@ -107,10 +108,18 @@ def mean_maps(
 
 
 def uvs_at(scene: Scene, triangle: NDArray[np.integer], u: NDArray, v: NDArray) -> Floats:
-    """Texture coordinates (N, 2) of points (1 − u − v) A + u B + v C of triangles (N,); 0 where a mesh has none."""
-    if scene.uvs is None:
-        return np.zeros((len(triangle), 2))
-    return _between(scene.uvs[triangle], u, v)
+    """Texture coordinates (N, 2) of points (1 − u − v) A + u B + v C of triangles (N,), of some meshes by their box."""
+    return _between(_corner_uvs(scene, triangle), u, v)
+
+
+def _corner_uvs(scene: Scene, triangle: NDArray[np.integer]) -> Floats:
+    """Texture coordinates (N, 3, 2) of the corners of triangles (N,)."""
+    objects = scene.object_of_triangle[triangle]
+    uvs = np.zeros((len(triangle), 3, 2)) if scene.uvs is None else scene.uvs[triangle].astype(np.float64)
+    bare = np.flatnonzero(~scene.has_uvs[objects])
+    if len(bare):
+        uvs[bare] = box_uvs(scene.vertices[scene.triangles[triangle[bare]]], scene.boxes[objects[bare]])
+    return uvs
 
 
 def positions_at(scene: Scene, triangle: NDArray[np.integer], u: NDArray, v: NDArray) -> NDArray[np.float32]:

@@ -10,6 +10,8 @@ from __future__ import annotations
 import io
 import tempfile
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -45,9 +47,14 @@ def read_weight(data: bytes, file: Path | str) -> Image:
     return np.minimum(_checked(grey, file), np.float32(1.0))
 
 
-def is_readable(data: bytes) -> bool:
-    """Whether the bytes begin as one of the formats that are read."""
-    return any(data.startswith(magic) for magic in _MAGIC)
+def image_size(data: bytes, file: Path | str) -> tuple[int, int] | None:
+    """(width, height) by the header of a PNG or a JPEG, nothing decoded; None for bytes that begin as neither."""
+    kind = _kind(data)
+    if kind not in ("PNG", "JPEG"):
+        return None
+    with _opened(data, file, kind) as picture:
+        width, height = picture.size
+        return width, height
 
 
 def decode_srgb(values: NDArray[np.floating]) -> Image:
@@ -67,14 +74,26 @@ def _shares(values: NDArray[np.generic], as_srgb: bool) -> Image:
 
 def _values(data: bytes, file: Path | str) -> NDArray[np.generic]:
     """The numbers (H, W, 1 or 3) as the file has them: uint8, uint16 or float32."""
-    kind = next((name for magic, name in _MAGIC.items() if data.startswith(magic)), None)
-    if kind is None:
+    kind = _kind(data)
+    if not kind:
         raise LoadError(file, "first bytes", data[:8], "a PNG, JPEG or OpenEXR image")
     return _read_exr(data, file) if kind == "EXR" else _read_integers(data, file, kind)
 
 
+def _kind(data: bytes) -> str:
+    """PNG, JPEG or EXR, as the bytes begin; "" for others."""
+    return next((name for magic, name in _MAGIC.items() if data.startswith(magic)), "")
+
+
 def _read_integers(data: bytes, file: Path | str, kind: str) -> NDArray[np.generic]:
     """A PNG or a JPEG."""
+    with _opened(data, file, kind) as picture:
+        return _integers(picture)
+
+
+@contextmanager
+def _opened(data: bytes, file: Path | str, kind: str) -> Iterator[Any]:
+    """A picture of a size that may be read; what the library says of it becomes a LoadError."""
     from PIL import Image as Pictures
 
     try:
@@ -82,7 +101,7 @@ def _read_integers(data: bytes, file: Path | str, kind: str) -> NDArray[np.gener
             warnings.simplefilter("ignore", Pictures.DecompressionBombWarning)  # the size is judged here
             with Pictures.open(io.BytesIO(data), formats=[kind]) as opened:
                 _check_size(*opened.size, file)
-                return _integers(opened)
+                yield opened
     except LoadError:
         raise
     except Pictures.DecompressionBombError:

@@ -7,6 +7,7 @@ picture inside a GLB file is named `FILE.glb#N`, the Nth of its images.
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from threading import Lock
 
@@ -29,6 +30,7 @@ class TextureStore:
         self._scene_file = scene_file
         self._kept: OrderedDict[tuple[str, str, Space], tuple[Stamp, Pyramid]] = OrderedDict()
         self._lock = Lock()
+        self._files: dict[Path, Callable[[int], bytes]] | None = None  # of several images, while they are loaded
 
     def texture(self, images: Images) -> Pyramid | None:
         """Linear RGB of the texture; None where there is none. Raises LoadError."""
@@ -38,10 +40,15 @@ class TextureStore:
         """Shares of the weight map; None where there is none. Raises LoadError."""
         return self._pyramid("weight", images.weight, "linear") if images.weight else None
 
-    def load(self, images: Images) -> None:
-        """Read what is named and not there yet. Raises LoadError."""
-        self.texture(images)
-        self.weight(images)
+    def load(self, wanted: Iterable[Images]) -> None:
+        """Read what is named and not there yet, a file of several images once. Raises LoadError."""
+        self._files = {}
+        try:
+            for images in wanted:
+                self.texture(images)
+                self.weight(images)
+        finally:
+            self._files = None
 
     def _pyramid(self, what: str, name: str, space: Space) -> Pyramid:
         key = (what, name, space)
@@ -50,7 +57,7 @@ class TextureStore:
         with self._lock:
             before, pyramid = self._kept.get(key, (None, None))
             if pyramid is None or before != stamp:
-                data, shown = _read(path, number)
+                data, shown = self._read(path, number)
                 pixels = read_texture(data, shown, space) if what == "texture" else read_weight(data, shown)
                 pyramid = make_pyramid(pixels)
                 self._kept[key] = stamp, pyramid
@@ -61,6 +68,17 @@ class TextureStore:
     def _forget_oldest(self) -> None:
         while len(self._kept) > 1 and sum(each.n_bytes for _, each in self._kept.values()) > MOST_BYTES:
             self._kept.popitem(last=False)
+
+    def _read(self, path: Path, number: int | None) -> tuple[bytes, str]:
+        """The bytes of an image, and what errors call it."""
+        if number is None:
+            return read_regular_file(path, MAX_IMAGE_BYTES), str(path)
+        from engine.scene.gltf_images import image_reader
+
+        reader = (self._files or {}).get(path) or image_reader(path)
+        if self._files is not None:
+            self._files[path] = reader
+        return reader(number), f"{path}#{number}"
 
     def _place(self, what: str, name: str) -> tuple[Path, int | None]:
         """Where an image is, and its number where that is a GLB file."""
@@ -81,12 +99,3 @@ def _stamp(path: Path) -> Stamp:
     except (OSError, ValueError):
         return None
     return status.st_mtime_ns, status.st_size
-
-
-def _read(path: Path, number: int | None) -> tuple[bytes, str]:
-    """The bytes of an image, and what errors call it."""
-    if number is None:
-        return read_regular_file(path, MAX_IMAGE_BYTES), str(path)
-    from engine.scene.gltf_images import read_image
-
-    return read_image(path, number), f"{path}#{number}"

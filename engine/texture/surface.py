@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.material.maps import Images
+from engine.material.maps import Images, LayerMaps
 from engine.scene.camera import pixel_directions
 from engine.scene.hits import PrimaryHits
 from engine.scene.load import Scene
@@ -22,7 +22,7 @@ from engine.texture.store import TextureStore
 Floats = NDArray[np.float64]
 _MOST_KEPT = 4
 
-__all__ = ["MapSampler", "SeenMaps", "look_up", "mean_maps", "uvs_at"]
+__all__ = ["MapSampler", "SeenMaps", "look_up", "mean_factor", "mean_maps", "uvs_at"]
 
 
 class MapSampler:
@@ -41,8 +41,6 @@ class MapSampler:
     def canvas(self, i_object: int, images: Images) -> Canvas:
         """What the strokes on a layer's images are painted on. Raises LoadError."""
         scene = self._scene
-        if images.is_of_files:
-            scene.check_has_uvs(i_object, "texture" if images.texture else "weight")
         texture, weight = scene.textures.texture(images), scene.textures.weight(images)
         begin, end = self._hits.object_ranges[i_object]
         colours, shares = np.ones((end - begin, 3), np.float32), np.full(end - begin, images.weight_start, np.float32)
@@ -78,6 +76,15 @@ def look_up(images: Images, store: TextureStore, uv: Floats) -> tuple[NDArray[np
     if weight is not None:
         shares = weight.at(uv)[:, 0]
     return colours, shares
+
+
+def mean_factor(scene: Scene, i_object: int, maps: LayerMaps) -> Floats:
+    """By what a layer's images multiply it on average over its object, (3,). Raises LoadError."""
+    if maps.is_plain:
+        return np.ones(3)
+    images = maps.images
+    texture, weight = scene.textures.texture(images), scene.textures.weight(images)
+    return mean_maps(scene, i_object, images, texture, weight).factor(maps)
 
 
 def _footprints(

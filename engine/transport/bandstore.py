@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from engine.stored_arrays import ArrayReader, Arrays, UnsoundArrays
 from engine.transport import _band_kernels as kernels
 from engine.transport import _plane_kernels as plane_kernels
 
@@ -172,11 +173,25 @@ class BandStore:
         }
 
 
+def arrays_of_file(bands: tuple[int, int], n_points: int, arrays: Arrays) -> dict[str, np.ndarray]:
+    """Copies of the five arrays of P points, of a store or a tile, as they come from a file.
+
+    Raises UnsoundArrays where a row would be read from beyond the values.
+    """
+    reader = ArrayReader(arrays, P=n_points, J=bands[0] if bands[1] > 1 else 0)
+    scale, values = reader.take("scale", np.float32, "P"), reader.take("values", np.uint32, "N")
+    first, count = (reader.take(name, np.uint8, "P", "J") for name in ("first", "count"))
+    n_values = count.sum(axis=1, dtype=np.int64) if bands[1] > 1 else np.full(n_points, bands[0])
+    start = reader.take("start", np.int64, "P", below=len(values) + 1)
+    all_there = n_values.sum() == len(values) and (start + n_values <= len(values)).all()
+    if not all_there or (first.astype(np.int16) + count > bands[1]).any():
+        raise UnsoundArrays("rows are not what the values are of")
+    return {"scale": scale, "first": first, "count": count, "start": start, "values": values}
+
+
 def store_from_arrays(bands: tuple[int, int], arrays: Mapping[str, np.ndarray], chunk: int = 2048) -> BandStore:
-    """The store that `BandStore.arrays` wrote; tiles of `chunk` points share its values."""
-    scale, start, values = (np.array(arrays[name]) for name in ("scale", "start", "values"))
-    runs = (len(scale), bands[0] if bands[1] > 1 else 0)
-    first, count = (np.array(arrays[name]).reshape(runs) for name in ("first", "count"))
+    """The store that `BandStore.arrays` gave; tiles of `chunk` points share its values."""
+    scale, first, count, start, values = (arrays[name] for name in ("scale", "first", "count", "start", "values"))
     tiles = [
         BandTile(i, scale[i : i + chunk], first[i : i + chunk], count[i : i + chunk], start[i : i + chunk], values)
         for i in range(0, len(scale), chunk)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from engine.stored_arrays import ArrayReader, Arrays
 from engine.transport.bandstore import BandStore, BandTile
 
 BYTES_A_POINT = 12
@@ -37,6 +38,11 @@ class FixedPicture:
     def arrays(self) -> dict[str, np.ndarray]:
         """As it goes into a file."""
         return {"picture": self.picture}
+
+
+def picture_of_file(n_points: int, arrays: Arrays) -> np.ndarray:
+    """The picture of P points, of a layer or a tile, as it comes from a file. Raises UnsoundArrays."""
+    return ArrayReader(arrays, P=n_points).take("picture", np.float32, "P", 3)
 
 
 def picture_of_tile(tile: BandTile, bands: tuple[int, int], curves: tuple[np.ndarray, np.ndarray]) -> np.ndarray:

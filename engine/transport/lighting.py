@@ -9,6 +9,7 @@ Radiance is divided by `unit`, the light's mean radiance, so that transport has 
 unit; the picture is multiplied back.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,22 +43,24 @@ class Lighting:
 
 
 def prepare_lighting(
-    sky: TriangleLights | None, patches: EmitterPatches | None, tolerance: float, own_rays: bool = False
-) -> Lighting:
-    """Gather sky and patches; either may be missing, both missing is a dark scene.
+    sky: TriangleLights | None, patches: EmitterPatches | None, tolerance: float, own_rays: bool = False,
+    scale: float = 1.0,
+) -> Lighting:  # fmt: skip
+    """Gather sky, `scale` times as bright as it is, and patches; either may be missing, both missing is a dark scene.
 
     own_rays: trace every sky light by its centre, so that the sphere's visibility is not needed.
     """
-    unit = _mean_radiance(sky, patches)
-    sky_lights, fine_targets = _sky(sky, unit, own_rays)
+    unit = mean_radiance(sky, patches, scale)
+    sky_lights, fine_targets = _sky(sky, unit / scale if scale > 0.0 else math.inf, own_rays)
     patch_lights, patch_targets = _patches(patches, unit)
     return Lighting(sky_lights, patch_lights, unit, tolerance, fine_targets, patch_targets)
 
 
-def _mean_radiance(sky: TriangleLights | None, patches: EmitterPatches | None) -> float:
+def mean_radiance(sky: TriangleLights | None, patches: EmitterPatches | None, scale: float = 1.0) -> float:
+    """Of a sky that is `scale` times as bright, over the sphere, and of patches; 1 where nothing shines."""
     total = 0.0
     if sky is not None:
-        total += float(np.mean(np.sum(sky.power, axis=0, dtype=np.float64))) / (4 * np.pi)
+        total += scale * float(np.mean(np.sum(sky.power, axis=0, dtype=np.float64))) / (4 * np.pi)
     if patches is not None and len(patches.radiance):
         total += float(np.mean(patches.radiance, dtype=np.float64))
     return total if total > 0.0 else 1.0
@@ -73,7 +76,7 @@ def _sky(sky: TriangleLights | None, unit: float, own_rays: bool) -> tuple[Sky, 
         sky_power, sky_centre, corners, vertices = sky.power, sky.centre, sky.corners, sky.vertices
         light_level, index = sky.level.astype(np.int64), sky.index.astype(np.int64)
         # Side by side: they are looked up together, here and there, and a look costs as much as what is done with it.
-        tree = np.concatenate([np.asarray(sky.tree.power / unit, np.float32), sky.tree.centre], axis=1)
+        tree = np.concatenate([np.asarray(sky.tree.power / np.float64(unit), np.float32), sky.tree.centre], axis=1)
         rows = sky.rows.astype(np.int64)
     coarse = np.maximum(VISIBILITY_LEVEL - light_level, 0)
     finer = np.maximum(light_level - VISIBILITY_LEVEL, 0)
@@ -85,7 +88,7 @@ def _sky(sky: TriangleLights | None, unit: float, own_rays: bool) -> tuple[Sky, 
         np.ascontiguousarray(corners, np.int32),
         longest_edges(vertices[corners]),
         np.ascontiguousarray(sky_centre.T, np.float32),
-        np.asarray(sky_power / unit, np.float32),
+        np.asarray(sky_power / np.float64(unit), np.float32),
         first,
         (4**coarse).astype(np.int64),
         fine.astype(np.int64),
@@ -113,7 +116,7 @@ def _patches(patches: EmitterPatches | None, unit: float) -> tuple[Patches, Targ
         np.ascontiguousarray(points.T, np.float32),
         np.ascontiguousarray(corners.reshape(-1, 3), np.int32),
         np.ascontiguousarray(patches.centre.T, np.float32),
-        np.asarray(patches.radiance / unit, np.float32),
+        np.asarray(patches.radiance / np.float64(unit), np.float32),
     )
     normals = np.ascontiguousarray(patches.normal, np.float32)
     centres = np.ascontiguousarray(patches.centre, np.float32)

@@ -4,7 +4,7 @@
 yield the fraction done, so that whoever drives them can show progress, answer other questions, or stop.
 """
 
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +24,7 @@ from engine.transport.visibility import (
     coherent_visibility,
     empty_visibility,
     evaluate_rows,
+    seen_shares,
     sphere_targets,
 )
 
@@ -64,6 +65,16 @@ class SkyState:
     scale: float = 1.0
 
 
+# How much of seeing the light is done once the sphere is seen, and the brightest parts of the sky.
+SPHERE_SEEN, FINE_SEEN = 0.6, 0.8
+
+
+def _within(steps: Iterator[float], begin: float, end: float) -> Iterator[float]:
+    """Fractions of a part as those of the whole."""
+    for fraction in steps:
+        yield begin + (end - begin) * fraction
+
+
 class Placement:
     """One scene seen from one camera."""
 
@@ -94,24 +105,31 @@ class Placement:
         return self._footprints[stride]
 
     def light(self, sky: SkyState, quality: Quality) -> Generator[float, None, VisibleLight]:
-        """Cut the light of a stage and see everything in it."""
+        """Cut the light of a stage and see everything in it; yields how much of that is done."""
         rows = self.rows(quality.stride)
         own_rays = quality.own_rays and not self.sphere.done[rows].all()
         cut = None
         if sky.environment is not None:
-            cut = cut_lights(sky.environment, quality.n_lights, sky.rotation, quality.max_level).scaled(sky.scale)
+            seen = None
             if not own_rays:
-                yield from self._see(self.sphere, quality.stride)
-        lighting = prepare_lighting(cut, self.patches(quality.n_patches), quality.tolerance, own_rays)
+                yield from _within(self._see(self.sphere, quality.stride), 0.0, SPHERE_SEEN)
+                seen = seen_shares(self.sphere, rows)
+            cut = cut_lights(sky.environment, quality.n_lights, sky.rotation, quality.max_level, seen=seen)
+        lighting = prepare_lighting(cut, self.patches(quality.n_patches), quality.tolerance, own_rays, sky.scale)
         fine = empty_visibility(self.hits, lighting.fine_targets)
-        yield from self._see(fine, quality.stride, None if own_rays else self.sphere)
+        yield from _within(self._see(fine, quality.stride, None if own_rays else self.sphere), SPHERE_SEEN, FINE_SEEN)
         patches = empty_visibility(self.hits, lighting.patch_targets)
-        yield from self._see(patches, quality.stride)
+        yield from _within(self._see(patches, quality.stride), FINE_SEEN, 1.0)
         return VisibleLight(lighting, self.sphere, fine, patches)
+
+    def shine(self, emission: Mapping[str, tuple[float, float, float]]) -> None:
+        """Give emitters, by name, this radiance from now on, see `Scene.shining`."""
+        self.scene = self.scene.shining(emission)
 
     def patches(self, n_patches: int) -> EmitterPatches | None:
         """The scene's emitters cut into about n_patches, or None where nothing shines."""
-        shining = self.scene.emitters[self.scene.object_of_triangle]
+        scene = self.scene
+        shining = (scene.emitters & scene.emission.any(axis=1))[scene.object_of_triangle]
         if not shining.any():
             return None
         triangles = self.scene.vertices[self.scene.triangles[shining]]

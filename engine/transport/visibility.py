@@ -37,6 +37,7 @@ COARSEST_STEP = 16
 BLOCK = 1024
 ALIKE_COSINE = 0.8
 VISIBILITY_LEVEL = 4
+SHARE_POINTS = 4096
 WEAK_STEP, WEAKEST_STEP, DOUBT_STEP = 64, 16, 4
 
 Guess = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], None]
@@ -125,6 +126,12 @@ class Visibility:
         return np.unpackbits(octets, axis=1, bitorder="little")[:, : len(self.targets.positions)].astype(bool)
 
 
+def seen_shares(visibility: Visibility, rows: np.ndarray) -> np.ndarray:
+    """The share (D,) of some evaluated points that sees each target, by 4,096 of them at most."""
+    chosen = rows[:: max(1, len(rows) // SHARE_POINTS)]
+    return visibility.unpacked(chosen).mean(axis=0) if len(chosen) else np.ones(len(visibility.targets.positions))
+
+
 def empty_visibility(hits: PrimaryHits, targets: Targets) -> Visibility:
     n_points = len(hits.pixel)
     return Visibility(targets, np.zeros((n_points, targets.n_words), np.uint64), np.zeros(n_points, bool))
@@ -196,7 +203,7 @@ def _alike(hits: PrimaryHits, a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def coherent_visibility(
     hits: PrimaryHits, caster: RayCaster, visibility: Visibility, until: int = 1, sphere: Visibility | None = None
 ) -> Iterator[float]:
-    """Fill `visibility` coarse to fine, down to every `until`-th pixel; yields the fraction of all points that is done.
+    """Fill `visibility` coarse to fine, down to every `until`-th pixel; yields the fraction of this that is done.
 
     Between two yields at most eight blocks of 1,024 points are evaluated. Rows already done are kept, so a call
     continues where an earlier one stopped. Nothing to see (no targets) is done at once.
@@ -207,7 +214,8 @@ def coherent_visibility(
     if len(visibility.targets.positions) == 0:
         visibility.done[:] = True
         return
-    n_done, n_points = int(visibility.done.sum()), max(1, len(hits.pixel))
+    steps = list(grid_steps(hits, until))
+    n_done, n_points = 0, max(1, sum(int((~visibility.done[step.rows]).sum()) for step in steps))
     targets, neighbours = visibility.targets, visibility.targets.neighbours
     always, weak, weakest = (
         targets.sentinels(step) for step in (targets.sentinel_step, targets.weak_step, targets.weakest_step)
@@ -228,7 +236,7 @@ def coherent_visibility(
         return guess
 
     with ThreadPoolExecutor(2) as pool:
-        for step in grid_steps(hits, until):
+        for step in steps:
             fresh = ~visibility.done[step.rows]
             rows, informers = step.rows[fresh], step.informers[fresh]
             believed = finally_believed if step.stride == 1 else nothing

@@ -80,7 +80,7 @@ class FakeClient:
 
     def answer(self, request: Request, *responses: Response) -> None:
         """Let the next poll return these, as answers to this request."""
-        self._due += [stamped(response, request.id, request.revision) for response in responses]
+        self._due += [stamped(response, response.id or request.id, request.revision) for response in responses]
 
     def open_scene(
         self, scene: dict[str, Any] = SCENE, bands: dict[str, dict[str, int]] | None = None,

@@ -22,9 +22,13 @@ from typer.testing import CliRunner
 from app import cli, console
 from app.__main__ import Desktop
 from app.console import COMMANDS, guarded
+from app.jobs.cache import Store
+from app.precompute import precompute as fill_cache
+from app.project import open_project
 from app.script import Step
 from engine.errors import InsituError
 from engine.light.image_files import read_radiance_image
+from tests.app.limits import largest_file, small_disk
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENE = """
@@ -247,16 +251,23 @@ def test_render_to_png_is_what_the_screen_shows(scene: Path, tmp_path: Path) -> 
         assert image.size == (24, 16) and image.getpixel((0, 0)) == (206, 206, 206)
 
 
-def test_an_old_picture_survives_a_failed_one(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_view_is_chosen_by_name(scene: Path, tmp_path: Path, capsys: Captured) -> None:
+    words = ("render", scene, "--lights", "200", "--resolution", "6", "4", "-o")
+    assert run(*words, tmp_path / "a.png", "--view", "standard") == 0
+    with Image.open(tmp_path / "a.png") as image:
+        assert image.getpixel((0, 0)) == (188, 188, 188)  # 0.5 in sRGB is 0.735 of 255
+    assert run(*words, tmp_path / "a.png", "--view", "sepia") == 1
+    assert "insitu: view: name = sepia, expected Filmic, AgX, ACES 2.0, ACES 1.3, Standard" in capsys.readouterr().err
+    assert run(*words, tmp_path / "a.exr", "--view", "agx") == 1
+    assert "holds light itself, expected a name that ends in .png" in capsys.readouterr().err
+
+
+def test_an_old_picture_survives_a_failed_one(scene: Path, tmp_path: Path, capsys: Captured) -> None:
     output = tmp_path / "a.exr"
     output.write_bytes(b"old")
-
-    def fails(path: Path, radiance: np.ndarray) -> None:
-        path.write_bytes(b"half")
-        raise InsituError("the disk is full")
-
-    monkeypatch.setattr("app.stills.write_exr", fails)
-    assert run("render", scene, "-o", output, "--lights", "50") == 1
+    with largest_file(100):
+        assert run("render", scene, "-o", output, "--lights", "50") == 1
+    assert f"insitu: {output}: not written, File too large; what was there is untouched" in capsys.readouterr().err
     assert output.read_bytes() == b"old" and len(list(tmp_path.glob("*a.exr*"))) == 1
 
 
@@ -271,6 +282,22 @@ def test_plan_says_what_and_why_and_what_it_costs(scene: Path, capsys: Captured)
     assert "MiB on disk" in lines[-2] and "extrapolated" in lines[-1]
 
 
+def test_notes_on_a_scene_are_printed(tmp_path: Path, capsys: Captured) -> None:
+    bare = tmp_path / "bare.toml"
+    bare.write_text("\n".join(line for line in SCENE.splitlines() if not line.startswith("layer")))
+    assert run("render", bare, "-o", tmp_path / "a.png", "--lights", "20") == 0
+    assert "note: ball: without a material, shown in a grey that can be edited" in capsys.readouterr().out.splitlines()
+
+
+def test_what_bounces_leave_out_stands_in_the_plan(tmp_path: Path, capsys: Captured) -> None:
+    closed = tmp_path / "closed.toml"
+    closed.write_text(SCENE.replace("bounces = 1", "bounces = 3").replace("[0, 0, 4]", "[0, 0, 0.3]"))
+    assert run("plan", closed) == 0
+    (line,) = (line for line in capsys.readouterr().out.splitlines() if line.startswith("bounces"))
+    said = "all light is reflected on and on: no number of bounces holds it, 3 are shown"
+    assert line.endswith(f"as the scene says; {said}")
+
+
 def test_precompute_fills_the_cache_that_the_editor_reads(
     scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Captured
 ) -> None:
@@ -282,6 +309,49 @@ def test_precompute_fills_the_cache_that_the_editor_reads(
     assert run("precompute", scene) == 0
     # The second time nothing is added: all was found.
     assert {file.name for file in (tmp_path / "cache").rglob("*.arrays")} == entries
+
+
+FULL = "the cache in {} cannot be written (No space left on device)"
+
+
+@pytest.mark.parametrize("free", [0, 1, 40])
+def test_precompute_on_a_full_disk_fails(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Captured, free: int
+) -> None:
+    """free: pages left; the last are too few for all that there is to keep."""
+    with small_disk(tmp_path / "disk", 1 << 20) as disk:
+        monkeypatch.setenv("INSITU_CACHE", str(disk / "cache"))
+        (disk / "filling").write_bytes(bytes(max(os.statvfs(disk).f_bavail - free, 0) * 4096))
+        assert run("precompute", scene, "--resolution", "96", "64") == 1
+        assert not list(disk.rglob("*.arrays")) or free
+    said = capsys.readouterr()
+    assert said.err.startswith("insitu: " + FULL.format(disk / "cache")) and said.err.count("\n") == 1
+    assert "set INSITU_CACHE" in said.err and not said.out
+
+
+@pytest.mark.parametrize("place", ["file", "file/cache", "/proc/self/cache"])
+def test_precompute_without_a_folder_to_write_fails(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Captured, place: str
+) -> None:
+    (tmp_path / "file").write_bytes(b"mine")
+    monkeypatch.setenv("INSITU_CACHE", str(tmp_path / place))
+    assert run("precompute", scene) == 1
+    said = capsys.readouterr()
+    assert f"the cache in {tmp_path / place} cannot be written (" in said.err and said.err.count("\n") == 1
+    assert not said.out and (tmp_path / "file").read_bytes() == b"mine"
+
+
+def test_precompute_into_a_cache_that_is_too_small_fails(scene: Path, tmp_path: Path) -> None:
+    def fill(name: str, bound: int) -> Store:
+        store = Store(tmp_path / name, bound)
+        fill_cache(open_project(str(scene)), lambda progress: None, 4000, store)
+        return store
+
+    all_of_it = fill("enough", 1 << 24).size()
+    for name, bound in (("each fits, not both", all_of_it - 1), ("none fits", 1000)):
+        with pytest.raises(InsituError, match=f"{name} may hold 0 MiB, too few for all of this .*; fewer --lights"):
+            fill(name, bound)
+    fill("room for parts that are being made as well", 2 * all_of_it)
 
 
 @pytest.mark.parametrize(("broken", "status"), [(False, 0), (True, 1)])

@@ -31,7 +31,7 @@ from app.commands import (
 from app.document import Document
 from app.series_commands import SetFirstBands
 from app.set_path import set_path
-from engine.curve.operators import Operator, Tabulated
+from engine.curve.operators import Operator, Tabulated, diagonal
 from engine.errors import InsituError, LoadError
 
 LIFT = Operator("translate", "y", 0.1, 0.2, 0.3, 0.4, magnitude=1.0)
@@ -79,6 +79,18 @@ def test_operators_are_added_moved_muted_and_removed(edited: Document) -> None:
     without = RemoveOperator(*CURVE, 0).apply(edited)
     assert np.array_equal(muted.layer("pot.1").curve("theta_h")(gamma), without.layer("pot.1").curve("theta_h")(gamma))
     assert MuteOperator(*CURVE, 0, False).apply(muted) == edited
+
+
+def test_a_diagonal_edit_is_moved_muted_and_removed_as_one(edited: Document) -> None:
+    low, high = pair = diagonal((0.1, 0.2, 0.3, 0.4), 0.01, 0.5)
+    twin = replace(high, magnitude=0.02)
+    document = SetOperators(*CURVE, (LIFT, *pair, twin)).apply(edited)
+    assert operators(MoveOperator(*CURVE, 2, 0).apply(document)) == (*pair, LIFT, twin)
+    # An X that comes to stand above the Y of a pair goes past both.
+    assert operators(MoveOperator(*CURVE, 3, 2).apply(document)) == (LIFT, twin, *pair)
+    assert operators(RemoveOperator(*CURVE, 1).apply(document)) == (LIFT, twin)
+    muted = operators(MuteOperator(*CURVE, 2).apply(document))
+    assert muted == (LIFT, replace(low, muted=True), replace(high, muted=True), twin)
 
 
 def test_collapsing_keeps_the_curve(edited: Document) -> None:

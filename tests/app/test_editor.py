@@ -1,11 +1,12 @@
 """The editor's decisions: what it asks of the worker, when, what it tells the renderer, and what it says about it."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from app.commands import AddOperator, SetEditable, SetIntensity, SetParameter, SetRotation, SetVisible
+from app.commands import AddOperator, SetEditable, SetEnvironment, SetIntensity, SetParameter, SetRotation, SetVisible
 from app.editor import Editor, RenderReport
 from app.jobs.messages import (
     BouncesPlanned,
@@ -28,6 +29,7 @@ from tests.app.fake_worker import SCENE, FakeClient, transport
 
 LIFT = Operator("translate", "y", 0.1, 0.2, 0.3, 0.4, magnitude=1.0)
 EXACT = RenderReport(128, 128, 0.0, 5.0, True)
+SCENE_ID = 1  # the number of the first request, which opens it
 
 
 @pytest.fixture
@@ -230,7 +232,7 @@ def test_turning_asks_for_quick_pictures_one_at_a_time(settled: Editor, client: 
         settled.tick(2.0 + 0.01 * degrees)
     (quick,) = computed(client)
     assert quick.n_lights_final == DRAG_QUALITY and quick.light.rotation == 31.0
-    assert settled.status.light_note == "quick picture for 31.0°; the exact one follows when you let go"
+    assert settled.status.light_note == "quick picture for 31.0°; the final one follows when you let go"
     client.finish_stage("drag", exact=True)
     settled.tick(2.4)
     assert [request.light.rotation for request in computed(client)] == [31.0, 33.0]
@@ -242,7 +244,7 @@ def test_turning_asks_for_quick_pictures_one_at_a_time(settled: Editor, client: 
     client.finish_stage("final", exact=True)
     settled.tick(3.0)
     settled.report_rendering(EXACT)
-    assert settled.status.picture == "exact" and settled.status.light_note == "exact for 33.0°"
+    assert settled.status.picture == "exact" and settled.status.light_note == "final for 33.0°"
 
 
 def test_answers_to_an_older_light_are_dropped(settled: Editor, client: FakeClient) -> None:
@@ -450,10 +452,23 @@ def test_a_fixed_curve_that_changes_is_part_of_its_transport(settled: Editor, cl
 
 
 def test_the_sky_is_handed_on(editor: Editor, client: FakeClient) -> None:
-    client.answer(computed(client)[0], SkyImage(np.ones((2, 4, 3)), ("3 negative pixels set to 0",)))
+    client.answer(computed(client)[0], SkyImage(np.ones((2, 4, 3)), ("3 negative pixels set to 0",), id=SCENE_ID))
     (event,) = editor.tick(0.1)
     assert isinstance(event, SkyChanged) and event.radiance.shape == (2, 4, 3)
     assert editor.status.notes == ("a note", "3 negative pixels set to 0")
+
+
+def test_the_sky_is_handed_on_though_the_light_was_turned_meanwhile(settled: Editor, client: FakeClient) -> None:
+    settled.do(SetEnvironment("studio"))
+    settled.tick(1.1)
+    settled.tick(1.4)
+    (under_way,) = computed(client)
+    settled.begin_drag()
+    settled.do(SetRotation(50.0))
+    settled.tick(1.5)
+    assert len(computed(client)) == 2  # the worker says what sky it is once, under the first of both
+    client.answer(under_way, SkyImage(np.ones((2, 4, 3)), id=SCENE_ID))
+    assert [type(event) for event in settled.tick(1.6)] == [SkyChanged]
 
 
 def test_a_crash_is_told_and_loses_nothing(settled: Editor, client: FakeClient) -> None:
@@ -486,7 +501,9 @@ def test_work_can_be_stopped_and_resumed(editor: Editor, client: FakeClient) -> 
     editor.tick(1.0)
     assert isinstance(client.requests[-1], Cancel) and editor.status.picture == "preview"
     editor.resume_work()
-    editor.tick(1.1)
+    (stopped,) = computed(client)
+    client.answer(stopped, LayerPicture("floor.0", "coarse", np.zeros((4, 3)), stopped.layers[2].coefficients))
+    assert editor.tick(1.1) == []  # it was on its way when the work was stopped
     assert isinstance(client.requests[-1], ComputeTransport)
 
 
@@ -510,3 +527,73 @@ def test_a_drag_is_one_step(settled: Editor) -> None:
     assert settled.document is before  # the very value: bit by bit
     assert settled.redo() == "rotate the environment"
     assert settled.document.light.rotation == 60.0
+
+
+def test_where_a_scene_cannot_be_opened_the_default_one_is(client: FakeClient) -> None:
+    editor = Editor(client, "/broken.toml")
+    client.answer(client.sent(OpenScene)[-1], Failed("/broken.toml: version = nothing, expected 1"))
+    editor.tick(0.0)
+    assert editor.status.is_error and not editor.scene_is_open  # a script ends here, with these words
+    assert [request.source for request in client.sent(OpenScene)] == ["/broken.toml", "teatray"]
+    client.open_scene()
+    editor.tick(0.1)
+    assert editor.scene_is_open and editor.document.source == "teatray" and editor.status.is_error
+    why = "/broken.toml: version = nothing, expected 1"
+    assert editor.status.message.startswith(f"{why} - the built-in teatray is open instead")
+
+
+def test_the_default_scene_is_not_tried_for_ever(client: FakeClient) -> None:
+    editor = Editor(client, "/broken.toml")
+    for now in (0.0, 0.1, 0.2):
+        client.answer(client.sent(OpenScene)[-1], Failed("out of memory"))
+        editor.tick(now)
+    assert len(client.sent(OpenScene)) == 2
+    assert editor.open("/other.toml") is None and len(client.sent(OpenScene)) == 3  # what a person opens is tried
+
+
+def test_what_cannot_be_opened_leaves_the_open_scene(settled: Editor, client: FakeClient, tmp_path: Path) -> None:
+    before = settled.document
+    (tmp_path / "toy.fbx").write_bytes(b"")
+    assert "no file that is known" in (settled.open(str(tmp_path / "toy.fbx")) or "")
+    assert settled.document is before and client.sent(OpenScene) == []
+
+
+def test_a_file_that_is_no_scene_opens_the_default_one(client: FakeClient, tmp_path: Path) -> None:
+    (tmp_path / "toy.fbx").write_bytes(b"")
+    editor = Editor(client, str(tmp_path / "toy.fbx"))
+    assert editor.status.is_error and "toy.fbx: no file that is known" in editor.status.message
+    assert [request.source for request in client.sent(OpenScene)] == ["teatray"]
+
+
+def test_light_is_opened_with_the_default_scene(client: FakeClient, tmp_path: Path) -> None:
+    editor = Editor(client, str(tmp_path / "sky.exr"))
+    assert [request.source for request in client.sent(OpenScene)] == ["teatray"]
+    client.open_scene()
+    editor.tick(0.0)
+    (asked,) = computed(client)  # the scene's own light is never computed
+    assert asked.light.environment == str(tmp_path / "sky.exr")
+    client.answer(asked, Failed("sky.exr: first bytes = nothing"))
+    editor.tick(0.1)
+    assert editor.document.light.environment == "scene" and not editor.history.undo_steps
+    assert editor.status.message == "sky.exr: first bytes = nothing"
+
+
+def test_notes_on_a_scene_are_said_when_it_opens(client: FakeClient) -> None:
+    editor = Editor(client, "shelf")
+    client.open_scene()
+    editor.tick(0.0)
+    assert editor.status.message == "opened shelf; a note"
+
+
+def test_light_that_bounces_leave_out_is_said(editor: Editor, client: FakeClient) -> None:
+    editor.do(SetView.of(n_bounces=4))
+    for now in (2.0, 3.0):  # the choice, and that it stands
+        editor.tick(now)
+    request: ComputeTransport = computed(client)[-1]
+    said = "4 bounces keep 34 % of the light, the rest is missing"
+    assert [key for key, _ in request.reflecting] == ["pot.0", "pot.1", "floor.0"]
+    client.answer(request, BouncesPlanned(4, "", said))
+    editor.tick(3.1)
+    assert editor.status.bounces_note == editor.status.message == said
+    editor.do(SetView.of(n_bounces=1))
+    assert editor.status.bounces_note == ""  # who asks for direct light alone knows what is missing

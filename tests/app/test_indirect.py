@@ -9,7 +9,7 @@ from app.commands import SetFresnelTerm, SetFrozen
 from app.document import Selection, document_from_description
 from app.indirect import FREEZE_PATIENCE, REST_SECONDS, IndirectTalk
 from app.jobs.messages import Freeze, Frozen, IndirectFound, IndirectNoise
-from app.picture import Curves, IndirectFootprint, IndirectRadiance
+from app.picture import Curves, IndirectRadiance
 from app.series_commands import SetFirstBands
 from engine.curve.operators import Operator
 from engine.scene.description import parse_description
@@ -38,10 +38,10 @@ class Talk:
     def asked(self) -> list[Freeze]:
         return [request for request in self.client.requests if isinstance(request, Freeze)]
 
-    def found(self, number: int = 1, stage: str = "fine") -> None:
-        self.talk.took_found(IndirectFound(number, stage, ROWS, WEIGHTS))
+    def found(self, number: int = 1, stage: str = "fine", revision: int = 1) -> None:
+        self.talk.took_found(IndirectFound(number, stage, ROWS + number, WEIGHTS, revision=revision))
 
-    def frozen(self, number: int = 1):
+    def frozen(self, number: int = 1, noise: float | None = 0.02) -> None:
         """The answer to the newest request: two samples a layer, powers 1, d and d²."""
         wish = self.asked[-1]
         reflected, n_bands = {}, 0
@@ -53,7 +53,9 @@ class Talk:
         mine = [look for look in wish.looks if look.key.rpartition(".")[0] == (wish.key or "").rpartition(".")[0]]
         albedos = {look.key: np.ones((32, *(*map(len, look.coefficients), 1)[:2])) / 1e4 for look in mine}
         bands = np.ones((3, n_bands, 3, 2), np.float32)
-        return self.talk.took_frozen(Frozen(number, wish.serial, wish.key, wish.factor, reflected, bands, albedos))
+        self.talk.took_frozen(Frozen(number, wish.serial, wish.key, wish.factor, reflected, bands, albedos))
+        if noise is not None:
+            self.talk.took_noise(IndirectNoise(number, wish.serial, noise, mean=0.5))
 
     def edit(self, key: str, factor: str, *operators: Operator) -> None:
         layer = self.document.layer(key)
@@ -77,7 +79,7 @@ def test_one_freezing_and_then_the_sums(talk: Talk) -> None:
     assert {look.key for look in talk.asked[0].looks} == {"pot.0", "pot.1", "floor.0"}
     assert not talk.talk.is_complete
     talk.found()
-    assert [type(event) for event in talk.frozen()] == [IndirectFootprint]
+    talk.frozen()
     assert not talk.talk.is_shown
     shown = {event.key: event.radiance for event in talk.update() if isinstance(event, IndirectRadiance)}
     assert talk.talk.is_shown
@@ -165,15 +167,17 @@ def test_a_freezing_is_awaited_once_there_is_light_to_freeze(talk: Talk) -> None
 def test_noise_is_that_of_the_light_on_screen(talk: Talk) -> None:
     talk.update()
     talk.found(1)
-    talk.talk.took_noise(IndirectNoise(1, 0.02))
-    assert talk.talk.noise is None
-    talk.frozen(1)
+    talk.frozen(1, noise=None)
+    assert talk.update() and talk.talk.noise is None
+    assert not talk.talk.is_complete and talk.talk.noise_of_picture(0.0) == 0.0  # nothing is claimed before it is known
+    talk.talk.took_noise(IndirectNoise(1, talk.asked[-1].serial, 0.02, mean=0.5))
     talk.update()
-    assert talk.talk.noise == 0.02
+    assert talk.talk.noise == 0.02 and talk.talk.is_complete
+    assert talk.talk.noise_of_picture(1.5) == pytest.approx(0.02 * 0.5 / 2.0)  # a quarter of the light is indirect
     talk.found(2)
-    talk.frozen(2)
+    talk.frozen(2, noise=None)
     talk.update()
-    assert talk.talk.noise is None
+    assert talk.talk.noise is None and not talk.talk.is_complete
 
 
 def test_what_is_frozen_by_hand_costs_no_bands(talk: Talk) -> None:
@@ -186,7 +190,7 @@ def test_what_is_frozen_by_hand_costs_no_bands(talk: Talk) -> None:
     assert (talk.asked[-1].key, talk.asked[-1].factor) == ("pot.1", 0)
 
 
-def test_a_matt_object_has_no_shape_to_freeze(talk: Talk) -> None:
+def test_the_noise_of_a_matt_object_is_told_anew_when_the_hand_rests(talk: Talk) -> None:
     selected = Selection("floor", 0, "theta_i")
     talk.update(selected)
     talk.found()
@@ -195,7 +199,10 @@ def test_a_matt_object_has_no_shape_to_freeze(talk: Talk) -> None:
     for _ in range(2):
         talk.now += REST_SECONDS
         talk.update(selected)
-    assert len(talk.asked) == 1 and talk.talk.is_complete
+    assert len(talk.asked) == 2 and not talk.talk.is_complete and talk.talk.noise == 0.02
+    talk.frozen(noise=3.76)
+    talk.update(selected)
+    assert talk.talk.noise == 3.76 and talk.talk.is_complete
 
 
 def test_an_answer_to_an_older_request_is_not_taken_for_the_newer(talk: Talk) -> None:
@@ -206,8 +213,8 @@ def test_an_answer_to_an_older_request_is_not_taken_for_the_newer(talk: Talk) ->
     talk.edit("floor.0", "theta_i", LIFT)
     talk.update()
     assert talk.asked[-1] is not late
-    events = talk.talk.took_frozen(Frozen(1, late.serial, late.key, late.factor, {}, np.zeros((3, 0, 3, 0)), {}))
-    assert events == [] and talk.update() == []
+    talk.talk.took_frozen(Frozen(1, late.serial, late.key, late.factor, {}, np.zeros((3, 0, 3, 0)), {}))
+    assert talk.update() == []
 
 
 @pytest.mark.parametrize(("key", "factor"), [("pot.1", "theta_d"), ("floor.0", "theta_i"), ("pot.0", "theta_i")])
@@ -227,7 +234,9 @@ def test_another_selection_keeps_the_picture_until_its_freezing_is_here(talk: Ta
     talk.frozen()
     talk.update()
     assert talk.update(Selection("floor", 0, "theta_i")) == [] and len(talk.asked) == 2
-    assert talk.frozen() == []  # the footprint is the same
+    footprint = talk.talk._frozen[2]
+    talk.frozen()
+    assert talk.talk._frozen[2] is footprint  # it is on the graphics card already
     assert {event.key for event in talk.update(Selection("floor", 0, "theta_i"))} == {"pot.0", "pot.1", "floor.0"}
 
 
@@ -244,7 +253,8 @@ def test_one_request_at_a_time_but_patience_ends(talk: Talk) -> None:
 def test_what_belongs_to_other_samples_is_not_shown(talk: Talk) -> None:
     talk.update()
     talk.found(number=2)
-    assert talk.frozen(number=1) == [] and talk.update() == []
+    talk.frozen(number=1)
+    assert talk.update() == []
 
 
 def test_a_rough_light_is_not_the_last(talk: Talk) -> None:
@@ -254,8 +264,42 @@ def test_a_rough_light_is_not_the_last(talk: Talk) -> None:
     assert talk.update() and not talk.talk.is_complete
     talk.found(2)
     assert not talk.talk.is_complete
-    assert [type(event) for event in talk.frozen(2)] == [IndirectFootprint]
+    talk.frozen(2)
     assert talk.update() and talk.talk.is_complete
+
+
+def test_light_brings_the_footprint_of_its_own_samples(talk: Talk) -> None:
+    talk.update()
+    talk.found(1, "rough")
+    talk.frozen(1)
+    talk.found(2)  # what reflects it has not come yet
+    assert {int(event.footprint.rows[0, 0]) for event in talk.update()} == {1}
+    talk.frozen(2)
+    assert {int(event.footprint.rows[0, 0]) for event in talk.update()} == {2}
+
+
+def test_light_of_the_transport_before_is_not_the_last(talk: Talk) -> None:
+    talk.update(revision=1)
+    talk.found(revision=1)
+    talk.frozen()
+    talk.update(revision=1)
+    assert talk.talk.is_complete
+    talk.update(revision=2)
+    talk.frozen()
+    assert talk.update(revision=2) and not talk.talk.is_complete  # the light may have turned
+    talk.found(revision=2)  # it is the same
+    talk.update(revision=2)
+    assert talk.talk.is_complete
+
+
+def test_a_new_worker_begins_anew(talk: Talk) -> None:
+    talk.update()
+    talk.found()
+    talk.frozen()
+    talk.update()
+    talk.talk.worker_restarted()
+    talk.update()
+    assert len(talk.asked) == 2 and not talk.talk.is_complete and talk.talk.is_shown
 
 
 def test_a_new_transport_is_told_what_to_freeze(talk: Talk) -> None:
@@ -283,3 +327,31 @@ def test_fewer_bounces_take_it_away(talk: Talk) -> None:
     }  # fmt: skip
 
 
+def test_light_comes_in_units_of_its_own(talk: Talk) -> None:
+    talk.update()
+    talk.found()
+    wish = talk.asked[-1]
+    reflected = {look.key: np.stack([np.full((2, 3), 3.0, np.float32)]) for look in wish.looks if look.key != wish.key}
+    bands = np.full((3, len(next(x for x in wish.looks if x.key == wish.key).coefficients[0]), 1, 2), 0.0, np.float32)
+    answer = Frozen(1, wish.serial, wish.key, wish.factor, reflected, bands, {}, unit=1e24)
+    talk.talk.took_frozen(answer)
+    shown = {event.key: event.radiance for event in talk.update()}
+    np.testing.assert_allclose(shown["floor.0"], 3e24, rtol=1e-6)
+    assert not talk.talk.is_beyond
+
+
+def test_an_albedo_beyond_all_bounds_is_bright_where_there_is_light_and_said(talk: Talk) -> None:
+    # d = 1e19: d² is 1e38 and fits, times 100 it does not. Where nothing comes by that power, nothing is shown.
+    talk.update()
+    talk.found()
+    wish = talk.asked[-1]
+    powers = np.stack([np.full((2, 3), value, np.float32) for value in (1.0, 0.0, 0.0)])
+    reflected = {look.key: powers if look.key == "floor.0" else 100 * powers[::-1] for look in wish.looks}
+    mine = next(look for look in wish.looks if look.key == wish.key)
+    bands = np.zeros((3, len(mine.coefficients[0]), 3, 2), np.float32)
+    e = {wish.key: np.full((32, *map(len, mine.coefficients)), 1e19)}
+    reflected.pop(wish.key)
+    talk.talk.took_frozen(Frozen(1, wish.serial, wish.key, wish.factor, reflected, bands, e))
+    shown = {event.key: event.radiance for event in talk.update()}
+    np.testing.assert_array_equal(shown["floor.0"], 1.0)
+    assert np.isfinite(shown["pot.0"]).all() and shown["pot.0"].min() > 1e35 and talk.talk.is_beyond

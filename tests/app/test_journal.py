@@ -222,3 +222,76 @@ def test_a_session_that_no_longer_fits_opens_the_scene_alone(client: FakeClient,
     again.tick(0.0)
     assert again.scene_is_open and "without its session" in again.status.message
     assert again.session_path is None  # a save would not overwrite what did not fit
+
+
+# ---------------------------------------------------------------------------------------- damaged, and nowhere to write
+
+
+def notice_of(journal: Journal) -> str:
+    wait_until(lambda: journal.notice != "")
+    return journal.notice
+
+
+def test_a_damaged_journal_is_kept_aside_and_told_once(
+    client: FakeClient, document: Document, tmp_path: Path
+) -> None:
+    save_session(tmp_path / "good.insitu", document, ViewState())
+    text = (tmp_path / "good.insitu").read_text()
+    for name, content in (("a", text[: len(text) // 2]), ("b", "\0" * 500), ("newer", "version = 99")):
+        (tmp_path / f"{name}.insitu").write_text(content)
+    journal = Journal(tmp_path)
+    line = notice_of(journal)
+    assert "edits that were not saved cannot be read" in line and f"{tmp_path / 'a.damaged'}, and 1 more" in line
+    assert (tmp_path / "a.damaged").read_text() == text[: len(text) // 2] and (tmp_path / "b.damaged").exists()
+    # A newer version can read its own, and will.
+    assert (tmp_path / "newer.insitu").exists()
+    assert [recovery.path.name for recovery in recoverable_sessions(tmp_path)] == ["good.insitu"]
+    editor = opened(client, journal)
+    assert editor.status.message == line and editor.status.is_error
+    editor.notify("something else")
+    editor.tick(1.0)
+    assert editor.status.message == "something else"
+    editor.close()
+    # The next start meets none, and says nothing.
+    again = Journal(tmp_path)
+    again.close()
+    assert again.notice == "" and (tmp_path / "a.damaged").exists()
+
+
+def test_a_journal_whose_editor_lives_is_left_alone(document: Document, tmp_path: Path) -> None:
+    living = Journal(tmp_path)
+    living.path.write_text("half a jour")
+    other = Journal(tmp_path)
+    other.close()
+    assert other.notice == "" and living.path.exists()
+    living.close()
+
+
+@pytest.mark.parametrize("place", ["file/journals", "/proc/self/journals"])
+def test_without_a_folder_for_it_the_editor_works_and_says_so_once(
+    client: FakeClient, tmp_path: Path, place: str
+) -> None:
+    (tmp_path / "file").touch()
+    journal = Journal(tmp_path / place)
+    editor = opened(client, journal)
+    assert editor.status.message.startswith(f"autosave failed: {tmp_path / place}: ") and editor.status.is_error
+    for step in range(1, 4):
+        assert editor.do(SetIntensity(1.0 + step)) is None
+        editor.notify("something else")
+        editor.tick(step * 2 * RETRY_SECONDS)
+        assert editor.status.message == "something else"
+    editor.close()
+
+
+def test_a_folder_that_comes_back_is_used(document: Document, tmp_path: Path) -> None:
+    """A disk that was not there at the start: the journal is locked, too, once it can be."""
+    folder = tmp_path / "disk" / "journals"
+    folder.parent.touch()
+    journal = Journal(folder)
+    assert "autosave failed" in journal.problem and "Not a directory" in journal.problem
+    folder.parent.unlink()
+    journal.note(10.0, document, ViewState(), True)
+    wait_until(lambda: journal.written is not None)
+    assert journal.problem == "" and recoverable_sessions(folder) == []  # its editor lives
+    journal.close(keep=True)
+    assert len(recoverable_sessions(folder)) == 1

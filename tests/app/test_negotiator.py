@@ -160,10 +160,10 @@ def test_a_long_drag_does_not_flood_the_worker() -> None:
 
 def test_only_a_turn_is_a_turn() -> None:
     wish = TransportWish(LightState(rotation=1.0), (), 4000)
-    assert replace(wish, light=LightState(rotation=2.0)).turned_from(wish)
-    assert not wish.turned_from(wish)
-    assert not replace(wish, light=LightState("studio", rotation=2.0)).turned_from(wish)
-    assert not replace(wish, light=LightState(rotation=2.0), n_lights=400).turned_from(wish)
+    assert replace(wish, light=LightState(rotation=2.0)).moved_from(wish)
+    assert not wish.moved_from(wish)
+    assert not replace(wish, light=LightState("studio", rotation=2.0)).moved_from(wish)
+    assert not replace(wish, light=LightState(rotation=2.0), n_lights=400).moved_from(wish)
 
 
 def test_coefficients_are_the_same_to_a_millionth() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +11,13 @@ import pytest
 
 from app.commands import SetEnvironment, SetParameter
 from app.document import LightState
-from app.project import find_source, open_project, parse_assignment
+from app.project import open_project, parse_assignment
 from app.session import save_session
 from app.sky import sky_of
+from app.sources import find_source
 from app.view_state import ViewState
 from engine.errors import InsituError, LoadError
+from engine.render.image_files import write_exr
 from engine.scene.builtin import builtin_environments
 from tests.app.test_cli import SCENE
 
@@ -85,3 +88,43 @@ def test_the_light_is_the_scenes_until_another_is_chosen(scene: Path) -> None:
 def test_a_scene_without_environment_has_no_sky(tmp_path: Path) -> None:
     (tmp_path / "dark.toml").write_text(SCENE.replace("[environment]\nradiance = 0.5\n", ""))
     assert open_project(str(tmp_path / "dark.toml")).sky.environment is None
+
+
+TETRAHEDRON = (
+    "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+    "element face 4\nproperty list uchar int vertex_indices\nend_header\n"
+    "0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n"
+)
+
+
+def test_light_alone_opens_the_default_scene_under_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_exr(tmp_path / "probe.exr", np.full((8, 8, 3), 3.0, np.float32))
+    monkeypatch.chdir(tmp_path)
+    project = open_project("probe.exr", (8, 6), [("light.rotation", 12.0)])
+    assert project.document.source == "teatray"
+    light = project.document.light
+    assert (light.environment, light.mapping) == (str(tmp_path / "probe.exr"), "angular")  # it is square
+    assert light.rotation == 12.0 and project.sky.environment is not None
+    session = save_session(tmp_path / "work.insitu", project.document, ViewState())
+    assert open_project(str(session), (8, 6)).document == project.document
+
+
+def test_a_mesh_opens_as_a_scene_that_a_session_can_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "thing.ply").write_text(TETRAHEDRON)
+    monkeypatch.chdir(tmp_path)
+    project = open_project("thing.ply", (8, 6), [("thing.0.albedo", [0.1, 0.2, 0.3])])
+    assert [state.name for state in project.document.objects] == ["thing", "floor"]
+    session = save_session(tmp_path / "work.insitu", project.document, ViewState())
+    assert 'scene = "thing.ply"' in session.read_text()  # the folder can move
+    moved = tmp_path.rename(tmp_path.with_name("elsewhere"))
+    again = open_project(str(moved / "work.insitu"), (8, 6))
+    assert again.document.objects == project.document.objects
+    assert again.document.source == str(moved / "thing.ply")
+
+
+def test_a_session_from_before_objects_without_layers_were_grey(scene: Path, tmp_path: Path) -> None:
+    project = open_project(str(scene))
+    (ball, *others) = project.document.objects
+    bare = replace(project.document, objects=(replace(ball, layers=()), *others))
+    session = save_session(tmp_path / "work.insitu", bare, ViewState())
+    assert open_project(str(session)).document.objects == project.document.objects

@@ -7,6 +7,7 @@ import pytest
 from app.script import (
     AssertErrorBelow,
     Capture,
+    ChooseView,
     DragItem,
     DragPoints,
     ImportFile,
@@ -36,6 +37,8 @@ show = "brdf"
 [[step]]
 lobe = [3, 4]
 [[step]]
+view = "ACES 2.0"
+[[step]]
 rotate = 45.0
 [[step]]
 measured = {file = "cloth.binary", cloth = true}
@@ -61,6 +64,7 @@ def test_all_kinds_of_steps(tmp_path: Path) -> None:
         DragPoints((10.0, 20.5), (30.0, 40.0)),
         Show("brdf"),
         PickLobe((3, 4)),
+        ChooseView("aces_2"),
         Rotate(45.0),
         ImportFile(Path("cloth.binary"), True),
         UndoSteps(1),
@@ -93,6 +97,7 @@ def test_captures_go_where_they_are_told(tmp_path: Path) -> None:
         ("[[step]]\nrotate = nan", "step 0: rotate = nan"),
         ("[[step]]\nrotate = 'left'", "step 0: rotate = left"),
         ("[[step]]\nset = {}", "step 0: set"),
+        ("[[step]]\nview = 'sepia'", "s.toml: step 0: view = sepia, expected Filmic, AgX"),
         ("[[step]]\nset = {'a.alpha' = inf}", "a.alpha = inf"),
         ("[[step]]\nset = {'a.alpha' = {}}", "a.alpha"),
         ("[[step]]\nselect = ''", "step 0: select"),

@@ -1,6 +1,9 @@
 import pickle
 
-from engine.errors import InsituError, LoadError
+import pytest
+
+from engine.errors import LONGEST_LINE, InsituError, LoadError, plain_line
+from engine.scene.description import parse_description
 
 
 def test_a_load_error_is_one_line_with_file_place_value_and_expectation():
@@ -21,3 +24,29 @@ def test_values_stay_short_printable_and_on_one_line():
 def test_a_load_error_survives_pickling():
     error = LoadError("f", "w", [1, 2], "numbers")
     assert str(pickle.loads(pickle.dumps(error))) == str(error)  # it crosses between processes
+
+
+@pytest.mark.parametrize("middle", ["x" * 5_000, "x " * 500_000, "\n" * 3_000 + "y" * 2_000, "\x1b[31m" * 2_000])
+def test_long_lines_keep_where_and_what_to_do(middle):
+    path, end = "/home/someone/scenes/kitchen.toml", "expected a number; nothing was changed"
+    for line in (str(InsituError(f"{path}: {middle}, {end}")), plain_line(f"{path}: {middle}, {end}")):
+        assert line.startswith(f"{path}: ") and line.endswith(f", {end}") and " … " in line
+        assert len(line) <= LONGEST_LINE and line.isprintable()
+
+
+def test_lines_of_usual_length_stay_as_they_are():
+    line = "a" * 300 + " " + "b" * 150
+    assert str(InsituError(line)) == plain_line(line) == line
+    assert plain_line(str(InsituError("x" * 9_000))) == str(InsituError("x" * 9_000))  # made shorter once
+
+
+def test_nothing_in_a_line_acts_on_a_terminal():
+    """Escapes, line breaks, marks that turn the writing round, and what of a file's name is no UTF-8."""
+    line = plain_line("a\x1b[2Jb\r\nc\u202ed\udcffe\x00\u2028f\tg")
+    assert line.isprintable() and line.encode() and [c for c in line if c.isascii() and c.isalpha()] == list("aJbcdefg")
+
+
+def test_names_of_any_length_in_a_scene_stay_one_line():
+    with pytest.raises(LoadError) as caught:
+        parse_description({"version": 1, "\x1b" + "k" * 100_000: 1, "object": [{"name": "n" * 100_000}]}, "p" * 4_000)
+    assert len(str(caught.value)) <= LONGEST_LINE and str(caught.value).endswith("; nothing was changed")

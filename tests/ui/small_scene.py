@@ -85,9 +85,9 @@ def opened_window(
 
 
 def wait_until_exact(window: HeadlessWindow, timeout: float = 600.0) -> None:
-    """Draw frames until the picture is exact, then the few that a layout needs to settle."""
+    """Draw frames until nothing more comes, then the few that a layout needs to settle."""
     window.frames(2)
-    assert window.run_until(lambda: window.shell.editor.status.picture == "exact", timeout), window.shell.editor.status
+    assert window.run_until(lambda: window.shell.editor.status.is_finished, timeout), window.shell.editor.status
     window.frames(3)
 
 

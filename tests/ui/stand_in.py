@@ -16,7 +16,6 @@ from app.jobs.bands import plan_bands
 from app.jobs.messages import (
     ComputeTransport,
     Contract,
-    Footprint,
     LayerPicture,
     LayerTransport,
     MeasurementsRead,
@@ -29,6 +28,8 @@ from app.jobs.messages import (
     SceneOpened,
     SkyImage,
     StageDone,
+    StageFootprint,
+    stamped,
 )
 from engine.curve.wavelet import forward
 from engine.plan import Precision, band_counts
@@ -98,6 +99,7 @@ class StandInClient:
         self.closed = False
         self.arriving = False
         self._due: list[Response] = []
+        self._scene_id = 0
 
     @property
     def alive(self) -> bool:
@@ -111,7 +113,9 @@ class StandInClient:
         number = len(self.requests) + 1
         request = replace(request, id=number)
         self.requests.append(request)
-        self._due += [replace(r, id=number, revision=request.revision) for r in self._answers(request)]
+        if isinstance(request, OpenScene):
+            self._scene_id = number
+        self._due += [stamped(r, r.id or number, request.revision) for r in self._answers(request)]
         return number
 
     def say(self, response: Response) -> None:
@@ -146,9 +150,10 @@ class StandInClient:
         rows = np.concatenate([np.arange(stop - start) for start, stop in arrays["object_ranges"]])
         weights = np.zeros((n, 4), np.float32)
         weights[:, 0] = 1.0
-        yield SkyImage(np.full((8, 16, 3), (0.5, 0.6, 0.8), np.float32))
+        yield SkyImage(np.full((8, 16, 3), (0.5, 0.6, 0.8), np.float32), id=self._scene_id)
         yield Progress("transport", 0.5, 1.0)
-        yield Footprint(np.repeat(rows[:, None], 4, axis=1).astype(np.int32), weights, "final")
+        rows = np.repeat(rows[:, None], 4, axis=1).astype(np.int32)
+        yield StageFootprint(rows, weights, "final", id=self._scene_id)
         for layer in request.layers:
             contracted = transport_of(layer.key, layer.bands[0])
             radiance = np.einsum("jpc,jc->pc", contracted, layer.coefficients[0]).astype(np.float32)

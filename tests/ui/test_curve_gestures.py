@@ -12,21 +12,23 @@ from hypothesis import strategies as st
 
 from app.view_state import TOOLS, ViewState
 from engine.curve.operators import Operator, apply_operators, diagonal
+from engine.curve.pairs import is_pair
 from ui.panels.curve_gestures import (
     HALF_PI,
     Hand,
+    Pull,
     core,
     drag_knob,
     drag_region,
     fresh,
     hand_of,
-    is_pair,
     knob_of,
     regions_around,
     tool_of,
     with_regions,
 )
 from ui.panels.state import CurveGrip
+from ui.panels.travel import Travel
 
 REGIONS = (0.2, 0.4, 0.6, 0.9)
 
@@ -54,7 +56,7 @@ def test_a_diagonal_drag_is_the_engines_diagonal() -> None:
     hand = Hand(fresh("translate_xy", REGIONS, (True, True, True)), None)
     x = core(REGIONS)
     y = float(lobe(np.array([x]))[0, 0])
-    made = drag_knob(grip(), hand, lobe, (x + 0.05, y + 0.3))
+    made = drag_knob(grip(), hand, lobe, Pull((x + 0.05, y + 0.3), (1.5, 1.5)))
     expected = diagonal(REGIONS, 0.05, 0.3)
     assert [o.axis for o in made if isinstance(o, Operator)] == [o.axis for o in expected]
     for operator, wanted in zip(made, expected, strict=True):
@@ -62,25 +64,43 @@ def test_a_diagonal_drag_is_the_engines_diagonal() -> None:
         assert operator.magnitude == pytest.approx(wanted.magnitude)
 
 
-@given(st.sampled_from(TOOLS), st.floats(0.35, 0.65), st.floats(0.1, 1.5))
-def test_the_knob_stands_where_it_was_dragged(tool: str, x: float, y: float) -> None:
+@given(st.sampled_from(TOOLS), st.floats(0.35, 0.65), st.floats(0.1, 1.5), st.floats(-2.0, 2.0))
+def test_the_ring_stands_where_it_was_dragged_and_amplifies_evenly(tool: str, x: float, y: float, power: float) -> None:
     hand = Hand(fresh(tool, REGIONS, (True, True, True)), None)  # type: ignore[arg-type]
-    made = drag_knob(grip(), hand, lobe, (x, y))
+    made = drag_knob(grip(), hand, lobe, Pull((x, y), (2.0**power, 2.0**power)))
     members = tuple(o for o in made if isinstance(o, Operator))
     knob = knob_of(Hand(members, 0), lobe)
-    if "y" in tool.partition("_")[2]:
+    if tool in ("translate_y", "translate_xy"):
         assert knob.y == pytest.approx(y, rel=1e-9)
     for operator in members:
         # X stops where the curve would fold over; short of that it follows the mouse.
-        if operator.axis == "x" and operator == dataclasses.replace(operator, magnitude=operator.magnitude).clamped():
+        if operator.axis == "x":
+            assert operator == operator.clamped()
+        if (operator.kind, operator.axis) == ("translate", "x"):
             assert abs(knob.x - core(REGIONS)) <= abs(x - core(REGIONS)) + 1e-9
+        if (operator.kind, operator.axis) == ("amplify", "y"):
+            assert operator.magnitude == pytest.approx(2.0**power)
+
+
+@given(st.lists(st.floats(-1.0, 1.0), min_size=1, max_size=6), st.floats(0.1, 3.0))
+def test_amplifying_back_and_forth_is_the_sum(powers: list[float], start: float) -> None:
+    """However a way is cut into drags, it ends at the same factor: a pixel multiplies by as much everywhere."""
+    (operator,) = fresh("amplify_y", REGIONS, (True, True, True))
+    made: tuple[object, ...] = (dataclasses.replace(operator, magnitude=start),)
+    for power in powers:
+        held = grip(made, 0)  # type: ignore[arg-type]
+        made = drag_knob(held, Hand(made, 0), lobe, Pull((0.5, 1.0), (1.0, 2.0**power)))  # type: ignore[arg-type]
+    (last,) = made
+    expected = start * 2.0 ** sum(powers)
+    if all(0.01 < start * 2.0 ** sum(powers[:n]) for n in range(len(powers))):
+        assert isinstance(last, Operator) and last.magnitude == pytest.approx(expected)
 
 
 def test_dragging_an_operator_below_others_keeps_those() -> None:
     others = fresh("amplify_y", (1.0, 1.1, 1.2, 1.3), (True, True, True))
     operators = (*fresh("translate_y", REGIONS, (True, True, True)), *others)
     hand = Hand(operators[:1], 0)
-    made = drag_knob(grip(operators, 0), hand, lobe, (0.5, 1.0))
+    made = drag_knob(grip(operators, 0), hand, lobe, Pull((0.5, 1.0), (1.0, 1.0)))
     assert made[1:] == others
     assert len(made) == 2
 
@@ -121,18 +141,38 @@ def test_a_selected_operator_is_in_hand() -> None:
     operators = (*single, *pair)
     assert hand_of(operators, ViewState(operator=0)).operators == single
     assert hand_of(operators, ViewState(operator=1)) == Hand(pair, 1)
-    # The upper half alone, once its partner is not the one selected, is an operator like any other.
-    assert hand_of(operators, ViewState(operator=2)).operators == pair[1:]
+    # Whichever of a pair is named, both are in hand.
+    assert hand_of(operators, ViewState(operator=2)) == Hand(pair, 1)
     assert hand_of(operators, ViewState(operator=7)).index is None
     assert hand_of((), ViewState(active_tool="translate_xy")).pair
 
 
-def test_amplifying_at_the_baseline_is_finite() -> None:
+def test_amplifying_reaches_what_is_next_to_nothing_no_faster() -> None:
     (operator,) = fresh("amplify_y", REGIONS, (True, True, True))
-    zero = Hand((operator,), None)
-    (made,) = drag_knob(grip(), zero, lambda gamma: np.zeros((len(gamma), 3)), (0.5, 1.0))
-    # Nothing times anything is nothing: the magnitude stays.
-    assert isinstance(made, Operator) and made.magnitude == 1.0
+    for height in (0.0, 1e-9, 1.0):
+        hand = Hand((operator,), None)
+        pull = Pull((0.5, 1.0), (1.0, 2.0))
+        (made,) = drag_knob(grip(), hand, lambda gamma, h=height: np.full((len(gamma), 3), h), pull)  # type: ignore[misc]
+        assert isinstance(made, Operator) and made.magnitude == 2.0
+    (off,) = drag_knob(
+        grip((dataclasses.replace(operator, magnitude=0.0),), 0),
+        Hand((operator,), 0),
+        lobe,
+        Pull((0.5, 1.0), (1.0, 2.0)),
+    )
+    assert isinstance(off, Operator) and off.magnitude == 0.02  # out of nothing by hundredths
     (flat,) = fresh("amplify_x", (0.0, 0.0, 0.02, 0.2), (True, True, True))
-    (wide,) = drag_knob(grip(regions=flat.regions), Hand((flat,), None), lobe, (0.1, 1.0))
+    (wide,) = drag_knob(grip(regions=flat.regions), Hand((flat,), None), lobe, Pull((0.1, 1.0), (2.0, 1.0)))
     assert isinstance(wide, Operator) and math.isfinite(wide.magnitude) and wide.magnitude >= 1.0
+
+
+def test_a_hand_travels_by_tenths_with_shift_and_never_jumps() -> None:
+    travel = Travel((100.0, 50.0))
+    assert travel.moved((130.0, 40.0)) == (30.0, -10.0)
+    fine = travel.going_on((130.0, 40.0), True)
+    assert fine.moved((130.0, 40.0)) == (30.0, -10.0)
+    assert fine.moved((140.0, 40.0)) == pytest.approx((31.0, -10.0))
+    again = fine.going_on((140.0, 40.0), False)
+    assert again.moved((140.0, 40.0)) == pytest.approx((31.0, -10.0))
+    assert again.moved((109.0, 50.0)) == pytest.approx((0.0, 0.0))
+    assert travel.going_on((7.0, 7.0), False) is travel

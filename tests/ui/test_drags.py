@@ -83,8 +83,8 @@ def test_the_ring_makes_operators(
 
 
 def test_the_ring_follows_the_mouse(window: HeadlessWindow) -> None:
-    # The axes stand still: 0 to 90 degrees, values 0 to 10.
-    set_view(window, active_tool="translate_y", regions=(0.3, 0.5, 0.7, 1.0), curve_zoom=(0.0, math.pi / 2, 0.0, 10.0))
+    # The axes stand still: 0 to 90 degrees, values 0 to 1, which are drawn evenly.
+    set_view(window, active_tool="translate_y", regions=(0.3, 0.5, 0.7, 1.0), curve_zoom=(0.0, math.pi / 2, 0.0, 1.0))
     window.drag_handle("curve.magnitude", (0, -50))
     (first,) = operators(window)
     x, y = window.shell.handle_position("curve.magnitude")
@@ -228,7 +228,7 @@ def test_click_selects_and_hover_names(window: HeadlessWindow) -> None:
     assert editor.view.hovered == "tray"
     window.click(x + 0.375 * width, centre[1])
     assert editor.view.selected is not None and editor.view.selected.object == "tray"
-    window.click(x - 10, centre[1])
+    window.click(x - 5, centre[1])
     assert editor.view.selected is None
 
 

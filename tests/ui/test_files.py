@@ -1,4 +1,4 @@
-"""Opening, saving and recovering from the window: dropped files, the browser, the strip over the picture."""
+"""Opening and saving from the window: dropped files, the browser."""
 
 from __future__ import annotations
 
@@ -13,11 +13,10 @@ from imgui_bundle import imgui
 from app.document import LightState
 from app.editor import Editor
 from app.jobs.messages import ComputeTransport
-from app.journal import Journal, recoverable_sessions
+from app.paths import spoken_name
 from app.probe_file import likely_mapping, probe_size
-from engine.curve.operators import Operator
 from tests.ui.stand_in import StandInClient
-from ui.actor import picture_name, suggested_name
+from ui.actor import picture_name
 from ui.headless import HeadlessWindow
 from ui.panels.actions import AskFile, ExportMeasured, ImportMeasured, OpenFile, SaveSession, SetPanel
 from ui.panels.dialogs import answer, entries
@@ -77,8 +76,8 @@ def test_answers_become_actions(tmp_path: Path) -> None:
 
 
 def test_names_are_suggested() -> None:
-    assert suggested_name("teatray") == "teatray.insitu"
-    assert suggested_name("/home/someone/kitchen/scene.toml") == "kitchen.insitu"
+    assert spoken_name("teatray") == "teatray"
+    assert spoken_name("/home/someone/kitchen/scene.toml") == "kitchen"
     assert picture_name(Path("/p"), datetime(2030, 1, 2, 3, 4, 5)) == Path("/p/insitu-2030-01-02-030405.png")
 
 
@@ -176,33 +175,3 @@ def _asked_light(editor: Editor) -> LightState:
     client = editor._client
     assert isinstance(client, StandInClient)
     return next(request.light for request in reversed(client.requests) if isinstance(request, ComputeTransport))
-
-
-@pytest.mark.gl
-def test_what_a_journal_kept_is_offered_and_brought_back(window: HeadlessWindow, tmp_path: Path) -> None:
-    editor = window.shell.editor
-    original = editor.document
-    window.drag_handle("curve.magnitude", (0, -50))
-    edited = editor.document
-    window.key(imgui.Key.z, imgui.Key.mod_ctrl)
-    assert editor.document == original
-    journal = Journal(tmp_path)
-    journal.note(0.0, edited, editor.view, unsaved=True)
-    journal.note(10.0, edited, editor.view, unsaved=True)
-    _abandon(journal)
-    (recovery,) = recoverable_sessions(tmp_path)
-    window.shell.offer_recovery(recovery)
-    window.frames(3)
-    window.click_handle("button.recover")
-    assert window.run_until(lambda: editor.document.layer("teapot.1").edits != (), 90.0)
-    (made,) = editor.document.layer("teapot.1").operators("theta_h")
-    assert isinstance(made, Operator)
-    assert made == edited.layer("teapot.1").operators("theta_h")[0]
-    assert window.shell.state.journal is None
-
-
-def _abandon(journal: Journal) -> None:
-    """What a sudden end leaves: the journal on disk, its lock dropped by the kernel."""
-    journal._entries.put(None)
-    journal._thread.join(10.0)
-    journal._lock.close()

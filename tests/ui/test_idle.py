@@ -81,8 +81,8 @@ def test_the_hand_s_own_change_is_in_the_frame_that_took_it(
     drawn.clear()
     window.prepare()
     window.shell.note_input()
-    window.shell.io.add_key_event(imgui.Key.mod_ctrl, True)
-    window.shell.io.add_key_event(imgui.Key.z, True)
+    window.shell.events.key(imgui.Key.mod_ctrl, True)
+    window.shell.events.key(imgui.Key.z, True)
     window.draw()
     assert len(drawn) == 2  # undo came after the picture had been prepared
     for key in (imgui.Key.z, imgui.Key.mod_ctrl):

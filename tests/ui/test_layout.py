@@ -23,6 +23,8 @@ from ui.panels.actions import ShowPanel
 pytestmark = pytest.mark.gl
 
 SIZES = [((1280, 800), 1.0), ((1920, 1080), 1.0), ((2560, 1600), 2.0), ((1600, 1000), 1.25)]
+# Of a square picture: what there was before it was given more room, and what is asked of it.
+PICTURE_SIDES = [((1380, 860), 428.0, 540.0), ((800, 600), 168.0, 310.0), ((1920, 1080), 600.0, 750.0)]
 
 
 def rectangles(window: HeadlessWindow) -> dict[str, tuple[float, float, float, float]]:
@@ -62,6 +64,78 @@ def test_no_panel_overlaps_or_is_cut_off(
         for panel in layout.PANELS:
             each = imgui.internal.find_window_by_name(panel.window)
             assert not each.scrollbar_x and not each.scrollbar_y, f"{panel.title} does not fit"
+
+
+def overlapping(places: dict[str, tuple[float, float, float, float]]) -> list[tuple[str, str]]:
+    """Pairs of panels that share some of the window."""
+    pairs = itertools.combinations(places.items(), 2)
+    return [
+        (one, two)
+        for (one, a), (two, b) in pairs
+        if min(a[2], b[2]) > max(a[0], b[0]) and min(a[3], b[3]) > max(a[1], b[1])
+    ]
+
+
+@pytest.mark.parametrize(("size", "before", "least"), PICTURE_SIDES)
+def test_the_picture_has_most_of_the_window(
+    context: moderngl.Context, size: tuple[int, int], before: float, least: float
+) -> None:
+    for window in opened(context, size, 1.0):
+        left, top, right, bottom = rectangles(window)["viewport"]
+        assert min(right - left, bottom - top) >= least > 1.2 * before
+
+
+@pytest.mark.parametrize("size", [(1380, 860), (1024, 640), (800, 600), (640, 480), (400, 300)])
+def test_every_panel_has_its_place_in_a_window_of_any_size(context: moderngl.Context, size: tuple[int, int]) -> None:
+    for window in opened(context, size, 1.0):
+        for panel in layout.PANELS:
+            window.shell.do(ShowPanel(panel.key))
+            window.frames(3)
+            places = rectangles(window)
+            assert panel.key in places and not overlapping(places)
+            for left, top, right, bottom in places.values():
+                assert 0 <= left < right <= size[0] and 0 <= top < bottom <= size[1]
+            # Up or down it may scroll, not sideways; and no control stands outside the window.
+            assert not imgui.internal.find_window_by_name(panel.window).scrollbar_x, panel.title
+            for name in window.shell.handles.names():
+                x, _ = window.shell.handle_position(name)
+                assert 0 <= x <= size[0], name
+
+
+def test_panels_fold_away_together_and_come_back_from_the_strip(window: HeadlessWindow) -> None:
+    before = rectangles(window)
+    window.click_handle("button.fold.curve")
+    window.frames(3)
+    folded = rectangles(window)
+    assert "curve" not in folded
+    # The picture takes their room, but for the strip that brings them back.
+    assert folded["viewport"][3] > before["curve"][3] - 30
+    window.click_handle("button.fold.brdf")  # which has the library before it
+    window.frames(3)
+    assert {"brdf", "library"}.isdisjoint(rectangles(window))
+    for key in ("curve", "brdf", "library"):
+        window.click_handle(f"button.unfold.{key}")
+        window.frames(3)
+    assert rectangles(window) == before
+
+
+def test_a_window_made_small_for_a_moment_is_as_it_was_when_it_is_large_again(window: HeadlessWindow) -> None:
+    places = rectangles(window)
+    bar = (0.5 * (places["curve"][0] + places["curve"][2]), places["viewport"][3] + 1.0)
+    window.drag(bar, (bar[0], bar[1] - 60))
+    window.click_handle("button.fold.light")
+    window.frames(3)
+    large = rectangles(window)
+    seen = []
+    for size in ((800, 600), (400, 300), (1280, 800)):
+        window.resize(size)
+        window.frames(4)
+        seen.append(rectangles(window))
+        assert not overlapping(seen[-1])
+    compact, small, again = seen
+    assert "light" not in large and "curve" in compact  # each form folds its own panels
+    assert set(small) == {"viewport"}
+    assert again == large
 
 
 def test_labels_and_buttons_stay_inside_the_window(window: HeadlessWindow) -> None:
@@ -112,9 +186,15 @@ def test_the_layout_is_remembered(context: moderngl.Context, tmp_path: Path) -> 
     second = window_with_layout()
     second.frames(4)
     assert rectangles(second)["curve"] == pytest.approx(moved["curve"], abs=1)
+    # So is what is folded away.
+    second.click_handle("button.fold.curve")
     second.close()
+    again = window_with_layout()
+    again.frames(4)
+    assert "curve" not in rectangles(again)
+    again.close()
     # What was made for another scale, or is damaged, gives the default.
-    file.write_text("; insitu layout 1 scale 2.00\n[Window][x]\nPos=1,1\n")
+    file.write_text("; insitu layout 5 scale 2.00\n; form wide folded curve\n[Window][x]\nPos=1,1\n")
     third = window_with_layout()
     third.frames(4)
     assert rectangles(third)["curve"] == pytest.approx(places["curve"], abs=1)
@@ -139,3 +219,15 @@ def test_shortcuts_overlay_opens_and_closes(window: HeadlessWindow) -> None:
     window.frames(2)
     window.click(4, 400)
     assert not editor.view.show_shortcuts
+
+
+def test_a_window_that_has_changed_its_form_draws_until_its_tabs_are_in_place(window: HeadlessWindow) -> None:
+    window.frames(80)  # until nothing else asks for frames
+    while window.draw().busy:
+        pass
+    window.resize((800, 600))
+    while window.draw().busy:
+        pass
+    # On tabs that do not fit there are arrows in its place.
+    for key in ("material", "objects", "curve"):
+        window.shell.handle_position(f"button.fold.{key}")

@@ -102,16 +102,16 @@ def test_a_weight_map_is_inverted_by_a_button(window: HeadlessWindow) -> None:
 
 
 def test_dropped_pictures_are_textures_of_what_is_selected(window: HeadlessWindow, tmp_path: Path) -> None:
-    editor, actor = window.shell.editor, window.shell.actor
+    editor, shell = window.shell.editor, window.shell
     editor.select("teapot.0")
-    actor.drop([str(tmp_path / "gone.png")])
+    shell.drop([str(tmp_path / "gone.png")])
     assert maps_of(window).is_plain and "no such file" in editor.status.message
     (tmp_path / "oak.jpg").touch()
-    actor.drop([str(tmp_path / "oak.jpg")])
+    shell.drop([str(tmp_path / "oak.jpg")])
     assert maps_of(window).texture == str(tmp_path / "oak.jpg")
     editor.undo()
     editor.select(None)
-    actor.drop([str(tmp_path / "oak.jpg")])
+    shell.drop([str(tmp_path / "oak.jpg")])
     assert maps_of(window).is_plain and "select the layer" in editor.status.message
 
 
@@ -126,7 +126,7 @@ def test_what_is_dropped_on_a_row_is_that_image(window: HeadlessWindow, tmp_path
     for name, place in places.items():
         assert image_at(shell.handles, shell.theme, *place) == name
     (tmp_path / "mask.exr").touch()
-    shell.actor.drop([str(tmp_path / "mask.exr")], "weight")  # anywhere else it would be a sky
+    shell.drop([str(tmp_path / "mask.exr")], "weight")  # anywhere else it would be a sky
     assert maps_of(window).weight == str(tmp_path / "mask.exr")
 
 

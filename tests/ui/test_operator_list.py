@@ -91,9 +91,9 @@ def test_collapse_keeps_the_curve_and_reset_removes_all(listed: HeadlessWindow) 
 
 
 def type_into(window: HeadlessWindow, handle: str, text: str) -> None:
-    """Click a field, replace what it holds, confirm."""
-    window.click_handle(handle)
-    window.key(imgui.Key.a, imgui.Key.mod_ctrl)
+    """Double-click a field, type over what it holds, confirm."""
+    for _ in range(2):
+        window.click_handle(handle)
     window.type(text)
     window.key(imgui.Key.enter)
     window.frames(2)

@@ -14,6 +14,7 @@ import pytest
 from app.commands import SetEnvironment, SetIntensity, SetRotation, SetVisible
 from app.editor import Editor
 from app.jobs.messages import ComputeTransport, SkyImage
+from app.material_commands import SetMaterial, new_layer
 from app.view_state import SetView
 from tests.app.fake_worker import FakeClient
 from tests.ui.stand_in import HEIGHT, WIDTH, StandInClient, scene_arrays, transport_of
@@ -81,6 +82,21 @@ def test_the_picture_follows_a_dragged_curve(window: HeadlessWindow) -> None:
     assert sum(isinstance(request, ComputeTransport) for request in client.requests) == 1
 
 
+def test_a_new_material_is_first_seen_in_a_picture_of_its_own(window: HeadlessWindow) -> None:
+    # What scales its curves is another number: times the picture before it would be far too bright.
+    editor = window.shell.editor
+    before = exact_picture(window)
+    bright = new_layer("cook_torrance").with_parameter("scale", 4.0)
+    editor.do(SetMaterial("teapot", (editor.document.layer("teapot.0"), bright)))
+    n_pictures = 0
+    while not feed(window)._is_drawn(editor, "teapot.1"):
+        np.testing.assert_array_equal(feed(window).renderer.linear_image(), before)
+        window.frame()
+        n_pictures += 1
+    assert n_pictures > 5  # the light is asked for when the hand has rested
+    np.testing.assert_allclose(exact_picture(window), expected_picture(window), rtol=HALF_FLOAT, atol=1e-5)
+
+
 def test_hidden_layers_leave_the_picture(window: HeadlessWindow) -> None:
     window.shell.editor.do(SetVisible("teapot.0", False))
     np.testing.assert_allclose(exact_picture(window), expected_picture(window), rtol=HALF_FLOAT, atol=1e-5)
@@ -117,8 +133,7 @@ def test_a_new_sky_gets_a_thumbnail(window: HeadlessWindow) -> None:
     client = editor._client
     assert isinstance(client, StandInClient)
     assert window.run_until(lambda: len([r for r in client.requests if isinstance(r, ComputeTransport)]) > 1, 90.0)
-    revision = client.requests[-1].revision
-    client.say(SkyImage(np.full((4, 8, 3), (1.0, 0.2, 0.1), np.float32), revision=revision))
+    client.say(SkyImage(np.full((4, 8, 3), (1.0, 0.2, 0.1), np.float32), id=1))
     # The stand-in's own sky, which is bluish, may come first.
     assert window.run_until(lambda: colour(feed(window))[0] > colour(feed(window))[2], 90.0)
     assert feed(window).environment is not old and colour(feed(window))[3] == 255
@@ -129,7 +144,7 @@ def test_no_light_has_no_thumbnail(window: HeadlessWindow) -> None:
     client = window.shell.editor._client
     assert isinstance(client, StandInClient)
     assert feed(window).environment is not None
-    client.say(SkyImage(np.zeros((1, 2, 3), np.float32), revision=client.requests[-1].revision))
+    client.say(SkyImage(np.zeros((1, 2, 3), np.float32), id=1))
     window.frames(3)
     assert feed(window).environment is None
 
@@ -177,7 +192,7 @@ class Opening:
         self.feed = PictureFeed(self.renderer)
         self.calls: list[str] = []
         monkeypatch.setattr(picture_feed, "TAKING_SECONDS", 10.0)
-        taking = ("set_frame", "set_layer_radiance", "set_environment", "set_footprint", "begin_transport")
+        taking = ("set_frame", "set_layer_radiance", "set_environment", "begin_transport")
         for name in (*taking, "composite"):
             monkeypatch.setattr(self.renderer, name, self._spied(name))
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from ui.panels.plot_axes import (
     Axis,
+    Scale,
     angle_ticks,
     nice_ceiling,
     value_label,
@@ -20,16 +21,16 @@ from ui.panels.plot_axes import (
 )
 
 
-@given(st.floats(1e-6, 1e6), st.floats(1.01, 1e6), st.booleans(), st.floats(0.0, 1.0))
-def test_pixels_and_values_are_inverse(low: float, ratio: float, logarithmic: bool, share: float) -> None:
-    axis = Axis(low, low * ratio, 300.0, 20.0, logarithmic)
+@given(st.floats(1e-6, 1e6), st.floats(1.01, 1e6), st.sampled_from(["linear", "root", "log"]), st.floats(0.0, 1.0))
+def test_pixels_and_values_are_inverse(low: float, ratio: float, scale: Scale, share: float) -> None:
+    axis = Axis(low, low * ratio, 300.0, 20.0, scale)
     pixel = 300.0 - 280.0 * share
     assert axis.to_pixel(axis.to_value(pixel)) == pytest.approx(pixel, abs=1e-6)
     assert axis.to_pixels(np.array([axis.to_value(pixel)]))[0] == pytest.approx(pixel, abs=1e-6)
 
 
 def test_a_logarithmic_axis_keeps_zero_on_its_floor() -> None:
-    axis = Axis(1e-3, 10.0, 200.0, 0.0, logarithmic=True)
+    axis = Axis(1e-3, 10.0, 200.0, 0.0, "log")
     # log10 of 0 is not a number; the floor is where such values stand.
     assert axis.to_pixel(0.0) == axis.to_pixel(-5.0) == 200.0
     assert axis.to_pixels(np.array([0.0, -1.0, 10.0])).tolist() == [200.0, 200.0, 0.0]
@@ -55,7 +56,7 @@ def test_linear_ticks_keep_their_distance(high: float) -> None:
 
 
 def test_decades_are_thinned_when_crowded() -> None:
-    ticks = value_ticks(Axis(1e-4, 1e4, 240.0, 0.0, logarithmic=True), 40.0)
+    ticks = value_ticks(Axis(1e-4, 1e4, 240.0, 0.0, "log"), 40.0)
     labels = [tick.label for tick in ticks if tick.label]
     # Eight decades on 240 pixels are 30 apart: every second one is labelled.
     assert labels == ["1e-4", "0.01", "1", "100", "10000"]

@@ -1,4 +1,4 @@
-"""Ctrl-click puts a parameter back, a double click types one, solo shows a layer alone: in a window, by hand."""
+"""A right click puts a parameter back, a double click types one, solo shows a layer alone: in a window, by hand."""
 
 from __future__ import annotations
 
@@ -28,10 +28,8 @@ def value(window: HeadlessWindow, name: str) -> object:
     return window.shell.editor.document.layer("teapot.1").values[name]
 
 
-def ctrl_click(window: HeadlessWindow, handle: str) -> None:
-    window.hold(imgui.Key.mod_ctrl, True)
-    window.click_handle(handle)
-    window.hold(imgui.Key.mod_ctrl, False)
+def right_click(window: HeadlessWindow, handle: str) -> None:
+    window.click(*window.shell.handle_position(handle), button=1)
     window.leave()
 
 
@@ -43,13 +41,13 @@ def ctrl_click(window: HeadlessWindow, handle: str) -> None:
         ("distribution", "material.distribution", "beckmann"),
     ],
 )
-def test_ctrl_click_puts_a_parameter_back(window: HeadlessWindow, name: str, handle: str, other: object) -> None:
+def test_right_click_puts_a_parameter_back(window: HeadlessWindow, name: str, handle: str, other: object) -> None:
     editor = window.shell.editor
     editor.do(SetParameter("teapot.1", name, other))
     window.frames(2)
     default = {p.name: p.default for p in editor.document.layer("teapot.1").table}[name]
     assert value(window, name) == other != default
-    ctrl_click(window, handle)
+    right_click(window, handle)
     assert value(window, name) == default
     assert not editor.history.dragging and not imgui.is_any_item_active()
     editor.undo()  # one step
@@ -57,12 +55,12 @@ def test_ctrl_click_puts_a_parameter_back(window: HeadlessWindow, name: str, han
     editor.undo()
 
 
-def test_ctrl_click_leaves_fixed_objects_alone(window: HeadlessWindow) -> None:
+def test_right_click_leaves_fixed_objects_alone(window: HeadlessWindow) -> None:
     editor = window.shell.editor
     editor.select("wall")
     window.frames(2)
     before = editor.document
-    ctrl_click(window, "material.albedo.r")
+    right_click(window, "material.albedo.r")
     assert editor.document == before
     editor.select("teapot.1.theta_h")
     window.frames(2)
@@ -74,7 +72,6 @@ def test_double_click_types_a_number(window: HeadlessWindow) -> None:
     for _ in range(2):
         window.press()
         window.release()
-    window.key(imgui.Key.a, imgui.Key.mod_ctrl)
     window.type("0.37")
     window.key(imgui.Key.enter)
     window.leave()

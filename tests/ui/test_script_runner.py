@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.script import load_script
+from app.script import Capture, load_script
 from engine.curve.operators import Operator
+from engine.errors import InsituError
+from tests.app.limits import largest_file
 from tests.ui.stand_in import StandInClient
 from ui.headless import HeadlessWindow
 from ui.script_runner import ScriptError, run_steps, take_screenshot
@@ -94,7 +96,7 @@ def test_a_script_chooses_the_series(window: HeadlessWindow, tmp_path: Path) -> 
         ('[[step]]\nset = { "series.bounces" = 0 }', "from 1 to 8"),
         ("[[step]]\nundo = 5", "step 1: nothing to undo"),
         ("[[step]]\nshow = 'lamp'", "step 1: there is no panel 'lamp'; there is: objects"),
-        ("[[step]]\nassert_error_below = 1e-30", "step 1: image error"),
+        ("[[step]]\nassert_error_below = 1e-30", "step 1: error of the curve"),
     ],
 )
 def test_a_step_that_cannot_be_is_named(window: HeadlessWindow, tmp_path: Path, text: str, words: str) -> None:
@@ -114,6 +116,27 @@ def test_a_screenshot_is_the_whole_window(tmp_path: Path) -> None:
     # Something of everything: not one flat colour.
     assert image.std() > 20.0
     assert client.closed
+
+
+NOT_WRITTEN = "{}: not written, File too large; what was there is untouched"
+
+
+def test_a_picture_that_was_there_survives_a_full_disk(tmp_path: Path) -> None:
+    output, client = tmp_path / "ui.png", StandInClient()
+    output.write_bytes(b"hours of work")
+    with largest_file(1000), pytest.raises(InsituError) as caught:
+        take_screenshot("stand-in", output, size=(640, 480), client=client)
+    assert str(caught.value) == NOT_WRITTEN.format(output) and client.closed
+    assert output.read_bytes() == b"hours of work" and not list(tmp_path.glob(".*"))
+
+
+def test_a_captured_picture_survives_a_full_disk(window: HeadlessWindow, tmp_path: Path) -> None:
+    output = tmp_path / "step.png"
+    output.write_bytes(b"hours of work")
+    with largest_file(1000), pytest.raises(ScriptError) as caught:
+        run_steps(window, window.shell.editor, [Capture(output)])
+    assert str(caught.value) == "step 1: " + NOT_WRITTEN.format(output)
+    assert output.read_bytes() == b"hours of work" and not list(tmp_path.glob(".*"))
 
 
 def test_a_script_imports_what_was_measured(window: HeadlessWindow, tmp_path: Path) -> None:

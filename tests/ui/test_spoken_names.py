@@ -15,7 +15,7 @@ from ui.spoken_names import spoken
         ("undone: teapot.1 theta_h Translate Y", "undone: teapot / coat half Translate Y"),
         ("teapot.1 alpha", "teapot / coat Roughness α"),
         ("give teapot.0 its Fresnel term", "give teapot / base its Fresnel term"),
-        ("teapot.0, tray.0: shown as it was", "teapot / base, tray / rough_conductor: shown as it was"),
+        ("teapot.0, tray.0: shown as it was", "teapot / base, tray / Rough metal: shown as it was"),
         ("teapot.1", "teapot / coat"),
         ("teapot.1.alpha: value = 7, expected less", "teapot.1.alpha: value = 7, expected less"),
         ("teapot.10 and big teapot.1x", "teapot.10 and big teapot.1x"),

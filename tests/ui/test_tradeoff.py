@@ -10,7 +10,9 @@ from app.commands import SetEditable
 from app.jobs.messages import ComputeTransport
 from app.status import Status
 from tests.ui.stand_in import StandInClient
+from ui import theme as look
 from ui.headless import HeadlessWindow
+from ui.panels.status_bar import ERROR_SECONDS, picture_state
 from ui.panels.tradeoff import figures
 
 STATUS = Status(
@@ -39,8 +41,26 @@ def test_memory_is_that_of_transport_and_of_the_graphics_card() -> None:
 
 def test_noise_is_told_once_it_is_known() -> None:
     assert "noise" not in rows(STATUS, None)["Image error"][0]
-    noisy = replace(STATUS, image_error=0.002, indirect_noise=0.0123)
-    assert rows(noisy, None)["Image error"][0] == "0.002, indirect noise 1.2 %"
+    assert "apart" not in rows(STATUS, None)["Image error"][1]
+    noisy = replace(STATUS, image_error=0.0082, curve_error=0.002, indirect_noise=0.0123)
+    error, hint = rows(noisy, None)["Image error"]
+    assert error == "0.0082" and "still to come: 0.002" in hint and hint.endswith("apart tell it. 1.2 %")
+
+
+@pytest.mark.parametrize(
+    ("status", "ink", "words"),
+    [
+        (Status(), look.TEXT_FAINT, "waiting"),
+        (Status(picture="preview", image_error=None), look.ACCENT, "preview"),
+        (Status(picture="refining", image_error=None), look.ACCENT, "refining"),
+        (Status(picture="refining", image_error=0.25), look.ACCENT, "refining (error 0.25)"),
+        (Status(picture="exact", image_error=0.0), look.GOOD, "picture exact (error 0)"),
+        (Status(picture="finished", image_error=0.021), look.TEXT_SOFT, "finished, noise 2.1 %"),
+        (Status(picture="finished", image_error=3.76), look.BAD, "finished, noise 376.0 %"),
+    ],
+)
+def test_the_bar_says_exact_of_nothing_that_is_not(status: Status, ink: look.Colour, words: str) -> None:
+    assert picture_state(status)[:2] == (ink, words)
 
 
 @pytest.mark.gl
@@ -58,3 +78,19 @@ def test_the_plan_follows_what_is_editable(window: HeadlessWindow) -> None:
     editor.select("tray.0.theta_h")
     window.frames(3)
     assert editor.status.picture == "exact" and editor.status.wanted_coefficients == 0
+
+
+@pytest.mark.gl
+def test_a_message_goes_by_a_click_and_by_itself(window: HeadlessWindow) -> None:
+    shell = window.shell
+    shell.editor.notify("the disk is full", True)
+    window.frames(2)
+    window.click_handle("status.message")
+    assert shell.state.notice is None
+    shell.editor.notify("the disk is full", True)  # once more: it is said once more
+    window.frames(2)
+    assert shell.state.notice is not None
+    assert "status.message" in shell.handles.names()
+    window._time += ERROR_SECONDS
+    window.frames(2)
+    assert "status.message" not in shell.handles.names()

@@ -84,10 +84,10 @@ class Compositor:
         self._first_rows = np.concatenate(([0], np.cumsum(rows))).astype(int)
         self._object_boxes = [frame.object_box(i) for i in range(frame.n_objects)]
         self._n_rows = max(1, int(self._first_rows[-1]))
-        emission = np.zeros((frame.height, frame.width, 4), dtype=np.float32)
-        emission[..., :3] = frame.emission_image
-        emission[..., 3] = frame.object_image >= 0
-        self._emission = self._keep(size, 4, "f4", emission)
+        self._shining = np.zeros((frame.height, frame.width, 4), dtype=np.float32)
+        self._shining[..., :3] = frame.emission_image
+        self._shining[..., 3] = frame.object_image >= 0
+        self._emission = self._keep(size, 4, "f4", self._shining)
         self._rays = self._keep(size, 3, "f4", frame.ray_directions.astype(np.float32))
         self._pixel_addresses = self._keep(size, 1, "i4", self._addresses_of_pixels())
         self._theta_o = self._keep((SAMPLES_PER_ROW, self._n_rows), 1, "f4", self.pack(frame.theta_o, np.float32))
@@ -176,6 +176,19 @@ class Compositor:
         made.repeat_x = True
         self._memory.release(self._environment)
         self._environment = made
+
+    def set_emission(self, i_object: int, radiance: Sequence[float]) -> bool:
+        """Let an emitter's front, where it is seen, have this radiance; whether that changes the backdrop."""
+        seen = (self.frame.object_image == i_object) & self.frame.emission_image.any(axis=2)
+        rows = np.flatnonzero(seen.any(axis=1))
+        wanted = np.asarray(radiance, dtype=np.float32)
+        if not rows.size or (self._shining[seen][0, :3] == wanted).all():
+            return False
+        self._shining[seen, :3] = wanted
+        first, last = int(rows[0]), int(rows[-1])
+        band = np.ascontiguousarray(self._shining[first : last + 1])
+        self._emission.write(band, viewport=(0, first, self.frame.width, len(band)), alignment=1)
+        return True
 
     def draw_backdrop(self, rotation_degrees: float, intensity: float) -> None:
         """Redraw what is behind the surfaces."""

@@ -6,11 +6,17 @@ error says what was found, what is needed and what to install.
 
 from __future__ import annotations
 
+import os
+import shutil
+from pathlib import Path
+
 import moderngl
+import platformdirs
 
 from engine.errors import InsituError
 
 REQUIRED_VERSION = 410
+_ROOM_FOR_SHADERS = 64 << 20
 _INSTALL = "install a driver or Mesa (Debian: libegl1 libgl1 libgl1-mesa-dri)"
 # What the passes rely on; each is within the minimum that OpenGL 4.1 promises, and old drivers are still asked.
 _REQUIRED_LIMITS = {
@@ -25,8 +31,18 @@ class GraphicsError(InsituError):
     """OpenGL is missing, too old, out of memory, or a shader does not compile."""
 
 
+def spare_full_disk() -> None:
+    """Before the first context: Mesa maps the file of its shader cache without asking for room, so that a full disk
+    ends the process by SIGBUS. Without that cache shaders are compiled at each start."""
+    folder = Path(platformdirs.user_cache_dir()).absolute()
+    there = next(each for each in (folder, *folder.parents) if each.is_dir())
+    if shutil.disk_usage(there).free < _ROOM_FOR_SHADERS:
+        os.environ["MESA_SHADER_CACHE_DISABLE"] = "true"
+
+
 def create_headless_context(require: int = REQUIRED_VERSION) -> moderngl.Context:
     """A context without window or display, through EGL; raises GraphicsError where there is none."""
+    spare_full_disk()
     try:
         context = moderngl.create_context(standalone=True, require=require, backend="egl")  # type: ignore[arg-type]
     except Exception as failure:

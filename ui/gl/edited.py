@@ -28,6 +28,7 @@ class _Arriving:
 
     key: str
     curve: str
+    stage: str
     upload: TransportUpload
     footprint: FootprintTextures | None
     beside: Collection[str]
@@ -90,11 +91,12 @@ class EditedLayers:
         scale: NDArray[np.floating] | None,
         beside: Collection[str],
         curve: str,
+        stage: str = "",
     ) -> None:
         """Start to upload a transport over a curve. Others under way, but for layers `beside` it, are given up."""
         self.cancel(keep=[other for other in beside if other != key])
         upload = TransportUpload(self._memory, transport, norms, scale)
-        arriving = _Arriving(key, curve, upload, layers.footprint, beside)
+        arriving = _Arriving(key, curve, stage, upload, layers.footprint, beside)
         self._arriving.append(arriving)
         try:
             layers.check_sample_count(key, layers[key].i_object, upload.target.n_samples)
@@ -136,8 +138,15 @@ class EditedLayers:
             active.refiner.want(values)
         self._wanted[key] = curve, values
 
-    def start_from(self, key: str, coefficients: NDArray[np.floating] | None, same_samples: bool) -> None:
-        """A layer's picture was replaced by one made with these coefficients, None where they are unknown."""
+    def start_from(
+        self, key: str, coefficients: NDArray[np.floating] | None, same_samples: bool, stage: str = ""
+    ) -> None:
+        """A layer's picture was replaced by one of a stage made with these coefficients, None where they are unknown.
+
+        A transport of another stage that is on its way would bring back the picture before.
+        """
+        for arriving in [each for each in self._arriving if each.key == key and each.stage != stage]:
+            self._give_up(arriving)
         if key in self._active:
             if same_samples:
                 self._active[key].refiner.start_from(coefficients)

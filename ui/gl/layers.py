@@ -68,7 +68,7 @@ class LayerStack:
         self.dirty: set[int] = set()
         self._memory, self._compositor = memory, compositor
         self._layers: dict[str, Layer] = {}
-        self._footprints: list[FootprintTextures] = []
+        self._footprints: list[tuple[NDArray[np.integer], FootprintTextures]] = []
 
     def __contains__(self, key: str) -> bool:
         return key in self._layers
@@ -241,22 +241,29 @@ class LayerStack:
         if rows is None or weights is None:
             self.footprint = None
             return
-        self.footprint = self._compositor.make_footprint(rows, weights)
-        self._footprints.append(self.footprint)
+        self.footprint = self._made(rows, weights)
 
     def set_indirect_footprint(self, rows: NDArray[np.integer], weights: NDArray[np.floating]) -> None:
         """The footprint of the indirect light to come."""
-        self.indirect_footprint = self._compositor.make_footprint(rows, weights)
-        self._footprints.append(self.indirect_footprint)
+        self.indirect_footprint = self._made(rows, weights)
+
+    def _made(self, rows: NDArray[np.integer], weights: NDArray[np.floating]) -> FootprintTextures:
+        """A footprint's textures; those there are where it was set before and is still in use."""
+        for made_of, footprint in self._footprints:
+            if made_of is rows:
+                return footprint
+        made = self._compositor.make_footprint(rows, weights)
+        self._footprints.append((rows, made))
+        return made
 
     def release_unused_footprints(self, also_used: Iterable[FootprintTextures | None] = ()) -> None:
         """Free the footprints that neither a layer nor `also_used` needs."""
         used = [self.footprint, self.indirect_footprint, *also_used]
         for layer in self._layers.values():
             used += [layer.footprint, None if layer.indirect is None else layer.indirect.footprint]
-        for footprint in [f for f in self._footprints if not any(f is other for other in used)]:
-            self._compositor.release_footprint(footprint)
-            self._footprints.remove(footprint)
+        for made in [each for each in self._footprints if not any(each[1] is other for other in used)]:
+            self._compositor.release_footprint(made[1])
+            self._footprints = [each for each in self._footprints if each is not made]
 
     def check_sample_count(self, key: str, i_object: int, n_samples: int) -> None:
         """Raises GraphicsError unless the current footprint finds all its samples among so many."""

@@ -12,11 +12,12 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.colour import ToneMapping
 from engine.material.layer import Layer
 from ui.gl.brdf_stack import BrdfStack
 from ui.gl.passes import Passes
 from ui.gl.textures import TextureMemory, read_texture
-from ui.gl.tonemap import ToneMapping, tone_switches
+from ui.gl.tone_mapper import ToneMapper
 
 N_STEPS = 8
 # Turns of the directions from one step to the next [Roberts' R2 sequence, the plastic number].
@@ -28,6 +29,7 @@ class LitSphere:
 
     def __init__(self, passes: Passes, memory: TextureMemory, side: int, n_steps: int = N_STEPS) -> None:
         self._passes, self._memory, self.side = passes, memory, side
+        self._mapper = ToneMapper(passes, memory)
         self._sum = memory.texture((side, side), 4, "f4")
         self._sum_target = memory.framebuffer([self._sum])
         self.texture = memory.texture((side, side), 4, "f1")
@@ -71,12 +73,13 @@ class LitSphere:
 
     def show(self, tone_mapping: ToneMapping) -> None:
         """Tone map what there is."""
-        program = self._passes.full_screen("brdf/sphere_shown.frag.glsl", **tone_switches(tone_mapping))
-        box = (0, 0, self.side, self.side)
-        self._passes.draw(program, self._target, box, {"summed": self._sum}, side=float(self.side))
+        program = self._mapper.full_screen("brdf/sphere_shown.frag.glsl", tone_mapping)
+        textures = {"summed": self._sum, **self._mapper.textures(tone_mapping)}
+        self._passes.draw(program, self._target, (0, 0, self.side, self.side), textures, side=float(self.side))
 
     def release(self) -> None:
         """Free textures."""
+        self._mapper.release()
         for target in (self._sum_target, self._target):
             self._memory.release_framebuffer(target)
         for texture in (self._sum, self.texture):

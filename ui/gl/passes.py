@@ -14,6 +14,7 @@ import moderngl
 from ui.gl.program import ProgramCache
 
 Box = tuple[int, int, int, int]  # x, y, width, height in texels
+Textures = Mapping[str, moderngl.Texture | moderngl.TextureArray | moderngl.Texture3D]
 
 
 class Passes:
@@ -42,7 +43,7 @@ class Passes:
         program: moderngl.Program,
         target: moderngl.Framebuffer,
         box: Box,
-        textures: Mapping[str, moderngl.Texture | moderngl.TextureArray],
+        textures: Textures,
         *,
         add: bool = False,
         **uniforms: Any,
@@ -56,7 +57,7 @@ class Passes:
         self,
         array: moderngl.VertexArray,
         target: moderngl.Framebuffer,
-        textures: Mapping[str, moderngl.Texture],
+        textures: Textures,
         *,
         scissor: Box | None = None,
         **uniforms: Any,
@@ -110,7 +111,7 @@ def uniform(program: moderngl.Program, name: str) -> moderngl.Uniform:
 
 def _assign(
     program: moderngl.Program,
-    textures: Mapping[str, moderngl.Texture | moderngl.TextureArray],
+    textures: Textures,
     uniforms: Mapping[str, Any],
 ) -> None:
     for unit, (name, texture) in enumerate(textures.items()):

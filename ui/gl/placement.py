@@ -107,6 +107,11 @@ class PlacementRenderer:
         self._shown().compositor.set_environment(radiance)
         self.turn_environment(rotation_degrees, intensity)
 
+    def set_emission(self, i_object: int, radiance: Sequence[float]) -> None:
+        """What is seen of an emitter, linear radiance; free where it is what it was."""
+        picture = self._shown()
+        picture.backdrop_is_stale = picture.compositor.set_emission(i_object, radiance) or picture.backdrop_is_stale
+
     def turn_environment(self, rotation_degrees: float, intensity: float = 1.0) -> None:
         """Rotation and intensity of the map that is there."""
         picture = self._shown()
@@ -130,17 +135,23 @@ class PlacementRenderer:
         self._release_unused_footprints()
 
     def set_layer_radiance(
-        self, key: str, radiance: NDArray[np.floating], coefficients: NDArray[np.floating] | None = None
+        self,
+        key: str,
+        radiance: NDArray[np.floating],
+        coefficients: NDArray[np.floating] | None = None,
+        stage: str = "",
     ) -> None:
         """Replace a layer's picture by radiance (p,3) at the samples of the current footprint.
 
         coefficients (J,3), Daub4 domain: those of the active transport's curve that the radiance was contracted with.
-        None when unknown: an active transport then waits for its successor.
+        None when unknown: an active transport then waits for its successor. stage: that of the radiance; a transport
+        of another one that is still arriving is given up.
         """
-        picture = self._shown()
-        n_before = picture.layers[key].accumulator.n_samples
-        picture.layers.set_radiance(key, radiance)
-        self._edited.start_from(key, coefficients, len(radiance) == n_before)
+        layers = self._shown().layers
+        before = layers[key]
+        same_samples = before.footprint is layers.footprint and before.accumulator.n_samples == len(radiance)
+        layers.set_radiance(key, radiance)
+        self._edited.start_from(key, coefficients, same_samples, stage)
         self._release_unused_footprints()
 
     def set_indirect_footprint(self, rows: NDArray[np.integer], weights: NDArray[np.floating]) -> None:
@@ -192,6 +203,7 @@ class PlacementRenderer:
         scale: NDArray[np.floating] | None = None,
         beside: Collection[str] = (),
         curve: str = "",
+        stage: str = "",
     ) -> None:
         """Start to upload a layer's transport (J,p,3) over a curve, true values transport·scale, in the Daub4 domain.
 
@@ -200,7 +212,7 @@ class PlacementRenderer:
         ``upload`` is done; then all transports are dropped but those of layers `beside` it, which follow the same
         curve. Another one under way is given up unless it is one of these.
         """
-        self._edited.begin(self._shown().layers, key, transport, norms, scale, beside, curve)
+        self._edited.begin(self._shown().layers, key, transport, norms, scale, beside, curve, stage)
 
     def upload(self, time_budget_s: float) -> bool:
         """Go on with the upload for about this long; True when none is under way any more."""
@@ -255,6 +267,11 @@ class PlacementRenderer:
     def rebase(self) -> bool:
         """Let the coming updates sum the edited layers from zero; False when a transport is stale or missing."""
         return self._edited.rebase()
+
+    @property
+    def mean_radiance(self) -> float:
+        """Of the direct light, over the pixels that see a surface and the channels."""
+        return self._shown().layers.mean_radiance()
 
     def image_error(self) -> float:
         """sqrt(Σ_k |Δc_k|²‖T_k‖² / values) / mean radiance, over the pixels that see a surface.
@@ -312,6 +329,13 @@ class PlacementRenderer:
     def display_image(self) -> NDArray[np.uint8]:
         """The last display picture (H,W,3), sRGB; waits for the GPU."""
         return self._shown().display.read()
+
+    def finished_image(self, view: DisplayView) -> NDArray[np.float32]:
+        """The picture (H,W,3) in the screen's values, exposed and tone mapped as the view says, with smooth silhouettes
+        and nothing drawn over it; waits for the GPU."""
+        self._draw_linear()
+        picture = self._shown()
+        return picture.display.finished(picture.compositor.linear, view.exposure, view.tone_mapping)
 
     def layer_radiance(self, key: str) -> NDArray[np.float32]:
         """The radiance (p,3) of one layer as it stands in its accumulator; waits for the GPU."""

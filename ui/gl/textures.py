@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ui.gl.context import GraphicsError
 
+AnyTexture = moderngl.Texture | moderngl.TextureArray | moderngl.Texture3D
 BYTES_PER_COMPONENT = {"f1": 1, "f2": 2, "f4": 4, "i4": 4, "u4": 4}
 
 
@@ -51,7 +52,20 @@ class TextureMemory:
         _sample_nearest(made)
         return made
 
-    def release(self, texture: moderngl.Texture | moderngl.TextureArray | None) -> None:
+    def cube(self, side: int, components: int, dtype: str, data: NDArray[np.generic]) -> moderngl.Texture3D:
+        """A 3D texture of `side` texels each way, sampled linearly between them, clamped."""
+        limit = self.context.info["GL_MAX_3D_TEXTURE_SIZE"]
+        self._refuse_above("3D texture", (side,) * 3, (limit,) * 3)
+        n_bytes = side**3 * components * BYTES_PER_COMPONENT[dtype]
+        self._refuse_beyond_limit(n_bytes)
+        _drain_errors(self.context)
+        size, raw = (side,) * 3, np.ascontiguousarray(data)
+        made = self._attempt(lambda: self.context.texture3d(size, components, raw, dtype=dtype, alignment=1), n_bytes)
+        made.filter = (moderngl.LINEAR, moderngl.LINEAR)
+        made.repeat_x = made.repeat_y = made.repeat_z = False
+        return made  # type: ignore[no-any-return]
+
+    def release(self, texture: AnyTexture | None) -> None:
         if texture is None:
             return
         self.bytes_in_use -= texture_bytes(texture)
@@ -95,9 +109,9 @@ class TextureMemory:
             )
 
 
-def texture_bytes(texture: moderngl.Texture | moderngl.TextureArray) -> int:
+def texture_bytes(texture: AnyTexture) -> int:
     """Bytes of the texels, without the driver's own padding."""
-    layers = getattr(texture, "layers", 1)
+    layers = getattr(texture, "layers", getattr(texture, "depth", 1) if isinstance(texture, moderngl.Texture3D) else 1)
     return texture.width * texture.height * layers * texture.components * BYTES_PER_COMPONENT[texture.dtype]
 
 

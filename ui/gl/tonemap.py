@@ -7,20 +7,17 @@ full-screen shader costs more than the rest of the frame on a software rasterize
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from ui.gl.context import GraphicsError
+from engine.colour import ToneMapping
 from ui.gl.passes import Box, Passes
 from ui.gl.picture_frame import PictureFrame
 from ui.gl.textures import TextureMemory, read_texture
+from ui.gl.tone_mapper import ToneMapper
 
-ToneMapping = Literal["filmic", "linear", "false_colour"]
-
-_SWITCHES = {"filmic": "TONE_FILMIC", "linear": "TONE_LINEAR", "false_colour": "TONE_FALSE_COLOUR"}
 SELECTION_COLOUR = (1.0, 0.62, 0.12)
 HOVER_COLOUR = (0.82, 0.82, 0.82)
 DIVIDER_COLOUR = (0.95, 0.95, 0.95, 1.0)
@@ -49,6 +46,7 @@ class Display:
 
     def __init__(self, passes: Passes, memory: TextureMemory, frame: PictureFrame) -> None:
         self._passes, self._memory, self._frame = passes, memory, frame
+        self._mapper = ToneMapper(passes, memory)
         self._size = (frame.width, frame.height)
         self.texture = memory.texture(self._size, 4, "f1")
         self._target = memory.framebuffer([self.texture])
@@ -79,10 +77,10 @@ class Display:
     def draw(self, linear: moderngl.Texture, view: DisplayView, box: Box) -> None:
         """Redraw `box` of the display picture, and all silhouettes and outlines."""
         for region, source, exposure in self._regions(linear, view, box):
-            self._tone_map(source, exposure, view.tone_mapping, region)
+            self._tone_map(self._target, source, exposure, view.tone_mapping, region)
         if view.antialias and self._edges is not None:
             for region, source, exposure in self._regions(linear, view, (0, 0, *self._size)):
-                self._smooth_edges(source, exposure, view.tone_mapping, region)
+                self._smooth_edges(self._target, source, exposure, view.tone_mapping, region)
         for i_object, colour in ((view.hovered, HOVER_COLOUR), (view.selected, SELECTION_COLOUR)):
             if i_object is not None and 0 <= i_object < self._frame.n_objects:
                 self._outline(i_object, colour)
@@ -94,6 +92,21 @@ class Display:
     def read(self) -> NDArray[np.uint8]:
         """The display picture (H,W,3), sRGB; waits for the GPU."""
         return read_texture(self.texture, np.uint8)[..., :3].astype(np.uint8)
+
+    def finished(self, linear: moderngl.Texture, exposure: float, tone_mapping: ToneMapping) -> NDArray[np.float32]:
+        """The picture (H,W,3) alone, without outlines and divider, in the screen's values, unrounded: for files that
+        have more levels than the screen. Waits for the GPU."""
+        whole: Box = (0, 0, *self._size)
+        texture = self._memory.texture(self._size, 4, "f4")
+        target = self._memory.framebuffer([texture])
+        try:
+            self._tone_map(target, linear, exposure, tone_mapping, whole)
+            if self._edges is not None:
+                self._smooth_edges(target, linear, exposure, tone_mapping, whole)
+            return read_texture(texture, np.float32)[..., :3].astype(np.float32)
+        finally:
+            self._memory.release_framebuffer(target)
+            self._memory.release(texture)
 
     def _regions(
         self, linear: moderngl.Texture, view: DisplayView, box: Box
@@ -111,15 +124,22 @@ class Display:
     def _divider_column(self, view: DisplayView) -> int:
         return round(min(max(view.compare_divider or 0.0, 0.0), 1.0) * self._size[0])
 
-    def _tone_map(self, source: moderngl.Texture, exposure: float, tone_mapping: ToneMapping, region: Box) -> None:
-        program = self._passes.full_screen("placement/display.frag.glsl", **tone_switches(tone_mapping))
-        textures = {"linear_picture": source}
-        self._passes.draw(program, self._target, region, textures, exposure=_exposure_factor(exposure))
+    def _tone_map(
+        self, target: moderngl.Framebuffer, source: moderngl.Texture, exposure: float, tone_mapping: ToneMapping,
+        region: Box,
+    ) -> None:  # fmt: skip
+        program = self._mapper.full_screen("placement/display.frag.glsl", tone_mapping)
+        textures = {"linear_picture": source, **self._mapper.textures(tone_mapping)}
+        self._passes.draw(program, target, region, textures, exposure=_exposure_factor(exposure))
 
-    def _smooth_edges(self, source: moderngl.Texture, exposure: float, tone_mapping: ToneMapping, region: Box) -> None:
+    def _smooth_edges(
+        self, target: moderngl.Framebuffer, source: moderngl.Texture, exposure: float, tone_mapping: ToneMapping,
+        region: Box,
+    ) -> None:  # fmt: skip
         array = self._edge_array(tone_mapping)
         uniforms = {"picture_size": self._size, "exposure": _exposure_factor(exposure)}
-        self._passes.draw_points(array, self._target, {"linear_picture": source}, scissor=region, **uniforms)
+        textures = {"linear_picture": source, **self._mapper.textures(tone_mapping)}
+        self._passes.draw_points(array, target, textures, scissor=region, **uniforms)
 
     def _outline(self, i_object: int, colour: tuple[float, float, float]) -> None:
         if i_object not in self._outlines:
@@ -146,13 +166,14 @@ class Display:
 
     def _edge_array(self, tone_mapping: ToneMapping) -> moderngl.VertexArray:
         if tone_mapping not in self._edge_arrays:
-            program = self._passes.points("edge", **tone_switches(tone_mapping))
+            program = self._mapper.points("edge", tone_mapping)
             content = [(self._edges, "1i 1i 1f", "pixel", "neighbour", "weight")]
             self._edge_arrays[tone_mapping] = self._memory.context.vertex_array(program, content)
         return self._edge_arrays[tone_mapping]
 
     def release(self) -> None:
         self.drop_snapshot()
+        self._mapper.release()
         for buffer, array in self._outlines.values():
             array.release()
             buffer.release()
@@ -169,13 +190,6 @@ def outline_pixels(mask: NDArray[np.bool_]) -> NDArray[np.int32]:
     padded = np.pad(mask, 1)
     neighbours = np.stack([padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:]])
     return np.flatnonzero(~mask & neighbours.any(axis=0)).astype(np.int32)
-
-
-def tone_switches(tone_mapping: ToneMapping) -> dict[str, int]:
-    """Compile-time switches of shaders that include common/tone_mapping.glsl."""
-    if tone_mapping not in _SWITCHES:
-        raise GraphicsError(f"tone mapping {tone_mapping!r}, expected one of {', '.join(_SWITCHES)}")
-    return {name: int(name == _SWITCHES[tone_mapping]) for name in _SWITCHES.values()}
 
 
 def _exposure_factor(stops: float) -> float:

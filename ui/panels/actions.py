@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from app.commands import EditCommand
+from app.journal import Recovery
 from app.material_file import Material
 from app.view_state import OpenPanel, SetView
 from ui.panels.state import Grip
@@ -39,6 +40,14 @@ class Hold:
     """Keep what a gesture needs while it lasts; None when it ends."""
 
     grip: Grip | None
+
+
+@dataclass(frozen=True)
+class InOneStep:
+    """An edit that is one step of the history with those just before it of the same gesture."""
+
+    command: EditCommand
+    gesture: str
 
 
 @dataclass(frozen=True)
@@ -133,6 +142,21 @@ class Screenshot:
 
 
 @dataclass(frozen=True)
+class SavePicture:
+    """Write the picture alone, at the scene's resolution: .png as shown, of 8 bits or `deep` 16; .exr linear."""
+
+    path: Path
+    deep: bool = False
+
+
+@dataclass(frozen=True)
+class Resize:
+    """Show the scene at another resolution, (width, height); None: its own."""
+
+    resolution: tuple[int, int] | None
+
+
+@dataclass(frozen=True)
 class SaveMaterial:
     """Keep an object's material in the library, under a name."""
 
@@ -167,7 +191,15 @@ class Paste:
 class Recover:
     """Take back (True) or throw away (False) what a journal kept when the program last ended early."""
 
+    recovery: Recovery
     accept: bool
+
+
+@dataclass(frozen=True)
+class Leave:
+    """What becomes of unsaved edits that stand in the way of an action: saved, or given up; then it is carried out."""
+
+    saves: bool
 
 
 @dataclass(frozen=True)
@@ -189,12 +221,16 @@ class CancelWork:
 
 @dataclass(frozen=True)
 class Quit:
-    """Close the window; unsaved edits stay in the journal."""
+    """Close the window; where there are unsaved edits that is asked about, unless they are to stay in the journal."""
+
+    keeps: bool = False
 
 
 WindowAction = (
-    BeginDrag | EndDrag | CancelDrag | Hold | Undo | Redo | Select | SetPanel | OpenFile | OpenImage | AskFile
-    | ReloadImages | SaveSession | ImportMeasured | ExportMeasured | ExportScene | Screenshot | SaveMaterial
-    | DeleteMaterial | Copy | Paste | Recover | ShowPanel | ResetLayout | CancelWork | Quit
+    BeginDrag | EndDrag | CancelDrag | InOneStep
+    | Hold | Undo | Redo | Select | SetPanel | OpenFile | OpenImage | AskFile
+    | ReloadImages | SaveSession | SavePicture | ImportMeasured | ExportMeasured | ExportScene | Screenshot
+    | SaveMaterial | DeleteMaterial | Copy | Paste | Recover | Leave | Resize | ShowPanel | ResetLayout | CancelWork
+    | Quit
 )  # fmt: skip
 Action = EditCommand | SetView | OpenPanel | WindowAction

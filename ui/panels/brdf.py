@@ -40,7 +40,7 @@ PLOT_HINTS = {
 
 def draw(context: PanelContext) -> list[Action]:
     """The whole panel, inside its window."""
-    board, selection = context.brdf, context.view.selected
+    board, selection = context.brdf, context.selected_layer
     if selection is None:
         imgui.text_disabled("Nothing selected")
         return []
@@ -102,10 +102,8 @@ def _choice(context: PanelContext) -> list[Action]:
     pressed = widgets.segments(context, "brdf.plot", choices, BRDF_PLOTS.index(view.brdf_plot))
     if pressed is not None:
         actions.append(SetView.of(brdf_plot=BRDF_PLOTS[pressed]))
-    imgui.same_line()
     hint = "All visible layers of the object together; off: the selected layer alone."
-    width = max(widgets.rich_width("All") + context.px(16), context.px(34))
-    widgets.align_right(width)
+    widgets.go_right(widgets.segments_width(context, ["All"], 34.0))
     if widgets.segments(context, "brdf.whole", [("All", hint)], 0 if view.brdf_whole else -1, least=34) == 0:
         actions.append(SetView.of(brdf_whole=not view.brdf_whole))
     return actions
@@ -273,7 +271,7 @@ def _pick(context: PanelContext) -> list[Action]:
 
 def is_anisotropic(context: PanelContext) -> bool:
     """Whether the selected layer has a curve over the half vector's azimuth, or a stretch in its quotient."""
-    selected = context.view.selected
+    selected = context.selected_layer
     if selected is None:
         return False
     model = context.document.layer(selected.key).model

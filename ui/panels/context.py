@@ -1,7 +1,7 @@
 """What a panel is given: the document, how it is looked at, the truth about the picture, and where handles are noted.
 
-Everything is read-only but `Handles`, the noticeboard on which a panel writes where on screen it drew what can be
-dragged, so that scripts and tests take hold by name ("curve.b") through the same mouse events as a hand.
+Everything is read-only but `Fields` and `Handles`. The latter is the noticeboard on which a panel writes where on
+screen it drew what can be dragged, so that scripts and tests take hold by name ("curve.b") by a hand's mouse events.
 """
 
 from __future__ import annotations
@@ -11,14 +11,18 @@ from dataclasses import dataclass, field
 
 from imgui_bundle import imgui
 
-from app.document import Document
+from app.document import Document, Selection
+from app.journal import Recovery
 from app.library import Entry
+from app.recent import Recent
+from app.selecting import seen_layer
 from app.status import Status
 from app.view_state import ViewState
 from ui.brush import Spot
 from ui.panels.brdf_board import BrdfBoard
 from ui.panels.picture import Picture
 from ui.panels.state import PanelState
+from ui.panels.travel import Travel
 from ui.theme import Theme
 
 
@@ -57,6 +61,27 @@ class Handles:
         return sorted(self._positions)
 
 
+@dataclass
+class HeldField:
+    """A number that a hand drags: imgui's item, the value there was, and how far the hand has come."""
+
+    item: int
+    start: float
+    travel: Travel
+
+
+@dataclass
+class Fields:
+    """The noticeboard of `ui.panels.fields`: what a hand holds, and what was typed in vain, a line for the person."""
+
+    held: HeldField | None = None
+    refusal: str = ""
+
+    def is_held(self, item: int) -> bool:
+        """Whether this item is what the hand drags."""
+        return self.held is not None and self.held.item == item
+
+
 def no_thumbnail(entry: Entry) -> Picture | None:
     """Before there is anything that draws them."""
     return None
@@ -81,6 +106,10 @@ class PanelContext:
     (column, row) of the picture, `spot_at` the point of the surface there. `heading` is where the camera looks, degrees
     clockwise from -Z seen from above. `library` are its materials, `thumbnail` a material's picture, None while there
     is none. `now` is seconds of the window's clock. `brdf` is what there is to see of the selected material by itself.
+    `own_resolution` is (width, height) as the scene has it.
+    `name` is what a person calls what is open, `unsaved` whether there are edits that no session has. `recent` are the
+    files opened last, `recoveries` edits that the program left behind when it ended.
+    `keys_taken`: keys go into a text field, a list or a menu; `alt_tapped`: Alt was pressed and let go by itself.
     """
 
     document: Document
@@ -89,6 +118,7 @@ class PanelContext:
     state: PanelState
     theme: Theme
     handles: Handles = field(default_factory=Handles)
+    fields: Fields = field(default_factory=Fields)
     brdf: BrdfBoard = field(default_factory=BrdfBoard)
     picture: Picture | None = None
     environment: Picture | None = None
@@ -103,7 +133,19 @@ class PanelContext:
     library: tuple[Entry, ...] = ()
     thumbnail: Callable[[Entry], Picture | None] = no_thumbnail
     scenes: tuple[str, ...] = ()
+    name: str = ""
+    own_resolution: tuple[int, int] = (0, 0)
+    unsaved: bool = False
+    recent: Callable[[], tuple[Recent, ...]] = tuple
+    recoveries: tuple[Recovery, ...] = ()
     now: float = 0.0
+    keys_taken: bool = False
+    alt_tapped: bool = False
+
+    @property
+    def selected_layer(self) -> Selection | None:
+        """What is selected, where it has a material to show: None of an emitter."""
+        return seen_layer(self.document, self.view.selected)
 
     def px(self, size: float) -> float:
         """A design size in framebuffer pixels."""

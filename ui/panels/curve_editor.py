@@ -19,13 +19,17 @@ from ui import theme as look
 from ui.panels import curve_keys, operator_list, widgets
 from ui.panels import curve_plot as plot
 from ui.panels.actions import Action, Select
+from ui.panels.brdf import energy_warning
 from ui.panels.context import PanelContext
-from ui.panels.curve_gestures import HALF_PI, Hand, hand_of
+from ui.panels.curve_gestures import HALF_PI, Hand, channel_of, hand_of, limit_text
 from ui.panels.curve_mouse import Curves, grip_of, interact, knob
 from ui.panels.plot_axes import value_range
 from ui.theme import Icon
 
 SIDE_WIDTH = 222.0
+# In a panel narrower than this the tools stand under the plot; the least height of both is then theirs.
+STACKED_WIDTH, PLOT_HEIGHT, TOOLS_HEIGHT = 400.0, 210.0, 190.0
+NARROW_CHANNEL, WIDE_CHANNEL = 24.0, 32.0
 
 
 def draw(context: PanelContext) -> list[Action]:
@@ -34,16 +38,20 @@ def draw(context: PanelContext) -> list[Action]:
     if curves is None:
         _draw_empty(context)
         return []
+    room, gap = imgui.get_content_region_avail(), context.px(12)
+    stacked = room.x < context.px(STACKED_WIDTH)
+    side = room.x if stacked else min(context.px(SIDE_WIDTH), 0.4 * room.x)
+    plot_size = ImVec2(room.x - side - gap, room.y)
+    if stacked:
+        plot_size = ImVec2(room.x, max(context.px(PLOT_HEIGHT), room.y - context.px(TOOLS_HEIGHT) - gap))
     actions: list[Action] = []
-    room = imgui.get_content_region_avail()
-    side = min(context.px(SIDE_WIDTH), 0.42 * room.x)
-    gap = context.px(14)
-    if imgui.begin_child("plot", ImVec2(room.x - side - gap, room.y), 0, imgui.WindowFlags_.no_scroll_with_mouse):
+    if imgui.begin_child("plot", plot_size, 0, imgui.WindowFlags_.no_scroll_with_mouse):
         actions += _toolbar(context, curves)
         actions += _plot(context, curves)
     imgui.end_child()
-    imgui.same_line(0.0, gap)
-    if imgui.begin_child("operators", ImVec2(side, room.y)):
+    if not stacked:
+        imgui.same_line(0.0, gap)
+    if imgui.begin_child("operators", ImVec2(side, context.px(TOOLS_HEIGHT) if stacked else room.y)):
         actions += operator_list.draw(context, curves.key, curves.factor, curves.operators, curves.editable)
     imgui.end_child()
     return actions
@@ -51,7 +59,7 @@ def draw(context: PanelContext) -> list[Action]:
 
 def selected_curves(context: PanelContext) -> Curves | None:
     """The curve that is selected; of a layer without a chosen curve the first; None when nothing is selected."""
-    selection = context.view.selected
+    selection = context.selected_layer
     if selection is None:
         return None
     layer = context.document.layer(selection.key)
@@ -67,6 +75,9 @@ def selected_curves(context: PanelContext) -> Curves | None:
 def _draw_empty(context: PanelContext) -> None:
     room = imgui.get_content_region_avail()
     text = "Select a layer to see its curves: click an object in the picture or a layer in the list."
+    if context.view.selected is not None:
+        name = context.view.selected.object
+        text = f"{name} shines: it has no curves, its colour and strength are in the material panel."
     extent = imgui.calc_text_size(text)
     imgui.set_cursor_pos(
         ImVec2(max(imgui.get_cursor_pos_x(), 0.5 * (room.x - extent.x)), imgui.get_cursor_pos_y() + 0.45 * room.y)
@@ -79,16 +90,21 @@ def _draw_empty(context: PanelContext) -> None:
 def _toolbar(context: PanelContext, curves: Curves) -> list[Action]:
     actions: list[Action] = []
     factors = all_factors(curves.layer.model)
-    choices = [(f"{f.label.split()[0]} {widgets.angle_symbol(f.name)}", f.tooltip) for f in factors]
+    symbols = [widgets.angle_symbol(factor.name) for factor in factors]
+    titles = [f"{factor.label.split()[0]} {symbol}" for factor, symbol in zip(factors, symbols, strict=True)]
+    room, gap = imgui.get_content_region_avail().x, imgui.get_style().item_spacing.x
+    short = widgets.segments_width(context, titles) + gap + _right_width(context, WIDE_CHANNEL) > room
+    least = NARROW_CHANNEL if short else WIDE_CHANNEL
+    right = _right_width(context, least)
+    choices = [(name, f.tooltip) for name, f in zip(symbols if short else titles, factors, strict=True)]
     names = [f.name for f in factors]
     pressed = widgets.segments(context, "curve.factor", choices, names.index(curves.factor))
     if pressed is not None and names[pressed] != curves.factor:
         actions.append(Select(f"{curves.key}.{names[pressed]}"))
-    imgui.same_line()
-    right = context.px(4 * 34 + 44) + 2 * imgui.get_frame_height() + 3 * imgui.get_style().item_spacing.x
-    widgets.align_right(right)
-    actions += _channel_buttons(context)
-    imgui.same_line()
+    widgets.go_right(right)
+    actions += _channel_buttons(context, hand_of(curves.operators, context.view), least)
+    if right <= room:
+        imgui.same_line()
     log_hint = "Logarithmic height: shows the faint skirts of a highlight beside its peak. The picture does not change."
     if widgets.segments(context, "curve.log", [("log", log_hint)], 0 if context.view.log_y else -1, least=40) == 0:
         actions.append(SetView.of(log_y=not context.view.log_y, curve_zoom=None))
@@ -107,7 +123,14 @@ def _toolbar(context: PanelContext, curves: Curves) -> list[Action]:
     return actions
 
 
-def _channel_buttons(context: PanelContext) -> list[Action]:
+def _right_width(context: PanelContext, least: float) -> float:
+    """Pixels of what stands right in the toolbar."""
+    channels = widgets.segments_width(context, [name.upper() for name in CHANNELS], least)
+    log = widgets.segments_width(context, ["log"], 40.0)
+    return channels + log + 2 * imgui.get_frame_height() + 2 * imgui.get_style().item_spacing.x
+
+
+def _channel_buttons(context: PanelContext, hand: Hand, least: float) -> list[Action]:
     hints = (
         "Edit all three colour channels together.",
         "Edit the red channel alone: tints what the curve reflects.",
@@ -116,7 +139,9 @@ def _channel_buttons(context: PanelContext) -> list[Action]:
     )
     choices = [(name.upper(), hint) for name, hint in zip(CHANNELS, hints, strict=True)]
     inks = (look.TEXT, *look.CHANNELS)
-    pressed = widgets.segments(context, "curve.channel", choices, CHANNELS.index(context.view.channel), inks, least=32)
+    channel = channel_of(hand)
+    chosen = -1 if channel is None else CHANNELS.index(channel)
+    pressed = widgets.segments(context, "curve.channel", choices, chosen, inks, least)
     return [] if pressed is None else [SetView.of(channel=CHANNELS[pressed], operator=None)]
 
 
@@ -124,12 +149,25 @@ def _plot(context: PanelContext, curves: Curves) -> list[Action]:
     corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
     frame = _frame(context, curves, corner, room)
     hand = hand_of(curves.operators, context.view)
-    title = operator_title(hand.first) if not hand.pair else f"{hand.first.kind.capitalize()} X and Y"
+    title = operator_title(*hand.operators)
     plot.draw_ground(context, frame, title if hand.index is not None else f"new: {title}",
                      widgets.angle_symbol(curves.factor))  # fmt: skip
     hot, actions = interact(context, curves, frame, hand)
     _draw_curves(context, curves, frame, hand, hot)
+    for line, (name, note) in enumerate(_notes(context, curves, hand).items(), start=1):
+        place = plot.draw_note(context, frame, line, note, look.ACCENT)
+        context.handles.note(f"curve.{name}", *place)
     return actions + curve_keys.move(context, curves, frame, hand)
+
+
+def _notes(context: PanelContext, curves: Curves, hand: Hand) -> dict[str, str]:
+    """What there is to be said about the curve in its plot: what holds it, and whether it makes light of nothing."""
+    notes = {"limit": limit_text(hand)} if curves.editable and hand.index is not None else {}
+    if curves.layer.edits and not curves.layer.model.needs_file:
+        context.brdf.shown.add("albedo")
+        warning = "" if context.brdf.albedo is None else energy_warning(context.brdf.albedo)
+        notes["gains_light"] = warning and f"{Icon.WARNING} The layer gains light: {warning}"
+    return {name: note for name, note in notes.items() if note}
 
 
 def _frame(context: PanelContext, curves: Curves, corner: ImVec2, room: ImVec2) -> plot.Frame:
@@ -165,7 +203,7 @@ def _draw_curves(context: PanelContext, curves: Curves, frame: plot.Frame, hand:
         plot.draw_samples(frame, *samples, context.theme.scale)
     if curves.operators:
         plot.draw_generated(frame, gamma, curves.generated(gamma), context.theme.scale)
-    plot.draw_curve(frame, gamma, edited(gamma), context.view.channels, context.theme.scale)
+    plot.draw_curve(frame, gamma, edited(gamma), hand.first.channels, context.theme.scale)
     draw_list.pop_clip_rect()
     if not curves.editable:
         return

@@ -1,9 +1,10 @@
 """What dragging a handle of the curve does to its operators [BenArtzi07, ch. 9]. Pure functions: nothing here draws.
 
-The knob is direct: it stands where the edited feature stands, and the magnitude is whatever puts the feature under
-the mouse. A diagonal tool keeps two operators, Y below X, that share regions and move together (`diagonal` order).
-Every function measures against the `CurveGrip`, the gesture's beginning, so a drag that returns to its start undoes
-itself exactly (rejected: summing mouse steps, which drifts at clamps).
+The ring stands where the edited feature stands. A translation is direct: its magnitude is whatever puts the feature
+under the mouse. An amplification multiplies, by as much a pixel everywhere: where the curve is next to nothing, putting
+it under the mouse would take a factor of thousands. A diagonal tool keeps two operators, Y below X, that share regions
+and move together (`diagonal` order). Every function measures against the `CurveGrip`, the gesture's beginning, so a
+drag that returns to its start undoes itself exactly (rejected: summing mouse steps, which drifts at clamps).
 """
 
 from __future__ import annotations
@@ -11,18 +12,19 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import Literal, cast
+from typing import Any, Literal, cast
 
 import numpy as np
 
 from app.commands import CurveEdit
-from app.view_state import Tool, ViewState
+from app.view_state import CHANNELS, Channel, Tool, ViewState, channels_of
 from engine.curve.operators import HALF_PI, Curve, Operator, apply_operators
+from engine.curve.pairs import edit_at
 from ui.panels.state import CurveGrip
 
 Regions = tuple[float, float, float, float]
 END_NAMES = ("a", "b", "c", "d")
-LARGEST_AMPLIFICATION = 1e6
+LEAST_AMPLIFICATION, LARGEST_AMPLIFICATION = 0.01, 1e6
 # Amplify-x about a baseline closer than this to the knob (radians) uses the exponential of the distance instead.
 NEAR_BASELINE = 0.02
 EXPONENTIAL_REACH = 0.3
@@ -63,24 +65,11 @@ class Knob:
 def hand_of(operators: tuple[CurveEdit, ...], view: ViewState) -> Hand:
     """The operator that the view has selected, else the one that the active tool would make."""
     if view.operator is not None and 0 <= view.operator < len(operators):
-        chosen = operators[view.operator]
-        if isinstance(chosen, Operator):
-            index = view.operator
-            pair = is_pair(operators, index)
-            members = (chosen, cast(Operator, operators[index + 1])) if pair else (chosen,)
-            return Hand(members, index)
+        places = edit_at(operators, view.operator)
+        members = tuple(operators[index] for index in places)
+        if isinstance(members[0], Operator):
+            return Hand(cast(tuple[Operator, ...], members), places.start)
     return Hand(fresh(view.active_tool, view.regions, view.channels), None)
-
-
-def is_pair(operators: tuple[CurveEdit, ...], index: int) -> bool:
-    """Whether the operators at `index` and above it are Y and X of one diagonal edit."""
-    if index + 1 >= len(operators):
-        return False
-    low, high = operators[index], operators[index + 1]
-    if not isinstance(low, Operator) or not isinstance(high, Operator):
-        return False
-    alike = (low.kind, low.regions, low.channels) == (high.kind, high.regions, high.channels)
-    return alike and (low.axis, high.axis) == ("y", "x")
 
 
 def fresh(tool: Tool, regions: Regions, channels: tuple[bool, bool, bool]) -> tuple[Operator, ...]:
@@ -89,15 +78,30 @@ def fresh(tool: Tool, regions: Regions, channels: tuple[bool, bool, bool]) -> tu
     neutral = 1.0 if kind == "amplify" else 0.0
     order: tuple[Literal["x", "y"], ...] = ("y", "x") if axes == "xy" else (cast(Literal["x", "y"], axes),)
     return tuple(
-        Operator(cast(Literal["translate", "amplify"], kind), axis, *regions, magnitude=neutral, channels=channels)
+        Operator(
+            cast(Literal["translate", "amplify"], kind), axis, *regions, magnitude=neutral, channels=channels,
+            joined=(axis, axes) == ("y", "xy"),
+        )
         for axis in order
-    )
+    )  # fmt: skip
 
 
 def tool_of(hand: Hand) -> Tool:
     """The tool that makes operators like these."""
     axes = "xy" if hand.pair else hand.first.axis
     return cast(Tool, f"{hand.first.kind}_{axes}")
+
+
+def channel_of(hand: Hand) -> Channel | None:
+    """The channel, or all three, that operators like these change; None for two of them."""
+    return next((name for name in CHANNELS if channels_of(name) == hand.first.channels), None)
+
+
+def as_next(hand: Hand) -> dict[str, Any]:
+    """The fields of the view with which the next new operator is one like these."""
+    channel = channel_of(hand)
+    fields = {"active_tool": tool_of(hand), "regions": hand.regions}
+    return fields if channel is None else {**fields, "channel": channel}
 
 
 def regions_around(x: float, span: float) -> Regions:
@@ -148,35 +152,55 @@ def carried(operator: Operator, x: float) -> float:
     return operator.baseline + (x - operator.baseline) * operator.magnitude
 
 
-def magnitude_for(operator: Operator, anchor: tuple[float, float], wanted: tuple[float, float]) -> Operator:
-    """The operator whose magnitude brings the feature from `anchor` (x, y) as near as it can to `wanted`."""
+def limit_text(hand: Hand) -> str:
+    """What keeps an X-operator from moving any further, and what lets it; empty where nothing does."""
+    held = next((o for o in hand.operators if o.axis == "x" and o.at_limit and o.regions[0] < o.regions[3]), None)
+    if held is None or abs(held.magnitude) >= HALF_PI:
+        return ""
+    if held.kind == "amplify":
+        return "At its limit: widen a–b and c–d to stretch it further."
+    ends, way = ("a–b", "right") if held.magnitude >= 0.0 else ("c–d", "left")
+    return f"At its limit: widen {ends} to move it further {way}."
+
+
+@dataclass(frozen=True)
+class Pull:
+    """How far the ring was pulled: to which angle and value a translation brings it, by which factors along X and Y an
+    amplification multiplies what it was."""
+
+    to: tuple[float, float]
+    factors: tuple[float, float]
+
+
+def magnitude_for(operator: Operator, anchor: tuple[float, float], pull: Pull) -> Operator:
+    """The operator, whose feature would stand at `anchor` without it, as far pulled as it can be."""
     axis = 0 if operator.axis == "x" else 1
-    start, end = anchor[axis], wanted[axis]
     if operator.kind == "translate":
-        return dataclasses.replace(operator, magnitude=end - start).clamped()
-    return dataclasses.replace(operator, magnitude=_amplification(operator, start, end)).clamped()
+        magnitude = pull.to[axis] - anchor[axis]
+    else:
+        magnitude = amplified(operator.magnitude, pull.factors[axis])
+        magnitude = min(max(magnitude, 1e-3), 1e3) if operator.axis == "x" else magnitude
+    return dataclasses.replace(operator, magnitude=magnitude).clamped()
 
 
-def _amplification(operator: Operator, start: float, end: float) -> float:
-    lever = start - operator.baseline
-    if operator.axis == "x":
-        near = abs(lever) < NEAR_BASELINE
-        factor = math.exp((end - start) / EXPONENTIAL_REACH) if near else (end - operator.baseline) / lever
-        return min(max(factor, 1e-3), 1e3)
-    if abs(lever) < 1e-30:
-        return operator.magnitude
-    return min(max((end - operator.baseline) / lever, 0.0), LARGEST_AMPLIFICATION)
+def amplified(magnitude: float, factor: float) -> float:
+    """A magnitude so many times as large, within limits; one at 0 leaves it by hundredths."""
+    if factor == 1.0:
+        return magnitude
+    start = magnitude if abs(magnitude) >= LEAST_AMPLIFICATION else LEAST_AMPLIFICATION
+    return min(max(start * factor, -LARGEST_AMPLIFICATION), LARGEST_AMPLIFICATION)
 
 
-def drag_knob(grip: CurveGrip, hand: Hand, generated: Curve, wanted: tuple[float, float]) -> tuple[CurveEdit, ...]:
-    """The curve's operators when the knob has been dragged to `wanted` (angle, value)."""
+def drag_knob(grip: CurveGrip, hand: Hand, generated: Curve, pull: Pull) -> tuple[CurveEdit, ...]:
+    """The curve's operators when the ring has been pulled; `hand`: what a new one is, where none was held."""
     at = len(grip.operators) if grip.index is None else grip.index
+    count = len(hand.operators)
+    members = hand.operators if grip.index is None else cast(tuple[Operator, ...], grip.operators[at : at + count])
     below = apply_operators(grip.operators[:at], generated)
     x = core(grip.regions)
     anchor = (x, reference_value(hand.first, below, x))
-    changed = tuple(magnitude_for(operator, anchor, wanted) for operator in hand.operators)
-    rest = grip.operators[at + len(hand.operators) :] if grip.index is not None else ()
-    return (*grip.operators[:at], *changed, *rest)
+    changed = tuple(magnitude_for(operator, anchor, pull) for operator in members)
+    return (*grip.operators[:at], *changed, *grip.operators[at + count :])
 
 
 def drag_region(grip: CurveGrip, to: float) -> Regions:

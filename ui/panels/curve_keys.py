@@ -7,6 +7,7 @@ up, so it is one step of the history. The keys belong to the curve unless anothe
 from __future__ import annotations
 
 import dataclasses
+import math
 
 from imgui_bundle import imgui
 
@@ -14,13 +15,15 @@ from ui.panels import curve_plot as plot
 from ui.panels.actions import Action, BeginDrag, EndDrag, Hold, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.curve_gestures import END_NAMES, Hand
-from ui.panels.curve_mouse import Curves, edited_ends, edited_knob, grip_at, knob
+from ui.panels.curve_mouse import Curves, edited, grip_at, standing
+from ui.panels.fields import PIXELS_TO_DOUBLE
 from ui.panels.state import KeyGrip
+from ui.panels.travel import FINE
 
 HANDLES = ("magnitude", *END_NAMES, "region")
 # Shares of the plot's width and height, so that zooming in makes the keys finer: one degree where all 90 are shown.
 WIDTH_A_STEP, HEIGHT_A_STEP = 1.0 / 90.0, 1.0 / 50.0
-FINE = 0.1
+AMPLIFIED_A_STEP = 0.05
 
 Key = imgui.Key
 ARROWS = {Key.left_arrow: (-1, 0), Key.right_arrow: (1, 0), Key.up_arrow: (0, -1), Key.down_arrow: (0, 1)}
@@ -43,7 +46,7 @@ def move(context: PanelContext, curves: Curves, frame: plot.Frame, hand: Hand) -
     if steps == (0, 0):
         return []
     handle = context.state.handle or HANDLES[0]
-    begun = grip_at(KeyGrip, curves, frame, hand, handle, offset=_place(curves, frame, hand, handle))
+    begun = grip_at(KeyGrip, curves, frame, hand, handle, offset=standing(curves, frame, hand, handle))
     return [BeginDrag(None), SetPanel({"handle": handle}), *_moved(context, curves, frame, hand, begun, steps)]
 
 
@@ -65,11 +68,9 @@ def _has_keyboard(context: PanelContext) -> bool:
     makes shortcuts of them.
     """
     io = imgui.get_io()
-    if io.want_text_input or io.key_ctrl or io.key_alt or io.key_super or imgui.is_any_item_active():
+    if context.keys_taken or io.key_ctrl or io.key_alt or io.key_super or imgui.is_any_item_active():
         return False
     if context.state.question is not None or context.view.show_shortcuts:
-        return False
-    if imgui.is_popup_open("", int(imgui.PopupFlags_.any_popup)):
         return False
     return not io.nav_visible or imgui.is_window_focused(int(imgui.FocusedFlags_.root_and_child_windows))
 
@@ -87,15 +88,6 @@ def _steps(repeat: bool) -> tuple[int, int]:
     return sum(right for right, _ in pressed), sum(down for _, down in pressed)
 
 
-def _place(curves: Curves, frame: plot.Frame, hand: Hand, handle: str) -> tuple[float, float]:
-    """Where the handle truly stands, pixels, also off the plot; of the region its left end."""
-    if handle == "magnitude":
-        feature = knob(curves, hand)
-        return frame.x.to_pixel(feature.x), frame.y.to_pixel(feature.y)
-    end = 0 if handle == "region" else END_NAMES.index(handle)
-    return frame.x.to_pixel(hand.regions[end]), frame.y.start
-
-
 def _moved(
     context: PanelContext, curves: Curves, frame: plot.Frame, hand: Hand, grip: KeyGrip, steps: tuple[int, int]
 ) -> list[Action]:
@@ -103,11 +95,15 @@ def _moved(
     if steps == (0, 0):
         return []
     size = FINE if imgui.get_io().key_shift else 1.0
-    across = size * WIDTH_A_STEP * (frame.x.end - frame.x.start)
-    down = size * HEIGHT_A_STEP * (frame.y.start - frame.y.end)
-    grip = dataclasses.replace(grip, moved=(grip.moved[0] + steps[0] * across, grip.moved[1] + steps[1] * down))
-    place = grip.offset[0] + grip.moved[0], grip.offset[1] + grip.moved[1]
-    if grip.handle == "magnitude":
-        return [Hold(grip), *edited_knob(context, curves, frame, hand, grip, place)]
-    to = frame.x.to_value(place[0]) - (grip.regions[0] if grip.handle == "region" else 0.0)
-    return [Hold(grip), *edited_ends(curves, grip, to)]
+    across, down = (size * step for step in _step(context, frame, hand, grip))
+    moved = grip.moved[0] + steps[0] * across, grip.moved[1] + steps[1] * down
+    grip = dataclasses.replace(grip, moved=moved)
+    return [Hold(grip), *edited(context, curves, frame, hand, grip, moved)]
+
+
+def _step(context: PanelContext, frame: plot.Frame, hand: Hand, grip: KeyGrip) -> tuple[float, float]:
+    """Pixels right and down that a press is worth."""
+    if grip.handle == "magnitude" and hand.first.kind == "amplify":
+        step = math.log2(1.0 + AMPLIFIED_A_STEP) * context.px(PIXELS_TO_DOUBLE)
+        return step, step
+    return WIDTH_A_STEP * (frame.x.end - frame.x.start), HEIGHT_A_STEP * (frame.y.start - frame.y.end)

@@ -1,6 +1,6 @@
 """The mouse on the curve: which handle is under it, and what pressing, dragging and the wheel do.
 
-Everything is measured from the `CurveGrip` that the press made; `edited_ends` and `edited_knob` are shared with the
+Everything is measured from the `CurveGrip` that the press made; what a handle's move does (`edited`) is shared with the
 keyboard (`curve_keys`).
 """
 
@@ -26,15 +26,20 @@ from ui.panels.curve_gestures import (
     HALF_PI,
     Hand,
     Knob,
+    Pull,
+    as_next,
     drag_knob,
     drag_region,
     fresh,
     knob_of,
     regions_around,
+    tool_of,
     with_regions,
 )
+from ui.panels.fields import PIXELS_TO_DOUBLE
 from ui.panels.plot_axes import zoomed
 from ui.panels.state import CurveGrip
+from ui.panels.travel import Travel
 
 GRAB_DISTANCE = 9.0
 PULL_DISTANCE = 10.0
@@ -178,22 +183,18 @@ def _take_hold(
     hot = "pan" if imgui.is_mouse_clicked(2) else hot
     if hot is None:
         return [SetView.of(operator=None), SetPanel({"handle": None})]
-    grip = grip_at(CurveGrip, curves, frame, hand, hot, offset=(mouse.x, mouse.y))
     if hot == "pull":
         regions = regions_around(frame.x.to_value(mouse.x), frame.x.high - frame.x.low)
-        grip = dataclasses.replace(grip, handle="magnitude", index=None, pair=False, regions=regions)
-        hand = Hand(fresh(context.view.active_tool, regions, context.view.channels), None)
-    if hot in ("pull", "magnitude"):
-        # Measured from where the feature truly is, which may lie off the plot, so that nothing jumps.
-        feature = knob(curves, hand)
-        place = frame.x.to_pixel(feature.x), frame.y.to_pixel(feature.y)
-        grip = dataclasses.replace(grip, offset=(mouse.x - place[0], mouse.y - place[1]))
-    elif hot in END_NAMES:
-        place = frame.x.to_pixel(hand.regions[END_NAMES.index(hot)]), mouse.y
-        grip = dataclasses.replace(grip, offset=(mouse.x - place[0], 0.0))
+        hand = Hand(fresh(tool_of(hand), regions, hand.first.channels), None)
+    handle = "magnitude" if hot == "pull" else hot
+    place = (mouse.x, mouse.y) if handle == "pan" else standing(curves, frame, hand, handle)
+    grip = dataclasses.replace(
+        grip_at(CurveGrip, curves, frame, hand, handle, place),
+        travel=Travel((mouse.x, mouse.y), fine=imgui.get_io().key_shift),
+    )
     actions: list[Action] = [BeginDrag(None), Hold(grip)]
     if hot == "pull":
-        actions.append(SetView.of(operator=None, regions=grip.regions))
+        actions.append(SetView.of(operator=None, **as_next(hand)))
     return actions if hot == "pan" else [*actions, SetPanel({"handle": grip.handle})]
 
 
@@ -216,18 +217,38 @@ def grip_at(
     )
 
 
+def standing(curves: Curves, frame: plot.Frame, hand: Hand, handle: str) -> tuple[float, float]:
+    """Where a handle truly stands, pixels, also off the plot, so that nothing jumps; of the region its left end."""
+    if handle == "magnitude":
+        feature = knob(curves, hand)
+        return frame.x.to_pixel(feature.x), frame.y.to_pixel(feature.y)
+    end = 0 if handle == "region" else END_NAMES.index(handle)
+    return frame.x.to_pixel(hand.regions[end]), frame.y.start
+
+
 def _drag(
     context: PanelContext, curves: Curves, frame: plot.Frame, hand: Hand, grip: CurveGrip, mouse: ImVec2
 ) -> list[Action]:
     if grip.handle == "pan":
         return _pan(frame, grip, mouse)
+    if grip.index is None and not imgui.is_mouse_dragging(0, 1.0) and hand.index is None:
+        return []
+    travel = grip.travel.going_on((mouse.x, mouse.y), imgui.get_io().key_shift)
+    held = dataclasses.replace(grip, travel=travel)
+    actions = edited(context, curves, frame, hand, held, travel.moved((mouse.x, mouse.y)))
+    return actions if held == grip else [Hold(held), *actions]
+
+
+def edited(
+    context: PanelContext, curves: Curves, frame: plot.Frame, hand: Hand, grip: CurveGrip, moved: tuple[float, float]
+) -> list[Action]:
+    """What it does to move the handle in the grip by so many pixels right and down."""
     if grip.handle == "magnitude":
-        moved = imgui.is_mouse_dragging(0, 1.0) or hand.index is not None
-        place = mouse.x - grip.offset[0], mouse.y - grip.offset[1]
-        return edited_knob(context, curves, frame, hand, grip, place) if moved else []
-    if grip.handle == "region":
-        return edited_ends(curves, grip, frame.x.to_value(mouse.x) - frame.x.to_value(grip.offset[0]))
-    return edited_ends(curves, grip, frame.x.to_value(mouse.x - grip.offset[0]))
+        return edited_knob(context, curves, frame, hand, grip, moved)
+    # The shift is exactly nothing where the hand is back at its start, or has moved up and down alone.
+    shift = frame.x.to_value(grip.offset[0] + moved[0]) - frame.x.to_value(grip.offset[0])
+    start = 0.0 if grip.handle == "region" else grip.regions[END_NAMES.index(grip.handle)]
+    return edited_ends(curves, grip, start + shift)
 
 
 def edited_ends(curves: Curves, grip: CurveGrip, to: float) -> list[Action]:
@@ -240,14 +261,17 @@ def edited_ends(curves: Curves, grip: CurveGrip, to: float) -> list[Action]:
 
 
 def edited_knob(
-    context: PanelContext, curves: Curves, frame: plot.Frame, hand: Hand, grip: CurveGrip, place: tuple[float, float]
+    context: PanelContext, curves: Curves, frame: plot.Frame, hand: Hand, grip: CurveGrip, moved: tuple[float, float]
 ) -> list[Action]:
-    """The magnitude with which the curve's feature comes as near as it can to a place, pixels."""
+    """The ring pulled by so many pixels right and down."""
     if grip.index is None:
         hand = Hand(fresh(context.view.active_tool, grip.regions, context.view.channels), None)
-    wanted = (frame.x.to_value(place[0]), frame.y.to_value(place[1]))
-    floor = min(0.0, frame.y.low)
-    operators = drag_knob(grip, hand, curves.generated, (wanted[0], max(wanted[1], floor)))
+    wanted = frame.y.to_value(grip.offset[1] + moved[1])
+    to = (frame.x.to_value(grip.offset[0] + moved[0]), max(wanted, min(0.0, frame.y.low)))
+    right, up = moved[0] / context.px(PIXELS_TO_DOUBLE), -moved[1] / context.px(PIXELS_TO_DOUBLE)
+    operators = grip.operators
+    if grip.index is None or moved != (0.0, 0.0):
+        operators = drag_knob(grip, hand, curves.generated, Pull(to, (2.0**right, 2.0**up)))
     index = len(grip.operators) if grip.index is None else grip.index
     actions: list[Action] = [SetOperators(curves.key, curves.factor, operators)]
     return [*actions, SetView.of(operator=index)] if context.view.operator != index else actions

@@ -6,6 +6,7 @@ that must feel like objects). `Frame` says where everything stands; the drawing 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,7 +63,8 @@ def layout(
     """Axes of a plot that fills `size` from `corner`, with room for labels and flags."""
     left, right = corner.x + context.px(LEFT_GUTTER), corner.x + size.x - context.px(RIGHT_GUTTER)
     top, bottom = corner.y + context.px(FLAG_STRIP), corner.y + size.y - context.px(BOTTOM_GUTTER)
-    return Frame(Axis(*x_range, left, max(right, left + 20)), Axis(*y_range, max(bottom, top + 20), top, log_y))
+    y = Axis(*y_range, max(bottom, top + 20), top, "log" if log_y else "root")
+    return Frame(Axis(*x_range, left, max(right, left + 20)), y)
 
 
 def draw_ground(context: PanelContext, frame: Frame, title: str, variable: str) -> None:
@@ -93,7 +95,7 @@ def _draw_angle_grid(context: PanelContext, draw: imgui.ImDrawList, frame: Frame
 def _draw_value_grid(context: PanelContext, draw: imgui.ImDrawList, frame: Frame) -> None:
     for tick in value_ticks(frame.y, context.px(30)):
         y = round(frame.y.to_pixel(tick.value)) + 0.5
-        strong = tick.value == 0.0 and not frame.y.logarithmic
+        strong = tick.value == 0.0 and frame.y.scale != "log"
         if frame.y.end + 1 < y < frame.y.start - 1:
             ink = look.GRID_STRONG if strong else look.GRID if tick.label else look.grey(32)
             draw.add_line(ImVec2(frame.x.start, y), ImVec2(frame.x.end, y), look.pack(ink), 1.0)
@@ -104,6 +106,17 @@ def _draw_value_grid(context: PanelContext, draw: imgui.ImDrawList, frame: Frame
         draw.add_text(
             ImVec2(round(frame.x.start - context.px(7) - extent.x), round(top)), look.pack(look.TEXT_SOFT), tick.label
         )
+
+
+def draw_note(context: PanelContext, frame: Frame, line: int, text: str, colour: look.Colour) -> tuple[float, float]:
+    """A line of small text below the title, the first is 1; where it begins."""
+    imgui.push_font(None, look.SMALL_SIZE)
+    extent = imgui.calc_text_size(text)
+    top = frame.y.end + context.px(6) + line * (extent.y + context.px(3))
+    place = ImVec2(max(frame.x.end - extent.x - context.px(9), frame.x.start + context.px(6)), top)
+    imgui.get_window_draw_list().add_text(place, look.pack(colour), text)
+    imgui.pop_font()
+    return place.x, place.y
 
 
 def sample_angles(frame: Frame, features: tuple[float, ...]) -> np.ndarray:
@@ -258,7 +271,11 @@ def draw_knob(context: PanelContext, frame: Frame, hand: Hand, knob: Knob, activ
     axes: set[str] = {operator.axis for operator in hand.operators}
     ink = look.pack(look.ACCENT)
     radius = context.px(7.5 if active else 6.5)
+    held = {math.copysign(1.0, o.magnitude - o.neutral) for o in hand.operators if o.axis == "x" and o.at_limit}
     for dx, dy in _arrow_directions(axes):
+        if dx in held:
+            _stop(draw, x + dx * (radius + context.px(5)), y, context.px(7), context.px(2.5), ink)
+            continue
         _arrow(draw, x + dx * (radius + context.px(4)), y + dy * (radius + context.px(4)), dx, dy, context.px(4), ink)
     draw.add_circle_filled(ImVec2(x, y), radius, look.pack(look.ACCENT if active else look.grey(24)))
     draw.add_circle(ImVec2(x, y), radius, ink, 0, context.px(2))
@@ -294,6 +311,11 @@ def _arrow(draw: imgui.ImDrawList, x: float, y: float, dx: float, dy: float, siz
     tip = ImVec2(x + dx * size, y + dy * size)
     left, right = ImVec2(x - dy * size, y + dx * size), ImVec2(x + dy * size, y - dx * size)
     draw.add_triangle_filled(tip, left, right, ink)
+
+
+def _stop(draw: imgui.ImDrawList, x: float, y: float, half: float, width: float, ink: int) -> None:
+    """An upright bar in the place of an arrow: no further."""
+    draw.add_rect_filled(ImVec2(x - 0.5 * width, y - half), ImVec2(x + 0.5 * width, y + half), ink)
 
 
 def _points(frame: Frame, gamma: np.ndarray, values: np.ndarray) -> list[Point]:

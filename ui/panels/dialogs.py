@@ -12,6 +12,7 @@ from pathlib import Path
 from imgui_bundle import ImVec2, imgui
 
 from app.map_commands import IMAGE_SUFFIXES
+from app.sources import LIGHT_ENDINGS, SCENE_ENDINGS, SESSION_ENDING
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 from ui import theme as look
 from ui.panels import widgets
@@ -22,6 +23,7 @@ from ui.panels.actions import (
     ImportMeasured,
     OpenFile,
     OpenImage,
+    SavePicture,
     SaveSession,
     SetPanel,
 )
@@ -29,25 +31,32 @@ from ui.panels.context import PanelContext
 from ui.panels.state import FileQuestion
 
 TITLES = {
-    "open_scene": "Open a scene or a session",
+    "open_scene": "Open a scene, a session or a mesh",
     "open_environment": "Open an environment",
     "open_measured": "Import a measured BRDF onto the selected object",
     "open_texture": "Open a texture",
     "open_weight": "Open a weight map",
     "save_session": "Save the session",
     "save_measured": "Export the selected object's material as a MERL file",
+    "save_picture": "Save the picture",
     "save_scene": "Export the scene for Mitsuba 3: name a folder",
 }
 ENDINGS = {
-    "open_scene": (".toml", ".insitu"),
-    "open_environment": (".exr", ".hdr"),
+    "open_scene": (*SCENE_ENDINGS, SESSION_ENDING),
+    "open_environment": LIGHT_ENDINGS,
     "open_measured": MEASURED_ENDINGS,
     "open_texture": IMAGE_SUFFIXES,
     "open_weight": IMAGE_SUFFIXES,
     "save_session": (".insitu",),
     "save_measured": (".binary",),
+    "save_picture": (".png", ".exr"),
     "save_scene": ("",),
 }
+PICTURE_CHOICES = (
+    ("PNG", "As shown, 8 bits a channel: for the screen."),
+    ("PNG 16 bit", "As shown, 65,536 levels a channel: for grading and print."),
+    ("EXR", "Linear light in 32-bit numbers, without exposure and view: for compositing."),
+)
 # What a measurement becomes; the second is cloth.
 MEASURED_CHOICES = (
     ("Diffuse and highlight", "Two layers: the diffuse part with curves over θi and θo, the highlight over θh and θd."),
@@ -82,7 +91,9 @@ def draw(context: PanelContext) -> list[Action]:
         return []
     viewport = imgui.get_main_viewport()
     imgui.set_next_window_pos(viewport.get_work_center(), imgui.Cond_.appearing, ImVec2(0.5, 0.5))
-    imgui.set_next_window_size(ImVec2(context.px(WIDTH), context.px(HEIGHT)), imgui.Cond_.appearing)
+    room = viewport.work_size
+    size = ImVec2(min(context.px(WIDTH), room.x), min(context.px(HEIGHT), room.y))
+    imgui.set_next_window_size(size, imgui.Cond_.appearing)
     flags = imgui.WindowFlags_.no_docking | imgui.WindowFlags_.no_collapse | imgui.WindowFlags_.no_saved_settings
     imgui.push_style_color(imgui.Col_.window_bg, look.pack(look.grey(44)))
     imgui.push_style_var(imgui.StyleVar_.window_border_size, 1.0)
@@ -91,24 +102,24 @@ def draw(context: PanelContext) -> list[Action]:
     imgui.end()
     imgui.pop_style_var()
     imgui.pop_style_color()
-    if not is_open or (imgui.is_key_pressed(imgui.Key.escape) and not imgui.get_io().want_text_input):
+    if not is_open:
         return [SetPanel({"question": None})]
     return actions
 
 
 def _contents(context: PanelContext, question: FileQuestion) -> list[Action]:
     actions = _folder_line(context, question)
-    measured = question.purpose == "open_measured"
-    footer = (2 if measured else 1) * imgui.get_frame_height_with_spacing() + context.px(6)
+    choice = {"open_measured": _measured_line, "save_picture": _picture_line}.get(question.purpose)
+    footer = (1 if choice is None else 2) * imgui.get_frame_height_with_spacing() + context.px(6)
     corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
     end = ImVec2(corner.x + room.x, corner.y + room.y - footer)
     imgui.get_window_draw_list().add_rect_filled(corner, end, look.pack(look.WELL), context.px(4))
-    if imgui.begin_child("entries", ImVec2(0, -footer)):
+    if imgui.begin_child("entries", ImVec2(0, -footer), imgui.ChildFlags_.always_use_window_padding):
         for entry in entries(question.folder, ENDINGS[question.purpose]):
             actions += _entry(context, question, entry)
     imgui.end_child()
-    if measured:
-        actions += _measured_line(context, question)
+    if choice is not None:
+        actions += choice(context, question)
     return actions + _name_line(context, question)
 
 
@@ -119,6 +130,20 @@ def _measured_line(context: PanelContext, question: FileQuestion) -> list[Action
     imgui.same_line()
     pressed = widgets.segments(context, "files.measured", MEASURED_CHOICES, int(question.cloth))
     return [] if pressed is None else [_asked(replace(question, cloth=pressed == 1))]
+
+
+def _picture_line(context: PanelContext, question: FileQuestion) -> list[Action]:
+    """What the file holds; its name's ending goes with it."""
+    imgui.align_text_to_frame_padding()
+    imgui.text("Save as")
+    imgui.same_line()
+    chosen = 2 if question.name.lower().endswith(".exr") else int(question.deep)
+    pressed = widgets.segments(context, "files.picture", PICTURE_CHOICES, chosen)
+    if pressed is None:
+        return []
+    ending = ENDINGS["save_picture"][pressed == 2]
+    name = str(Path(question.name or "picture").with_suffix(ending))
+    return [_asked(replace(question, name=name, deep=pressed == 1))]
 
 
 def _folder_line(context: PanelContext, question: FileQuestion) -> list[Action]:
@@ -149,17 +174,35 @@ def _entry(context: PanelContext, question: FileQuestion, entry: Entry) -> list[
 
 
 def _name_line(context: PanelContext, question: FileQuestion) -> list[Action]:
-    verb = "Save" if question.purpose.startswith("save") else "Open"
+    verb, hint = _verb(question)
     width = imgui.calc_text_size(verb).x + 2 * imgui.get_style().frame_padding.x
     imgui.set_next_item_width(imgui.get_content_region_avail().x - width - imgui.get_style().item_spacing.x)
-    changed, typed = imgui.input_text("##name", question.name)
+    if question.purpose.startswith("save") and imgui.is_window_appearing():
+        imgui.set_keyboard_focus_here()
+    flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
+    confirmed, typed = imgui.input_text("##name", question.name, flags)
+    context.handles.note_item("files.name")
     widgets.tooltip("The file's name.")
-    confirmed = imgui.is_item_deactivated_after_edit() and imgui.is_key_pressed(imgui.Key.enter)
     imgui.same_line()
-    pressed = widgets.text_button(context, "files.confirm", verb, f"{verb} this file.", enabled=bool(question.name))
-    if pressed or confirmed:
+    pressed = widgets.text_button(context, "files.confirm", verb, hint, enabled=bool(question.name))
+    if (pressed or confirmed) and typed:
+        imgui.set_nav_cursor_visible(False)  # imgui would frame a control of the panel that was last in use
         return answer(question, question.folder / typed)
-    return [_asked(replace(question, name=typed))] if changed else []
+    return [_asked(replace(question, name=typed))] if typed != question.name else []
+
+
+def _verb(question: FileQuestion) -> tuple[str, str]:
+    """What the button says, and what it does."""
+    if not question.purpose.startswith("save"):
+        return "Open", "Open this file."
+    if question.name and (question.folder / _named(question, question.name)).is_file():
+        return "Replace", "There is a file of this name: this takes its place."
+    return "Save", "Save this file."
+
+
+def _named(question: FileQuestion, name: str) -> str:
+    """A file's name with its ending."""
+    return name if Path(name).suffix else f"{name}{ENDINGS[question.purpose][0]}"
 
 
 def answer(question: FileQuestion, path: Path) -> list[Action]:
@@ -167,11 +210,12 @@ def answer(question: FileQuestion, path: Path) -> list[Action]:
     purpose = question.purpose
     if question.key:
         return [OpenImage(path, question.key, purpose.removeprefix("open_")), SetPanel({"question": None})]
-    if purpose.startswith("save") and not path.suffix:
-        path = path.with_suffix(ENDINGS[purpose][0])
+    if purpose.startswith("save"):
+        path = path.with_name(_named(question, path.name))
     actions: dict[str, Action] = {
         "open_measured": ImportMeasured(path, question.cloth), "save_measured": ExportMeasured(path),
-        "save_session": SaveSession(path), "save_scene": ExportScene(path),
+        "save_session": SaveSession(path), "save_picture": SavePicture(path, question.deep),
+        "save_scene": ExportScene(path),
     }  # fmt: skip
     return [actions.get(purpose, OpenFile(str(path))), SetPanel({"question": None})]
 

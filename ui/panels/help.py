@@ -7,30 +7,32 @@ from dataclasses import dataclass
 from imgui_bundle import ImVec2, imgui
 
 from app.commands import MuteOperator, RemoveOperator
-from app.document import Selection
+from app.document import Selection, all_factors
 from app.pasting import copied_curve, copied_material
 from app.solo import toggled
 from app.view_state import SetView, Tool
-from engine.curve.operators import Operator
+from engine.scene.builtin import DEFAULT_SCENE
 from ui import theme as look
 from ui.panels import paint
 from ui.panels.actions import (
     Action,
     AskFile,
     Copy,
+    OpenFile,
     Paste,
     Quit,
     Redo,
     SaveSession,
     Screenshot,
-    Select,
     SetPanel,
     ShowPanel,
     Undo,
 )
 from ui.panels.context import PanelContext
+from ui.panels.curve_gestures import Hand, hand_of, tool_of
 
-CTRL, SHIFT = int(imgui.Key.mod_ctrl), int(imgui.Key.mod_shift)
+TWO_COLUMNS = 960.0
+CTRL, SHIFT, ALT = (int(key) for key in (imgui.Key.mod_ctrl, imgui.Key.mod_shift, imgui.Key.mod_alt))
 Key = imgui.Key
 
 
@@ -47,14 +49,16 @@ class Shortcut:
 
 SHORTCUTS = (
     Shortcut("File", "Ctrl O", "Open a scene or session", "open", CTRL | int(Key.o)),
+    Shortcut("File", "Ctrl N", "Begin anew with the built-in scene", "new", CTRL | int(Key.n)),
     Shortcut("File", "Ctrl S", "Save the session", "save", CTRL | int(Key.s)),
     Shortcut("File", "Ctrl Shift S", "Save the session under a new name", "save_as", CTRL | SHIFT | int(Key.s)),
-    Shortcut("File", "F12", "Save a picture of the window", "screenshot", int(Key.f12)),
-    Shortcut("File", "Ctrl Q", "Quit; unsaved edits stay in the journal", "quit", CTRL | int(Key.q)),
+    Shortcut("File", "F12", "Save the picture: PNG of 8 or 16 bits, EXR", "picture", int(Key.f12)),
+    Shortcut("File", "Shift F12", "Save a picture of the window", "screenshot", SHIFT | int(Key.f12)),
+    Shortcut("File", "Ctrl Q", "Quit; asks where edits are not saved", "quit", CTRL | int(Key.q)),
     Shortcut("Edit", "Ctrl Z", "Undo; one drag is one step", "undo", CTRL | int(Key.z)),
     Shortcut("Edit", "Ctrl Y", "Redo (also Ctrl Shift Z)", "redo", CTRL | int(Key.y)),
     Shortcut("", "", "", "redo", CTRL | SHIFT | int(Key.z)),
-    Shortcut("Edit", "Esc", "Cancel the drag; else let go of operator, selection", "deselect", int(Key.escape)),
+    Shortcut("Edit", "Esc", "Leave the list, cancel the drag; else let go: one thing a press"),
     Shortcut("Edit", "Ctrl C", "Copy the object's material", "copy_material", CTRL | int(Key.c)),
     Shortcut("Edit", "Ctrl Shift C", "Copy the curve", "copy_curve", CTRL | SHIFT | int(Key.c)),
     Shortcut("Edit", "Ctrl V", "Paste: material, layer or curve", "paste", CTRL | int(Key.v)),
@@ -62,14 +66,22 @@ SHORTCUTS = (
     Shortcut("Picture", "Click", "Select the object"),
     Shortcut("Picture", "Drop", "A material of the library onto an object"),
     Shortcut("Picture", "Alt click", "Show the lobe there; drag moves it; beside: none"),
-    Shortcut("Picture", "Shift drag", "Turn the light around the scene"),
+    Shortcut("Picture", "Shift drag", "Turn the light around the scene (also the wheel over its dial)"),
     Shortcut("Picture", "C", "Compare: remember this picture as A, show A | B", "compare", int(Key.c)),
+    Shortcut("Picture", "Space", "The picture alone, or with all panels", "alone", int(Key.space)),
+    Shortcut("Picture", "Wheel", "Zoom about the mouse (also with Ctrl)"),
+    Shortcut("Picture", "Middle drag", "Move the zoomed picture (also with Shift)"),
     Shortcut("Picture", "F", "Fit the picture, or show it pixel for pixel", "fit", int(Key.f)),
+    Shortcut("Picture", "0", "Fit the picture (also Home)", "whole", int(Key._0)),
+    Shortcut("Picture", "1", "Show it pixel for pixel", "pixels", int(Key._1)),
+    Shortcut("", "", "", "pixels", int(Key.keypad1)),
+    Shortcut("", "", "", "whole", int(Key.keypad0)),
+    Shortcut("", "", "", "whole", int(Key.home)),
     Shortcut("Picture", "[  ]", "Exposure down, up; the brush smaller, larger", "darker", int(Key.left_bracket)),
     Shortcut("", "", "", "brighter", int(Key.right_bracket)),
     Shortcut("Picture", "S", "See the selected layer alone, or all again", "solo", int(Key.s)),
-    Shortcut("Material", "Ctrl click", "Put a parameter back to its default"),
-    Shortcut("Material", "Double click", "Type a number"),
+    Shortcut("Material", "Right click", "Put a parameter back to its default"),
+    Shortcut("Material", "Double click", "Type a number (also Ctrl click); a drag with Shift is fine"),
     Shortcut("Curve", "Drag a b c d", "Where the edit begins, holds and ends"),
     Shortcut("Curve", "Drag the ring", "How strong the edit is"),
     Shortcut("Curve", "Drag the curve", "Pull it there: a new operator"),
@@ -86,20 +98,23 @@ SHORTCUTS = (
     Shortcut("Curve", "Wheel", "Zoom the angle; with Shift the height"),
     Shortcut("Curve", "Middle drag", "Pan; double click shows all"),
     Shortcut("Material", "B", "Show the BRDF: sphere, lobe, slice, albedo", "brdf", int(Key.b)),
+    Shortcut("Help", "Alt", "The menus; Alt F, E, V, H: one of them"),
     Shortcut("Help", "?", "This list", "help", SHIFT | int(Key.slash)),
     Shortcut("", "", "", "help", int(Key.f1)),
 )
 # What would change the document under a gesture's hand.
-EDITING = frozenset({"undo", "redo", "mute", "delete", "deselect", "paste", "paste_layers"})
+EDITING = frozenset({"undo", "redo", "mute", "delete", "paste", "paste_layers"})
 
 
 def keyboard(context: PanelContext) -> list[Action]:
-    """What the keys pressed in this frame ask for; none while a person types into a field or chooses a file."""
-    if imgui.get_io().want_text_input or context.state.question is not None:
+    """What the key pressed in this pass asks for; none while a person types, chooses from a list or a file."""
+    if context.keys_taken or context.state.question is not None:
         return []
     actions: list[Action] = []
     for shortcut in SHORTCUTS:
         if context.state.grip is not None and shortcut.name in EDITING:
+            continue
+        if shortcut.name == "alone" and imgui.get_io().nav_visible:  # it presses the control that has the frame
             continue
         if shortcut.chord is not None and imgui.is_key_chord_pressed(shortcut.chord):
             actions += perform(context, shortcut.name)
@@ -115,31 +130,35 @@ def perform(context: PanelContext, name: str) -> list[Action]:
     """The actions of a named shortcut in the present state."""
     view = context.view
     simple: dict[str, list[Action]] = {
+        "new": [OpenFile(DEFAULT_SCENE)],
         "open": [AskFile("open_scene")],
         "save": [SaveSession()],
         "save_as": [AskFile("save_session")],
+        "picture": [AskFile("save_picture")],
         "screenshot": [Screenshot()],
         "quit": [Quit()],
         "undo": [Undo()],
         "redo": [Redo()],
         "compare": [SetView.of(compare=None if view.compare is not None else context.document)],
-        "fit": [SetView.of(fit=not view.fit)],
+        "alone": [SetPanel({"alone": not context.state.alone})],
+        "fit": [SetView.of(fit=not view.fit, zoom=1.0, centre=(0.5, 0.5))],
+        "whole": [SetView.of(fit=True)],
+        "pixels": [SetView.of(fit=False, zoom=1.0, centre=(0.5, 0.5))],
         "darker": [SetView.of(exposure=view.exposure - 1.0 / 3.0)],
         "brighter": [SetView.of(exposure=view.exposure + 1.0 / 3.0)],
         "log": [SetView.of(log_y=not view.log_y, curve_zoom=None)],
         "brdf": [ShowPanel("brdf")],
-        "solo": [toggled(view, view.selected.key)] if view.selected else [],
+        "solo": [toggled(view, layer.key)] if (layer := context.selected_layer) else [],
         "help": [SetView.of(show_shortcuts=not view.show_shortcuts)],
         "paste": [Paste()],
         "paste_layers": [Paste(as_layers=True)],
-        "deselect": _deselect(context),
     }
     if name in ("darker", "brighter") and paint.painted_key(context) is not None:
         return [paint.resized(context.state.brush, -1 if name == "darker" else 1)]
     if name in simple:
         return simple[name]
     if name in ("translate", "amplify") or name.startswith("axis_"):
-        return [SetView.of(active_tool=_tool(view.active_tool, name), operator=None)]
+        return [SetView.of(active_tool=_tool(tool_of(_hand(context)), name), operator=None)]
     if name in ("copy_material", "copy_curve"):
         return _copy(context, name)
     return _on_operator(context, name)
@@ -147,26 +166,19 @@ def perform(context: PanelContext, name: str) -> list[Action]:
 
 def _copy(context: PanelContext, name: str) -> list[Action]:
     """The selected object's material, or the selected curve."""
-    selected, document = context.view.selected, context.document
+    selected, document = context.selected_layer, context.document
     if selected is None:
         return []
     if name == "copy_material":
         return [Copy(copied_material(document, selected.object), f"the material of {selected.object}")]
     if selected.factor is None:
         return []
-    return [Copy(copied_curve(document, selected.key, selected.factor), f"the curve {selected.factor}")]
+    return [Copy(copied_curve(document, selected.key, selected.factor), f"the curve {_curve_label(context, selected)}")]
 
 
-def _deselect(context: PanelContext) -> list[Action]:
-    if context.view.show_shortcuts:
-        return [SetView.of(show_shortcuts=False)]
-    if context.state.paints:
-        return [SetPanel({"paints": False})]
-    if context.view.operator is not None:
-        return [SetView.of(operator=None)]
-    if context.view.lobe_pixel is not None or context.state.picks_lobe:
-        return [SetView.of(lobe_pixel=None), SetPanel({"picks_lobe": False})]
-    return [Select(None)]
+def _curve_label(context: PanelContext, selected: Selection) -> str:
+    factors = all_factors(context.document.layer(selected.key).model)
+    return next(factor.label.rpartition(" ")[0] for factor in factors if factor.name == selected.factor)
 
 
 def _tool(tool: Tool, change: str) -> str:
@@ -174,19 +186,25 @@ def _tool(tool: Tool, change: str) -> str:
     return f"{kind}_{change[5:]}" if change.startswith("axis_") else f"{change}_{axes}"
 
 
+def _hand(context: PanelContext) -> Hand:
+    """What is in hand on the selected curve."""
+    selected = context.selected_layer
+    if selected is None or selected.factor is None:
+        return hand_of((), context.view)
+    return hand_of(context.document.layer(selected.key).operators(selected.factor), context.view)
+
+
 def _on_operator(context: PanelContext, name: str) -> list[Action]:
-    """Mute or delete the selected operator; of a diagonal pair each half is a row of its own."""
-    selected, index = context.view.selected, context.view.operator
+    """Mute or delete the selected operator."""
+    selected, index = context.selected_layer, context.view.operator
     if not isinstance(selected, Selection) or selected.factor is None or index is None:
         return []
     operators = context.document.layer(selected.key).operators(selected.factor)
     if index >= len(operators):
         return []
     if name == "delete":
-        return [RemoveOperator(selected.key, selected.factor, index), SetView.of(operator=None)]
-    operator = operators[index]
-    muted = isinstance(operator, Operator) and operator.muted
-    return [MuteOperator(selected.key, selected.factor, index, not muted)]
+        return [RemoveOperator(selected.key, selected.factor, index)]
+    return [MuteOperator(selected.key, selected.factor, index, not operators[index].muted)]
 
 
 def draw(context: PanelContext) -> list[Action]:
@@ -195,9 +213,10 @@ def draw(context: PanelContext) -> list[Action]:
         return []
     viewport = imgui.get_main_viewport()
     imgui.set_next_window_pos(viewport.get_work_center(), imgui.Cond_.always, ImVec2(0.5, 0.5))
+    imgui.set_next_window_size_constraints(ImVec2(0, 0), viewport.work_size)
     flags = (
-        imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_docking | imgui.WindowFlags_.always_auto_resize
-        | imgui.WindowFlags_.no_saved_settings | imgui.WindowFlags_.no_move
+        imgui.WindowFlags_.no_title_bar | imgui.WindowFlags_.no_collapse | imgui.WindowFlags_.no_docking
+        | imgui.WindowFlags_.always_auto_resize | imgui.WindowFlags_.no_saved_settings | imgui.WindowFlags_.no_move
     )  # fmt: skip
     imgui.push_style_color(imgui.Col_.window_bg, look.pack(look.grey(40, 0.985)))
     imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(context.px(28), context.px(22)))
@@ -222,7 +241,8 @@ def _columns(context: PanelContext) -> None:
     for group in ("File", "Edit", "Material", "Help"):
         _group(context, group)
     imgui.end_group()
-    imgui.same_line(0.0, context.px(40))
+    if imgui.get_main_viewport().work_size.x >= context.px(TWO_COLUMNS):
+        imgui.same_line(0.0, context.px(40))
     imgui.begin_group()
     for group in ("Picture", "Curve"):
         _group(context, group)

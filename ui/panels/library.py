@@ -8,6 +8,7 @@ from imgui_bundle import ImVec2, ImVec4, imgui
 
 from app.library import Entry, categories
 from app.material_commands import SetMaterial
+from engine.material.layer import Layer
 from ui import theme as look
 from ui.panels import widgets
 from ui.panels.actions import Action, DeleteMaterial, SaveMaterial, SetPanel
@@ -59,7 +60,7 @@ def _search_line(context: PanelContext) -> list[Action]:
     if changed:
         actions.append(SetPanel({"library": replace(library, search=typed)}))
     imgui.same_line(0.0, context.px(4))
-    selected = context.view.selected
+    selected = context.selected_layer
     hint = "Select an object to keep its material here."
     if selected is not None:
         hint = f"Keep the material of {selected.object} among your own."
@@ -70,7 +71,7 @@ def _search_line(context: PanelContext) -> list[Action]:
 
 def _keep_popup(context: PanelContext) -> list[Action]:
     """Asks for the name under which the selected object's material is kept."""
-    selected, library = context.view.selected, context.state.library
+    selected, library = context.selected_layer, context.state.library
     if selected is None or not imgui.begin_popup("keep"):
         return []
     actions: list[Action] = []
@@ -135,7 +136,7 @@ def _cell(context: PanelContext, entry: Entry, side: float) -> list[Action]:
         _name(context, entry, ImVec2(corner.x, corner.y + side + context.px(2)), side)
     imgui.end_group()
     imgui.pop_id()
-    selected = context.view.selected
+    selected = context.selected_layer
     if double and selected is not None and not entry.problem:
         actions.append(apply(entry, selected.object))
     return actions
@@ -144,8 +145,8 @@ def _cell(context: PanelContext, entry: Entry, side: float) -> list[Action]:
 def _hint(context: PanelContext, entry: Entry) -> str:
     if entry.problem:
         return entry.problem
-    layers = ", ".join(f"{layer.name} ({layer.model.label})" for layer in entry.material.layers)
-    selected = context.view.selected
+    layers = ", ".join(_described(layer) for layer in entry.material.layers)
+    selected = context.selected_layer
     onto = f" Double-click gives it to {selected.object}." if selected is not None else ""
     return f"{entry.name}: {layers}. Drag it onto an object in the picture or in the list.{onto}"
 
@@ -154,7 +155,7 @@ def _menu(context: PanelContext, entry: Entry) -> list[Action]:
     actions: list[Action] = []
     if not imgui.begin_popup_context_item("menu"):
         return actions
-    selected = context.view.selected
+    selected = context.selected_layer
     usable = selected is not None and not entry.problem
     onto = selected.object if selected is not None else "the selected object"
     if imgui.menu_item_simple(f"Give to {onto}", None, False, usable) and selected is not None:
@@ -188,3 +189,8 @@ def _name(context: PanelContext, entry: Entry, place: ImVec2, width: float) -> N
     draw_list.add_text(place, look.pack(look.TEXT_SOFT), entry.name)
     draw_list.pop_clip_rect()
     imgui.pop_font()
+
+
+def _described(layer: Layer) -> str:
+    """A layer's name, and what it is where that is not its name."""
+    return layer.title if layer.title == layer.model.label else f"{layer.title} ({layer.model.label})"

@@ -1,4 +1,4 @@
-"""The light: the environment's picture as the scene stands in it, a wheel that turns it, its strength.
+"""The light: the environment's picture as the scene stands in it, a dial that turns it, its strength.
 
 An environment from a file can be read as a lat-long or as an angular map; which it is, is guessed from its shape.
 
@@ -9,6 +9,7 @@ where the camera looks, so what is left of it lights the scene from the picture'
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 from imgui_bundle import ImVec2, imgui
@@ -16,15 +17,18 @@ from imgui_bundle import ImVec2, imgui
 from app.document import CONSTANT_ENVIRONMENT, SCENE_ENVIRONMENT, Mapping
 from app.light_commands import SetEnvironment, SetIntensity, SetMapping, SetRotation
 from ui import theme as look
-from ui.panels import widgets
-from ui.panels.actions import Action, AskFile, BeginDrag, EndDrag, Hold
+from ui.panels import fields, widgets
+from ui.panels.actions import Action, AskFile, BeginDrag, EndDrag, Hold, InOneStep, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.picture import Picture
-from ui.panels.state import Grip
+from ui.panels.state import Grip, WheelTurn
 
-WHEEL = 76.0
+DIAL = 76.0
 FULL_TURN = 360.0
 MAPPINGS: tuple[Mapping, ...] = ("latlong", "angular")
+DEGREES_A_NOTCH, FINE_DEGREES = 5.0, 0.5
+# Turns of the mouse wheel with less than this between them are one step of the history.
+PAUSE_SECONDS = 1.0
 LEAST_INTENSITY, LARGEST_INTENSITY = 0.01, 100.0
 
 
@@ -32,16 +36,16 @@ def draw(context: PanelContext) -> list[Action]:
     """The whole panel, inside its window."""
     actions: list[Action] = []
     gap = context.px(12)
-    wheel = context.px(WHEEL)
+    dial = context.px(DIAL)
     room = imgui.get_content_region_avail().x
-    width = room - wheel - gap
-    height = min(0.5 * width, wheel)
+    width = room - dial - gap
+    height = min(0.5 * width, dial)
     start = imgui.get_cursor_pos_y()
-    imgui.set_cursor_pos_y(start + 0.5 * (wheel - height))
+    imgui.set_cursor_pos_y(start + 0.5 * (dial - height))
     actions += _thumbnail(context, 2.0 * height if 2.0 * height < width else width, height)
     imgui.same_line(0.0, gap)
     imgui.set_cursor_pos_y(start)
-    actions += _wheel(context, wheel)
+    actions += _dial(context, dial)
     actions += _environment(context)
     if context.document.light.is_file:
         actions += _mapping(context)
@@ -102,7 +106,7 @@ def _mapping(context: PanelContext) -> list[Action]:
 
 def _rotation(context: PanelContext) -> list[Action]:
     widgets.label(context, "Rotation")
-    hand, degrees = widgets.slider(
+    hand, degrees = fields.slider(
         context, "rotation", context.document.light.rotation, 0.0, FULL_TURN, "%.1f°", handle="light.rotation"
     )
     widgets.tooltip(
@@ -114,7 +118,7 @@ def _rotation(context: PanelContext) -> list[Action]:
 def _intensity(context: PanelContext) -> list[Action]:
     widgets.label(context, "Intensity")
     value = context.document.light.intensity
-    hand, moved = widgets.slider(
+    hand, moved = fields.slider(
         context,
         "intensity",
         value,
@@ -124,12 +128,13 @@ def _intensity(context: PanelContext) -> list[Action]:
         True,
         handle="light.intensity",
         origin=1.0,
+        pixels_to_double=fields.PIXELS_TO_DOUBLE,
     )
     widgets.tooltip("Multiplies all light in the scene. Costs nothing: the picture is only scaled.")
     return _edits(hand, SetIntensity(moved), "light intensity")
 
 
-def _edits(hand: widgets.Touch, command: Action, label: str) -> list[Action]:
+def _edits(hand: fields.Touch, command: Action, label: str) -> list[Action]:
     actions: list[Action] = []
     if hand.began:
         actions.append(BeginDrag(label))
@@ -203,11 +208,13 @@ def _marker(context: PanelContext, draw_list: imgui.ImDrawList, corner: ImVec2, 
     draw_list.add_triangle_filled(*points, look.pack(look.ACCENT))
 
 
-def _wheel(context: PanelContext, size: float) -> list[Action]:
+def _dial(context: PanelContext, size: float) -> list[Action]:
     """A compass seen from above; its knob stands at the rotation."""
     corner = imgui.get_cursor_screen_pos()
-    imgui.invisible_button("wheel", ImVec2(size, size))
-    widgets.tooltip("Turn the light around the scene, seen from above; up is -Z. Hold Shift for whole 15° steps.")
+    imgui.invisible_button("dial", ImVec2(size, size))
+    widgets.tooltip("Turn the light around the scene, seen from above; up is -Z. With Shift by whole 15°. "
+                    "The mouse wheel turns it by 5°, with Shift by half a degree.")  # fmt: skip
+    imgui.set_item_key_owner(imgui.Key.mouse_wheel_y)  # the panel stays where it is
     centre = ImVec2(corner.x + 0.5 * size, corner.y + 0.5 * size)
     radius = 0.5 * size - context.px(7)
     rotation = context.document.light.rotation
@@ -215,7 +222,7 @@ def _wheel(context: PanelContext, size: float) -> list[Action]:
         centre.x - radius * math.sin(math.radians(rotation)), centre.y - radius * math.cos(math.radians(rotation))
     )
     context.handles.note("light.wheel", knob.x, knob.y)
-    actions = _turn(context, centre)
+    actions = _turn(context, centre) + _wheel(context)
     active = imgui.is_item_active() or imgui.is_item_hovered()
     draw_list = imgui.get_window_draw_list()
     draw_list.add_circle_filled(centre, radius, look.pack(look.WELL), 64)
@@ -259,3 +266,18 @@ def _turn(context: PanelContext, centre: ImVec2) -> list[Action]:
     if imgui.get_io().key_shift:
         turned = 15.0 * round(turned / 15.0)
     return [SetRotation(turned)]
+
+
+def _wheel(context: PanelContext) -> list[Action]:
+    """The mouse wheel over the dial, away from the hand counter-clockwise."""
+    io, turn = imgui.get_io(), context.state.turn
+    if not imgui.is_item_hovered() or io.mouse_wheel == 0.0 or context.state.grip is not None:
+        return []
+    if turn is None or context.now - turn.last > PAUSE_SECONDS:
+        turn = WheelTurn(context.now, context.now)
+    degrees = io.mouse_wheel * (FINE_DEGREES if io.key_shift else DEGREES_A_NOTCH)
+    command = SetRotation(context.document.light.rotation + degrees)
+    return [
+        InOneStep(command, f"wheel from {turn.began}"),
+        SetPanel({"turn": replace(turn, last=context.now)}),
+    ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from imgui_bundle import ImVec2, imgui
@@ -10,7 +11,7 @@ from app.map_commands import SetMap
 from app.paint_commands import ClearMap
 from engine.material.maps import MAX_REPEATS, SPACES, LayerMaps
 from ui import theme as look
-from ui.panels import paint, widgets
+from ui.panels import fields, paint, widgets
 from ui.panels.actions import Action, AskFile, BeginDrag, EndDrag, ReloadImages
 from ui.panels.context import Handles, PanelContext
 from ui.panels.picture import Picture
@@ -123,7 +124,7 @@ def _file_button(
 
 def _strength(context: PanelContext, key: str, maps: LayerMaps, width: float) -> list[Action]:
     widgets.label(context, "Strength", width)
-    hand, moved = widgets.slider(
+    hand, moved = fields.slider(
         context, "texture_strength", maps.texture_strength, 0.0, 1.0, handle="material.texture_strength"
     )
     widgets.tooltip("How much of the texture counts: 1 is all of it, 0 is the plain layer.")
@@ -139,15 +140,14 @@ def _repeats(context: PanelContext, key: str, maps: LayerMaps, width: float) -> 
     for index, (axis, across) in enumerate((("u", "across"), ("v", "upwards"))):
         imgui.set_next_item_width(0.5 * room)
         value = maps.texture_scale[index]
-        changed, moved = imgui.drag_float(
-            f"##repeats_{axis}", value, 0.01 * max(abs(value), 0.1), -MAX_REPEATS, MAX_REPEATS, f"{axis} × %.3g"
-        )
-        context.handles.note_item(f"material.texture_scale.{axis}")
+        hand, moved = fields.number(
+            context, f"repeats {axis}", value, f"{axis} × %.3g", f"material.texture_scale.{axis}",
+            -MAX_REPEATS, MAX_REPEATS,
+        )  # fmt: skip
         hint = f"How often the texture repeats {across}; below 0 it is mirrored."
         widgets.tooltip(f"{hint} Drag sideways, or double-click to type.")
         pair = (moved, maps.texture_scale[1]) if index == 0 else (maps.texture_scale[0], moved)
-        usable = 1e-3 <= abs(moved) <= MAX_REPEATS
-        actions += _edits(widgets.touch(changed and usable), key, "texture_scale", pair)
+        actions += _edits(replace(hand, changed=hand.changed and abs(moved) >= 1e-3), key, "texture_scale", pair)
         imgui.same_line(0.0, gap)
     return actions + _space(context, key, maps)
 
@@ -173,7 +173,7 @@ def _segment_width(context: PanelContext, text: str) -> float:
     return widgets.rich_width(text) + context.px(16)
 
 
-def _edits(hand: widgets.Touch, key: str, name: str, value: object) -> list[Action]:
+def _edits(hand: fields.Touch, key: str, name: str, value: object) -> list[Action]:
     """One drag of a control as one step of the history."""
     actions: list[Action] = []
     if hand.began:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
-from imgui_bundle import ImVec2, ImVec4, imgui
+from imgui_bundle import ImVec2, imgui
 
 from app.commands import SetFresnelTerm, SetModel, SetParameter
 from app.document import ObjectState, Selection
@@ -13,14 +12,15 @@ from app.linked_layers import group_of
 from app.reading import describe_measurement
 from engine.material import MODELS, Layer, Parameter
 from engine.measured.measurement import Measurement
-from ui import theme as look
-from ui.panels import maps, widgets
+from ui.panels import colours, emitter, fields, maps, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag, SetPanel
 from ui.panels.context import PanelContext
 from ui.theme import Icon
 
 RGB = tuple[float, float, float]
 LARGEST_LABEL = 136.0
+# What three numbers, or a model's name, need.
+WIDE_CONTROL = 136.0
 
 
 def draw(context: PanelContext) -> list[Action]:
@@ -30,8 +30,10 @@ def draw(context: PanelContext) -> list[Action]:
         imgui.text_disabled("Nothing selected")
         widgets.caption("Click an object in the picture, or a layer in the list.")
         return []
-    layer = context.document.layer(selection.key)
     state = context.document.object(selection.object)
+    if state.emission is not None:
+        return emitter.draw(context, state, state.emission)
+    layer = context.document.layer(selection.key)
     editable = state.editable and not context.document.is_frozen(selection.key)
     actions: list[Action] = []
     width = _label_width(context, layer)
@@ -54,8 +56,9 @@ def _sharing_note(state: ObjectState, index: int) -> str:
     """Which layers are edited along with this one, and in what."""
     layer, others = state.layers[index], [i for i in group_of(state.layers, index) if i != index]
     if layer.rises:
-        return f"All of this is shared with {layer.follows}: edited in one, it follows in the other."
-    sharing = [state.layers[i].name for i in others if not state.layers[i].rises]
+        lead = state.layers[group_of(state.layers, index)[0]]
+        return f"All of this is shared with {lead.title}: edited in one, it follows in the other."
+    sharing = [state.layers[i].title for i in others if not state.layers[i].rises]
     return f"Curves, and what drives them, are shared with {', '.join(sharing)}." if sharing else ""
 
 
@@ -63,9 +66,8 @@ def _heading(context: PanelContext, selection: Selection, layer: Layer, editable
     context.theme.push_bold()
     imgui.text_unformatted(selection.object)
     imgui.pop_font()
-    if layer.name:
-        imgui.same_line()
-        imgui.text_disabled(f"/  {layer.name}")
+    imgui.same_line()
+    imgui.text_disabled(f"/  {layer.title}")
     if not editable:
         imgui.same_line()
         imgui.text_disabled(Icon.FROZEN)
@@ -81,10 +83,9 @@ def _switches(context: PanelContext, key: str, layer: Layer) -> list[Action]:
     """What few layers have, at the right: images, and a second term."""
     has_term = layer.rises or not layer.follows
     gap, texts = context.px(4), ["Images", *(["Fresnel"] if has_term else [])]
-    imgui.same_line()
+    widgets.go_right(sum(widgets.rich_width(text) + context.px(16) for text in texts) + gap * (len(texts) - 1))
     top = imgui.get_cursor_pos_y() - imgui.get_style().frame_padding.y  # words on one line
     imgui.set_cursor_pos_y(top)
-    widgets.align_right(sum(widgets.rich_width(text) + context.px(16) for text in texts) + gap * (len(texts) - 1))
     actions = _image_switch(context, layer)
     if has_term:
         imgui.same_line(0.0, gap)
@@ -120,7 +121,7 @@ def _label_width(context: PanelContext, layer: Layer) -> float:
 
 def _model(context: PanelContext, key: str, layer: Layer, width: float) -> list[Action]:
     actions: list[Action] = []
-    widgets.label(context, "Model", width)
+    widgets.label(context, "Model", width, WIDE_CONTROL)
     if imgui.begin_combo("##model", layer.model.label):
         for model in (each for each in MODELS.values() if not each.needs_file or each is layer.model):
             pressed, _ = imgui.selectable(model.label, model is layer.model)
@@ -136,13 +137,12 @@ def _model(context: PanelContext, key: str, layer: Layer, width: float) -> list[
 
 
 def _parameter(context: PanelContext, key: str, layer: Layer, parameter: Parameter, width: float) -> list[Action]:
-    reset = _ctrl_clicked() and not isinstance(parameter.default, Measurement)
-    widgets.label(context, parameter.label, width)
     value = layer.values[parameter.name]
+    least = WIDE_CONTROL if isinstance(value, tuple) else widgets.LEAST_CONTROL
+    n_lines = 2 if widgets.is_stacked(context, width, least) else 1
+    reset = _right_clicked(n_lines) and not isinstance(parameter.default, Measurement)
+    widgets.label(context, parameter.label, width, least)
     imgui.push_id(parameter.name)
-    if reset:  # the click is not the control's
-        imgui.push_style_var(imgui.StyleVar_.disabled_alpha, 1.0)
-        imgui.begin_disabled()
     if isinstance(value, Measurement):
         actions = _measured(value)
     elif isinstance(value, str):
@@ -152,19 +152,18 @@ def _parameter(context: PanelContext, key: str, layer: Layer, parameter: Paramet
     else:
         actions = _scalar(context, key, parameter, value)
     if reset:
-        imgui.end_disabled()
-        imgui.pop_style_var()
         actions = [SetParameter(key, parameter.name, parameter.default)]
     imgui.pop_id()
     return actions
 
 
-def _ctrl_clicked() -> bool:
-    """Whether the row about to be drawn, of a frame's height, is clicked with Ctrl held."""
+def _right_clicked(n_lines: int) -> bool:
+    """Whether the row about to be drawn, of so many lines, is clicked with the right button."""
     corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
-    end = ImVec2(corner.x + room.x, corner.y + imgui.get_frame_height())
+    height = imgui.get_frame_height() + (n_lines - 1) * imgui.get_frame_height_with_spacing()
+    end = ImVec2(corner.x + room.x, corner.y + height)
     inside = imgui.is_mouse_hovering_rect(corner, end) and imgui.is_window_hovered()
-    return inside and imgui.get_io().key_ctrl and imgui.is_mouse_clicked(0)
+    return inside and imgui.is_mouse_clicked(1)
 
 
 def _measured(value: Measurement) -> list[Action]:
@@ -178,7 +177,7 @@ def _measured(value: Measurement) -> list[Action]:
 
 def _hint(parameter: Parameter) -> str:
     later = " Self-shadowing follows when the hand rests." if "quotient" in parameter.drives else ""
-    return f"{parameter.tooltip}{later} Ctrl-click: back to {default_text(parameter)}."
+    return f"{parameter.tooltip}{later} Right click: back to {default_text(parameter)}."
 
 
 def default_text(parameter: Parameter) -> str:
@@ -209,9 +208,9 @@ def choice_label(choice: str) -> str:
 
 def _scalar(context: PanelContext, key: str, parameter: Parameter, value: float) -> list[Action]:
     text = number_format(parameter)
-    hand, moved = widgets.slider(
+    hand, moved = fields.slider(
         context, parameter.name, value, parameter.minimum, parameter.maximum, text, parameter.logarithmic,
-        handle=f"material.{parameter.name}",
+        handle=f"material.{parameter.name}", title=parameter.label,
     )  # fmt: skip
     widgets.tooltip(_hint(parameter))
     return _edits(hand, key, parameter, moved)
@@ -223,7 +222,7 @@ def number_format(parameter: Parameter) -> str:
     return f"{digits} {parameter.unit}".rstrip().replace(" °", "°")
 
 
-def _edits(hand: widgets.Touch, key: str, parameter: Parameter, value: float | RGB) -> list[Action]:
+def _edits(hand: fields.Touch, key: str, parameter: Parameter, value: float | RGB) -> list[Action]:
     """One drag of a control as one step of the history."""
     actions: list[Action] = []
     if hand.began:
@@ -236,68 +235,18 @@ def _edits(hand: widgets.Touch, key: str, parameter: Parameter, value: float | R
 
 
 def _colour(context: PanelContext, key: str, parameter: Parameter, value: RGB) -> list[Action]:
-    """Three numbers with red, green and blue marks; a swatch with a colour wheel where they are reflectances."""
+    """Three numbers; a swatch with a colour wheel where they are reflectances."""
     actions: list[Action] = []
-    height, gap = imgui.get_frame_height(), context.px(4)
+    numbers = colours.Numbers(
+        f"material.{parameter.name}", parameter.label, f"{_hint(parameter)} Drag sideways, or double-click to type.",
+        parameter.minimum, parameter.maximum, min((parameter.maximum - parameter.minimum) / 400.0, 0.02), "%.3f",
+    )  # fmt: skip
     swatch = parameter.maximum <= 1.0
-    room = imgui.get_content_region_avail().x - (height + gap if swatch else 0.0)
-    width = (room - 2 * gap) / 3.0
-    for channel in range(3):
-        imgui.set_next_item_width(width)
-        corner = imgui.get_cursor_screen_pos()
-        imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(context.px(4), imgui.get_style().frame_padding.y))
-        speed = (parameter.maximum - parameter.minimum) / 400.0
-        changed, moved = imgui.drag_float(f"##{channel}", value[channel], min(speed, 0.02), parameter.minimum,
-                                          parameter.maximum, "%.3f", imgui.SliderFlags_.always_clamp)  # fmt: skip
-        imgui.pop_style_var()
-        context.handles.note_item(f"material.{parameter.name}.{'rgb'[channel]}")
-        widgets.tooltip(f"{_hint(parameter)} Drag sideways, or double-click to type.")
-        _mark(context, corner, width, height, look.CHANNELS[channel])
-        colour = (*value[:channel], moved, *value[channel + 1 :])
-        actions += _edits(widgets.touch(changed), key, parameter, (colour[0], colour[1], colour[2]))
-        if channel < 2 or swatch:
-            imgui.same_line(0.0, gap)
-    return actions + (_swatch(context, key, parameter, value) if swatch else [])
-
-
-def _mark(context: PanelContext, corner: ImVec2, width: float, height: float, colour: look.Colour) -> None:
-    inset, line = context.px(4), context.px(2)
-    imgui.get_window_draw_list().add_rect_filled(
-        ImVec2(corner.x + inset, corner.y + height - line),
-        ImVec2(corner.x + width - inset, corner.y + height),
-        look.pack(look.with_alpha(colour, 0.75)),
-    )
-
-
-def _swatch(context: PanelContext, key: str, parameter: Parameter, value: RGB) -> list[Action]:
-    shown = [encode_srgb(v) for v in value]
-    if imgui.color_button("##swatch", ImVec4(shown[0], shown[1], shown[2], 1.0), imgui.ColorEditFlags_.no_tooltip):
-        imgui.open_popup("picker")
-    context.handles.note_item(f"material.{parameter.name}.swatch")
-    widgets.tooltip(f"{parameter.tooltip} Click for a colour wheel.")
-    actions: list[Action] = []
-    if imgui.begin_popup("picker"):
-        flags = imgui.ColorEditFlags_.picker_hue_wheel | imgui.ColorEditFlags_.no_side_preview
-        imgui.set_next_item_width(context.px(190))
-        changed, picked = imgui.color_picker3("##wheel", shown, flags)
-        colour = decode_srgb(picked)
-        if changed:
-            low, high = parameter.minimum, parameter.maximum
-            red, green, blue = (min(max(v, low), high) for v in colour)
-            actions += _edits(widgets.touch(True), key, parameter, (red, green, blue))
-        else:
-            actions += _edits(widgets.touch(False), key, parameter, value)
-        imgui.end_popup()
+    for hand, moved in colours.row(context, numbers, value, swatch):
+        actions += _edits(hand, key, parameter, moved)
+    if swatch:
+        hand, picked = colours.swatch(context, numbers, value, f"{parameter.tooltip} Click for a colour wheel.")
+        low, high = parameter.minimum, parameter.maximum
+        red, green, blue = (min(max(v, low), high) for v in picked)
+        actions += _edits(hand, key, parameter, (red, green, blue))
     return actions
-
-
-def encode_srgb(value: float) -> float:
-    """Linear [0, 1] as the screen shows it (IEC 61966-2-1)."""
-    value = min(max(value, 0.0), 1.0)
-    return 12.92 * value if value <= 0.0031308 else 1.055 * value ** (1 / 2.4) - 0.055
-
-
-def decode_srgb(colour: Sequence[float]) -> RGB:
-    """A colour off the screen, linear."""
-    red, green, blue = (v / 12.92 if v <= 0.04045 else ((v + 0.055) / 1.055) ** 2.4 for v in colour)
-    return red, green, blue

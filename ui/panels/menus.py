@@ -1,27 +1,28 @@
-"""The bar at the top: menus left; exposure, tone mapping, compare, fit, undo, picture and help always at hand right."""
+"""The bar at the top: menus left, which Alt opens; exposure, tone mapping, compare, fit, undo, picture and help right.
+
+What stands right is always at hand.
+"""
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Callable
+from functools import partial
 
 from imgui_bundle import ImVec2, imgui
 
 from app.commands import ResetCurve
-from app.view_state import TONE_MAPPINGS, OpenPanel, SetView
+from app.view_state import OpenPanel, SetView
+from engine.colour import VIEWS
 from ui.layout import PANELS, is_behind
-from ui.panels import widgets
-from ui.panels.actions import Action, AskFile, OpenFile, Redo, ResetLayout, Screenshot, ShowPanel, Undo
+from ui.panels import fields, widgets
+from ui.panels.actions import Action, AskFile, OpenFile, Redo, ResetLayout, SetPanel, ShowPanel, Undo
 from ui.panels.context import PanelContext
-from ui.panels.help import keys_of, perform
+from ui.panels.help import ALT, keys_of, perform
 from ui.theme import Icon
 
-TONE_LABELS = {"filmic": "Filmic", "linear": "Linear", "false_colour": "False colour"}
-TONE_HINTS = {
-    "filmic": "Bright light rolls off gently, as on film.",
-    "linear": "Straight to the screen; bright light clips.",
-    "false_colour": "Colours stand for brightness: for measuring by eye.",
-}
-EXPOSURE_WIDTH, TONE_WIDTH, FIT_WIDTH, GAP = 118.0, 108.0, 42.0, 12.0
+EXPOSURE_WIDTH, LEAST_EXPOSURE_WIDTH, TONE_WIDTH, FIT_WIDTH, GAP = 118.0, 64.0, 108.0, 42.0, 12.0
+RECENT_WIDTH = 320.0
+NOT_SAVED = ": there are edits that no session has yet"
 LEAST_EXPOSURE, LARGEST_EXPOSURE = -8.0, 8.0
 
 
@@ -32,7 +33,10 @@ def draw(context: PanelContext) -> list[Action]:
     imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(padding.x, context.px(9)))
     if imgui.begin_main_menu_bar():
         imgui.push_style_var(imgui.StyleVar_.frame_padding, padding)
-        for title, entries in (("File", _file), ("Edit", _edit), ("View", _view), ("Help", _help)):
+        asked = _asked_by_alt(context)
+        for title, entries in MENUS:
+            if title == asked:
+                imgui.open_popup(title)
             if imgui.begin_menu(title):
                 actions += entries(context)
                 imgui.end_menu()
@@ -50,7 +54,7 @@ def _entry(context: PanelContext, text: str, name: str, enabled: bool = True, on
 
 
 def _file(context: PanelContext) -> list[Action]:
-    actions = _entry(context, "Open…", "open")
+    actions = _entry(context, "New", "new") + _entry(context, "Open…", "open") + _recent(context)
     if context.scenes and imgui.begin_menu("Built-in scenes"):
         for name in context.scenes:
             if imgui.menu_item_simple(name.capitalize(), None, name == context.document.source):
@@ -58,7 +62,7 @@ def _file(context: PanelContext) -> list[Action]:
         imgui.end_menu()
     if imgui.menu_item_simple("Open environment…"):
         actions.append(AskFile("open_environment"))
-    selected = context.view.selected is not None
+    selected = context.selected_layer is not None
     if imgui.menu_item_simple("Import measured BRDF…", None, False, selected):
         actions.append(AskFile("open_measured"))
     widgets.tooltip("Make the selected object of a measured material, MERL .binary or Cornell .brdf: nothing is lost.")
@@ -71,10 +75,30 @@ def _file(context: PanelContext) -> list[Action]:
     imgui.separator()
     actions += _entry(context, "Save session", "save")
     actions += _entry(context, "Save session as…", "save_as")
+    if context.recoveries:
+        imgui.separator()
+        if imgui.menu_item_simple(f"Recover edits… ({len(context.recoveries)})"):
+            actions.append(SetPanel({"shows_recoveries": True}))
     imgui.separator()
-    actions += _entry(context, "Save a picture of the window", "screenshot")
+    actions += _entry(context, "Save the picture…", "picture", context.picture is not None)
     imgui.separator()
     return actions + _entry(context, "Quit", "quit")
+
+
+def _recent(context: PanelContext) -> list[Action]:
+    """What was opened last; files that have gone are grey."""
+    if not imgui.begin_menu("Open recent"):
+        return []
+    actions: list[Action] = []
+    entries = context.recent()
+    for entry in entries:
+        name, folder = entry.path.name, widgets.fitting(str(entry.path.parent), context.px(RECENT_WIDTH))
+        if imgui.menu_item_simple(f"{name}###{entry.path}", folder, False, entry.there):
+            actions.append(OpenFile(str(entry.path)))
+    if not entries:
+        imgui.text_disabled("Nothing yet")
+    imgui.end_menu()
+    return actions
 
 
 def _edit(context: PanelContext) -> list[Action]:
@@ -83,7 +107,7 @@ def _edit(context: PanelContext) -> list[Action]:
     actions = _entry(context, undo, "undo", context.undo_label is not None)
     actions += _entry(context, redo, "redo", context.redo_label is not None)
     imgui.separator()
-    selected = context.view.selected
+    selected = context.selected_layer
     curve = selected is not None and selected.factor is not None
     actions += _entry(context, "Copy the material", "copy_material", selected is not None)
     actions += _entry(context, "Copy the curve", "copy_curve", curve)
@@ -108,28 +132,67 @@ def _view(context: PanelContext) -> list[Action]:
             actions.append(OpenPanel(panel.key, False) if in_sight else ShowPanel(panel.key))
     if imgui.menu_item_simple("Put panels back in place"):
         actions.append(ResetLayout())
+    actions += _entry(context, "Save a picture of the window", "screenshot")
     imgui.separator()
-    actions += _entry(context, "Fit the picture", "fit", on=context.view.fit)
+    actions += _resolution(context)
+    actions += _entry(context, "The picture alone", "alone", on=context.state.alone)
+    actions += _entry(context, "Fit the picture", "whole", on=context.view.fit)
+    actions += _entry(context, "Pixel for pixel", "pixels", on=_is_pixel_for_pixel(context))
     actions += _entry(context, "Compare with this moment", "compare", on=context.view.compare is not None)
     return actions + _entry(context, "Logarithmic curve", "log", on=context.view.log_y)
+
+
+def _resolution(context: PanelContext) -> list[Action]:
+    picture = context.picture
+    text = "Resolution…" if picture is None else f"Resolution… ({picture.width} x {picture.height})"
+    if not imgui.menu_item_simple(text, None, False, picture is not None) or picture is None:
+        return []
+    return [SetPanel({"resolution": (picture.width, picture.height)})]
 
 
 def _help(context: PanelContext) -> list[Action]:
     return _entry(context, "Shortcuts", "help", on=context.view.show_shortcuts)
 
 
+MENUS = (("File", _file), ("Edit", _edit), ("View", _view), ("Help", _help))
+
+
+def _asked_by_alt(context: PanelContext) -> str | None:
+    """The menu that Alt asks for: by itself the first, with a menu's first letter that one."""
+    if context.alt_tapped:
+        return MENUS[0][0]
+    letters = {title: getattr(imgui.Key, title[0].lower()) for title, _ in MENUS}
+    return next((title for title, key in letters.items() if imgui.is_key_chord_pressed(ALT | int(key))), None)
+
+
 def _controls(context: PanelContext) -> list[Action]:
+    """The controls at the right; in a narrow window those that there is room for."""
     gap = imgui.get_style().item_spacing.x
-    button = imgui.get_frame_height()
-    segments = 2 * context.px(FIT_WIDTH) + 1
-    width = context.px(EXPOSURE_WIDTH + TONE_WIDTH + 3 * GAP + 10) + segments + 5 * button + 2 * gap
-    _title(context, width)
-    imgui.set_cursor_pos_x(imgui.get_window_width() - width)
+    buttons = 5 * imgui.get_frame_height() + 2 * context.px(GAP) + context.px(10)
+    room = imgui.get_window_width() - imgui.get_cursor_pos_x() - buttons - gap
+    exposure = max(min(context.px(EXPOSURE_WIDTH), room - gap), context.px(LEAST_EXPOSURE_WIDTH))
+    fields: tuple[tuple[float, Callable[[PanelContext], list[Action]]], ...] = (
+        (exposure, partial(_exposure, width=exposure)),
+        (context.px(TONE_WIDTH), _tone_mapping),
+        (2 * context.px(FIT_WIDTH) + 1, _fit),
+    )
+    width, shown = 0.0, []
+    for wide, draw_field in fields:
+        if width + wide + gap <= room:
+            width += wide + gap
+            shown.append(draw_field)
+    _title(context, width + buttons)
+    imgui.set_cursor_pos_x(imgui.get_window_width() - width - buttons)
     _centre()
-    actions = _exposure(context)
-    actions += _tone_mapping(context)
-    actions += _fit(context)
-    _gap(context)
+    actions: list[Action] = []
+    for draw_field in shown:
+        actions += draw_field(context)
+        _next(gap)
+    return actions + _buttons(context)
+
+
+def _buttons(context: PanelContext) -> list[Action]:
+    actions: list[Action] = []
     comparing = context.view.compare is not None
     hint = "End the comparison." if comparing else "Remember this picture as A and compare: a divider shows A | B."
     if widgets.icon_button(context, "compare", Icon.COMPARE, f"{hint} (C)", lit=comparing):
@@ -143,8 +206,8 @@ def _controls(context: PanelContext) -> list[Action]:
                            enabled=context.redo_label is not None):  # fmt: skip
         actions.append(Redo())
     _gap(context)
-    if widgets.icon_button(context, "screenshot", Icon.CAMERA, "Save a picture of the whole window. (F12)"):
-        actions.append(Screenshot())
+    if widgets.icon_button(context, "picture", Icon.CAMERA, "Save the picture. (F12)", context.picture is not None):
+        actions += perform(context, "picture")
     _next(0.0)
     if widgets.icon_button(context, "help", Icon.HELP, "All shortcuts. (?)", lit=context.view.show_shortcuts):
         actions += perform(context, "help")
@@ -170,22 +233,19 @@ def _hint(verb: str, label: str | None, keys: str) -> str:
 
 
 def _title(context: PanelContext, controls: float) -> None:
-    """The scene's name, between menus and controls."""
-    source = context.document.source
-    name = Path(source).stem if Path(source).suffix else source
-    if name == "scene":
-        name = Path(source).parent.name
+    """What is open, between menus and controls."""
+    name = f"{context.name}*" if context.unsaved else context.name
     imgui.same_line(0.0, context.px(18))
     room = imgui.get_window_width() - controls - imgui.get_cursor_pos_x() - context.px(16)
     if name and imgui.calc_text_size(name).x < room:
         imgui.align_text_to_frame_padding()
         imgui.text_disabled(name)
-        widgets.tooltip(source)
+        widgets.tooltip(f"{context.document.source}{NOT_SAVED if context.unsaved else ''}")
 
 
-def _exposure(context: PanelContext) -> list[Action]:
-    imgui.set_next_item_width(context.px(EXPOSURE_WIDTH))
-    hand, moved = widgets.slider(
+def _exposure(context: PanelContext, width: float) -> list[Action]:
+    imgui.set_next_item_width(width)
+    hand, moved = fields.slider(
         context,
         "exposure",
         context.view.exposure,
@@ -203,25 +263,28 @@ def _exposure(context: PanelContext) -> list[Action]:
 
 def _tone_mapping(context: PanelContext) -> list[Action]:
     actions: list[Action] = []
-    _next(imgui.get_style().item_spacing.x)
     imgui.set_next_item_width(context.px(TONE_WIDTH))
-    if imgui.begin_combo("##tone", TONE_LABELS[context.view.tone_mapping]):
-        for mapping in TONE_MAPPINGS:
-            pressed, _ = imgui.selectable(TONE_LABELS[mapping], mapping == context.view.tone_mapping)
-            widgets.tooltip(TONE_HINTS[mapping])
+    if imgui.begin_combo("##tone", VIEWS[context.view.tone_mapping].label):
+        for name, known in VIEWS.items():
+            pressed, _ = imgui.selectable(known.label, name == context.view.tone_mapping)
+            widgets.tooltip(known.tooltip)
             if pressed:
-                actions.append(SetView.of(tone_mapping=mapping))
+                actions.append(SetView.of(tone_mapping=name))
         imgui.end_combo()
     context.handles.note_item("view.tone_mapping")
-    widgets.tooltip("How light becomes screen colour: changes the display, not the light.")
+    widgets.tooltip("The view: how light becomes colour on the screen and in PNG files. The light stays as it is.")
     return actions
 
 
 def _fit(context: PanelContext) -> list[Action]:
-    _next(imgui.get_style().item_spacing.x)
     choices = (
         ("Fit", "The picture as large as the panel allows. (F)"),
         ("1:1", "One pixel of the picture is one pixel of the screen. (F)"),
     )
-    pressed = widgets.segments(context, "view.fit", choices, 0 if context.view.fit else 1, least=FIT_WIDTH)
-    return [] if pressed is None else [SetView.of(fit=pressed == 0)]
+    chosen = 0 if context.view.fit else 1 if _is_pixel_for_pixel(context) else -1
+    pressed = widgets.segments(context, "view.fit", choices, chosen, least=FIT_WIDTH)
+    return [] if pressed is None else perform(context, ("whole", "pixels")[pressed])
+
+
+def _is_pixel_for_pixel(context: PanelContext) -> bool:
+    return not context.view.fit and context.view.zoom == 1.0

@@ -40,17 +40,19 @@ def _object(context: PanelContext, state: ObjectState) -> list[Action]:
     open_id = imgui.get_id("open")
     storage = imgui.get_state_storage()
     is_open = storage.get_bool(open_id, chosen or state.editable)
-    corner, width, inside = _ground(context, chosen and len(state.layers) < 2, hovered)
-    if len(state.layers) > 1:
+    has_rows = len(state.layers) > 1 and not state.emits
+    corner, width, inside = _ground(context, chosen and not has_rows, hovered)
+    if has_rows:
         if _arrow(context, is_open):
             storage.set_bool(open_id, not is_open)
     else:
         imgui.dummy(ImVec2(context.px(18), imgui.get_frame_height()))
     imgui.same_line()
-    actions += _name(context, state.name, state.name, _object_icon(state), corner, width, not state.visible)
+    what = "the colour and strength of its light" if state.emits else "its curves and parameters"
+    actions += _name(context, state.name, state.name, what, _object_icon(state), corner, width, not state.visible)
     actions += _drop(context, state) + _object_menu(context, state)
     actions += _object_buttons(context, state, inside)
-    if is_open and len(state.layers) > 1:
+    if is_open and has_rows:
         for index, layer in enumerate(state.layers):
             actions += _layer(context, state, index, layer)
     imgui.pop_id()
@@ -94,7 +96,7 @@ def _ground(context: PanelContext, chosen: bool, hovered: bool) -> tuple[ImVec2,
 
 
 def _name(
-    context: PanelContext, path: str, text: str, icon: str, corner: ImVec2, width: float, faint: bool
+    context: PanelContext, path: str, text: str, what: str, icon: str, corner: ImVec2, width: float, faint: bool
 ) -> list[Action]:
     height = imgui.get_frame_height()
     place = imgui.get_cursor_screen_pos()
@@ -102,7 +104,7 @@ def _name(
     imgui.set_next_item_allow_overlap()
     pressed = imgui.invisible_button("name", ImVec2(max(room, 1.0), height))
     context.handles.note_item(f"objects.{path}")
-    widgets.tooltip(f"{path}: select it to see its curves and parameters; its outline shows in the picture.")
+    widgets.tooltip(f"Select {text} to see {what}; its outline shows in the picture.")
     ink = look.TEXT_FAINT if faint else look.TEXT
     draw = imgui.get_window_draw_list()
     y = place.y + imgui.get_style().frame_padding.y
@@ -124,8 +126,10 @@ def _object_buttons(context: PanelContext, state: ObjectState, inside: bool) -> 
                "Freeze: keeps this object's material as it is, safe from edits. "
                "Indirect light then keeps nothing ready for it."):  # fmt: skip
         actions.append(SetFrozen(state.name, not state.frozen))
-    if _toggle(context, f"editable.{state.name}", Icon.EDITABLE, Icon.LOCKED, state.editable, inside,
-               "Editable or fixed: a fixed object keeps its material, and no bands of transport for it."):  # fmt: skip
+    hint = "Editable or fixed: a fixed object keeps its material, and no bands of transport for it."
+    if not state.emits and _toggle(
+        context, f"editable.{state.name}", Icon.EDITABLE, Icon.LOCKED, state.editable, inside, hint
+    ):
         actions.append(SetEditable(state.name, not state.editable))
     return actions
 
@@ -141,7 +145,7 @@ def _layer(context: PanelContext, state: ObjectState, index: int, layer: Layer) 
     imgui.same_line()
     edited = Icon.CHANGED if layer.edits else ""
     faint = not is_seen(context.document, context.view, path)
-    actions += _name(context, path, layer.name or layer.model.label, "", corner, width, faint)
+    actions += _name(context, path, layer.title, "its curves and parameters", "", corner, width, faint)
     actions += _drop(context, state) + _layer_menu(context, state, path, layer)
     if edited:
         _edited_mark(context, corner, width)
@@ -201,7 +205,7 @@ def _layer_menu(context: PanelContext, state: ObjectState, path: str, layer: Lay
     actions: list[Action] = []
     if imgui.begin_popup_context_item("menu"):
         if imgui.menu_item_simple("Copy the layer"):
-            actions.append(Copy(copied_layer(context.document, path), f"the layer {layer.name}"))
+            actions.append(Copy(copied_layer(context.document, path), f"the layer {layer.title}"))
         if imgui.menu_item_simple("Paste"):
             actions += [Select(path), Paste()]
         if imgui.menu_item_simple("Delete the layer", None, False, len(state.layers) > 1):

@@ -18,17 +18,20 @@ from app.commands import (
     operator_title,
 )
 from app.view_state import SetView, Tool
-from engine.curve.operators import HALF_PI, Operator, OperatorError
+from engine.curve.operators import HALF_PI, SMALLEST_STRETCH, Operator, OperatorError
+from engine.curve.pairs import edits_of
 from ui import theme as look
-from ui.panels import widgets
-from ui.panels.actions import Action
+from ui.panels import fields, widgets
+from ui.panels.actions import Action, BeginDrag, EndDrag
 from ui.panels.context import PanelContext
-from ui.panels.curve_gestures import END_NAMES, Hand, hand_of, is_pair, tool_of
+from ui.panels.curve_gestures import END_NAMES, Hand, as_next, hand_of, tool_of
 from ui.theme import Icon
 
 KINDS = ("translate", "amplify")
 AXES = ("x", "y", "xy")
-LEAST_ROWS = 2.0
+LEAST_ROWS = 1
+DEGREES_A_PIXEL = 0.25
+CHANNEL_MARKS = tuple(zip("RGB", look.CHANNELS, strict=True))
 
 
 def draw(
@@ -40,7 +43,9 @@ def draw(
     if not editable:
         widgets.caption(f"{Icon.FROZEN}  Frozen: thaw it in the object list to edit this curve.")
     imgui.begin_disabled(not editable)
-    actions += _tools(context)
+    actions += _tools(context, hand)
+    imgui.same_line(0.0, context.px(4))
+    actions += _whole(context, key, factor, operators, hand)
     imgui.spacing()
     actions += _list(context, key, factor, operators, hand)
     actions += _numbers(context, key, factor, operators, hand)
@@ -48,8 +53,9 @@ def draw(
     return actions
 
 
-def _tools(context: PanelContext) -> list[Action]:
-    kind, _, axes = context.view.active_tool.partition("_")
+def _tools(context: PanelContext, hand: Hand) -> list[Action]:
+    """Which tool is in hand: that of the selected operator, else the one that makes the next."""
+    kind, _, axes = tool_of(hand).partition("_")
     actions: list[Action] = []
     hints = ("Translate: pulling the curve moves that part of it.", "Amplify: pulling the curve stretches that part.")
     choices = [(k.capitalize(), hint) for k, hint in zip(KINDS, hints, strict=True)]
@@ -62,10 +68,23 @@ def _tools(context: PanelContext) -> list[Action]:
         (f"{Icon.VERTICAL} Y", "In height: that part of the highlight gets brighter or darker."),
         (f"{Icon.DIAGONAL} XY", "Both at once: two operators, Y below X, that move together."),
     )
-    third = (imgui.get_content_region_avail().x - 2.0) / 3.0
+    third = (imgui.get_content_region_avail().x - 2.0 - 2 * imgui.get_frame_height() - context.px(4)) / 3.0
     pressed = widgets.segments(context, "curve.axis", across, AXES.index(axes), least=third / context.theme.scale)
     if pressed is not None:
         actions.append(SetView.of(active_tool=cast(Tool, f"{kind}_{AXES[pressed]}"), operator=None))
+    return actions
+
+
+def _whole(context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...], hand: Hand) -> list[Action]:
+    """A new operator, and one table in the place of all."""
+    actions: list[Action] = []
+    hint = "New: put the handles back on a new operator, leaving those in the list as they are."
+    if widgets.icon_button(context, "curve.new", Icon.ADD, hint, enabled=hand.index is not None):
+        actions.append(SetView.of(operator=None))
+    imgui.same_line(0.0, 0.0)
+    hint = "Collapse: evaluate the edited curve into one table. The picture stays; sliders no longer change this curve."
+    if widgets.icon_button(context, "curve.collapse", Icon.COLLAPSE, hint, enabled=bool(operators)):
+        actions += [CollapseOperators(key, factor), SetView.of(operator=None)]
     return actions
 
 
@@ -73,7 +92,7 @@ def _list(context: PanelContext, key: str, factor: str, operators: tuple[CurveEd
     """The operators, the last to apply on top, in what height the numbers below leave."""
     actions: list[Action] = []
     row = imgui.get_frame_height()
-    below = len(hand.operators) + 2
+    below = len(hand.operators) + 1
     footer = below * imgui.get_frame_height_with_spacing() + 2 * imgui.get_style().item_spacing.y
     height = max(imgui.get_content_region_avail().y - footer, LEAST_ROWS * row)
     corner, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
@@ -83,8 +102,8 @@ def _list(context: PanelContext, key: str, factor: str, operators: tuple[CurveEd
     if imgui.begin_child("list", ImVec2(0, height)):
         if not operators:
             _hint(context, width, height)
-        for index in range(len(operators) - 1, -1, -1):
-            actions += _row(context, key, factor, operators, index)
+        for places in reversed(edits_of(operators)):
+            actions += _row(context, key, factor, operators, places)
     imgui.end_child()
     imgui.pop_style_var()
     imgui.spacing()
@@ -95,47 +114,60 @@ def _hint(context: PanelContext, width: float, height: float) -> None:
     text = "Drag the ring or the curve\nto make the first operator."
     imgui.push_font(None, look.SMALL_SIZE)
     extent = imgui.calc_text_size(text)
+    if extent.y > height:
+        text, _, _ = text.partition("\n")
+        extent = imgui.calc_text_size(text)
     imgui.set_cursor_pos(ImVec2(0.5 * (width - extent.x), 0.5 * (height - extent.y)))
     imgui.text_disabled(text)
     imgui.pop_font()
 
 
-def _row(context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...], index: int) -> list[Action]:
-    """One operator: mute, title, magnitude; under the mouse instead of the magnitude: up, down, delete."""
-    operator, actions = operators[index], list[Action]()
+def _row(context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...], places: range) -> list[Action]:
+    """One edit: mute, title, magnitude; under the mouse instead of the magnitude: up, down, delete."""
+    edit, index, actions = operators[places.start : places.stop], places.start, list[Action]()
     imgui.push_id(index)
     height, width = imgui.get_frame_height(), imgui.get_content_region_avail().x
     corner = imgui.get_cursor_screen_pos()
-    chosen = context.view.operator
-    selected = chosen is not None and (chosen == index or (chosen + 1 == index and is_pair(operators, chosen)))
     inside = imgui.is_mouse_hovering_rect(corner, ImVec2(corner.x + width, corner.y + height))
     inside = inside and imgui.is_window_hovered(imgui.HoveredFlags_.allow_when_blocked_by_active_item)
-    _row_ground(context, corner, width, height, selected, inside)
+    _row_ground(context, corner, width, height, context.view.operator in places, inside)
+    muted = all(operator.muted for operator in edit)
     if widgets.icon_button(
-        context, f"mute.{index}", Icon.HIDDEN if operator.muted else Icon.VISIBLE,
+        context, f"mute.{index}", Icon.HIDDEN if muted else Icon.VISIBLE,
         "Switch this operator off or on, to see in the picture what it does.", lit=False,
     ):  # fmt: skip
-        actions.append(MuteOperator(key, factor, index, not operator.muted))
+        actions.append(MuteOperator(key, factor, index, not muted))
     imgui.same_line()
     tail = 3 * height if inside else 0.0
     imgui.set_next_item_allow_overlap()
     if imgui.invisible_button("row", ImVec2(max(width - height - tail, 1.0), height)):
-        actions.append(_select(operators, index))
+        actions.append(_select(operators, places))
     context.handles.note_item(f"curve.operator.{index}")
     widgets.tooltip("Select this operator: its handles appear on the curve. The first in effect is the lowest.")
-    ink = look.TEXT_FAINT if operator.muted else look.TEXT
+    ink = look.TEXT_FAINT if muted else look.TEXT
     middle = corner.y + imgui.get_style().frame_padding.y
-    draw_list = imgui.get_window_draw_list()
-    draw_list.add_text(ImVec2(corner.x + height + context.px(4), middle), look.pack(ink), operator_title(operator))
+    _title(context, ImVec2(corner.x + height + context.px(4), middle), edit, ink)
     if inside:
         imgui.same_line()
-        actions += _row_buttons(context, key, factor, operators, index)
+        actions += _row_buttons(context, key, factor, operators, places)
     else:
-        text = magnitude_text(operator)
+        text = "  ".join(magnitude_text(operator) for operator in edit)
         place = ImVec2(corner.x + width - imgui.calc_text_size(text).x - context.px(8), middle)
-        draw_list.add_text(place, look.pack(look.TEXT_SOFT), text)
+        imgui.get_window_draw_list().add_text(place, look.pack(look.TEXT_SOFT), text)
     imgui.pop_id()
     return actions
+
+
+def _title(context: PanelContext, place: ImVec2, edit: tuple[CurveEdit, ...], ink: look.Colour) -> None:
+    """What the edit is, and the channels that it changes where it spares one."""
+    draw, text, first = imgui.get_window_draw_list(), operator_title(*edit), edit[0]
+    draw.add_text(place, look.pack(ink), text)
+    if not isinstance(first, Operator) or all(first.channels):
+        return
+    x = place.x + imgui.calc_text_size(text).x + context.px(6)
+    for name, colour in (pair for pair, on in zip(CHANNEL_MARKS, first.channels, strict=True) if on):
+        draw.add_text(ImVec2(x, place.y), look.pack(look.with_alpha(colour, 0.5 if first.muted else 1.0)), name)
+        x += imgui.calc_text_size(name).x + context.px(2)
 
 
 def _row_ground(
@@ -154,30 +186,29 @@ def _row_ground(
 
 
 def _row_buttons(
-    context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...], index: int
+    context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...], places: range
 ) -> list[Action]:
     actions: list[Action] = []
+    index = places.start
     up = "Apply later: the operators below it come first."
-    if widgets.icon_button(context, f"up.{index}", Icon.UP, up, enabled=index + 1 < len(operators)):
-        actions += [MoveOperator(key, factor, index, index + 1), SetView.of(operator=index + 1)]
+    if widgets.icon_button(context, f"up.{index}", Icon.UP, up, enabled=places.stop < len(operators)):
+        actions.append(MoveOperator(key, factor, index, places.stop))
     imgui.same_line()
     if widgets.icon_button(context, f"down.{index}", Icon.DOWN, "Apply earlier.", enabled=index > 0):
-        actions += [MoveOperator(key, factor, index, index - 1), SetView.of(operator=index - 1)]
+        actions.append(MoveOperator(key, factor, index, index - 1))
     imgui.same_line()
     if widgets.icon_button(context, f"delete.{index}", Icon.DELETE, "Delete: its effect leaves the picture."):
-        actions += [RemoveOperator(key, factor, index), SetView.of(operator=None)]
+        actions.append(RemoveOperator(key, factor, index))
     return actions
 
 
-def _select(operators: tuple[CurveEdit, ...], index: int) -> Action:
-    """Selecting the X of a diagonal pair selects the pair; tool and regions follow the selection."""
-    start = index - 1 if index > 0 and is_pair(operators, index - 1) else index
-    operator = operators[start]
-    if not isinstance(operator, Operator):
-        return SetView.of(operator=start)
-    pair = is_pair(operators, start)
-    members = (operator, cast(Operator, operators[start + 1])) if pair else (operator,)
-    return SetView.of(operator=start, regions=operator.regions, active_tool=tool_of(Hand(members, start)))
+def _select(operators: tuple[CurveEdit, ...], places: range) -> Action:
+    """The next new operator is made as the selected one was."""
+    first = operators[places.start]
+    if not isinstance(first, Operator):
+        return SetView.of(operator=places.start)
+    hand = Hand(cast(tuple[Operator, ...], operators[places.start : places.stop]), places.start)
+    return SetView.of(operator=places.start, **as_next(hand))
 
 
 def magnitude_text(operator: CurveEdit) -> str:
@@ -194,17 +225,10 @@ def magnitude_text(operator: CurveEdit) -> str:
 def _numbers(
     context: PanelContext, key: str, factor: str, operators: tuple[CurveEdit, ...], hand: Hand
 ) -> list[Action]:
-    """a, b, c, d in degrees; magnitude and baseline of the operator in hand; collapse."""
+    """a, b, c, d in degrees; magnitude and baseline of the operator in hand."""
     actions = _region_fields(context, key, factor, operators, hand)
     for offset, operator in enumerate(hand.operators):
         actions += _magnitude_fields(context, key, factor, operators, hand, offset, operator)
-    hint = "Evaluate the edited curve into one table. The picture stays; sliders no longer change this curve."
-    if widgets.text_button(context, "curve.collapse", f"{Icon.COLLAPSE}  Collapse", hint, enabled=bool(operators)):
-        actions += [CollapseOperators(key, factor), SetView.of(operator=None)]
-    imgui.same_line()
-    hint = "Put the handles back on a new operator, leaving those in the list as they are."
-    if widgets.text_button(context, "curve.new", f"{Icon.ADD}  New", hint, enabled=hand.index is not None):
-        actions.append(SetView.of(operator=None))
     return actions
 
 
@@ -219,15 +243,22 @@ def _region_fields(
             imgui.same_line(0.0, gap)
         imgui.set_next_item_width(width)
         imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(context.px(5), imgui.get_style().frame_padding.y))
-        hand_on, typed = widgets.number(context, name, math.degrees(hand.regions[k]), f"{name} %.1f°",
-                                        handle=f"curve.{name}.number")  # fmt: skip
+        touch, moved = fields.number(context, name, math.degrees(hand.regions[k]), f"{name} %.1f°",
+                                      f"curve.{name}.number", 0.0, 90.0, DEGREES_A_PIXEL)  # fmt: skip
         imgui.pop_style_var()
-        widgets.tooltip(f"{name} in degrees, 0 to 90: where the edit {_REGION_WORDS[name]}. Enter applies it.")
-        if hand_on.changed:
-            actions += _with_region(key, factor, operators, hand, name, math.radians(min(max(typed, 0.0), 90.0)))
+        widgets.tooltip(f"{name} in degrees, 0 to 90: where the edit {_REGION_WORDS[name]}. {_HOW}")
+        changed = _with_region(key, factor, operators, hand, name, math.radians(moved)) if touch.changed else []
+        actions += _one_step(touch, changed)
     return actions
 
 
+def _one_step(touch: fields.Touch, changed: list[Action]) -> list[Action]:
+    """What a field changed, a drag of it as one step of the history."""
+    began: list[Action] = [BeginDrag(None)] if touch.began else []
+    return [*began, *changed, *([EndDrag()] if touch.ended else [])]
+
+
+_HOW = "Drag sideways, or double-click to type."
 _REGION_WORDS = {"a": "begins", "b": "reaches full strength", "c": "leaves full strength", "d": "ends"}
 
 
@@ -248,35 +279,57 @@ def _magnitude_fields(
     offset: int,
     operator: Operator,
 ) -> list[Action]:
-    degrees = operator.axis == "x" and operator.kind == "translate"
-    unit = math.radians(1.0) if degrees else 1.0
-    base_unit = math.radians(1.0) if operator.axis == "x" else 1.0
-    amplify = operator.kind == "amplify"
+    actions: list[Action] = []
+    amplify, degrees = operator.kind == "amplify", math.radians(1.0)
+    unit = degrees if operator.axis == "x" and not amplify else 1.0
     gap = context.px(5)
     room = imgui.get_content_region_avail().x
     imgui.set_next_item_width(0.5 * (room - gap) if amplify else room)
-    number = "× %.4g" if amplify else "%+.4g"
-    text = f"{operator.axis.upper()} {number}{'°' if degrees else ''}"
-    changed = operator
-    touch, typed = widgets.number(context, f"magnitude{offset}", operator.magnitude / unit, text,
-                                  handle=f"curve.magnitude.{operator.axis}.number")  # fmt: skip
-    widgets.tooltip("How strong the edit is. Along X it stops where the curve would fold over.")
-    if touch.changed:
-        changed = _checked(operator, magnitude=typed * unit)
-    if amplify:
-        imgui.same_line(0.0, gap)
-        imgui.set_next_item_width(-1.0)
-        suffix = "°" if operator.axis == "x" else ""
-        touch, typed = widgets.number(context, f"baseline{offset}", operator.baseline / base_unit,
-                                      f"base %.4g{suffix}")  # fmt: skip
-        widgets.tooltip("Where amplifying leaves the curve as it is: what lies here does not move.")
-        if touch.changed:
-            changed = _checked(changed, baseline=typed * base_unit)
-    if changed == operator:
-        return []
-    members = list(hand.operators)
-    members[offset] = changed
-    return _replaced(key, factor, operators, hand, tuple(members))
+    text = f"{operator.axis.upper()} {'× %.4g' if amplify else '%+.4g'}{'°' if unit == degrees else ''}"
+    low, high = (end / unit for end in magnitude_range(operator))
+    touch, moved = fields.number(
+        context, f"magnitude{offset}", operator.magnitude / unit, text, f"curve.magnitude.{operator.axis}.number",
+        low, high, title="magnitude",
+    )  # fmt: skip
+    widgets.tooltip(f"How strong the edit is. Along X it stops where the curve would fold over. {_HOW}")
+    changed = _with_member(key, factor, operators, hand, offset, _checked(operator, magnitude=moved * unit))
+    actions += _one_step(touch, changed if touch.changed else [])
+    if not amplify:
+        return actions
+    imgui.same_line(0.0, gap)
+    imgui.set_next_item_width(-1.0)
+    along = operator.axis == "x"
+    unit = degrees if along else 1.0
+    touch, moved = fields.number(
+        context, f"baseline{offset}", operator.baseline / unit, f"base %.4g{'°' if along else ''}",
+        f"curve.baseline.{operator.axis}.number", *((0.0, 90.0) if along else (-fields.LARGEST, fields.LARGEST)),
+        title="baseline",
+    )  # fmt: skip
+    widgets.tooltip(f"Where amplifying leaves the curve as it is: what lies here does not move. {_HOW}")
+    changed = _with_member(key, factor, operators, hand, offset, _checked(operator, baseline=moved * unit))
+    return actions + _one_step(touch, changed if touch.changed else [])
+
+
+def magnitude_range(operator: Operator) -> tuple[float, float]:
+    """The least and largest magnitude that the operator can have: along X where the curve would fold over."""
+    if operator.axis == "y":
+        return -fields.LARGEST, fields.LARGEST
+    least = SMALLEST_STRETCH if operator.kind == "amplify" else -HALF_PI
+    low, high = (dataclasses.replace(operator, magnitude=end).clamped().magnitude for end in (least, fields.LARGEST))
+    return low, high
+
+
+def _with_member(
+    key: str,
+    factor: str,
+    operators: tuple[CurveEdit, ...],
+    hand: Hand,
+    offset: int,
+    member: Operator,
+) -> list[Action]:
+    """One of the operators in hand as it is now."""
+    members = (*hand.operators[:offset], member, *hand.operators[offset + 1 :])
+    return _replaced(key, factor, operators, hand, members) if members != hand.operators else []
 
 
 def _checked(operator: Operator, **changes: Any) -> Operator:

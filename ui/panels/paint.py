@@ -13,7 +13,7 @@ from engine.material.maps import LayerMaps
 from engine.material.strokes import Stroke
 from ui import theme as look
 from ui.brush import along, dabs_at, spots_at
-from ui.panels import widgets
+from ui.panels import fields, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag, Hold, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.state import Brush, PaintGrip
@@ -80,7 +80,7 @@ def _blend(context: PanelContext, key: str, width: float) -> list[Action]:
     """A menu of the object's other layers; those blended with this one already have a mark."""
     name, _, _ = key.rpartition(".")
     others = {
-        layer_key(name, i): layer.name
+        layer_key(name, i): layer.title
         for i, layer in enumerate(context.document.object(name).layers)
         if layer_key(name, i) != key and not layer.rises
     }
@@ -121,7 +121,7 @@ def _brush(context: PanelContext, width: float) -> list[Action]:
     for name, ends, text, hint in SLIDERS:
         imgui.same_line(0.0, gap)
         imgui.set_next_item_width(width)
-        hand, moved = widgets.slider(
+        hand, moved = fields.slider(
             context, f"brush_{name}", getattr(brush, name), *ends, text, name == "radius", handle=f"brush.{name}"
         )
         widgets.tooltip(hint)

@@ -1,12 +1,18 @@
 """The axes of the curve plot: values to pixels and back, and where the labels stand.
 
 Angles are radians inside and degrees only in tick labels. Pure arithmetic: nothing here draws.
+
+A highlight's curve is a thousand times higher at its peak than in the skirt that lights most of the picture. Linear
+height gives the skirt a pixel, and a pixel's drag lifts it out of all proportion; the logarithm gives most of its room
+to what is next to nothing, and has no 0. So the height is *rooted*: linear up to 1, as reflectances are, its cube root
+above, as the eye has brightness.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -14,36 +20,48 @@ HALF_PI = math.pi / 2.0
 ANGLE_STEPS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0)
 LARGEST_LOG_SPAN = 8.0
 
+Scale = Literal["linear", "root", "log"]
+
 
 @dataclass(frozen=True)
 class Axis:
-    """Maps values [low, high] to pixels [start, end] (start may exceed end), linearly or by logarithm."""
+    """Maps values [low, high] to pixels [start, end] (start may exceed end), linearly, by root or by logarithm."""
 
     low: float
     high: float
     start: float
     end: float
-    logarithmic: bool = False
+    scale: Scale = "linear"
 
     def to_pixel(self, value: float) -> float:
         """Pixel of `value`; a logarithmic axis puts values at or below its floor on the floor."""
-        return self.start + (self._warp(value) - self._warp(self.low)) / self._span() * (self.end - self.start)
+        return float(self.to_pixels(np.array(value)))
 
     def to_pixels(self, values: np.ndarray) -> np.ndarray:
         """`to_pixel` of an array, any shape, float64."""
-        warped = np.log10(np.maximum(values, self.low)) if self.logarithmic else np.asarray(values, dtype=np.float64)
-        return self.start + (warped - self._warp(self.low)) / self._span() * (self.end - self.start)
+        start, end = self._warp(np.array([self.low, self.high]))
+        warped = self._warp(np.asarray(values, dtype=np.float64))
+        return np.asarray(self.start + (warped - start) / (end - start) * (self.end - self.start))
 
     def to_value(self, pixel: float) -> float:
         """Value at `pixel`, also beyond the axis' ends."""
-        warped = self._warp(self.low) + (pixel - self.start) / (self.end - self.start) * self._span()
-        return 10.0 ** min(max(warped, -300.0), 300.0) if self.logarithmic else warped
+        start, end = self._warp(np.array([self.low, self.high])).tolist()
+        warped = start + (pixel - self.start) / (self.end - self.start) * (end - start)
+        if self.scale == "log":
+            return 10.0 ** min(max(warped, -300.0), 300.0)
+        return (
+            warped
+            if self.scale == "linear" or abs(warped) <= 1.0
+            else math.copysign(((abs(warped) + 2) / 3) ** 3, warped)
+        )
 
-    def _warp(self, value: float) -> float:
-        return math.log10(max(value, self.low)) if self.logarithmic else value
-
-    def _span(self) -> float:
-        return self._warp(self.high) - self._warp(self.low)
+    def _warp(self, values: np.ndarray) -> np.ndarray:
+        """Values as they are spaced evenly: the root goes on at 1 with the slope of what lies below."""
+        if self.scale == "log":
+            return np.log10(np.maximum(values, self.low))
+        if self.scale == "linear":
+            return values
+        return np.where(np.abs(values) <= 1.0, values, 3.0 * np.cbrt(values) - 2.0 * np.sign(values))
 
 
 @dataclass(frozen=True)
@@ -66,7 +84,10 @@ def angle_ticks(axis: Axis, smallest_gap: float) -> list[Tick]:
 
 def value_ticks(axis: Axis, smallest_gap: float) -> list[Tick]:
     """Ticks of the vertical axis: 1-2-5 steps when linear, decades (with unlabelled 2…9) when logarithmic."""
-    return _decade_ticks(axis, smallest_gap) if axis.logarithmic else _linear_ticks(axis, smallest_gap)
+    if axis.scale == "log":
+        return _decade_ticks(axis, smallest_gap)
+    rooted = axis.scale == "root" and max(abs(axis.low), abs(axis.high)) > 2.0
+    return _root_ticks(axis, smallest_gap) if rooted else _linear_ticks(axis, smallest_gap)
 
 
 def _linear_ticks(axis: Axis, smallest_gap: float) -> list[Tick]:
@@ -76,6 +97,19 @@ def _linear_ticks(axis: Axis, smallest_gap: float) -> list[Tick]:
     step = next(magnitude * m for m in (1.0, 2.0, 5.0, 10.0) if magnitude * m >= least * (1 - 1e-9))
     first, last = math.ceil(axis.low / step - 1e-9), math.floor(axis.high / step + 1e-9)
     return [Tick(k * step, value_label(k * step, step)) for k in range(first, last + 1)]
+
+
+def _root_ticks(axis: Axis, smallest_gap: float) -> list[Tick]:
+    """0, 1 and as many of 10, 100…, then 5s and 2s, as keep their distance."""
+    largest = math.ceil(math.log10(max(abs(axis.low), abs(axis.high))))
+    decades = [1.0, *(10.0**k for k in range(1, largest + 1)), 0.1, 0.01]
+    wanted = [0.0, *(sign * m * decade for m in (1.0, 5.0, 2.0) for decade in decades for sign in (1.0, -1.0))]
+    taken: list[float] = []
+    for value in wanted:
+        pixel = axis.to_pixel(value)
+        if axis.low <= value <= axis.high and all(abs(pixel - axis.to_pixel(each)) >= smallest_gap for each in taken):
+            taken.append(value)
+    return [Tick(value, value_label(value, value or 1.0)) for value in sorted(taken)]
 
 
 def _decade_ticks(axis: Axis, smallest_gap: float) -> list[Tick]:

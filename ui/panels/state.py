@@ -7,8 +7,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from engine.curve.operators import Operator, Tabulated
+from ui.panels.travel import Travel
+
+if TYPE_CHECKING:
+    from ui.panels.actions import Action
 
 
 @dataclass(frozen=True)
@@ -23,10 +28,10 @@ class Grip:
 class CurveGrip(Grip):
     """A gesture on the curve.
 
-    `handle` is "a", "b", "c", "d", "region", "magnitude" or "pan"; `offset` is where within the handle the mouse took
-    hold, pixels (for "region" and "pan": where on screen). `operators` is the curve's list at the start, `index` the
-    one in hand (None: made by this gesture), `pair` whether the next one in the list moves with it. The axes stand
-    still meanwhile: `x_range` radians, `y_range` curve values.
+    `handle` is "a", "b", "c", "d", "region", "magnitude" or "pan"; `offset` is where it stood, pixels (for "pan": where
+    the mouse is), `travel` how far the hand has come since; arrow keys keep count themselves. `operators` is the
+    curve's list at the start, `index` the one in hand (None: made by this gesture), `pair` whether the next one in the
+    list moves with it. The axes stand still meanwhile: `x_range` radians, `y_range` curve values.
     """
 
     operators: tuple[Operator | Tabulated, ...]
@@ -35,6 +40,7 @@ class CurveGrip(Grip):
     regions: tuple[float, float, float, float]
     x_range: tuple[float, float]
     y_range: tuple[float, float]
+    travel: Travel = Travel((0.0, 0.0))
 
 
 @dataclass(frozen=True)
@@ -45,6 +51,14 @@ class PaintGrip(Grip):
     begun: bool
     value: float
     metres: float = 0.0
+
+
+@dataclass(frozen=True)
+class WheelTurn:
+    """Turns of the mouse wheel that are one gesture: when it began and when it last went on, seconds."""
+
+    began: float
+    last: float
 
 
 @dataclass(frozen=True)
@@ -59,10 +73,7 @@ class Brush:
 
 @dataclass(frozen=True)
 class KeyGrip(CurveGrip):
-    """A handle of the curve that arrow keys are moving: so far by `moved`, pixels right and down.
-
-    `offset` is where it stood, pixels.
-    """
+    """A handle of the curve that arrow keys are moving: so far by `moved`, pixels right and down."""
 
     moved: tuple[float, float] = (0.0, 0.0)
 
@@ -79,13 +90,14 @@ class Notice:
 @dataclass(frozen=True)
 class FileQuestion:
     """A file is being asked for: why (a key of `ui.panels.dialogs.TITLES`), where, and the name so far; of an
-    image for which layer, of a measurement whether it becomes cloth."""
+    image for which layer, of a measurement whether it becomes cloth, of a picture whether it has 16 bits."""
 
     purpose: str
     folder: Path
     name: str = ""
     key: str = ""
     cloth: bool = False
+    deep: bool = False
 
 
 @dataclass(frozen=True)
@@ -98,22 +110,32 @@ class LibraryState:
 
 @dataclass(frozen=True)
 class PanelState:
-    """The window's own state. `journal` says what recovery would bring back, None when there is nothing.
+    """The window's own state.
+
+    `resolution` is what the picture is about to get, None while nobody asks for another.
+    `leaving` is the action that waits for what becomes of unsaved edits; `shows_recoveries`: those that were left
+    behind when the program ended are listed.
 
     `shows_images`: the material panel has its rows for images, also where a layer has none.
     `handle` is the curve's handle that the keyboard moves: "magnitude", "a", "b", "c", "d", "region"; None: not chosen.
+    `turn` is the last turning of the light by the mouse wheel.
     `picks_lobe`: the next click on the picture says where it carries the lobe.
     `paints`: dragging over the selected object paints its layer's weight map, with `brush`.
-    `front` is a panel that comes before those it shares its place with, in the coming frame.
+    `alone`: the picture has the place of all panels.
+    `front` are panels that come before those they share their places with, in the coming frame.
     """
 
     grip: Grip | None = None
     handle: str | None = None
-    front: str | None = None
+    turn: WheelTurn | None = None
+    front: tuple[str, ...] = ()
+    alone: bool = False
     picks_lobe: bool = False
     notice: Notice | None = None
     question: FileQuestion | None = None
-    journal: str | None = None
+    resolution: tuple[int, int] | None = None
+    leaving: Action | None = None
+    shows_recoveries: bool = True
     library: LibraryState = LibraryState()
     shows_images: bool = False
     paints: bool = False

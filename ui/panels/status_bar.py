@@ -1,19 +1,39 @@
-"""The line at the bottom: the truth about what is on screen, always."""
+"""The line at the bottom: the truth about what is on screen, always.
+
+What there is no room for in it, the last message or what the worker does, stands above it on as many lines as it takes.
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 from imgui_bundle import ImVec2, imgui
 
 from app.status import Status
 from ui import theme as look
 from ui.panels import widgets
-from ui.panels.actions import Action
+from ui.panels.actions import Action, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.tradeoff import error_text, work_text
 from ui.theme import Icon
 
 HEIGHT = 28.0
-MESSAGE_SECONDS = 8.0
+STRIP_WIDTH = 560.0
+MESSAGE_SECONDS, ERROR_SECONDS = 8.0, 30.0
+# Noise of the whole picture that cannot be overlooked.
+NOISY = 0.05
+FINISHED_HINT = (
+    "Nothing more comes. What is left is chance in the light between surfaces: grain and bright dots. It is less with "
+    "fewer bounces, or where no curve is lifted far."
+)
+
+
+@dataclass(frozen=True)
+class Words:
+    """A text and its colour."""
+
+    text: str = ""
+    ink: look.Colour = look.TEXT_SOFT
 
 
 def draw(context: PanelContext) -> list[Action]:
@@ -26,39 +46,56 @@ def draw(context: PanelContext) -> list[Action]:
     )  # fmt: skip
     viewport = imgui.get_main_viewport()
     if imgui.internal.begin_viewport_side_bar("status bar", viewport, imgui.Dir.down, context.px(HEIGHT), flags):
-        _contents(context)
+        left_over, actions = _contents(context)
+    else:
+        left_over, actions = [], []
     imgui.end()
     imgui.pop_style_color()
     imgui.pop_style_var()
-    return []
+    return actions + (_strip(context, left_over) if left_over else [])
 
 
-def _contents(context: PanelContext) -> None:
+def _contents(context: PanelContext) -> tuple[list[Words], list[Action]]:
+    """The line; what it had no room for, and what was asked for by a click."""
     status = context.status
     ink, text, hint = picture_state(status)
     _dot(context, ink)
     imgui.text_unformatted(text)
     context.handles.note_item("status.picture")
     widgets.tooltip(hint)
-    work = work_line(status)
-    if work:
+    end = _right(context, status, draw=False) - context.px(20)
+    left_over: list[Words] = []
+    actions: list[Action] = []
+    work, message = work_line(status), _message(context)
+    if work and _has_room(work, end - context.px(36)):
         _gap(context)
-        imgui.push_style_color(imgui.Col_.text, look.pack(look.TEXT_SOFT))
-        imgui.text_unformatted(work)
-        imgui.pop_style_color()
-        widgets.tooltip(status.text or "What the worker is computing.")
+        _words(Words(work, look.TEXT_SOFT), status.text or "What the worker is computing.")
+    elif work:
+        left_over.append(Words(work, look.TEXT_SOFT))
+    if message.text and _has_room(message.text, end - context.px(16)):
+        imgui.same_line(end - imgui.calc_text_size(message.text).x)
+        _words(message, f"{message.text}\nA click closes this.")
+        context.handles.note_item("status.message")
+        actions += [SetPanel({"notice": None})] if imgui.is_item_clicked() else []
+    elif message.text:
+        left_over.append(message)
     _right(context, status)
+    return left_over, actions
 
 
 def picture_state(status: Status) -> tuple[look.Colour, str, str]:
-    """Colour, words and explanation of what the picture is: waiting, preview, refining or exact."""
+    """Colour, words and explanation of what the picture is: waiting, preview, refining, finished or exact."""
     error = "" if status.image_error is None else f" (error {error_text(status.image_error)})"
     if not status.worker_alive:
         return look.BAD, "worker stopped", "The computing process ended and is being started again; edits are safe."
     if status.picture == "exact":
         return look.GOOD, f"picture exact{error}", "All of the curve is in the picture, with the final lights."
+    if status.picture == "finished":
+        noise = status.image_error or 0.0
+        ink = look.BAD if noise > NOISY else look.TEXT_SOFT
+        return ink, f"finished, noise {100.0 * noise:.1f} %", FINISHED_HINT
     if status.picture == "refining":
-        hint = status.transport_note or "Wavelet coefficients are still being added, largest effect first."
+        hint = status.transport_note or "Wavelet coefficients, or light of further bounces, are still being added."
         return look.ACCENT, f"refining{error}", hint
     if status.picture == "preview":
         return look.ACCENT, "preview", "Coarse or fewer lights, or not yet the present light or roughness."
@@ -70,19 +107,19 @@ def work_line(status: Status) -> str:
     return work_text(status) if status.stage else ""
 
 
-def _right(context: PanelContext, status: Status) -> None:
+def _right(context: PanelContext, status: Status, draw: bool = True) -> float:
+    """Frame time and memory at the right edge; where they begin."""
     frame, memory = f"{status.frame_ms:.1f} ms", f"{status.transport_mb:.0f} MB"
     icons = imgui.calc_text_size(f"{Icon.CLOCK}  ").x + imgui.calc_text_size(f"{Icon.MEMORY}  ").x
     frame_width = max(imgui.calc_text_size(frame).x, context.px(52))
     memory_width = max(imgui.calc_text_size(memory).x, context.px(52))
-    width = frame_width + memory_width + icons + 2 * context.px(18)
-    right_edge = imgui.get_window_width() - context.px(12)
-    start = right_edge - width
-    _message(context, status, start)
-    imgui.same_line(start)
-    _value(context, Icon.CLOCK, frame, frame_width, "Time of the last frame that drew the picture.")
-    imgui.same_line(start + frame_width + context.px(18) + 0.5 * icons)
-    _value(context, Icon.MEMORY, memory, memory_width, "Memory of the precomputed transport.")
+    start = imgui.get_window_width() - context.px(12) - frame_width - memory_width - icons - 2 * context.px(18)
+    if draw:
+        imgui.same_line(start)
+        _value(context, Icon.CLOCK, frame, frame_width, "Time of the last frame that drew the picture.")
+        imgui.same_line(start + frame_width + context.px(18) + 0.5 * icons)
+        _value(context, Icon.MEMORY, memory, memory_width, "Memory of the precomputed transport.")
+    return start
 
 
 def _value(context: PanelContext, icon: str, text: str, width: float, hint: str) -> None:
@@ -96,28 +133,49 @@ def _value(context: PanelContext, icon: str, text: str, width: float, hint: str)
     widgets.tooltip(hint)
 
 
-def _message(context: PanelContext, status: Status, end: float) -> None:
-    """The last thing that happened, right of the middle; errors stay, others leave after a while."""
+def _message(context: PanelContext) -> Words:
+    """The last thing that happened, for a while."""
     notice = context.state.notice
     if notice is None or not notice.text:
-        return
-    if not notice.is_error and context.now - notice.shown_at > MESSAGE_SECONDS:
-        return
+        return Words()
+    if context.now - notice.shown_at > (ERROR_SECONDS if notice.is_error else MESSAGE_SECONDS):
+        return Words()
+    return Words(f"{Icon.WARNING}  {notice.text}", look.BAD) if notice.is_error else Words(notice.text)
+
+
+def _has_room(text: str, end: float) -> bool:
+    """Whether a text fits between what was drawn last and a place of the line."""
     imgui.same_line()
-    start = imgui.get_cursor_pos_x() + context.px(16)
-    text = f"{Icon.WARNING}  {notice.text}" if notice.is_error else notice.text
-    room = end - context.px(20) - start
-    width = min(imgui.calc_text_size(text).x, room)
-    if room < context.px(40):
-        return
-    imgui.same_line(end - context.px(20) - width)
-    corner = imgui.get_cursor_screen_pos()
-    imgui.push_clip_rect(corner, ImVec2(corner.x + width, corner.y + imgui.get_frame_height()), True)
-    imgui.push_style_color(imgui.Col_.text, look.pack(look.BAD if notice.is_error else look.TEXT_SOFT))
-    imgui.text_unformatted(text)
+    return imgui.get_cursor_pos_x() + imgui.calc_text_size(text).x <= end
+
+
+def _words(words: Words, hint: str = "") -> None:
+    imgui.push_style_color(imgui.Col_.text, look.pack(words.ink))
+    imgui.text_unformatted(words.text)
     imgui.pop_style_color()
-    imgui.pop_clip_rect()
-    widgets.tooltip(notice.text)
+    widgets.tooltip(hint or words.text)
+
+
+def _strip(context: PanelContext, left_over: list[Words]) -> list[Action]:
+    """Above the line, at its right end; a click takes the message away."""
+    viewport = imgui.get_main_viewport()
+    room, bottom = viewport.size.x - context.px(48), viewport.pos.y + viewport.size.y - context.px(HEIGHT + 6)
+    at, width = ImVec2(viewport.pos.x + viewport.size.x - context.px(12), bottom), min(context.px(STRIP_WIDTH), room)
+    with widgets.strip(context, "##message", at, ImVec2(1.0, 1.0), ImVec2(12, 8)) as visible:
+        if not visible:
+            return []
+        imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + width)
+        for words in left_over:
+            imgui.push_style_color(imgui.Col_.text, look.pack(words.ink))
+            imgui.text_unformatted(words.text)
+            imgui.pop_style_color()
+        imgui.pop_text_wrap_pos()
+        context.handles.note_item("status.message")
+        start, end = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+        context.handles.note("status.strip.start", start.x, start.y)
+        context.handles.note("status.strip.end", end.x, end.y)
+        pressed = imgui.is_window_hovered() and imgui.is_mouse_clicked(0)
+    return [SetPanel({"notice": None})] if pressed else []
 
 
 def _dot(context: PanelContext, ink: look.Colour) -> None:

@@ -10,7 +10,7 @@ from app.series_commands import SetFirstBands
 from app.status import Status
 from app.view_state import SetView
 from ui import theme as look
-from ui.panels import widgets
+from ui.panels import fields, widgets
 from ui.panels.actions import Action, CancelWork
 from ui.panels.context import PanelContext
 from ui.spoken_names import spoken
@@ -50,9 +50,9 @@ def draw(context: PanelContext) -> list[Action]:
 
 def _budget(context: PanelContext) -> list[Action]:
     widgets.label(context, "Frame time")
-    hand, moved = widgets.slider(
+    hand, moved = fields.slider(
         context, "budget", context.view.frame_budget_ms, LEAST_BUDGET, LARGEST_BUDGET, "%.0f ms", True,
-        handle="accuracy.frame_time",
+        handle="accuracy.frame_time", title="frame time",
     )  # fmt: skip
     widgets.tooltip("Time for each frame while a curve moves. Less is smoother and coarser until the hand rests; "
                     "the resting picture is exact either way.")  # fmt: skip
@@ -75,6 +75,8 @@ def _quality(context: PanelContext) -> list[Action]:
     pressed = widgets.segments(context, "accuracy.bounces", choices, chosen, least=_share(context, len(choices)))
     if pressed is not None:
         actions.append(SetView.of(n_bounces=BOUNCE_CHOICES[pressed]))
+    if context.status.bounces_note:
+        widgets.caption(context.status.bounces_note)
     actions += _series(context)
     widgets.label(context, "Transport")
     options = (
@@ -173,12 +175,13 @@ def figures(status: Status, selected: str | None = None) -> list[tuple[str, str,
 def _error(status: Status) -> tuple[str, str, str]:
     """What the picture lacks, and where there is indirect light the chance that is left in it."""
     error = "–" if status.image_error is None else error_text(status.image_error)
-    hint = "What the missing coefficients would still change, relative to the picture's mean."
+    hint = "What the whole picture lacks, relative to its mean; – while that is not known."
+    if status.curve_error is not None:
+        hint = f"{hint}\nCoefficients of the curve still to come: {error_text(status.curve_error)}"
     if status.indirect_noise is None:
         return "Image error", error, hint
-    noise = "what chance is left in the light of further bounces, relative to its mean; its two halves apart tell it."
-    both = f"{error}, indirect noise {100.0 * status.indirect_noise:.1f} %"
-    return "Image error", both, f"{hint}\nIndirect noise: {noise}"
+    noise = "Chance left in the light of further bounces, relative to that light: its two halves apart tell it."
+    return "Image error", error, f"{hint}\n{noise} {100.0 * status.indirect_noise:.1f} %"
 
 
 def _bands(counts: tuple[int, ...]) -> str:
@@ -187,13 +190,15 @@ def _bands(counts: tuple[int, ...]) -> str:
 
 
 def _figure(context: PanelContext, name: str, value: str, hint: str) -> None:
-    start = imgui.get_cursor_pos_x()
+    start, room = imgui.get_cursor_pos_x(), imgui.get_content_region_avail().x
     imgui.push_style_color(imgui.Col_.text, look.pack(look.TEXT_SOFT))
     imgui.text_unformatted(name)
     imgui.pop_style_color()
     widgets.tooltip(hint)
-    imgui.same_line(start)
-    widgets.align_right(imgui.calc_text_size(value).x)
+    width = imgui.calc_text_size(value).x
+    if imgui.calc_text_size(name).x + imgui.get_style().item_spacing.x + width <= room:
+        imgui.same_line(start)
+    widgets.align_right(width)
     imgui.text_unformatted(value)
     widgets.tooltip(hint)
 

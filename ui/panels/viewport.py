@@ -1,8 +1,6 @@
-"""The picture, pixel for pixel or fitted: click selects, hover names, Shift-drag turns the light, A/B divider."""
+"""The picture: click selects, hover names, Shift-drag turns the light, A/B divider."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 from imgui_bundle import ImVec2, imgui
 
@@ -11,43 +9,16 @@ from app.solo import alone
 from app.view_state import SetView
 from ui import theme as look
 from ui.panels import paint, surface_plot, widgets
-from ui.panels.actions import Action, BeginDrag, EndDrag, Hold, Recover, Select, SetPanel
+from ui.panels.actions import Action, BeginDrag, EndDrag, Hold, Select, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.library import apply, dropped_material
 from ui.panels.picture import Picture
+from ui.panels.picture_place import PAN, Placed, gestures, room_of
 from ui.panels.state import Grip, PaintGrip
 from ui.theme import Icon
 
 DEGREES_PER_PIXEL = 0.5
 DIVIDER_REACH = 7.0
-
-
-@dataclass(frozen=True)
-class Placed:
-    """Where the picture stands on screen: upper left corner, and screen pixels for each of the picture's."""
-
-    x: float
-    y: float
-    width: float
-    height: float
-    scale: float
-
-    def pixel(self, x: float, y: float, picture: Picture) -> tuple[int, int] | None:
-        """(column, row) of the picture under a screen position; None beside it."""
-        column, row = int((x - self.x) // self.scale), int((y - self.y) // self.scale)
-        return (column, row) if 0 <= column < picture.width and 0 <= row < picture.height else None
-
-    def point(self, x: float, y: float) -> tuple[float, float]:
-        """The place of a screen position on the picture, in its pixels; also beside it."""
-        return (x - self.x) / self.scale, (y - self.y) / self.scale
-
-
-def place(corner: ImVec2, room: ImVec2, picture: Picture, fit: bool) -> Placed:
-    """Centre the picture in the room. Fitted: as large as its aspect allows; else one screen pixel for each pixel."""
-    scale = min(room.x / picture.width, room.y / picture.height) if fit else 1.0
-    width, height = picture.width * scale, picture.height * scale
-    x, y = corner.x + 0.5 * (room.x - width), corner.y + 0.5 * (room.y - height)
-    return Placed(round(x), round(y), round(width), round(height), scale)
 
 
 def draw(context: PanelContext) -> list[Action]:
@@ -65,16 +36,18 @@ def draw(context: PanelContext) -> list[Action]:
     if picture is None:
         _draw_waiting(context, corner, room)
         return []
-    placed = place(corner, room, picture, context.view.fit)
+    space = room_of(corner, room, picture)
+    placed = space.place(context.view)
     draw_list.push_clip_rect(corner, end, True)
     upper, lower = picture.corners()
     far = ImVec2(placed.x + placed.width, placed.y + placed.height)
     draw_list.add_image(picture.reference, ImVec2(placed.x, placed.y), far, upper, lower)
-    actions = _interact(context, picture, placed)
+    actions = [*gestures(context, space, placed), *_interact(context, picture, placed)]
     if context.view.compare is not None:
-        _draw_divider(context, placed)
+        _draw_divider(context, placed, corner.y, end.y)
     surface_plot.draw(context, placed.x, placed.y, placed.scale)
     _draw_solo(context, ImVec2(max(placed.x, corner.x), max(placed.y, corner.y)))
+    _draw_zoom(context, end)
     if context.status.picture == "waiting":
         _draw_waiting(context, corner, room)
     draw_list.pop_clip_rect()
@@ -95,6 +68,8 @@ def _interact(context: PanelContext, picture: Picture, placed: Placed) -> list[A
         context.handles.note("viewport.divider", divider_x(context, placed), placed.y + 0.5 * placed.height)
     context.handles.note("viewport.corner", placed.x, placed.y)
     actions: list[Action] = []
+    if grip is not None and grip.handle == PAN:
+        return actions
     if imgui.is_item_hovered() and grip is None:
         actions += _hover(context, picture, placed, on_divider)
     elif context.view.hovered is not None and not imgui.is_item_active():
@@ -154,14 +129,8 @@ def _comparison_hint(context: PanelContext) -> str:
 
 def _draw_name(context: PanelContext, name: str, mouse: ImVec2) -> None:
     """The object's name beside the mouse: at once, without the wait of a tooltip."""
-    draw_list = imgui.get_foreground_draw_list()
-    extent = imgui.calc_text_size(name)
-    x, y = mouse.x + context.px(14), mouse.y + context.px(12)
-    pad = context.px(5)
-    ground = look.pack(look.grey(28, 0.92))
-    draw_list.add_rect_filled(ImVec2(x - pad, y - 0.6 * pad), ImVec2(x + extent.x + pad, y + extent.y + 0.6 * pad),
-                              ground, context.px(4))  # fmt: skip
-    draw_list.add_text(ImVec2(x, y), look.pack(look.TEXT), name)
+    place = ImVec2(mouse.x + context.px(14), mouse.y + context.px(12))
+    _plate(context, imgui.get_foreground_draw_list(), place, name, look.TEXT)
 
 
 def _take_hold(context: PanelContext, picture: Picture, placed: Placed, on_divider: bool) -> list[Action]:
@@ -207,10 +176,11 @@ def _drag(context: PanelContext, picture: Picture, placed: Placed, grip: Grip, m
     return _pick_lobe(context, picture, placed) if grip.handle == "lobe" else []
 
 
-def _draw_divider(context: PanelContext, placed: Placed) -> None:
+def _draw_divider(context: PanelContext, placed: Placed, upper: float, lower: float) -> None:
+    """The divider with its handle and letters, within the part of the picture that is seen."""
     draw_list = imgui.get_window_draw_list()
     x = round(divider_x(context, placed)) + 0.5
-    top, bottom = placed.y, placed.y + placed.height
+    top, bottom = max(placed.y, upper), min(placed.y + placed.height, lower)
     draw_list.add_line(ImVec2(x, top), ImVec2(x, bottom), look.pack(look.grey(0, 0.55)), context.px(3))
     draw_list.add_line(ImVec2(x, top), ImVec2(x, bottom), look.pack(look.grey(240)), context.px(1))
     middle = ImVec2(x, 0.5 * (top + bottom))
@@ -231,19 +201,33 @@ def _draw_divider(context: PanelContext, placed: Placed) -> None:
         draw_list.add_text(spot, look.pack(look.TEXT), text)
 
 
+def _draw_zoom(context: PanelContext, end: ImVec2) -> None:
+    """How large the picture is shown, where that is neither fitted nor pixel for pixel."""
+    if context.view.fit or context.view.zoom == 1.0:
+        return
+    text = f"{context.view.zoom:.0%}"
+    extent, pad = imgui.calc_text_size(text), context.px(12)
+    place = ImVec2(end.x - extent.x - pad, end.y - extent.y - pad)
+    _plate(context, imgui.get_window_draw_list(), place, text, look.TEXT_SOFT)
+
+
 def _draw_solo(context: PanelContext, corner: ImVec2) -> None:
     """That layers are hidden, so that nobody takes the picture for the whole material's."""
     solo = alone(context.document, context.view)
     if solo is None:
         return
     text = f"{Icon.SOLO}  {solo.rpartition('.')[0]}: {context.document.layer(solo).name} alone"
-    extent, pad = imgui.calc_text_size(text), context.px(6)
     place = ImVec2(corner.x + context.px(12), corner.y + context.px(10))
+    _plate(context, imgui.get_window_draw_list(), place, text, look.ACCENT)
+
+
+def _plate(context: PanelContext, draw_list: imgui.ImDrawList, place: ImVec2, text: str, ink: look.Colour) -> None:
+    """Words over the picture, on a ground that keeps them legible."""
+    extent, pad = imgui.calc_text_size(text), context.px(6)
     upper = ImVec2(place.x - pad, place.y - 0.6 * pad)
     lower = ImVec2(place.x + extent.x + pad, place.y + extent.y + 0.6 * pad)
-    draw_list = imgui.get_window_draw_list()
-    draw_list.add_rect_filled(upper, lower, look.pack(look.grey(24, 0.85)), context.px(4))
-    draw_list.add_text(place, look.pack(look.ACCENT), text)
+    draw_list.add_rect_filled(upper, lower, look.pack(look.grey(26, 0.88)), context.px(4))
+    draw_list.add_text(place, look.pack(ink), text)
 
 
 def _draw_waiting(context: PanelContext, corner: ImVec2, room: ImVec2) -> None:
@@ -265,22 +249,3 @@ def _draw_waiting(context: PanelContext, corner: ImVec2, room: ImVec2) -> None:
         draw_list.add_rect_filled(
             ImVec2(left, top), ImVec2(left + max(share * width, height), top + height), look.pack(look.ACCENT), height
         )
-
-
-def draw_recovery(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[Action]:
-    """A strip over the picture that offers what a journal kept; the picture stays usable below it."""
-    if context.state.journal is None:
-        return []
-    actions: list[Action] = []
-    top = ImVec2(corner.x + 0.5 * room.x, corner.y + context.px(10))
-    with widgets.strip(context, "Recovery###recovery", top, ImVec2(0.5, 0.0), ImVec2(12, 7)) as is_seen:
-        if is_seen:
-            imgui.align_text_to_frame_padding()
-            imgui.text_unformatted(f"{Icon.WARNING}  {context.state.journal}")
-            imgui.same_line(0.0, context.px(14))
-            if widgets.text_button(context, "recover", "Bring back", "Open the edits that were not saved."):
-                actions.append(Recover(True))
-            imgui.same_line()
-            if widgets.text_button(context, "discard", "Discard", "Throw these edits away for good."):
-                actions.append(Recover(False))
-    return actions

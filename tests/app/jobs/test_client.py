@@ -150,7 +150,7 @@ def test_errors_leave_the_worker_alive(client: Client, state_folder: Path) -> No
     failed = collect(client, seen(Failed))[-1]
     assert isinstance(failed, Failed)
     log = state_folder / "log" / "worker.log"
-    assert failed.line == f"internal error: ValueError: two lines (details in {log})"
+    assert failed.line.endswith(f"Undo the last edit to go on (details in {log})")
     assert 'raise ValueError("two\\nlines")' in log.read_text()
     open_scene(client)
     assert client.pid == pid

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import threading
@@ -146,12 +147,12 @@ def test_transport_waits_for_them_and_says_so_the_first_time(source: str, store:
     for _ in range(6):
         answers += client.poll(budget_s=0.0)
     said = [(answer.stage, answer.text) for answer in answers if isinstance(answer, Progress)]
-    assert bool(said) == first_time and all(stage == "compiling" for stage, _ in said)
+    assert bool(said) == first_time and all(stage == kernels.COMPILING for stage, _ in said)
     assert not any(isinstance(answer, StageDone) for answer in answers)
     waiting.finish()
     answers = client.poll(budget_s=float("inf"))
     assert [answer.stage for answer in answers if isinstance(answer, StageDone)] == ["coarse", "preview", "final"]
-    assert not any(isinstance(answer, Progress) and answer.stage == "compiling" for answer in answers)
+    assert not any(isinstance(answer, Progress) and answer.stage == kernels.COMPILING for answer in answers)
 
 
 @pytest.fixture
@@ -174,3 +175,25 @@ assert cKDTree(numpy.eye(3)).query([0.9, 0, 0])[1] == 0
 """
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=180)
     assert done.returncode == 0, done.stderr
+
+
+def test_compiling_is_told_by_the_files_that_are_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    waiting = Waiting(first_time=True)
+    assert waiting.fraction == 0.0
+    (tmp_path / "transport").mkdir()
+    for i in range(kernels.N_FILES // 2):
+        (tmp_path / "transport" / f"kernel-{i}.nbc").touch()
+    assert waiting.fraction == 0.5
+    for i in range(2 * kernels.N_FILES):
+        (tmp_path / f"kernel-{i}.nbc").touch()
+    assert waiting.fraction == 0.99  # all but what is compiled last
+
+
+@pytest.mark.sweep
+def test_as_many_files_are_compiled_as_are_counted(tmp_path: Path) -> None:
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    for part in PARTS:
+        code = f"import app.jobs.kernels as k; k.load_compiler(); k.rehearse({part!r})"
+        assert subprocess.run([sys.executable, "-c", code], env=environment).returncode == 0
+    assert 0.9 * kernels.N_FILES <= sum(1 for _ in tmp_path.rglob("*.nbc")) <= 1.1 * kernels.N_FILES

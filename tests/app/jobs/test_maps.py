@@ -57,7 +57,9 @@ def test_each_layer_is_answered_on_its_own(tasks: Tasks) -> None:
     assert sampled.thumbnails["texture"].shape == (4, 4, 3)
     assert (sampled.thumbnails["texture"] == (255, 188, 0)).all() and (sampled.thumbnails["weight"] == 51).all()
     assert isinstance(refused, MapsRefused) and "gone.png" in refused.line and "\n" not in refused.line
-    assert isinstance(without, MapsRefused) and "without texture coordinates" in without.line
+    assert isinstance(without, MapsSampled) and sampled.note == ""
+    np.testing.assert_allclose(without.samples, np.tile([1.0, 0.503, 0.0, 0.2], (len(without.samples), 1)), atol=1e-3)
+    assert without.note == "bare: no texture coordinates, so images are projected from the sides of its box"
 
 
 def test_thumbnails_are_small_and_keep_their_aspect() -> None:

@@ -95,3 +95,44 @@ def test_opened_scene_that_is_given_up_does_not_come_back() -> None:
     standing.settle(SceneOpened("{}", id=1))
     standing.drop(1)
     assert ids(standing) == []
+
+
+def sent(standing: Standing) -> list[int]:
+    return [request.id for request in standing.to_send()]
+
+
+def test_each_worker_is_sent_each_request_once() -> None:
+    standing = standing_at(SCENE)
+    assert sent(standing) == [1] and sent(standing) == []
+    standing.add(LIGHT)
+    assert sent(standing) == [2]
+    standing.new_worker()
+    assert sent(standing) == [1, 2]
+
+
+def test_a_scene_that_stands_again_is_sent_to_a_worker_that_gave_it_up() -> None:
+    # A new worker is opening the scene when another is asked for, which it cannot open; or when the work is cancelled.
+    for end in (Failed("no such file", id=3), Cancel(id=3)):
+        standing = standing_at(SCENE)
+        standing.heard(SceneOpened("", id=1))
+        standing.settle(SceneOpened("", id=1))
+        standing.new_worker()
+        assert sent(standing) == [1]
+        if isinstance(end, Failed):
+            standing.add(OpenScene("nowhere", id=3))
+            assert sent(standing) == [3]
+            standing.settle(end)
+        else:
+            standing.add(end)
+        assert sent(standing) == [1]
+
+
+def test_a_scene_that_the_worker_has_open_is_not_sent_again() -> None:
+    standing = standing_at(SCENE)
+    sent(standing)
+    standing.heard(SceneOpened("", id=1))
+    standing.settle(SceneOpened("", id=1))
+    standing.add(OpenScene("nowhere", id=3))
+    sent(standing)
+    standing.settle(Failed("no such file", id=3))
+    assert sent(standing) == []

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.jobs.array_record import RecordError
+from app.jobs.array_record import write_record
 from app.jobs.cache import Store
+from engine.stored_arrays import UnsoundArrays
 from tests.app.limits import largest_file
 
 
@@ -28,12 +29,11 @@ def test_tiles_of_an_earlier_run_are_there(tmp_path: Path) -> None:
     fill(Store(tmp_path), 3)
     with Store(tmp_path).open_tiles("k", 8) as tiles:
         assert tiles.complete_tiles == {0, 1, 2}
-        assert all(tiles.tile(index)["visibility"][0] == index for index in range(3))
-        with pytest.raises(KeyError):
-            tiles.tile(3)
+        assert all(tiles.tile(index, dict)["visibility"][0] == index for index in range(3))
+        assert tiles.tile(3, dict) is None
         assert tiles.append_tile(5, tile(5))
         assert tiles.complete_tiles == {0, 1, 2, 5}
-        assert tiles.tile(5)["visibility"][-1] == 5
+        assert tiles.tile(5, dict)["visibility"][-1] == 5
         tiles.finish()
     assert list(tmp_path.iterdir()) == []
 
@@ -42,9 +42,9 @@ def test_tile_may_be_written_again(tmp_path: Path) -> None:
     with Store(tmp_path).open_tiles("k", 8) as tiles:
         tiles.append_tile(0, tile(1))
         tiles.append_tile(0, tile(2))
-        assert tiles.tile(0)["visibility"][0] == 2
+        assert tiles.tile(0, dict)["visibility"][0] == 2
     with Store(tmp_path).open_tiles("k", 8) as tiles:
-        assert tiles.tile(0)["visibility"][0] == 2
+        assert tiles.tile(0, dict)["visibility"][0] == 2
 
 
 @pytest.mark.parametrize("cut", [1, 100, 20_000])
@@ -73,8 +73,7 @@ def test_tile_damaged_while_open_is_refused(tmp_path: Path) -> None:
         with open(path, "r+b") as file:
             file.seek(10_000)
             file.write(b"damage")
-        with pytest.raises(RecordError):
-            tiles.tile(0)
+        assert tiles.tile(0, dict) is None
 
 
 def test_tiles_of_another_division_do_not_count(tmp_path: Path) -> None:
@@ -97,7 +96,7 @@ def test_full_disk_keeps_the_tiles_before(tmp_path: Path) -> None:
             assert not tiles.append_tile(1, tile(1))
         assert not tiles.append_tile(2, tile(2))  # said once, not tried for each tile
         assert tiles.complete_tiles == {0}
-        assert tiles.tile(0)["visibility"][0] == 0
+        assert tiles.tile(0, dict)["visibility"][0] == 0
     assert len(store.take_notes()) == 1
     with store.open_tiles("k", 8) as tiles:
         assert tiles.complete_tiles == {0}
@@ -124,7 +123,9 @@ WRITER = """
 import sys
 from pathlib import Path
 import numpy as np
+from app.jobs.array_record import write_record
 from app.jobs.cache import Store
+from engine.stored_arrays import UnsoundArrays
 tiles = Store(Path(sys.argv[1])).open_tiles("k", 8)
 for index in range(8):
     if index == 5:
@@ -141,4 +142,26 @@ def test_killed_writer_leaves_its_complete_tiles(tmp_path: Path) -> None:
         writer.send_signal(signal.SIGKILL)
     with Store(tmp_path).open_tiles("k", 8) as tiles:
         assert tiles.complete_tiles == {0, 1, 2, 3, 4}
-        assert tiles.tile(4)["visibility"].sum() == 3000 * 4
+        assert tiles.tile(4, dict)["visibility"].sum() == 3000 * 4
+
+
+@pytest.mark.parametrize(
+    "label",
+    ["", "k", "[", "null", '["k", 8, 8]', '["k", 8, -1]', '["k", 8, 1.0]', '["k", 8, true]', '["k", 8]', '["k", 9, 0]',
+     '{"k": 8}', "[" * 100_000],
+)  # fmt: skip
+def test_a_forged_label_ends_the_tiles(tmp_path: Path, label: str) -> None:
+    path = fill(Store(tmp_path), 2)
+    with open(path, "ab") as file:
+        write_record(file, label, tile(2))
+    with Store(tmp_path).open_tiles("k", 8) as tiles:
+        assert tiles.complete_tiles == {0, 1}
+
+
+def test_a_tile_that_is_not_what_was_needed_is_none(tmp_path: Path) -> None:
+    def refuse(arrays: object) -> None:
+        raise UnsoundArrays("another shape")
+
+    with Store(tmp_path).open_tiles("k", 8) as tiles:
+        tiles.append_tile(0, tile(0))
+        assert tiles.tile(0, refuse) is None and tiles.tile(0, dict) is not None

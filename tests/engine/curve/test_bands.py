@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pytest
@@ -176,3 +177,18 @@ def test_a_plateau_keeps_its_range_and_its_energy(n_bands, begin, width, height,
 def test_other_counts_are_refused():
     with pytest.raises(BandCountError, match="number of bands = 12"):
         band_values(grey(np.cos), 12)
+
+
+@pytest.mark.parametrize("by_solid_angle", [False, True])
+def test_values_below_the_normal_range_beside_others_stay_numbers(by_solid_angle: bool) -> None:
+    generator = np.random.default_rng(7)
+    for n_bands in (1, 2, 16, 64, 128):
+        for _ in range(12):
+            steps = np.sort(generator.uniform(0.0, HALF_PI, 4))
+            heights = 10.0 ** generator.choice([-323, -320, -310, -300, -150, 0, 3], (5, 3))
+            values = band_values(partial(stairs, steps, heights), n_bands, by_solid_angle=by_solid_angle)
+            assert np.isfinite(values).all() and values.max() <= heights.max() and values.min() >= 0.0
+
+
+def stairs(steps: np.ndarray, heights: np.ndarray, gamma: np.ndarray) -> np.ndarray:
+    return heights[np.searchsorted(steps, gamma)]

@@ -19,7 +19,9 @@ from engine.indirect.turns import Turn, by_turns
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.render.still import finish
+from engine.stored_arrays import UnsoundArrays
 from engine.transport.pipeline import SkyState
+from tests.engine.forging import forged_numbers, forged_shapes
 from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placed, placement_of
 
 FINENESS = replace(QUICK, n_rays=64, n_cells=300, n_cell_rays=32, n_samples=32, n_photons=1 << 10)
@@ -141,3 +143,38 @@ def test_nobody_waits_for_one_that_failed() -> None:
     with pytest.raises(Killed):
         list(by_turns(work, range(2), 1))
     assert not any("ThreadPool" in thread.name for thread in threading.enumerate())
+
+
+# Nothing is indexed by them.
+FREE = ("cells.keys", "cells.seeds", "cells.hashes", "cells.side")
+# Cells that send nothing are cells as well.
+SHORTER = {"cell_seen with a row less"}
+
+
+def test_arrays_that_are_not_this_scenes_light_are_refused(at_once: Arrays) -> None:
+    solver = Solver(placement_of([*CORNER, LAMP], **CORNER_VIEW), MODELS_OF, SkyState(None), 4, FINENESS)
+    assert_same(arrays_of(solver.restored(at_once)), at_once)
+    forgeries = [*forged_shapes(at_once), *forged_numbers(at_once)]
+    n_refused = 0
+    for what, forged in forgeries:
+        if what in SHORTER or what.startswith(tuple(f"{name}[" for name in FREE)):
+            continue
+        with pytest.raises(UnsoundArrays):
+            solver.restored(forged)
+            pytest.fail(what)
+        n_refused += 1
+    assert n_refused > 200
+
+
+@pytest.mark.parametrize("wanted", ["missing", "of another type", "with a row more", "[0] = "])
+def test_a_part_that_was_forged_is_found_anew(at_once: Arrays, wanted: str) -> None:
+    memory = Memory()
+    found(memory)
+    for index, part in memory.parts.items():
+        digest = {} if wanted == "missing" and index == 1 else {"digest": part["digest"]}
+        own = {name: array for name, array in part.items() if name not in ("digest", *FREE)}
+        forgeries = [forged for what, forged in (*forged_shapes(own), *forged_numbers(own)) if wanted in what]
+        if forgeries:
+            free = {name: part[name] for name in FREE if name in part}
+            memory.parts[index] = forgeries[index % len(forgeries)] | digest | free
+    assert_same(found(memory), at_once)

@@ -5,13 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from engine.indirect.beyond import is_beyond
 from engine.indirect.irradiance import NOBODY
 from engine.indirect.layers import indirect_layer
-from engine.indirect.solver import ROUGH
-from engine.light.environment import constant_environment
+from engine.indirect.solver import ROUGH, Solver
+from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.render.still import finish
+from engine.transport.pipeline import SkyState
 from tests.engine.indirect.small_scenes import (
     CORNER,
     CORNER_VIEW,
@@ -104,12 +106,13 @@ def test_halves_tell_the_noise(corner):
     noise = np.sqrt(np.mean((first - second) ** 2)) / whole.mean() / 2
     assert 0.0 < noise < 0.05
     one, two = (found.picture(layers, half) for half in (0, 1))
-    told = finish(found.noise(layers), lambda step: None)
+    told, mean = finish(found.noise(layers), lambda step: None)
+    assert mean == pytest.approx(found.picture(layers).mean(), rel=1e-3)
     assert told == pytest.approx(np.sqrt(np.mean((one - two) ** 2)) / (one + two).mean(), rel=1e-3)
     placement = placement_of(CORNER, **CORNER_VIEW)
     sky = constant_environment((1.0, 1.0, 1.0))
     more = solve(placement, layers, 2, replace(QUICK, n_rays=16 * QUICK.n_rays), sky)
-    assert finish(more.noise(layers), lambda step: None) < 0.5 * told
+    assert finish(more.noise(layers), lambda step: None)[0] < 0.5 * told
 
 
 def test_darkness_and_black_objects(corner):
@@ -151,3 +154,48 @@ def test_memory_does_not_grow_with_the_number_of_objects():
         layers = [matt(i, 0.5) for i in range(n + 1)]
         bytes_of.append(solve(placement, layers, 4, sky=constant_environment((1.0,) * 3)).n_bytes)
     assert bytes_of[1] < 2.0 * bytes_of[0]
+
+
+def _under_a_gradient(scale: float, *layers) -> np.ndarray:
+    """Indirect light of the corner under a sky that is not even, `scale` times as bright."""
+    rows = np.random.default_rng(3).random((16, 32, 3)) ** 4
+    solver = Solver(
+        placement_of(CORNER, **CORNER_VIEW), {0: ["lambert"], 1: ["lambert"], 2: ["cook_torrance"]},
+        SkyState(Environment(rows.astype(np.float32), "noise"), 20.0, scale), 4, QUICK,
+    )  # fmt: skip
+    return finish(solver.solve(layers), lambda step: None).picture(layers).astype(np.float64)
+
+
+def _glossy(i_object: int, times: float = 1.0):
+    """A Cook-Torrance layer with its first curve so many times as high."""
+    layer = indirect_layer(i_object, make_layer(MODELS["cook_torrance"], {}), (32, 16))
+    seen, sent = (replace(each, curves=(times * each.curves[0], each.curves[1])) for each in (layer.curves, layer.sent))
+    return replace(layer, curves=seen, sent=sent, albedo=times * layer.albedo)
+
+
+def test_light_is_linear_over_sixty_decades():
+    layers = [matt(0, 0.7), matt(1, (0.8, 0.4, 0.2)), _glossy(2)]
+    one = _under_a_gradient(1.0, *layers)
+    assert one.max() > 0.0
+    np.testing.assert_array_equal(_under_a_gradient(2.0**-60, *layers), 2.0**-60 * one)  # the same bits
+    for scale in (1e-30, 1e-8, 1e8, 1e24, 1e30):
+        found = _under_a_gradient(scale, *layers) / scale
+        assert np.sqrt(np.mean((found - one) ** 2)) / one.mean() < 1e-6, scale
+
+
+def test_curves_that_make_light_of_nothing_are_bright_and_never_black():
+    # Two bounces on such a surface take 1e18 to the second power, three to the third, which is beyond 3.4e38.
+    once, thrice = (_under_a_gradient(1.0, matt(0, 0.7), matt(1, 0.5), _glossy(2, times)) for times in (1.0, 1e18))
+    assert np.isfinite(thrice).all() and (thrice[once > 0.0] > 0.0).all()
+    all_three = _under_a_gradient(1.0, matt(0, 1e18), matt(1, 1e18), _glossy(2, 1e18))
+    assert np.isfinite(all_three).all() and is_beyond(all_three)
+
+
+def test_its_progress_grows_to_near_its_end(corner):
+    placement, (_, layers) = placement_of(CORNER, **CORNER_VIEW), corner
+    models = {layer.i_object: [layer.curves.model.name] for layer in layers}
+    for adaptive in (False, True):
+        sky = SkyState(constant_environment((1.0, 1.0, 1.0)))
+        steps = Solver(placement, models, sky, 3, replace(QUICK, adaptive=adaptive)).solve(layers)
+        told = [fraction for fraction, _ in steps]
+        assert told == sorted(told) and told[0] == 0.0 and 0.9 < told[-1] < 1.0

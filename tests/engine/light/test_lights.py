@@ -224,3 +224,23 @@ def test_the_tree_holds_all_triangles() -> None:
     assert (np.cross(together, centre[parents]) ** 2).sum(axis=1).max() < 1e-6 * (together**2).sum(axis=1).max()
     np.testing.assert_array_equal(lights.tree.power[lights.rows], lights.power)
     np.testing.assert_array_equal(lights.scaled(2.0).tree.power, 2 * lights.tree.power)
+
+
+def test_what_every_point_sees_alike_is_cut_as_if_nothing_were_known() -> None:
+    seen = np.full(20 * 4**4, 0.3)
+    plain, weighed = cut_lights(noise(), 500, max_level=5), cut_lights(noise(), 500, max_level=5, seen=seen)
+    assert np.array_equal(plain.rows, weighed.rows)
+
+
+def test_lights_go_where_the_points_look() -> None:
+    # Half of the sky is seen by a point in fifty, the other by none: twice as many lights, all of them in the former.
+    seen = np.where(geodesic(4).centres[:, 1] > 0, 0.02, 0.0)
+    lights = cut_lights(constant_environment(1.0), 500, max_level=5, seen=seen)
+    hidden = lights.centre[:, 1] < -0.2
+    assert len(lights) == 980 and hidden.sum() < 30
+    assert lights.power.sum(axis=0) == pytest.approx(np.full(3, 4 * np.pi), rel=1e-5)
+
+
+def test_shares_of_another_sphere_are_refused() -> None:
+    with pytest.raises(ValueError, match="one share for each triangle of a level up to 3"):
+        cut_lights(noise(), 100, max_level=3, seen=np.ones(20 * 4**4))

@@ -1,8 +1,9 @@
 """From samples to layers: what is filled, what is fitted, and that an unedited import is the measurement."""
 
 import pickle
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,8 +24,10 @@ from engine.plan import plan_scene
 from engine.render.integrator import evaluate_by_curves
 from engine.render.still import finish, render_reference, render_still, still_layers, still_quality
 from engine.scene.load import load_scene
+from engine.stored_arrays import UnsoundArrays
 from engine.transport._angle_kernels import tint
 from engine.transport.pipeline import Placement, SkyState
+from tests.engine.forging import forged_numbers, forged_shapes
 from tests.naive.measured import analytic_samples, drawn_measurement
 
 
@@ -33,9 +36,14 @@ class Kept:
 
     def __init__(self) -> None:
         self.arrays: dict[str, Mapping[str, np.ndarray]] = {}
+        self.n_refused = 0
 
-    def get(self, key: str) -> Mapping[str, np.ndarray] | None:
-        return self.arrays.get(key)
+    def get(self, key: str, read: Callable[[Mapping[str, np.ndarray]], Any]) -> Any:
+        try:
+            return read(self.arrays[key]) if key in self.arrays else None
+        except UnsoundArrays:
+            self.n_refused += 1
+            return None
 
     def put(self, key: str, arrays: Mapping[str, np.ndarray]) -> bool:
         self.arrays[key] = dict(arrays)
@@ -159,6 +167,26 @@ def test_what_was_made_of_a_file_is_kept(
     monkeypatch.setattr(tables, "_tables", {})
     monkeypatch.delattr(tables, "fit_factors")
     assert finish_reading(read_measurement(merl_file, kept)) == measurement and len(kept.arrays) == 1
+
+
+def test_what_was_forged_is_made_again(
+    merl_file: Path, measurement: Measurement, kept: Kept, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def made_again(*_: object) -> None:
+        raise LookupError("made again")
+
+    monkeypatch.setattr(tables, "_tables", {})
+    monkeypatch.setattr(tables, "_made_of", made_again)
+    ((key, arrays),) = kept.arrays.items()
+    forgeries = [*forged_shapes(arrays), *forged_numbers({"samples": arrays["samples"], "curves": arrays["curves"]})]
+    for what, forged in forgeries[::4]:
+        if not what.startswith("method with a row"):  # any words will do
+            store = Kept()
+            store.put(key, {**arrays, **forged} if "[" in what else forged)
+            with pytest.raises(LookupError, match="made again"):
+                finish_reading(read_measurement(merl_file, store))
+            assert store.n_refused == 1, what
+
 
 
 SCENE = """

@@ -5,7 +5,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.render.bounces import MOST_PLANNED, bounce_shares, planned_bounces, required_bounces
+from engine.material import MODELS, validate_parameters
+from engine.material.layer import Layer
+from engine.render.bounces import (
+    MOST_PLANNED,
+    carried_light,
+    missing_light,
+    planned_bounces,
+    required_bounces,
+    shares_of,
+)
 from engine.scene.load import load_scene
 from engine.transport.pipeline import Placement
 
@@ -32,20 +41,64 @@ layer = [{{ model = "lambert" }}]
     return Placement(load_scene(scene))
 
 
+def matt(albedo: float) -> list[tuple[int, Layer]]:
+    """The ball's layer: even, of any albedo, also one that no scene file may name."""
+    parameters = validate_parameters(MODELS["lambert"], {"albedo": min(albedo, 1.0)}, "test")
+    layer = Layer(MODELS["lambert"], "matt", tuple(parameters.items()))
+    return [(0, layer)] * (2 if albedo > 1.0 else 1)
+
+
 @pytest.mark.parametrize("albedo", [0.05, 0.5, 1.0])
 def test_in_a_hollow_ball_each_bounce_carries_the_albedos_part_of_the_last(tmp_path: Path, albedo: float) -> None:
-    shares = bounce_shares(place(tmp_path, INSIDE), np.full((1, 3), albedo))
+    shares = shares_of(carried_light(place(tmp_path, INSIDE), np.full((1, 3), albedo), MOST_PLANNED + 1))
     powers = albedo ** np.arange(MOST_PLANNED + 1)
     np.testing.assert_allclose(shares, powers / powers.sum(), rtol=1e-6)
 
 
+@pytest.mark.parametrize("albedo", [0.05, 0.5, 0.9])
+@pytest.mark.parametrize("n_bounces", [1, 3, 8])
+def test_what_is_missing_in_a_hollow_ball_is_the_rest_of_the_series(
+    tmp_path: Path, albedo: float, n_bounces: int
+) -> None:
+    plan = planned_bounces(place(tmp_path, INSIDE), matt(albedo), n_bounces)
+    assert plan.n_bounces == n_bounces
+    # 1 + d + d² + ... is 1 / (1 - d), of which d^N / (1 - d) comes after N bounces; the bound is reached.
+    assert plan.missing == pytest.approx(albedo**n_bounces, rel=1e-3)
+    assert plan.most_missing == pytest.approx(albedo**n_bounces, rel=1e-3)
+    kept = f"{1.0 - albedo**n_bounces:.0%} of the light, the rest is missing"
+    assert plan.warning.endswith(kept) if albedo**n_bounces > 0.26 else not plan.warning
+
+
+@pytest.mark.parametrize("albedo", [1.0, 1.5])
+def test_a_closed_scene_that_reflects_all_light_is_flagged(tmp_path: Path, albedo: float) -> None:
+    plan = planned_bounces(place(tmp_path, INSIDE), matt(albedo))
+    assert (plan.n_bounces, plan.missing, plan.most_missing) == (MOST_PLANNED, 1.0, 1.0)
+    assert plan.warning == "all light is reflected on and on: no number of bounces holds it, 4 are shown"
+
+
+def test_white_things_under_a_sky_are_not(tmp_path: Path) -> None:
+    plan = planned_bounces(place(tmp_path, OUTSIDE), matt(1.0))
+    assert (plan.n_bounces, plan.missing, plan.warning) == (1, 0.0, "")
+
+
+def test_what_is_missing_is_within_its_bound() -> None:
+    # Of light that decays unevenly: two colours, one that lasts. Albedo 0.8 at most.
+    carried = np.array([[1.0, 1.0, 0.0], [0.5, 0.7, 0.0], [0.2, 0.5, 0.0]])
+    missing, most = missing_light(carried, 0.8)
+    after = 0.2 / (1 - 0.2 / 0.5) + 0.5 / (1 - 0.5 / 0.7)
+    assert missing == pytest.approx(after / (3.2 + after))
+    assert most == pytest.approx(0.7 / 0.2 / (3.2 + 0.7 / 0.2)) and missing <= most
+    assert missing_light(carried, 1.0)[1] == 1.0  # no albedo bounds it
+    assert missing_light(np.zeros((3, 3)), 0.5) == (0.0, 0.0)
+
+
 def test_a_convex_thing_alone_needs_one(tmp_path: Path) -> None:
-    n_bounces, reason = planned_bounces(place(tmp_path, OUTSIDE), np.full((1, 3), 0.9))
-    assert n_bounces == 1 and reason == "a second would carry 0.0 % of the light"
+    plan = planned_bounces(place(tmp_path, OUTSIDE), matt(0.9))
+    assert plan.n_bounces == 1 and plan.reason == "a second would carry 0.0 % of the light"
 
 
 def test_a_black_scene_needs_one(tmp_path: Path) -> None:
-    assert planned_bounces(place(tmp_path, INSIDE), np.zeros((1, 3)))[0] == 1
+    assert planned_bounces(place(tmp_path, INSIDE), matt(0.0)).n_bounces == 1
 
 
 # With albedo d the bounce after the nth adds d^n (1 - d) / (1 - d^(n + 1)) to what there is.

@@ -74,6 +74,18 @@ def test_a_convex_white_thing_under_a_white_sky_is_invisible(tmp_path: Path) -> 
     assert np.abs(image / 0.7 - 1.0).max() < 0.02 and abs(image.mean() / 0.7 - 1.0) < 2e-3
 
 
+def test_no_silhouette_of_a_coarse_smooth_mesh_is_a_dark_dot(tmp_path: Path) -> None:
+    # White under a white sky and convex: all a pixel can lose is what its shading normal looks at below its face's
+    # horizon, (1 - cos 55°) / 2 = 21 % in the corners of an octahedron. Turned round it would lose nearly all of it.
+    corners = "v 1 0 0\nv -1 0 0\nv 0 1 0\nv 0 -1 0\nv 0 0 1\nv 0 0 -1\n"
+    faces = "f 1 3 5\nf 3 2 5\nf 2 4 5\nf 4 1 5\nf 3 1 6\nf 2 3 6\nf 4 2 6\nf 1 4 6\n"
+    (tmp_path / "octahedron.obj").write_text(corners + faces)
+    text = BALL.replace('primitive = "sphere"', 'mesh = "octahedron.obj"').replace("[0, 0, 4]", "[1.3, 2.2, 3.4]")
+    layers = {"ball.0": make_layer(MODELS["lambert"], {"albedo": (1.0, 1.0, 1.0)})}
+    image = render(load(tmp_path, text), layers, SkyState(constant_environment(1.0)))
+    assert image.min() > 0.75
+
+
 def test_scale_and_rotation_of_the_sky_reach_the_background(tmp_path: Path) -> None:
     environment = load_environment(write_gradient(tmp_path))
     scene = load(tmp_path, BALL)

@@ -166,8 +166,8 @@ def test_small_large_and_mirroring_scales_are_transforms(scale):
         (b"version = ", "TOML = "),
         (b"version = 1\nversion = 1", "TOML = "),
         (b"\xff\xfe", "byte 0 = 0xff, expected UTF-8 text"),
-        (b"a = " + b"[" * 100_000, "nesting = too deep"),
-        (b"version = " + b"1" * 10_000, "TOML = "),
+        (b"a = " + b"[" * 100_000, "line 1: brackets = [["),
+        (b"version = " + b"1" * 10_000, "line 1: word = 111"),
         (b"version = 1\n[camera]\nfov_y = 1e999", "camera: "),
     ],
 )

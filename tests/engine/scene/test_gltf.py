@@ -1,4 +1,5 @@
 import copy
+import re
 import struct
 
 import numpy as np
@@ -134,8 +135,6 @@ def test_points_and_lines_are_left_out_with_a_note(triangle_glb, glb_file):
         ("nodes.0.translation", [10**400, 0, 0], "nodes 0: translation = [1000"),
         ("scene", 3, "scene = 3, expected an integer from 0 to 0"),
         ("scenes.0.nodes", [4], "scenes 0: nodes = [4], expected a list of indices"),
-        ("materials", [{"pbrMetallicRoughness": {"metallicFactor": 2}}], "metallicFactor = 2.0, expected numbers"),
-        ("materials", [{"pbrMetallicRoughness": {"baseColorFactor": [1]}}], "baseColorFactor = [1], expected 4 finite"),
     ],
 )
 def test_each_lie_in_the_json_is_named(triangle_glb, glb_file, path, value, line):
@@ -144,6 +143,22 @@ def test_each_lie_in_the_json_is_named(triangle_glb, glb_file, path, value, line
         read_glb(glb_file(spoil(tree, path, value), binary))
     text = str(caught.value)
     assert line in text and text.endswith("; nothing was changed") and "\n" not in text
+
+
+@pytest.mark.parametrize(
+    ("pbr", "line"),
+    [
+        ({"metallicFactor": 2}, "metallicFactor = 2.0, expected numbers"),
+        ({"baseColorFactor": [1]}, "baseColorFactor = [1], expected 4 finite"),
+    ],
+)
+def test_each_lie_in_a_material_is_named_where_it_is_used(triangle_glb, glb_file, pbr, line):
+    tree, binary = triangle_glb
+    tree["materials"] = [{"pbrMetallicRoughness": pbr}]
+    assert read_glb(glb_file(tree, binary)).parts[0].layers[0].model == "lambert"
+    tree["meshes"][0]["primitives"][0]["material"] = 0
+    with pytest.raises(LoadError, match=re.escape(line)):
+        read_glb(glb_file(tree, binary))
 
 
 def test_indices_out_of_range_and_vertices_that_are_no_numbers(triangle_glb, glb_file):
@@ -209,11 +224,12 @@ def test_twenty_thousand_nested_nodes_are_too_deep(triangle_glb, glb_file):
 
 
 def test_instances_do_not_multiply_without_bound(triangle_glb, glb_file, monkeypatch):
-    monkeypatch.setattr("engine.scene.gltf.MAX_VERTICES", 300)
+    monkeypatch.setattr("engine.scene.gltf.MOST_COPIED", 300)
     tree, binary = triangle_glb
     tree["nodes"] = [{"mesh": 0}] * 101
     tree["scenes"] = [{"nodes": list(range(101))}]
-    with pytest.raises(LoadError, match="vertices of all nodes = 303, expected at most 300"):
+    # three vertices and a face each; 44 bytes of numbers
+    with pytest.raises(LoadError, match="vertices and faces of all copies = 404, expected at most 344 in a file of"):
         read_glb(glb_file(tree, binary))  # a small file could ask for terabytes
 
 

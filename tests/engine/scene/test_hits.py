@@ -73,7 +73,7 @@ def test_both_sides_reflect(scene_file):
     assert (back.offset_position[:, 2] < back.position[:, 2]).all()  # lifted to the eye's side
 
 
-def test_a_leaning_normal_is_turned_by_its_own_sign(scene_file, mesh_file):
+def test_a_normal_that_leans_away_is_bent_to_the_eye_and_stays_on_its_side(scene_file, mesh_file):
     head = "ply\nformat ascii 1.0\nelement vertex 3\n" + "".join(
         f"property float {n}\n" for n in ("x", "y", "z", "nx", "ny", "nz"))
     text = head + "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
@@ -82,7 +82,14 @@ def test_a_leaning_normal_is_turned_by_its_own_sign(scene_file, mesh_file):
     scene, hits = trace(scene_file('[[object]]\nname = "t"\nmesh = "t.ply"\n', camera((-3, 0, 0.5))))
     check_invariants(scene, hits)
     assert (hits.geometric_normal[:, 2] > 0.99).all()
-    assert (hits.normal[:, 0] < -0.99).all()  # the shading frame is turned to the eye, and finite
+    # Turned round by its own sign it would be -X and see what is behind the face. It is the one in the plane of the
+    # normal and the eye that the eye sees edge on: n - (n·wo) wo, normalized, and a hair towards the eye.
+    leaning = np.array([1.0, 0.0, 0.01]) / np.hypot(1.0, 0.01)
+    edge_on = leaning - (hits.wo @ leaning)[:, None] * hits.wo
+    edge_on /= np.linalg.norm(edge_on, axis=1, keepdims=True)
+    assert np.abs(hits.normal - edge_on).max() < 0.01
+    assert np.einsum("pk,pk->p", hits.normal, hits.wo).min() > 0
+    assert np.einsum("pk,pk->p", hits.normal, hits.geometric_normal).min() > 0
 
 
 def test_vertex_normals_that_cancel_fall_back_to_the_face(scene_file, mesh_file):

@@ -13,7 +13,9 @@ from engine.scene.load import Scene, load_scene
 from engine.scene.mesh import Mesh
 from engine.scene.raycaster import RayCaster
 
-COUNTS = {"vase": (9, 7), "room": (8, 6), "ring": (3, 2)}  # objects, editable ones
+COUNTS = {  # objects, editable ones
+    "vase": (9, 7), "room": (8, 6), "ring": (3, 2), "stairwell": (14, 7), "ajar": (9, 8), "storeroom": (11, 10),
+}  # fmt: skip
 SIZE = 1_000_000
 
 
@@ -72,3 +74,21 @@ def _middle(scene: Scene, name: str) -> np.ndarray:
     index = [item.name for item in scene.description.objects].index(name)
     start, stop = scene.triangle_ranges[index]
     return np.asarray(scene.vertices[scene.triangles[start:stop]].mean(axis=(0, 1), dtype=np.float64))
+
+
+@pytest.mark.parametrize("name", ["stairwell", "ajar", "storeroom"])
+def test_a_closed_room_shows_nothing_of_what_is_outside(name: str) -> None:
+    # A gap between two slabs would be a black line in a room whose only light is its own.
+    scene = load_scene(builtin_scenes()[name])
+    eye = scene.eye.astype(np.float32)
+    directions = np.random.default_rng(5).normal(size=(100_000, 3)).astype(np.float32)
+    found = RayCaster(scene.vertices, scene.triangles).intersect(np.tile(eye, (len(directions), 1)), directions)
+    assert (found.triangle >= 0).all()
+
+
+def test_the_lamps_of_the_stairwell_differ_by_four_orders_in_size() -> None:
+    scene = load_scene(builtin_scenes()["stairwell"])
+    shining = scene.emitters[scene.object_of_triangle]
+    corners = scene.vertices[scene.triangles[shining]].astype(np.float64)
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    assert len(area) == 2 * 13 and area.max() / area.min() > 1e4

@@ -50,11 +50,25 @@ def test_mirrored_objects_face_outward(scene_file):
 def test_oddities_are_noted_by_object(scene_file, mesh_file):
     text = TRIANGLE.replace("element face 1", "element face 3").replace("\n3 0 1 2\n", "\n3 0 1 2\n3 0 1 1\n3 2 1 0\n")
     mesh_file("t.ply", text)
-    scene = load_scene(scene_file(mesh_object("t.ply")))
+    scene = load_scene(scene_file(mesh_object("t.ply", 'layer = [{ model = "lambert" }]')))
     assert scene.notes == ("thing: 1 faces without area left out", "thing: 1 faces that repeat another")
     assert len(scene.triangles) == 2 and np.isfinite(scene.normals).all()
     lamp = load_scene(scene_file(QUAD + 'emission = 1\nlayer = [{ model = "lambert", albedo = 0.5 }]\n'))
     assert lamp.notes == ("card: shines, so its layers are not shown",)
+
+
+def test_an_object_without_layers_is_grey_and_said_to_be(scene_file, mesh_file):
+    mesh_file("t.ply", TRIANGLE)
+    lamp = '[[object]]\nname = "lamp"\nprimitive = "quad"\nemission = 1\n'
+    scene = load_scene(scene_file(QUAD + mesh_object("t.ply") + lamp))
+    card, thing, shining = scene.description.objects
+    for bare in (card, thing):
+        (layer,) = bare.layers
+        assert layer.model == "lambert" and layer.parameters == {"albedo": (0.5, 0.5, 0.5)} and bare.editable
+    assert shining.layers == ()  # what shines needs none
+    assert scene.notes == ("card, thing: without a material, shown in a grey that can be edited",)
+    many = "".join(QUAD.replace("card", f"card {k}") for k in range(5))
+    assert load_scene(scene_file(many)).notes[0].startswith("card 0, card 1, card 2 and 2 more: without a material")
 
 
 def test_a_scene_far_from_the_origin_keeps_its_detail(scene_file):

@@ -9,7 +9,10 @@ import pytest
 from PIL import Image
 
 from engine.errors import LoadError
+from engine.material import MODELS
+from engine.material.layer import Layer
 from engine.material.maps import Images, LayerMaps, MapMeans
+from engine.render.maps import MapFactors
 from engine.scene.description import dump_description, load_description, parse_description
 from engine.scene.load import Scene, load_scene
 from engine.scene.mesh import place_mesh, read_mesh
@@ -236,10 +239,44 @@ def test_images_that_a_scene_may_not_name(tmp_path: Path, name: str, words: str)
         scene_of(folder, CARD.replace("MAPS", f'texture = "{name}"'))
 
 
-def test_a_mesh_without_coordinates_has_no_use_for_a_texture(tmp_path: Path) -> None:
-    (tmp_path / "bare.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
-    write(tmp_path / "a.png", np.zeros((2, 2, 3)))
-    text = CARD.replace('primitive = "quad"', 'mesh = "bare.obj"').replace("MAPS", 'texture = "a.png"')
-    expected = "object 'card': texture = a mesh without texture coordinates, expected a mesh with texture coordinates"
-    with pytest.raises(LoadError, match=expected):
-        scene_of(tmp_path, text)
+# Corners of a card without texture coordinates: 4 wide and 2 high, it covers the lower half of its image.
+BARE = "v -2 -1 0\nv 2 -1 0\nv 2 1 0\nv -2 1 0\nf 1 2 3 4\n"
+
+
+def bare_card(folder: Path, scale: str = "[1, 1]") -> Scene:
+    """Quarters of one image: below red and green, above blue and white."""
+    (folder / "bare.obj").write_text(BARE)
+    write(folder / "a.png", np.repeat(np.repeat([[[0, 0, 255], [255] * 3], [[255, 0, 0], [0, 255, 0]]], 32, 0), 32, 1))
+    maps = f'texture = "a.png", texture_scale = {scale}'
+    text = CARD.replace('primitive = "quad"', 'mesh = "bare.obj"').replace("MAPS", maps)
+    return scene_of(folder, text.replace("fov_y = 20", "fov_y = 36"))
+
+
+def test_a_mesh_without_coordinates_is_projected_on(tmp_path: Path) -> None:
+    scene = bare_card(tmp_path)
+    assert scene.notes == ("card: no texture coordinates, so images are projected from the sides of its box",)
+    images = scene.description.objects[0].layers[0].maps.images
+    placement = Placement(scene)
+    seen = MapSampler(scene, placement.caster, placement.hits).see(0, images)
+    columns = placement.hits.pixel % 24
+    left, right = columns < 10, columns > 13
+    assert left.any() and np.allclose(seen.texture[left], (1, 0, 0), atol=0.02)
+    assert right.any() and np.allclose(seen.texture[right], (0, 1, 0), atol=0.02)
+    assert np.allclose(seen.means.texture, (0.5, 0.5, 0.0), atol=0.02)  # only the lower half is on it
+    found = placement.caster.intersect(
+        np.tile(scene.eye.astype(np.float32), (len(columns), 1)),
+        placement.hits.ray_directions.reshape(-1, 3)[placement.hits.pixel],
+    )  # what paths look up at their vertices is what the eye sees
+    layer = Layer(MODELS["lambert"], "a", (), maps=scene.description.objects[0].layers[0].maps)
+    factors = MapFactors(scene, {0: [layer]})
+    looked_up = factors.of_hits(found, np.zeros(len(columns), np.int32), np.arange(len(columns)))
+    assert np.allclose(looked_up[left | right, 0], seen.texture[left | right], atol=0.02)
+
+
+def test_repeats_count_on_the_box(tmp_path: Path) -> None:
+    scene = bare_card(tmp_path, "[1, 2]")
+    images = scene.description.objects[0].layers[0].maps.images
+    placement = Placement(scene)
+    means = MapSampler(scene, placement.caster, placement.hits).see(0, images).means
+    assert np.allclose(means.texture, (0.5, 0.5, 0.5), atol=0.02)  # all of it, once
+

@@ -6,9 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from engine.curve import wavelet
+from engine.stored_arrays import UnsoundArrays
 from engine.transport import _band_kernels as kernels
 from engine.transport._projection_kernels import Encoded
-from engine.transport.bandstore import BandStore, BandTile, join_tiles, store_from_arrays
+from engine.transport.bandstore import BandStore, BandTile, arrays_of_file, join_tiles, store_from_arrays
+from engine.transport.fixed import picture_of_file
+from tests.engine.forging import forged_numbers, forged_shapes
 from tests.naive.transport import decode
 
 TRIM = np.float32(1e-3)
@@ -173,3 +176,28 @@ def test_the_empty_ends_of_a_row_are_passed_by_and_faint_ones_move_inwards() -> 
     row = np.array([0.0, 1e-6, 0.0, 1.0, 0.0, 0.5, 0.0, 1e-7, 0.0])
     tile = encode_tile(np.tile(row[None, None, :, None], (1, 1, 1, 3)))
     assert (tile.first[0, 0], tile.count[0, 0], len(tile.values)) == (3, 3, 3)
+
+
+@pytest.mark.parametrize("bands", [(8, 4), (8, 1)])
+def test_arrays_that_are_not_a_store_are_refused(bands) -> None:
+    arrays = store_of(sparse_bands(11, *bands, seed=7)).arrays()
+    for name, array in arrays_of_file(bands, 11, arrays).items():
+        np.testing.assert_array_equal(array, arrays[name])
+    numbers = {name: array for name, array in arrays.items() if name != "values"}  # any word is a colour
+    forgeries = [*forged_shapes(arrays), *((what, arrays | forged) for what, forged in forged_numbers(numbers))]
+    assert len(forgeries) > 30
+    for what, forged in forgeries:
+        with pytest.raises(UnsoundArrays):
+            arrays_of_file(bands, 11, forged)
+            pytest.fail(what)
+    for other, n_points in (((4, bands[1]), 11), (bands, 10), (bands, 12), ((bands[0], 2), 11)):
+        with pytest.raises(UnsoundArrays):
+            arrays_of_file(other, n_points, arrays)
+
+
+def test_arrays_that_are_not_a_picture_are_refused() -> None:
+    arrays = {"picture": np.ones((5, 3), np.float32)}
+    np.testing.assert_array_equal(picture_of_file(5, arrays), arrays["picture"])
+    for _, forged in (*forged_shapes(arrays), *forged_numbers(arrays)):
+        with pytest.raises(UnsoundArrays):
+            picture_of_file(5, forged)

@@ -1,0 +1,39 @@
+"""What numba calls to find the files of compiled kernels: a folder that fails it costs time, never the work.
+
+Of itself it ends the program where a kernel cannot be kept (a full disk) or a file of an earlier one is damaged (a
+power cut), and where no folder can be written it declines to compile. Named by an environment variable, so that it is
+read with numba, in every process, and never before.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+from collections.abc import Callable, Iterator
+
+from numba.core import caching
+
+_log = logging.getLogger("insitu.kernels")
+
+
+class KernelFiles(caching.UserProvidedCacheLocator):  # type: ignore[misc]
+    """The folder in NUMBA_CACHE_DIR, whether or not it can be written."""
+
+    @classmethod
+    def from_function(cls, function: Callable[..., object], source: str) -> KernelFiles:
+        return cls(function, source)
+
+
+@contextlib.contextmanager
+def _whatever_happens(cache: caching.Cache) -> Iterator[None]:
+    """Around reading and writing a kernel's files: where that fails it is compiled, and its files are begun anew."""
+    try:
+        yield
+    except Exception as error:
+        _log.info("%r: %s: %s", cache, type(error).__name__, error)
+        with contextlib.suppress(OSError):
+            cache.flush()
+
+
+# Numba's own place for this, which it leaves empty outside of Windows.
+caching.Cache._guard_against_spurious_io_errors = _whatever_happens  # type: ignore[method-assign, assignment]

@@ -1,0 +1,70 @@
+"""The scenes and sessions that were opened or saved last, for the menu; kept in a file of the state folder.
+
+One full path a line, the newest first. It is a convenience: a file that is missing, damaged or cannot be written costs
+nothing but the memory.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from app.atomic import replacing
+
+MOST = 10
+MOST_BYTES = 64 * 1024
+# Whether files are there is asked again after so long: a folder on the network may be slow to answer.
+FRESH_SECONDS = 2.0
+
+
+@dataclass(frozen=True)
+class Recent:
+    """A file of the list; `there`: whether it still is where it was."""
+
+    path: Path
+    there: bool
+
+
+class RecentFiles:
+    """The list of one window; several may share a `file`. None keeps it in memory alone."""
+
+    def __init__(self, file: Path | None = None) -> None:
+        self._file = file
+        self._paths = self._read()
+        self._looked: tuple[Recent, ...] = ()
+        self._looked_at = float("-inf")
+
+    def entries(self) -> tuple[Recent, ...]:
+        """The newest first."""
+        now = time.monotonic()
+        if now - self._looked_at > FRESH_SECONDS:
+            self._looked = tuple(Recent(path, path.is_file()) for path in self._paths)
+            self._looked_at = now
+        return self._looked
+
+    def add(self, path: Path) -> None:
+        """Put a file first, with what other windows have added meanwhile after it.
+
+        Not waited for until it is on the disk, for this runs between two frames.
+        """
+        known = [*self._read(), *self._paths] if self._file is not None else self._paths
+        self._paths = list(dict.fromkeys([path, *known]))[:MOST]
+        self._looked_at = float("-inf")
+        if self._file is None or any("\n" in str(each) for each in self._paths):
+            return
+        try:
+            with replacing(self._file, durable=False) as file:
+                file.write("".join(f"{each}\n" for each in self._paths).encode(errors="surrogateescape"))
+        except OSError:
+            return
+
+    def _read(self) -> list[Path]:
+        if self._file is None:
+            return []
+        try:
+            with open(self._file, "rb") as file:
+                lines = file.read(MOST_BYTES).decode(errors="surrogateescape").splitlines()
+        except OSError:
+            return []
+        return [Path(line) for line in lines if Path(line).is_absolute() and "\0" not in line][:MOST]

@@ -1,0 +1,119 @@
+"""TOML in and out: reading with the standard library's parser, and the writer that it lacks.
+
+All TOML that Insitu reads passes through `parse_toml`: whatever a text holds ends as a tree of plain values or as one
+LoadError; what the tree means is for pydantic models. The parser takes memory that grows with the square of a key's
+parts, and stack for each bracket, so that both are counted before it sees the text.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from engine.errors import LoadError
+from engine.scene.files import read_regular_file
+
+MAX_PARTS = 16
+MAX_LEVELS = 16
+MAX_WORD = 256  # no number is longer: beyond it are integers that cannot even be printed
+
+# Strings and comments as wholes, so that what is in them counts for nothing; an unclosed one goes on to where the
+# parser gives up. Nothing is ever matched twice: every repetition is possessive.
+_TOKEN = re.compile(
+    r"""
+      \"""(?:[^"\\]++|\\.?|"(?!""))*+(?:"{3,5}|\Z)
+    | '''(?:[^']++|'(?!''))*+(?:'{3,5}|\Z)
+    | "(?:[^"\\\n]++|\\[^\n]?)*+"?
+    | '[^'\n]*+'?
+    | \#[^\n]*+
+    | [\[\]{}=,.\n]
+    | [^\s\[\]{}=,."'\#]++
+    """,
+    re.VERBOSE | re.DOTALL,
+)
+
+
+def load_toml(path: Path, max_bytes: int) -> dict[str, Any]:
+    """The tree of a TOML file; LoadError when it is not a regular file, too large, or not TOML."""
+    data = read_regular_file(path, max_bytes)
+    try:
+        text = data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise LoadError(path, f"byte {error.start}", hex(data[error.start]), "UTF-8 text") from None
+    return parse_toml(text, path)
+
+
+def parse_toml(text: str, file: str | Path) -> dict[str, Any]:
+    """The tree of a TOML text, called `file` in what LoadError says of it."""
+    _check_depth(text, file)
+    try:
+        return tomllib.loads(text)
+    except ValueError as error:
+        raise LoadError(file, "TOML", str(error), "a valid TOML file") from None
+
+
+def _check_depth(text: str, file: str | Path) -> None:
+    """Raises LoadError for a key of many parts, for many brackets in each other and for endless words."""
+    parts, levels, begin = 1, 0, 0
+    for token in _TOKEN.finditer(text):
+        kind = text[token.start()]
+        if kind in "[]{}=,\n":
+            levels = max(levels + (kind in "[{") - (kind in "]}"), 0)
+            parts, begin = 1, token.end()
+            if levels > MAX_LEVELS:
+                raise _too_much(text, token.start(), file, "brackets", f"at most {MAX_LEVELS} in each other")
+        elif kind == ".":
+            parts += 1
+            if parts > MAX_PARTS:
+                raise _too_much(text, begin, file, "key", f"at most {MAX_PARTS} parts")
+        elif kind not in "\"'#" and token.end() - token.start() > MAX_WORD:
+            raise _too_much(text, token.start(), file, "word", f"at most {MAX_WORD} characters")
+
+
+def _too_much(text: str, place: int, file: str | Path, what: str, expected: str) -> LoadError:
+    line = text.count("\n", 0, place) + 1
+    return LoadError(file, f"line {line}: {what}", text[place : place + MAX_WORD].strip(), expected)
+
+
+def check_version(tree: Mapping[str, Any], file: str | Path, supported: int) -> None:
+    """Refuse a file of another version; one from the future says so."""
+    version = tree.get("version")
+    if isinstance(version, int) and version > supported:
+        raise LoadError(file, "version", f"{version} (made by a newer version)", f"version {supported}")
+    if version != supported or isinstance(version, bool):
+        raise LoadError(file, "version", "nothing" if version is None else version, str(supported))
+
+
+def toml_lines(values: Mapping[str, Any]) -> list[str]:
+    """``key = value`` lines; keys at None are left out."""
+    return [f"{_key(key)} = {toml_value(value)}" for key, value in values.items() if value is not None]
+
+
+def toml_value(value: object) -> str:
+    """A TOML value; floats in the shortest form that reads back the same."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int | float):
+        return repr(value)
+    if isinstance(value, str):
+        plain = value.isprintable() and '"' not in value and "\\" not in value  # a map's strokes are a megabyte
+        return f'"{value}"' if plain else '"' + "".join(_escape(character) for character in value) + '"'
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(toml_lines(value)) + " }"
+    if isinstance(value, Iterable):
+        return "[" + ", ".join(toml_value(item) for item in value) + "]"
+    raise TypeError(f"{type(value).__name__} has no form in TOML")
+
+
+def _key(key: str) -> str:
+    bare = key.isascii() and key.replace("_", "a").replace("-", "a").isalnum()
+    return key if bare else toml_value(key)
+
+
+def _escape(character: str) -> str:
+    if character in '"\\':
+        return "\\" + character
+    return character if character.isprintable() else f"\\U{ord(character):08x}"

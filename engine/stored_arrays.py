@@ -1,0 +1,73 @@
+"""Arrays that come back from a file, held against what they have to be before anything is computed with them.
+
+Kernels index without looking: an array of another shape or with a number too large would read memory that is not its
+own. A checksum says that bytes are as they were written, not that what was written belongs here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+Arrays = Mapping[str, NDArray[np.generic]]
+
+
+class UnsoundArrays(Exception):
+    """Not what was stored: the caller computes it anew."""
+
+
+class ArrayReader:
+    """Takes arrays out one by one. Sizes have names; those not given here are what the first array has that names them:
+    `ArrayReader(arrays, P=10).take("seen", np.uint16, "P", "R")`."""
+
+    def __init__(self, arrays: Arrays, **sizes: int) -> None:
+        self._arrays = arrays
+        self.sizes = sizes
+
+    def take(
+        self, name: str, dtype: DTypeLike, *shape: int | str, below: int | None = None, or_else: int | None = None
+    ) -> NDArray[Any]:
+        """A copy, which kernels may write. Floats are finite; integers from 0, and less than `below` or `or_else`.
+
+        Raises UnsoundArrays.
+        """
+        array = self._arrays.get(name)
+        if array is None:
+            raise UnsoundArrays(f"there is no {name!r}")
+        if array.dtype != np.dtype(dtype) or not self._fits(array.shape, shape):
+            raise UnsoundArrays(f"{name!r} is {array.dtype} {array.shape}, expected {np.dtype(dtype)} {shape}")
+        if array.dtype.kind == "f" and not np.isfinite(array).all():
+            raise UnsoundArrays(f"{name!r} is not finite")
+        if below is not None and array.size and not _within(array, below, or_else):
+            raise UnsoundArrays(f"{name!r} has numbers beyond 0 to {below - 1}")
+        return np.array(array)
+
+    def runs(self, name: str, of: str, within: str) -> NDArray[np.int64]:
+        """Where each of `of` rows begins in arrays of `within` entries, and where the last ends.
+
+        Raises UnsoundArrays.
+        """
+        starts = self.take(name, np.int64, self.sizes[of] + 1)
+        end = self.sizes.setdefault(within, int(starts[-1]))
+        if starts[0] != 0 or starts[-1] != end or (np.diff(starts) < 0).any():
+            raise UnsoundArrays(f"{name!r} does not begin and end with the rows")
+        return starts
+
+    def _fits(self, found: tuple[int, ...], expected: tuple[int | str, ...]) -> bool:
+        if len(found) != len(expected):
+            return False
+        wanted = (
+            self.sizes.setdefault(size, n) if isinstance(size, str) else size
+            for n, size in zip(found, expected, strict=True)
+        )
+        return found == tuple(wanted)
+
+
+def _within(array: NDArray[Any], below: int, or_else: int | None) -> bool:
+    good = array < below
+    if or_else is not None:
+        good |= array == or_else
+    return bool(good.all()) and int(array.min()) >= 0

@@ -1,0 +1,74 @@
+"""Kernels are compiled wherever their files cannot be kept or read, and what is damaged is kept anew."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from app.kernel_cache import use_kernel_cache
+
+SWEPT = [("nbc", b""), ("nbi", b"\x80\x05junk")]
+ROOT = Path(__file__).resolve().parents[2]
+KERNEL = """
+from numba import njit
+
+@njit(cache=True)
+def twice(x):
+    return x + x
+"""
+# The arguments: the largest file that may be written.
+PROGRAM = """
+import resource, sys
+from app.kernel_cache import use_kernel_cache
+use_kernel_cache()
+from kernel import twice
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]), resource.getrlimit(resource.RLIMIT_FSIZE)[1]))
+assert twice(21) == 42
+print(sum(twice.stats.cache_hits.values()))
+"""
+
+
+def n_read(place: Path, folder: Path, largest: int = 1 << 30) -> int:
+    """How many kernels another process reads from its files, where it runs one."""
+    (folder / "kernel.py").write_text(KERNEL)
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(place), "PYTHONPATH": f"{ROOT}{os.pathsep}{folder}"}
+    environment.pop("NUMBA_DISABLE_JIT", None)
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM, str(largest)], env=environment, capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0 and not done.stderr, done.stderr
+    return int(done.stdout)
+
+
+def test_a_full_disk_costs_time_alone(tmp_path: Path) -> None:
+    place = tmp_path / "kernels"
+    assert n_read(place, tmp_path, largest=200) == 0
+    assert [n_read(place, tmp_path), n_read(place, tmp_path)] == [0, 1]
+
+
+@pytest.mark.parametrize("place", ["file", pytest.param("/proc/self/kernels", marks=pytest.mark.sweep)])
+def test_a_folder_that_cannot_be_costs_time_alone(tmp_path: Path, place: str) -> None:
+    (tmp_path / "file").write_bytes(b"mine")
+    assert n_read(tmp_path / place, tmp_path) == 0
+    assert (tmp_path / "file").read_bytes() == b"mine" and not (tmp_path / "__pycache__" / "kernel.nbi").exists()
+
+
+@pytest.mark.parametrize(
+    ("kind", "content"),
+    [("nbi", b""), ("nbc", b"\x80\x05junk"), *(pytest.param(*odd, marks=pytest.mark.sweep) for odd in SWEPT)],
+)
+def test_damaged_files_are_replaced(tmp_path: Path, kind: str, content: bytes) -> None:
+    place = tmp_path / "kernels"
+    n_read(place, tmp_path)
+    (file,) = place.rglob(f"*.{kind}")
+    file.write_bytes(content)
+    assert [n_read(place, tmp_path), n_read(place, tmp_path)] == [0, 1]
+
+
+def test_what_is_run_is_read_from_a_folder_of_ones_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NUMBA_CACHE_DIR")
+    monkeypatch.setattr("platformdirs.user_cache_dir", lambda *_, **__: str(tmp_path / "cache" / "insitu"))
+    use_kernel_cache()
+    assert (tmp_path / "cache" / "insitu").stat().st_mode & 0o777 == 0o700

@@ -1,0 +1,287 @@
+"""Whatever a hand does, at whatever stage: no fault, no word of ours, and in the end the picture of a fresh editor.
+
+The worker is the real one on a small scene, in this process, so that its steps can be counted: a command comes after
+any step of it, its answers lie about for a while before they are taken, and it can be killed between two of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import moderngl
+import numpy as np
+import pytest
+
+from app.commands import (
+    AddOperator,
+    ResetCurve,
+    SetEditable,
+    SetEnvironment,
+    SetFresnelTerm,
+    SetModel,
+    SetParameter,
+    SetRotation,
+    SetVisible,
+)
+from app.editor import Editor
+from app.jobs.cache import Store
+from app.jobs.messages import Cancel, Failed, Request, Response, WorkerRestarted, stamped
+from app.jobs.schedule import Schedule
+from app.jobs.standing import Standing
+from app.jobs.tasks import Tasks
+from app.library import Library
+from app.material_commands import AddLayers, RemoveLayer, SetMaterial, new_layer
+from app.view_state import SetView
+from engine.curve.operators import Operator
+from tests.ui.small_scene import write_small_scene
+from ui.gl.placement import PlacementRenderer
+from ui.picture_feed import PictureFeed
+
+pytestmark = pytest.mark.gl
+
+LIFT = Operator("translate", "y", 0.1, 0.2, 0.5, 0.8, magnitude=0.4)
+RESOLUTION = (48, 32)
+FRAME_SECONDS = 0.03
+MOST_FRAMES = 20_000
+# Half floats, and sums of 128 of them.
+TOLERANCE = 4e-3
+
+
+class LateClient:
+    """As `Client`, but the worker takes a few steps a poll, and what it answers lies about before it is taken."""
+
+    alive, pid, arriving = True, None, False
+
+    def __init__(self, random: np.random.Generator, store: Store) -> None:
+        self._random, self._store = random, store
+        self._schedule, self._standing = Schedule(Tasks(store)), Standing()
+        self._late: list[Response] = []
+        self._n_sent = 0
+        self.hurries = False
+
+    def send(self, request: Request) -> int:
+        self._n_sent += 1
+        request = stamped(request, self._n_sent, request.revision)
+        self._standing.add(request)
+        if isinstance(request, Cancel):
+            self._schedule.accept(request)
+        self._post_standing()
+        return request.id
+
+    def poll(self, budget_s: float = 0.004) -> list[Response]:
+        for _ in range(60 if self.hurries else int(self._random.integers(0, 6))):
+            if self._schedule.choose() is None:
+                break
+            if (response := self._schedule.step()) is not None:
+                self._late.append(response)
+        n = len(self._late) if self.hurries else int(self._random.integers(0, len(self._late) + 1))
+        taken, self._late = self._late[:n], self._late[n:]
+        return [response for response in taken if self._counts(response)]
+
+    def kill(self) -> None:
+        """The process dies: of what it has sent a part is still read, and another one is given what stands."""
+        self._late = [*self._late[: int(self._random.integers(0, len(self._late) + 1))], WorkerRestarted("killed")]
+        self._schedule = Schedule(Tasks(self._store))
+        self._standing.new_worker()
+        self._post_standing()
+
+    def close(self) -> None:
+        """Nothing to end."""
+
+    def _counts(self, response: Response) -> bool:
+        if isinstance(response, WorkerRestarted):
+            return True
+        self._standing.heard(response)
+        if not self._standing.is_current(response):
+            return False
+        self._standing.settle(response)
+        if isinstance(response, Failed):
+            self._post_standing()
+        return True
+
+    def _post_standing(self) -> None:
+        for request in self._standing.to_send():
+            self._schedule.accept(request)
+
+
+class Walk:
+    """An editor, its picture on the graphics card, and the lines that were told while nobody gave a command."""
+
+    def __init__(self, context: moderngl.Context, source: str, client: LateClient, **view: object) -> None:
+        self.client = client
+        self.editor = Editor(client, source, resolution=RESOLUTION)
+        self.feed = PictureFeed(PlacementRenderer(context))
+        self.editor.do(SetView.of(n_lights=1000, **view))
+        self.view = view
+        self.now, self.told = 0.0, set[str]()
+
+    def frames(self, n: int = 1) -> None:
+        for _ in range(n):
+            self.now += FRAME_SECONDS
+            before = self.editor.status.message_number
+            self.feed.take(self.editor, self.now)
+            self.feed.draw(self.editor, 10.0)
+            status = self.editor.status
+            if status.message_number != before and status.is_error:
+                self.told.add(status.message)
+
+    def until(self, done: Callable[[], bool]) -> None:
+        for _ in range(MOST_FRAMES):
+            if done():
+                return
+            self.frames()
+        raise AssertionError(self.editor.status)
+
+    def settle(self) -> np.ndarray:
+        """The final picture, linear."""
+        self.editor.end_drag()
+        self.client.hurries = True
+        self.until(lambda: self.editor.status.is_finished and not self.feed.is_behind)
+        self.frames(3)
+        self.client.hurries = False
+        return self.feed.renderer.linear_image()
+
+    def close(self) -> None:
+        self.feed.close()
+        self.editor.close()
+
+
+LIBRARY = Library()
+LIBRARY.read_all()
+NAMES = ("Copper", "Velvet, red", "Porcelain", "Car paint, blue", "Plaster")
+COMMANDS: dict[str, Callable[[Walk], object]] = {
+    "lift": lambda w: w.editor.do(AddOperator("ball.1", "theta_h", LIFT)),
+    "lift another curve": lambda w: w.editor.do(AddOperator("ball.1", "theta_d", LIFT)),
+    "lift the ground": lambda w: w.editor.do(AddOperator("ground.0", "theta_i", LIFT)),
+    "reset": lambda w: w.editor.do(ResetCurve("ball.1", "theta_h")),
+    "roughness": lambda w: w.editor.do(SetParameter("ball.1", "alpha", 0.4)),
+    "eta": lambda w: w.editor.do(SetParameter("ball.1", "eta", 1.7)),
+    "Cook-Torrance": lambda w: w.editor.do(SetModel("ball.1", "cook_torrance")),
+    "Phong": lambda w: w.editor.do(SetModel("ball.0", "phong")),
+    "Fresnel term": lambda w: w.editor.do(SetFresnelTerm("ball.1", True)),
+    "a layer more": lambda w: w.editor.do(AddLayers("ball", (new_layer("schlick"),))),
+    "a layer less": lambda w: w.editor.do(RemoveLayer("ball.0")),
+    "hide": lambda w: w.editor.do(SetVisible("ball.0", False)),
+    "show": lambda w: w.editor.do(SetVisible("ball.0", True)),
+    "turn": lambda w: w.editor.do(SetRotation(w.editor.document.light.rotation + 20.0)),
+    "hall": lambda w: w.editor.do(SetEnvironment("hall")),
+    "studio": lambda w: w.editor.do(SetEnvironment("studio")),
+    "no such sky": lambda w: w.editor.do(SetEnvironment("/nowhere/sky.exr")),
+    "fix": lambda w: w.editor.do(SetEditable("ground", False)),
+    "free": lambda w: w.editor.do(SetEditable("ground", True)),
+    "undo": lambda w: w.editor.undo(),
+    "redo": lambda w: w.editor.redo(),
+    "take hold": lambda w: w.editor.begin_drag(),
+    "let go": lambda w: w.editor.end_drag(),
+    "give up": lambda w: w.editor.cancel_drag(),
+    "select θh": lambda w: w.editor.select("ball.1.theta_h"),
+    "select θd": lambda w: w.editor.select("ball.1.theta_d"),
+    "select the base": lambda w: w.editor.select("ball.0"),
+    "select the ground": lambda w: w.editor.select("ground"),
+    "select nothing": lambda w: w.editor.select(None),
+    "half": lambda w: w.editor.do(SetView.of(precision="half")),
+    "float": lambda w: w.editor.do(SetView.of(precision="float")),
+    "compare": lambda w: w.editor.do(SetView.of(compare=w.editor.document)),
+    "compare no more": lambda w: w.editor.do(SetView.of(compare=None)),
+    "a scene that is not there": lambda w: w.editor.open("nowhere.toml"),
+    "kill": lambda w: w.client.kill(),
+    "stop and go on": lambda w: (w.editor.cancel_work(), w.editor.resume_work()),
+    **{
+        name: lambda w, name=name: w.editor.do(SetMaterial("ball", LIBRARY.entry(name).material.layers))
+        for name in NAMES
+    },
+}
+# Said to a person, and meant for one.
+MAY_BE_TOLD = ("the worker was started again (killed); your edits are untouched", "/nowhere/sky.exr", "nowhere.toml")
+
+
+@pytest.fixture
+def source(tmp_path: Path) -> str:
+    return str(write_small_scene(tmp_path))
+
+
+@pytest.mark.parametrize("restless", ["eta", "selection"])
+def test_a_hand_that_never_rests_while_the_stages_come(
+    context: moderngl.Context, source: str, tmp_path: Path, restless: str
+) -> None:
+    # Pictures of one stage are asked for while another is computed, in each of its steps.
+    here = Walk(context, source, LateClient(np.random.default_rng(1), Store(tmp_path / "cache")), n_bounces=1)
+    try:
+        here.until(lambda: here.editor.scene_is_open)
+        here.editor.do(SetModel("ball.1", "cook_torrance"))
+        n = 0
+        while here.editor.status.light_note != "final for 0.0°":
+            n += 1
+            if restless == "eta":
+                here.editor.do(SetParameter("ball.1", "eta", 1.2 + 0.01 * (n % 50)))
+            else:
+                here.editor.select(("ball.1.theta_h", "ball.1.theta_d", "ground.0", "ball.0")[n % 4])
+            here.frames()
+            assert n < MOST_FRAMES
+        assert not here.told
+        shown = here.settle()
+        expected = fresh(context, here, tmp_path)
+    finally:
+        here.close()
+    assert relative_error(shown, expected) < TOLERANCE
+
+
+def walk(context: moderngl.Context, source: str, tmp_path: Path, seed: int, n_commands: int, bounces: int) -> None:
+    random = np.random.default_rng(seed)
+    store = Store(tmp_path / "cache")
+    here = Walk(context, source, LateClient(random, store), n_bounces=bounces)
+    done: list[str] = []
+    try:
+        here.client.hurries = True
+        here.until(lambda: here.editor.scene_is_open)
+        here.editor.do(SetView.of(n_bounces=bounces))
+        here.client.hurries = False
+        for name in map(str, random.choice(sorted(COMMANDS), n_commands)):
+            done.append(name)
+            COMMANDS[name](here)
+            here.frames(int(random.choice([0, 1, 3, 10, 40])))
+        shown = here.settle()
+        assert all(any(known in line for known in MAY_BE_TOLD) for line in here.told), here.told
+        here.editor.do(SetView.of(compare=None, solo=None))
+        expected = fresh(context, here, tmp_path)
+    finally:
+        print(seed, done)
+        here.close()
+    assert relative_error(shown, expected) < (TOLERANCE if bounces == 1 else 0.1), seed
+    assert context.error == "GL_NO_ERROR"
+
+
+def fresh(context: moderngl.Context, before: Walk, tmp_path: Path) -> np.ndarray:
+    """The picture of a new editor and a new worker, with nothing in the cache, on the document as it was saved."""
+    session = tmp_path / "walk.insitu"
+    assert before.editor.save(session) is None
+    other = Walk(context, str(session), LateClient(np.random.default_rng(0), Store(tmp_path / "empty")))
+    try:
+        other.client.hurries = True
+        other.until(lambda: other.editor.scene_is_open)
+        other.client.hurries = True
+        return other.settle()
+    finally:
+        other.close()
+
+
+def relative_error(shown: np.ndarray, expected: np.ndarray) -> float:
+    return float(np.sqrt(np.mean((shown - expected) ** 2)) / np.mean(expected))
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_any_sequence_of_commands_ends_with_the_right_picture(
+    context: moderngl.Context, source: str, tmp_path: Path, seed: int
+) -> None:
+    walk(context, source, tmp_path, seed, 20, bounces=1)
+
+
+def test_so_it_does_with_indirect_light(context: moderngl.Context, source: str, tmp_path: Path) -> None:
+    walk(context, source, tmp_path, 100, 10, bounces=2)
+
+
+@pytest.mark.sweep
+@pytest.mark.parametrize("seed", range(200, 260))
+def test_many_more_sequences(context: moderngl.Context, source: str, tmp_path: Path, seed: int) -> None:
+    walk(context, source, tmp_path, seed, 40, bounces=1 + seed % 2)

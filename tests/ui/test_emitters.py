@@ -1,0 +1,103 @@
+"""A lamp that is dimmed and tinted in the window: seen at once, and what it throws as if the scene had said so."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import moderngl
+import numpy as np
+import pytest
+
+from app.commands import SetEmission
+from app.jobs.cache import Store
+from app.jobs.in_process import InProcessClient
+from app.jobs.messages import ComputeTransport, Request
+from app.jobs.tasks import Tasks
+from app.project import open_project
+from app.stills import render_picture
+from engine.indirect.series import BounceSeries
+from tests.ui.small_scene import SCENE, linear_picture, opened_window, wait_until_exact, write_small_scene
+from ui.headless import HeadlessWindow
+from ui.picture_feed import PictureFeed
+
+pytestmark = pytest.mark.gl
+
+DARK = SCENE.replace('[environment]\nfile = "sky.exr"\n', "")
+BLUE = (1.0, 3.0, 9.0)
+SCENE_OF_BLUE = SCENE.replace("emission = [9, 7, 5]", "emission = [1, 3, 9]")
+
+
+class CountingClient(InProcessClient):
+    """Notes what was asked of the worker."""
+
+    def __init__(self, tasks: Tasks) -> None:
+        super().__init__(tasks)
+        self.requests: list[Request] = []
+
+    def send(self, request: Request) -> int:
+        self.requests.append(request)
+        return super().send(request)
+
+    @property
+    def work(self) -> int:
+        return sum(isinstance(request, ComputeTransport) for request in self.requests)
+
+
+def opened(context: moderngl.Context, folder: Path, text: str) -> Iterator[tuple[HeadlessWindow, CountingClient]]:
+    """A window on a scene, its picture exact, the lamp selected."""
+    folder.mkdir(exist_ok=True)
+    client = CountingClient(Tasks(Store(folder / "cache")))
+    with opened_window(context, write_small_scene(folder, text), client, n_lights=400) as window:
+        wait_until_exact(window)
+        window.shell.editor.select("lamp")
+        window.frames(3)
+        yield window, client
+
+
+def lamp_pixels(window: HeadlessWindow) -> np.ndarray:
+    """(H,W): where the lamp's front is seen, without its silhouette."""
+    source = window.shell.source
+    assert isinstance(source, PictureFeed) and source.renderer.frame is not None
+    frame = source.renderer.frame
+    smoothed = np.zeros(frame.object_image.size, bool)
+    smoothed[frame.edge_pixels] = True
+    return frame.emission_image.any(axis=2) & ~smoothed.reshape(frame.object_image.shape)
+
+
+def test_the_lamp_is_seen_at_once_and_lights_as_if_it_had_always(context: moderngl.Context, tmp_path: Path) -> None:
+    for window, client in opened(context, tmp_path / "edited", SCENE):
+        lamp, asked = lamp_pixels(window), client.work
+        assert lamp.sum() > 20
+        window.shell.editor.do(SetEmission("lamp", BLUE))
+        window.frames(1)
+        np.testing.assert_allclose(linear_picture(window)[lamp], np.broadcast_to(BLUE, (lamp.sum(), 3)), rtol=1e-6)
+        wait_until_exact(window)
+        assert client.work == asked + 1
+        found = linear_picture(window)
+    for window, _ in opened(context, tmp_path / "described", SCENE_OF_BLUE):
+        # The same lights, patches and bands; here the selected curve has been summed in half floats.
+        np.testing.assert_allclose(found, linear_picture(window), rtol=1e-3, atol=1e-5)
+
+
+@pytest.mark.parametrize("bounces", [1, 3])
+def test_the_only_light_is_exact_at_once(context: moderngl.Context, tmp_path: Path, bounces: int) -> None:
+    text = DARK.replace("bounces = 1", f"bounces = {bounces}")
+    for window, client in opened(context, tmp_path, text):
+        before, asked = linear_picture(window), client.work
+        window.shell.editor.do(SetEmission("lamp", (18.0, 3.5, 0.0)))
+        window.frames(2)
+        # 9, 7 and 5 before: light is linear in its only source, reflected or not.
+        np.testing.assert_allclose(linear_picture(window), before * (2.0, 0.5, 0.0), rtol=1e-4, atol=1e-6)
+        assert client.work == asked
+        wait_until_exact(window)
+        assert client.work == asked
+
+
+def test_a_scene_whose_only_light_is_off_is_dark(context: moderngl.Context, tmp_path: Path) -> None:
+    file = write_small_scene(tmp_path, DARK)
+    project = open_project(str(file), (24, 16), values=[("lamp.emission", 0)])
+    picture = render_picture(project, lambda step: None, n_lights=40, series=BounceSeries(3))
+    assert (picture == 0.0).all()
+    reference = render_picture(project, lambda step: None, reference=True, series=BounceSeries(3), n_samples=2)
+    assert (reference == 0.0).all()

@@ -1,0 +1,71 @@
+"""The view that is shown follows the one that is chosen, without holding up the window."""
+
+import threading
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+
+from app.view_state import SetView
+from engine.colour import ToneMapping
+from engine.errors import InsituError
+from engine.render.display import display_picture
+from ui import shown_view
+from ui.headless import HeadlessWindow
+from ui.picture_feed import PictureFeed
+from ui.shown_view import ShownView
+
+TABLE = np.zeros((2, 2, 2, 3), np.float16)
+
+
+@pytest.fixture
+def made_by(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[Callable[[ToneMapping], np.ndarray]], None]]:
+    """Let tables be made by something else."""
+
+    def use(make: Callable[[ToneMapping], np.ndarray]) -> None:
+        shown_view._coming.cache_clear()
+        monkeypatch.setattr(shown_view, "view_table", make)
+
+    yield use
+    shown_view._coming.cache_clear()
+
+
+def test_the_last_view_stays_until_the_table_is_there(made_by) -> None:
+    may_end = threading.Event()
+    made_by(lambda view: TABLE if may_end.wait(20) else TABLE)
+    shown = ShownView()
+    assert shown.follow("linear") == "linear" and not shown.waits
+    assert shown.follow("agx") == "linear" and shown.waits
+    assert shown.follow("filmic") == "filmic" and not shown.waits  # another choice meanwhile
+    may_end.set()
+    shown_view._coming("agx").result(20)
+    assert shown.follow("agx") == "agx" and not shown.waits
+
+
+def test_a_view_that_cannot_be_made_is_said_once(made_by) -> None:
+    def fail(view: ToneMapping) -> np.ndarray:
+        raise ImportError("No module named 'PyOpenColorIO'")
+
+    made_by(fail)
+    shown = ShownView()
+    with pytest.raises(InsituError):
+        for _ in range(200):  # the thread may take a moment
+            shown.follow("aces_2")
+            shown_view._coming("aces_2").exception(20)
+    assert shown.follow("aces_2") == "filmic" and not shown.waits
+
+
+@pytest.mark.gl
+def test_the_window_shows_what_a_file_would_hold(window: HeadlessWindow) -> None:
+    window.shell.editor.select(None)
+    for view in ("agx", "aces_2", "filmic"):
+        window.shell.editor.do(SetView.of(tone_mapping=view))
+        assert window.run_until(lambda view=view: shown_view.is_at_hand(view), 20)
+        window.frames(2)
+        source = window.shell.source
+        assert isinstance(source, PictureFeed) and source.renderer.frame is not None
+        renderer, frame = source.renderer, source.renderer.frame
+        inside = np.ones(frame.height * frame.width, bool)
+        inside[frame.edge_pixels] = False  # silhouettes are mixed as they look
+        expected = display_picture(renderer.linear_image(), 0.0, view).reshape(-1, 3)[inside].astype(int)
+        assert np.abs(renderer.display_image().reshape(-1, 3)[inside] - expected).max() <= 2, view

@@ -1,0 +1,88 @@
+"""The panels' places in one window: in the form that its size gives it, as they were when it last had that form."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from imgui_bundle import imgui
+
+from app.editor import Editor
+from app.view_state import OpenPanel
+from ui import layout
+from ui.layout_memory import LayoutMemory
+
+# Frames until imgui has put its windows where they are docked, and their tabs know whom they share their place with.
+SETTLING = 3
+
+
+class Docking:
+    """Follows the window's form, and remembers what a hand has moved and folded away."""
+
+    def __init__(self, editor: Editor, file: Path | None, scale: float) -> None:
+        self.form: layout.Form = "wide"
+        self._editor = editor
+        self._memory = LayoutMemory.read(file, scale)
+        self._is_placed = False
+        self._unsettled = 0
+        self._rebuild = False
+
+    def take_size(self, size: tuple[int, int], scale: float) -> None:
+        """Before a frame: where the window has another form than before, the panels stand as they did in that one."""
+        form = layout.form_of(size, scale)
+        if self._is_placed and form == self.form:
+            return
+        if self._is_placed:
+            self.keep()
+        self.form, self._is_placed = form, True
+        places = self._memory.places.get(form)
+        self._rebuild = places is None
+        self._unsettled = SETTLING
+        if places is not None:
+            imgui.load_ini_settings_from_memory(places)
+        self._fold(self._memory.folded.get(form, layout.FOLDED[form]))
+
+    @property
+    def is_settling(self) -> bool:
+        """Whether the places that panels have got show only in the coming frames."""
+        return self._unsettled > 0
+
+    def rescale(self, scale: float) -> None:
+        """The screen's scale has changed, and with it every place."""
+        self._memory.rescale(scale)
+        self._rebuild = True
+
+    def make_room(self, front: tuple[str, ...]) -> None:
+        """In a small window there is room for one panel beside the picture: what comes to the front."""
+        if self.form == "small" and front:
+            self._fold(layout.FOLDED["small"] - {*front})
+
+    def begin_space(self, scale: float) -> tuple[str, ...]:
+        """Begin the space that panels dock in; where their places are new, those that are to be in front.
+
+        That is for the next pass, when the panels are there: of those that appear together the last would be.
+        """
+        layout.begin_dock_space(self.form, scale, self._rebuild)
+        rebuilt, self._rebuild = self._rebuild, False
+        self._unsettled = SETTLING if rebuilt else max(self._unsettled - 1, 0)
+        return layout.IN_FRONT[self.form] if rebuilt else ()
+
+    def reset(self) -> None:
+        """All panels where they are by default."""
+        self._rebuild = True
+        self._fold(layout.FOLDED[self.form])
+
+    def remember(self) -> None:
+        """After a frame: write what has changed, where imgui thinks it time."""
+        if imgui.get_io().want_save_ini_settings:
+            self.keep()
+            imgui.get_io().want_save_ini_settings = False
+
+    def keep(self) -> None:
+        """Write how the panels stand."""
+        if self._is_placed:
+            folded = (panel.key for panel in layout.PANELS if not self._editor.view.panel_open(panel.key))
+            self._memory.keep(self.form, imgui.save_ini_settings_to_memory(), frozenset(folded))
+
+    def _fold(self, folded: frozenset[str]) -> None:
+        for panel in layout.PANELS:
+            self._editor.do(OpenPanel(panel.key, panel.key not in folded))

@@ -1,0 +1,102 @@
+"""What mouse and keyboard did, in the order they did it, on its way to imgui.
+
+imgui knows a state, not a history: of what comes in between two of its frames it would see the end. It spreads presses
+of one button or key over frames by itself; chords it does not: of Z pressed and Ctrl let go in one long frame it would
+see Z alone, and of a drag that ends in one it would not see where. So each pass of the panels hears one act at most, a
+press, a release or turns of the wheel, with the place and the modifiers of then. The shell passes through its panels
+until all is heard (`ui.shell`).
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from enum import Enum
+from functools import partial
+
+from imgui_bundle import imgui
+
+Key = imgui.Key
+MODIFIERS = frozenset(
+    {Key.left_ctrl, Key.right_ctrl, Key.mod_ctrl, Key.left_shift, Key.right_shift, Key.mod_shift, Key.left_alt,
+     Key.right_alt, Key.mod_alt, Key.left_super, Key.right_super, Key.mod_super}
+)  # fmt: skip
+ALTS = frozenset({Key.left_alt, Key.right_alt})
+
+
+class _Kind(Enum):
+    """What may come before an act, and the acts: a button is let go only after its last move was heard."""
+
+    STATE, PRESS, RELEASE, WHEEL = range(4)
+
+    def follows(self, earlier: _Kind) -> bool:
+        """Whether a pass that heard `earlier` may hear this, too."""
+        return self is earlier if earlier is _Kind.WHEEL else earlier is _Kind.STATE and self is not _Kind.RELEASE
+
+
+class EventQueue:
+    """Events enter in order; `hand_over` gives imgui those of the coming pass.
+
+    `alt_tapped` is whether, in this pass, Alt was let go with nothing else done since it was pressed.
+    """
+
+    def __init__(self, context: imgui.internal.Context, io: imgui.IO) -> None:
+        self._context = context
+        self._io = io
+        self._waiting = deque[tuple[_Kind, Callable[[], None]]]()
+        self._alt_alone = False
+        self.alt_tapped = False
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether imgui has heard all that came in."""
+        return not self._waiting and self._context.input_events_queue.size() == 0
+
+    def move(self, x: float, y: float) -> None:
+        """The mouse is there now, framebuffer pixels."""
+        self._add(partial(self._io.add_mouse_pos_event, x, y))
+
+    def button(self, button: int, pressed: bool) -> None:
+        """A mouse button: 0 left, 1 right, 2 middle."""
+        self._alt_alone = False
+        kind = _Kind.PRESS if pressed else _Kind.RELEASE
+        self._add(partial(self._io.add_mouse_button_event, button, pressed), kind)
+
+    def wheel(self, x: float, y: float) -> None:
+        """The wheel turned, notches; y positive away from the hand."""
+        self._alt_alone = False
+        self._add(partial(self._io.add_mouse_wheel_event, x, y), _Kind.WHEEL)
+
+    def key(self, key: imgui.Key, pressed: bool) -> None:
+        """A key, or the role of one (`mod_ctrl`)."""
+        if key in ALTS and not pressed and self._alt_alone:
+            self._add(self._tap)
+        if key != Key.mod_alt:
+            self._alt_alone = key in ALTS and pressed
+        kind = _Kind.PRESS if pressed and key not in MODIFIERS else _Kind.STATE
+        self._add(partial(self._io.add_key_event, key, pressed), kind)
+
+    def character(self, code: int) -> None:
+        """A character typed."""
+        self._add(partial(self._io.add_input_character, code))
+
+    def focus(self, gained: bool) -> None:
+        """The window has the keyboard now, or has it no more."""
+        self._alt_alone = False
+        self._add(partial(self._io.add_focus_event, gained))
+
+    def hand_over(self) -> None:
+        """Give imgui what belongs into the coming pass: nothing while it still spreads what it was given before."""
+        self.alt_tapped = False
+        if self._context.input_events_queue.size() > 0:
+            return
+        heard: _Kind | None = None
+        while self._waiting and (heard is None or self._waiting[0][0].follows(heard)):
+            heard, give = self._waiting.popleft()
+            give()
+
+    def _tap(self) -> None:
+        self.alt_tapped = True
+
+    def _add(self, give: Callable[[], None], kind: _Kind = _Kind.STATE) -> None:
+        self._waiting.append((kind, give))

@@ -1,0 +1,85 @@
+"""Colours under the hand: three numbers marked red, green and blue, and a swatch that opens a colour wheel."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from imgui_bundle import ImVec2, ImVec4, imgui
+
+from ui import theme as look
+from ui.panels import fields, widgets
+from ui.panels.context import PanelContext
+
+RGB = tuple[float, float, float]
+GAP = 4.0
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """Three numbers of a kind: `handle` for scripts, `title` and `hint` for a person; `speed` a pixel of a drag."""
+
+    handle: str
+    title: str
+    hint: str
+    low: float
+    high: float
+    speed: float
+    text: str
+
+
+def row(context: PanelContext, numbers: Numbers, value: RGB, swatch: bool) -> Iterator[tuple[fields.Touch, RGB]]:
+    """What a hand did with each, and the colour that makes; with room for a swatch."""
+    height, gap = imgui.get_frame_height(), context.px(GAP)
+    room = imgui.get_content_region_avail().x - (height + gap if swatch else 0.0)
+    width = (room - 2 * gap) / 3.0
+    for channel in range(3):
+        imgui.set_next_item_width(width)
+        corner = imgui.get_cursor_screen_pos()
+        imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(gap, imgui.get_style().frame_padding.y))
+        hand, moved = fields.number(
+            context, str(channel), value[channel], numbers.text, f"{numbers.handle}.{'rgb'[channel]}",
+            numbers.low, numbers.high, numbers.speed, f"{numbers.title}, {('red', 'green', 'blue')[channel]}",
+        )  # fmt: skip
+        imgui.pop_style_var()
+        widgets.tooltip(numbers.hint)
+        _mark(context, corner, width, height, look.CHANNELS[channel])
+        red, green, blue = (moved if each == channel else value[each] for each in range(3))
+        yield hand, (red, green, blue)
+        if channel < 2 or swatch:
+            imgui.same_line(0.0, gap)
+
+
+def _mark(context: PanelContext, corner: ImVec2, width: float, height: float, ink: look.Colour) -> None:
+    inset, line = context.px(4), context.px(2)
+    low, high = ImVec2(corner.x + inset, corner.y + height - line), ImVec2(corner.x + width - inset, corner.y + height)
+    imgui.get_window_draw_list().add_rect_filled(low, high, look.pack(look.with_alpha(ink, 0.75)))
+
+
+def swatch(context: PanelContext, numbers: Numbers, value: RGB, hint: str) -> tuple[fields.Touch, RGB]:
+    """A square of a colour, 0 to 1, and the wheel that a click on it opens: what a hand did there, what it picked."""
+    shown = [encode_srgb(v) for v in value]
+    if imgui.color_button("##swatch", ImVec4(shown[0], shown[1], shown[2], 1.0), imgui.ColorEditFlags_.no_tooltip):
+        imgui.open_popup("picker")
+    context.handles.note_item(f"{numbers.handle}.swatch")
+    widgets.tooltip(hint)
+    if not imgui.begin_popup("picker"):
+        return fields.Touch(), value
+    flags = imgui.ColorEditFlags_.picker_hue_wheel | imgui.ColorEditFlags_.no_side_preview
+    imgui.set_next_item_width(context.px(190))
+    changed, picked = imgui.color_picker3("##wheel", shown, flags)
+    hand = fields.touch(changed)
+    imgui.end_popup()
+    return hand, decode_srgb(picked)
+
+
+def encode_srgb(value: float) -> float:
+    """Linear [0, 1] as the screen shows it (IEC 61966-2-1)."""
+    value = min(max(value, 0.0), 1.0)
+    return 12.92 * value if value <= 0.0031308 else 1.055 * value ** (1 / 2.4) - 0.055
+
+
+def decode_srgb(colour: Sequence[float]) -> RGB:
+    """A colour off the screen, linear."""
+    red, green, blue = (v / 12.92 if v <= 0.04045 else ((v + 0.055) / 1.055) ** 2.4 for v in colour)
+    return red, green, blue

@@ -1,0 +1,96 @@
+"""Esc: what it does, in one list. The first line that applies is all that a press does.
+
+Before the list comes what imgui itself lets go of by Esc: a text field, a list or menu, the control that the mouse
+holds, the frame that the keyboard moves from control to control. With any other press of it imgui would put that frame
+up, so it is kept from imgui.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from imgui_bundle import imgui
+
+from app.view_state import SetView
+from ui.panels.actions import Action, CancelDrag, Select, SetPanel
+from ui.panels.context import PanelContext
+
+_OWNER = 0x1A5172
+
+
+def keys_are_taken() -> bool:
+    """Whether keys go into a text field, a list or a menu, asked before a pass: with its start imgui acts on Esc."""
+    state = imgui.get_current_context()
+    if state.open_popup_stack.size() > 0 or state.nav_layer == imgui.internal.NavLayer.menu:
+        return True
+    # It wants text for a pass longer than there is a field.
+    return imgui.get_io().want_text_input and imgui.internal.get_active_id() != 0
+
+
+def is_imguis() -> bool:
+    """Whether imgui has something to let go of by Esc, asked before a pass; if not it is kept from seeing one."""
+    state = imgui.get_current_context()
+    if keys_are_taken() or imgui.internal.get_active_id() != 0 or imgui.get_io().nav_visible:
+        return True
+    imgui.internal.set_key_owner(imgui.Key.escape, _OWNER)
+    return state.drag_drop_active
+
+
+def answer(context: PanelContext, is_imguis: bool, is_dragging: bool) -> list[Action]:
+    """What a press of Esc does, beside what imgui lets go of."""
+    if is_dragging:
+        return [CancelDrag()]
+    if context.state.question is not None:
+        return [SetPanel({"question": None})]
+    if is_imguis:
+        imgui.internal.clear_drag_drop()
+        if not imgui.get_current_context().open_popup_stack.size():
+            imgui.set_nav_cursor_visible(False)  # imgui would frame a control of the panel that was last in use
+        return []
+    return next((actions for way_out in WAYS_OUT if (actions := way_out(context))), [])
+
+
+def _leaving(context: PanelContext) -> list[Action]:
+    return [SetPanel({"leaving": None})] if context.state.leaving is not None else []
+
+
+def _resolution(context: PanelContext) -> list[Action]:
+    return [SetPanel({"resolution": None})] if context.state.resolution is not None else []
+
+
+def _shortcuts(context: PanelContext) -> list[Action]:
+    return [SetView.of(show_shortcuts=False)] if context.view.show_shortcuts else []
+
+
+def _alone(context: PanelContext) -> list[Action]:
+    return [SetPanel({"alone": False})] if context.state.alone else []
+
+
+def _brush(context: PanelContext) -> list[Action]:
+    return [SetPanel({"paints": False})] if context.state.paints else []
+
+
+def _pick(context: PanelContext) -> list[Action]:
+    return [SetPanel({"picks_lobe": False})] if context.state.picks_lobe else []
+
+
+def _notice(context: PanelContext) -> list[Action]:
+    notice = context.state.notice
+    return [SetPanel({"notice": None})] if notice is not None and notice.is_error else []
+
+
+def _operator(context: PanelContext) -> list[Action]:
+    return [SetView.of(operator=None)] if context.view.operator is not None else []
+
+
+def _lobe(context: PanelContext) -> list[Action]:
+    return [SetView.of(lobe_pixel=None)] if context.view.lobe_pixel is not None else []
+
+
+def _selection(context: PanelContext) -> list[Action]:
+    return [Select(None)] if context.view.selected is not None else []
+
+
+WAYS_OUT: tuple[Callable[[PanelContext], list[Action]], ...] = (
+    _leaving, _resolution, _shortcuts, _brush, _alone, _pick, _notice, _operator, _lobe, _selection,
+)  # fmt: skip

@@ -1,0 +1,336 @@
+"""Numbers under the hand: sliders and fields that are dragged or typed into.
+
+A click changes nothing. A drag begins when the mouse has gone a few pixels, and goes on from the value there was, with
+Shift by tenths. A double click, or one with Ctrl, lets the number be typed, all of it selected; what is out of its
+range is said, and changes nothing. The keyboard has them as imgui's own: Space, then arrow keys; Enter types.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from imgui_bundle import ImVec2, ImVec4, imgui
+
+from ui import theme as look
+from ui.panels.context import HeldField, PanelContext
+from ui.panels.travel import Travel
+
+# Pixels at scale 1 after which a press is a drag.
+DRAG_DISTANCE = 3.0
+# Operators and parameters without a range of their own.
+LARGEST = 1e12
+# Of what is felt by its factor, such as light.
+PIXELS_TO_DOUBLE = 100.0
+Law = Callable[[float, float], float]
+
+
+@dataclass(frozen=True)
+class Touch:
+    """What a hand did with a control in this pass."""
+
+    changed: bool = False
+    began: bool = False
+    ended: bool = False
+
+
+WHOLE = Touch(changed=True, began=True, ended=True)
+
+
+@dataclass(frozen=True)
+class _Field:
+    """A number on screen: what it is, and where its control stands."""
+
+    name: str
+    title: str
+    value: float
+    low: float
+    high: float
+    text: str
+    corner: ImVec2
+    size: ImVec2
+
+    def parts(self) -> tuple[str, str]:
+        """The number alone as a person reads and types it, and the unit after it."""
+        found = re.search(r"%[-+ #0]*\d*(?:\.\d+)?[a-zA-Z]", self.text)
+        return (found.group() % self.value, self.text[found.end() :].replace("%%", "%")) if found else ("", "")
+
+
+def touch(changed: bool) -> Touch:
+    """The hand's doings with the control drawn last, one of imgui's."""
+    return Touch(changed, imgui.is_item_activated(), imgui.is_item_deactivated())
+
+
+def slider(
+    context: PanelContext,
+    name: str,
+    value: float,
+    low: float,
+    high: float,
+    text: str = "%.3f",
+    logarithmic: bool = False,
+    handle: str | None = None,
+    origin: float | None = None,
+    title: str = "",
+    pixels_to_double: float | None = None,
+) -> tuple[Touch, float]:
+    """A horizontal slider filled from `origin` (its least value where None) to its value.
+
+    `pixels_to_double`: a drag by so many makes it twice as much, instead of following the trough: where that holds
+    many decades, a few pixels would be out of all proportion.
+    Returns the touch and the value, kept in [low, high]. `handle` names its grab for scripts, `title` it for a person.
+    """
+    corner = imgui.get_cursor_screen_pos()
+    size = ImVec2(imgui.calc_item_width(), imgui.get_frame_height())
+    zero = slider_zero(text) if logarithmic and low <= 0.0 else low
+    share = slider_share(value, zero, high, logarithmic)
+    field = _Field(name, title or name.replace("_", " "), value, low, high, text, corner, size)
+    travel = slider_travel(context, size.x)
+
+    def law(start: float, pixels: float) -> float:
+        if pixels_to_double is not None:
+            return min(max(start, low) * 2.0 ** (pixels / context.px(pixels_to_double)), high)
+        to = slider_share(start, zero, high, logarithmic) + pixels / travel
+        return low if to <= 0.0 else slider_value(min(to, 1.0), zero, high, logarithmic)
+
+    def ground(hovered: bool) -> None:
+        _trough(corner, size, hovered)
+        start = 0.0 if origin is None else slider_share(origin, zero, high, logarithmic)
+        _slider_fill(corner, size.x, size.y, start, share, hovered)
+
+    def keyboard() -> tuple[bool, float]:
+        flags = imgui.SliderFlags_.no_round_to_format | (imgui.SliderFlags_.logarithmic if logarithmic else 0)
+        return imgui.slider_float(f"##{name}", value, low, high, text, flags)
+
+    hand, moved = _control(context, field, law, ground, keyboard)
+    if context.fields.is_held(imgui.get_item_id()):
+        _slider_mark(context, corner, size.x, size.y, share)
+    if handle:
+        context.handles.note(handle, corner.x + slider_inset(context) + share * travel, corner.y + 0.5 * size.y)
+    return hand, moved
+
+
+def number(
+    context: PanelContext,
+    name: str,
+    value: float,
+    text: str,
+    handle: str | None = None,
+    low: float = -LARGEST,
+    high: float = LARGEST,
+    speed: float | None = None,
+    title: str = "",
+) -> tuple[Touch, float]:
+    """A field without a trough; a drag changes it by `speed` a pixel (None: by a hundredth of what it is)."""
+    corner = imgui.get_cursor_screen_pos()
+    size = ImVec2(imgui.calc_item_width(), imgui.get_frame_height())
+    field = _Field(name, title or name.replace("_", " "), value, low, high, text, corner, size)
+
+    def pace(start: float) -> float:
+        return 0.01 * max(abs(start), 0.1) if speed is None else speed
+
+    def law(start: float, pixels: float) -> float:
+        return min(max(start + pace(start) * pixels, low), high)
+
+    def ground(hovered: bool) -> None:
+        _trough(corner, size, hovered)
+        if hovered:
+            imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
+
+    def keyboard() -> tuple[bool, float]:
+        return imgui.drag_float(f"##{name}", value, pace(value), low, high, text)
+
+    hand, moved = _control(context, field, law, ground, keyboard)
+    if handle:
+        context.handles.note(handle, corner.x + 0.5 * size.x, corner.y + 0.5 * size.y)
+    return hand, moved
+
+
+# ------------------------------------------------------------------------------------------------------------ the hand
+
+
+def _control(
+    context: PanelContext,
+    field: _Field,
+    law: Law,
+    ground: Callable[[bool], None],
+    keyboard: Callable[[], tuple[bool, float]],
+) -> tuple[Touch, float]:
+    """A number drawn, and what mouse or keyboard did with it. `keyboard` is imgui's control, seen by neither."""
+    corner, size = field.corner, field.size
+    hovered = imgui.is_mouse_hovering_rect(corner, ImVec2(corner.x + size.x, corner.y + size.y))
+    hovered = hovered and imgui.is_window_hovered() and not _is_disabled()
+    if _is_typed(field, hovered):
+        return _typed(context, field)
+    ground(hovered)
+    imguis = imgui.get_current_context().temp_input_id == imgui.get_id(f"##{field.name}") != 0
+    clear = ImVec4(0, 0, 0, 0)
+    colours = [imgui.Col_.slider_grab, imgui.Col_.slider_grab_active]
+    colours += [] if imguis else [imgui.Col_.frame_bg, imgui.Col_.frame_bg_hovered, imgui.Col_.frame_bg_active]
+    for index in [*colours, *([] if imguis else [imgui.Col_.text])]:
+        imgui.push_style_color(index, clear)
+    changed, keyed = keyboard()
+    imgui.pop_style_color(len(colours) + (not imguis))
+    if not imguis:
+        _centred(field)
+    return _moved(context, field, law, changed, keyed)
+
+
+def _is_disabled() -> bool:
+    return bool(imgui.get_current_context().current_item_flags & imgui.ItemFlags_.disabled)
+
+
+def _is_typed(field: _Field, hovered: bool) -> bool:
+    """Whether the number is being typed, or is from this press on, or has been until this pass, which takes it."""
+    state = imgui.get_current_context()
+    if imgui.get_id(f"##{field.name}.typed") in (state.active_id, state.active_id_previous_frame):
+        return True
+    clicks = imgui.get_mouse_clicked_count(0)  # the fourth click of a row is the second of another double one
+    return hovered and clicks > 0 and (clicks % 2 == 0 or bool(imgui.get_io().key_ctrl))
+
+
+def _typed(context: PanelContext, field: _Field) -> tuple[Touch, float]:
+    """The number as text; the press that opened it has put the keyboard into it."""
+    shown, unit = field.parts()
+    imgui.set_next_item_width(field.size.x)
+    _, typed = imgui.input_text(f"##{field.name}.typed", shown.strip(), imgui.InputTextFlags_.auto_select_all)
+    if not imgui.is_item_deactivated_after_edit() or typed == shown.strip():
+        return Touch(), field.value
+    found, typed = read_number(typed, unit), typed.strip()[:24]
+    if found is None:
+        context.fields.refusal = f"{field.title} = {typed}, expected a number; nothing was changed"
+    elif _is_allowed(context, field, found, typed):
+        return WHOLE, found
+    return Touch(), field.value
+
+
+def read_number(typed: str, unit: str = "") -> float | None:
+    """What a person typed, with or without its unit, a comma for a point; None where it is no number."""
+    text = typed.strip().removesuffix(unit.strip()).strip().replace(",", ".")
+    try:
+        found = float(text)
+    except ValueError:
+        return None
+    return found if math.isfinite(found) and "_" not in text else None
+
+
+def _is_allowed(context: PanelContext, field: _Field, value: float, typed: str) -> bool:
+    """Whether the number lies in its range; said where it does not."""
+    if field.low <= value <= field.high:
+        return True
+    unit = field.parts()[1].rstrip()
+    ends = f"{field.low:.5g}{unit} to {field.high:.5g}{unit}"
+    typed = typed.removesuffix(unit.strip()).strip()
+    context.fields.refusal = f"{field.title} = {typed}{unit}, expected {ends}; nothing was changed"
+    return False
+
+
+def _moved(context: PanelContext, field: _Field, law: Law, changed: bool, keyed: float) -> tuple[Touch, float]:
+    """What a drag, or the keyboard, makes of the value. imgui's control was drawn last."""
+    item, active = imgui.get_item_id(), imgui.is_item_active()
+    if context.fields.is_held(item):
+        if active:
+            return _dragged(context, field, law)
+        context.fields.held = None
+        return Touch(ended=True), field.value
+    if active and imgui.get_current_context().active_id_source == imgui.internal.InputSource.mouse:
+        if not imgui.is_mouse_dragging(0, context.px(DRAG_DISTANCE)):
+            return Touch(), field.value
+        mouse, gone = imgui.get_mouse_pos(), imgui.get_mouse_drag_delta(0)
+        pressed = (mouse.x - gone.x, mouse.y - gone.y)
+        context.fields.held = HeldField(item, field.value, Travel(pressed, fine=imgui.get_io().key_shift))
+        hand, to = _dragged(context, field, law)
+        return replace(hand, began=True), to
+    changed = changed and _is_allowed(context, field, keyed, f"{keyed:.6g}")
+    ended = imgui.is_item_deactivated() and not imgui.is_mouse_released(0)
+    return Touch(changed, imgui.is_item_activated(), ended), keyed
+
+
+def _dragged(context: PanelContext, field: _Field, law: Law) -> tuple[Touch, float]:
+    """The value that the hand has come to, measured from where the drag began."""
+    held, mouse = context.fields.held, imgui.get_mouse_pos()
+    assert held is not None
+    at = (mouse.x, mouse.y)
+    held.travel = held.travel.going_on(at, imgui.get_io().key_shift)
+    gone, _ = held.travel.moved(at)
+    to = law(held.start, gone) if gone else held.start
+    return Touch(changed=to != field.value), to
+
+
+# ------------------------------------------------------------------------------------------------------- what is drawn
+
+
+def slider_share(value: float, low: float, high: float, logarithmic: bool) -> float:
+    """Where between the ends a value stands, 0 to 1."""
+    value = min(max(value, low), high)
+    if logarithmic and low > 0.0:
+        return math.log(value / low) / math.log(high / low)
+    return (value - low) / (high - low)
+
+
+def slider_value(share: float, low: float, high: float, logarithmic: bool) -> float:
+    """The value that stands at a share, 0 to 1, between the ends."""
+    found = low * (high / low) ** share if logarithmic and low > 0.0 else low + share * (high - low)
+    return min(max(found, low), high)
+
+
+def slider_zero(text: str) -> float:
+    """Where a logarithmic slider that starts at 0 puts its start: the least number that its format shows."""
+    digits = re.search(r"%\+?\.(\d+)", text)
+    return 10.0 ** -(int(digits.group(1)) if digits else 3)
+
+
+def slider_inset(context: PanelContext) -> float:
+    """Pixels from a slider's edge to where its least value stands."""
+    return 2.0 + 0.5 * imgui.get_style().grab_min_size
+
+
+def slider_travel(context: PanelContext, width: float) -> float:
+    """Pixels from a slider's least to its largest value."""
+    return width - 4.0 - imgui.get_style().grab_min_size
+
+
+def _trough(corner: ImVec2, size: ImVec2, hovered: bool) -> None:
+    end = ImVec2(corner.x + size.x, corner.y + size.y)
+    ground = look.FRAME_HOVER if hovered else look.FRAME
+    imgui.get_window_draw_list().add_rect_filled(corner, end, look.pack(ground), imgui.get_style().frame_rounding)
+
+
+def _centred(field: _Field) -> None:
+    """The number in the middle of its control; where it is too long, from its start."""
+    text, corner, size = field.text % field.value, field.corner, field.size
+    extent, inset = imgui.calc_text_size(text), imgui.get_style().frame_padding.x
+    x = corner.x + max(0.5 * (size.x - extent.x), min(inset, 0.5 * size.x))
+    end = ImVec2(corner.x + size.x, corner.y + size.y)
+    draw_list = imgui.get_window_draw_list()
+    draw_list.push_clip_rect(corner, end, True)
+    place = ImVec2(round(x), corner.y + round(0.5 * (size.y - extent.y)))
+    draw_list.add_text(place, imgui.get_color_u32(imgui.Col_.text), text)
+    draw_list.pop_clip_rect()
+
+
+def _slider_fill(corner: ImVec2, width: float, height: float, start: float, share: float, hovered: bool) -> None:
+    """The trough's filled part, between two shares of its width."""
+    rounding = imgui.get_style().frame_rounding
+    low, high = sorted((start, share))
+    if high - low < 1e-4:
+        return
+    left, right = corner.x + low * width, corner.x + high * width
+    rounded = imgui.ImDrawFlags_
+    at_left, at_right = low * width < rounding, (1.0 - high) * width < rounding
+    flags = rounded.round_all if at_left and at_right else rounded.round_left if at_left else rounded.round_right
+    if not (at_left or at_right):
+        flags = rounded.round_none
+    place, end = ImVec2(left, corner.y), ImVec2(max(right, left + 1.0), corner.y + height)
+    imgui.get_window_draw_list().add_rect_filled(
+        place, end, look.pack(look.grey(86 if hovered else 78)), rounding, flags
+    )
+
+
+def _slider_mark(context: PanelContext, corner: ImVec2, width: float, height: float, share: float) -> None:
+    x = corner.x + slider_inset(context) + share * slider_travel(context, width)
+    line = context.px(2)
+    top, bottom = ImVec2(x - line / 2, corner.y + line), ImVec2(x + line / 2, corner.y + height - line)
+    imgui.get_window_draw_list().add_rect_filled(top, bottom, look.pack(look.ACCENT), 1.0)

@@ -1,0 +1,122 @@
+"""Where the picture stands in its panel: fitted, or zoomed and shifted; and the gestures that change it.
+
+The wheel zooms about the mouse and the middle button drags the picture. Both also with Ctrl and Shift held, so that a
+camera that moves may take the plain gestures and these stay. Rejected: leaving empty room beside a picture that is
+larger than its panel; it stops at its edges, so that it cannot be lost.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from imgui_bundle import ImVec2, imgui
+
+from app.view_state import LIMITS, SetView, ViewState
+from ui.panels.actions import Action, Hold
+from ui.panels.context import PanelContext
+from ui.panels.picture import Picture
+from ui.panels.state import Grip
+
+PAN = "picture.pan"
+ZOOM_STEP = 1.2
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Where the picture stands on screen: upper left corner, and screen pixels for each of the picture's."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+    scale: float
+
+    def pixel(self, x: float, y: float, picture: Picture) -> tuple[int, int] | None:
+        """(column, row) of the picture under a screen position; None beside it."""
+        column, row = int((x - self.x) // self.scale), int((y - self.y) // self.scale)
+        return (column, row) if 0 <= column < picture.width and 0 <= row < picture.height else None
+
+    def point(self, x: float, y: float) -> tuple[float, float]:
+        """The place of a screen position on the picture, in its pixels; also beside it."""
+        return (x - self.x) / self.scale, (y - self.y) / self.scale
+
+
+@dataclass(frozen=True)
+class Room:
+    """The panel's inside: upper left corner and size on screen, for one picture."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+    picture: Picture
+
+    @property
+    def fitting(self) -> float:
+        """The scale at which all of the picture is seen, as large as its aspect allows."""
+        return min(self.width / self.picture.width, self.height / self.picture.height)
+
+    def place(self, view: ViewState) -> Placed:
+        """The picture as the view has it."""
+        if view.fit:
+            return self.at(self.fitting, self.x, self.y)
+        (u, v), scale = view.centre, view.zoom
+        width, height = scale * self.picture.width, scale * self.picture.height
+        return self.at(scale, self.x + 0.5 * self.width - u * width, self.y + 0.5 * self.height - v * height)
+
+    def at(self, scale: float, x: float, y: float) -> Placed:
+        """The picture with its corner as near to a place as its size allows."""
+        width, height = scale * self.picture.width, scale * self.picture.height
+        left, top = _start(self.x, self.width, width, x), _start(self.y, self.height, height, y)
+        return Placed(round(left), round(top), round(width), round(height), scale)
+
+    def shown(self, scale: float, x: float, y: float) -> SetView:
+        """The change of view that puts the picture's corner there."""
+        placed = self.at(scale, x, y)
+        u = (self.x + 0.5 * self.width - placed.x) / max(placed.width, 1.0)
+        v = (self.y + 0.5 * self.height - placed.y) / max(placed.height, 1.0)
+        return SetView.of(fit=False, zoom=scale, centre=(u, v))
+
+
+def room_of(corner: ImVec2, size: ImVec2, picture: Picture) -> Room:
+    """The room of a panel."""
+    return Room(corner.x, corner.y, size.x, size.y, picture)
+
+
+def _start(corner: float, room: float, extent: float, wanted: float) -> float:
+    """Where the picture begins along one axis: in the middle where it is the smaller, else so that the room is full."""
+    if extent <= room:
+        return corner + 0.5 * (room - extent)
+    return min(max(wanted, corner + room - extent), corner)
+
+
+def zoomed(room: Room, placed: Placed, steps: float, x: float, y: float) -> SetView:
+    """Larger by so many steps about a place on screen; no smaller than all of it, or than pixel for pixel."""
+    least, most = min(room.fitting, 1.0), LIMITS["zoom"][1]
+    scale = min(max(placed.scale * ZOOM_STEP**steps, least), most)
+    if scale == least == room.fitting:
+        return SetView.of(fit=True)
+    column, row = placed.point(x, y)
+    return room.shown(scale, x - column * scale, y - row * scale)
+
+
+def gestures(context: PanelContext, room: Room, placed: Placed) -> list[Action]:
+    """Zoom and pan, over the item drawn last."""
+    mouse, grip = imgui.get_mouse_pos(), context.state.grip
+    if grip is not None:
+        return _pan(room, placed, grip, mouse) if grip.handle == PAN else []
+    if not imgui.is_item_hovered():
+        return []
+    if imgui.is_mouse_clicked(2):
+        return [Hold(Grip(PAN, (mouse.x - placed.x, mouse.y - placed.y)))]
+    wheel = imgui.get_io().mouse_wheel
+    return [zoomed(room, placed, wheel, mouse.x, mouse.y)] if wheel else []
+
+
+def _pan(room: Room, placed: Placed, grip: Grip, mouse: ImVec2) -> list[Action]:
+    if not imgui.is_mouse_down(2):
+        return [Hold(None)]
+    imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
+    x, y = mouse.x - grip.offset[0], mouse.y - grip.offset[1]
+    moved = room.at(placed.scale, x, y)
+    return [room.shown(placed.scale, x, y)] if (moved.x, moved.y) != (placed.x, placed.y) else []

@@ -1,0 +1,49 @@
+"""The view that is shown: the one chosen, or the one before it while a table is made of that one.
+
+Making it imports a library and evaluates a quarter of a million colours: half a second, in a thread.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.colour import TABLED, VIEWS, ToneMapping, view_table
+from engine.errors import InsituError
+
+
+@lru_cache(maxsize=len(TABLED))
+def _coming(view: ToneMapping) -> Future[NDArray[np.float16]]:
+    with_one_thread = ThreadPoolExecutor(1, thread_name_prefix="view")
+    coming = with_one_thread.submit(view_table, view)
+    with_one_thread.shutdown(wait=False)
+    return coming
+
+
+def is_at_hand(view: ToneMapping) -> bool:
+    """Whether a view can be drawn with at once; if it cannot, it is being made from now on."""
+    return view not in TABLED or _coming(view).done()
+
+
+class ShownView:
+    """Follows what is chosen. `waits`: whether another frame will show it."""
+
+    def __init__(self) -> None:
+        self._shown: ToneMapping = "filmic"
+        self._refused: set[ToneMapping] = set()
+        self.waits = False
+
+    def follow(self, wanted: ToneMapping) -> ToneMapping:
+        """What to show now. Raises InsituError once for a view that cannot be made."""
+        self.waits = not is_at_hand(wanted)
+        if self.waits or wanted in self._refused:
+            return self._shown
+        failure = _coming(wanted).exception() if wanted in TABLED else None
+        if failure is not None:
+            self._refused.add(wanted)
+            raise InsituError(f"{VIEWS[wanted].label} cannot be shown: {failure}")
+        self._shown = wanted
+        return wanted

@@ -1,0 +1,78 @@
+"""The picture in a file: what is on screen by itself, without the window, saved by a thread of its own.
+
+The GPU is read at once, so that the file holds what the person saw; encoding takes longer than a frame has.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.atomic import save_file
+from engine.errors import InsituError
+from engine.render.image_files import deep_png, exr_bytes, pixels_png
+
+Edges = tuple[NDArray[np.integer], NDArray[np.integer], NDArray[np.floating]]
+
+
+@dataclass(frozen=True)
+class Still:
+    """One picture at the scene's resolution.
+
+    shown: (H,W,3) in the screen's values, sRGB; radiance: (H,W,3) linear, the light's intensity in it, without
+    exposure and tone mapping; edges: silhouette pixels (E,), the pixels (E,) beyond the silhouette, row-major, and the
+    share (E,) of those: what they see is mixed into `shown` already.
+    """
+
+    shown: NDArray[np.float32]
+    radiance: NDArray[np.float32]
+    edges: Edges
+
+    def encoded(self, ending: str, deep: bool) -> bytes:
+        """The bytes of a file: ".exr" linear, 32 bits; ".png" as shown, 8 bits or `deep` 16."""
+        if ending == ".exr":
+            return exr_bytes(self._smooth_radiance())
+        return deep_png(self.shown) if deep else pixels_png(np.round(255.0 * self.shown).astype(np.uint8))
+
+    def _smooth_radiance(self) -> NDArray[np.float32]:
+        """With smooth silhouettes, as `shown` has them; what is no number is black, as on screen."""
+        radiance = np.nan_to_num(self.radiance, posinf=0.0, neginf=0.0)
+        flat, (pixels, beyond, weights) = radiance.reshape(-1, 3), self.edges
+        mixed = flat[pixels] + (flat[beyond] - flat[pixels]) * np.asarray(weights, np.float32)[:, None]
+        smooth = flat.copy()
+        smooth[pixels] = mixed
+        return smooth.reshape(radiance.shape)
+
+
+class StillSaver:
+    """Saves pictures one after the other; what became of them is asked for between frames."""
+
+    def __init__(self) -> None:
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="still")
+        self._under_way: list[Future[tuple[str, bool]]] = []
+
+    def save(self, still: Still, path: Path, deep: bool, remark: str = "") -> None:
+        """Begin to write a picture; a remark is said along with its name when it is there."""
+        self._under_way.append(self._thread.submit(_save, still, path, deep, remark))
+
+    def news(self) -> list[tuple[str, bool]]:
+        """A line for the person of each that has ended, and whether it failed."""
+        ended = [future for future in self._under_way if future.done()]
+        self._under_way = [future for future in self._under_way if not future.done()]
+        return [future.result() for future in ended]
+
+    def close(self) -> None:
+        """Wait until all are written."""
+        self._thread.shutdown(wait=True)
+
+
+def _save(still: Still, path: Path, deep: bool, remark: str) -> tuple[str, bool]:
+    try:
+        save_file(path, still.encoded(path.suffix.lower(), deep))
+    except (InsituError, ValueError, MemoryError) as error:
+        return f"{error}", True
+    return f"saved {path}{remark}", False
