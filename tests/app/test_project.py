@@ -110,13 +110,15 @@ def test_light_alone_opens_the_default_scene_under_it(tmp_path: Path, monkeypatc
 
 
 def test_a_mesh_opens_as_a_scene_that_a_session_can_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "thing.ply").write_text(TETRAHEDRON)
-    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "here"
+    folder.mkdir()
+    (folder / "thing.ply").write_text(TETRAHEDRON)
+    monkeypatch.chdir(folder)
     project = open_project("thing.ply", (8, 6), [("thing.0.albedo", [0.1, 0.2, 0.3])])
     assert [state.name for state in project.document.objects] == ["thing", "floor"]
-    session = save_session(tmp_path / "work.insitu", project.document, ViewState())
+    session = save_session(folder / "work.insitu", project.document, ViewState())
     assert 'scene = "thing.ply"' in session.read_text()  # the folder can move
-    moved = tmp_path.rename(tmp_path.with_name("elsewhere"))
+    moved = folder.rename(tmp_path / "elsewhere")
     again = open_project(str(moved / "work.insitu"), (8, 6))
     assert again.document.objects == project.document.objects
     assert again.document.source == str(moved / "thing.ply")

@@ -156,13 +156,14 @@ def test_no_sequence_loses_edits_that_nobody_gave_up(window: HeadlessWindow, tmp
 def test_saving_fails_and_nothing_is_left(window: HeadlessWindow, tmp_path: Path) -> None:
     editor, shell = window.shell.editor, window.shell
     window.drag_handle("curve.magnitude", (0, -50))
-    editor.save(tmp_path / "work.insitu")
+    folder = tmp_path / "here"
+    folder.mkdir()
+    editor.save(folder / "work.insitu")
     window.drag_handle("curve.magnitude", (0, -20))
-    (tmp_path / "work.insitu").unlink()
-    tmp_path.rename(tmp_path.with_name("elsewhere"))
+    (folder / "work.insitu").unlink()
+    folder.rmdir()
     shell.do(OpenFile("teatray"), Leave(saves=True))
     assert isinstance(shell.state.leaving, OpenFile) and editor.unsaved and editor.status.is_error
-    tmp_path.with_name("elsewhere").rename(tmp_path)
 
 
 @pytest.mark.gl
