@@ -24,7 +24,7 @@ from app.sources import find_source
 from engine.colour import view_named
 from engine.errors import InsituError
 from engine.indirect.series import MOST_BOUNCES, BounceSeries, parse_series
-from engine.plan import FEWEST_LIGHTS, MOST_LIGHTS, N_LIGHTS, Plan, plan_lines
+from engine.plan import FEWEST_LIGHTS, MOST_LIGHTS, N_LIGHTS, N_PATCHES, Plan, plan_lines
 from engine.scene.builtin import DEFAULT_SCENE, builtin_scenes
 from engine.scene.description import MAX_RESOLUTION
 
@@ -90,6 +90,10 @@ Resolution = Annotated[
 Lights = Annotated[
     int, typer.Option("--lights", min=FEWEST_LIGHTS, max=MOST_LIGHTS, help="Triangles that the sky is cut into.")
 ]
+Patches = Annotated[
+    int,
+    typer.Option("--patches", min=FEWEST_LIGHTS, max=MOST_LIGHTS, help="Parts that lamps are cut into for shadows."),
+]
 ViewName = Annotated[
     str | None,
     typer.Option("--view", metavar="NAME", help="Filmic, AgX, ACES 2.0, ACES 1.3, Standard or False colour."),
@@ -131,6 +135,7 @@ def render(
     bounces: Bounces = None,
     series: Series = None,
     lights: Lights = N_LIGHTS,
+    patches: Patches = N_PATCHES,
     resolution: Resolution = None,
     rotation: Rotation = None,
     reference: Annotated[
@@ -165,7 +170,7 @@ def render(
             report(step.fraction, step.text)
 
         picture = render_picture(
-            project, follow, n_lights=lights, reference=reference, series=chosen, n_samples=samples
+            project, follow, n_lights=lights, n_patches=patches, reference=reference, series=chosen, n_samples=samples
         )  # fmt: skip
     _tell_notes(project)
     write_picture(output, picture, shown or project.view)

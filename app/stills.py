@@ -16,7 +16,7 @@ from engine.errors import InsituError
 from engine.indirect.beyond import BRIGHTEST, held
 from engine.indirect.series import BounceSeries
 from engine.material.layer import Layer
-from engine.plan import N_LIGHTS, Plan, plan_scene
+from engine.plan import N_LIGHTS, N_PATCHES, Plan, plan_scene
 from engine.render.bounces import planned_bounces
 from engine.render.image_files import exr_bytes, png_bytes
 from engine.render.indirect import indirect_radiance
@@ -52,7 +52,7 @@ def check_output(path: Path, endings: tuple[str, ...] = ENDINGS) -> Path:
 
 
 def render_picture(
-    project: Project, report: Report, *, n_lights: int = N_LIGHTS, reference: bool = False,
+    project: Project, report: Report, *, n_lights: int = N_LIGHTS, n_patches: int = N_PATCHES, reference: bool = False,
     series: BounceSeries | None = None, n_samples: int | None = None,
 ) -> NDArray[np.float32]:  # fmt: skip
     """Linear radiance (H, W, 3) of a project, with the editor's transport or by brute force.
@@ -63,7 +63,7 @@ def render_picture(
     """
     sky = project.sky
     placement = Placement(project.scene)
-    plan = plan_still(project, sky.environment is not None, n_lights)
+    plan = replace(plan_still(project, sky.environment is not None, n_lights), n_patches=n_patches)
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
     series = series or BounceSeries(
         project.n_bounces or plan.bounces or planned_bounces(placement, project.indexed_layers).n_bounces

@@ -60,7 +60,7 @@ BANDWIDTH_TOLERANCE = 0.02
 # 4 % off with 64 bands (d = 0.008) and 0.9 % with 128; broader ones keep their 64.
 MEASURED_TOLERANCE = 0.005
 N_LIGHTS = 4000
-N_PATCHES = 256
+N_PATCHES = 768
 FEWEST_LIGHTS, MOST_LIGHTS = 20, 80_000
 # Tracing the lights of the cut costs less than the sphere's 5,120 directions up to about this many of them.
 SPHERE_PAYS_FROM = 1280

@@ -65,7 +65,7 @@ class Precomputed:
     @property
     def rays(self) -> int:
         """Shadow rays traced."""
-        return sum(each.rays.traced for each in (self.light.sphere, self.light.fine, self.light.patches))
+        return sum(each.rays.traced for each in (self.light.sphere, self.light.fine, self.light.emitters))
 
     @property
     def store_bytes(self) -> int:

@@ -1,20 +1,31 @@
-"""Emitters: glowing surfaces of the scene as flat triangular patches, each a small light of its own.
+"""Emitters: glowing surfaces of the scene as flat triangular patches, and the tree of halves that these are leaves of.
 
-Patches are made even in area by splitting the largest one at the middle of its longest edge until there are enough;
-this keeps them well shaped, and no emitter is sampled finer than another. One-sided: a patch shines to the side its
-normal points to, given by the order of its corners (counter-clockwise seen from the bright side).
+Every emitting triangle is a root; a node is halved at the middle of its longest edge, which keeps patches well shaped.
+Which one is halved next is said by an importance: of the area alone (`emitter_patches`: even in area, no emitter finer
+than another), or of what a patch does at the points that see it (`emitter_tree` with `seen_importance`). By area, large
+panels far away use the patches up: a stairwell with thirteen lamps was 9 % off with 256 patches and 3 % with 4,096.
+
+One-sided: a patch shines to the side its normal points to, given by the order of its corners (counter-clockwise seen
+from the bright side).
 """
 
 from __future__ import annotations
 
-import heapq
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from engine.light.environment import LUMINANCE
+
 _N_THREADS = 2
+# Of a patch's samples in the R2 sequence, the plane's evenest [Roberts18]: no two beside one another are alike.
+_R2 = np.array([0.7548776662466927, 0.5698402909980532])
+
+Floats = NDArray[np.float64]
+Importance = Callable[[Floats, NDArray[np.intp]], Floats]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,32 +41,102 @@ class EmitterPatches:
     def __len__(self) -> int:
         return len(self.area)
 
+    @property
+    def samples(self) -> NDArray[np.float32]:
+        """A place (M, 3) on each patch, spread so that no straight edge of a shadow passes many of them at once."""
+        u = np.modf(0.5 + np.arange(1, len(self) + 1)[:, None] * _R2)[0]
+        root = np.sqrt(u[:, :1])
+        weights = np.concatenate([1.0 - root, root * (1.0 - u[:, 1:]), root * u[:, 1:]], axis=1)
+        return np.einsum("mk,mki->mi", weights, self.corners, dtype=np.float64).astype(np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class EmitterTree:
+    """N nodes, the T emitting triangles first: corners (N, 3, 3) and radiance (N, 3), float32.
+
+    child (N,) int32: the first of a node's two halves, which stand side by side behind it, or -1; parent (N,) int32, -1
+    of roots; first (N,) int64: the first leaf below a node.
+    """
+
+    corners: NDArray[np.float32]
+    radiance: NDArray[np.float32]
+    child: NDArray[np.int32]
+    parent: NDArray[np.int32]
+    first: NDArray[np.int64]
+    n_roots: int
+    leaves: EmitterPatches
+
 
 def emitter_patches(triangles: ArrayLike, radiance: ArrayLike, n_patches: int) -> EmitterPatches:
     """Cut emitting triangles (T, 3, 3), in metres, with radiance (T, 3), into `n_patches` patches of about equal area.
 
     Triangles without area or without radiance are left out; what remains is never merged, so there are more than
     `n_patches` patches where there are more triangles. Area and radiance are kept: total flux is that of the triangles.
+    Patches that were one stand together, so that every n-th is spread over the whole emitter.
     Raises ValueError for wrong shapes, negative or non-finite values, or n_patches < 1.
     """
+    return emitter_tree(triangles, radiance, n_patches).leaves
+
+
+def emitter_tree(
+    triangles: ArrayLike, radiance: ArrayLike, n_leaves: int, importance: Importance | None = None
+) -> EmitterTree:
+    """The same patches as leaves of a tree. importance(corners (K, 3, 3), roots (K,)) -> (K,): the greatest is halved
+    first, and none of 0; roots count among the triangles that shine. None: by area."""
     corners, emitted = np.asarray(triangles, np.float64), np.asarray(radiance, np.float64)
     if corners.ndim != 3 or corners.shape[1:] != (3, 3) or emitted.shape != (len(corners), 3):
         raise ValueError(f"triangles {corners.shape} and radiance {emitted.shape}, expected (T, 3, 3) and (T, 3)")
     if not (np.isfinite(corners).all() and np.isfinite(emitted).all() and (emitted >= 0.0).all()):
         raise ValueError("emitters hold values that are not finite, or negative radiance")
-    if n_patches < 1:
-        raise ValueError(f"n_patches = {n_patches}, expected at least 1")
-    shining = (_areas(corners) > 0.0) & (emitted > 0.0).any(axis=1)
-    patches, origin = _split_largest(corners[shining], n_patches)
-    normal = _area_vectors(patches)
-    area = np.linalg.norm(normal, axis=1)
-    return EmitterPatches(
-        corners=patches.astype(np.float32),
-        centre=patches.mean(axis=1).astype(np.float32),
-        normal=(normal / area[:, None]).astype(np.float32),
-        radiance=emitted[shining][origin].astype(np.float32),
-        area=area.astype(np.float32),
-    )
+    if n_leaves < 1:
+        raise ValueError(f"n_patches = {n_leaves}, expected at least 1")
+    shining = shining_triangles(corners, emitted)
+    corners, emitted = corners[shining], emitted[shining]
+    nodes, root, child = _halve(corners, n_leaves, importance or (lambda halves, roots: _areas(halves)))
+    first, split = _first_leaves(child, len(corners)), np.flatnonzero(child >= 0)
+    parent = np.full(len(child), -1)
+    parent[child[split]], parent[child[split] + 1] = split, split
+    leaf = np.flatnonzero(child < 0)
+    leaf = leaf[np.argsort(first[leaf])]
+    return EmitterTree(
+        nodes.astype(np.float32), emitted[root].astype(np.float32), child.astype(np.int32), parent.astype(np.int32),
+        first, len(corners), _patches(nodes[leaf], emitted[root[leaf]]),
+    )  # fmt: skip
+
+
+def shining_triangles(corners: Floats, radiance: Floats) -> NDArray[np.bool_]:
+    """Which triangles (T, 3, 3) have area and radiance (T, 3)."""
+    return (_areas(corners) > 0.0) & (radiance > 0.0).any(axis=1)
+
+
+def seen_importance(triangles: Floats, radiance: Floats, points: Floats, normals: Floats, seen: Floats) -> Importance:
+    """What patches of the triangles (T, 3, 3) with radiance (T, 3) do at points (P, 3): for `emitter_tree`.
+
+    seen (P, T): the share of each triangle that is seen from each point. A patch brings a point the share
+
+        w = L V Omega cos / (E + mean of E)
+
+    of its irradiance; its shadow is told by one ray, so that it errs by as much where its triangle is seen in part, and
+    the squares of what n patches err by add up. The importance is the mean of w² over the points.
+    """
+    brightness = radiance @ LUMINANCE
+
+    def contribution(corners: Floats, roots: NDArray[np.intp]) -> Floats:
+        towards = corners.mean(axis=1)[None] - points[:, None]
+        distance = np.maximum(np.linalg.norm(towards, axis=2), 1e-12)
+        cosine = np.maximum(np.einsum("pmi,pi->pm", towards, normals) / distance, 0.02)
+        return solid_angles(corners, points) * cosine * seen[:, roots] * brightness[roots]
+
+    total = contribution(triangles, np.arange(len(triangles))).sum(axis=1)
+    scale = 1.0 / np.maximum(total + total.mean(), 1e-300)
+    # Half seen errs most; what is seen whole is told by few rays, but for what the rays to the triangle missed.
+    partly = 0.1 + 4.0 * seen * (1.0 - seen)
+
+    def importance(corners: Floats, roots: NDArray[np.intp]) -> Floats:
+        share = contribution(corners, roots) * scale[:, None]
+        return np.mean(share * share * partly[:, roots], axis=0)
+
+    return importance
 
 
 def patch_solid_angles(patches: EmitterPatches, points: ArrayLike) -> NDArray[np.float32]:
@@ -63,13 +144,17 @@ def patch_solid_angles(patches: EmitterPatches, points: ArrayLike) -> NDArray[np
 
     Exact for flat triangles at any distance [VanOosterom83]; 0 from behind a patch and from within its plane.
     """
+    return solid_angles(patches.corners.astype(np.float64), points)
+
+
+def solid_angles(corners: Floats, points: ArrayLike) -> NDArray[np.float32]:
+    """The same of triangles (M, 3, 3)."""
     from engine.light import _kernels  # late: patches themselves need no compiler
 
     places = np.ascontiguousarray(points, dtype=np.float64)
     if places.ndim != 2 or places.shape[1] != 3:
         raise ValueError(f"points have shape {places.shape}, expected (P, 3)")
-    result = np.empty((len(places), len(patches)), np.float32)
-    corners = patches.corners.astype(np.float64)
+    result = np.empty((len(places), len(corners)), np.float32)
     bounds = [len(places) * i // _N_THREADS for i in range(_N_THREADS + 1)]
     with ThreadPoolExecutor(_N_THREADS) as pool:
         list(
@@ -81,43 +166,67 @@ def patch_solid_angles(patches: EmitterPatches, points: ArrayLike) -> NDArray[np
     return np.maximum(result, 0.0)
 
 
-def _area_vectors(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def _patches(corners: Floats, radiance: Floats) -> EmitterPatches:
+    normal = _area_vectors(corners)
+    area = np.linalg.norm(normal, axis=1)
+    return EmitterPatches(
+        corners=corners.astype(np.float32),
+        centre=corners.mean(axis=1).astype(np.float32),
+        normal=(normal / area[:, None]).astype(np.float32),
+        radiance=radiance.astype(np.float32),
+        area=area.astype(np.float32),
+    )
+
+
+def _area_vectors(corners: Floats) -> Floats:
     return 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
 
-def _areas(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def _areas(corners: Floats) -> Floats:
     return np.linalg.norm(_area_vectors(corners), axis=1)
 
 
-def _split_largest(corners: NDArray[np.float64], n_patches: int) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Halve the largest patch until there are `n_patches`: patches (M, 3, 3) and the triangle each came from (M,).
+def _halve(corners: Floats, n_leaves: int, importance: Importance) -> tuple[Floats, NDArray[np.intp], NDArray[np.intp]]:
+    """Halve the most important leaves until there are `n_leaves`: nodes (N, 3, 3), the root (N,) and first half (N,).
 
-    Halves stand beside one another in the list, so that every n-th patch is spread over the whole emitter: visibility
-    takes some of them as samples. In the order of splitting, every eighth would lie in one eighth of it.
+    All that are more than half as important as the most important are halved at once: their halves are not, mostly.
     """
-    patches, origin = list(corners), list(range(len(corners)))
-    places, widths = [float(i) for i in origin], [1.0] * len(corners)
-    queue = [(-float(area), i) for i, area in enumerate(_areas(corners))]
-    heapq.heapify(queue)
-    while queue and len(patches) < n_patches:
-        negative_area, i = heapq.heappop(queue)
-        first, second = _halves(patches[i])
-        patches[i] = first
-        patches.append(second)
-        origin.append(origin[i])
-        widths[i] /= 2
-        places.append(places[i] + widths[i])
-        widths.append(widths[i])
-        for child in (i, len(patches) - 1):
-            heapq.heappush(queue, (0.5 * negative_area, child))
-    order = np.argsort(places, kind="stable")
-    return np.array(patches).reshape(-1, 3, 3)[order], np.array(origin, dtype=np.intp)[order]
+    nodes, root, child = [corners], [np.arange(len(corners))], [np.full(len(corners), -1)]
+    leaves, weights = np.arange(len(corners)), importance(corners, root[0])
+    n_nodes = len(corners)
+    while 0 < len(leaves) < n_leaves and weights.max() > 0.0:
+        chosen = np.flatnonzero(weights > (0.5 + 1e-6) * weights.max())
+        order = np.lexsort((chosen, -np.round(np.log2(weights[chosen]), 6)))
+        chosen = chosen[order][: n_leaves - len(leaves)]
+        every, roots, links = np.concatenate(nodes), np.concatenate(root), np.concatenate(child)
+        halves, origin = _halves(every[leaves[chosen]]), np.repeat(roots[leaves[chosen]], 2)
+        links[leaves[chosen]] = n_nodes + 2 * np.arange(len(chosen))
+        nodes, root, child = [every, halves], [roots, origin], [links, np.full(len(halves), -1)]
+        # First halves take the places of the wholes, so that of equals those that are cut lie all over the emitters.
+        found, first = importance(halves, origin), n_nodes + 2 * np.arange(len(chosen))
+        leaves[chosen], weights[chosen] = first, found[::2]
+        leaves, weights = np.concatenate([leaves, first + 1]), np.concatenate([weights, found[1::2]])
+        n_nodes += len(halves)
+    return np.concatenate(nodes), np.concatenate(root), np.concatenate(child)
 
 
-def _halves(patch: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Split (3, 3) at the middle of its longest edge, both halves turned the same way round as the whole."""
-    lengths = [np.linalg.norm(patch[(k + 1) % 3] - patch[k]) for k in range(3)]
-    k = int(np.argmax(lengths))
-    a, b, c = patch[k], patch[(k + 1) % 3], patch[(k + 2) % 3]
+def _halves(corners: Floats) -> Floats:
+    """Triangles (K, 3, 3) at the middle of their longest edges, (2 K, 3, 3), turned the same way round, in pairs."""
+    lengths = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+    turn = (np.argmax(lengths, axis=1)[:, None] + np.arange(3)) % 3
+    a, b, c = np.take_along_axis(corners, turn[:, :, None], axis=1).transpose(1, 0, 2)
     middle = 0.5 * (a + b)
-    return np.array([a, middle, c]), np.array([middle, b, c])
+    return np.stack([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)], axis=1).reshape(-1, 3, 3)
+
+
+def _first_leaves(child: NDArray[np.intp], n_roots: int) -> NDArray[np.int64]:
+    """First leaf below each node (N,), leaves counted depth first; halves come after wholes."""
+    n_leaves = np.ones(len(child), np.int64)
+    split = np.flatnonzero(child >= 0)
+    for node in split[::-1]:
+        n_leaves[node] = n_leaves[child[node]] + n_leaves[child[node] + 1]
+    first = np.zeros(len(child), np.int64)
+    first[:n_roots] = np.cumsum(n_leaves[:n_roots]) - n_leaves[:n_roots]
+    for node in split:
+        first[child[node]], first[child[node] + 1] = first[node], first[node] + n_leaves[child[node]]
+    return first

@@ -17,6 +17,7 @@ from engine.plan import Cost, Plan
 from engine.render.still import StillLayer, StillProgress, still_quality
 from engine.transport.fixed import BYTES_A_POINT
 from engine.transport.lighting import prepare_lighting
+from engine.transport.near import no_near_leaves
 from engine.transport.pipeline import Placement, SkyState
 from engine.transport.projection import LayerShape, VisibleLight, project_points
 from engine.transport.visibility import Visibility, empty_visibility, evaluate_rows
@@ -74,16 +75,17 @@ def _try_light(
     cut = None
     if sky.environment is not None:
         cut = cut_lights(sky.environment, quality.n_lights, sky.rotation, quality.max_level)
-    lighting = prepare_lighting(cut, placement.patches(quality.n_patches), quality.tolerance, not plan.needs_sphere)
+    lighting = prepare_lighting(cut, placement.emitters(quality.n_patches), quality.tolerance, not plan.needs_sphere)
     sphere = empty_visibility(placement.hits, placement.sphere.targets)
     fine = empty_visibility(placement.hits, lighting.fine_targets)
-    patches = empty_visibility(placement.hits, lighting.patch_targets)
-    traced = [fine, patches] + ([sphere] if plan.needs_sphere else [])
+    emitters = empty_visibility(placement.hits, lighting.emitter_targets)
+    traced = [fine, emitters] + ([sphere] if plan.needs_sphere else [])
     rows = np.concatenate([np.zeros(0, np.int32), *samples.values()])
     _trace(placement, traced, rows[:1])  # compiles
     started = time.perf_counter()
     _trace(placement, traced, rows)
-    return VisibleLight(lighting, sphere, fine, patches), (time.perf_counter() - started) / max(len(rows), 1)
+    near = no_near_leaves(len(placement.hits.pixel))
+    return VisibleLight(lighting, sphere, fine, emitters, near), (time.perf_counter() - started) / max(len(rows), 1)
 
 
 def _trace(placement: Placement, traced: Sequence[Visibility], rows: np.ndarray) -> None:

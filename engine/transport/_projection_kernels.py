@@ -15,7 +15,8 @@ import numpy as np
 
 from engine.transport._angle_kernels import HALF_PI, fill_gammas, is_cone, slope, tint, weigh
 from engine.transport._band_kernels import encode_bands
-from engine.transport._seen_kernels import gather_local, list_visible, patch_colours, set_frame, to_local, towards
+from engine.transport._emitter_kernels import cut_emitters, make_cut
+from engine.transport._seen_kernels import gather_local, list_visible, set_frame, to_local
 from engine.transport._share_kernels import Spots, make_spots, mean_and_spread, share_out
 from engine.transport._split_kernels import LEAVES, MAX_DEPTH, SPREAD, is_curved, split
 
@@ -40,21 +41,16 @@ class Sky(NamedTuple):
     tree: np.ndarray
 
 
-class Patches(NamedTuple):
-    """M patches over N corner points: points (3, N), corners (M, 3), centres (3, M), radiance (M, 3)."""
-
-    points: np.ndarray
-    corners: np.ndarray
-    centres: np.ndarray
-    radiance: np.ndarray
-
-
 class Bits(NamedTuple):
-    """Packed visibility (P, words) of the sphere, of sky lights with bits of their own, and of patches."""
+    """Packed visibility (P, words) of the sphere, of sky lights with bits of their own, and of emitters' leaves; of
+    which the seen share of some is known better: start (P + 1,), node and delta (K,), see `engine.transport.near`."""
 
     sphere: np.ndarray
     fine: np.ndarray
-    patches: np.ndarray
+    emitters: np.ndarray
+    start: np.ndarray
+    node: np.ndarray
+    delta: np.ndarray
 
 
 class Surface(NamedTuple):
@@ -237,15 +233,13 @@ def _make_scratch(n_directions, n_lights):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def project_tile(rows, surface, sky, patches, bits, optics, trim, encoded):
+def project_tile(rows, surface, sky, emitters, bits, optics, trim, encoded):
     """Project all lights for one layer at the points `rows` and encode them; returns the number of values written."""
-    n_sky, n_patches = sky.corners.shape[0], patches.corners.shape[0]
-    n_sky_corners, n_patch_corners = sky.directions.shape[1], patches.points.shape[1]
-    s = _make_scratch(max(n_sky_corners, n_patch_corners), max(n_sky, n_patches))
+    n_sky, n_sky_corners = sky.corners.shape[0], sky.directions.shape[1]
+    cut, no_tree = make_cut(emitters.child.shape[0], emitters.n_roots), np.empty((0, 6), np.float32)
+    n_most = cut.sizes.shape[0]
+    s = _make_scratch(max(n_sky_corners, 3 * n_most), max(n_sky, n_most))
     lights, weights = s.spots.light, s.spots.weight
-    corners_seen, centres_seen = np.empty((3, n_patch_corners), np.float32), np.empty((3, n_patches), np.float32)
-    colours, sizes = np.zeros((n_patches, 3), np.float32), np.empty(n_patches, np.float32)
-    own_bit, no_tree = np.arange(n_patches), np.empty((0, 6), np.float32)
     bands = np.empty((optics.n_a + 2, optics.n_b + 2 if optics.n_b > 1 else 1, 3), np.float32)
     frame = np.empty((3, 3), np.float32)
     cells, maxima = np.empty((optics.n_a, optics.n_b), np.float32), np.empty(optics.n_a, np.float32)
@@ -262,21 +256,20 @@ def project_tile(rows, surface, sky, patches, bits, optics, trim, encoded):
             n = list_visible(bits.sphere[r], bits.fine[r], sky.first, sky.n_bits, sky.fine, lights, weights)
             to_local(sky.directions, frame, s.x, s.y, s.z)
             gather_local(sky.centres, lights, n, frame, s.cx, s.cy, s.cz)
-            if i == 0 or n_patches > 0:
+            if i == 0 or n_most > 0:
                 s.colours[:n_sky] = sky.colours
             _project_lights(
                 bands, sky.corners, sky.sizes, sky.rows, sky.tree, n_sky_corners, n, optics, frame, ox, oy, oz, s
             )
-        if n_patches > 0:
-            n = list_visible(bits.patches[r], bits.patches[r], own_bit, own_bit, own_bit, lights, weights)
-            towards(patches.points, surface.position[r], corners_seen)
-            towards(patches.centres, surface.position[r], centres_seen)
-            patch_colours(corners_seen, patches.corners, patches.radiance, colours, sizes)
-            to_local(corners_seen, frame, s.x, s.y, s.z)
-            gather_local(centres_seen, lights, n, frame, s.cx, s.cy, s.cz)
-            s.colours[:n_patches] = colours
+        if n_most > 0:
+            near = (bits.node, bits.delta, bits.start[r], bits.start[r + 1])
+            n = cut_emitters(
+                bits.emitters[r], near, emitters, surface.position[r], frame, optics.tolerance, cut, s.x, s.y, s.z,
+                s.cx, s.cy, s.cz, s.colours, weights,
+            )  # fmt: skip
+            lights[:n] = cut.rows[:n]
             _project_lights(
-                bands, patches.corners, sizes, own_bit, no_tree, n_patch_corners, n, optics, frame, ox, oy, oz, s
+                bands, cut.corners, cut.sizes, cut.rows, no_tree, 3 * n, n, optics, frame, ox, oy, oz, s
             )
         encoded.start[i] = written
         written = encode_bands(bands[: optics.n_a, : optics.n_b], trim, cells, maxima, encoded, i, written)

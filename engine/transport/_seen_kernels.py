@@ -3,12 +3,8 @@
 Directions are stored axis by axis, (3, N), so that loops over them are vector loops.
 """
 
-import math
-
 import numba as nb
 import numpy as np
-
-from engine.transport._angle_kernels import TINY
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -70,35 +66,6 @@ def gather_local(vectors, listed, n, frame, x, y, z):
         x[i] = frame[0, 0] * u + frame[0, 1] * v + frame[0, 2] * w
         y[i] = frame[1, 0] * u + frame[1, 1] * v + frame[1, 2] * w
         z[i] = frame[2, 0] * u + frame[2, 1] * v + frame[2, 2] * w
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def towards(points, place, out):
-    """Unit vectors (3, N) from a place (3,) to points (3, N)."""
-    for v in range(points.shape[1]):
-        dx, dy, dz = points[0, v] - place[0], points[1, v] - place[1], points[2, v] - place[2]
-        inverse = np.float32(1.0) / np.sqrt(max(dx * dx + dy * dy + dz * dz, TINY))
-        out[0, v], out[1, v], out[2, v] = dx * inverse, dy * inverse, dz * inverse
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def patch_colours(directions, corners, radiance, colours, sizes):
-    """Radiance times solid angle [VanOosterom83] and angular size of patches with unit corner directions (3, N)."""
-    for m in range(corners.shape[0]):
-        i, j, k = corners[m, 0], corners[m, 1], corners[m, 2]
-        ax, ay, az = directions[0, i], directions[1, i], directions[2, i]
-        bx, by, bz = directions[0, j], directions[1, j], directions[2, j]
-        cx, cy, cz = directions[0, k], directions[1, k], directions[2, k]
-        # The triple product through edge vectors: corners seen from afar are nearly parallel and would cancel.
-        ux, uy, uz, vx, vy, vz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
-        triple = ax * (uy * vz - uz * vy) + ay * (uz * vx - ux * vz) + az * (ux * vy - uy * vx)
-        cosines = (ax * bx + ay * by + az * bz) + (bx * cx + by * cy + bz * cz) + (cx * ax + cy * ay + cz * az)
-        solid_angle = np.float32(2.0) * math.atan2(abs(triple), np.float32(1.0) + cosines)
-        for channel in range(3):
-            colours[m, channel] = radiance[m, channel] * solid_angle
-        wx, wy, wz = cx - bx, cy - by, cz - bz
-        longest2 = max(ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz, wx * wx + wy * wy + wz * wz)
-        sizes[m] = np.sqrt(longest2)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")

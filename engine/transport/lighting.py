@@ -1,4 +1,4 @@
-"""Light as the projection wants it: a cut of sky triangles and a set of patches, with what visibility asks of each.
+"""Light as the projection wants it: a cut of sky triangles and a tree of emitters, with what visibility asks of each.
 
 Sky lights coarser than the visibility level see the fraction of their visible descendants (softer, truer than one
 ray); lights finer than it get directions of their own, traced once for this cut. Measured on the reference tea tray
@@ -14,13 +14,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.light.emitters import EmitterPatches
+from engine.light.emitters import EmitterPatches, EmitterTree
+from engine.light.environment import LUMINANCE
 from engine.light.lights import TriangleLights
-from engine.transport._projection_kernels import Patches, Sky
+from engine.transport._emitter_kernels import Emitters
+from engine.transport._projection_kernels import Sky
 from engine.transport.visibility import VISIBILITY_LEVEL, Targets
 
 FLOOD_NEIGHBOURS = 6
-PATCH_SENTINELS = 8
+LEAF_SENTINELS = 8
 FINE_SENTINELS = 4
 # Above so many points a tree finds neighbours sooner than all pairs do, the import of its library (0.3 s) included.
 TREE_PAYS_FROM = 2048
@@ -35,25 +37,25 @@ class Lighting:
     """
 
     sky: Sky
-    patches: Patches
+    emitters: Emitters
     unit: float
     tolerance: float
     fine_targets: Targets
-    patch_targets: Targets
+    emitter_targets: Targets
 
 
 def prepare_lighting(
-    sky: TriangleLights | None, patches: EmitterPatches | None, tolerance: float, own_rays: bool = False,
+    sky: TriangleLights | None, emitters: EmitterTree | None, tolerance: float, own_rays: bool = False,
     scale: float = 1.0,
 ) -> Lighting:  # fmt: skip
-    """Gather sky, `scale` times as bright as it is, and patches; either may be missing, both missing is a dark scene.
+    """Gather sky, `scale` times as bright as it is, and emitters; either may be missing, both missing is a dark scene.
 
     own_rays: trace every sky light by its centre, so that the sphere's visibility is not needed.
     """
-    unit = mean_radiance(sky, patches, scale)
+    unit = mean_radiance(sky, None if emitters is None else emitters.leaves, scale)
     sky_lights, fine_targets = _sky(sky, unit / scale if scale > 0.0 else math.inf, own_rays)
-    patch_lights, patch_targets = _patches(patches, unit)
-    return Lighting(sky_lights, patch_lights, unit, tolerance, fine_targets, patch_targets)
+    tree, emitter_targets = _emitters(emitters, unit)
+    return Lighting(sky_lights, tree, unit, tolerance, fine_targets, emitter_targets)
 
 
 def mean_radiance(sky: TriangleLights | None, patches: EmitterPatches | None, scale: float = 1.0) -> float:
@@ -62,7 +64,7 @@ def mean_radiance(sky: TriangleLights | None, patches: EmitterPatches | None, sc
     if sky is not None:
         total += scale * float(np.mean(np.sum(sky.power, axis=0, dtype=np.float64))) / (4 * np.pi)
     if patches is not None and len(patches.radiance):
-        total += float(np.mean(patches.radiance, dtype=np.float64))
+        total += float(np.average(patches.radiance.mean(axis=1, dtype=np.float64), weights=patches.area))
     return total if total > 0.0 else 1.0
 
 
@@ -105,27 +107,25 @@ def _sky(sky: TriangleLights | None, unit: float, own_rays: bool) -> tuple[Sky, 
     return lights, targets
 
 
-def _patches(patches: EmitterPatches | None, unit: float) -> tuple[Patches, Targets]:
-    if patches is None:
-        none = np.zeros((0, 3), np.float32)
-        return Patches(none.T, np.zeros((0, 3), np.int32), none.T, none), Targets(
-            none, none, nearest_neighbours(none), True
-        )
-    points, corners = np.unique(patches.corners.reshape(-1, 3), axis=0, return_inverse=True)
-    lights = Patches(
-        np.ascontiguousarray(points.T, np.float32),
-        np.ascontiguousarray(corners.reshape(-1, 3), np.int32),
-        np.ascontiguousarray(patches.centre.T, np.float32),
-        np.asarray(patches.radiance / np.float64(unit), np.float32),
-    )
-    normals = np.ascontiguousarray(patches.normal, np.float32)
-    centres = np.ascontiguousarray(patches.centre, np.float32)
-    neighbours = nearest_neighbours(centres)
-    targets = Targets(
-        centres, normals, neighbours, finite=True,
-        sentinel_step=PATCH_SENTINELS, weak_step=PATCH_SENTINELS, weakest_step=PATCH_SENTINELS,
+def _emitters(tree: EmitterTree | None, unit: float) -> tuple[Emitters, Targets]:
+    """The tree, and one sample of each of its leaves as what visibility asks."""
+    if tree is None:
+        none, nobody = np.zeros((0, 3), np.float32), np.zeros(0, np.int64)
+        halves = nobody.astype(np.int32)
+        dark = Emitters(np.zeros((0, 3, 3), np.float32), none, np.zeros(0, np.float32), halves, halves, nobody, 0)
+        return dark, Targets(none, none, nearest_neighbours(none), True)
+    radiance = np.asarray(tree.radiance / np.float64(unit), np.float32)
+    brightness = np.asarray(radiance @ LUMINANCE, np.float32)
+    emitters = Emitters(
+        np.ascontiguousarray(tree.corners, np.float32), radiance, brightness, tree.child, tree.parent, tree.first,
+        tree.n_roots,
     )  # fmt: skip
-    return lights, targets
+    samples, step = tree.leaves.samples, LEAF_SENTINELS
+    targets = Targets(
+        samples, np.ascontiguousarray(tree.leaves.normal, np.float32), nearest_neighbours(samples), finite=True,
+        sentinel_step=step, weak_step=step, weakest_step=step,
+    )  # fmt: skip
+    return emitters, targets
 
 
 def longest_edges(triangles: np.ndarray) -> np.ndarray:

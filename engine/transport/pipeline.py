@@ -9,14 +9,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.light.emitters import EmitterPatches, emitter_patches
+from engine.light.emitters import EmitterPatches, EmitterTree, emitter_patches
 from engine.light.environment import Environment
 from engine.light.lights import cut_lights
 from engine.scene.hits import PrimaryHits, trace_primary
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
+from engine.transport.emitters import emitters_for
 from engine.transport.footprint import footprint, lattice_rows
 from engine.transport.lighting import prepare_lighting
+from engine.transport.near import NearLight
 from engine.transport.projection import VisibleLight
 from engine.transport.visibility import (
     VISIBILITY_LEVEL,
@@ -33,8 +35,8 @@ from engine.transport.visibility import (
 class Quality:
     """How finely a stage computes.
 
-    Every `stride`-th pixel; sky lights; patches of emitters; deepest sky triangle; how many bands γ may bend over a
-    light. own_rays: while the sphere's visibility is not known, trace the lights of the cut alone.
+    Every `stride`-th pixel; sky lights; leaves of the tree of emitters; deepest sky triangle; how many bands γ may bend
+    over a light. own_rays: while the sphere's visibility is not known, trace the lights of the cut alone.
     """
 
     name: str
@@ -51,7 +53,7 @@ COARSE = Quality("coarse", 4, 400, 32, max_level=5)
 PREVIEW = Quality("preview", 1, 400, 32)
 # The sky is summed one level deeper than its lights mostly go: so the centres of brightness of the finest are true, and
 # the built-in tea tray is 0.46 % off the brute-force oracle where it was 0.54 %.
-FINAL = Quality("final", 1, 4000, 256, max_level=7, tolerance=0.5, own_rays=False)
+FINAL = Quality("final", 1, 4000, 768, max_level=7, tolerance=0.5, own_rays=False)
 # While a light is dragged nothing new is traced: the brightest regions make do with the sphere's own bits.
 DRAG = Quality("drag", 8, 400, 16, VISIBILITY_LEVEL, own_rays=False)
 
@@ -65,8 +67,8 @@ class SkyState:
     scale: float = 1.0
 
 
-# How much of seeing the light is done once the sphere is seen, and the brightest parts of the sky.
-SPHERE_SEEN, FINE_SEEN = 0.6, 0.8
+# How much of seeing the light is done once the sphere is seen, the sky's brightest parts, and the emitters' leaves.
+SPHERE_SEEN, FINE_SEEN, LEAVES_SEEN = 0.6, 0.8, 0.95
 
 
 def _within(steps: Iterator[float], begin: float, end: float) -> Iterator[float]:
@@ -85,6 +87,7 @@ class Placement:
         self.sphere: Visibility = empty_visibility(self.hits, sphere_targets(VISIBILITY_LEVEL))
         self._rows: dict[int, np.ndarray] = {}
         self._footprints: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+        self._emitters: dict[int, EmitterTree | None] = {}
 
     def rows_of(self, i_object: int, stride: int = 1) -> np.ndarray:
         """Rows of one object's points on the lattice of a stage, ascending."""
@@ -115,16 +118,19 @@ class Placement:
                 yield from _within(self._see(self.sphere, quality.stride), 0.0, SPHERE_SEEN)
                 seen = seen_shares(self.sphere, rows)
             cut = cut_lights(sky.environment, quality.n_lights, sky.rotation, quality.max_level, seen=seen)
-        lighting = prepare_lighting(cut, self.patches(quality.n_patches), quality.tolerance, own_rays, sky.scale)
+        lighting = prepare_lighting(cut, self.emitters(quality.n_patches), quality.tolerance, own_rays, sky.scale)
         fine = empty_visibility(self.hits, lighting.fine_targets)
         yield from _within(self._see(fine, quality.stride, None if own_rays else self.sphere), SPHERE_SEEN, FINE_SEEN)
-        patches = empty_visibility(self.hits, lighting.patch_targets)
-        yield from _within(self._see(patches, quality.stride), FINE_SEEN, 1.0)
-        return VisibleLight(lighting, self.sphere, fine, patches)
+        emitters = empty_visibility(self.hits, lighting.emitter_targets)
+        yield from _within(self._see(emitters, quality.stride), FINE_SEEN, LEAVES_SEEN)
+        near = NearLight(self.hits, self.caster, lighting.emitters, emitters, rows)
+        yield from _within(near.steps(), LEAVES_SEEN, 1.0)
+        return VisibleLight(lighting, self.sphere, fine, emitters, near.leaves())
 
     def shine(self, emission: Mapping[str, tuple[float, float, float]]) -> None:
         """Give emitters, by name, this radiance from now on, see `Scene.shining`."""
         self.scene = self.scene.shining(emission)
+        self._emitters.clear()
 
     def patches(self, n_patches: int) -> EmitterPatches | None:
         """The scene's emitters cut into about n_patches, or None where nothing shines."""
@@ -134,6 +140,12 @@ class Placement:
             return None
         triangles = self.scene.vertices[self.scene.triangles[shining]]
         return emitter_patches(triangles, self.scene.emission[self.scene.object_of_triangle[shining]], n_patches)
+
+    def emitters(self, n_patches: int) -> EmitterTree | None:
+        """The tree of emitters with about n_patches leaves, for the picture's points; None where nothing shines."""
+        if n_patches not in self._emitters:
+            self._emitters[n_patches] = emitters_for(self.scene, self.caster, self.hits, n_patches)
+        return self._emitters[n_patches]
 
     def _see(self, visibility: Visibility, stride: int, sphere: Visibility | None = None) -> Iterator[float]:
         yield from coherent_visibility(self.hits, self.caster, visibility, stride, sphere)

@@ -11,6 +11,7 @@ from engine.scene.hits import PrimaryHits
 from engine.transport import _projection_kernels as kernels
 from engine.transport.bandstore import BandTile
 from engine.transport.lighting import Lighting
+from engine.transport.near import NearLeaves
 from engine.transport.visibility import Visibility
 
 TILE = 256
@@ -28,12 +29,13 @@ class LayerShape:
 
 @dataclass(frozen=True)
 class VisibleLight:
-    """A lighting with the visibility of everything in it: sphere bits, fine sky lights, patches."""
+    """A lighting with the visibility of everything in it: sphere bits, fine sky lights, emitters' leaves."""
 
     lighting: Lighting
     sphere: Visibility
     fine: Visibility
-    patches: Visibility
+    emitters: Visibility
+    near: NearLeaves
 
 
 def project_layer(
@@ -68,8 +70,9 @@ def project_points(hits: PrimaryHits, rows: np.ndarray, light: VisibleLight, lay
     tolerance = np.float32(light.lighting.tolerance)
     optics = kernels.Optics(model.number, q, kind_a, kind_b, n_a, n_b, tolerance, model.colours_number)
     surface = kernels.Surface(hits.position, hits.tangent, hits.normal, hits.wo)
-    bits = kernels.Bits(light.sphere.bits, light.fine.bits, light.patches.bits)
+    near = light.near
+    bits = kernels.Bits(light.sphere.bits, light.fine.bits, light.emitters.bits, near.start, near.node, near.delta)
     n_values = kernels.project_tile(
-        rows, surface, light.lighting.sky, light.lighting.patches, bits, optics, np.float32(TRIM), encoded
+        rows, surface, light.lighting.sky, light.lighting.emitters, bits, optics, np.float32(TRIM), encoded
     )
     return BandTile(begin, *encoded[:-1], encoded.values[:n_values].copy())

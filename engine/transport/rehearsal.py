@@ -17,9 +17,9 @@ from engine.scene.description import parse_description
 from engine.scene.load import build_scene
 from engine.sphere.geodesic import geodesic
 from engine.transport import _projection_kernels as kernels
-from engine.transport._seen_kernels import patch_colours
 from engine.transport.bandstore import BandTile, join_tiles
 from engine.transport.lighting import prepare_lighting
+from engine.transport.near import no_near_leaves
 from engine.transport.pipeline import COARSE, Placement, Quality, SkyState
 from engine.transport.planes import curve_planes
 from engine.transport.projection import LayerShape, VisibleLight, project_layer
@@ -29,7 +29,11 @@ _SCENE = {
     "version": 1,
     "name": "rehearsal",
     "camera": {"position": [0, 0, 2], "target": [0, 0, 0], "fov_y": 40, "resolution": [8, 8]},
-    "object": [{"name": "quad", "primitive": "quad"}],
+    "object": [
+        {"name": "quad", "primitive": "quad"},
+        {"name": "lamp", "primitive": "quad", "transform": [0.1, 0, 0, 0, 0, 0.1, 0, 3, 0, 0, 0.1, 1, 0, 0, 0, 1],
+         "emission": [1, 1, 1]},
+    ],
 }
 _QUALITY = Quality("rehearsal", COARSE.stride, 20, COARSE.n_patches, max_level=1)
 _LAYER = LayerShape("lambert", (0.0,) * 8, (2, 2))
@@ -54,8 +58,8 @@ def rehearse_projection() -> None:
     """Projecting light onto bands, the longest to compile; in the dark, so that it waits for no other kernel."""
     placement = _placement()
     dark = prepare_lighting(None, None, _QUALITY.tolerance)
-    fine, patches = (empty_visibility(placement.hits, t) for t in (dark.fine_targets, dark.patch_targets))
-    light = VisibleLight(dark, placement.sphere, fine, patches)
+    fine, emitters = (empty_visibility(placement.hits, t) for t in (dark.fine_targets, dark.emitter_targets))
+    light = VisibleLight(dark, placement.sphere, fine, emitters, no_near_leaves(len(placement.hits.pixel)))
     for _ in project_layer(placement.hits, placement.rows(_QUALITY.stride), light, _LAYER):
         pass
 
@@ -75,8 +79,6 @@ def rehearse_projection_details() -> None:
     encoded = kernels.Encoded(*_nothing(n_a))
     cells, maxima = np.zeros((n_a, n_b), np.float32), np.zeros(n_a, np.float32)
     kernels.encode_bands(bands[:n_a, :n_b], one, cells, maxima, encoded, 0, 0)
-    directions, corners = np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.int32)
-    patch_colours(directions, corners, directions[:1], directions[:1].copy(), np.zeros(1, np.float32))
 
 
 def _nothing(n_a: int) -> tuple[np.ndarray, ...]:

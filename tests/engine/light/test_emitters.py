@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.light.emitters import emitter_patches, patch_solid_angles
+from engine.light.emitters import emitter_patches, emitter_tree, patch_solid_angles, seen_importance
 
 SQUARE = np.array(
     [[[-0.5, 1.0, -0.5], [0.5, 1.0, -0.5], [0.5, 1.0, 0.5]], [[-0.5, 1.0, -0.5], [0.5, 1.0, 0.5], [-0.5, 1.0, 0.5]]]
@@ -172,3 +172,34 @@ def test_bad_emitters_are_refused(triangles: np.ndarray, radiance: np.ndarray, n
 def test_bad_points_are_refused() -> None:
     with pytest.raises(ValueError, match="points have shape"):
         patch_solid_angles(emitter_patches(SQUARE, WHITE, 4), np.zeros(3))
+
+
+def test_a_tree_of_halves_keeps_area_and_knows_its_leaves() -> None:
+    tree = emitter_tree(SQUARE, WHITE, 21)
+    assert tree.n_roots == 2 and len(tree.leaves) == 21 and len(tree.child) == 2 + 2 * 19
+    areas = np.linalg.norm(
+        np.cross(*(tree.corners[:, 1:] - tree.corners[:, :1]).astype(float).transpose(1, 0, 2)), axis=1
+    )
+    whole = np.flatnonzero(tree.child >= 0)
+    for half in (0, 1):
+        halves = tree.child[whole] + half
+        np.testing.assert_allclose(areas[halves], areas[whole] / 2, rtol=1e-6)
+        np.testing.assert_array_equal(tree.parent[halves], whole)
+    leaf = np.flatnonzero(tree.child < 0)
+    # Leaves are counted depth first, so that those of a node stand together.
+    np.testing.assert_allclose(tree.corners[leaf], tree.leaves.corners[tree.first[leaf]])
+    np.testing.assert_array_equal(tree.first[tree.child[whole]], tree.first[whole])
+
+
+def test_leaves_go_where_emitters_are_seen_from_near() -> None:
+    # A panel of 4 m² at 5 m, a lamp a thousandth as large of a hundred times its radiance beside the points; a
+    # third one as bright, behind a wall.
+    panel, lamp = 2.0 * SQUARE + [0.0, 4.0, 0.0], 0.06 * SQUARE + [0.0, 0.4, 0.0]
+    triangles = np.concatenate([panel, lamp, lamp + [0.3, 0.0, 0.0]])
+    radiance = np.repeat([[1.0], [100.0], [100.0]], 2, axis=0) * np.ones(3)
+    points = np.random.default_rng(2).uniform([-0.2, 0.0, -0.2], [0.2, 0.0, 0.2], (64, 3))
+    normals, seen = np.tile([0.0, 1.0, 0.0], (64, 1)), np.ones((64, 6))
+    seen[:, :4], seen[:, 4:] = 0.5, 0.0
+    tree = emitter_tree(triangles, radiance, 100, seen_importance(triangles, radiance, points, normals, seen))
+    below = np.bincount(np.searchsorted(tree.first[:6], np.arange(100), side="right") - 1, minlength=6)
+    assert below[2:4].sum() > 2 * below[:2].sum() and (below[4:] == 1).all() and below.sum() == 100

@@ -18,6 +18,7 @@ from engine.scene.builtin import builtin_scenes
 from engine.scene.load import load_scene
 from engine.transport.bandstore import BandStore
 from engine.transport.lighting import prepare_lighting
+from engine.transport.near import near_leaves
 from engine.transport.pipeline import Placement
 from engine.transport.projection import LayerShape, VisibleLight, project_layer
 from engine.transport.visibility import brute_force_visibility, sphere_targets
@@ -102,13 +103,13 @@ def by_transport(
     """Radiance (len(rows), 3) by the editor's way with 4,000 lights, every shadow traced."""
     hits = placement.hits
     lighting = prepare_lighting(
-        None if sky is None else cut_lights(sky, 4000, turn, 6), placement.patches(256), 0.5
+        None if sky is None else cut_lights(sky, 4000, turn, 6), placement.emitters(256), 0.5
     )
     seen = [
         brute_force_visibility(hits, placement.caster, targets, rows)
-        for targets in (sphere_targets(4), lighting.fine_targets, lighting.patch_targets)
+        for targets in (sphere_targets(4), lighting.fine_targets, lighting.emitter_targets)
     ]
-    light = VisibleLight(lighting, *seen)
+    light = VisibleLight(lighting, *seen, near_leaves(hits, placement.caster, lighting.emitters, seen[2], rows))
     radiance = np.zeros((len(rows), 3))
     objects = hits.object_image.ravel()[hits.pixel[rows]]
     for i_object, its_layers in layers.items():

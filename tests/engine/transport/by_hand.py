@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from engine.light.emitters import EmitterPatches, emitter_patches
+from engine.light.emitters import EmitterTree, emitter_tree
 from engine.light.environment import Environment
 from engine.light.lights import TriangleLights, cut_lights
 from engine.material import MODELS
@@ -13,6 +13,7 @@ from engine.scene.hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.transport.bandstore import BandStore
 from engine.transport.lighting import prepare_lighting
+from engine.transport.near import near_leaves
 from engine.transport.projection import LayerShape, VisibleLight, project_layer
 from engine.transport.visibility import brute_force_visibility, sphere_targets
 
@@ -79,18 +80,20 @@ def light_of(
 ) -> VisibleLight:
     """Sky and emitters (T, 3, 3) of radiance 1, seen through the blockers, every answer traced."""
     sky: TriangleLights | None = None
-    patches: EmitterPatches | None = None
+    tree: EmitterTree | None = None
     if environment is not None:
         sky = cut_lights(environment, n_lights, rotation, 6)
     if emitters is not None:
-        patches = emitter_patches(emitters, np.ones((len(emitters), 3)), n_patches)
-    lighting = prepare_lighting(sky, patches, tolerance)
+        tree = emitter_tree(emitters, np.ones((len(emitters), 3)), n_patches)
+    lighting = prepare_lighting(sky, tree, tolerance)
     caster, rows = caster_of(blockers), np.arange(len(hits.pixel))
+    seen = brute_force_visibility(hits, caster, lighting.emitter_targets, rows)
     return VisibleLight(
         lighting,
         brute_force_visibility(hits, caster, sphere_targets(4), rows),
         brute_force_visibility(hits, caster, lighting.fine_targets, rows),
-        brute_force_visibility(hits, caster, lighting.patch_targets, rows),
+        seen,
+        near_leaves(hits, caster, lighting.emitters, seen, rows),
     )
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from engine.light.emitters import emitter_patches
+from engine.light.emitters import emitter_tree
 from engine.light.environment import Environment, constant_environment
 from engine.light.lights import cut_lights
 from engine.sphere.geodesic import geodesic, locate
@@ -59,14 +59,19 @@ def test_with_rays_of_their_own_no_light_needs_the_sphere() -> None:
     assert lighting.fine_targets.parents is None
 
 
-def test_patches_share_corners_and_keep_their_front() -> None:
-    patches = emitter_patches(lamp(), np.full((2, 3), 5.0), 64)
-    lighting = prepare_lighting(None, patches, 1.0)
-    assert lighting.unit == pytest.approx(5.0) and lighting.patches.points.shape[1] < 64
-    corners = lighting.patches.points.T[lighting.patches.corners]
-    np.testing.assert_allclose(corners, patches.corners, atol=1e-7)
-    np.testing.assert_allclose(lighting.patch_targets.normals, np.tile([0, -1, 0], (64, 1)), atol=1e-7)
-    assert lighting.patch_targets.finite and len(lighting.fine_targets.positions) == 0
+def test_each_leaf_of_an_emitter_is_asked_for_at_a_place_on_its_front() -> None:
+    tree = emitter_tree(lamp(), np.full((2, 3), 5.0), 64)
+    lighting = prepare_lighting(None, tree, 1.0)
+    assert lighting.unit == pytest.approx(5.0) and lighting.emitters.n_roots == 2
+    np.testing.assert_allclose(lighting.emitters.radiance, 1.0)
+    targets = lighting.emitter_targets
+    np.testing.assert_allclose(targets.normals, np.tile([0, -1, 0], (64, 1)), atol=1e-7)
+    assert targets.finite and len(targets.positions) == 64 and len(lighting.fine_targets.positions) == 0
+    # The barycentric coordinates of every place in its leaf.
+    edges = (tree.leaves.corners[:, 1:] - tree.leaves.corners[:, :1]).astype(float)
+    inside = [np.linalg.lstsq(e.T, p - c, rcond=None)[0] for e, p, c in
+              zip(edges, targets.positions, tree.leaves.corners[:, 0], strict=True)]  # fmt: skip
+    assert np.min(inside) > 0.0 and np.sum(inside, axis=1).max() < 1.0
 
 
 def test_no_light_and_a_black_one_have_unit_one() -> None:

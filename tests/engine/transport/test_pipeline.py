@@ -162,7 +162,7 @@ def test_a_turned_sky_traces_no_sphere_again(tmp_path: Path) -> None:
     light, _ = driven(placement.light(replace(sky, rotation=200.0), DRAG))
     assert placement.sphere.rays.traced == traced
     # While a light is dragged no ray is traced at all.
-    assert light.fine.rays.traced == light.patches.rays.traced == 0
+    assert light.fine.rays.traced == light.emitters.rays.traced == 0
 
 
 def test_a_lamp_needs_no_sphere(tmp_path: Path) -> None:

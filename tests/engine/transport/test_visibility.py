@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.light.emitters import emitter_patches
+from engine.light.emitters import emitter_tree
 from engine.scene.builtin import builtin_scenes
 from engine.scene.load import load_scene
 from engine.scene.raycaster import RayCaster
@@ -61,7 +61,7 @@ def all_rows(placement: Placement) -> np.ndarray:
 
 def patches_above(n: int) -> Targets:
     lamp = square((0, 2.5, 0), (1, 0, 0), (0, 0, 1))
-    return prepare_lighting(None, emitter_patches(lamp, np.ones((2, 3)), n), 1.0).patch_targets
+    return prepare_lighting(None, emitter_tree(lamp, np.ones((2, 3)), n), 1.0).emitter_targets
 
 
 @pytest.mark.parametrize("targets", [sphere_targets(2), patches_above(40)], ids=["directions", "patches"])
@@ -224,7 +224,7 @@ def test_interrupted_and_resumed_is_the_same(placement: Placement) -> None:
 
 
 def test_no_targets_are_seen_at_once(placement: Placement) -> None:
-    nothing = prepare_lighting(None, None, 1.0).patch_targets
+    nothing = prepare_lighting(None, None, 1.0).emitter_targets
     found = empty_visibility(placement.hits, nothing)
     assert list(coherent_visibility(placement.hits, placement.caster, found)) == []
     assert found.done.all() and found.rays.traced == 0

@@ -64,4 +64,4 @@ def test_another_name_and_other_targets_are_refused(shapes: Shapes) -> None:
     with pytest.raises(ValueError, match="expected one of SNB"):
         trace_variant(hits, caster, directions, "XYZ")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="of points"):
-        trace_variant(hits, caster, prepare_lighting(None, None, 1.0).patch_targets, "OPT")
+        trace_variant(hits, caster, prepare_lighting(None, None, 1.0).emitter_targets, "OPT")

@@ -1,0 +1,146 @@
+"""Compiled loops of `engine.transport.near`: which leaves of the emitters a point sees in part, and by how much."""
+
+import numba as nb
+import numpy as np
+
+from engine.transport._emitter_kernels import fill_shares, heights, look, place_at
+
+_ZERO, _ONE = np.float32(0.0), np.float32(1.0)
+_CHILDREN = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
+_DEPTH = 64
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def list_near(rows, position, normal, bits, emitters, least, near, most, counts, nodes):
+    """For each of the rows the leaves that are worth rays of their own: counts (B,), nodes (B, most).
+
+    A leaf is, if all of it would bring the point more than `least` of the light that it is thought to see, and either
+    others beside it in the tree are seen otherwise or it is larger than `near` radians.
+    """
+    stack, stacked, mixed = np.empty((_DEPTH, 3, 3), np.float32), np.empty(_DEPTH, np.int64), np.empty(_DEPTH, np.bool_)
+    unit, frame = np.empty((3, 3), np.float32), np.zeros((3, 3), np.float32)
+    shares = np.empty(emitters.child.shape[0], np.float32)
+    for b in range(rows.shape[0]):
+        place, n = position[rows[b]], 0
+        frame[2] = normal[rows[b]]
+        fill_shares(bits[rows[b]], emitters, shares)
+        bound = least * _seen_light(shares, emitters, place, frame, stack[0], unit)
+        for root in range(emitters.n_roots):
+            stacked[0], mixed[0], top = root, False, 0
+            while top >= 0:
+                node, odd = stacked[top], mixed[top]
+                top -= 1
+                place_at(emitters.corners[node], place, stack[0])
+                if not _faces(stack[0]):
+                    break
+                omega, size, _ = look(stack[0], unit)
+                high = heights(unit, frame)[1]
+                if high <= _ZERO or emitters.brightness[node] * omega * high <= bound:
+                    continue
+                share, child = shares[node], emitters.child[node]
+                odd = odd or (share > _ZERO and share < _ONE)
+                if child < 0:
+                    if (odd or size > near) and n < most:
+                        nodes[b, n] = node
+                        n += 1
+                elif odd or size > near:
+                    stacked[top + 1], stacked[top + 2] = child, child + 1
+                    mixed[top + 1], mixed[top + 2] = odd, odd
+                    top += 2
+        counts[b] = n
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _seen_light(shares, emitters, place, frame, triangle, unit):
+    """The light that the leaves known to be seen bring, with cosines at the roots' middles."""
+    total = _ZERO
+    for root in range(emitters.n_roots):
+        share = shares[root]
+        if share > _ZERO:
+            place_at(emitters.corners[root], place, triangle)
+            omega = look(triangle, unit)[0]
+            low, high = heights(unit, frame)
+            total += emitters.brightness[root] * omega * share * np.float32(0.5) * max(low + high, high)
+    return total
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _faces(triangle):
+    """Whether a triangle relative to the point shows it its front."""
+    ux, uy, uz = triangle[1, 0] - triangle[0, 0], triangle[1, 1] - triangle[0, 1], triangle[1, 2] - triangle[0, 2]
+    vx, vy, vz = triangle[2, 0] - triangle[0, 0], triangle[2, 1] - triangle[0, 1], triangle[2, 2] - triangle[0, 2]
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    return nx * triangle[0, 0] + ny * triangle[0, 1] + nz * triangle[0, 2] < _ZERO
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def near_rays(rows, nodes, position, lifted, normal, corners, depth, origins, directions, distances, weights):
+    """Rays from points rows (K,) over nodes (K,) of corners (N, 3, 3), 4^depth a pair, each towards the middle of one
+    part of the node that is even on the sphere; weights: solid angle times cosine, 0 below the horizon."""
+    n_parts = 4**depth
+    parts, spare = np.empty((n_parts, 3, 3), np.float32), np.empty((n_parts, 3, 3), np.float32)
+    triangle, unit = np.empty((3, 3), np.float32), np.empty((3, 3), np.float32)
+    for k in range(rows.shape[0]):
+        r = rows[k]
+        place_at(corners[nodes[k]], position[r], triangle)
+        look(triangle, parts[0])
+        _quarter(parts, spare, depth)
+        ux, uy, uz = triangle[1, 0] - triangle[0, 0], triangle[1, 1] - triangle[0, 1], triangle[1, 2] - triangle[0, 2]
+        vx, vy, vz = triangle[2, 0] - triangle[0, 0], triangle[2, 1] - triangle[0, 1], triangle[2, 2] - triangle[0, 2]
+        mx, my, mz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        height = mx * triangle[0, 0] + my * triangle[0, 1] + mz * triangle[0, 2]
+        for i in range(n_parts):
+            omega = look(parts[i], unit)[0]
+            dx = unit[0, 0] + unit[1, 0] + unit[2, 0]
+            dy = unit[0, 1] + unit[1, 1] + unit[2, 1]
+            dz = unit[0, 2] + unit[1, 2] + unit[2, 2]
+            inverse = _ONE / np.sqrt(max(dx * dx + dy * dy + dz * dz, np.float32(1e-30)))
+            dx, dy, dz = dx * inverse, dy * inverse, dz * inverse
+            at = n_parts * k + i
+            cosine = dx * normal[r, 0] + dy * normal[r, 1] + dz * normal[r, 2]
+            weights[at] = omega * max(cosine, _ZERO)
+            lx, ly, lz = (
+                lifted[r, 0] - position[r, 0], lifted[r, 1] - position[r, 1], lifted[r, 2] - position[r, 2]
+            )  # fmt: skip
+            side = _ONE if lx * dx + ly * dy + lz * dz >= _ZERO else -_ONE
+            origins[at, 0], origins[at, 1], origins[at, 2] = (
+                position[r, 0] + side * lx, position[r, 1] + side * ly, position[r, 2] + side * lz
+            )  # fmt: skip
+            directions[at, 0], directions[at, 1], directions[at, 2] = dx, dy, dz
+            along = mx * dx + my * dy + mz * dz
+            distances[at] = np.float32(0.9999) * height / along if along < _ZERO else _ZERO
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _quarter(parts, spare, depth):
+    """Cut the spherical triangle parts[0] into 4^depth."""
+    n = 1
+    six = np.empty((6, 3), np.float32)
+    for _ in range(depth):
+        for i in range(n):
+            for c in range(3):
+                j = (c + 1) % 3
+                x = parts[i, c, 0] + parts[i, j, 0]
+                y = parts[i, c, 1] + parts[i, j, 1]
+                z = parts[i, c, 2] + parts[i, j, 2]
+                inverse = _ONE / np.sqrt(max(x * x + y * y + z * z, np.float32(1e-30)))
+                six[c] = parts[i, c]
+                six[3 + c, 0], six[3 + c, 1], six[3 + c, 2] = x * inverse, y * inverse, z * inverse
+            for child in range(4):
+                for corner in range(3):
+                    spare[4 * i + child, corner] = six[_CHILDREN[child, corner]]
+        n *= 4
+        parts[:n] = spare[:n]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def near_shares(rows, nodes, bits, first, blocked, weights, n_parts, deltas):
+    """What the seen share of each node (K,), of its light on the point, is more than its one bit."""
+    for k in range(rows.shape[0]):
+        total, seen = _ZERO, _ZERO
+        for i in range(n_parts * k, n_parts * (k + 1)):
+            total += weights[i]
+            seen += _ZERO if blocked[i] else weights[i]
+        leaf = first[nodes[k]]
+        bit = np.float32((bits[rows[k], leaf >> 6] >> np.uint64(leaf & 63)) & np.uint64(1))
+        deltas[k] = (seen / total if total > _ZERO else bit) - bit

@@ -1,0 +1,60 @@
+"""The tree of emitters for the points of a picture: where its leaves lie is said by what they do there.
+
+Some hundred points, drawn evenly from the picture, say how finely each emitter is needed (`seen_importance`), and a few
+rays from each of them to every emitting triangle how much of it they see: a lamp behind a wall gets few leaves.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.light.emitters import EmitterTree, emitter_patches, emitter_tree, seen_importance, shining_triangles
+from engine.scene.hits import PrimaryHits
+from engine.scene.load import Scene
+from engine.scene.raycaster import RayCaster
+from engine.transport import _visibility_kernels as kernels
+
+N_POINTS = 512
+N_RAYS = 8  # from a point to each triangle
+
+Floats = NDArray[np.float64]
+
+
+def emitters_for(scene: Scene, caster: RayCaster, hits: PrimaryHits, n_leaves: int) -> EmitterTree | None:
+    """The scene's emitters as a tree of about n_leaves leaves, or more where there are more triangles; None where
+    nothing shines."""
+    shining = scene.emitters[scene.object_of_triangle]
+    if not shining.any():
+        return None
+    corners = scene.vertices[scene.triangles[shining]].astype(np.float64)
+    radiance = scene.emission[scene.object_of_triangle[shining]].astype(np.float64)
+    lit = shining_triangles(corners, radiance)
+    corners, radiance = corners[lit], radiance[lit]
+    if not len(corners):
+        return None
+    if len(hits.pixel) == 0 or len(corners) >= n_leaves:
+        return emitter_tree(corners, radiance, n_leaves)
+    rows = np.unique(np.linspace(0, len(hits.pixel) - 1, N_POINTS).astype(np.int32))
+    tried = emitter_patches(np.repeat(corners, N_RAYS, axis=0), np.repeat(radiance, N_RAYS, axis=0), 1)
+    seen = _sees(caster, hits, rows, tried.samples, tried.normal).reshape(len(rows), -1, N_RAYS).mean(axis=2)
+    points, normals = hits.position[rows].astype(np.float64), hits.normal[rows].astype(np.float64)
+    return emitter_tree(corners, radiance, n_leaves, seen_importance(corners, radiance, points, normals, seen))
+
+
+def _sees(
+    caster: RayCaster, hits: PrimaryHits, rows: NDArray[np.int32], places: NDArray[np.float32],
+    normals: NDArray[np.float32],
+) -> NDArray[np.bool_]:  # fmt: skip
+    """Whether each of the points (P,) sees each of the places (M, 3) on emitters with normals (M, 3): (P, M)."""
+    towards = places[None] - hits.position[rows][:, None]
+    above = np.einsum("pmi,pi->pm", towards, hits.normal[rows]) > 0.0
+    seen: NDArray[np.bool_] = above & (np.einsum("pmi,mi->pm", towards, normals) < 0.0)
+    block, target = (index.astype(np.int32) for index in np.nonzero(seen))
+    origin, direction = np.empty((len(block), 3), np.float32), np.empty((len(block), 3), np.float32)
+    distance = np.empty(len(block), np.float32)
+    kernels.write_rays(
+        rows, block, target, hits.position, hits.offset_position, places, True, origin, direction, distance
+    )
+    seen[block, target] = ~caster.occluded(origin, direction, distance)
+    return seen

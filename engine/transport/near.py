@@ -1,0 +1,106 @@
+"""Leaves of emitters that a point sees in part, or from close by: rays of the point's own say how much of each it sees.
+
+One ray a leaf is enough where leaves are many and small. Beside a lamp's frame one leaf is half of all there is, and in
+a narrow penumbra a few leaves are: there the shadow's edge would show each of them. A leaf that could bring more than
+`LEAST` of a point's light, while others beside it are seen otherwise or it is larger than `NEAR`, is cut into four
+parts that are even on the point's sphere, one ray each, and their sum is taken by solid angle and cosine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.scene.hits import PrimaryHits
+from engine.scene.raycaster import RayCaster
+from engine.transport import _near_kernels as kernels
+from engine.transport._emitter_kernels import Emitters
+from engine.transport.visibility import Visibility
+
+LEAST, NEAR = np.float32(0.02), np.float32(0.35)
+MOST = 64  # leaves of a point
+DEPTH = 1
+BLOCK, AT_ONCE = 1024, 8
+
+_Found = tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float32]]
+
+
+@dataclass(frozen=True, eq=False)
+class NearLeaves:
+    """Of P points: start (P + 1,) into node (K,), numbers in the tree, and delta (K,): the share seen less the bit."""
+
+    start: NDArray[np.int32]
+    node: NDArray[np.int32]
+    delta: NDArray[np.float32]
+
+
+def no_near_leaves(n_points: int) -> NearLeaves:
+    """Where one bit a leaf is all that is known."""
+    return NearLeaves(np.zeros(n_points + 1, np.int32), np.zeros(0, np.int32), np.zeros(0, np.float32))
+
+
+class NearLight:
+    """Finds those of the given rows, ascending, whose bits are known: `steps` must be driven to its end before."""
+
+    def __init__(
+        self, hits: PrimaryHits, caster: RayCaster, emitters: Emitters, visibility: Visibility,
+        rows: NDArray[np.integer],
+    ) -> None:  # fmt: skip
+        self._work = (hits, caster, emitters, visibility)
+        rows = np.asarray(rows if emitters.n_roots else rows[:0], np.int32)
+        self._blocks = [rows[i : i + BLOCK] for i in range(0, len(rows), BLOCK)]
+        self._found: list[_Found] = []
+
+    def steps(self) -> Iterator[float]:
+        """Find them, eight blocks of 1,024 points between two yields of the fraction done."""
+        with ThreadPoolExecutor(2) as pool:
+            for i in range(0, len(self._blocks), AT_ONCE):
+                group = self._blocks[i : i + AT_ONCE]
+                self._found += pool.map(lambda block: _of_block(*self._work, block), group)
+                yield len(self._found) / len(self._blocks)
+
+    def leaves(self) -> NearLeaves:
+        """All that was found."""
+        none = no_near_leaves(len(self._work[0].pixel))
+        counts = np.zeros_like(none.start)
+        for block, (count, _, _) in zip(self._blocks, self._found, strict=True):
+            counts[block + 1] = count
+        nodes, deltas = ([part[k] for part in self._found] for k in (1, 2))
+        start = np.cumsum(counts, dtype=np.int32)
+        return NearLeaves(start, np.concatenate([none.node, *nodes]), np.concatenate([none.delta, *deltas]))
+
+
+def near_leaves(
+    hits: PrimaryHits, caster: RayCaster, emitters: Emitters, visibility: Visibility, rows: NDArray[np.integer]
+) -> NearLeaves:
+    """The same at once."""
+    near = NearLight(hits, caster, emitters, visibility, rows)
+    for _ in near.steps():
+        pass
+    return near.leaves()
+
+
+def _of_block(
+    hits: PrimaryHits, caster: RayCaster, emitters: Emitters, visibility: Visibility, rows: NDArray[np.int32]
+) -> _Found:
+    counts, nodes = np.empty(len(rows), np.int32), np.empty((len(rows), MOST), np.int32)
+    kernels.list_near(rows, hits.position, hits.normal, visibility.bits, emitters, LEAST, NEAR, MOST, counts, nodes)
+    pairs = np.repeat(rows, counts)
+    listed = nodes[np.arange(MOST) < counts[:, None]]
+    n_parts = 4**DEPTH
+    n_rays = len(pairs) * n_parts
+    origins, directions = np.empty((n_rays, 3), np.float32), np.empty((n_rays, 3), np.float32)
+    distances, weights = np.empty(n_rays, np.float32), np.empty(n_rays, np.float32)
+    kernels.near_rays(
+        pairs, listed, hits.position, hits.offset_position, hits.normal, emitters.corners, DEPTH, origins, directions,
+        distances, weights,
+    )  # fmt: skip
+    blocked = caster.occluded(origins, directions, distances)
+    visibility.rays.traced += n_rays
+    deltas = np.empty(len(pairs), np.float32)
+    kernels.near_shares(pairs, listed, visibility.bits, emitters.first, blocked, weights, n_parts, deltas)
+    return counts, listed, deltas
