@@ -18,7 +18,7 @@ FAILED, USAGE, INTERRUPTED = 1, 2, 130
 ERROR_FILE = "last-error.txt"
 
 COMMANDS = ("edit", "render", "precompute", "screenshot", "plan", "measure", "doctor", "import-brdf",
-            "export-brdf", "export")
+            "export-brdf", "export")  # fmt: skip
 """Words that are commands when they come first; a file of such a name is opened as ./render."""
 
 

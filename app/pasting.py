@@ -44,7 +44,5 @@ def pasted(
         return SetMaterial(selected.object, layers, material.name)
     if selected.factor is None:
         raise InsituError("no curve is selected; select the one to paste onto")
-    operators = operators_of_copy(
-        material.layers[0], material.part, document.layer(selected.key), selected.factor
-    )
+    operators = operators_of_copy(material.layers[0], material.part, document.layer(selected.key), selected.factor)
     return SetOperators(selected.key, selected.factor, operators)

@@ -35,4 +35,3 @@ def plan_project(
     reason = "; ".join(filter(None, (said, bounces.warning)))
     plan = replace(plan, bounces=bounces.n_bounces, reasons={**plan.reasons, "bounces": reason})
     return finish(estimate_cost(placement, planned_layers, sky, plan), report)
-

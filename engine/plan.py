@@ -157,9 +157,7 @@ def curve_deviation(layer: Layer, factor: str, n_bands: int) -> float:
     return _deviation(_fine_values(layer, factor), layer.coefficients(factor, n_bands))
 
 
-def bandwidth(
-    layer: Layer, factor: str, tolerance: float | None = None, most: int = MOST_BANDS, least: int = 1
-) -> int:
+def bandwidth(layer: Layer, factor: str, tolerance: float | None = None, most: int = MOST_BANDS, least: int = 1) -> int:
     """The least power of two J from `least` to `most`, both powers of two, with d(J) <= tolerance; None: its own."""
     fine = _fine_values(layer, factor)
     tolerance = tolerance_of(layer, factor) if tolerance is None else tolerance

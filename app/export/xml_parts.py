@@ -16,4 +16,3 @@ def add(parent: Element, tag: str, **attributes: str) -> Element:
 def add_numbers(parent: Element, tag: str, name: str, values: ArrayLike) -> Element:
     """A child that holds numbers: `<rgb name="reflectance" value="0.5 0.5 0.5"/>`."""
     return add(parent, tag, name=name, value=" ".join(f"{v:.9g}" for v in np.ravel(values)))
-

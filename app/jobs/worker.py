@@ -138,4 +138,3 @@ def main(argv: Sequence[str] | None = None) -> None:
     channel = Channel(socket.socket(fileno=options.socket), options.method)
     with contextlib.suppress(ChannelClosed):
         serve(channel, options)
-

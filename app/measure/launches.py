@@ -132,9 +132,7 @@ def _relative(times: dict[str, float], started: float) -> Launch:
 
 
 @contextlib.contextmanager
-def _program(
-    command: Sequence[str], environment: Mapping[str, str], folder: Path
-) -> Iterator[subprocess.Popen[bytes]]:
+def _program(command: Sequence[str], environment: Mapping[str, str], folder: Path) -> Iterator[subprocess.Popen[bytes]]:
     """A program that runs while the block lasts at most, in a group of its own; its words go to a file in `folder`."""
     with open(folder / WORDS, "wb") as words:
         process = subprocess.Popen(

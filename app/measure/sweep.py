@@ -207,7 +207,7 @@ def _setting(
     done = precompute_on(sphere.placement, subject, quality, most_bands)
     for precision in PRECISIONS if shadows == "coherent" else PRECISIONS[:1]:
         picture = precision_picture(done, precision, rows)
-        yield done, Row(
+        row = Row(
             "precompute",
             n_lights,
             most_bands,
@@ -219,6 +219,7 @@ def _setting(
             done.rays,
             (done.store_bytes + largest_on_gpu(done, precision)) / MIB,
         )
+        yield done, row
 
 
 def largest_on_gpu(done: Precomputed, precision: Precision) -> int:

@@ -38,4 +38,3 @@ SCENES: dict[str, Callable[[], dict[str, Mesh]]] = {
 
 # Textures and weight maps: for each scene, file name -> (H, W, 3) sRGB or (H, W) shares, 8 bits.
 IMAGES: dict[str, Callable[[], dict[str, NDArray[np.uint8]]]] = {"plate": plate.images, "room": room.images}
-

@@ -326,9 +326,7 @@ def second_light(fans, position, records, begin, end, objects, g, lamps, table, 
             if not _counts(fans, m):
                 continue
             x, y, z = _ray(fans, i, m, pattern, cosine, sine, eye_x, eye_y, eye_z)
-            dx, dy, dz = _to_world(
-                tangent[0], tangent[1], tangent[2], normal[0], normal[1], normal[2], x, y, z
-            )
+            dx, dy, dz = _to_world(tangent[0], tangent[1], tangent[2], normal[0], normal[1], normal[2], x, y, z)
             far = records.distance[e]
             px, py, pz = position[r, 0] + far * dx, position[r, 1] + far * dy, position[r, 2] + far * dz
             nx, ny, nz = records.normal[e, 0], records.normal[e, 1], records.normal[e, 2]

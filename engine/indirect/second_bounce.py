@@ -82,8 +82,7 @@ class SecondRays:
         self, cells: Cells, rows: NDArray[np.int32], rays: Rays, seen: NDArray[np.uint16], found: Intersections,
         turn: AbstractContextManager[None] = NO_TURN,
     ) -> kernels.Records:  # fmt: skip
-        """The records of a chunk of fans: rays and what they hit, (p · R), point by point; turn: see `Cells.seen_by`.
-        """
+        """The records of a chunk of fans: rays and what they hit, (p · R), by points; turn: see `Cells.seen_by`."""
         n_rays = len(seen) // max(len(rows), 1)
         ends = np.where(seen == NO_CELL, -1, cells.mesh.objects[found.triangle])
         which = np.flatnonzero((ends >= 0) & self.glossy[ends])

@@ -241,9 +241,7 @@ class Solver:
                     yield span[0] + (span[1] - span[0]) * done / len(rows), "looking around"
         return joined(found)
 
-    def _gathered(
-        self, cells: Cells, rows: NDArray[np.int32], size: FanSize, parts: Parts
-    ) -> Iterator[Gathered]:
+    def _gathered(self, cells: Cells, rows: NDArray[np.int32], size: FanSize, parts: Parts) -> Iterator[Gathered]:
         """One part of the gather points: what was kept of it, or what is traced."""
         kept = parts.begin(self._kept_fans, b"fans", rows.tobytes(), repr((size, cells.size)).encode())
         if kept is not None:
@@ -271,7 +269,6 @@ class Solver:
         light = CellLight(cells.objects.copy(), np.concatenate(found), direct)
         parts.keep({"cell_seen": light.seen, "direct": direct, **arrays_of_table(cells.table())})
         return light
-
 
     def _kept_fans(self, arrays: Arrays) -> tuple[Table, Gathered]:
         reader = self._reader(arrays)

@@ -49,8 +49,6 @@ def _picture(
 
 def _reflecting(layers: Sequence[StillLayer], second: int | None = None) -> list[IndirectLayer]:
     return [
-        indirect_layer(
-            each.i_object, each.layer, each.bands[: len(each.layer.model.factors)], second, each.mean_factor
-        )
+        indirect_layer(each.i_object, each.layer, each.bands[: len(each.layer.model.factors)], second, each.mean_factor)
         for each in layers
     ]

@@ -140,9 +140,7 @@ class Scattering:
     def reflects(self) -> bool:
         return bool(self.layers)
 
-    def evaluate(
-        self, wi: Floats, wo: Floats, factors: NDArray[np.floating] | None = None
-    ) -> tuple[Floats, Floats]:
+    def evaluate(self, wi: Floats, wo: Floats, factors: NDArray[np.floating] | None = None) -> tuple[Floats, Floats]:
         """ρ cosθ (N, 3) of local directions and the density (N,) of drawing wi; both 0 below the horizon.
 
         factors (N, K, 3): what multiplies the first K layers; directions are drawn as without them.

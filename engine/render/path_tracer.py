@@ -278,9 +278,7 @@ def _pass_work(
     return work
 
 
-def _vertices(
-    objects: Rows, fields: Mapping[str, NDArray[np.float32]], factors: NDArray[np.float32]
-) -> _Vertices:
+def _vertices(objects: Rows, fields: Mapping[str, NDArray[np.float32]], factors: NDArray[np.float32]) -> _Vertices:
     exact = {name: field.astype(np.float64) for name, field in fields.items()}
     tangent, normal = exact["tangent"], exact["normal"]
     return _Vertices(

@@ -94,9 +94,7 @@ def _trace(placement: Placement, traced: Sequence[Visibility], rows: np.ndarray)
             evaluate_rows(placement.hits, placement.caster, visibility, rows)
 
 
-def _try_layer(
-    placement: Placement, rows: np.ndarray, light: VisibleLight, each: StillLayer
-) -> tuple[float, float]:
+def _try_layer(placement: Placement, rows: np.ndarray, light: VisibleLight, each: StillLayer) -> tuple[float, float]:
     """Seconds of one thread and bytes that one point of a layer takes."""
     shape = LayerShape(each.layer.model.name, tuple(each.layer.quotient_parameters().tolist()), each.bands)
     project_points(placement.hits, rows[:1], light, shape, 0)  # compiles

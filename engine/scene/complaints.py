@@ -11,7 +11,7 @@ from engine.errors import LoadError
 
 _PREFIXES = ("Input should be ", "Value should have ", "Tuple should have ", "String should have ")
 _MESSAGES = {"tuple_type": "a list", "model_type": "a table", "bool_type": "true or false", "string_type": "a string",
-             "int_type": "an integer", "float_type": "a number", "dict_type": "a table"}
+             "int_type": "an integer", "float_type": "a number", "dict_type": "a table"}  # fmt: skip
 
 
 def first_complaint(

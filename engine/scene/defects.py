@@ -24,8 +24,12 @@ class Defects:
 
     def notes(self) -> list[str]:
         """One line a kind of defect that occurs."""
-        lines = [(self.zero_area, "faces without area left out"), (self.sliver, "sliver faces"),
-                 (self.duplicate, "faces that repeat another"), (self.flipped, "faces wound against a neighbour")]
+        lines = [
+            (self.zero_area, "faces without area left out"),
+            (self.sliver, "sliver faces"),
+            (self.duplicate, "faces that repeat another"),
+            (self.flipped, "faces wound against a neighbour"),
+        ]
         return [f"{count} {text}" for count, text in lines if count]
 
 
@@ -44,8 +48,9 @@ def count_defects(mesh: Mesh) -> Defects:
     sliver = solid & (doubled <= _SLIVER * (edges**2).sum(axis=2).max(axis=1))
     kept = triangles[solid].astype(np.int64)
     repeats = _repeats(_keys(np.sort(kept, axis=1), len(vertices)))
-    return Defects(solid, int((~solid).sum()), int(sliver.sum()), int(repeats.sum()),
-                   _count_flipped(kept[~repeats], len(vertices)))
+    return Defects(
+        solid, int((~solid).sum()), int(sliver.sum()), int(repeats.sum()), _count_flipped(kept[~repeats], len(vertices))
+    )
 
 
 def _keys(rows: npt.NDArray[np.int64], base: int) -> npt.NDArray:

@@ -87,8 +87,9 @@ def _number(value: object) -> object:
 
 
 Number = Annotated[float, BeforeValidator(_number), Field(allow_inf_nan=False)]
-Coordinate = Annotated[float, BeforeValidator(_number),
-                       Field(ge=-MAX_COORDINATE, le=MAX_COORDINATE, allow_inf_nan=False)]
+Coordinate = Annotated[
+    float, BeforeValidator(_number), Field(ge=-MAX_COORDINATE, le=MAX_COORDINATE, allow_inf_nan=False)
+]
 Vector = tuple[Coordinate, Coordinate, Coordinate]
 Intensity = Annotated[float, BeforeValidator(_number), Field(ge=0.0, le=1e12, allow_inf_nan=False)]
 Radiance = Annotated[tuple[Intensity, Intensity, Intensity], BeforeValidator(_grey_to_rgb)]

@@ -61,5 +61,5 @@ def resolve_inside(folder: Path, name: str, file: Path, what: str) -> Path:
 def _kind(mode: int) -> str:
     """What a file that is not a regular one is."""
     names = {stat.S_IFDIR: "a folder", stat.S_IFIFO: "a named pipe", stat.S_IFSOCK: "a socket",
-             stat.S_IFCHR: "a device", stat.S_IFBLK: "a device"}
+             stat.S_IFCHR: "a device", stat.S_IFBLK: "a device"}  # fmt: skip
     return names.get(stat.S_IFMT(mode), "not a file")

@@ -70,8 +70,15 @@ def read_glb(path: Path) -> GlbModel:
     root, binary = parse_glb(read_regular_file(path, MAX_MESH_BYTES), path)
     _check_extensions(root)
     _check_uris(root, binary)
-    file = _File(path, binary, root.children("bufferViews"), root.children("accessors"), root.children("meshes"),
-                 root.children("nodes"), len(root.children("materials")))
+    file = _File(
+        path,
+        binary,
+        root.children("bufferViews"),
+        root.children("accessors"),
+        root.children("meshes"),
+        root.children("nodes"),
+        len(root.children("materials")),
+    )
     copies, skipped = _Copies(file), 0
     for mesh_index, matrices in _placed_meshes(file, root).items():
         for primitive in file.meshes[mesh_index].children("primitives"):
@@ -115,8 +122,11 @@ def _check_uris(root: Fields, binary: bytes) -> None:
             raise buffer.error("uri", uri, "none: the file's own binary chunk")
         length = buffer.integer("byteLength", 1, MAX_COUNT)
         if i or length > len(binary):
-            raise buffer.error("byteLength", f"{length} in a binary chunk truncated at byte {len(binary)}" if not i
-                               else "a second buffer", f"one buffer of at most {len(binary)} bytes")
+            raise buffer.error(
+                "byteLength",
+                f"{length} in a binary chunk truncated at byte {len(binary)}" if not i else "a second buffer",
+                f"one buffer of at most {len(binary)} bytes",
+            )
     for image in root.children("images"):
         uri = image.text("uri")
         if uri is not None and not uri.startswith("data:"):
@@ -130,8 +140,12 @@ def _placed_meshes(file: _File, root: Fields) -> dict[int, list[npt.NDArray[np.f
     for k, below in enumerate(children):
         for child in below:
             if child in parents or child == k:
-                raise LoadError(file.path, f"nodes {child}: parents", f"{parents.get(child, k)} and {k}",
-                                "one parent: nodes in a tree without a loop")
+                raise LoadError(
+                    file.path,
+                    f"nodes {child}: parents",
+                    f"{parents.get(child, k)} and {k}",
+                    "one parent: nodes in a tree without a loop",
+                )
             parents[child] = k
     stack = [(k, np.eye(4), 0) for k in reversed(_roots(file, root, parents))]
     placed: dict[int, list[npt.NDArray[np.float64]]] = {}
@@ -140,8 +154,12 @@ def _placed_meshes(file: _File, root: Fields) -> dict[int, list[npt.NDArray[np.f
         k, above, depth = stack.pop()
         reached += 1
         if depth > MAX_DEPTH or reached > len(file.nodes):
-            raise LoadError(file.path, f"nodes {k}: depth", "too deep" if depth > MAX_DEPTH else "a loop",
-                            f"a tree of at most {MAX_DEPTH} levels")
+            raise LoadError(
+                file.path,
+                f"nodes {k}: depth",
+                "too deep" if depth > MAX_DEPTH else "a loop",
+                f"a tree of at most {MAX_DEPTH} levels",
+            )
         node = file.nodes[k]
         matrix = above if node.values.keys().isdisjoint(_TRANSFORM) else _finite(above @ _node_matrix(node), node)
         if node.has("mesh"):
@@ -175,9 +193,11 @@ def _node_matrix(node: Fields) -> npt.NDArray[np.float64]:
         raise node.error("rotation", [x, y, z, w], "a unit quaternion")
     s = 2.0 / norm
     matrix = np.eye(4)
-    matrix[:3, :3] = [[1 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)],
-                      [s * (x * y + z * w), 1 - s * (x * x + z * z), s * (y * z - x * w)],
-                      [s * (x * z - y * w), s * (y * z + x * w), 1 - s * (x * x + y * y)]]
+    matrix[:3, :3] = [
+        [1 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)],
+        [s * (x * y + z * w), 1 - s * (x * x + z * z), s * (y * z - x * w)],
+        [s * (x * z - y * w), s * (y * z + x * w), 1 - s * (x * x + y * y)],
+    ]
     matrix[:3, :3] *= node.numbers("scale", 3, (1.0, 1.0, 1.0))
     matrix[:3, 3] = node.numbers("translation", 3, (0.0, 0.0, 0.0))
     return matrix

@@ -176,8 +176,10 @@ def join_meshes(meshes: list[Mesh]) -> Mesh:
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
     normals = None
     if any(mesh.normals is not None for mesh in meshes):
-        own = (mesh.normals if mesh.normals is not None else smooth_normals(mesh.vertices, mesh.triangles)
-               for mesh in meshes)
+        own = (
+            mesh.normals if mesh.normals is not None else smooth_normals(mesh.vertices, mesh.triangles)
+            for mesh in meshes
+        )
         normals = np.concatenate(list(own))
     shifted = [mesh.triangles + int(start) for mesh, start in zip(meshes, starts[:-1], strict=True)]
     triangles = np.concatenate(shifted).astype(np.int32)

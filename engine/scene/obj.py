@@ -18,8 +18,7 @@ from engine.errors import LoadError
 from engine.scene.files import resolve_inside
 from engine.scene.mesh import Mesh, fan_triangles
 
-_IGNORED = frozenset(("vp", "o", "g", "s", "usemtl", "l", "p", "mg", "usemap", "maplib", "lod", "shadow_obj",
-                      "trace_obj", "bevel", "c_interp", "d_interp"))
+_IGNORED = frozenset("vp o g s usemtl l p mg usemap maplib lod shadow_obj trace_obj bevel c_interp d_interp".split())
 _MAX_INDEX_DIGITS = 12
 _MOST_LIBRARIES = 64
 
@@ -167,8 +166,9 @@ def _check_range(state: _Lines, indices: npt.NDArray[np.int64], count: int, kind
     if (indices >= count).any():
         at = int(np.argmax(indices >= count))
         face = int(np.searchsorted(np.cumsum(state.lengths), at, "right"))
-        raise LoadError(state.file, f"line {state.lines[face]}: {kind} index", int(indices[at]) + 1,
-                        f"an index from 1 to {count}")
+        raise LoadError(
+            state.file, f"line {state.lines[face]}: {kind} index", int(indices[at]) + 1, f"an index from 1 to {count}"
+        )
 
 
 def _refused(state: _Lines, value: str, expected: str) -> LoadError:

@@ -23,7 +23,7 @@ _MAX_HEADER = 65536
 _MAX_COUNT = 2**31 - 1
 _TYPES = {"char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
           "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
-          "double": "f8", "float64": "f8"}
+          "double": "f8", "float64": "f8"}  # fmt: skip
 _CODES = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I"}
 _CORNERS = ("vertex_indices", "vertex_index")
 _UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
@@ -200,8 +200,12 @@ def _first_lengths(data: bytes, start: int, element: _Element, order: str, file:
             start += np.dtype(p.count_type).itemsize
         start += np.dtype(p.type).itemsize * max(0, lengths.get(p.name, 1))
         if start > len(data) or lengths.get(p.name, 0) < 0:
-            raise LoadError(file, f"element {element.name}: list {p.name} of its first row",
-                            lengths.get(p.name, 1), "a length that fits the file")
+            raise LoadError(
+                file,
+                f"element {element.name}: list {p.name} of its first row",
+                lengths.get(p.name, 1),
+                "a length that fits the file",
+            )
     return lengths, start
 
 
@@ -222,8 +226,12 @@ def _walk_rows(data: bytes, start: int, element: _Element, order: str, file: Pat
                 start += counter.size
             end = start + itemsize * n
             if n < 0 or end > size:
-                raise LoadError(file, f"element {element.name}: row {row}", f"a list of {n}",
-                                f"a length that fits the file of {size} bytes")
+                raise LoadError(
+                    file,
+                    f"element {element.name}: row {row}",
+                    f"a list of {n}",
+                    f"a length that fits the file of {size} bytes",
+                )
             if noted is not None:
                 noted[0].append(n)
                 noted[1].append(start)
@@ -262,8 +270,12 @@ def _scalar(data: bytes, start: int, layout: str, element: _Element, file: Path)
 
 def _truncated(data: bytes, start: int, element: _Element, row: int, file: Path) -> NoReturn:
     """Says that an element claims more rows than there are bytes for."""
-    raise LoadError(file, f"element {element.name}", f"{element.count} rows, truncated at byte {len(data)}",
-                    f"at most {max(0, len(data) - start) // row} rows in the bytes that are there")
+    raise LoadError(
+        file,
+        f"element {element.name}",
+        f"{element.count} rows, truncated at byte {len(data)}",
+        f"at most {max(0, len(data) - start) // row} rows in the bytes that are there",
+    )
 
 
 def _read_ascii(data: bytes, start: int, elements: list[_Element], file: Path) -> dict:
@@ -317,8 +329,10 @@ def _ascii_lists(rows: list[tuple[int, list[bytes]]], element: _Element, file: P
             at += n
         if at != len(numbers):
             raise LoadError(file, f"line {number}", _join(words), f"{at} numbers")
-    return {(element.name, p.name): _Lists(np.array(counts[p.name], np.int64), np.array(values[p.name], np.float64))
-            for p in element.properties}
+    return {
+        (element.name, p.name): _Lists(np.array(counts[p.name], np.int64), np.array(values[p.name], np.float64))
+        for p in element.properties
+    }
 
 
 def _fast_table(rows: list[tuple[int, list[bytes]]]) -> npt.NDArray[np.float64] | None:

@@ -90,8 +90,9 @@ class RayCaster:
         """The first hit of each ray: origins, directions (R, 3); distances in lengths of the direction."""
         origins, directions, _ = _checked_rays(origins, directions, None)
         n = len(origins)
-        hits = Intersections(np.empty(n, np.int32), np.empty(n, np.float32), np.empty(n, np.float32),
-                             np.empty(n, np.float32))
+        hits = Intersections(
+            np.empty(n, np.int32), np.empty(n, np.float32), np.empty(n, np.float32), np.empty(n, np.float32)
+        )
 
         def trace(part: slice) -> None:
             found = self._scene.run(*self._local(origins, directions, part), output=True)

@@ -63,9 +63,7 @@ class Canvas:
         spread = self._spread
         if self._seen is None or self._everywhere is None:
             rows = slice(*self._hits.object_ranges[self._i_object])
-            self._seen = PaintedPoints(
-                self._unpainted.weight, self._hits.position[rows], self._hits.outward[rows]
-            )
+            self._seen = PaintedPoints(self._unpainted.weight, self._hits.position[rows], self._hits.outward[rows])
             self._everywhere = PaintedPoints(spread.weight, spread.position, spread.normal)
         means = spread.means(self._everywhere.weights(strokes))
         return SeenMaps(self._unpainted.texture, self._seen.weights(strokes), means)
@@ -97,9 +95,7 @@ def spread_points(
     return SpreadPoints(colours, shares, positions_at(scene, triangle, u, v), scene.geometric_normals[triangle])
 
 
-def mean_maps(
-    scene: Scene, i_object: int, images: Images, texture: Pyramid | None, weight: Pyramid | None
-) -> MapMeans:
+def mean_maps(scene: Scene, i_object: int, images: Images, texture: Pyramid | None, weight: Pyramid | None) -> MapMeans:
     """Means by area over an object, strokes and all."""
     spread = spread_points(scene, i_object, images, texture, weight)
     if not images.strokes:

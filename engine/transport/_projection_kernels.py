@@ -268,9 +268,7 @@ def project_tile(rows, surface, sky, emitters, bits, optics, trim, encoded):
                 s.cx, s.cy, s.cz, s.colours, weights,
             )  # fmt: skip
             lights[:n] = cut.rows[:n]
-            _project_lights(
-                bands, cut.corners, cut.sizes, cut.rows, no_tree, 3 * n, n, optics, frame, ox, oy, oz, s
-            )
+            _project_lights(bands, cut.corners, cut.sizes, cut.rows, no_tree, 3 * n, n, optics, frame, ox, oy, oz, s)
         encoded.start[i] = written
         written = encode_bands(bands[: optics.n_a, : optics.n_b], trim, cells, maxima, encoded, i, written)
     return written

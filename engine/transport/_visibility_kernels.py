@@ -223,9 +223,7 @@ def list_bits(words, block, target):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def write_rays(
-    rows, ray_block, ray_target, position, lifted, targets, finite, ray_origin, ray_direction, ray_distance
-):
+def write_rays(rows, ray_block, ray_target, position, lifted, targets, finite, ray_origin, ray_direction, ray_distance):
     """Write a shadow ray for each asked target.
 
     `lifted` is the point raised off its surface towards the eye. Light that the shading normal faces but the surface

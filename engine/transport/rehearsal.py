@@ -31,8 +31,12 @@ _SCENE = {
     "camera": {"position": [0, 0, 2], "target": [0, 0, 0], "fov_y": 40, "resolution": [8, 8]},
     "object": [
         {"name": "quad", "primitive": "quad"},
-        {"name": "lamp", "primitive": "quad", "transform": [0.1, 0, 0, 0, 0, 0.1, 0, 3, 0, 0, 0.1, 1, 0, 0, 0, 1],
-         "emission": [1, 1, 1]},
+        {
+            "name": "lamp",
+            "primitive": "quad",
+            "transform": [0.1, 0, 0, 0, 0, 0.1, 0, 3, 0, 0, 0.1, 1, 0, 0, 0, 1],
+            "emission": [1, 1, 1],
+        },
     ],
 }
 _QUALITY = Quality("rehearsal", COARSE.stride, 20, COARSE.n_patches, max_level=1)

@@ -117,9 +117,7 @@ def test_a_folder_that_cannot_be_written_is_told_in_one_line(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(("layers", "bound"), [((LAMBERT, EDITED), 0.01), ((BRUSHED,), 0.06)])
-def test_a_table_is_its_layers_between_its_places(
-    layers: tuple, bound: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_table_is_its_layers_between_its_places(layers: tuple, bound: float, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("app.export.materials.ROUND_SHAPE", (1, 80, 90, 32))  # smaller than in use
     monkeypatch.setattr("app.export.materials.TURNED_SHAPE", (24, 24, 48, 24))
     table, alpha = tabulated(layers)

@@ -232,9 +232,7 @@ def notice_of(journal: Journal) -> str:
     return journal.notice
 
 
-def test_a_damaged_journal_is_kept_aside_and_told_once(
-    client: FakeClient, document: Document, tmp_path: Path
-) -> None:
+def test_a_damaged_journal_is_kept_aside_and_told_once(client: FakeClient, document: Document, tmp_path: Path) -> None:
     save_session(tmp_path / "good.insitu", document, ViewState())
     text = (tmp_path / "good.insitu").read_text()
     for name, content in (("a", text[: len(text) // 2]), ("b", "\0" * 500), ("newer", "version = 99")):

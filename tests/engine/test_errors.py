@@ -10,9 +10,7 @@ def test_a_load_error_is_one_line_with_file_place_value_and_expectation():
     error = LoadError("a/scene.toml", "camera: fov_y", -3, "a number from 0.01 to 179")
     assert isinstance(error, InsituError)
     # the wording every loader shares
-    assert str(error) == (
-        "a/scene.toml: camera: fov_y = -3, expected a number from 0.01 to 179; nothing was changed"
-    )
+    assert str(error) == ("a/scene.toml: camera: fov_y = -3, expected a number from 0.01 to 179; nothing was changed")
 
 
 def test_values_stay_short_printable_and_on_one_line():

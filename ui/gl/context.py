@@ -66,9 +66,7 @@ def describe_context(context: moderngl.Context) -> str:
 
 def _checked(context: moderngl.Context, require: int) -> moderngl.Context:
     if context.version_code < require:
-        raise GraphicsError(
-            f"OpenGL {_dotted(require)} core is needed, found {describe_context(context)}; {_INSTALL}"
-        )
+        raise GraphicsError(f"OpenGL {_dotted(require)} core is needed, found {describe_context(context)}; {_INSTALL}")
     for name, needed in _REQUIRED_LIMITS.items():
         found = context.info[name]
         if found < needed:

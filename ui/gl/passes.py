@@ -25,9 +25,7 @@ class Passes:
         self._programs = ProgramCache(context)
         self._arrays: dict[int, moderngl.VertexArray] = {}
 
-    def full_screen(
-        self, fragment: str, made: Mapping[str, str] | None = None, /, **defines: int
-    ) -> moderngl.Program:
+    def full_screen(self, fragment: str, made: Mapping[str, str] | None = None, /, **defines: int) -> moderngl.Program:
         """The program of a fragment shader that runs once for each texel of the target's box.
 
         `made`: texts that it includes and that stand in no file.

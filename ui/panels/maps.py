@@ -107,9 +107,7 @@ def _thumbnail(context: PanelContext, what: str, picture: Picture, side: float, 
     return pressed
 
 
-def _file_button(
-    context: PanelContext, key: str, what: str, name: str, words: str, room: float
-) -> list[Action]:
+def _file_button(context: PanelContext, key: str, what: str, name: str, words: str, room: float) -> list[Action]:
     inside = room - 2.0 * imgui.get_style().frame_padding.x
     text = widgets.fitting(words, inside)
     imgui.push_style_color(imgui.Col_.text, look.pack(look.TEXT if name else look.TEXT_SOFT))

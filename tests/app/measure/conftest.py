@@ -1,6 +1,5 @@
 """A scene that is measured in a second: a cube and a ground under an even sky, 32 × 24 pixels."""
 
-
 import pytest
 
 SCENE = """

@@ -41,7 +41,7 @@ def test_an_interpreter_that_does_not_do_is_told(python: str, tmp_path: Path) ->
 def test_an_interpreter_without_mitsuba_is_told(tmp_path: Path) -> None:
     (tmp_path / "mitsuba.py").write_text("raise ModuleNotFoundError(\"No module named 'mitsuba'\")")
     program = tmp_path / "python"
-    program.write_text(f"#!/bin/sh\nPYTHONPATH={tmp_path} exec {sys.executable} \"$@\"\n")
+    program.write_text(f'#!/bin/sh\nPYTHONPATH={tmp_path} exec {sys.executable} "$@"\n')
     program.chmod(0o755)
     with pytest.raises(NotMeasured, match="No module named 'mitsuba'"):
         render_stills(str(program), tmp_path / "scene.toml", (8, 8), 4, tmp_path / "peer", 30.0)

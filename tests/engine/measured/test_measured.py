@@ -188,7 +188,6 @@ def test_what_was_forged_is_made_again(
             assert store.n_refused == 1, what
 
 
-
 SCENE = """
 version = 1
 [camera]

@@ -102,9 +102,7 @@ def by_transport(
 ) -> np.ndarray:
     """Radiance (len(rows), 3) by the editor's way with 4,000 lights, every shadow traced."""
     hits = placement.hits
-    lighting = prepare_lighting(
-        None if sky is None else cut_lights(sky, 4000, turn, 6), placement.emitters(256), 0.5
-    )
+    lighting = prepare_lighting(None if sky is None else cut_lights(sky, 4000, turn, 6), placement.emitters(256), 0.5)
     seen = [
         brute_force_visibility(hits, placement.caster, targets, rows)
         for targets in (sphere_targets(4), lighting.fine_targets, lighting.emitter_targets)

@@ -50,14 +50,17 @@ emission = [3.0, 4.0, 5.0]
 """
 # Facets: from behind one, a smooth shading normal would let light in, or none.
 # A hollow ball of radius 0.5 around the camera, with a lamp of 0.04 by 0.04 in it that looks down.
-FACETED = BALL.replace("sphere\"", "sphere\"\nsmooth = false")
-HOLLOW = FACETED + """
+FACETED = BALL.replace('sphere"', 'sphere"\nsmooth = false')
+HOLLOW = (
+    FACETED
+    + """
 [[object]]
 name = "lamp"
 primitive = "quad"
 transform = [0.04, 0, 0, 0,  0, 0, -0.04, 0.1,  0, 0.04, 0, 0,  0, 0, 0, 1]
 emission = [100.0, 100.0, 100.0]
 """
+)
 Layers = Mapping[int, Sequence[Layer]]
 
 

@@ -37,7 +37,9 @@ name = "ball"
 primitive = "sphere"
 layer = [{ model = "lambert" }]
 """
-TABLE = BALL.replace("[0, 0, 4]", "[0, 1.2, 3.4]") + """
+TABLE = (
+    BALL.replace("[0, 0, 4]", "[0, 1.2, 3.4]")
+    + """
 [[object]]
 name = "table"
 primitive = "quad"
@@ -50,6 +52,7 @@ primitive = "quad"
 transform = [1, 0, 0, 0.6,  0, 0, -1, 1.6,  0, 1, 0, 0.2,  0, 0, 0, 1]
 emission = [3.0, 4.0, 5.0]
 """
+)
 
 
 def load(folder: Path, text: str) -> Scene:

@@ -99,8 +99,10 @@ def test_a_pixel_is_the_colour_times_the_untextured_pixel(placement: Placement) 
 
 
 def test_strength_leads_from_white_to_the_texture(placement: Placement) -> None:
-    lambert = [still(placement, {"card.0": layer("lambert", maps)}) for maps in (
-        LayerMaps(), LayerMaps("checker.png", "linear", texture_strength=0.25), CHECKER)]
+    lambert = [
+        still(placement, {"card.0": layer("lambert", maps)})
+        for maps in (LayerMaps(), LayerMaps("checker.png", "linear", texture_strength=0.25), CHECKER)
+    ]
     np.testing.assert_allclose(lambert[1], 0.75 * lambert[0] + 0.25 * lambert[2], rtol=1e-5, atol=1e-6)
     none = still(placement, {"card.0": layer("lambert", LayerMaps("checker.png", texture_strength=0.0))})
     np.testing.assert_allclose(none, lambert[0], rtol=1e-6)
@@ -108,8 +110,10 @@ def test_strength_leads_from_white_to_the_texture(placement: Placement) -> None:
 
 def test_a_layer_by_weight_and_by_its_complement_is_the_layer(placement: Placement) -> None:
     whole = still(placement, {"card.0": layer("phong")})
-    parts = {"card.0": layer("phong", LayerMaps(weight="mask.png")),
-             "card.1": layer("phong", LayerMaps(weight="mask.png", weight_invert=True))}
+    parts = {
+        "card.0": layer("phong", LayerMaps(weight="mask.png")),
+        "card.1": layer("phong", LayerMaps(weight="mask.png", weight_invert=True)),
+    }
     np.testing.assert_allclose(still(placement, parts), whole, rtol=2e-5, atol=1e-6)
     # Black on the left, so that what is weighted is there on the right alone.
     part = still(placement, {"card.0": parts["card.0"]})
@@ -117,8 +121,7 @@ def test_a_layer_by_weight_and_by_its_complement_is_the_layer(placement: Placeme
 
 
 def test_the_oracle_of_direct_light_has_the_same_factors(placement: Placement) -> None:
-    layers = {"card.0": layer("lambert", CHECKER),
-              "card.1": layer("phong", LayerMaps(weight="mask.png"), exponent=8.0)}
+    layers = {"card.0": layer("lambert", CHECKER), "card.1": layer("phong", LayerMaps(weight="mask.png"), exponent=8.0)}
     steps = render_reference(placement, {0: tuple(layers.values())}, SKY, 1, 3)
     oracle = finish(steps, lambda step: None)
     error = np.sqrt(np.mean((still(placement, layers) - oracle) ** 2)) / oracle.mean()

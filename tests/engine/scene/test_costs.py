@@ -129,9 +129,7 @@ def test_images_of_more_pixels_than_a_file_is_worth_are_left_out(
     model = read_glb(glb_file(*textured(*triangle_glb, png(256), 1, baseColorTexture=True)))
     (part,) = model.parts
     assert all(layer.maps.is_plain for layer in part.layers)
-    assert model.notes == (
-        "images are not shown that have, with those before them, too many pixels for such a file",
-    )
+    assert model.notes == ("images are not shown that have, with those before them, too many pixels for such a file",)
 
 
 def test_lines_that_go_on_cost_in_proportion(mesh_file: Callable[..., Path]) -> None:

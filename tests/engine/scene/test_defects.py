@@ -13,13 +13,16 @@ def test_sound_meshes_have_no_defects():
 
 def test_each_kind_is_counted_once():
     vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0.5, 1e-7, 0]])
-    triangles = np.array([
-        [0, 1, 2],  # sound
-        [1, 3, 2],  # sound: its edge with the first runs the other way
-        [1, 2, 0],  # the first one again
-        [1, 1, 3],  # a doubled corner: no area
-        [0, 1, 4],  # a sliver, 1e-7 high; it runs along 0→1 as the first does: one of them is flipped
-    ], np.int32)
+    triangles = np.array(
+        [
+            [0, 1, 2],  # sound
+            [1, 3, 2],  # sound: its edge with the first runs the other way
+            [1, 2, 0],  # the first one again
+            [1, 1, 3],  # a doubled corner: no area
+            [0, 1, 4],  # a sliver, 1e-7 high; it runs along 0→1 as the first does: one of them is flipped
+        ],
+        np.int32,
+    )
     defects = count_defects(Mesh(vertices, triangles))
     assert (defects.zero_area, defects.sliver, defects.duplicate, defects.flipped) == (1, 1, 1, 2)
     assert defects.solid.tolist() == [True, True, True, False, True]

@@ -263,8 +263,10 @@ def two_materials(tree: dict) -> dict:
     """The tree with the triangle twice, in a metal and in a shining dielectric."""
     tree = copy.deepcopy(tree)
     metal = {"baseColorFactor": [1, 0.5, 0, 1], "metallicFactor": 1, "roughnessFactor": 0.5}
-    tree["materials"] = [{"pbrMetallicRoughness": metal},
-                         {"emissiveFactor": [1, 1, 0], "pbrMetallicRoughness": {"metallicFactor": 0}}]
+    tree["materials"] = [
+        {"pbrMetallicRoughness": metal},
+        {"emissiveFactor": [1, 1, 0], "pbrMetallicRoughness": {"metallicFactor": 0}},
+    ]
     primitive = tree["meshes"][0]["primitives"][0]
     tree["meshes"][0]["primitives"] = [primitive | {"material": 0}, primitive | {"material": 1}]
     return tree

@@ -75,7 +75,8 @@ def test_both_sides_reflect(scene_file):
 
 def test_a_normal_that_leans_away_is_bent_to_the_eye_and_stays_on_its_side(scene_file, mesh_file):
     head = "ply\nformat ascii 1.0\nelement vertex 3\n" + "".join(
-        f"property float {n}\n" for n in ("x", "y", "z", "nx", "ny", "nz"))
+        f"property float {n}\n" for n in ("x", "y", "z", "nx", "ny", "nz")
+    )
     text = head + "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
     # the face looks along +Z, its vertex normals along +X: from the left the eye sees the front, but n·wo < 0
     mesh_file("t.ply", text + "-1 -1 0 1 0 0.01\n1 -1 0 1 0 0.01\n0 1 0 1 0 0.01\n3 0 1 2\n")
@@ -94,7 +95,8 @@ def test_a_normal_that_leans_away_is_bent_to_the_eye_and_stays_on_its_side(scene
 
 def test_vertex_normals_that_cancel_fall_back_to_the_face(scene_file, mesh_file):
     head = "ply\nformat ascii 1.0\nelement vertex 3\n" + "".join(
-        f"property float {n}\n" for n in ("x", "y", "z", "nx", "ny", "nz"))
+        f"property float {n}\n" for n in ("x", "y", "z", "nx", "ny", "nz")
+    )
     text = head + "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
     # three normals at 120° in the plane: their mean at the centroid is zero
     mesh_file("t.ply", text + "-1 -1 0 1 0 0\n1 -1 0 -0.5 0.866025 0\n0 1 0 -0.5 -0.866025 0\n3 0 1 2\n")
@@ -183,13 +185,20 @@ NUMBERS = st.floats(-1e9, 1e9, allow_nan=False) | st.floats(-3, 3, allow_nan=Fal
 
 
 @settings(max_examples=150, deadline=None, derandomize=True)
-@given(st.sampled_from(["quad", "cube", "sphere"]), st.lists(NUMBERS, min_size=12, max_size=12),
-       st.tuples(NUMBERS, NUMBERS, NUMBERS), st.booleans())
+@given(
+    st.sampled_from(["quad", "cube", "sphere"]),
+    st.lists(NUMBERS, min_size=12, max_size=12),
+    st.tuples(NUMBERS, NUMBERS, NUMBERS),
+    st.booleans(),
+)
 def test_no_placement_gives_a_number_that_is_none(primitive, entries, position, smooth):
     """Whatever the matrix and the eye: one line that says why not, or finite unit vectors."""
     target = [entries[3], entries[7], entries[11]]
-    tree = {"version": 1, "camera": {"position": position, "target": target, "resolution": [8, 6]},
-            "object": [{"name": "a", "primitive": primitive, "transform": [*entries, 0, 0, 0, 1], "smooth": smooth}]}
+    tree = {
+        "version": 1,
+        "camera": {"position": position, "target": target, "resolution": [8, 6]},
+        "object": [{"name": "a", "primitive": primitive, "transform": [*entries, 0, 0, 0, 1], "smooth": smooth}],
+    }
     try:
         scene = build_scene(parse_description(tree, "f"), Path("f"))
     except LoadError:

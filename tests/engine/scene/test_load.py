@@ -102,8 +102,12 @@ def test_pipes_links_and_missing_files_do_not_hang(scene_file, tmp_path):
     os.mkfifo(tmp_path / "pipe.glb")
     (tmp_path / "out.ply").symlink_to("/etc/passwd")
     start = time.monotonic()
-    for name, line in [("pipe.ply", "a named pipe"), ("pipe.glb", "a named pipe"), ("absent.obj", "No such file"),
-                       ("out.ply", "outside the scene folder")]:
+    for name, line in [
+        ("pipe.ply", "a named pipe"),
+        ("pipe.glb", "a named pipe"),
+        ("absent.obj", "No such file"),
+        ("out.ply", "outside the scene folder"),
+    ]:
         with pytest.raises(LoadError, match=line):
             load_scene(scene_file(mesh_object(name)))
     assert time.monotonic() - start < 5  # a pipe without a writer would wait for ever
@@ -127,8 +131,11 @@ def test_files_over_the_cap_are_refused_before_they_are_read(scene_file, mesh_fi
     ("vertices", "more", "line"),
     [
         ("0 0 0\n0 0 0\n0 0 0", "", "object 'thing': faces with an area = 0, expected at least one"),
-        ("0 0 0\n1e8 0 0\n0 1e8 0", "transform = [100,0,0,0, 0,100,0,0, 0,0,100,0, 0,0,0,1]",
-         "object 'thing': coordinates once placed = 1e+10, expected at most 1e+09 m"),
+        (
+            "0 0 0\n1e8 0 0\n0 1e8 0",
+            "transform = [100,0,0,0, 0,100,0,0, 0,0,100,0, 0,0,0,1]",
+            "object 'thing': coordinates once placed = 1e+10, expected at most 1e+09 m",
+        ),
         ("0 0 0\n1e-12 0 0\n0 1e-12 0", "", "extent of the scene = 1e-12 m, expected at least"),
     ],
 )

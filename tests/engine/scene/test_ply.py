@@ -11,8 +11,10 @@ FACES = "property list uchar int vertex_indices\n"
 
 
 def header(kind: str, n_vertices: object = 4, n_faces: object = 1, vertex: str = POSITIONS, face: str = FACES) -> str:
-    return (f"ply\nformat {kind} 1.0\ncomment made here\nelement vertex {n_vertices}\n{vertex}"
-            f"element face {n_faces}\n{face}end_header\n")
+    return (
+        f"ply\nformat {kind} 1.0\ncomment made here\nelement vertex {n_vertices}\n{vertex}"
+        f"element face {n_faces}\n{face}end_header\n"
+    )
 
 
 CORNERS = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0))
@@ -41,8 +43,10 @@ def test_polygons_of_different_size_in_binary(mesh_file):
 
 def test_ascii_with_normals_colours_and_other_elements(mesh_file):
     vertex = POSITIONS + "property float nx\nproperty float ny\nproperty float nz\nproperty uchar red\n"
-    text = (header("ascii", 3, 1, vertex).replace("end_header", "element edge 1\nproperty int a\nend_header")
-            + "0 0 0 0 0 2 255\r\n1 0 0 0 0 2 255\n\n0 1 0 0 0 2 0\n3 0 1 2\n7\n")
+    text = (
+        header("ascii", 3, 1, vertex).replace("end_header", "element edge 1\nproperty int a\nend_header")
+        + "0 0 0 0 0 2 255\r\n1 0 0 0 0 2 255\n\n0 1 0 0 0 2 0\n3 0 1 2\n7\n"
+    )
     mesh = read_mesh(mesh_file("a.ply", text))
     assert mesh.normals is not None and mesh.normals[1].tolist() == [0, 0, 2]  # as in the file, not yet unit
     assert mesh.triangles.tolist() == [[0, 1, 2]]
@@ -107,8 +111,12 @@ def test_broken_ascii_files_are_named_by_line_and_value(mesh_file, text, line):
         (binary("<", struct.pack("<B3i", 255, 0, 1, 2)), "a length that fits the file"),
         (binary("<", struct.pack("<B3i", 3, 0, 1, 4)), "face 0 = 4, expected indices from 0 to 3"),
         (binary("<", struct.pack("<B3i", 3, 0, 1, -2)), "face 0 = -2, expected indices from 0 to 3"),
-        (header("binary_little_endian", 3, 1).encode() + struct.pack("<9f", *[0] * 4, float("nan"), *[0] * 4)
-         + struct.pack("<B3i", 3, 0, 1, 2), "vertex 1 = [0.0, nan, 0.0], expected finite"),
+        (
+            header("binary_little_endian", 3, 1).encode()
+            + struct.pack("<9f", *[0] * 4, float("nan"), *[0] * 4)
+            + struct.pack("<B3i", 3, 0, 1, 2),
+            "vertex 1 = [0.0, nan, 0.0], expected finite",
+        ),
     ],
 )
 def test_broken_binary_files_are_named(mesh_file, data, line):

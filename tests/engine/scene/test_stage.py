@@ -81,9 +81,7 @@ def test_an_object_that_is_called_floor_keeps_its_name(mesh_file: Callable[..., 
     assert [described.name for described in scene.description.objects] == ["floor", "floor+"]
 
 
-@pytest.mark.parametrize(
-    ("size", "place"), [(1e-9, (0.0, 0.0, 0.0)), (1e8, (0.0, 0.0, 0.0)), (1.0, (2e9, 0.0, 0.0))]
-)
+@pytest.mark.parametrize(("size", "place"), [(1e-9, (0.0, 0.0, 0.0)), (1e8, (0.0, 0.0, 0.0)), (1.0, (2e9, 0.0, 0.0))])
 def test_what_is_too_small_too_large_or_too_far_is_named(
     mesh_file: Callable[..., Path], size: float, place: tuple[float, float, float]
 ) -> None:

@@ -28,12 +28,15 @@ target = [0, 0, 0]
 fov_y = 20
 resolution = [24, 24]
 """
-CARD = HEAD + """
+CARD = (
+    HEAD
+    + """
 [[object]]
 name = "card"
 primitive = "quad"
 layer = [{ model = "lambert", MAPS }]
 """
+)
 FACE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 2 0\nvt 2 1\nvt 0 1 0\nf 1/1 2/2 3/3 4/4\n"
 PLY = (
     "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
@@ -120,7 +123,7 @@ def test_each_pixel_sees_its_place_of_the_image(tmp_path: Path) -> None:
     # Repeated four times, texture alone: the same ramp four times as steep; the weight map is not repeated.
     images = Images(texture="ramp.png", texture_space="linear", texture_scale=(4.0, 1.0), weight="ramp.png")
     seen = MapSampler(scene, placement.caster, hits).see(0, images)
-    inside = (np.abs((4 * x) % 1.0 - 0.5) < 0.25)
+    inside = np.abs((4 * x) % 1.0 - 0.5) < 0.25
     np.testing.assert_allclose(seen.texture[inside, 1], (256 * ((4 * x[inside]) % 1.0) - 0.5) / 255, atol=5e-3)
     # ∫ frac(4x) x dx = Σ_k ∫ ... = 1/4 + 1/48 for k = 0 … 3 repeats.
     assert seen.means.both[0] == pytest.approx(0.25 + 1 / 48, abs=2e-3)
@@ -200,7 +203,7 @@ def test_what_a_scene_says_of_maps_survives_text_and_json(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("said", "words"),
     [
-        ('texture = 3', "texture = 3, expected the name of an image"),
+        ("texture = 3", "texture = 3, expected the name of an image"),
         ('texture_space = "gamma"', 'expected "srgb" or "linear"'),
         ("texture_scale = [1, 2, 3]", "expected a number or two"),
         ("texture_scale = 0", "none 0"),
@@ -279,4 +282,3 @@ def test_repeats_count_on_the_box(tmp_path: Path) -> None:
     placement = Placement(scene)
     means = MapSampler(scene, placement.caster, placement.hits).see(0, images).means
     assert np.allclose(means.texture, (0.5, 0.5, 0.5), atol=0.02)  # all of it, once
-

@@ -114,9 +114,7 @@ def test_edits_bend_the_measurement(
         assert difference(expected, layer.brdf(wi, wo)) > 0.01
 
 
-def test_albedo_is_that_of_the_measurement(
-    stack: BrdfStack, memory: TextureMemory, measurement: Measurement
-) -> None:
+def test_albedo_is_that_of_the_measurement(stack: BrdfStack, memory: TextureMemory, measurement: Measurement) -> None:
     # Over 200,000 directions about the cosine; curves alone are off by more.
     samples, rng = table_of(measurement.number).samples, np.random.default_rng(5)
     stack.set_layers(layers_of(measurement))
