@@ -1,7 +1,7 @@
 """The editor without a window: document, history and view on one side, the worker on the other.
 
     commands ─► History ─► Document ─┬─► Curves ─► coefficients wanted ─► renderer
-                                     └─► Negotiator ─► requests ─► worker ─► answers ─► picture events ─► renderer
+                                     └─► TransportTalk ─► requests ─► worker ─► answers ─► picture events ─► renderer
 
 The window calls ``do`` with what panels ask for, ``tick`` once a frame, and gives the events it returns to the
 renderer; ``report_rendering`` says what the renderer reached. Nothing here draws, waits, or raises for what a person
@@ -17,14 +17,10 @@ from functools import partial
 from pathlib import Path
 from typing import Protocol
 
-from app.band_plans import BandTalk
 from app.barrier import Barrier
 from app.commands import EditCommand
-from app.comparison import Comparison
 from app.document import Document, Selection, layer_key
-from app.edited_curves import edited_layers
 from app.history import History
-from app.indirect import IndirectTalk
 from app.jobs.messages import (
     BandsPlanned,
     BouncesPlanned,
@@ -52,26 +48,22 @@ from app.jobs.messages import (
     WriteFiles,
 )
 from app.journal import Journal, Recovery
-from app.known_light import KnownLight
 from app.light_commands import lit_by
-from app.maps import MapTalk
 from app.material_commands import SetMaterial
 from app.measurements import measured_files
 from app.memory import require_memory_for
-from app.negotiator import Negotiator
 from app.opening import Opening
 from app.paths import is_file_name, spoken_name
-from app.picture import (
-    Array,
-    Curves,
-    Footprint,
-    LayerRadiance,
-    PictureEvent,
-    SceneFrame,
-    SkyChanged,
-    TransportReady,
-    drawn_as,
-)
+from app.picture import PictureEvent, SceneFrame, SkyChanged
+from app.placement.band_plans import BandTalk
+from app.placement.comparison import Comparison
+from app.placement.curves import Array, Curves, drawn_as
+from app.placement.edited_curves import edited_layers
+from app.placement.events import Footprint, LayerRadiance, TransportReady
+from app.placement.indirect_talk import IndirectTalk
+from app.placement.known_light import KnownLight
+from app.placement.map_talk import MapTalk
+from app.placement.transport_talk import TransportTalk
 from app.reading import Reading, describe_reading, import_measured
 from app.selecting import first_choice, next_choice, next_operator, seen_layer, selection_of
 from app.session import Session
@@ -137,7 +129,7 @@ class Editor:
         self._client = client
         self._keeper = SessionKeeper(journal)
         self._bands = BandTalk(client.send, self.curves.plans)
-        self._negotiator = Negotiator(client.send, self.curves)
+        self._negotiator = TransportTalk(client.send, self.curves)
         self._indirect = IndirectTalk(client.send, self.curves)
         self._told_beyond = False
         self._maps = MapTalk(client.send, self.curves)

@@ -1,37 +1,26 @@
-"""What the editor tells the renderer: picture events, and the curves a picture is made with.
+"""What the editor tells the renderer: picture events, in the order in which the worker's answers came.
 
-Events carry the worker's arrays on, in the order in which they came. The renderer applies them and then, each frame,
-steps from the coefficients it shows to those wanted (``Curves.coefficients``); the editor computes no pictures.
-Shapes: P pixels that see a reflecting object, p those of one layer, J bands.
+Those of every mode stand here; what else a mode tells its renderer stands with the mode.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from app.band_plans import BandPlans
-from app.document import Document
-from engine.curve.operators import HALF_PI
-from engine.material import MODELS
-from engine.material.layer import Layer
-from engine.material.maps import Images, MapMeans
-from engine.material.model import Model
-from engine.measured.material import MeasuredModel
-from engine.plan import MOST_BANDS, bands_by_hand
 from engine.scene.description import SceneDescription
-
-Array = NDArray[np.float64]
-Coefficients = Mapping[str, Array]
-
-N_VIEW_SAMPLES = 256
 
 
 @dataclass(frozen=True, eq=False)
-class SceneFrame:
+class PictureEvent:
+    """Something that the picture is made of has come or changed."""
+
+
+@dataclass(frozen=True, eq=False)
+class SceneFrame(PictureEvent):
     """A scene was opened: all pictures before it are void. ``arrays`` as in ``messages.SceneOpened``."""
 
     source: str
@@ -41,190 +30,7 @@ class SceneFrame:
 
 
 @dataclass(frozen=True, eq=False)
-class SkyChanged:
+class SkyChanged(PictureEvent):
     """Another environment stands behind the scene: radiance (H,W,3), lat-long, not rotated, intensity 1."""
 
     radiance: NDArray[np.floating]
-
-
-@dataclass(frozen=True, eq=False)
-class Footprint:
-    """Which samples stand for each pixel: rows, those of its own object from 0, and weights (P,4).
-
-    Whatever is made of samples carries its own, so that neither can meet another's.
-    """
-
-    rows: NDArray[np.integer]
-    weights: NDArray[np.floating]
-
-
-@dataclass(frozen=True, eq=False)
-class LayerRadiance:
-    """One layer's radiance (p,3) without f_q and f_o, made with these coefficients by factor; footprint None: every
-    pixel has its own sample; drawn_as: see `drawn_as`."""
-
-    key: str
-    stage: str
-    radiance: NDArray[np.floating]
-    coefficients: Coefficients
-    footprint: Footprint | None = None
-    drawn_as: tuple[object, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class TransportReady:
-    """The selected curve's transport in one layer: ``coefficients_first`` (J,p,3) in the Daubechies-4 domain, times
-    ``scale``. ``beside``: all layers that follow the curve; footprint: as of a `LayerRadiance`."""
-
-    key: str
-    factor: str
-    stage: str
-    coefficients_first: NDArray[np.floating]
-    norms: NDArray[np.floating]
-    scale: NDArray[np.floating]
-    beside: tuple[str, ...] = ()
-    footprint: Footprint | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class IndirectRadiance:
-    """One layer's radiance (p,3) from light that was reflected before, without f_q and f_o, and the footprint of its
-    samples; None: there is none; drawn_as: see `drawn_as`."""
-
-    key: str
-    radiance: NDArray[np.floating] | None = None
-    footprint: Footprint | None = None
-    drawn_as: tuple[object, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class LayerMapsChanged:
-    """One layer's images (p,4) as the eye sees them, texture RGB and weight; None: it has none. ``has_weight``: whether
-    there is a weight map among them; ``thumbnails`` (h,w,3) as in ``messages.MapsSampled``."""
-
-    key: str
-    samples: NDArray[np.float16] | None
-    has_weight: bool = False
-    thumbnails: Mapping[str, NDArray[np.uint8]] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, eq=False)
-class LayerLook:
-    """How a layer looks in another document: f_q, f_o, visibility, and its radiance (p,3), None where as on screen;
-    ``maps``: the samples of its images, None for none, the texture's strength, and whether the weight is inverted."""
-
-    gain: Array
-    view_curve: Array
-    visible: bool
-    radiance: NDArray[np.floating] | None = None
-    maps: tuple[NDArray[np.float16] | None, float, bool] = (None, 1.0, False)
-
-
-@dataclass(frozen=True, eq=False)
-class ComparedRefined:
-    """Side A of the A/B picture can be drawn anew: as what is on screen, with these layers looking like this."""
-
-    looks: Mapping[str, LayerLook]
-
-
-PictureEvent = (
-    SceneFrame | SkyChanged | LayerRadiance | TransportReady | IndirectRadiance | LayerMapsChanged | ComparedRefined
-)
-
-
-class Curves:
-    """Band values and samples of a document's curves, computed once for each layer value.
-
-    A layer is a value: as long as it is the same one, its curves are. Arrays are handed out read-only, and the same
-    object each time, so that whoever compares may begin by identity.
-    """
-
-    def __init__(self, most_bands: int = MOST_BANDS) -> None:
-        self.plans = BandPlans(most_bands)
-        self.map_means: dict[tuple[str, Images], MapMeans] = {}
-        self._cached: dict[tuple[str, str, int], tuple[Layer, Array]] = {}
-
-    def opened(self, layers: Mapping[str, Layer], planned: Mapping[str, dict[str, int]]) -> None:
-        """Another scene with these layers by key, whose bands are planned anew but where their plan is given."""
-        self._cached = {}
-        self.plans.opened(layers, planned)
-
-    def bands(self, key: str, layer: Layer, chosen: int | None = None) -> dict[str, int]:
-        """J of each of the layer's transport factors as planned; ``chosen`` for the sharpest where a person did."""
-        counts = self.plans.of(key, layer)
-        return counts if chosen is None else bands_by_hand(layer, counts, chosen)
-
-    def coefficients(self, document: Document, key: str, most: int | None = None) -> dict[str, Array]:
-        """Band values of each transport factor of a layer, (J,3) by factor [BenArtzi07, eq. 4.17], of `most` bands."""
-        layer = document.layer(key)
-        counts = self.bands(key, layer, document.first_bands)
-        return {name: self._band_values(key, layer, name, min(n, most or n)) for name, n in counts.items()}
-
-    def view_curve(self, document: Document, key: str) -> Array:
-        """f_o at 256 angles from 0 to π/2, (256,3); ones for a layer whose model has no view factor."""
-        layer = document.layer(key)
-        factor = layer.model.view_factor
-        name = "" if factor is None else factor.name
-        known = self._known(key, layer, name, N_VIEW_SAMPLES)
-        return self._keep(key, layer, name, view_curve_of(layer) if known is None else known)
-
-    def gain(self, document: Document, key: str) -> Array:
-        """f_q of a layer, (3,)."""
-        return document.layer(key).scale()
-
-    def sent_gain(self, document: Document, key: str) -> Array:
-        """f_q of a layer for all but the eye, (3,): with the mean of its texture and weight map, once that is known."""
-        layer = document.layer(key)
-        means = None if layer.maps.is_plain else self.map_means.get((key.rpartition(".")[0], layer.maps.images))
-        return layer.scale() if means is None else layer.scale() * means.factor(layer.maps)
-
-    def _band_values(self, key: str, layer: Layer, factor: str, n_bands: int) -> Array:
-        known = self._known(key, layer, factor, n_bands)
-        values = layer.coefficients(factor, n_bands) if known is None else known
-        return self._keep(key, layer, factor, values)
-
-    def _known(self, key: str, layer: Layer, factor: str, n: int) -> Array | None:
-        """The cached curve when it was made from this layer, or from one that does not differ in this curve."""
-        before, values = self._cached.get((key, factor, n), (None, None))
-        if before is None or values is None or not (before is layer or _same_curve(before, layer, factor)):
-            return None
-        return values
-
-    def _keep(self, key: str, layer: Layer, factor: str, values: Array) -> Array:
-        values.setflags(write=False)
-        self._cached[key, factor, len(values)] = (layer, values)
-        return values
-
-
-def drawn_as(model: str, quotient_parameters: Sequence[float]) -> tuple[object, ...]:
-    """What f_q and the curves of a layer's picture belong to: its model, and of a measured one the measurement.
-
-    Those of another one have another scale: with them the picture of the layer before would be far too bright or dark.
-    """
-    return (model, *quotient_parameters) if isinstance(MODELS[model], MeasuredModel) else (model,)
-
-
-def view_curve_of(layer: Layer) -> Array:
-    """f_o at 256 angles from 0 to π/2, (256,3)."""
-    factor = layer.model.view_factor
-    if factor is None:
-        return np.ones((N_VIEW_SAMPLES, 3))
-    return layer.curve(factor.name)(np.linspace(0.0, HALF_PI, N_VIEW_SAMPLES))
-
-
-def _same_curve(before: Layer, layer: Layer, factor: str) -> bool:
-    """Whether two layers agree in all that makes this curve: model, operators, and the parameters that drive it."""
-    if before.model is not layer.model:
-        return False
-    if not factor:
-        return True
-    part = _part_of(layer.model, factor)
-    driving = [parameter.name for parameter in layer.model.parameters if part in parameter.drives]
-    old, new = before.values, layer.values
-    return before.operators(factor) == layer.operators(factor) and all(old[name] == new[name] for name in driving)
-
-
-def _part_of(model: Model, factor: str) -> str:
-    """Which curve of [BenArtzi07, eq. 3.1] a factor is: "A", "B" or "o"."""
-    names = [each.name for each in model.factors]
-    return "AB"[names.index(factor)] if factor in names else "o"

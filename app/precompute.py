@@ -1,7 +1,7 @@
 """Filling the cache: the worker's own computation in this process, for the transport that the editor will ask for.
 
-The talk is the editor's (`app.negotiator`), so that what is computed is what the editor looks up. Stopped half-way, it
-goes on from the last complete tile.
+The talk is the editor's (`app.placement.transport_talk`), so that what is computed is what the editor looks up.
+Stopped half-way, it goes on from the last complete tile.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.messages import Failed, OpenScene, Progress, Response, SceneOpened, StageDone
 from app.jobs.tasks import Tasks
-from app.negotiator import Negotiator
-from app.picture import Curves
+from app.placement.curves import Curves
+from app.placement.transport_talk import TransportTalk
 from app.project import Project
 from app.view_state import AS_PLANNED
 from engine.errors import InsituError
@@ -34,7 +34,7 @@ def precompute(project: Project, report: Report, n_lights: int, store: Store | N
     store = store or Store()
     store.require()
     client = InProcessClient(Tasks(store))
-    talk = Negotiator(client.send, Curves())
+    talk = TransportTalk(client.send, Curves())
     client.send(OpenScene(project.document.source, project.scene.resolution))
     _until(client, SceneOpened, report)
     talk.scene_opened()

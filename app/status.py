@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Literal
 
 from app.jobs.messages import Progress
-from app.negotiator import Negotiator
+from app.placement.transport_talk import TransportTalk
 from engine.errors import plain_line
 from engine.plan import Precision
 
@@ -128,7 +128,7 @@ class Gauges:
             self.memory_mb = resident_megabytes(os.getpid(), worker)
 
     def status(
-        self, talk: Negotiator, worker_alive: bool, opening: bool, wanted: Precision,
+        self, talk: TransportTalk, worker_alive: bool, opening: bool, wanted: Precision,
         is_complete: bool = True, noise: float = 0.0,
     ) -> Status:  # fmt: skip
         """All gauges at this moment.
@@ -165,7 +165,7 @@ class Gauges:
             notes=self.notes,
         )
 
-    def _picture_state(self, talk: Negotiator, opening: bool, is_complete: bool, noise: float) -> PictureState:
+    def _picture_state(self, talk: TransportTalk, opening: bool, is_complete: bool, noise: float) -> PictureState:
         if not self.has_picture:
             return "waiting"
         if opening or not (talk.shows_final or talk.transport_is_current and talk.delivered_final):
@@ -175,7 +175,7 @@ class Gauges:
         return "exact" if noise <= NO_NOISE else "finished"
 
 
-def _light_note(talk: Negotiator) -> str:
+def _light_note(talk: TransportTalk) -> str:
     """What light the picture shows, in words."""
     if talk.asked_rotation is None:
         return ""
@@ -187,7 +187,7 @@ def _light_note(talk: Negotiator) -> str:
     return f"final for {asked}" if talk.delivered_final else f"being refined for {asked}"
 
 
-def _emitter_note(talk: Negotiator) -> str:
+def _emitter_note(talk: TransportTalk) -> str:
     """Whose light the picture shows, in words, where emitters were changed."""
     if talk.drag_quality:
         return "a quick picture of the light it throws; the final one follows when you let go"
@@ -198,14 +198,14 @@ def _emitter_note(talk: Negotiator) -> str:
     return "" if talk.delivered_final else "the light it throws is being refined"
 
 
-def _material_note(talk: Negotiator) -> str:
+def _material_note(talk: TransportTalk) -> str:
     """What of the materials the picture does not show yet, in words."""
     if not talk.quotient_is_current:
         return "the curve is shown at once; self-shadowing follows when the hand rests"
     return "" if talk.fixed_is_current else "the curve of a fixed object follows when the hand rests"
 
 
-def _transport_note(talk: Negotiator, shown: Precision | None, wanted: Precision) -> str:
+def _transport_note(talk: TransportTalk, shown: Precision | None, wanted: Precision) -> str:
     """What of the transport is not yet as it is asked for, in words: bands, or the floats of the selected curve's."""
     if talk.becoming_editable:
         return f"{', '.join(talk.becoming_editable)}: shown as it was until its bands are here"

@@ -8,9 +8,9 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from app.picture import LayerMapsChanged
+from app.placement.events import LayerMapsChanged
 from engine.material.maps import LayerMaps
-from ui.gl.placement import PlacementRenderer
+from ui.gl.placement.renderer import PlacementRenderer
 
 
 class MapFeed:

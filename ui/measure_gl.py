@@ -24,7 +24,7 @@ from app.commands import SetOperators
 from app.document import Selection
 from app.editor import Editor
 from app.jobs.client import Client
-from app.picture import Curves
+from app.placement.curves import Curves
 from app.view_state import SetView
 from engine.curve.operators import HALF_PI, Operator
 from engine.curve.wavelet import forward
@@ -32,7 +32,7 @@ from engine.errors import InsituError
 from engine.material.layer import Layer
 from engine.plan import Precision
 from ui.gl.context import create_headless_context, describe_context
-from ui.gl.placement import PlacementRenderer, UpdateReport
+from ui.gl.placement.renderer import PlacementRenderer, UpdateReport
 from ui.gl.tonemap import DisplayView
 from ui.headless import LOOK_SECONDS, HeadlessWindow
 from ui.picture_feed import CURVE_LOOK_SECONDS, PictureFeed

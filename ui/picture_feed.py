@@ -26,16 +26,14 @@ from numpy.typing import NDArray
 from app.document import RGB, LightState, layer_key
 from app.editor import Editor
 from app.light_commands import emission_of
-from app.picture import (
+from app.picture import PictureEvent, SceneFrame, SkyChanged
+from app.placement.events import (
     ComparedRefined,
     Footprint,
     IndirectRadiance,
     LayerLook,
     LayerMapsChanged,
     LayerRadiance,
-    PictureEvent,
-    SceneFrame,
-    SkyChanged,
     TransportReady,
 )
 from app.solo import is_seen
@@ -45,10 +43,10 @@ from engine.light.environment import Environment, tone_mapped_thumbnail
 from engine.scene.description import SceneDescription
 from ui.brush import Spot, spot_of
 from ui.gl.context import GraphicsError
-from ui.gl.layers import Look
 from ui.gl.picture_frame import PictureFrame
-from ui.gl.placement import PlacementRenderer
-from ui.gl.rehearsal import rehearse
+from ui.gl.placement.layers import Look
+from ui.gl.placement.rehearsal import rehearse
+from ui.gl.placement.renderer import PlacementRenderer
 from ui.gl.tonemap import DisplayView
 from ui.map_feed import MapFeed, small_texture
 from ui.shown_view import ShownView

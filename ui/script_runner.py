@@ -41,7 +41,7 @@ from engine.errors import InsituError
 from engine.material.strokes import Stroke
 from engine.scene.builtin import builtin_environments, builtin_scenes
 from ui.brush import along, dabs_at, spots_at
-from ui.gl.placement import PlacementRenderer
+from ui.gl.placement.renderer import PlacementRenderer
 from ui.headless import DEFAULT_SIZE, HeadlessWindow
 from ui.layout import PANELS
 from ui.panels.actions import ShowPanel

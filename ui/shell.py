@@ -39,6 +39,7 @@ from ui.event_queue import ALTS, EventQueue
 from ui.gl.interface import InterfaceRenderer
 from ui.gl.thumbnails import Thumbnails
 from ui.panels import (
+    accuracy_placement,
     brdf,
     curve_editor,
     dialogs,
@@ -53,7 +54,6 @@ from ui.panels import (
     paint,
     resolution,
     status_bar,
-    tradeoff,
     viewport,
 )
 from ui.panels import (
@@ -539,7 +539,7 @@ class Shell:
         actions += self._window(context, layout.CURVE, curve_editor.draw)
         actions += self._window(context, layout.MATERIAL, material.draw)
         actions += self._window(context, layout.LIGHT, light.draw)
-        actions += self._window(context, layout.ACCURACY, tradeoff.draw)
+        actions += self._window(context, layout.ACCURACY, accuracy_placement.draw)
         actions += guarded(barrier, "The tabs", folding.draw_buttons, context) or []
         actions += guarded(barrier, "The dialog", dialogs.draw, context) or []
         actions += guarded(barrier, "The resolution", resolution.draw, context) or []

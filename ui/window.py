@@ -32,7 +32,7 @@ from engine.errors import InsituError
 from engine.render.image_files import pixels_png
 from engine.scene.builtin import builtin_environments, builtin_scenes
 from ui.gl.context import REQUIRED_VERSION, GraphicsError, create_window_context, spare_full_disk
-from ui.gl.placement import PlacementRenderer
+from ui.gl.placement.renderer import PlacementRenderer
 from ui.glfw_keys import as_printed, held, key_changes
 from ui.layout import LEAST_SIZE
 from ui.panels.actions import Quit

@@ -1,4 +1,4 @@
-"""The worker's share of planning how many bands layers need (`app.band_plans`)."""
+"""The worker's share of planning how many bands layers need (`app.placement.band_plans`)."""
 
 from __future__ import annotations
 

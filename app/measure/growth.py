@@ -16,12 +16,12 @@ import numpy as np
 
 from app.atomic import save_file
 from app.document import document_from_description
-from app.indirect import reflections
 from app.jobs.indirect import IndirectTasks
 from app.jobs.messages import Freeze, Frozen
 from app.measure.figures import Figure
 from app.measure.subject import at_most, open_subject
-from app.picture import Curves
+from app.placement.curves import Curves
+from app.placement.indirect_talk import reflections
 from app.sky import sky_of
 from engine.scene.load import Scene
 from engine.transport.pipeline import Placement

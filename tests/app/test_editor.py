@@ -19,8 +19,9 @@ from app.jobs.messages import (
     SkyImage,
     WorkerRestarted,
 )
-from app.negotiator import DRAG_QUALITY, N_LIGHTS_PREVIEW
-from app.picture import LayerRadiance, SceneFrame, SkyChanged, TransportReady
+from app.picture import SceneFrame, SkyChanged
+from app.placement.events import LayerRadiance, TransportReady
+from app.placement.transport_talk import DRAG_QUALITY, N_LIGHTS_PREVIEW
 from app.view_state import AS_PLANNED, SetView
 from engine.curve.bands import band_nodes
 from engine.curve.operators import Operator

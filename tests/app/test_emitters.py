@@ -13,12 +13,12 @@ from app.commands import SetEmission, SetFrozen
 from app.document import Document, Selection
 from app.editor import Editor
 from app.jobs.messages import ComputeTransport
-from app.negotiator import DRAG_QUALITY
+from app.placement.transport_talk import DRAG_QUALITY
+from app.placement.wishes import brightened
 from app.project import open_project
 from app.session import fit_session, load_session, save_session
 from app.set_path import set_path
 from app.view_state import ViewState
-from app.wishes import brightened
 from engine.errors import InsituError
 from tests.app.fake_worker import SCENE, FakeClient
 

@@ -30,12 +30,12 @@ from app.jobs.messages import (
 from app.jobs.tasks import Tasks
 from app.material_file import Material, dump_material, load_material, parse_material
 from app.measurements import layers_of_document, measured_files, measurement_in, unread_files, with_read
-from app.picture import Curves
+from app.placement.curves import Curves
+from app.placement.wishes import layer_work, transport_wish
 from app.project import open_project
 from app.reading import import_measured, measured_layers
 from app.session import load_session
 from app.set_path import set_path
-from app.wishes import layer_work, transport_wish
 from engine.errors import InsituError, LoadError
 from engine.measured import tables
 from engine.measured.merl import merl_samples, read_merl
@@ -156,7 +156,7 @@ def test_the_window_plans_no_bands_of_an_import(
     editor = Editor(client, "shelf")
     client.open_scene()
     editor.tick(0.0)
-    monkeypatch.delattr("app.band_plans.band_counts")
+    monkeypatch.delattr("app.placement.band_plans.band_counts")
     file = tmp_path / "drawn.binary"
     editor.do(import_measured("pot", file))
     (asked,) = client.sent(ReadMeasured)

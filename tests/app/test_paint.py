@@ -15,7 +15,7 @@ from app.history import History
 from app.jobs.messages import MapsSampled, SampleMaps
 from app.map_commands import SetMap
 from app.paint_commands import BlendByMap, ClearMap, Paint, blended_with, without_strokes
-from app.picture import LayerMapsChanged
+from app.placement.events import LayerMapsChanged
 from app.session import load_session, save_session
 from app.view_state import ViewState
 from engine.errors import InsituError

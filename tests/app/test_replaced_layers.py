@@ -9,10 +9,10 @@ from app.commands import SetModel
 from app.editor import Editor
 from app.library import Entry, Library
 from app.material_commands import SetMaterial
-from app.wishes import same_coefficients
+from app.placement.wishes import same_coefficients
 from engine.material import MODELS
 from tests.app.fake_worker import ServingClient
-from tests.app.test_negotiator import Renderer, settle
+from tests.app.placement.test_transport_talk import Renderer, settle
 
 
 def all_pairs(names: list[str]) -> Iterator[str]:

@@ -11,7 +11,7 @@ import pytest
 from app.editor import Editor
 from tests.ui.stand_in import StandInClient
 from ui.gl.context import create_headless_context
-from ui.gl.placement import PlacementRenderer
+from ui.gl.placement.renderer import PlacementRenderer
 from ui.headless import HeadlessWindow
 from ui.picture_feed import PictureFeed
 

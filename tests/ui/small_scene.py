@@ -12,7 +12,7 @@ import numpy as np
 from app.editor import Editor, WorkerClient
 from app.view_state import SetView
 from engine.render.image_files import write_exr
-from ui.gl.placement import PlacementRenderer
+from ui.gl.placement.renderer import PlacementRenderer
 from ui.headless import HeadlessWindow
 from ui.picture_feed import PictureFeed
 

@@ -35,7 +35,7 @@ from app.material_commands import AddLayers, RemoveLayer, SetMaterial, new_layer
 from app.view_state import SetView
 from engine.curve.operators import Operator
 from tests.ui.small_scene import write_small_scene
-from ui.gl.placement import PlacementRenderer
+from ui.gl.placement.renderer import PlacementRenderer
 from ui.picture_feed import PictureFeed
 
 pytestmark = pytest.mark.gl

@@ -18,9 +18,20 @@ from app.journal import Journal
 from app.paths import state_directory
 from tests.ui.stand_in import StandInClient
 from ui import shell as shell_module
-from ui.gl.placement import PlacementRenderer
+from ui.gl.placement.renderer import PlacementRenderer
 from ui.headless import HeadlessWindow
-from ui.panels import brdf, curve_editor, dialogs, library, light, material, menus, objects, status_bar, tradeoff
+from ui.panels import (
+    accuracy_placement,
+    brdf,
+    curve_editor,
+    dialogs,
+    library,
+    light,
+    material,
+    menus,
+    objects,
+    status_bar,
+)
 from ui.panels import help as shortcuts
 from ui.panels.actions import Select, ShowPanel
 from ui.picture_feed import PictureFeed
@@ -91,7 +102,7 @@ def broken_panel(context: object) -> Any:
 
 DOCKED = {
     "material": material, "light": light, "objects": objects, "library": library, "curve": curve_editor,
-    "accuracy": tradeoff, "brdf": brdf,
+    "accuracy": accuracy_placement, "brdf": brdf,
 }  # fmt: skip
 ELSEWHERE = {"menus": menus, "status bar": status_bar, "dialogs": dialogs, "help": shortcuts}
 FAULTS: dict[str, Callable[[Holding, pytest.MonkeyPatch], None]] = {

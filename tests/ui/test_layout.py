@@ -11,8 +11,8 @@ import pytest
 from imgui_bundle import imgui
 
 from app.editor import Editor
-from app.indirect import IndirectTalk
 from app.jobs.messages import Progress
+from app.placement.indirect_talk import IndirectTalk
 from app.view_state import SetView
 from tests.ui.conftest import opened
 from tests.ui.stand_in import StandInClient

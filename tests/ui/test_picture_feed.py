@@ -19,8 +19,8 @@ from app.view_state import SetView
 from tests.app.fake_worker import FakeClient
 from tests.ui.stand_in import HEIGHT, WIDTH, StandInClient, scene_arrays, transport_of
 from ui import picture_feed
-from ui.gl.placement import PlacementRenderer
-from ui.gl.sample_layout import SAMPLES_PER_ROW, row_count
+from ui.gl.placement.renderer import PlacementRenderer
+from ui.gl.placement.sample_layout import SAMPLES_PER_ROW, row_count
 from ui.headless import HeadlessWindow
 from ui.picture_feed import PictureFeed
 

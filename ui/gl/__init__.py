@@ -16,10 +16,10 @@ What flows where in Placement, from the worker's arrays to the screen::
                                                                               │
                                      silhouettes, outlines (points) ──► display.frag ─► display picture, sRGB
 
-``context`` opens OpenGL, ``program`` reads shaders, ``textures`` allocates, ``passes`` draws, ``sample_layout`` says
-where a sample lies. ``coefficients`` keeps the books without GL, ``transport`` and ``accumulate`` hold and add the
-terms, ``refine`` joins the three; ``layers``, ``composite`` and ``tonemap`` make the picture. ``placement`` is what the
-window talks to, with a ``picture_frame`` as the camera's view.
+``context`` opens OpenGL, ``program`` reads shaders, ``textures`` allocates, ``passes`` draws, ``tonemap`` shows; a
+``picture_frame`` is the camera's view. In ``placement``, ``sample_layout`` says where a sample lies; ``coefficients``
+keeps the books without GL, ``transport`` and ``accumulate`` hold and add the terms, ``refine`` joins the three;
+``layers`` and ``composite`` make the picture, and ``renderer`` is what the window talks to.
 
 Apart from the picture, a material is seen by its BRDF in GLSL: ``python_to_glsl`` translates the models' own functions,
 ``brdf_source`` joins them to layers, a ``brdf_stack`` has a material's curves and numbers and draws brdf/*.frag.glsl.

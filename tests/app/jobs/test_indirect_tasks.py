@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from app.document import document_from_description
-from app.indirect import reflections
 from app.jobs import indirect as indirect_module
 from app.jobs.cache import Store
 from app.jobs.indirect import IndirectTasks
 from app.jobs.messages import Freeze, Frozen, IndirectFound, Response
-from app.picture import Curves
+from app.placement.curves import Curves
+from app.placement.indirect_talk import reflections
 from app.sky import sky_of
 from engine.indirect import solver as solver_module
 from engine.indirect.gather import Gathered, gather

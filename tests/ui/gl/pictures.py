@@ -4,7 +4,7 @@ import numpy as np
 
 from engine.plan import Precision
 from ui.gl.picture_frame import PictureFrame
-from ui.gl.placement import PlacementRenderer
+from ui.gl.placement.renderer import PlacementRenderer
 
 
 def frame_of(object_image: np.ndarray, emitters: tuple[int, ...] = (), seed: int = 5) -> PictureFrame:

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from ui.gl.picture_frame import PictureFrame
-from ui.gl.placement import PlacementRenderer
+from ui.gl.placement.renderer import PlacementRenderer
 from ui.gl.tonemap import DisplayView
 
 pytestmark = pytest.mark.gl

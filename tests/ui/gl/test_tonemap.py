@@ -10,7 +10,7 @@ from engine.render.display import display_picture
 from tests.naive import pictures as naive
 from tests.ui.gl.pictures import frame_of, full_frame
 from ui.gl.context import GraphicsError
-from ui.gl.placement import PlacementRenderer
+from ui.gl.placement.renderer import PlacementRenderer
 from ui.gl.tonemap import HOVER_COLOUR, SELECTION_COLOUR, DisplayView, outline_pixels
 
 pytestmark = pytest.mark.gl

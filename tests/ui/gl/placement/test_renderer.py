@@ -9,7 +9,7 @@ from tests.naive import pictures as naive
 from tests.ui.gl.pictures import frame_of, full_frame, norms_of
 from ui.gl.context import GraphicsError
 from ui.gl.picture_frame import PictureFrame
-from ui.gl.placement import PlacementRenderer
+from ui.gl.placement.renderer import PlacementRenderer
 from ui.gl.tonemap import DisplayView, ToneMapping
 
 pytestmark = pytest.mark.gl

@@ -7,7 +7,7 @@ import pytest
 
 from app.commands import SetModel, SetOperators, SetParameter
 from app.document import Document, ObjectState, all_factors
-from app.picture import N_VIEW_SAMPLES, Curves
+from app.placement.curves import N_VIEW_SAMPLES, Curves
 from engine.curve.operators import Operator
 from engine.material import MODELS, make_layer
 from engine.material.model import Parameter

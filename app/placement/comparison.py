@@ -26,9 +26,11 @@ from numpy.typing import NDArray
 from app.document import Document
 from app.jobs.messages import Contract, LayerPicture, Request
 from app.light_commands import emission_of
-from app.negotiator import CONTRACT_PATIENCE, Negotiator
-from app.picture import Array, Coefficients, ComparedRefined, Curves, LayerLook, PictureEvent, view_curve_of
-from app.wishes import same_coefficients
+from app.picture import PictureEvent
+from app.placement.curves import Array, Coefficients, Curves, view_curve_of
+from app.placement.events import ComparedRefined, LayerLook
+from app.placement.transport_talk import CONTRACT_PATIENCE, TransportTalk
+from app.placement.wishes import same_coefficients
 from engine.material.layer import Layer
 from engine.material.maps import LayerMaps
 
@@ -98,7 +100,13 @@ class Comparison:
             self._asked, self._failed = None, True
 
     def update(
-        self, now: float, document: Document, talk: Negotiator, n_lights: int, exact: bool, has_indirect: bool = False
+        self,
+        now: float,
+        document: Document,
+        talk: TransportTalk,
+        n_lights: int,
+        exact: bool,
+        has_indirect: bool = False,
     ) -> list[PictureEvent]:
         """What the renderer can show of A now; asks the worker for what is missing.
 
@@ -128,7 +136,9 @@ class Comparison:
         self._stage_came, self._exact = False, exact
         return [ComparedRefined({})]
 
-    def _draw_apart(self, now: float, compared: Document, document: Document, talk: Negotiator) -> list[PictureEvent]:
+    def _draw_apart(
+        self, now: float, compared: Document, document: Document, talk: TransportTalk
+    ) -> list[PictureEvent]:
         """B has other curves by now: ask for the layers that differ, one after the other, then draw A with them."""
         differing = self._differing(compared, document, talk)
         missing = [key for key in differing if key not in self._pictures]
@@ -145,7 +155,7 @@ class Comparison:
         """Whether A has images in this layer that nobody sampled, or not lately."""
         return not layer.maps.is_plain and self._samples(key, layer.maps) is None
 
-    def _differing(self, compared: Document, document: Document, talk: Negotiator) -> list[str]:
+    def _differing(self, compared: Document, document: Document, talk: TransportTalk) -> list[str]:
         """Keys of the layers whose curves are not those on screen."""
         found = []
         for key, layer in compared.layers():

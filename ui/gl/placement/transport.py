@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 
 from engine.plan import Precision
 from ui.gl.context import GraphicsError
-from ui.gl.sample_layout import GROUPS_PER_ROW, SAMPLES_PER_ROW, row_count
+from ui.gl.placement.sample_layout import GROUPS_PER_ROW, SAMPLES_PER_ROW, row_count
 from ui.gl.textures import TextureMemory
 
 _TEXELS_PER_GROUP = {"half": 3, "float": 6}

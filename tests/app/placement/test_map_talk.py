@@ -8,11 +8,11 @@ import pytest
 from app.editor import Editor
 from app.jobs.messages import ComputeTransport, MapsRefused, MapsSampled, SampleMaps, WorkerRestarted
 from app.map_commands import SetMap
-from app.picture import ComparedRefined, LayerMapsChanged
+from app.placement.events import ComparedRefined, LayerMapsChanged
 from app.view_state import SetView
 from engine.material.maps import Images, MapMeans
 from tests.app.fake_worker import SCENE, FakeClient
-from tests.app.test_comparison import EXACT, remember
+from tests.app.placement.test_comparison import EXACT, remember
 
 OAK, ELM = SetMap("pot.0", "texture", "oak.png"), SetMap("pot.0", "texture", "elm.png")
 MEANS = MapMeans((0.5, 0.25, 1.0), 1.0, (0.5, 0.25, 1.0))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ui.gl.sample_layout import SAMPLES_PER_ROW, pack_samples, row_count, sample_addresses, unpack_samples
+from ui.gl.placement.sample_layout import SAMPLES_PER_ROW, pack_samples, row_count, sample_addresses, unpack_samples
 
 
 @pytest.mark.parametrize("n_samples", [0, 1, 8, 1023, 1024, 1025, 5000])

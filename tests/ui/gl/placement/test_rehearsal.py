@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from tests.ui.gl.pictures import finish, frame_of, norms_of
-from ui.gl.placement import PlacementRenderer
-from ui.gl.rehearsal import rehearse
+from ui.gl.placement.rehearsal import rehearse
+from ui.gl.placement.renderer import PlacementRenderer
 from ui.gl.tonemap import DisplayView
 
 pytestmark = pytest.mark.gl

@@ -23,9 +23,9 @@ from app.document import LightState
 from app.editor import Editor, RenderReport
 from app.jobs.messages import ComputeTransport, Contract
 from app.material_commands import AddLayers, RemoveLayer, SetMaterial, new_layer
-from app.picture import LayerRadiance, TransportReady
+from app.placement.events import LayerRadiance, TransportReady
+from app.placement.wishes import TransportWish, same_coefficients
 from app.view_state import SetView
-from app.wishes import TransportWish, same_coefficients
 from engine.curve.operators import Operator
 from tests.app.fake_worker import ServingClient
 

@@ -15,11 +15,11 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from ui.gl.accumulate import Accumulator
 from ui.gl.context import GraphicsError
 from ui.gl.passes import Box, Passes
 from ui.gl.picture_frame import PictureFrame
-from ui.gl.sample_layout import SAMPLES_PER_ROW, pack_samples, row_count, sample_addresses
+from ui.gl.placement.accumulate import Accumulator
+from ui.gl.placement.sample_layout import SAMPLES_PER_ROW, pack_samples, row_count, sample_addresses
 from ui.gl.textures import TextureMemory, read_texture
 
 VIEW_CURVE_SIZE = 256

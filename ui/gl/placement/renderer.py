@@ -27,13 +27,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.plan import Precision
-from ui.gl.accumulate import TermSum
-from ui.gl.composite import Compositor
 from ui.gl.context import GraphicsError
-from ui.gl.edited import EditedLayers
-from ui.gl.layers import LayerStack, Look
 from ui.gl.passes import Box, Passes
 from ui.gl.picture_frame import PictureFrame
+from ui.gl.placement.accumulate import TermSum
+from ui.gl.placement.composite import Compositor
+from ui.gl.placement.edited import EditedLayers
+from ui.gl.placement.layers import LayerStack, Look
 from ui.gl.textures import TextureMemory
 from ui.gl.tonemap import Display, DisplayView
 

@@ -12,8 +12,8 @@ from app.status import Status
 from tests.ui.stand_in import StandInClient
 from ui import theme as look
 from ui.headless import HeadlessWindow
+from ui.panels.accuracy_placement import figures
 from ui.panels.status_bar import ERROR_SECONDS, picture_state
-from ui.panels.tradeoff import figures
 
 STATUS = Status(
     shown_coefficients=30, wanted_coefficients=64, memory_mb=512.0, transport_mb=230.4, gpu_mb=38.2,

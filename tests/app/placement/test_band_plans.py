@@ -23,7 +23,7 @@ MOVED = {"lambert": "albedo", "cook_torrance": "sigma", "rough_conductor": "alph
 @pytest.fixture
 def editor(client: FakeClient, monkeypatch: pytest.MonkeyPatch) -> Editor:
     """An editor that has no way to plan bands itself, with all of its scene delivered; the worker has yet to plan."""
-    monkeypatch.delattr("app.band_plans.band_counts")
+    monkeypatch.delattr("app.placement.band_plans.band_counts")
     editor = Editor(client, "shelf")
     client.open_scene()
     editor.tick(0.0)

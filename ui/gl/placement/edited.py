@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.plan import Precision
-from ui.gl.accumulate import TermSum
-from ui.gl.composite import FootprintTextures
 from ui.gl.context import GraphicsError
-from ui.gl.layers import LayerStack
-from ui.gl.refine import Refiner
+from ui.gl.placement.accumulate import TermSum
+from ui.gl.placement.composite import FootprintTextures
+from ui.gl.placement.layers import LayerStack
+from ui.gl.placement.refine import Refiner
+from ui.gl.placement.transport import TransportUpload
 from ui.gl.textures import TextureMemory
-from ui.gl.transport import TransportUpload
 
 
 @dataclass(eq=False)

@@ -5,7 +5,7 @@ import pytest
 
 from tests.ui.gl.pictures import contracted, finish, norms_of, relative_error, start_layer
 from ui.gl.context import GraphicsError
-from ui.gl.placement import PlacementRenderer
+from ui.gl.placement.renderer import PlacementRenderer
 
 pytestmark = pytest.mark.gl
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ui.gl.passes import Passes, uniform
-from ui.gl.sample_layout import (
+from ui.gl.placement.sample_layout import (
     GROUP_SIZE,
     GROUPS_PER_ROW,
     SAMPLES_PER_ROW,
@@ -20,8 +20,8 @@ from ui.gl.sample_layout import (
     row_count,
     unpack_samples,
 )
+from ui.gl.placement.transport import TransportTexture
 from ui.gl.textures import TextureMemory, read_texture
-from ui.gl.transport import TransportTexture
 
 TERMS_PER_PASS = 128  # four uniform components each: half of the 1,024 that OpenGL 4.1 promises
 

@@ -5,9 +5,9 @@ import pytest
 
 from app.commands import AddOperator, SetEnvironment, SetParameter, SetRotation, SetVisible
 from app.editor import Editor, RenderReport
-from app.indirect import IndirectTalk
 from app.jobs.messages import Contract, Failed, LayerPicture
-from app.picture import ComparedRefined
+from app.placement.events import ComparedRefined
+from app.placement.indirect_talk import IndirectTalk
 from app.view_state import SetView
 from engine.curve.operators import Operator
 from tests.app.fake_worker import FakeClient

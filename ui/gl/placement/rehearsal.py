@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ui.gl.picture_frame import PictureFrame
-from ui.gl.placement import PlacementRenderer
+from ui.gl.placement.renderer import PlacementRenderer
 from ui.gl.tonemap import DisplayView
 
 _SIDE = 8

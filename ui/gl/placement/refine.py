@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ui.gl.accumulate import TERMS_PER_PASS, Accumulator, TermSum
-from ui.gl.coefficients import CoefficientState, Floats, Step
 from ui.gl.context import GraphicsError
+from ui.gl.placement.accumulate import TERMS_PER_PASS, Accumulator, TermSum
+from ui.gl.placement.coefficients import CoefficientState, Floats, Step
+from ui.gl.placement.transport import TransportTexture
 from ui.gl.textures import TextureMemory
-from ui.gl.transport import TransportTexture
 
 _LARGEST_MULTIPLIER = 1e36
 # Terms of the step by which the cost of one is measured, where there is a budget to keep.

@@ -1,4 +1,4 @@
-"""What the editor wants of the worker, asked of it last, and got from it: the values that `negotiator` compares."""
+"""What the editor wants of the worker, asked of it last, and got from it: the values that `transport_talk` compares."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from app.document import RGB, Document, LightState
 from app.jobs.messages import LayerWork
 from app.light_commands import emission_of
-from app.picture import Array, Coefficients, Curves
+from app.placement.curves import Array, Coefficients, Curves
 from engine.material.layer import Layer
 from engine.plan import Precision
 

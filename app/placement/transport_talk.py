@@ -26,13 +26,13 @@ from dataclasses import replace
 import numpy as np
 
 from app.document import SCENE_ENVIRONMENT, Document, LightState, Selection, reflecting_layers
-from app.edited_curves import EditedCurves, curve_wishes, edited_layers
-from app.indirect import reflections
 from app.jobs.messages import ComputeTransport, Contract, Failed, LayerPicture, LayerTransport, Request, StageDone
 from app.light_commands import emission_of
 from app.measurements import measured_files
-from app.picture import Array, Coefficients, Curves, drawn_as
-from app.wishes import (
+from app.placement.curves import Array, Coefficients, Curves, drawn_as
+from app.placement.edited_curves import EditedCurves, curve_wishes, edited_layers
+from app.placement.indirect_talk import reflections
+from app.placement.wishes import (
     Contraction,
     CurveShown,
     CurveWish,
@@ -53,7 +53,7 @@ FINAL_STAGE = "final"
 DRAG_QUALITY = 0  # as `n_lights_final`: stop after one quick picture, nothing finer follows
 
 
-class Negotiator:
+class TransportTalk:
     """The talk with the worker about one scene. ``send`` hands a request over and returns its id."""
 
     def __init__(self, send: Callable[[Request], int], curves: Curves) -> None:

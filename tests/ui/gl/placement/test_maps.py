@@ -6,8 +6,8 @@ import pytest
 from engine.render.display import encode_srgb
 from tests.ui.gl.pictures import frame_of
 from ui.gl.context import GraphicsError
-from ui.gl.layers import Look
-from ui.gl.placement import PlacementRenderer
+from ui.gl.placement.layers import Look
+from ui.gl.placement.renderer import PlacementRenderer
 from ui.gl.tonemap import DisplayView
 
 pytestmark = pytest.mark.gl

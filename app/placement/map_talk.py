@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from app.document import Document
 from app.history import History
 from app.jobs.messages import MapsRefused, MapsSampled, Request, SampleMaps
-from app.picture import Curves, LayerMapsChanged
+from app.placement.curves import Curves
+from app.placement.events import LayerMapsChanged
 from engine.material.maps import Images, LayerMaps
 
 MOST_KEPT = 24

@@ -14,9 +14,9 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from ui.gl.accumulate import Accumulator
-from ui.gl.composite import VIEW_CURVE_SIZE, Compositor, FootprintTextures, MapTexture
 from ui.gl.context import GraphicsError
+from ui.gl.placement.accumulate import Accumulator
+from ui.gl.placement.composite import VIEW_CURVE_SIZE, Compositor, FootprintTextures, MapTexture
 from ui.gl.textures import TextureMemory
 
 

@@ -9,8 +9,8 @@ from collections.abc import Mapping
 
 from app.document import Document, Selection
 from app.linked_layers import group_of
-from app.picture import Curves
-from app.wishes import CurveShown, CurveWish, LayerShown, same_coefficients
+from app.placement.curves import Curves
+from app.placement.wishes import CurveShown, CurveWish, LayerShown, same_coefficients
 from engine.plan import Precision
 
 

@@ -1,0 +1,1 @@
+"""The renderer of Placement: see the diagram of `ui.gl`."""
