@@ -42,6 +42,11 @@ class LayerCurves:
         return kernels.Optics(self.model.number, q, kind_a, kind_b, first, other)
 
 
+def any_glossy(model_names: Iterable[str]) -> bool:
+    """Whether what an object with layers of these models sends on depends on the direction."""
+    return not all(MODELS[name].is_matt for name in model_names)
+
+
 def pole_of(model_names: Iterable[str]) -> int:
     """About which direction the rays of an object with layers of these models are dense."""
     gammas = {factor.gamma for name in model_names for factor in MODELS[name].factors}

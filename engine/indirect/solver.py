@@ -17,7 +17,7 @@ from engine.indirect._cell_kernels import NO_CELL, Table
 from engine.indirect._ray_kernels import HALF, NORMAL
 from engine.indirect.beyond import SQUARED, held
 from engine.indirect.cells import Cells, TooManyCells
-from engine.indirect.curves import pole_of
+from engine.indirect.curves import any_glossy, pole_of
 from engine.indirect.gather import FanSize, Gathered, gather, joined, object_of_rows
 from engine.indirect.irradiance import CellLight, connect, direct_irradiance, radiosity
 from engine.indirect.lattice import COARSEST, Lattice
@@ -95,9 +95,9 @@ class Solver:
         self._poles = np.array([pole_of(models.get(i, ())) for i in range(n_objects)], np.int64)
         self._sizes = tuple(_fan_size(fineness.n_rays, int(pole)) for pole in self._poles)
         self._shining = shining_on(placement, sky)
-        is_glossy = np.array([bool(set(models.get(i, ())) - {"lambert"}) for i in range(n_objects)])
+        glossy_objects = np.array([any_glossy(models.get(i, ())) for i in range(n_objects)], bool)
         self._axes = axes_of(placement.scene)
-        second = SecondRays(is_glossy, self._poles, self._axes, self._shining.lamps, fineness.n_records)
+        second = SecondRays(glossy_objects, self._poles, self._axes, self._shining.lamps, fineness.n_records)
         self._second = second if glossy else None
 
     def solve(

@@ -122,9 +122,13 @@ def test_photons_land_where_the_picture_shows_it(under_lamp):
     assert (photons.directions[on_floor, 1] < 0.0).all()
 
 
-def test_matt_surfaces_throw_nothing():
-    found = solve(placement_of([FLOOR, BALL, LAMP], **VIEW), [matt(0, 0.7), matt(1, 0.7)], 2, FINENESS)
+@pytest.mark.parametrize("model", ["lambert", "oren_nayar"])
+def test_matt_surfaces_throw_nothing(model):
+    # Also a rough one: what it sends on goes by albedo, so that photons from it would carry nothing.
+    ball = indirect_layer(1, make_layer(MODELS[model], {"albedo": [0.7] * 3}), (16,))
+    found = solve(placement_of([FLOOR, BALL, LAMP], **VIEW), [matt(0, 0.7), ball], 2, replace(QUICK, n_photons=1 << 12))
     assert len(found.points.photons.power) == 0 and len(found.points.landed.weight) == 0
+    assert len(found.points.gathered.records.ray) == 0  # nor are rays followed that end on it
 
 
 @pytest.mark.parametrize("lean", [0.0, 0.3])
