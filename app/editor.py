@@ -79,6 +79,7 @@ from engine.scene.description import SceneDescription
 __all__ = ["Editor", "RenderReport", "Status", "WorkerClient"]
 
 POLL_SECONDS = 0.004
+STOPPED = "stopped; Resume in the Accuracy panel goes on, and so does another light or roughness"
 
 
 class WorkerClient(Protocol):
@@ -138,6 +139,8 @@ class Editor:
         self._reading = Reading(client.send)
         self._tables = TableTalk(client.send)
         self._opening: Opening | None = None
+        self._given_up: Opening | None = None
+        self._cancelled = -1
         self._scene_id = 0
         self._footprints: dict[str, Footprint] = {}
         self._gauges = Gauges()
@@ -300,15 +303,16 @@ class Editor:
         self._keeper.close(self.document, self.view)
 
     def cancel_work(self) -> None:
-        """Stop the worker; what it has delivered stays on screen."""
-        self._client.send(Cancel())
+        """Stop the worker; what it has delivered stays on screen, until `resume_work` or another light or roughness."""
+        self._cancelled = self._client.send(Cancel())
         self._negotiator.cancelled()
         self._reading.forget()
-        if self._opening is not None:
-            self._opening = None
+        self._given_up, self._opening = self._opening, None
+        if self._given_up is not None:
             self._negotiator.scene_opened(is_new=False)
         self._gauges.progress = None
-        self.notify("stopped; the picture stays a preview until the light or a roughness changes")
+        self._gauges.stopped = not self.status.is_finished
+        self.notify(STOPPED if self._gauges.stopped else "stopped")
 
     def import_measured(self, path: Path, cloth: bool = False) -> str | None:
         """Make the selected object of what a file measured, once the worker has read it, of two layers or as `cloth` of
@@ -339,8 +343,12 @@ class Editor:
         return self._reading.is_under_way
 
     def resume_work(self) -> None:
-        """Ask again for what was stopped or failed."""
-        self._negotiator.resume()
+        """Ask again for what was stopped or failed: the picture, or where none is open yet the scene."""
+        self._gauges.stopped = False
+        if self._given_up is not None and not self.scene_is_open:
+            self._open(self._given_up)
+        else:
+            self._negotiator.resume()
 
     # -------------------------------------------------------------------------------------------------------- picture
 
@@ -356,6 +364,7 @@ class Editor:
             events = events + run("What follows an edit", partial(self._ask, now), none, made_of)
             events = events + run("Side A", partial(self._compare, now), none, made_of)
             run("The journal", partial(self._keep, now), None, made_of)
+        self._gauges.stopped &= not (self._negotiator.running or self.status.is_finished)
         self._gauges.measure_memory(now, self._client.pid)
         return events
 
@@ -468,7 +477,8 @@ class Editor:
             case SceneOpened():
                 return self._take_scene(response)
             case Progress():
-                self._gauges.progress = response
+                if response.id > self._cancelled:  # else it was on its way when the work was stopped
+                    self._gauges.progress = response
             case Failed():
                 self._take_failure(response)
             case MeasurementsRead():

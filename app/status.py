@@ -39,7 +39,7 @@ class Status:
     ``bands`` are those of each layer's transport by key, as asked of the worker; none of a layer that is fixed.
     ``indirect_noise`` is what chance is left in the indirect light, RMS relative to its own mean; None while unknown.
     ``bounces_note`` says what of the light so many bounces leave out, empty where that is little.
-    ``compared_exact``: whether side A of a comparison is.
+    ``compared_exact``: whether side A of a comparison is. ``stopped``: whether a person stopped what is missing.
     ``message`` is the last thing that happened, ``is_error`` whether it went wrong; ``message_number`` counts them.
     """
 
@@ -69,6 +69,7 @@ class Status:
     message_number: int = 0
     notes: tuple[str, ...] = ()
     bounces_note: str = ""
+    stopped: bool = False
 
     @property
     def is_finished(self) -> bool:
@@ -111,6 +112,7 @@ class Gauges:
     bounces: tuple[int, str] = (0, "")
     transport_mb: float = 0.0
     memory_mb: float = 0.0
+    stopped: bool = False
     _memory_at: float = -math.inf
 
     def notify(self, text: str, is_error: bool) -> None:
@@ -163,6 +165,7 @@ class Gauges:
             is_error=self.is_error,
             message_number=self.message_number,
             notes=self.notes,
+            stopped=self.stopped,
         )
 
     def _picture_state(self, talk: TransportTalk, opening: bool, is_complete: bool, noise: float) -> PictureState:
@@ -184,7 +187,7 @@ def _light_note(talk: TransportTalk) -> str:
         return f"quick picture for {asked}; the final one follows when you let go"
     if not talk.light_is_current:
         return f"shown for {asked}; the new light follows when the hand rests"
-    return f"final for {asked}" if talk.delivered_final else f"being refined for {asked}"
+    return f"{'final' if talk.delivered_final else 'being refined' if talk.running else 'a preview'} for {asked}"
 
 
 def _emitter_note(talk: TransportTalk) -> str:

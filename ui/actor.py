@@ -54,6 +54,7 @@ from ui.panels.actions import (
     ReloadImages,
     ResetLayout,
     Resize,
+    ResumeWork,
     SaveMaterial,
     SavePicture,
     SaveSession,
@@ -189,6 +190,8 @@ class Actor:
                 editor.resize(action.resolution)
             case CancelWork():
                 editor.cancel_work()
+            case ResumeWork():
+                editor.resume_work()
             case SaveMaterial() | DeleteMaterial():
                 self._change_library(action)
             case Copy():

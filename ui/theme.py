@@ -87,6 +87,7 @@ class Icon:
     DIAGONAL = "\uf0b2"
     WARNING = "\uf071"
     CLOSE = "\uf00d"
+    RESUME = "\uf04b"
     CHANGED = "\uf111"
     CLOCK = "\uf017"
     MEMORY = "\uf538"

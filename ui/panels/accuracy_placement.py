@@ -11,13 +11,14 @@ from app.status import Status
 from app.view_state import SetView
 from ui import theme as look
 from ui.panels import fields, widgets
-from ui.panels.actions import Action, CancelWork
+from ui.panels.actions import Action, CancelWork, ResumeWork
 from ui.panels.context import PanelContext
 from ui.spoken_names import spoken
 from ui.theme import Icon
 
 LEAST_BUDGET, LARGEST_BUDGET = 2.0, 200.0
 LIGHT_CHOICES = (400, 1000, 4000, 10000)
+STOPPED, RESUME = "stopped", "Resume"
 BOUNCE_CHOICES = (1, 2, 3, 4)
 FIRST_BANDS = {"Auto": None, "16": 16, "32": 32, "64": 64, "128": 128, "256": 256}
 SECOND_BANDS = {"All": None, "16": 16, "8": 8, "1": 1}
@@ -204,10 +205,10 @@ def _figure(context: PanelContext, name: str, value: str, hint: str) -> None:
 
 
 def _work(context: PanelContext) -> list[Action]:
-    """What the worker does, with its progress, and a way to stop it."""
+    """What the worker does, with its progress, and a way to stop it; what was stopped, and a way to go on."""
     status = context.status
     if not status.stage:
-        return []
+        return _stopped(context) if status.stopped else []
     button = imgui.get_frame_height()
     corner = imgui.get_cursor_screen_pos()
     room = imgui.get_content_region_avail().x
@@ -227,6 +228,15 @@ def _work(context: PanelContext) -> list[Action]:
         end = corner.x + max(height, room * min(status.fraction, 1.0))
         draw_list.add_rect_filled(ImVec2(corner.x, top), ImVec2(end, top + height), look.pack(look.ACCENT), height)
     return [CancelWork()] if pressed else []
+
+
+def _stopped(context: PanelContext) -> list[Action]:
+    imgui.align_text_to_frame_padding()
+    imgui.text_unformatted(STOPPED)
+    imgui.same_line()
+    widgets.align_right(imgui.calc_text_size(RESUME).x + 2 * imgui.get_style().frame_padding.x)
+    hint = "Go on computing the picture from where it was stopped."
+    return [ResumeWork()] if widgets.text_button(context, "resume", RESUME, hint) else []
 
 
 def work_text(status: Status) -> str:

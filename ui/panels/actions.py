@@ -220,6 +220,11 @@ class CancelWork:
 
 
 @dataclass(frozen=True)
+class ResumeWork:
+    """Go on with what was stopped."""
+
+
+@dataclass(frozen=True)
 class Quit:
     """Close the window; where there are unsaved edits that is asked about, unless they are to stay in the journal."""
 
@@ -231,6 +236,6 @@ WindowAction = (
     | Hold | Undo | Redo | Select | SetPanel | OpenFile | OpenImage | AskFile
     | ReloadImages | SaveSession | SavePicture | ImportMeasured | ExportMeasured | ExportScene | Screenshot
     | SaveMaterial | DeleteMaterial | Copy | Paste | Recover | Leave | Resize | ShowPanel | ResetLayout | CancelWork
-    | Quit
+    | ResumeWork | Quit
 )  # fmt: skip
 Action = EditCommand | SetView | OpenPanel | WindowAction

@@ -12,7 +12,7 @@ from imgui_bundle import ImVec2, imgui
 from app.status import Status
 from ui import theme as look
 from ui.panels import widgets
-from ui.panels.accuracy_placement import error_text, work_text
+from ui.panels.accuracy_placement import STOPPED, error_text, work_text
 from ui.panels.actions import Action, SetPanel
 from ui.panels.context import PanelContext
 from ui.theme import Icon
@@ -103,8 +103,8 @@ def picture_state(status: Status) -> tuple[look.Colour, str, str]:
 
 
 def work_line(status: Status) -> str:
-    """What the worker does, empty when it rests."""
-    return work_text(status) if status.stage else ""
+    """What the worker does, or that it was stopped; empty when it rests."""
+    return work_text(status) if status.stage else STOPPED if status.stopped else ""
 
 
 def _right(context: PanelContext, status: Status, draw: bool = True) -> float:
