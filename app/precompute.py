@@ -33,7 +33,7 @@ def precompute(project: Project, report: Report, n_lights: int, store: Store | N
     """
     store = store or Store()
     store.require()
-    client = InProcessClient(Tasks(store))
+    client = InProcessClient(Tasks(store, fills=True))
     talk = TransportTalk(client.send, Curves())
     client.send(OpenScene(project.document.source, project.scene.resolution))
     _until(client, SceneOpened, report)

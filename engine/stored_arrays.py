@@ -6,13 +6,38 @@ own. A checksum says that bytes are as they were written, not that what was writ
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 Arrays = Mapping[str, NDArray[np.generic]]
+
+
+@dataclass(frozen=True)
+class InPieces:
+    """An array of that type and shape that is nowhere whole: `pieces` makes its parts along the first axis, in order,
+    each time that they are needed."""
+
+    dtype: np.dtype[np.generic]
+    shape: tuple[int, ...]
+    pieces: Callable[[], Iterable[NDArray[np.generic]]]
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all pieces."""
+        return self.dtype.itemsize * math.prod(self.shape)
+
+
+Writable = Mapping[str, NDArray[np.generic] | InPieces]
+
+
+def n_bytes_of(arrays: Writable) -> int:
+    """Bytes of all of them."""
+    return sum(array.nbytes for array in arrays.values())
 
 
 class UnsoundArrays(Exception):

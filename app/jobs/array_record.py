@@ -12,12 +12,14 @@ import math
 import re
 import struct
 import zlib
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
+
+from engine.stored_arrays import InPieces, Writable
 
 VERSION = 1
 ALIGNMENT = 64
@@ -28,7 +30,6 @@ _KINDS = "biufc"  # booleans and numbers: nothing that would need pickling
 _DTYPE = re.compile(rf"[<>|][{_KINDS}](1|2|4|8|16)")
 _CHECKSUM = re.compile("[0-9a-f]{8}")
 _MOST_AXES = 8
-Arrays = Mapping[str, NDArray[np.generic]]
 
 
 class RecordError(Exception):
@@ -59,25 +60,44 @@ class Record:
     n_bytes: int
 
 
-def record_size(arrays: Arrays, label: str) -> int:
+def record_size(arrays: Writable, label: str) -> int:
     """Bytes that `write_record` will write."""
-    header = _json_header(label, _lay_out(arrays, checksums=False))
+    header = _json_header(label, _lay_out(arrays))
     return _aligned(_FIXED.size + len(header)) + sum(_aligned(array.nbytes) for array in arrays.values())
 
 
-def write_record(file: BinaryIO, label: str, arrays: Arrays) -> int:
-    """Write a record; returns its size. Raises TypeError for arrays that hold neither numbers nor booleans."""
-    entries = _lay_out(arrays, checksums=True)
+def write_record(file: BinaryIO, label: str, arrays: Writable) -> int:
+    """Write a record where the file stands, which can be sought in; returns its size. Each piece is asked for once.
+
+    Raises TypeError for arrays that hold neither numbers nor booleans, ValueError for pieces that are not as announced.
+    """
+    entries = _lay_out(arrays)
+    begin, start = file.tell(), _aligned(_FIXED.size + len(_json_header(label, entries)))
+    file.write(bytes(start))
+    entries = [replace(entry, crc=_write_array(file, arrays[entry.name], entry)) for entry in entries]
+    end = file.tell()
     header = _json_header(label, entries)
-    start = _aligned(_FIXED.size + len(header))
-    size = start + sum(_aligned(entry.n_bytes) for entry in entries)
-    numbers = _FIXED.pack(_MAGIC, VERSION, len(header), size, 0)
-    fixed = _FIXED.pack(_MAGIC, VERSION, len(header), size, zlib.crc32(header, zlib.crc32(numbers)))
-    file.write((fixed + header).ljust(start, b"\0"))
-    for array in arrays.values():
-        file.write(_bytes_of(array))
-        file.write(bytes(_aligned(array.nbytes) - array.nbytes))
-    return size
+    numbers = _FIXED.pack(_MAGIC, VERSION, len(header), end - begin, 0)
+    file.seek(begin)
+    file.write(_FIXED.pack(_MAGIC, VERSION, len(header), end - begin, zlib.crc32(header, zlib.crc32(numbers))))
+    file.write(header)
+    file.seek(end)
+    return end - begin
+
+
+def _write_array(file: BinaryIO, array: NDArray[np.generic] | InPieces, entry: Entry) -> int:
+    """Write it and what aligns the next; its checksum."""
+    crc = n_bytes = 0
+    for piece in _pieces(array):
+        if piece.dtype != entry.dtype or piece.shape[1:] != entry.shape[1:]:
+            raise ValueError(f"{entry.name!r}: a piece is {piece.dtype} {piece.shape}, announced as {entry}")
+        content = _bytes_of(piece)
+        crc, n_bytes = zlib.crc32(content, crc), n_bytes + len(content)
+        file.write(content)
+    if n_bytes != entry.n_bytes:
+        raise ValueError(f"{entry.name!r}: pieces of {n_bytes} bytes, announced as {entry}")
+    file.write(bytes(_aligned(n_bytes) - n_bytes))
+    return crc
 
 
 def read_record(buffer: memoryview) -> Record:
@@ -93,14 +113,13 @@ def read_record(buffer: memoryview) -> Record:
     return Record(label, arrays, size)
 
 
-def _lay_out(arrays: Arrays, *, checksums: bool) -> list[Entry]:
-    """Entries with offsets from the end of the header; their size does not depend on the checksums."""
+def _lay_out(arrays: Writable) -> list[Entry]:
+    """Entries with offsets from the end of the header and no checksums yet, on which its size does not depend."""
     entries, offset = [], 0
     for name, array in arrays.items():
         if array.dtype.kind not in _KINDS:
             raise TypeError(f"array {name!r} has dtype {array.dtype}, expected numbers or booleans")
-        crc = zlib.crc32(_bytes_of(array)) if checksums else 0
-        entries.append(Entry(name, array.dtype, array.shape, offset, crc))
+        entries.append(Entry(name, array.dtype, array.shape, offset, crc=0))
         offset += _aligned(array.nbytes)
     return entries
 
@@ -162,6 +181,13 @@ def _entry(row: Any, start: int) -> Entry:
             except TypeError:  # such as a complex number of one byte
                 pass
     raise RecordError("its header does not say what its arrays are")
+
+
+def _pieces(array: NDArray[np.generic] | InPieces) -> Iterator[NDArray[np.generic]]:
+    if isinstance(array, InPieces):
+        yield from array.pieces()
+    else:
+        yield array
 
 
 def _bytes_of(array: NDArray[np.generic]) -> memoryview:

@@ -1,7 +1,7 @@
 """The transport cache: arrays on disk under a key, so that a scene seen before opens at once.
 
 A key is a hash of all that the arrays depend on (`content_key`), so an entry is never out of date, only absent.
-Entries are written to a temporary name and renamed, read through a memory map, checked byte by byte before they are
+Entries are written to a temporary name and renamed, checked byte by byte before they are
 handed out, held against what they have to be by who takes them, and deleted when anything is wrong with them. The least
 recently used go when the bound is exceeded. The cache only ever saves time: what goes wrong with it becomes a note,
 said once, never an error.
@@ -12,7 +12,6 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import logging
-import mmap
 import os
 import re
 from collections.abc import Callable
@@ -24,10 +23,10 @@ import platformdirs
 from numpy.typing import NDArray
 
 from app.atomic import make_private_folder, replacing, sweep_temporaries
-from app.jobs.array_record import Arrays, RecordError, read_record, record_size, write_record
+from app.jobs.array_record import RecordError, read_record, record_size, write_record
 from app.jobs.tiles import Tiles
 from engine.errors import InsituError
-from engine.stored_arrays import UnsoundArrays
+from engine.stored_arrays import Arrays, UnsoundArrays, Writable
 
 _log = logging.getLogger("insitu.jobs")
 
@@ -115,15 +114,15 @@ class Store:
             self._notes.append(f"part of the cache in {self._folder} was damaged and is computed again")
             _remove(path)
             return None
-        except OSError as error:  # no memory to map it, no right to read it: it may be sound
+        except OSError as error:  # no right to read it, a disk that fails: it may be sound
             self._notes.append(f"the cache in {self._folder} cannot be read ({error.strerror}); all is computed again")
             return None
         self._wanted.add(path)
         _touch(path)
         return made
 
-    def put(self, key: str, arrays: Arrays) -> bool:
-        """Keep the arrays, or note why not."""
+    def put(self, key: str, arrays: Writable) -> bool:
+        """Keep the arrays, or note why not. What is `InPieces` goes to the disk without being whole in memory."""
         size = record_size(arrays, key)
         path = self._path(key, _ENTRY)
         self._wanted.add(path)
@@ -201,8 +200,7 @@ def _read_entry(path: Path, key: str) -> dict[str, NDArray[np.generic]]:
         size = os.fstat(file.fileno()).st_size
         if not size:
             raise RecordError("empty")
-        with mmap.mmap(file.fileno(), size, access=mmap.ACCESS_READ) as mapped:
-            content = mapped[:]  # what is checked is what is used, whatever becomes of the file
+        content = file.read()  # what is checked is what is used, whatever becomes of the file
     record = read_record(memoryview(content))
     if (record.label, record.n_bytes) != (key, size):
         raise RecordError(f"{size} bytes of {record.label!r}, expected {record.n_bytes} of {key!r}")

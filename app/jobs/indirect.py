@@ -17,7 +17,6 @@ from functools import partial
 
 import numpy as np
 
-from app.jobs.array_record import Arrays
 from app.jobs.cache import Store, content_key
 from app.jobs.messages import (
     BouncesPlanned,
@@ -41,6 +40,7 @@ from engine.indirect.stored import NAMES, arrays_of
 from engine.material import MODELS
 from engine.material.layer import Layer
 from engine.render.bounces import planned_bounces
+from engine.stored_arrays import Arrays
 from engine.transport.pipeline import Placement, SkyState
 
 Steps = Iterator[Response | None]

@@ -25,7 +25,7 @@ from engine.transport.projection import LayerShape
 # The stages by name, coarse to fine.
 STAGES = {quality.name: quality for quality in (DRAG, COARSE, PREVIEW, FINAL)}
 _RANK = {name: rank for rank, name in enumerate(STAGES)}
-_Part = dict[str, np.ndarray]
+Part = dict[str, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ def shape_of(work: LayerWork) -> LayerShape:
     return LayerShape(work.model, work.quotient_parameters, bands)
 
 
-def kept_of_tile(work: LayerWork, tile: BandTile) -> _Part:
+def kept_of_tile(work: LayerWork, tile: BandTile) -> Part:
     """What of a tile is kept: its bands, or of a fixed layer its picture."""
     if work.fixed:
         return {"picture": picture_of_tile(tile, shape_of(work).bands, both_curves(work))}
@@ -124,7 +124,7 @@ def joined(work: LayerWork, parts: Mapping[int, Arrays]) -> BandStore | FixedPic
     return join_tiles(shape_of(work).bands, (BandTile(begin, **part) for begin, part in parts.items()))
 
 
-def part_of_file(work: LayerWork, n_points: int, arrays: Arrays) -> _Part:
+def part_of_file(work: LayerWork, n_points: int, arrays: Arrays) -> Part:
     """What was kept of a tile, or of all of the layer, of so many points. Raises UnsoundArrays."""
     if work.fixed:
         return {"picture": picture_of_file(n_points, arrays)}
@@ -132,6 +132,6 @@ def part_of_file(work: LayerWork, n_points: int, arrays: Arrays) -> _Part:
 
 
 def store_of(work: LayerWork, n_points: int, arrays: Arrays) -> BandStore | FixedPicture:
-    """What `store.arrays()` was, as it comes from a file. Raises UnsoundArrays."""
+    """All of a layer, as it comes from a file. Raises UnsoundArrays."""
     part = part_of_file(work, n_points, arrays)
     return FixedPicture(part["picture"]) if work.fixed else store_from_arrays(shape_of(work).bands, part)

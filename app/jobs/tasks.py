@@ -24,7 +24,8 @@ from app.document import Document, LightState, document_from_description
 from app.jobs.bands import plan_bands
 from app.jobs.cache import Store, content_key
 from app.jobs.kernels import COMPILING, FIRST_TIME, INDIRECT, Kernels, are_compiled, note_compiled
-from app.jobs.layer_data import STAGES, LayerData, LitBy, joined, kept_of_tile, part_of_file, shape_of, store_of
+from app.jobs.layer_data import STAGES, LayerData, LitBy, joined, kept_of_tile, shape_of, store_of
+from app.jobs.layer_parts import LayerParts
 from app.jobs.measured import described_paths, ensure_tables, hand_out, read_files, read_for, write_file
 from app.jobs.messages import (
     ComputeTransport,
@@ -53,7 +54,7 @@ from engine.light.environment import Environment, downsampled, load_environment
 from engine.plan import Precision, band_counts
 from engine.scene.builtin import scene_path
 from engine.scene.load import Scene, load_scene
-from engine.stored_arrays import ArrayReader, Arrays
+from engine.stored_arrays import ArrayReader, Arrays, n_bytes_of
 from engine.transport.bandstore import BandStore
 from engine.transport.fixed import FixedPicture
 from engine.transport.pipeline import COARSE, DRAG, FINAL, PREVIEW, Placement, Quality, SkyState
@@ -75,10 +76,14 @@ Steps = Generator[Response | None, None, None]
 class Tasks:
     """The worker's state: one open scene, its newest transport, and the cache."""
 
-    def __init__(self, store: Store | None = None, kernels: Kernels | None = None) -> None:
-        """kernels: what is to be ready before the first transport; None where nobody prepares them."""
+    def __init__(self, store: Store | None = None, kernels: Kernels | None = None, fills: bool = False) -> None:
+        """kernels: what is to be ready before the first transport; None where nobody prepares them.
+
+        fills: only fill the cache, by the last stage alone; transport is neither held nor answered with.
+        """
         self._cache = store or Store()
         self._kernels = kernels
+        self._fills, self._filled = fills, dict[str, int]()
         self._placement: Placement | None = None
         self._scene_key, self._scene_id = "", 0
         self._layers: dict[str, LayerData] = {}
@@ -226,7 +231,7 @@ class Tasks:
         yield from self._tell_held(placement, request, lit_by)
         yield from self._kernels_ready()
         n_bounces, bounces_told = request.n_bounces, request.n_bounces == 1
-        for quality, exact in _stages(request):
+        for quality, exact in _stages(request)[-1 if self._fills else 0 :]:
             started = time.monotonic()
             works = self._selected_first(request)
             due = [work for work in works if not self._is_spared(work, lit_by, quality.name, exact)]
@@ -241,7 +246,7 @@ class Tasks:
                 found = tasks.find(request.looks, sky, _lit_key(sky, placement.scene), n_bounces, exact)
                 yield from _telling_first_time(found, exact)
             if due or exact:
-                n_bytes = sum(data.store.n_bytes for data in self._layers.values())
+                n_bytes = sum(data.store.n_bytes for data in self._layers.values()) + sum(self._filled.values())
                 n_bytes += 0 if self._indirect is None else self._indirect.n_bytes
                 yield StageDone(quality.name, exact, time.monotonic() - started, n_bytes)
             yield from self._noted()
@@ -294,6 +299,9 @@ class Tasks:
             rows = placement.rows_of(_object_index(placement, work), quality.stride)
             store = yield from self._project(placement, rows, work, light, key, clock, done, total)
             done += len(rows)
+            if isinstance(store, int):
+                self._filled[work.key] = store
+                continue
             data = self._hold(LayerData(work, lit_by, quality.name, store, light.lighting.unit))
             yield from self._answers(data, self._selected_factor(work.key), self._precision)
 
@@ -326,7 +334,8 @@ class Tasks:
     def _project(
         self, placement: Placement, rows: np.ndarray, work: LayerWork, light: VisibleLight, light_key: str,
         clock: _Clock, done: int, total: int,
-    ) -> Generator[Response | None, None, BandStore | FixedPicture]:  # fmt: skip
+    ) -> Generator[Response | None, None, BandStore | FixedPicture | int]:  # fmt: skip
+        """The layer's transport; or its bytes, where nobody asks for it but the cache."""
         shape = shape_of(work)
         parts: dict[int, dict[str, np.ndarray]] = {}
         if not light_key or not len(rows):
@@ -336,23 +345,18 @@ class Tasks:
             return joined(work, parts)
         baked = work.coefficients if work.fixed else ()
         key = content_key("transport", light_key, work.key, work.model, work.quotient_parameters, work.bands, *baked)
-        kept = self._cache.get(key, partial(store_of, work, len(rows)))
+        kept = self._cache.get(key, n_bytes_of if self._fills else partial(store_of, work, len(rows)))
         if kept is not None:
             return kept
-        n_tiles = -(-len(rows) // TILE)
-        with self._cache.open_tiles(key, n_tiles) as resumed:
-            for i in sorted(resumed.complete_tiles):
-                part = resumed.tile(i, partial(part_of_file, work, min(len(rows) - i * TILE, TILE)))
-                if part is not None:
-                    parts[i * TILE] = part
-            for tile in project_layer(placement.hits, rows, light, shape, frozenset(i // TILE for i in parts)):
-                parts[tile.begin] = kept_of_tile(work, tile)
-                resumed.append_tile(tile.begin // TILE, parts[tile.begin])
+        with self._cache.open_tiles(key, -(-len(rows) // TILE)) as file:
+            tiles = LayerParts(work, len(rows), file, held=not self._fills)
+            for tile in project_layer(placement.hits, rows, light, shape, tiles.complete):
+                tiles.add(tile)
                 yield clock.progress(0.3 + 0.7 * (done + tile.begin) / total, work.key)
-            store = joined(work, parts)
-            if self._cache.put(key, store.arrays()):
-                resumed.finish()
-        return store
+            arrays = tiles.arrays()
+            if self._cache.put(key, arrays):
+                file.finish()
+            return n_bytes_of(arrays) if self._fills else tiles.store()
 
     def _selected_factor(self, key: str) -> str | None:
         """The curve that was selected last of a layer."""

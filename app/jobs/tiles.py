@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import TypeVar
 
 from app.atomic import private_opener
-from app.jobs.array_record import Arrays, RecordError, read_record, write_record
-from engine.stored_arrays import UnsoundArrays
+from app.jobs.array_record import RecordError, read_record, write_record
+from engine.stored_arrays import Arrays, UnsoundArrays
 
 Made = TypeVar("Made")
 

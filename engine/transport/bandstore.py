@@ -13,14 +13,15 @@ Compared on a 512×512 teapot on a tray: float32 matrices need 12 bytes an entry
 and BRDF are not), which is why they are kept as bands and transformed to wavelets on the way out.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from engine.stored_arrays import ArrayReader, Arrays, UnsoundArrays
+from engine.stored_arrays import ArrayReader, Arrays, InPieces, UnsoundArrays
 from engine.transport import _band_kernels as kernels
 from engine.transport import _plane_kernels as plane_kernels
 
@@ -160,17 +161,30 @@ class BandStore:
         )  # fmt: skip
         return out
 
-    def arrays(self) -> dict[str, np.ndarray]:
-        """The whole store as five arrays, for a file; `store_from_arrays` reads it back."""
-        offsets = np.cumsum([0] + [len(tile.values) for tile in self.tiles])
-        joined = {
-            name: np.concatenate([tile.arrays()[name] for tile in self.tiles]) for name in ("scale", "first", "count")
-        }
-        starts = [tile.start + offset for tile, offset in zip(self.tiles, offsets, strict=False)]
-        return joined | {
-            "start": np.concatenate(starts),
-            "values": np.concatenate([tile.values for tile in self.tiles]),
-        }
+
+def in_pieces(
+    bands: tuple[int, int], n_points: int, n_values: Sequence[int], part: Callable[[int], Arrays]
+) -> dict[str, InPieces]:
+    """A whole layer as five arrays, for a file that `arrays_of_file` reads; none of them is whole in memory.
+
+    part: the arrays of its tiles by number, `BandTile.arrays`; n_values: how many values each of them has.
+    """
+    offsets = np.cumsum([0, *n_values])
+
+    def pieces(name: str) -> Iterator[np.ndarray]:
+        for i in range(len(n_values)):
+            array = np.asarray(part(i)[name])
+            yield array + offsets[i] if name == "start" else array
+
+    n_runs = bands[0] if bands[1] > 1 else 0
+    shapes = {
+        "scale": (np.float32, (n_points,)),
+        "first": (np.uint8, (n_points, n_runs)),
+        "count": (np.uint8, (n_points, n_runs)),
+        "start": (np.int64, (n_points,)),
+        "values": (np.uint32, (int(offsets[-1]),)),
+    }
+    return {name: InPieces(np.dtype(dtype), shape, partial(pieces, name)) for name, (dtype, shape) in shapes.items()}
 
 
 def arrays_of_file(bands: tuple[int, int], n_points: int, arrays: Arrays) -> dict[str, np.ndarray]:
@@ -190,7 +204,7 @@ def arrays_of_file(bands: tuple[int, int], n_points: int, arrays: Arrays) -> dic
 
 
 def store_from_arrays(bands: tuple[int, int], arrays: Mapping[str, np.ndarray], chunk: int = 2048) -> BandStore:
-    """The store that `BandStore.arrays` gave; tiles of `chunk` points share its values."""
+    """The store that `in_pieces` wrote; tiles of `chunk` points share its values."""
     scale, first, count, start, values = (arrays[name] for name in ("scale", "first", "count", "start", "values"))
     tiles = [
         BandTile(i, scale[i : i + chunk], first[i : i + chunk], count[i : i + chunk], start[i : i + chunk], values)

@@ -110,13 +110,13 @@ def test_entry_that_cannot_be_read_now_is_a_miss_and_stays(tmp_path: Path, monke
     store = Store(tmp_path)
     store.put("k", arrays(2.0))
 
-    def no_memory(*_: object, **__: object) -> None:
-        raise OSError(12, "Cannot allocate memory")
+    def failing(*_: object, **__: object) -> None:
+        raise OSError(5, "Input/output error")
 
     with monkeypatch.context() as patch:
-        patch.setattr("mmap.mmap", no_memory)
+        patch.setattr("os.fstat", failing)
         assert store.get("k", dict) is None
-    assert "cannot be read (Cannot allocate memory)" in store.take_notes()[0]
+    assert "cannot be read (Input/output error)" in store.take_notes()[0]
     assert store.get("k", dict) is not None
 
 

@@ -9,7 +9,7 @@ from engine.curve import wavelet
 from engine.stored_arrays import UnsoundArrays
 from engine.transport import _band_kernels as kernels
 from engine.transport._projection_kernels import Encoded
-from engine.transport.bandstore import BandStore, BandTile, arrays_of_file, join_tiles, store_from_arrays
+from engine.transport.bandstore import BandStore, BandTile, arrays_of_file, in_pieces, join_tiles, store_from_arrays
 from engine.transport.fixed import picture_of_file
 from tests.engine.forging import forged_numbers, forged_shapes
 from tests.naive.transport import decode
@@ -48,6 +48,16 @@ def sparse_bands(n_points: int, n_a: int, n_b: int, seed: int = 0) -> np.ndarray
 def store_of(dense: np.ndarray, chunk: int = 3) -> BandStore:
     tiles = [encode_tile(dense[i : i + chunk], i) for i in range(0, len(dense), chunk)]
     return join_tiles(dense.shape[1:3], reversed(tiles))
+
+
+def whole(store: BandStore) -> dict[str, np.ndarray]:
+    """Its five arrays as a file would have them."""
+    parts, n_values = [tile.arrays() for tile in store.tiles], [len(tile.values) for tile in store.tiles]
+    arrays = in_pieces(store.bands, store.n_points, n_values, parts.__getitem__)
+    found = {name: np.concatenate(list(array.pieces())) for name, array in arrays.items()}
+    for name, array in arrays.items():
+        assert (found[name].dtype, found[name].shape) == (array.dtype, array.shape)
+    return found
 
 
 def dense_of(store: BandStore) -> np.ndarray:
@@ -137,7 +147,7 @@ def test_wavelets_in_the_kernel_are_those_of_the_curves(n_bands) -> None:
 @pytest.mark.parametrize("bands", [(16, 1), (8, 4)])
 def test_a_store_survives_its_file(bands) -> None:
     store = store_of(sparse_bands(11, *bands, seed=7))
-    again = store_from_arrays(bands, store.arrays(), chunk=4)
+    again = store_from_arrays(bands, whole(store), chunk=4)
     assert again.n_points == 11 and len(again.tiles) == 3
     c_a, c_b = np.random.default_rng(2).random((bands[0], 3)), np.random.default_rng(4).random((bands[1], 3))
     np.testing.assert_array_equal(again.radiance(c_a, c_b), store.radiance(c_a, c_b))
@@ -164,7 +174,7 @@ def test_coefficients_of_another_length_are_refused() -> None:
 @pytest.mark.parametrize("chunk", [4, 100])
 def test_a_thinned_store_holds_every_so_manieth_point_whole(bands, chunk) -> None:
     dense = sparse_bands(23, *bands, seed=9)
-    store = store_from_arrays(bands, store_of(dense).arrays(), chunk)
+    store = store_from_arrays(bands, whole(store_of(dense)), chunk)
     thinned = store.thinned(7)  # every third
     np.testing.assert_array_equal(dense_of(thinned), dense_of(store)[::3])
     assert len(thinned.tiles) == 2
@@ -180,7 +190,7 @@ def test_the_empty_ends_of_a_row_are_passed_by_and_faint_ones_move_inwards() -> 
 
 @pytest.mark.parametrize("bands", [(8, 4), (8, 1)])
 def test_arrays_that_are_not_a_store_are_refused(bands) -> None:
-    arrays = store_of(sparse_bands(11, *bands, seed=7)).arrays()
+    arrays = whole(store_of(sparse_bands(11, *bands, seed=7)))
     for name, array in arrays_of_file(bands, 11, arrays).items():
         np.testing.assert_array_equal(array, arrays[name])
     numbers = {name: array for name, array in arrays.items() if name != "values"}  # any word is a colour

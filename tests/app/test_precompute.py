@@ -1,0 +1,70 @@
+"""Filling the cache: the bytes that an editor keeps, in memory that the size of the transport does not decide."""
+
+import tracemalloc
+from pathlib import Path
+
+import pytest
+
+import app.precompute as filling
+from app.jobs.cache import Store
+from app.jobs.messages import Progress
+from app.jobs.tasks import Tasks
+from app.precompute import precompute
+from app.project import open_project
+
+N_LIGHTS = 401  # more than a preview has, so that it is kept
+
+SCENE = """version = 1
+bounces = 1
+[camera]
+position = [0.4, 1.6, 2.6]
+target = [0, 0.3, 0]
+fov_y = 45
+resolution = [160, 120]
+[environment]
+radiance = [0.4, 0.5, 0.7]
+[[object]]
+name = "ground"
+primitive = "quad"
+transform = [9,0,0,0, 0,0,9,0, 0,-9,0,0, 0,0,0,1]
+layer = [{ model = "lambert" }, { model = "rough_conductor" }]
+"""
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> str:
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE)
+    return str(path)
+
+
+def entries(folder: Path) -> dict[str, bytes]:
+    return {file.name: file.read_bytes() for file in folder.iterdir()}
+
+
+def test_it_keeps_what_the_editor_keeps_bit_by_bit(scene: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    precompute(open_project(scene, (40, 30)), lambda progress: None, N_LIGHTS, Store(tmp_path / "filled"))
+    monkeypatch.setattr(filling, "Tasks", lambda store, fills: Tasks(store))
+    precompute(open_project(scene, (40, 30)), lambda progress: None, N_LIGHTS, Store(tmp_path / "worker"))
+    assert len(entries(tmp_path / "worker")) == 3  # visibility, and two layers
+    assert entries(tmp_path / "filled") == entries(tmp_path / "worker")
+
+
+def test_what_is_on_disk_is_not_held(scene: str, tmp_path: Path) -> None:
+    """From the first tile on, memory grows by much less than the transport, which is about all that comes."""
+    begun: list[int] = []
+
+    def watch(progress: Progress) -> None:
+        if progress.text != "shadows" and progress.stage == "final" and not begun:
+            begun.append(tracemalloc.get_traced_memory()[0])
+            tracemalloc.reset_peak()
+
+    project = open_project(scene)
+    tracemalloc.start()
+    try:
+        done = precompute(project, watch, N_LIGHTS, Store(tmp_path / "cache"))
+        grown = tracemalloc.get_traced_memory()[1] - begun[0]
+    finally:
+        tracemalloc.stop()
+    assert done.transport_bytes > 12e6
+    assert grown < 0.35 * done.transport_bytes
