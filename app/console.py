@@ -38,7 +38,7 @@ def guarded(work: Callable[[], int]) -> int:
         where = f"{error.filename}: " if error.filename else ""
         complain(f"{where}{error.strerror or error}")
     except Exception as error:  # a defect of ours: the person gets a line, we get the details
-        complain(f"internal error, {type(error).__name__}: {error}{_kept(traceback.format_exc())}")
+        complain(f"this failed: a defect of Insitu (for a report: {_kept(error)})")
     return FAILED
 
 
@@ -47,14 +47,14 @@ def complain(line: str) -> None:
     print(f"insitu: {plain_line(line)}", file=sys.stderr)
 
 
-def _kept(details: str) -> str:
-    """Write the details of a defect to a file; words that say where."""
+def _kept(error: Exception) -> str:
+    """Write the details of a defect to a file: its name, or what went wrong where there can be none."""
     try:
         file = state_directory() / ERROR_FILE
-        write_atomically(file, details.encode(errors="replace"), private=True)
+        write_atomically(file, "".join(traceback.format_exception(error)).encode(errors="replace"), private=True)
     except OSError:
-        return ""
-    return f" (details are in {file})"
+        return f"{type(error).__name__}: {error}"
+    return str(file)
 
 
 def _forget_output() -> None:

@@ -516,7 +516,9 @@ class Editor:
                 self._negotiator.worker_restarted()
                 self._indirect.worker_restarted()
                 self._comparison.worker_restarted()
-                self.notify(f"the worker was started again ({response.reason}); your edits are untouched", True)
+                self.notify(
+                    f"computing stopped ({response.reason}) and was started again; your edits are untouched", True
+                )
             case _ if response.revision == self._negotiator.revision and self._opening is None:
                 return self._take_picture(response)
         return []

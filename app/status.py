@@ -187,7 +187,9 @@ def _light_note(talk: TransportTalk) -> str:
         return f"quick picture for {asked}; the final one follows when you let go"
     if not talk.light_is_current:
         return f"shown for {asked}; the new light follows when the hand rests"
-    return f"{'final' if talk.delivered_final else 'being refined' if talk.running else 'a preview'} for {asked}"
+    if talk.delivered_final:
+        return ""
+    return f"{'being refined' if talk.running else 'a preview'} for {asked}"
 
 
 def _emitter_note(talk: TransportTalk) -> str:

@@ -37,7 +37,8 @@ class _Kind(Enum):
 class EventQueue:
     """Events enter in order; `hand_over` gives imgui those of the coming pass.
 
-    `alt_tapped` is whether, in this pass, Alt was let go with nothing else done since it was pressed.
+    `alt_tapped` is whether, in this pass, Alt was let go with nothing else done since it was pressed; `repeated` is the
+    key that the system says is still held, None where it says nothing. imgui's own controls repeat by imgui's clock.
     """
 
     def __init__(self, context: imgui.internal.Context, io: imgui.IO) -> None:
@@ -46,6 +47,7 @@ class EventQueue:
         self._waiting = deque[tuple[_Kind, Callable[[], None]]]()
         self._alt_alone = False
         self.alt_tapped = False
+        self.repeated: imgui.Key | None = None
 
     @property
     def is_empty(self) -> bool:
@@ -76,6 +78,10 @@ class EventQueue:
         kind = _Kind.PRESS if pressed and key not in MODIFIERS else _Kind.STATE
         self._add(partial(self._io.add_key_event, key, pressed), kind)
 
+    def repeat(self, key: imgui.Key) -> None:
+        """The system says once more that a key is held."""
+        self._add(partial(self._say_again, key), _Kind.PRESS)
+
     def character(self, code: int) -> None:
         """A character typed."""
         self._add(partial(self._io.add_input_character, code))
@@ -87,7 +93,7 @@ class EventQueue:
 
     def hand_over(self) -> None:
         """Give imgui what belongs into the coming pass: nothing while it still spreads what it was given before."""
-        self.alt_tapped = False
+        self.alt_tapped, self.repeated = False, None
         if self._context.input_events_queue.size() > 0:
             return
         heard: _Kind | None = None
@@ -97,6 +103,9 @@ class EventQueue:
 
     def _tap(self) -> None:
         self.alt_tapped = True
+
+    def _say_again(self, key: imgui.Key) -> None:
+        self.repeated = key
 
     def _add(self, give: Callable[[], None], kind: _Kind = _Kind.STATE) -> None:
         self._waiting.append((kind, give))

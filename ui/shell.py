@@ -73,7 +73,6 @@ from ui.table_feed import TableFeed
 
 TITLE = "Insitu"
 SETTLE_SECONDS = 0.9
-HELD_SECONDS = 0.03
 # Answers that took longer leave other work to the next look.
 LITTLE_SECONDS = 0.002
 # How long a frame that failed waits for the next, where no event comes.
@@ -324,7 +323,10 @@ class Shell:
             imgui.internal.set_key_owner(key, ALT_OWNER)
         self.handles.begin_frame()
         self._brdf_board.begin_frame()
-        context = replace(self._context(now), keys_taken=keys_taken, alt_tapped=self.events.alt_tapped)
+        events = self.events
+        context = replace(
+            self._context(now), keys_taken=keys_taken, alt_tapped=events.alt_tapped, repeated=events.repeated
+        )
         requested, self._requested = self._requested, []
         actions = [*requested, *self._panels(context), *self._refusal(now)]
         self.handles.end_frame()
@@ -428,8 +430,7 @@ class Shell:
 
     def _result(self, busy: bool, screenshot: Path | None, quit: bool) -> FrameResult:
         since = self._clock() - self._last_input
-        held = self.state.grip is not None  # a key held down repeats without an event of its own
-        redraw_in = HELD_SECONDS if held else 0.1 if since < SETTLE_SECONDS else None
+        redraw_in = 0.1 if since < SETTLE_SECONDS else None
         settling = since < 0.05 or self._n_frames < FIRST_FRAMES
         follows = self._library_unread or self._thumbnails_follow or not self.events.is_empty
         return FrameResult(busy or settling or follows, redraw_in, screenshot, quit)

@@ -33,7 +33,7 @@ from engine.render.image_files import pixels_png
 from engine.scene.builtin import builtin_environments, builtin_scenes
 from ui.gl.context import REQUIRED_VERSION, GraphicsError, create_window_context, spare_full_disk
 from ui.gl.placement.renderer import PlacementRenderer
-from ui.glfw_keys import as_printed, held, key_changes
+from ui.glfw_keys import KEYS, as_printed, held, key_changes
 from ui.layout import LEAST_SIZE
 from ui.panels.actions import Quit
 from ui.panels.maps import image_at
@@ -353,10 +353,13 @@ class Window:
 
     def _on_key(self, handle: Any, key: int, code: int, action: int, modifiers: int) -> None:
         self.shell.note_input()
-        if action != glfw.REPEAT:  # imgui repeats keys by itself
-            key = as_printed(key, _text(glfw.get_key_name(key, code) or ""))
-            for part, down in key_changes(key, action == glfw.PRESS, modifiers):
-                self.shell.events.key(part, down)
+        key = as_printed(key, _text(glfw.get_key_name(key, code) or ""))
+        if action == glfw.REPEAT:
+            for part in KEYS.get(key, ()):
+                self.shell.events.repeat(part)
+            return
+        for part, down in key_changes(key, action == glfw.PRESS, modifiers):
+            self.shell.events.key(part, down)
 
     def _on_char(self, handle: Any, character: int) -> None:
         self.shell.note_input()

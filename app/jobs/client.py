@@ -209,7 +209,7 @@ class Client:
         if self._hopeless:
             return
         if n_crashes >= _MAX_CRASHES:
-            line = f"the worker failed {n_crashes} times in succession ({reason}); not tried again"
+            line = f"computing failed {n_crashes} times in succession ({reason}); not tried again"
             responses.append(Failed(line, id=beat.id, revision=beat.revision))
             self._standing.drop(beat.id)
             if beat.state == "starting":
@@ -224,7 +224,7 @@ class Client:
         try:
             self._process = WorkerProcess(started or start_worker(*self._command))
         except OSError as error:
-            self._due.append(Failed(f"the worker could not be started: {error.strerror}"))
+            self._due.append(Failed(f"computing could not be started: {error.strerror}"))
             return
         self._standing.new_worker()
         self._post_standing()

@@ -94,7 +94,7 @@ class _Job:
 
 
 class Schedule:
-    """The jobs of one set of handlers. `details` tells a person where the traceback of an internal error is."""
+    """The jobs of one set of handlers. `details` tells a person where the traceback of a defect is."""
 
     def __init__(self, handlers: Handlers, details: str = "") -> None:
         self._handlers = handlers

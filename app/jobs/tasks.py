@@ -182,7 +182,8 @@ class Tasks:
         yield Progress("scene", 0.5, text="tracing what the camera sees")
         placement = Placement(scene)
         if not len(placement.hits.pixel):
-            raise InsituError(f"{path}: camera = sees no surface, expected an object in view; nothing was changed")
+            seen = "lamps alone" if np.any(placement.hits.object_image >= 0) else "no surface"
+            raise InsituError(f"{path}: camera = sees {seen}, expected an object in view; nothing was changed")
         document = document_from_description(request.source, scene.description)
         names = described_paths(unread_files(layers_of_document(document)), scene.folder, path)
         measurements = yield from read_files(names | {file: Path(file) for file in request.measured}, self._cache)

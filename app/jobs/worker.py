@@ -95,7 +95,7 @@ def log_to_file() -> str:
         return ""
     os.dup2(file.fileno(), 2)
     file.close()
-    return f" (details in {path})"
+    return f" (for a report: {path})"
 
 
 def load_handlers(name: str) -> Handlers:
@@ -123,9 +123,9 @@ def serve(channel: Channel, options: Any) -> None:
     threading.Thread(target=beat, args=(worker, channel, options.heartbeat, options.parent), daemon=True).start()
     try:
         handlers = load_handlers(options.handlers)
-    except Exception as error:
+    except Exception:
         logging.getLogger("insitu.jobs").exception("the worker's tasks could not be loaded")
-        channel.send(Failed(f"internal error: {type(error).__name__}: {error}{details}"))
+        channel.send(Failed(f"computing could not be started: a defect of Insitu{details}"))
         sys.exit(1)
     worker.run(Schedule(handlers, details))
 

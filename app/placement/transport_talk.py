@@ -195,8 +195,10 @@ class TransportTalk:
 
     @property
     def asked_rotation(self) -> float | None:
-        """The rotation (degrees) in the transport asked last."""
-        return None if self._asked is None else self._asked.light.rotation
+        """The rotation (degrees) in the transport asked last; None where no environment lights the scene."""
+        if self._asked is None or self._asked.light.environment == SCENE_ENVIRONMENT and not self._has_sky:
+            return None
+        return self._asked.light.rotation
 
     @property
     def running(self) -> bool:

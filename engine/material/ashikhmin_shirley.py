@@ -40,6 +40,7 @@ class AshikhminShirley(Model):
             ("A", "scale"),
             maximum=1e6,
             logarithmic=True,
+            power=-0.5,
         ),
         Parameter(
             "n_v",
@@ -50,6 +51,7 @@ class AshikhminShirley(Model):
             ("B", "scale"),
             maximum=1e6,
             logarithmic=True,
+            power=-0.5,
         ),
         FACING,
         TINT,

@@ -46,6 +46,7 @@ class AshikhminShirleyRatio(Model):
             minimum=1.0,
             maximum=1e3,
             logarithmic=True,
+            power=-0.5,
         ),
         Parameter(
             "ratio",
@@ -57,6 +58,7 @@ class AshikhminShirleyRatio(Model):
             minimum=1.0,
             maximum=1e3,
             logarithmic=True,
+            power=-0.5,
         ),
         FACING,
         TINT,

@@ -67,6 +67,7 @@ class Homomorphic(Model):
             ("A",),
             maximum=1e6,
             logarithmic=True,
+            power=-0.5,
         ),
         TINT,
     )

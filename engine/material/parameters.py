@@ -33,6 +33,7 @@ class Parameter:
     """A user-controlled variable. `drives` names the parts of eq. 3.1 that change with it.
 
     A parameter that drives "quotient" takes effect on the curve at once and on the transport when the hand rests.
+    What is seen of it, such as the width of a highlight, goes with its `power`: -1/2 of an exponent.
     """
 
     name: str
@@ -45,6 +46,7 @@ class Parameter:
     maximum: float = 1.0
     unit: str = ""
     logarithmic: bool = False
+    power: float = 1.0
     choices: tuple[str, ...] = ()
 
     @property

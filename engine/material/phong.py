@@ -20,6 +20,7 @@ EXPONENT = Parameter(
     ("A", "scale"),
     maximum=1e6,
     logarithmic=True,
+    power=-0.5,
 )
 
 

@@ -49,6 +49,7 @@ class Schlick(Model):
             minimum=1e-8,
             maximum=1.0,
             logarithmic=True,
+            power=0.5,
         ),
         Parameter(
             "isotropy",

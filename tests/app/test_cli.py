@@ -385,7 +385,7 @@ def test_doctor_names_a_folder_that_cannot_be_used(
         (InsituError("a line\nand another"), 1, "insitu: a line and another\n"),
         (PermissionError(13, "Permission denied", "/there"), 1, "insitu: /there: Permission denied\n"),
         (MemoryError(), 1, "insitu: there is not enough memory"),
-        (ZeroDivisionError("of ours"), 1, "insitu: internal error, ZeroDivisionError: of ours (details are in "),
+        (ZeroDivisionError("of ours"), 1, "insitu: this failed: a defect of Insitu (for a report: /"),
     ],
 )
 def test_a_person_never_sees_a_traceback(error: BaseException, status: int, said: str, capsys: Captured) -> None:

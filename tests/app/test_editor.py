@@ -246,7 +246,21 @@ def test_turning_asks_for_quick_pictures_one_at_a_time(settled: Editor, client: 
     client.finish_stage("final", exact=True)
     settled.tick(3.0)
     settled.report_rendering(EXACT)
-    assert settled.status.picture == "exact" and settled.status.light_note == "final for 33.0°"
+    assert settled.status.picture == "exact" and settled.status.light_note == ""
+
+
+def test_where_no_environment_lights_the_scene_nothing_is_said_of_its_rotation(client: FakeClient) -> None:
+    editor = Editor(client, "shelf")
+    client.open_scene({name: value for name, value in SCENE.items() if name != "environment"})
+    editor.tick(0.0)
+    editor.tick(0.5)
+    client.finish_stage("coarse", exact=False)
+    editor.tick(1.0)
+    assert editor.status.picture == "preview" and editor.status.light_note == ""
+    editor.do(SetEnvironment("studio"))
+    editor.tick(2.0)
+    editor.tick(2.5)
+    assert editor.status.light_note == "being refined for 0.0°"
 
 
 def test_answers_to_an_older_light_are_dropped(settled: Editor, client: FakeClient) -> None:

@@ -58,7 +58,7 @@ KEYS = {
     "right": 262, "left": 263, "down": 264, "up": 265, "page_up": 266, "page_down": 267, "home": 268, "end": 269,
     **{f"f{n}": 289 + n for n in range(1, 13)},
 }  # fmt: skip
-RELEASE, PRESS = 0, 1
+RELEASE, PRESS, REPEAT = 0, 1, 2
 LAYOUT_FRAMES = 6
 VIEW_OF_THE_START = (
     "hovered", "exposure", "tone_mapping", "compare", "compare_divider", "fit", "zoom", "centre", "log_y", "curve_zoom",
@@ -169,6 +169,12 @@ class RealWindow:
     def hold(self, key: str, down: bool) -> None:
         """Press a key and keep it, or let it go."""
         self.events(("key", _code(key), PRESS if down else RELEASE, 0))
+
+    def held(self, chord: str, times: int) -> None:
+        """Hold a chord for so long that the system repeats it so often, all between two frames."""
+        (*before, pressed), (released, *after) = _parted(chord_events(chord))
+        again = ("key", pressed[1], REPEAT, pressed[3])
+        self.events(*before, pressed, *[again] * times, released, *after)
 
     def text(self, text: str) -> None:
         """Type characters, quickly."""
@@ -297,6 +303,12 @@ def chord_events(chord: str, modifiers_first: bool = False) -> list[Event]:
         pressed.append(("char", ord(" ")))
     released: Event = ("key", code, RELEASE, 0 if modifiers_first else modifiers)
     return [*pressed, *after, released] if modifiers_first else [*pressed, released, *after]
+
+
+def _parted(events: list[Event]) -> tuple[list[Event], list[Event]]:
+    """Up to the press of a chord's last key, and from its release on."""
+    released = next(i for i, event in enumerate(events) if event[0] == "key" and event[2] == RELEASE)
+    return [event for event in events[:released] if event[0] == "key"], events[released:]
 
 
 def _holding(held: str) -> tuple[list[Event], list[Event], int]:

@@ -185,13 +185,40 @@ def test_the_light_turns(window: HeadlessWindow, handle: str) -> None:
     undone(window, before, shown)
 
 
-def test_the_wheel_steps_by_fifteen_degrees_with_shift(window: HeadlessWindow) -> None:
+@pytest.mark.parametrize("handle", ["light.wheel", "light.picture"])
+def test_shift_turns_the_light_finely(window: HeadlessWindow, handle: str) -> None:
+    editor = window.shell.editor
+    window.drag_handle(handle, (-30, 10))
+    whole = editor.document.light.rotation
+    window.key(imgui.Key.z, imgui.Key.mod_ctrl)
     window.hold(imgui.Key.mod_shift, True)
-    window.drag_handle("light.wheel", (-30, 10))
+    window.drag_handle(handle, (-30, 10))
     window.hold(imgui.Key.mod_shift, False)
-    rotation = window.shell.editor.document.light.rotation
-    assert rotation > 0.0
-    assert rotation % 15.0 == pytest.approx(0.0, abs=1e-9)
+    assert whole > 10.0 and editor.document.light.rotation == pytest.approx(0.1 * whole)
+
+
+def test_the_dial_goes_on_over_its_top_and_shift_in_mid_drag_makes_no_jump(window: HeadlessWindow) -> None:
+    editor, radius = window.shell.editor, 31.0
+    window.frame()
+    top = window.shell.handle_position("light.wheel")
+
+    def turn_to(*angles: float) -> float:
+        """The hand around the dial, radians from its top; the rotation then."""
+        for angle in angles:
+            window.move(top[0] - radius * math.sin(angle), top[1] + radius * (1.0 - math.cos(angle)))
+        return editor.document.light.rotation
+
+    window.move(*top)
+    window.press()
+    assert (before := turn_to(1.0, 2.0, 3.0, 4.0, 5.0)) == pytest.approx(math.degrees(5.0), abs=2.0)
+    window.hold(imgui.Key.mod_shift, True)
+    window.frame()
+    assert editor.document.light.rotation == before
+    assert turn_to(5.5, 6.0, 6.5, 7.0) == pytest.approx(before + 0.1 * math.degrees(2.0), abs=0.2)
+    assert turn_to(6.5, 6.0, 5.5, 5.0) == before
+    window.hold(imgui.Key.mod_shift, False)
+    window.release()
+    assert window.shell.state.grip is None
 
 
 def test_intensity_scales_the_picture(window: HeadlessWindow) -> None:

@@ -124,6 +124,22 @@ def test_shift_is_fine_and_a_hand_that_returns_is_back(real: RealWindow) -> None
     assert real.ask(ALPHA) == start
 
 
+def test_a_drag_changes_what_is_seen_alike_for_every_parameter(real: RealWindow) -> None:
+    real.fresh()
+    start, (x, y) = real.ask(ALPHA), real.at("material.alpha")
+    real.drag((x, y), by=(100, 0))
+    assert real.ask(ALPHA) == pytest.approx(2.0 * start)
+    # The width of a highlight goes with the root of its exponent.
+    real.do("from app.commands import SetModel; editor.do(SetModel('teapot.1', 'ashikhmin_shirley'))")
+    exponent = "editor.document.layer('teapot.1').values['n_u']"
+    real.drag("material.n_u", by=(50, 0))
+    assert real.ask(exponent) + 1.0 == pytest.approx(2.0 * 21.0)
+    real.drag("material.n_u", by=(-1000, 0))
+    assert real.ask(exponent) == 0.0
+    real.drag("material.n_u", by=(50, 0))
+    assert real.ask(exponent) == pytest.approx(1.0)
+
+
 def test_tab_goes_from_field_to_field(real: RealWindow) -> None:
     real.fresh()
     real.double_click("curve.a.number")

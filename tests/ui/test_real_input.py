@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from random import Random
 
@@ -35,6 +36,24 @@ def test_six_quick_undos_are_six(real: RealWindow, milliseconds: float) -> None:
     assert real.n_steps() == 1
     real.quick("ctrl+shift+z", 4)
     assert real.n_steps() == 5
+
+
+@pytest.mark.parametrize("milliseconds", [0.0, LONG])
+def test_a_key_that_is_held_goes_on_as_the_system_repeats_it(real: RealWindow, milliseconds: float) -> None:
+    real.fresh()
+    lift(real, 8)
+    real.slow(milliseconds)
+    real.held("ctrl+z", 5)
+    assert real.n_steps() == 2
+    while real.ask("state.handle") != "a":
+        real.key("tab")
+    steps, start = real.n_steps(), real.ask("editor.view.regions[0]")
+    real.held("right", 6)
+    assert real.ask("np.degrees(editor.view.regions[0])") == pytest.approx(math.degrees(start) + 7.0)
+    assert real.n_steps() == steps + 1
+    # Others wait for another press.
+    real.held("c", 3)
+    assert real.ask("editor.view.compare is not None")
 
 
 def test_a_chord_counts_with_the_modifiers_it_was_pressed_with(real: RealWindow) -> None:

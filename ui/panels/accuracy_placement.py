@@ -167,7 +167,8 @@ def figures(status: Status, selected: str | None = None) -> list[tuple[str, str,
         (
             "Memory",
             f"{status.memory_mb:.0f} MB, transport {status.transport_mb:.0f} MB",
-            "Main memory of window and worker together; precomputed transport, which lets a curve redraw at once.\n"
+            "Main memory of the window and of what computes for it; precomputed transport, by which a curve redraws "
+            "at once.\n"
             f"On the graphics card: {status.gpu_mb:.0f} MB, with the selected curve's transport.",
         ),
     ]

@@ -109,7 +109,8 @@ class PanelContext:
     `own_resolution` is (width, height) as the scene has it.
     `name` is what a person calls what is open, `unsaved` whether there are edits that no session has. `recent` are the
     files opened last, `recoveries` edits that the program left behind when it ended.
-    `keys_taken`: keys go into a text field, a list or a menu; `alt_tapped`: Alt was pressed and let go by itself.
+    `keys_taken`: keys go into a text field, a list or a menu; `alt_tapped`: Alt was pressed and let go by itself;
+    `repeated`: the key that the system repeats in this pass, being held.
     """
 
     document: Document
@@ -141,6 +142,7 @@ class PanelContext:
     now: float = 0.0
     keys_taken: bool = False
     alt_tapped: bool = False
+    repeated: imgui.Key | None = None
 
     @property
     def selected_layer(self) -> Selection | None:

@@ -30,19 +30,19 @@ ARROWS = {Key.left_arrow: (-1, 0), Key.right_arrow: (1, 0), Key.up_arrow: (0, -1
 
 
 def move(context: PanelContext, curves: Curves, frame: plot.Frame, hand: Hand) -> list[Action]:
-    """What the keys pressed or held in this frame do to the handles."""
+    """What the keys pressed or held in this pass do to the handles."""
     grip = context.state.grip
     if isinstance(grip, KeyGrip):
         _claim()
         if not any(imgui.is_key_down(key) for key in ARROWS):
             return [EndDrag(), Hold(None)]
-        return _moved(context, curves, frame, hand, grip, _steps(repeat=True))
+        return _moved(context, curves, frame, hand, grip, _steps(context.repeated))
     if grip is not None or not curves.editable or not _has_keyboard(context):
         return []
     _claim()
-    if imgui.internal.is_key_pressed(Key.tab, _REPEAT, _OWNER):
+    if context.repeated == Key.tab or imgui.internal.is_key_pressed(Key.tab, 0, _OWNER):
         return [SetPanel({"handle": next_handle(context.state.handle, back=imgui.get_io().key_shift)})]
-    steps = _steps(repeat=False)
+    steps = _steps()
     if steps == (0, 0):
         return []
     handle = context.state.handle or HANDLES[0]
@@ -58,7 +58,6 @@ def next_handle(handle: str | None, back: bool = False) -> str:
 
 
 _OWNER = 0x1A5170
-_REPEAT = int(imgui.InputFlags_.repeat)
 
 
 def _has_keyboard(context: PanelContext) -> bool:
@@ -81,10 +80,9 @@ def _claim() -> None:
         imgui.internal.set_key_owner(key, _OWNER)
 
 
-def _steps(repeat: bool) -> tuple[int, int]:
-    """Steps right and down that this frame's arrow keys ask for."""
-    flags = _REPEAT if repeat else 0
-    pressed = [ARROWS[key] for key in ARROWS if imgui.internal.is_key_pressed(key, flags, _OWNER)]
+def _steps(repeated: imgui.Key | None = None) -> tuple[int, int]:
+    """Steps right and down that the arrow keys pressed in this pass, or repeated, ask for."""
+    pressed = [ARROWS[key] for key in ARROWS if key == repeated or imgui.internal.is_key_pressed(key, 0, _OWNER)]
     return sum(right for right, _ in pressed), sum(down for _, down in pressed)
 
 

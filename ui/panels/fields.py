@@ -22,7 +22,7 @@ from ui.panels.travel import Travel
 DRAG_DISTANCE = 3.0
 # Operators and parameters without a range of their own.
 LARGEST = 1e12
-# Of what is felt by its factor, such as light.
+# Of what is felt by its factor, such as light or the width of a highlight.
 PIXELS_TO_DOUBLE = 100.0
 Law = Callable[[float, float], float]
 
@@ -79,7 +79,7 @@ def slider(
     """A horizontal slider filled from `origin` (its least value where None) to its value.
 
     `pixels_to_double`: a drag by so many makes it twice as much, instead of following the trough: where that holds
-    many decades, a few pixels would be out of all proportion.
+    many decades, a few pixels would be out of all proportion. What may be 0 leaves it evenly, and doubles well above 1.
     Returns the touch and the value, kept in [low, high]. `handle` names its grab for scripts, `title` it for a person.
     """
     corner = imgui.get_cursor_screen_pos()
@@ -91,7 +91,9 @@ def slider(
 
     def law(start: float, pixels: float) -> float:
         if pixels_to_double is not None:
-            return min(max(start, low) * 2.0 ** (pixels / context.px(pixels_to_double)), high)
+            knee = 0.0 if low > 0.0 else 1.0
+            to = (max(start, low) + knee) * 2.0 ** (pixels / context.px(pixels_to_double)) - knee
+            return min(max(to, low), high)
         to = slider_share(start, zero, high, logarithmic) + pixels / travel
         return low if to <= 0.0 else slider_value(min(to, 1.0), zero, high, logarithmic)
 

@@ -102,6 +102,8 @@ SHORTCUTS = (
     Shortcut("Help", "?", "This list", "help", SHIFT | int(Key.slash)),
     Shortcut("", "", "", "help", int(Key.f1)),
 )
+# Steps, of which a key that is held makes one after the other.
+REPEATED = frozenset({"undo", "redo", "darker", "brighter"})
 # What would change the document under a gesture's hand.
 EDITING = frozenset({"undo", "redo", "mute", "delete", "paste", "paste_layers"})
 
@@ -116,9 +118,16 @@ def keyboard(context: PanelContext) -> list[Action]:
             continue
         if shortcut.name == "alone" and imgui.get_io().nav_visible:  # it presses the control that has the frame
             continue
-        if shortcut.chord is not None and imgui.is_key_chord_pressed(shortcut.chord):
+        if shortcut.chord is not None and (imgui.is_key_chord_pressed(shortcut.chord) or _repeats(context, shortcut)):
             actions += perform(context, shortcut.name)
     return actions
+
+
+def _repeats(context: PanelContext, shortcut: Shortcut) -> bool:
+    """Whether the system repeats the shortcut, its keys being held, and it is one that goes step by step."""
+    if context.repeated is None or shortcut.name not in REPEATED:
+        return False
+    return shortcut.chord == imgui.get_io().key_mods | int(context.repeated)
 
 
 def keys_of(name: str) -> str:

@@ -21,7 +21,8 @@ from ui.panels import fields, widgets
 from ui.panels.actions import Action, AskFile, BeginDrag, EndDrag, Hold, InOneStep, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.picture import Picture
-from ui.panels.state import Grip, WheelTurn
+from ui.panels.state import TurnGrip, WheelTurn
+from ui.panels.travel import Travel
 
 DIAL = 76.0
 FULL_TURN = 360.0
@@ -166,15 +167,25 @@ def _thumbnail(context: PanelContext, width: float, height: float) -> list[Actio
 
 
 def _scroll(context: PanelContext, handle: str, width: float) -> list[Action]:
-    grip = context.state.grip
-    mouse = imgui.get_mouse_pos()
+    return _turned(context, handle, imgui.get_mouse_pos().x, -FULL_TURN / width)
+
+
+def _turned(context: PanelContext, handle: str, place: float, rate: float) -> list[Action]:
+    """The light turned by the control drawn last: by `rate` degrees for each unit that the hand at `place` moves, with
+    Shift by tenths."""
+    grip, fine = context.state.grip, imgui.get_io().key_shift
     if imgui.is_item_activated():
-        return [BeginDrag("rotate the environment"), Hold(Grip(handle, (mouse.x, context.document.light.rotation)))]
-    if grip is None or grip.handle != handle:
+        travel = Travel((place, 0.0), fine=fine)
+        begun = TurnGrip(handle, (place, context.document.light.rotation), travel)
+        return [BeginDrag("rotate the environment"), Hold(begun)]
+    if not isinstance(grip, TurnGrip) or grip.handle != handle:
         return []
     if imgui.is_item_deactivated():
         return [EndDrag(), Hold(None)]
-    return [SetRotation(grip.offset[1] - FULL_TURN * (mouse.x - grip.offset[0]) / width)]
+    travel = grip.travel.going_on((place, 0.0), fine)
+    gone, _ = travel.moved((place, 0.0))
+    rotation = grip.offset[1]
+    return [Hold(replace(grip, offset=(place, rotation), travel=travel)), SetRotation(rotation + rate * gone)]
 
 
 def _scrolled(draw_list: imgui.ImDrawList, picture: Picture, corner: ImVec2, end: ImVec2, shift: float) -> None:
@@ -212,7 +223,7 @@ def _dial(context: PanelContext, size: float) -> list[Action]:
     """A compass seen from above; its knob stands at the rotation."""
     corner = imgui.get_cursor_screen_pos()
     imgui.invisible_button("dial", ImVec2(size, size))
-    widgets.tooltip("Turn the light around the scene, seen from above; up is -Z. With Shift by whole 15°. "
+    widgets.tooltip("Turn the light around the scene, seen from above; up is -Z. With Shift it turns finely. "
                     "The mouse wheel turns it by 5°, with Shift by half a degree.")  # fmt: skip
     imgui.set_item_key_owner(imgui.Key.mouse_wheel_y)  # the panel stays where it is
     centre = ImVec2(corner.x + 0.5 * size, corner.y + 0.5 * size)
@@ -253,19 +264,12 @@ def _swept(context: PanelContext, draw_list: imgui.ImDrawList, centre: ImVec2, r
 
 
 def _turn(context: PanelContext, centre: ImVec2) -> list[Action]:
-    grip, mouse = context.state.grip, imgui.get_mouse_pos()
+    """The hand around the dial."""
+    mouse, grip = imgui.get_mouse_pos(), context.state.grip
     angle = math.degrees(math.atan2(centre.x - mouse.x, centre.y - mouse.y))
-    if imgui.is_item_activated():
-        rotation = context.document.light.rotation
-        return [BeginDrag("rotate the environment"), Hold(Grip("light.wheel", (angle, rotation)))]
-    if grip is None or grip.handle != "light.wheel":
-        return []
-    if imgui.is_item_deactivated():
-        return [EndDrag(), Hold(None)]
-    turned = grip.offset[1] + angle - grip.offset[0]
-    if imgui.get_io().key_shift:
-        turned = 15.0 * round(turned / 15.0)
-    return [SetRotation(turned)]
+    if isinstance(grip, TurnGrip):
+        angle += FULL_TURN * round((grip.offset[0] - angle) / FULL_TURN)  # the same angle, next to where it was
+    return _turned(context, "light.wheel", angle, 1.0)
 
 
 def _wheel(context: PanelContext) -> list[Action]:

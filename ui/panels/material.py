@@ -211,6 +211,7 @@ def _scalar(context: PanelContext, key: str, parameter: Parameter, value: float)
     hand, moved = fields.slider(
         context, parameter.name, value, parameter.minimum, parameter.maximum, text, parameter.logarithmic,
         handle=f"material.{parameter.name}", title=parameter.label,
+        pixels_to_double=abs(parameter.power) * fields.PIXELS_TO_DOUBLE if parameter.logarithmic else None,
     )  # fmt: skip
     widgets.tooltip(_hint(parameter))
     return _edits(hand, key, parameter, moved)

@@ -54,6 +54,14 @@ class PaintGrip(Grip):
 
 
 @dataclass(frozen=True)
+class TurnGrip(Grip):
+    """A hand that turns the light. `offset` is where it is and the rotation at the start, `travel` how far it has come:
+    in pixels, or around the dial in degrees, which are counted on over whole turns."""
+
+    travel: Travel = Travel((0.0, 0.0))
+
+
+@dataclass(frozen=True)
 class WheelTurn:
     """Turns of the mouse wheel that are one gesture: when it began and when it last went on, seconds."""
 

@@ -69,7 +69,7 @@ def _contents(context: PanelContext) -> tuple[list[Words], list[Action]]:
     work, message = work_line(status), _message(context)
     if work and _has_room(work, end - context.px(36)):
         _gap(context)
-        _words(Words(work, look.TEXT_SOFT), status.text or "What the worker is computing.")
+        _words(Words(work, look.TEXT_SOFT), status.text or "What is being computed.")
     elif work:
         left_over.append(Words(work, look.TEXT_SOFT))
     if message.text and _has_room(message.text, end - context.px(16)):
@@ -87,7 +87,7 @@ def picture_state(status: Status) -> tuple[look.Colour, str, str]:
     """Colour, words and explanation of what the picture is: waiting, preview, refining, finished or exact."""
     error = "" if status.image_error is None else f" (error {error_text(status.image_error)})"
     if not status.worker_alive:
-        return look.BAD, "worker stopped", "The computing process ended and is being started again; edits are safe."
+        return look.BAD, "computing stopped", "What computes has ended and is being started again; edits are safe."
     if status.picture == "exact":
         return look.GOOD, f"picture exact{error}", "All of the curve is in the picture, with the final lights."
     if status.picture == "finished":

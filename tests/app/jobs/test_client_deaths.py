@@ -144,7 +144,7 @@ def test_request_that_kills_the_worker_again_and_again_is_given_up(client: Clien
     assert isinstance(failed, Failed)
     assert (failed.id, failed.revision) == (deadly, 8)
     how = r"\(it (was ended by SIGKILL|closed its connection)\)"  # as fast as the system takes the process down
-    assert re.fullmatch(f"the worker failed 3 times in succession {how}; not tried again", failed.line)
+    assert re.fullmatch(f"computing failed 3 times in succession {how}; not tried again", failed.line)
     collect(client, seen(SceneOpened))  # the scene stands, and a worker has it
     assert client.alive
     client.send(compute("pictures 1"))
@@ -186,7 +186,7 @@ def test_worker_that_cannot_load_its_tasks_says_why_and_is_not_tried_again() -> 
         answers = collect(client, lambda _: not client.alive)
         (failed,) = answers
         assert isinstance(failed, Failed)
-        assert failed.line.startswith("internal error: RuntimeError: no such library")
+        assert failed.line.startswith("computing could not be started: a defect of Insitu (for a report: ")
         client.send(OpenScene("open scene"))  # a new wish, a new try
         assert client.alive
         collect(client, seen(Failed))
@@ -202,7 +202,7 @@ def test_worker_that_dies_before_it_can_speak_is_given_up(monkeypatch: pytest.Mo
 def test_worker_that_cannot_be_started_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "executable", "/nowhere/python")
     with Client(HANDLERS) as client:
-        assert client.poll() == [Failed("the worker could not be started: No such file or directory")]
+        assert client.poll() == [Failed("computing could not be started: No such file or directory")]
         assert not client.alive
 
 

@@ -570,6 +570,14 @@ def test_a_camera_that_sees_nothing_is_refused(tmp_path: Path, store: Store) -> 
     assert "camera" in failure(run_in_process(Tasks(store), OpenScene(str(path))))
 
 
+def test_a_camera_that_sees_lamps_alone_is_told_so(tmp_path: Path, store: Store) -> None:
+    path = tmp_path / "scene.toml"
+    head, _, lamp = SCENE.partition("[[object]]")[0], "", SCENE[SCENE.index('[[object]]\nname = "lamp"') :]
+    path.write_text(head.replace("target = [0, 0.3, 0]", "target = [-1.2, 2.4, 0]") + lamp)
+    line = failure(run_in_process(Tasks(store), OpenScene(str(path))))
+    assert line == f"{path}: camera = sees lamps alone, expected an object in view; nothing was changed"
+
+
 def test_transport_without_a_scene_is_refused(store: Store) -> None:
     assert failure(run_in_process(Tasks(store), compute())) == "no scene is open"
 
