@@ -14,6 +14,7 @@ from app.document import Document, Selection
 from engine.colour import ToneMapping
 from engine.errors import InsituError
 from engine.plan import Precision
+from engine.scene.description import SceneDescription
 
 Tool = Literal["translate_x", "translate_y", "translate_xy", "amplify_x", "amplify_y", "amplify_xy"]
 Channel = Literal["rgb", "r", "g", "b"]
@@ -95,6 +96,13 @@ class ViewState:
 
     def with_panel(self, name: str, is_open: bool) -> ViewState:
         return replace(self, panels=MappingProxyType({**self.panels, name: is_open}))
+
+    def of_scene(self, description: SceneDescription) -> ViewState:
+        """A scene that was just opened, looked at in the same way: nothing in it is chosen yet."""
+        return replace(
+            self, selected=None, hovered=None, compare=None, operator=None, curve_zoom=None, solo=None,
+            lobe_pixel=None, resolution=None, n_bounces=description.bounces or AS_PLANNED,
+        )  # fmt: skip
 
     @property
     def channels(self) -> tuple[bool, bool, bool]:

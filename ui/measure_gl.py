@@ -15,6 +15,8 @@ import json
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +26,9 @@ from app.commands import SetOperators
 from app.document import Selection
 from app.editor import Editor
 from app.jobs.client import Client
+from app.modes import PLACEMENT
 from app.placement.curves import Curves
+from app.placement.talk import PlacementTalk
 from app.view_state import SetView
 from engine.curve.operators import HALF_PI, Operator
 from engine.curve.wavelet import forward
@@ -54,7 +58,8 @@ class Bench:
     ) -> None:  # fmt: skip
         """wait: until the picture is exact."""
         self.context = create_headless_context()
-        self.editor = Editor(Client(), source, resolution=resolution, curves=curves)
+        mode = replace(PLACEMENT, talk=partial(PlacementTalk, curves=curves))
+        self.editor = Editor(Client(), source, resolution=resolution, modes=(mode,))
         if n_lights is not None:
             self.editor.do(SetView.of(n_lights=n_lights))
         self.renderer = PlacementRenderer(self.context)
@@ -62,6 +67,12 @@ class Bench:
         self._frame_ms = 0.0
         if wait:
             self.wait_until_exact()
+
+    @property
+    def talk(self) -> PlacementTalk:
+        """The editor's."""
+        assert isinstance(self.editor.talk, PlacementTalk)
+        return self.editor.talk
 
     def wait_until_exact(self) -> None:
         """Frames until the picture is exact; raises InsituError when it does not come."""
@@ -101,7 +112,7 @@ class Bench:
         """One edit of the selected curve and the frame that follows it, with so many coefficients."""
         key, factor = self.selected
         self.editor.do(SetOperators(key, factor, operators))
-        self.renderer.wanted(key, forward(self.editor.wanted_coefficients(key)[factor]), factor)
+        self.renderer.wanted(key, forward(self.talk.wanted_coefficients(key)[factor]), factor)
         return self.draw(terms)
 
     def draw(self, terms: int | None) -> UpdateReport:
@@ -121,7 +132,7 @@ class Bench:
     def n_coefficients(self) -> int:
         """Of the selected curve."""
         key, factor = self.selected
-        return len(self.editor.wanted_coefficients(key)[factor])
+        return len(self.talk.wanted_coefficients(key)[factor])
 
     def curves(self) -> dict[str, tuple[int, int, bool]]:
         """(coefficients, samples, whether its layer's first) of every curve with transport, in the scene's order."""
@@ -131,7 +142,7 @@ class Bench:
             if key not in self.renderer.layer_keys:
                 continue
             n_samples = len(self.renderer.layer_radiance(key))
-            for place, (factor, values) in enumerate(self.editor.wanted_coefficients(key).items()):
+            for place, (factor, values) in enumerate(self.talk.wanted_coefficients(key).items()):
                 found[Selection(name, index, factor).path] = (len(values), n_samples, place == 0)
         return found
 

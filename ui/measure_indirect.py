@@ -45,7 +45,7 @@ def measure(
             "freeze_s": freezing,
             "edit_ms": {name: framed for name, (framed, _) in edits.items()},
             "exact_ms": {name: exact for name, (_, exact) in edits.items()},
-            "memory_mb": bench.editor.status.transport_mb,
+            "memory_mb": bench.editor.status.precomputed_mb,
         }, pictures
 
 
@@ -59,7 +59,7 @@ def measure_first(bench: Bench) -> float:
             raise InsituError(bench.editor.status.message)
     if bench.editor.view.n_bounces == 1:
         raise InsituError("the scene is meant to be seen without indirect light")
-    bench.wait_until(lambda: bench.editor.indirect_light.is_shown and not bench.feed.is_behind)
+    bench.wait_until(lambda: bench.talk.indirect.is_shown and not bench.feed.is_behind)
     return time.perf_counter() - asked
 
 
@@ -77,7 +77,7 @@ def measure_freezing(bench: Bench, rounds: int) -> dict[str, list[float]]:
             refused = bench.editor.select(name)
             if refused is not None:
                 raise InsituError(refused)
-            bench.wait_until(lambda: bench.editor.indirect_light.is_complete and not bench.feed.is_behind)
+            bench.wait_until(lambda: bench.talk.indirect.is_complete and not bench.feed.is_behind)
             seconds[name].append(time.perf_counter() - started)
             bench.wait_until_exact()
     return seconds

@@ -2,7 +2,7 @@
 
     take: editor.tick ─► picture events ─► renderer (frame, footprint, layers, transport)
     draw: document ─► gains, view curves, visibility, curve coefficients ─► renderer.update ─► display texture
-          renderer's report ─► editor.report_rendering
+          renderer's report ─► PlacementTalk.rendered
 
 `draw` is part of a frame where the hand does something, else a step before it; `take` comes between two frames: so the
 hand is heard in the meantime. Everything slow is sliced: answers are taken for a few milliseconds and the rest the next
@@ -36,8 +36,9 @@ from app.placement.events import (
     LayerRadiance,
     TransportReady,
 )
+from app.placement.status import RenderReport
+from app.placement.talk import PlacementTalk
 from app.solo import is_seen
-from app.status import RenderReport
 from engine.curve.wavelet import forward
 from engine.light.environment import Environment, tone_mapped_thumbnail
 from engine.scene.description import SceneDescription
@@ -112,6 +113,10 @@ class PictureFeed:
     def map_thumbnails(self, key: str) -> Mapping[str, moderngl.Texture]:
         """The "texture" and the "weight" of a layer, small, row 0 at the top; those there are."""
         return self._maps.thumbnails(key)
+
+    def map_refusal(self, editor: Editor, key: str) -> str | None:
+        """Why the images of a layer cannot be used, in one line."""
+        return _talk(editor).maps.refusal(key, editor.document.layer(key).maps)
 
     @property
     def heading(self) -> float:
@@ -326,7 +331,7 @@ class PictureFeed:
         self._texture = self.renderer.composite(self._display_view(editor))
         wanted = max(map(len, self._wanted.values()), default=0)
         exact = uploaded and report.exact and not self._waiting
-        editor.report_rendering(
+        _talk(editor).rendered(
             RenderReport(
                 max(wanted - report.remaining, 0), wanted, report.image_error, self._frame_ms,
                 exact and not self._holds,
@@ -384,9 +389,9 @@ class PictureFeed:
                 self.renderer.set_layer_visible(key, is_seen(document, editor.view, key))
                 if not self._is_drawn(editor, key):
                     continue
-                self.renderer.set_layer_gain(key, editor.layer_gain(key).tolist())
+                self.renderer.set_layer_gain(key, _talk(editor).layer_gain(key).tolist())
                 self._maps.follow(key, state.layers[index].maps)
-                curve = editor.view_curve(key)
+                curve = _talk(editor).view_curve(key)
                 if self._view_curves.get(key) is not curve:
                     self._view_curves[key] = curve
                     self.renderer.set_view_curve(key, curve)
@@ -395,15 +400,15 @@ class PictureFeed:
 
     def _is_drawn(self, editor: Editor, key: str) -> bool:
         """Whether the picture of a layer is its own, and not that of the one that it took the place of."""
-        return self._drawn_as.get(key) == editor.drawn_as(key)
+        return self._drawn_as.get(key) == _talk(editor).drawn_as(key)
 
     def _follow_curve(self, editor: Editor) -> None:
         """The selected curve, in all layers that follow it and have a picture of their own."""
         self._holds = False
         factor = (editor.view.selected and editor.view.selected.factor) or ""
         found: dict[str, NDArray[np.float64]] = {}
-        for key in editor.edited_layers:
-            coefficients = editor.wanted_coefficients(key).get(factor)
+        for key in _talk(editor).edited_layers:
+            coefficients = _talk(editor).wanted_coefficients(key).get(factor)
             if coefficients is not None and key in self.renderer.layer_keys:
                 if not self._is_drawn(editor, key):
                     self._holds = True
@@ -437,6 +442,12 @@ class PictureFeed:
 
     def _index(self, name: str | None) -> int | None:
         return self._names.index(name) if name in self._names else None
+
+
+def _talk(editor: Editor) -> PlacementTalk:
+    """Whose picture it is."""
+    assert isinstance(editor.talk, PlacementTalk)
+    return editor.talk
 
 
 def _both(footprint: Footprint | None) -> tuple[NDArray[np.integer] | None, NDArray[np.floating] | None]:

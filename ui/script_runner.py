@@ -16,6 +16,7 @@ from app.editor import Editor, WorkerClient
 from app.jobs.client import Client
 from app.light_commands import SetRotation
 from app.paint_commands import Paint
+from app.placement.status import PlacementStatus
 from app.script import (
     AssertErrorBelow,
     Capture,
@@ -229,6 +230,7 @@ def _refused(line: str | None) -> None:
 
 
 def _assert_error(editor: Editor, bound: float) -> None:
-    error = editor.status.curve_error
+    status = editor.status
+    error = status.curve_error if isinstance(status, PlacementStatus) else status.image_error
     if error is None or not error < bound:
         raise ScriptError(f"error of the curve = {error}, expected below {bound:g}")

@@ -105,6 +105,8 @@ class PictureSource(Protocol):
 
     def map_thumbnails(self, key: str) -> Mapping[str, moderngl.Texture]: ...
 
+    def map_refusal(self, editor: Editor, key: str) -> str | None: ...
+
     def still(self, editor: Editor) -> Still | None: ...
 
     def take(self, editor: Editor, now: float) -> bool: ...
@@ -472,7 +474,7 @@ class Shell:
             document=document,
             view=editor.view,
             status=replace(
-                status, text=spoken(document, status.text), transport_note=spoken(document, status.transport_note)
+                status, text=spoken(document, status.text), missing_note=spoken(document, status.missing_note)
             ),
             state=self.state,
             theme=self.theme,
@@ -499,7 +501,7 @@ class Shell:
             picture=self._picture(source.picture, sharp=not editor.view.fit and editor.view.zoom > SHARP_ZOOM),
             environment=self._picture(source.environment),
             map_thumbnails=self._map_thumbnails(source),
-            map_refusal=self._map_refusal(),
+            map_refusal=self._map_refusal(source),
             heading=source.heading,
             object_at=source.object_at,
             spot_at=source.spot_at,
@@ -516,9 +518,9 @@ class Shell:
         found = {name: self._picture(texture) for name, texture in textures.items()}
         return {name: picture for name, picture in found.items() if picture is not None}
 
-    def _map_refusal(self) -> str | None:
-        editor, selected = self.editor, self._selected_layer
-        return None if selected is None else editor.maps.refusal(selected.key, editor.document.layer(selected.key).maps)
+    def _map_refusal(self, source: PictureSource) -> str | None:
+        selected = self._selected_layer
+        return None if selected is None else source.map_refusal(self.editor, selected.key)
 
     def _picture(self, texture: moderngl.Texture | None, sharp: bool = False) -> Picture | None:
         """A texture for panels to draw; `sharp` shows its pixels as squares where they are enlarged."""

@@ -39,7 +39,7 @@ class StartTimes:
             "first_frame": True,
             "scene": scene_is_open,
             "first_layer": status.picture != "waiting",
-            "first_picture": status.picture != "waiting" and status.transport_mb > 0.0,
+            "first_picture": status.picture != "waiting" and status.precomputed_mb > 0.0,
             "exact": status.is_finished,
         }
         news = [name for name, is_so in reached.items() if is_so and name not in self._content]

@@ -257,7 +257,7 @@ class Window:
         """Seconds between two looks at the worker's answers: short while a person waits for one, none within one."""
         if self.editor.answer_arrives:
             return 0.0
-        if self.editor.awaits_curve:
+        if self.editor.talk.awaits_answer:
             return CURVE_LOOK_SECONDS
         return EAGER_LOOK_SECONDS if self.editor.status.picture == "waiting" else WORKER_LOOK_SECONDS
 

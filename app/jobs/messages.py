@@ -229,10 +229,10 @@ class SceneOpened(Response):
 
 @dataclass(frozen=True)
 class MeasurementsRead(Response):
-    """The measurements of a `ReadMeasured`, by file; `bands` by factor of its layers, in their order."""
+    """The measurements of a `ReadMeasured`, by file; `planned`: bands by factor of its layers, in their order."""
 
     found: dict[str, Measurement]
-    bands: tuple[dict[str, int], ...] = ()
+    planned: tuple[dict[str, int], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -60,7 +60,7 @@ class TransportTalk:
         self.revision = 0
         self._send = send
         self._curves = curves
-        self._opened = False
+        self.is_open = False
         self._has_sky = True
         self._precision: Precision = "half"
         self._forget()
@@ -92,7 +92,7 @@ class TransportTalk:
 
     def scene_closed(self) -> None:
         """Another scene is being opened: ask for nothing meanwhile."""
-        self._opened = False
+        self.is_open = False
 
     def scene_opened(self, is_new: bool = True, has_sky: bool = True) -> None:
         """The worker has a scene open, a new one (``has_sky``: its own environment lights it) or (``is_new`` False)
@@ -100,7 +100,7 @@ class TransportTalk:
 
         What was asked of the one before was given up for the scene that could not be opened.
         """
-        self._opened = True
+        self.is_open = True
         if is_new:
             self._has_sky = has_sky
             self._forget()
@@ -261,7 +261,7 @@ class TransportTalk:
     ) -> None:  # fmt: skip
         """Ask for what is missing; ``now`` in seconds of any steady clock. planned: whether the bands of all layers
         are known; until they are, nothing is asked for."""
-        if not self._opened:
+        if not self.is_open:
             return
         self._precision = precision
         wish = self._transport_wish(document, n_lights, n_bounces)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from app.commands import AddOperator, SetEditable, SetEnvironment, SetIntensity, SetParameter, SetRotation, SetVisible
-from app.editor import Editor, RenderReport
+from app.editor import Editor
 from app.jobs.messages import (
     BouncesPlanned,
     Cancel,
@@ -22,6 +22,7 @@ from app.jobs.messages import (
 )
 from app.picture import SceneFrame, SkyChanged
 from app.placement.events import LayerRadiance, TransportReady
+from app.placement.status import RenderReport
 from app.placement.transport_talk import DRAG_QUALITY, N_LIGHTS_PREVIEW
 from app.view_state import AS_PLANNED, SetView
 from engine.curve.bands import band_nodes
@@ -104,20 +105,20 @@ def test_stages_go_from_preview_to_exact(editor: Editor, client: FakeClient) -> 
     client.finish_stage("final", exact=True)
     editor.tick(0.2)
     assert editor.status.picture == "refining"  # the renderer has not yet said that it shows all coefficients
-    editor.report_rendering(EXACT)
+    editor.talk.rendered(EXACT)
     assert editor.status.picture == "exact"
-    assert editor.status.transport_mb == 2.0
+    assert editor.status.precomputed_mb == 2.0
     assert client.sent(Contract) == []  # all was delivered with the stage
 
 
 def test_curve_edits_of_the_selected_layer_ask_for_nothing(settled: Editor, client: FakeClient) -> None:
-    before = settled.wanted_coefficients("pot.1")["theta_h"]
-    settled.report_rendering(EXACT)
+    before = settled.talk.wanted_coefficients("pot.1")["theta_h"]
+    settled.talk.rendered(EXACT)
     settled.do(AddOperator("pot.1", "theta_h", LIFT))
     assert settled.status.picture == "refining"
     settled.tick(5.0)
     assert client.requests == []
-    raised = settled.wanted_coefficients("pot.1")["theta_h"] - before
+    raised = settled.talk.wanted_coefficients("pot.1")["theta_h"] - before
     # the bands within [b, c] rise by the magnitude, those well outside [a, d] not at all
     nodes = band_nodes(len(raised))
     full, outside = (nodes >= 0.2) & (nodes <= 0.3), nodes > 0.6
@@ -126,11 +127,11 @@ def test_curve_edits_of_the_selected_layer_ask_for_nothing(settled: Editor, clie
 
 
 def test_coefficients_are_computed_once(settled: Editor) -> None:
-    first = settled.wanted_coefficients("pot.1")
+    first = settled.talk.wanted_coefficients("pot.1")
     settled.do(SetParameter("pot.1", "scale", 2.0))
-    again = settled.wanted_coefficients("pot.1")
+    again = settled.talk.wanted_coefficients("pot.1")
     assert all(again[name] is first[name] for name in first)  # the scale is in no curve
-    assert settled.layer_gain("pot.1").tolist() == [2.0, 2.0, 2.0]
+    assert settled.talk.layer_gain("pot.1").tolist() == [2.0, 2.0, 2.0]
     assert not first["theta_h"].flags.writeable
 
 
@@ -140,32 +141,32 @@ def test_switching_the_curve_contracts_the_other(settled: Editor, client: FakeCl
     (request,) = client.sent(Contract)
     assert (request.key, request.factor) == ("pot.1", "theta_d")
     assert [name for name, _ in request.coefficients] == ["theta_h", "theta_d"]
-    settled.report_rendering(EXACT)
+    settled.talk.rendered(EXACT)
     assert settled.status.picture == "refining"
     client.contract("final")
     events = settled.tick(1.2)
     assert [type(event) for event in events] == [TransportReady]  # the picture is there: its curves are as they were
     settled.tick(1.3)
-    settled.report_rendering(EXACT)
+    settled.talk.rendered(EXACT)
     assert settled.status.picture == "exact"
     assert len(client.sent(Contract)) == 1
 
 
 def test_another_precision_is_asked_for_at_once(settled: Editor, client: FakeClient) -> None:
-    settled.report_rendering(replace(EXACT, precision="half"))
+    settled.talk.rendered(replace(EXACT, precision="half"))
     assert settled.status.picture == "exact" and settled.status.transport_note == ""
     settled.do(SetView.of(precision="float"))
     settled.tick(1.1)
     (request,) = client.sent(Contract)
     assert (request.key, request.factor, request.precision) == ("pot.1", "theta_h", "float")
-    settled.report_rendering(replace(EXACT, precision="half"))  # the picture stays as it is meanwhile
+    settled.talk.rendered(replace(EXACT, precision="half"))  # the picture stays as it is meanwhile
     assert settled.status.picture == "refining"
     assert settled.status.transport_note == "made with half floats until full floats are here"
     client.contract("final")
     events = settled.tick(1.2)
     assert [type(event) for event in events] == [TransportReady]  # the picture is there: its curves are as they were
     settled.tick(1.3)
-    settled.report_rendering(replace(EXACT, precision="float"))
+    settled.talk.rendered(replace(EXACT, precision="float"))
     assert settled.status.picture == "exact" and settled.status.transport_note == ""
     assert len(client.sent(Contract)) == 1
 
@@ -194,7 +195,7 @@ def test_the_other_curve_is_contracted_again_one_at_a_time(settled: Editor, clie
     requests = client.sent(Contract)
     assert len(requests) == 2 and computed(client) == []
     assert requests[0].picture and requests[1].picture  # another curve makes another picture
-    wanted = settled.wanted_coefficients("pot.1")["theta_d"]
+    wanted = settled.talk.wanted_coefficients("pot.1")["theta_d"]
     assert np.array_equal(dict(requests[1].coefficients)["theta_d"], wanted)
 
 
@@ -245,7 +246,7 @@ def test_turning_asks_for_quick_pictures_one_at_a_time(settled: Editor, client: 
     assert computed(client)[-1].n_lights_final == 4000 and computed(client)[-1].light.rotation == 33.0
     client.finish_stage("final", exact=True)
     settled.tick(3.0)
-    settled.report_rendering(EXACT)
+    settled.talk.rendered(EXACT)
     assert settled.status.picture == "exact" and settled.status.light_note == ""
 
 
@@ -293,7 +294,7 @@ def test_bounces_are_as_planned_unless_a_person_chose_meanwhile(client: FakeClie
 
 def test_undo_of_another_layer_asks_for_its_picture_alone(settled: Editor, client: FakeClient) -> None:
     settled.do(AddOperator("pot.1", "theta_h", LIFT))
-    settled.report_rendering(EXACT)
+    settled.talk.rendered(EXACT)
     settled.select("floor.0")
     settled.tick(1.1)
     client.contract("final")
@@ -303,19 +304,19 @@ def test_undo_of_another_layer_asks_for_its_picture_alone(settled: Editor, clien
     settled.tick(1.3)
     (request,) = client.sent(Contract)
     assert (request.key, request.factor) == ("pot.1", None)  # no transport: nobody selects it
-    assert np.array_equal(dict(request.coefficients)["theta_h"], settled.wanted_coefficients("pot.1")["theta_h"])
+    assert np.array_equal(dict(request.coefficients)["theta_h"], settled.talk.wanted_coefficients("pot.1")["theta_h"])
     client.contract("final")
     events = settled.tick(1.4)
     assert [type(event) for event in events] == [LayerRadiance]
     settled.tick(1.5)
-    settled.report_rendering(EXACT)
+    settled.talk.rendered(EXACT)
     assert settled.status.picture == "exact"
     assert len(client.requests) == 1  # the floor's transport is still there: it is not asked for again
 
 
 def test_a_layer_rendered_exactly_is_not_asked_for_when_left(settled: Editor, client: FakeClient) -> None:
     settled.do(AddOperator("pot.1", "theta_h", LIFT))
-    settled.report_rendering(EXACT)
+    settled.talk.rendered(EXACT)
     settled.select("floor.0")
     settled.tick(1.1)
     client.contract("final")
@@ -346,7 +347,7 @@ def test_view_factors_are_applied_in_image_space(settled: Editor, client: FakeCl
     settled.do(AddOperator("floor.0", "theta_o", LIFT))
     settled.tick(1.1)
     assert client.requests == []
-    curve = settled.view_curve("floor.0")
+    curve = settled.talk.view_curve("floor.0")
     assert curve.shape == (256, 3) and curve[-1].tolist() == [1.0, 1.0, 1.0]
     angle = np.linspace(0.0, np.pi / 2, 256)
     assert np.allclose(curve[(angle > 0.2) & (angle < 0.3)], 2.0)  # 1 as generated, lifted by 1
@@ -366,7 +367,7 @@ def test_a_stage_without_the_selected_curve_is_asked_for_it_once(editor: Editor,
     assert [request.factor for request in client.sent(Contract)] == ["theta_d", "theta_d"]
     client.contract("final")
     editor.tick(0.6)
-    editor.report_rendering(EXACT)
+    editor.talk.rendered(EXACT)
     assert editor.status.picture == "exact"
 
 
@@ -393,18 +394,18 @@ def test_a_stage_made_with_older_curves_is_put_right(editor: Editor, client: Fak
     assert request.key == "pot.1"
     client.contract("final")
     editor.tick(0.3)
-    editor.report_rendering(EXACT)
+    editor.talk.rendered(EXACT)
     assert editor.status.picture == "exact"
 
 
 def test_a_new_worker_begins_with_a_preview(editor: Editor, client: FakeClient) -> None:
     client.finish_stage("final", exact=True)
     editor.tick(1.0)
-    editor.report_rendering(EXACT)
+    editor.talk.rendered(EXACT)
     assert editor.status.picture == "exact"
     client.answer(OpenScene("shelf"), WorkerRestarted("signal 9"))
     editor.tick(1.5)
-    editor.report_rendering(EXACT)
+    editor.talk.rendered(EXACT)
     assert editor.status.picture == "refining"  # what is on screen is still as it was
     client.finish_stage("coarse", exact=False)
     editor.tick(1.6)
@@ -422,7 +423,7 @@ def test_a_fixed_object_is_asked_for_without_bands(client: FakeClient) -> None:
     client.finish_stage("final", exact=True)
     editor.tick(0.1)
     editor.tick(0.2)
-    editor.report_rendering(EXACT)
+    editor.talk.rendered(EXACT)
     assert editor.status.picture == "exact"
     assert client.sent(Contract) == []  # its curves are shown, but there is nothing to bend
 
@@ -435,19 +436,19 @@ def test_making_an_object_editable_keeps_the_picture_and_asks_for_its_bands(
     settled.tick(1.4)
     client.finish_stage("final", exact=True)
     settled.tick(1.5)
-    settled.report_rendering(EXACT)
+    settled.talk.rendered(EXACT)
     assert settled.status.picture == "exact"
     settled.do(SetEditable("floor", True))
     settled.tick(1.6)
     settled.tick(1.9)
     assert [layer.fixed for layer in computed(client)[-1].layers] == [False, False, False]
-    settled.report_rendering(EXACT)
+    settled.talk.rendered(EXACT)
     # All on screen is final and stays; only the floor's curves cannot be bent yet.
     assert settled.status.picture == "refining" and settled.status.material_note == ""
     assert settled.status.transport_note == "floor.0: shown as it was until its bands are here"
     client.finish_stage("final", exact=True)
     settled.tick(2.0)
-    settled.report_rendering(EXACT)
+    settled.talk.rendered(EXACT)
     assert settled.status.picture == "exact" and settled.status.transport_note == ""
 
 
@@ -463,7 +464,7 @@ def test_a_fixed_curve_that_changes_is_part_of_its_transport(settled: Editor, cl
     assert settled.status.material_note == "the curve of a fixed object follows when the hand rests"
     settled.tick(1.9)
     (work,) = computed(client)[n_before:]
-    assert np.array_equal(work.layers[2].coefficients[0], settled.wanted_coefficients("floor.0")["theta_i"])
+    assert np.array_equal(work.layers[2].coefficients[0], settled.talk.wanted_coefficients("floor.0")["theta_i"])
     assert settled.status.picture == "preview" and client.sent(Contract) == []
 
 
@@ -502,7 +503,7 @@ def test_a_scene_that_fails_to_open_leaves_the_one_before(settled: Editor, clien
     client.answer(client.sent(OpenScene)[-1], Failed("nowhere.toml: file = No such file"))
     settled.tick(1.5)
     assert settled.document is before and "nowhere.toml" in settled.status.message
-    settled.report_rendering(EXACT)
+    settled.talk.rendered(EXACT)
     assert settled.status.picture == "exact"
     settled.do(SetRotation(5.0))
     settled.tick(1.6)
@@ -537,7 +538,7 @@ def test_another_light_goes_on_where_work_was_stopped(editor: Editor, client: Fa
 
 
 def test_stopping_what_the_picture_does_not_need_leaves_nothing_to_resume(settled: Editor, client: FakeClient) -> None:
-    settled.report_rendering(EXACT)
+    settled.talk.rendered(EXACT)
     settled.cancel_work()
     settled.tick(1.1)
     assert settled.status.picture == "exact" and not settled.status.stopped

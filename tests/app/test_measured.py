@@ -208,7 +208,7 @@ def test_the_worker_answers_an_import_between_other_work(merl_file: Path, tmp_pa
     answer = client.poll(float("inf"))[-1]
     assert isinstance(answer, MeasurementsRead) and answer.found[str(merl_file)].is_read
     # What takes longer than a frame is planned there, of the layers as they will be.
-    assert answer.bands == tuple(band_counts(layer) for layer in with_read(layers, answer.found))
+    assert answer.planned == tuple(band_counts(layer) for layer in with_read(layers, answer.found))
 
 
 def test_the_worker_hands_a_table_out(merl_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,6 +8,7 @@ import pytest
 
 from app.commands import SetEditable
 from app.jobs.messages import ComputeTransport
+from app.placement.status import PlacementStatus
 from app.status import Status
 from tests.ui.stand_in import StandInClient
 from ui import theme as look
@@ -15,13 +16,13 @@ from ui.headless import HeadlessWindow
 from ui.panels.accuracy_placement import figures
 from ui.panels.status_bar import ERROR_SECONDS, picture_state
 
-STATUS = Status(
-    shown_coefficients=30, wanted_coefficients=64, memory_mb=512.0, transport_mb=230.4, gpu_mb=38.2,
+STATUS = PlacementStatus(
+    shown_coefficients=30, wanted_coefficients=64, memory_mb=512.0, precomputed_mb=230.4, gpu_mb=38.2,
     bands=(("pot.0", (16,)), ("pot.1", (64, 32)), ("floor.0", ())),
 )  # fmt: skip
 
 
-def rows(status: Status, selected: str | None) -> dict[str, tuple[str, str]]:
+def rows(status: PlacementStatus, selected: str | None) -> dict[str, tuple[str, str]]:
     """(value, explanation) by name."""
     return {name: (value, hint) for name, value, hint in figures(status, selected)}
 

@@ -42,7 +42,7 @@ def pictures_until_exact(window: HeadlessWindow) -> Iterator[np.ndarray]:
 
 def test_the_picture_stays_while_bands_come_and_go(window: HeadlessWindow) -> None:
     editor = window.shell.editor
-    before, transport = linear_picture(window), editor.status.transport_mb
+    before, transport = linear_picture(window), editor.status.precomputed_mb
     states = set()
     for is_editable in (True, False):
         editor.do(SetEditable("ground", is_editable))
@@ -50,9 +50,9 @@ def test_the_picture_stays_while_bands_come_and_go(window: HeadlessWindow) -> No
             states.add(editor.status.picture)
             # Half floats of the ball's selected curve are rounded anew at most.
             np.testing.assert_allclose(picture, before, rtol=2e-3, atol=3e-4)
-        assert (editor.status.transport_mb > transport) == is_editable
+        assert (editor.status.precomputed_mb > transport) == is_editable
     assert states == {"refining", "exact"}
-    assert editor.status.transport_mb == transport
+    assert editor.status.precomputed_mb == transport
 
 
 def test_a_curve_follows_once_its_object_is_editable(window: HeadlessWindow) -> None:

@@ -40,7 +40,7 @@ def test_what_the_line_has_no_room_for_stands_above_it(context: moderngl.Context
 
 def test_long_work_goes_up_too(context: moderngl.Context) -> None:
     for window in opened(context, (800, 600), 1.0):
-        gauges = window.shell.editor._gauges
+        gauges = window.shell.editor.gauges
         gauges.progress = Progress("a stage of the work that has a long name " * 3, 0.5, 12.0)
         window.frames(4)
         assert "status.strip.start" in window.shell.handles.names()

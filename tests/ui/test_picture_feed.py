@@ -54,11 +54,11 @@ def expected_picture(window: HeadlessWindow) -> np.ndarray:
         if name == "lamp" or not editor.document.is_visible(key):
             continue
         start, stop = arrays["object_ranges"][names.index(name)]
-        curves = editor.wanted_coefficients(key)
+        curves = editor.talk.wanted_coefficients(key)
         first = next(iter(curves.values()))
         radiance = np.einsum("jpc,jc->pc", transport_of(key, len(first)), first)
         angles = np.linspace(0.0, np.pi / 2, 256)
-        view = editor.view_curve(key)
+        view = editor.talk.view_curve(key)
         view_value = np.stack([np.interp(0.4, angles, view[:, channel]) for channel in range(3)])
         flat[arrays["pixel"][start:stop]] += radiance * layer.scale() * view_value
     return image
@@ -177,7 +177,7 @@ def test_another_precision_comes_at_once_and_the_picture_stays(window: HeadlessW
     np.testing.assert_allclose(after, before, rtol=HALF_FLOAT, atol=1e-5)
     # Six bytes more for each of the layer's coefficients and samples, whole rows of them; all else is as it was.
     n_samples = len(renderer.layer_radiance("teapot.1"))
-    n_bands = len(editor.wanted_coefficients("teapot.1")["theta_h"])
+    n_bands = len(editor.talk.wanted_coefficients("teapot.1")["theta_h"])
     assert renderer.memory_bytes - n_bytes == 6 * n_bands * row_count(n_samples) * SAMPLES_PER_ROW
     assert editor.status.gpu_mb == renderer.memory_bytes / 1e6
 

@@ -25,7 +25,7 @@ editor.do(SetMaterial("teapot", library.entry({name!r}).material.layers))
 BREAK = """
 def broken(*arguments, **named):
     raise KeyError("theta_i")
-editor._negotiator.update = broken
+editor.talk._transport.update = broken
 """
 
 
@@ -48,7 +48,7 @@ def test_a_fault_in_every_frame_is_one_line_and_the_hand_goes_on(real: RealWindo
     for _ in range(3):
         real.drag("curve.magnitude", by=(0, 10))
     assert real.ask("state.notice is None")  # told once
-    real.do("del editor._negotiator.update")
+    real.do("del editor.talk._transport.update")
     real.key("ctrl+z")
     real.wait_until("editor.status.is_finished")
 

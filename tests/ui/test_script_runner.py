@@ -79,8 +79,8 @@ def test_a_script_chooses_the_series(window: HeadlessWindow, tmp_path: Path) -> 
     view = editor.view
     assert (view.n_bounces, editor.document.first_bands, view.second_bands) == (3, 128, 8)
     # 64 × 16 as planned for the coat, 16 for the base: with 128 for the sharpest, what varies slowly stays.
-    assert [len(values) for values in editor.wanted_coefficients("teapot.1").values()] == [128, 16]
-    assert [len(values) for values in editor.wanted_coefficients("teapot.0").values()] == [16]
+    assert [len(values) for values in editor.talk.wanted_coefficients("teapot.1").values()] == [128, 16]
+    assert [len(values) for values in editor.talk.wanted_coefficients("teapot.0").values()] == [16]
     run(window, tmp_path, '[[step]]\nundo = 1\n[[step]]\nset = { "series.second" = "all" }\n')
     assert editor.document.first_bands is None and editor.view.second_bands is None
 

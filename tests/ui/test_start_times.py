@@ -26,9 +26,9 @@ def test_milestones_are_noted_once_and_in_steady_time(tmp_path: Path) -> None:
     times.blocked(0.125, streaming=True)
     times.frame_shown(True, Status(picture="preview"))  # one layer is shaded, the stage is not complete
     assert set(json.loads(file.read_text())) == {"first_frame", "scene", "first_layer", "longest_block_s"}
-    times.frame_shown(True, Status(picture="preview", transport_mb=1.0))
+    times.frame_shown(True, Status(picture="preview", precomputed_mb=1.0))
     first = json.loads(file.read_text())
-    times.frame_shown(True, Status(picture="exact", transport_mb=1.0))
+    times.frame_shown(True, Status(picture="exact", precomputed_mb=1.0))
     last = json.loads(file.read_text())
     assert last["longest_block_s"] == 0.25
     assert {name: last[name] for name in first} == first  # what was noted stays

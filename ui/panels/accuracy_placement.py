@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from imgui_bundle import ImVec2, imgui
 
+from app.placement.status import PlacementStatus
 from app.series_commands import SetFirstBands
 from app.status import Status
 from app.view_state import SetView
@@ -37,12 +38,14 @@ SMALLEST_ERROR = 1e-7
 
 def draw(context: PanelContext) -> list[Action]:
     """The whole panel, inside its window."""
+    status = context.status
+    assert isinstance(status, PlacementStatus)
     actions = _budget(context)
-    actions += _quality(context)
+    actions += _quality(context, status)
     imgui.spacing()
     imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(imgui.get_style().item_spacing.x, context.px(1)))
     selected = context.view.selected
-    for name, value, hint in figures(context.status, None if selected is None else selected.key):
+    for name, value, hint in figures(status, None if selected is None else selected.key):
         _figure(context, name, value, spoken(context.document, hint))
     imgui.pop_style_var()
     actions += _work(context)
@@ -60,7 +63,7 @@ def _budget(context: PanelContext) -> list[Action]:
     return [SetView.of(frame_budget_ms=moved)] if hand.changed else []
 
 
-def _quality(context: PanelContext) -> list[Action]:
+def _quality(context: PanelContext, status: PlacementStatus) -> list[Action]:
     actions: list[Action] = []
     widgets.label(context, "Lights")
     hint = "Triangle lights that stand for the environment in the finished picture: more are truer and take longer."
@@ -76,8 +79,8 @@ def _quality(context: PanelContext) -> list[Action]:
     pressed = widgets.segments(context, "accuracy.bounces", choices, chosen, least=_share(context, len(choices)))
     if pressed is not None:
         actions.append(SetView.of(n_bounces=BOUNCE_CHOICES[pressed]))
-    if context.status.bounces_note:
-        widgets.caption(context.status.bounces_note)
+    if status.bounces_note:
+        widgets.caption(status.bounces_note)
     actions += _series(context)
     widgets.label(context, "Transport")
     options = (
@@ -88,8 +91,8 @@ def _quality(context: PanelContext) -> list[Action]:
     pressed = widgets.segments(context, "accuracy.precision", options, chosen, least=_share(context, 2))
     if pressed is not None:
         actions.append(SetView.of(precision="half" if pressed == 0 else "float"))
-    if context.status.transport_note:
-        widgets.caption(context.status.transport_note)
+    if status.transport_note:
+        widgets.caption(spoken(context.document, status.transport_note))
     return actions
 
 
@@ -148,7 +151,7 @@ def _short(count: int) -> str:
     return f"{count // 1000}k" if count >= 1000 else str(count)
 
 
-def figures(status: Status, selected: str | None = None) -> list[tuple[str, str, str]]:
+def figures(status: PlacementStatus, selected: str | None = None) -> list[tuple[str, str, str]]:
     """(name, value, explanation) of every measured figure; selected: the key of the layer that is."""
     shown = f"{status.shown_coefficients} of {status.wanted_coefficients}" if status.wanted_coefficients else "–"
     bands = dict(status.bands)
@@ -166,7 +169,7 @@ def figures(status: Status, selected: str | None = None) -> list[tuple[str, str,
         _error(status),
         (
             "Memory",
-            f"{status.memory_mb:.0f} MB, transport {status.transport_mb:.0f} MB",
+            f"{status.memory_mb:.0f} MB, transport {status.precomputed_mb:.0f} MB",
             "Main memory of the window and of what computes for it; precomputed transport, by which a curve redraws "
             "at once.\n"
             f"On the graphics card: {status.gpu_mb:.0f} MB, with the selected curve's transport.",
@@ -174,7 +177,7 @@ def figures(status: Status, selected: str | None = None) -> list[tuple[str, str,
     ]
 
 
-def _error(status: Status) -> tuple[str, str, str]:
+def _error(status: PlacementStatus) -> tuple[str, str, str]:
     """What the picture lacks, and where there is indirect light the chance that is left in it."""
     error = "–" if status.image_error is None else error_text(status.image_error)
     hint = "What the whole picture lacks, relative to its mean; – while that is not known."

@@ -95,8 +95,7 @@ def picture_state(status: Status) -> tuple[look.Colour, str, str]:
         ink = look.BAD if noise > NOISY else look.TEXT_SOFT
         return ink, f"finished, noise {100.0 * noise:.1f} %", FINISHED_HINT
     if status.picture == "refining":
-        hint = status.transport_note or "Wavelet coefficients, or light of further bounces, are still being added."
-        return look.ACCENT, f"refining{error}", hint
+        return look.ACCENT, f"refining{error}", status.missing_note
     if status.picture == "preview":
         return look.ACCENT, "preview", "Coarse or fewer lights, or not yet the present light or roughness."
     return look.TEXT_FAINT, "waiting", "Nothing has been computed yet."
@@ -109,7 +108,7 @@ def work_line(status: Status) -> str:
 
 def _right(context: PanelContext, status: Status, draw: bool = True) -> float:
     """Frame time and memory at the right edge; where they begin."""
-    frame, memory = f"{status.frame_ms:.1f} ms", f"{status.transport_mb:.0f} MB"
+    frame, memory = f"{status.frame_ms:.1f} ms", f"{status.precomputed_mb:.0f} MB"
     icons = imgui.calc_text_size(f"{Icon.CLOCK}  ").x + imgui.calc_text_size(f"{Icon.MEMORY}  ").x
     frame_width = max(imgui.calc_text_size(frame).x, context.px(52))
     memory_width = max(imgui.calc_text_size(memory).x, context.px(52))

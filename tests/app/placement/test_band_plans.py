@@ -12,7 +12,7 @@ from app.jobs.messages import BandsPlanned, ComputeTransport, Failed, PlanBands
 from app.jobs.tasks import Tasks
 from app.library import Library
 from app.material_commands import new_layer
-from app.status import RenderReport
+from app.placement.status import RenderReport
 from engine.plan import band_counts, usual_bands
 from tests.app.fake_worker import FakeClient
 
@@ -29,7 +29,7 @@ def editor(client: FakeClient, monkeypatch: pytest.MonkeyPatch) -> Editor:
     editor.tick(0.0)
     client.finish_stage("final", exact=True)
     editor.tick(1.0)
-    editor.report_rendering(RenderReport(exact=True))
+    editor.talk.rendered(RenderReport(exact=True))
     assert editor.status.picture == "exact"
     client.plans = False
     client.requests.clear()
@@ -61,13 +61,13 @@ def test_transport_waits_for_the_workers_plan(editor: Editor, client: FakeClient
     seen = editor.document.layer(key)
     for now in (2.0, 3.0, 4.0):  # the layer is edited on; it is planned as it came
         editor.tick(now)
-        editor.report_rendering(RenderReport(exact=True))
+        editor.talk.rendered(RenderReport(exact=True))
         assert editor.status.picture != "exact"
         assert editor.do(SetParameter(key, MOVED[seen.model.name], 0.1 * now)) is None
     (asked,) = client.sent(PlanBands)
     assert client.requests == [asked] and seen in asked.layers
     usual = usual_bands(seen.model)
-    assert {factor: len(values) for factor, values in editor.wanted_coefficients(key).items()} == usual
+    assert {factor: len(values) for factor, values in editor.talk.wanted_coefficients(key).items()} == usual
     planned = {factor: 2 * n for factor, n in usual.items()}
     client.answer(asked, BandsPlanned((planned,) * len(asked.layers)))
     for now in (4.3, 4.6):  # bands other than the usual: the hand is to rest anew
@@ -97,12 +97,12 @@ def test_undo_finds_what_was_planned(editor: Editor, client: FakeClient) -> None
     client.finish_stage("final", exact=True)
     editor.undo()
     editor.tick(5.0)
-    editor.report_rendering(RenderReport(exact=True))
+    editor.talk.rendered(RenderReport(exact=True))
     assert editor.status.picture == "exact" and len(client.sent(PlanBands)) == 2
 
 
 def bands_of(editor: Editor, key: str) -> dict[str, int]:
-    return {factor: len(values) for factor, values in editor.wanted_coefficients(key).items()}
+    return {factor: len(values) for factor, values in editor.talk.wanted_coefficients(key).items()}
 
 
 def test_what_cannot_be_planned_has_the_usual_bands(editor: Editor, client: FakeClient) -> None:

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from app.commands import AddOperator, SetEnvironment, SetParameter, SetRotation, SetVisible
-from app.editor import Editor, RenderReport
+from app.editor import Editor
 from app.jobs.messages import Contract, Failed, LayerPicture
 from app.placement.events import ComparedRefined
 from app.placement.indirect_talk import IndirectTalk
+from app.placement.status import RenderReport
 from app.view_state import SetView
 from engine.curve.operators import Operator
 from tests.app.fake_worker import FakeClient
@@ -42,7 +43,7 @@ def finish(editor: Editor, client: FakeClient, now: float) -> list[ComparedRefin
     """The final stage comes and the renderer shows all of it; what is told of A in the tick after."""
     client.finish_stage("final", exact=True)
     editor.tick(now)
-    editor.report_rendering(EXACT)
+    editor.talk.rendered(EXACT)
     return refined(editor, now + 0.01)
 
 
@@ -116,7 +117,7 @@ def finish_edited(editor: Editor, client: FakeClient) -> list[ComparedRefined]:
     client.contract("final")
     client.requests.clear()  # B's own request for that layer
     editor.tick(1.1)
-    editor.report_rendering(EXACT)
+    editor.talk.rendered(EXACT)
     return told + refined(editor, 1.2)
 
 

@@ -20,10 +20,11 @@ from app.commands import (
     SetVisible,
 )
 from app.document import LightState
-from app.editor import Editor, RenderReport
+from app.editor import Editor
 from app.jobs.messages import ComputeTransport, Contract
 from app.material_commands import AddLayers, RemoveLayer, SetMaterial, new_layer
 from app.placement.events import LayerRadiance, TransportReady
+from app.placement.status import RenderReport
 from app.placement.wishes import TransportWish, same_coefficients
 from app.view_state import SetView
 from engine.curve.operators import Operator
@@ -85,11 +86,11 @@ class Renderer:
                 self.curves = {key: curve for key, curve in self.curves.items() if key in event.beside}
                 self.curves[event.key] = event.factor, precision
         selected = self.editor.view.selected
-        for key in self.editor.edited_layers:
+        for key in self.editor.talk.edited_layers:
             factor, _ = self.curves.get(key, ("", ""))
             if selected is not None and factor == selected.factor and key in self.shown:
-                self.shown[key][factor] = self.editor.wanted_coefficients(key)[factor]
-        self.editor.report_rendering(RenderReport(exact=True))
+                self.shown[key][factor] = self.editor.talk.wanted_coefficients(key)[factor]
+        self.editor.talk.rendered(RenderReport(exact=True))
 
 
 def settle(editor: Editor, renderer: Renderer, now: float) -> float:
@@ -125,10 +126,10 @@ def test_the_picture_comes_right(seed: int, actions: list[str], step: float) -> 
     editor.end_drag()
     settle(editor, renderer, now)
     for key, _ in editor.document.layers():
-        assert same_coefficients(renderer.shown[key], editor.wanted_coefficients(key)), key
+        assert same_coefficients(renderer.shown[key], editor.talk.wanted_coefficients(key)), key
     selected = editor.view.selected
-    for key in editor.edited_layers:
-        if selected is not None and selected.factor in editor.wanted_coefficients(key):
+    for key in editor.talk.edited_layers:
+        if selected is not None and selected.factor in editor.talk.wanted_coefficients(key):
             assert renderer.curves[key] == (selected.factor, editor.view.precision)
     n_requests = len(client.requests)
     for _ in range(20):

@@ -1,0 +1,127 @@
+"""What a mode is: a way to make pictures of one document. Three roles, each told from here, and a name for each.
+
+    window's process                 worker                        window's process, GL
+    ModeTalk ── requests ──► ModeWork ── responses ──► ModeTalk ── picture events ──► PictureSource (`ui.picture_feed`)
+
+The editor knows modes by this module alone, and one talk at a time: that of the mode a person has chosen. Each of a
+talk's methods is what happens to the editor; those that a mode has no use for it leaves as they are here. `app.modes`
+lists the modes there are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from app.barrier import Barrier
+from app.commands import EditCommand
+from app.document import Document
+from app.history import History
+from app.jobs.messages import Request, Response, SceneOpened
+from app.picture import PictureEvent
+from app.status import Gauges, Status
+from app.view_state import ViewState
+from engine.material.layer import Layer
+from engine.scene.description import SceneDescription
+
+
+class Desk(Protocol):
+    """What a talk may ask of the editor."""
+
+    barrier: Barrier
+    gauges: Gauges
+    history: History
+    view: ViewState
+
+    def send(self, request: Request) -> int:
+        """Hand a request over to the worker; its number."""
+
+    def notify(self, text: str, is_error: bool = False) -> None:
+        """Tell the person one line."""
+
+    def say_once(self, note: str) -> None:
+        """Tell a line the first time it comes up in a scene; nothing where it is empty."""
+
+    def document_changed(self) -> None:
+        """The talk itself has taken something out of the document."""
+
+
+@dataclass(frozen=True, eq=False)
+class OpenedScene:
+    """The scene that the worker has open: what it answered, the document as the file describes it, and as it is now."""
+
+    response: SceneOpened
+    description: SceneDescription
+    described: Document
+    document: Document
+
+
+class ModeTalk(Protocol):
+    """A mode in the window's process: what to ask of the worker for a document and a view, what its answers mean.
+
+    `update` compares what is wanted with what was asked for and has come, once a frame; all else only takes notes.
+    """
+
+    def __init__(self, desk: Desk) -> None: ...
+
+    def scene_closed(self) -> None:
+        """Another scene is being opened: there is nothing to ask for meanwhile."""
+
+    def scene_stays(self) -> None:
+        """It could not be opened: the one before is still there."""
+
+    def scene_opened(self, scene: OpenedScene) -> None:
+        """The worker has a scene open: nothing is known of its picture."""
+
+    def edited(self, command: EditCommand | None = None) -> None:
+        """Document or selection changed, by this command or in another way (undo)."""
+
+    def hand_released(self) -> None:
+        """A drag ended: what waits for the hand to rest need wait no longer."""
+
+    def update(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
+        """Once a frame: ask for what is missing; what the picture is to follow. now: seconds of a steady clock."""
+        return []
+
+    def take(self, response: Response) -> list[PictureEvent]:
+        """An answer of the worker, which may be of no interest; what of it the picture needs."""
+        return []
+
+    def status(self, status: Status) -> Status:
+        """The status with what is to be said of the picture."""
+        return status
+
+    def learn(self, planned: Iterable[tuple[Layer, Mapping[str, int]]]) -> None:
+        """What the worker has planned of layers that the document is about to get."""
+
+    def reload_images(self, key: str) -> None:
+        """The images of a layer were changed by another program."""
+
+    @property
+    def awaits_answer(self) -> bool:
+        """Whether a person waits for an answer that is due at any moment."""
+        return False
+
+    @property
+    def is_running(self) -> bool:
+        """Whether the worker is at work on the picture."""
+        return False
+
+    def cancelled(self) -> None:
+        """The person stopped the work; what has come stays."""
+
+    def resume(self) -> None:
+        """Go on with what was stopped, or has failed."""
+
+    def worker_restarted(self) -> None:
+        """A new worker knows nothing of what was asked but the requests that stand."""
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A mode by its name and, for people, its title; `talk` makes its talk at the editor's desk."""
+
+    name: str
+    title: str
+    talk: Callable[[Desk], ModeTalk]

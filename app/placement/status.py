@@ -1,0 +1,95 @@
+"""What is to be said of Placement's picture: how far it is, what of it is still missing, and what chance is left."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from app.placement.transport_talk import TransportTalk
+from app.status import Status
+from engine.plan import Precision
+
+# Noise of the whole picture below which it counts as none: a step of eight bits is four times as large.
+NO_NOISE = 1e-3
+FLOATS: dict[Precision, str] = {"half": "half floats", "float": "full floats"}
+
+
+@dataclass(frozen=True)
+class PlacementStatus(Status):
+    """The status of Placement's picture.
+
+    ``shown_coefficients`` of ``wanted_coefficients`` of the selected curve are in the picture; ``curve_error`` is what
+    the rest would change, relative RMS, None while unknown. ``image_error`` is that and the noise of indirect light.
+    ``bands`` are those of each layer's transport by key, as asked of the worker; none of a layer that is fixed.
+    ``indirect_noise`` is what chance is left in the indirect light, RMS relative to its own mean; None while unknown.
+    ``bounces_note`` says what of the light so many bounces leave out, empty where that is little; ``transport_note``
+    what of the transport is not yet as it is asked for, its bands or its precision.
+    """
+
+    shown_coefficients: int = 0
+    wanted_coefficients: int = 0
+    curve_error: float | None = None
+    bands: tuple[tuple[str, tuple[int, ...]], ...] = ()
+    indirect_noise: float | None = None
+    bounces_note: str = ""
+    transport_note: str = ""
+
+
+@dataclass(frozen=True)
+class RenderReport:
+    """What the renderer tells after a frame about the selected curve ``key``, ``factor``.
+
+    ``shown_coefficients`` of ``wanted_coefficients`` are in the picture, ``exact`` when all are;
+    ``image_error`` is what the rest would still change, relative RMS. ``precision`` is that of the transport the
+    picture is made with, None while there is none; ``gpu_mb`` the memory of all textures; ``mean_radiance`` that of the
+    direct light.
+    """
+
+    shown_coefficients: int = 0
+    wanted_coefficients: int = 0
+    image_error: float | None = None
+    frame_ms: float = 0.0
+    exact: bool = False
+    precision: Precision | None = None
+    gpu_mb: float = 0.0
+    mean_radiance: float = 0.0
+
+
+def light_note(talk: TransportTalk) -> str:
+    """What light the picture shows, in words."""
+    if talk.asked_rotation is None:
+        return ""
+    asked = f"{talk.asked_rotation:.1f}°"
+    if talk.drag_quality:
+        return f"quick picture for {asked}; the final one follows when you let go"
+    if not talk.light_is_current:
+        return f"shown for {asked}; the new light follows when the hand rests"
+    if talk.delivered_final:
+        return ""
+    return f"{'being refined' if talk.running else 'a preview'} for {asked}"
+
+
+def emitter_note(talk: TransportTalk) -> str:
+    """Whose light the picture shows, in words, where emitters were changed."""
+    if talk.drag_quality:
+        return "a quick picture of the light it throws; the final one follows when you let go"
+    if not talk.light_is_current:
+        return "the light it throws follows when the hand rests"
+    if talk.emitters_are_all:
+        return "all the light there is: what it throws follows at once"
+    return "" if talk.delivered_final else "the light it throws is being refined"
+
+
+def material_note(talk: TransportTalk) -> str:
+    """What of the materials the picture does not show yet, in words."""
+    if not talk.quotient_is_current:
+        return "the curve is shown at once; self-shadowing follows when the hand rests"
+    return "" if talk.fixed_is_current else "the curve of a fixed object follows when the hand rests"
+
+
+def transport_note(talk: TransportTalk, shown: Precision | None, wanted: Precision) -> str:
+    """What of the transport is not yet as it is asked for, in words: bands, or the floats of the selected curve's."""
+    if talk.becoming_editable:
+        return f"{', '.join(talk.becoming_editable)}: shown as it was until its bands are here"
+    if shown is None or shown == wanted:
+        return ""
+    return f"made with {FLOATS[shown]} until {FLOATS[wanted]} are here"

@@ -1,0 +1,361 @@
+"""Placement in the window's process: the talks with the worker that make its picture, as one.
+
+    document ─┬─► Curves ─► coefficients wanted ─► renderer
+              └─► transport, indirect light, images, side A ─► requests ─► worker ─► answers ─► picture events
+
+Each of them compares what the document and the view want with what was asked for and has come (see `transport_talk`);
+this joins them, and says what all of it comes to for the person.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from functools import partial
+
+from app.commands import EditCommand
+from app.document import Document, layer_key
+from app.jobs.messages import (
+    BandsPlanned,
+    BouncesPlanned,
+    Failed,
+    Frozen,
+    IndirectFound,
+    IndirectNoise,
+    LayerPicture,
+    LayerTransport,
+    MapsRefused,
+    MapsSampled,
+    Response,
+    StageDone,
+    StageFootprint,
+)
+from app.material_commands import SetMaterial
+from app.mode import Desk, ModeTalk, OpenedScene
+from app.picture import PictureEvent
+from app.placement.band_plans import BandTalk
+from app.placement.comparison import Comparison
+from app.placement.curves import Array, Curves, drawn_as
+from app.placement.edited_curves import edited_layers
+from app.placement.events import Footprint, LayerRadiance, TransportReady
+from app.placement.indirect_talk import IndirectTalk
+from app.placement.known_light import KnownLight
+from app.placement.map_talk import MapTalk
+from app.placement.status import (
+    NO_NOISE,
+    PlacementStatus,
+    RenderReport,
+    emitter_note,
+    light_note,
+    material_note,
+    transport_note,
+)
+from app.placement.transport_talk import TransportTalk
+from app.status import PictureState, Status
+from app.view_state import AS_PLANNED, ViewState
+from engine.indirect.beyond import TOO_BRIGHT
+from engine.material.layer import Layer
+
+
+class PlacementTalk(ModeTalk):
+    """The talk of Placement. curves: how many bands each curve gets, None for as many as planned."""
+
+    def __init__(self, desk: Desk, curves: Curves | None = None) -> None:
+        self.curves = curves or Curves()
+        self._desk = desk
+        self._bands = BandTalk(desk.send, self.curves.plans)
+        self._transport = TransportTalk(desk.send, self.curves)
+        self.indirect = IndirectTalk(desk.send, self.curves)
+        self.maps = MapTalk(desk.send, self.curves)
+        self._comparison = Comparison(desk.send, self.curves, self.maps.samples)
+        self._told_beyond = False
+        self._forget()
+
+    def _forget(self) -> None:
+        """Nothing is known of the picture."""
+        self._scene_id = 0
+        self._footprints: dict[str, Footprint] = {}
+        self._known_light = KnownLight()
+        self._report = RenderReport()
+        self._has_picture = False
+        self._bounces = 0, ""
+        self._transport_bytes = 0
+
+    # ----------------------------------------------------------------------------------------- what the editor tells
+
+    def scene_closed(self) -> None:
+        self._transport.scene_closed()
+
+    def scene_stays(self) -> None:
+        self._transport.scene_opened(is_new=False)
+
+    def scene_opened(self, scene: OpenedScene) -> None:
+        self._forget()
+        self._scene_id = scene.response.id
+        self._transport.scene_opened(has_sky=scene.description.environment is not None)
+        self.indirect.scene_opened()
+        self.maps.scene_opened()
+        self._known_light.worked(scene.described.light)
+        described = dict(scene.described.layers())
+        unchanged = {key: layer for key, layer in scene.document.layers() if layer == described.get(key)}
+        self.curves.opened(unchanged, scene.response.bands)
+        self.learn(scene.response.planned)
+
+    def learn(self, planned: Iterable[tuple[Layer, Mapping[str, int]]]) -> None:
+        for layer, bands in planned:
+            self.curves.plans.learn(layer, bands)
+
+    def edited(self, command: EditCommand | None = None) -> None:
+        if isinstance(command, SetMaterial):
+            self.curves.plans.replan(layer_key(command.object, index) for index in range(len(command.layers)))
+        self._picture_changed()
+        self._transport.edited()
+        self.indirect.edited()
+        self.maps.edited()
+
+    def hand_released(self) -> None:
+        self._transport.hand_released()
+
+    def reload_images(self, key: str) -> None:
+        self.maps.reload(key, self._document.layer(key).maps)
+        self._picture_changed()
+
+    def cancelled(self) -> None:
+        self._transport.cancelled()
+
+    def resume(self) -> None:
+        self._transport.resume()
+
+    def worker_restarted(self) -> None:
+        self._transport.worker_restarted()
+        self.indirect.worker_restarted()
+        self._comparison.worker_restarted()
+
+    def _picture_changed(self) -> None:
+        """Something the picture is made of changed: until the renderer reports again, it is not exact."""
+        self._report = replace(self._report, exact=False)
+
+    @property
+    def _document(self) -> Document:
+        return self._desk.history.document
+
+    # --------------------------------------------------------------------------------------------------------- asking
+
+    def update(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
+        compare = partial(self._compare, now, document, view)
+        none: list[PictureEvent] = []
+        asked = self._ask(now, document, view)
+        return asked + self._desk.barrier.run("Side A", compare, none, (document, view))
+
+    def _ask(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
+        """Ask for what is missing; how indirect light and images have changed."""
+        talk = self._transport
+        planned = self._bands.update(document)
+        talk.update(
+            now, document, view.selected, view.n_lights, self._desk.history.dragging, view.precision, view.n_bounces,
+            planned,
+        )  # fmt: skip
+        events: list[PictureEvent] = [*self.maps.update(document)]
+        if planned and not talk.drag_quality:
+            events += self.indirect.update(
+                now, document, view.selected, view.n_bounces, view.second_bands, talk.revision
+            )
+            if self.indirect.is_beyond and not self._told_beyond:
+                self._desk.notify(TOO_BRIGHT, True)
+            self._told_beyond = self.indirect.is_beyond
+        return events
+
+    def _compare(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
+        """Side A as it is chosen, and brought up to date."""
+        exact = self._picture in ("finished", "exact")
+        if view.compare is not self._comparison.document:
+            self._comparison.begin(view.compare, exact and view.compare is document)
+        return self._comparison.update(now, document, self._transport, view.n_lights, exact, self.indirect.is_shown)
+
+    @property
+    def awaits_answer(self) -> bool:
+        """Whether a curve's transport, a layer's picture or frozen light is to come at any moment."""
+        return self._transport.awaits_contraction or self.indirect.awaits_frozen
+
+    @property
+    def is_running(self) -> bool:
+        return self._transport.running
+
+    # ------------------------------------------------------------------------------------------------------ rendering
+
+    def wanted_coefficients(self, key: str) -> dict[str, Array]:
+        """Band values (J,3) of each transport factor of a layer, as the document has them."""
+        return self.curves.coefficients(self._document, key)
+
+    @property
+    def edited_layers(self) -> tuple[str, ...]:
+        """Keys of the layers that follow the selected curve, the selected one first; none of a fixed object."""
+        return edited_layers(self._document, self._desk.view.selected)
+
+    def drawn_as(self, key: str) -> tuple[object, ...]:
+        """What f_q and the curves of a layer belong to: a picture of another one is not to be drawn with them."""
+        layer = self._document.layer(key)
+        return drawn_as(layer.model.name, layer.quotient_parameters().tolist())
+
+    def layer_gain(self, key: str) -> Array:
+        """What a layer's picture is multiplied by, (3,): f_q, and how much brighter the only light has become."""
+        return self.curves.gain(self._document, key) * self._transport.light_gain
+
+    def view_curve(self, key: str) -> Array:
+        """f_o of a layer at 256 angles θ_o from 0 to π/2, (256,3)."""
+        return self.curves.view_curve(self._document, key)
+
+    def rendered(self, report: RenderReport) -> None:
+        """What the renderer reached in the frame just drawn, for the present document and selection."""
+        self._report = report
+        selected = self._desk.view.selected
+        factor = None if selected is None else selected.factor
+        for key in self.edited_layers if report.exact else ():
+            wanted = self.wanted_coefficients(key)
+            if factor in wanted:
+                self._transport.rendered(key, factor, wanted[factor])
+
+    def status(self, status: Status) -> PlacementStatus:
+        talk, report, view = self._transport, self._report, self._desk.view
+        noise, picture = self._noise, self._picture
+        known = picture not in ("waiting", "preview")
+        missing = transport_note(talk, report.precision, view.precision)
+        n_bounces, bounces_note = self._bounces
+        said = {
+            "picture": picture,
+            "image_error": math.hypot(report.image_error or 0.0, noise) if known and self._rest_is_complete else None,
+            "frame_ms": report.frame_ms,
+            "precomputed_mb": self._transport_bytes / 1e6,
+            "gpu_mb": report.gpu_mb,
+            "light_note": light_note(talk) if self._has_picture else "",
+            "material_note": material_note(talk) if self._has_picture else "",
+            "emitter_note": emitter_note(talk) if self._has_picture else "",
+            "missing_note": missing or "Wavelet coefficients, or light of further bounces, are still being added.",
+            "compared_exact": self._comparison.exact,
+        }
+        return PlacementStatus(
+            **(vars(status) | said),
+            shown_coefficients=report.shown_coefficients,
+            wanted_coefficients=report.wanted_coefficients,
+            curve_error=report.image_error if known else None,
+            bands=tuple((shape.key, shape.bands_kept) for shape in talk.layers_asked),
+            indirect_noise=self.indirect.noise,
+            bounces_note=bounces_note if n_bounces == view.n_bounces else "",
+            transport_note=missing,
+        )
+
+    @property
+    def _noise(self) -> float:
+        """The chance in the whole picture."""
+        return self.indirect.noise_of_picture(self._report.mean_radiance)
+
+    @property
+    def _rest_is_complete(self) -> bool:
+        """Whether all that makes the picture beside direct light, indirect light and images, is there."""
+        return self.indirect.is_complete and self.maps.is_complete
+
+    @property
+    def _picture(self) -> PictureState:
+        talk = self._transport
+        if not self._has_picture:
+            return "waiting"
+        if not (talk.is_open and (talk.shows_final or talk.transport_is_current and talk.delivered_final)):
+            return "preview"
+        if not (talk.finished and self._report.exact and self._rest_is_complete):
+            return "refining"
+        return "exact" if self._noise <= NO_NOISE else "finished"
+
+    # -------------------------------------------------------------------------------------------------------- answers
+
+    def take(self, response: Response) -> list[PictureEvent]:
+        is_open, is_of_scene = self._transport.is_open, response.id == self._scene_id
+        match response:
+            case BandsPlanned():
+                self._bands.took(response)
+            case Failed():
+                self._take_failure(response)
+            case MapsSampled() if is_open:
+                self.maps.took(response)
+                self._desk.say_once(response.note)
+                self.indirect.means_changed()
+                self._picture_changed()
+            case MapsRefused() if is_open:
+                if self.maps.refuse(response, self._desk.history):
+                    self._desk.document_changed()
+                self._desk.notify(response.line, True)
+            case StageFootprint() if is_of_scene:
+                self._footprints.setdefault(response.stage, Footprint(response.rows, response.weights))
+            case IndirectFound() if is_of_scene:
+                self.indirect.took_found(response)
+            case IndirectNoise() if is_of_scene:
+                self.indirect.took_noise(response)
+            case _ if response.revision == self._transport.revision and is_open:
+                return self._take_picture(response)
+        return []
+
+    def _take_picture(self, response: Response) -> list[PictureEvent]:
+        match response:
+            case BouncesPlanned() if self._desk.view.n_bounces in (AS_PLANNED, response.n_bounces):
+                self._take_bounces(response)  # else a person has chosen meanwhile
+            case Frozen():
+                self.indirect.took_frozen(response)
+            case LayerPicture() if self._comparison.took(response):
+                return []
+            case LayerPicture():
+                return [self._take_radiance(response)]
+            case LayerTransport() if self._transport.took_transport(response, self._document, self._desk.view.selected):
+                self._picture_changed()
+                return [_transport_ready(response, self.edited_layers, self._footprints.get(response.stage))]
+            case StageDone():
+                self._take_stage(response)
+        return []
+
+    def _take_radiance(self, response: LayerPicture) -> LayerRadiance:
+        talk = self._transport
+        if talk.asked_light is not None:
+            self._known_light.worked(talk.asked_light)
+        made_with = talk.took_picture(response)
+        self._has_picture = True
+        self._picture_changed()
+        footprint, look = self._footprints.get(response.stage), talk.drawn_as(response.key)
+        return LayerRadiance(response.key, response.stage, response.radiance, made_with, footprint, look)
+
+    def _take_bounces(self, response: BouncesPlanned) -> None:
+        desk, (n_bounces, said) = self._desk, self._bounces
+        if desk.view.n_bounces == AS_PLANNED:
+            desk.view = replace(desk.view, n_bounces=response.n_bounces)
+            self._transport.took_bounces(response.n_bounces)
+        if response.warning and (desk.view.n_bounces, response.warning) != (n_bounces, said):
+            desk.notify(response.warning)
+        self._bounces = response.n_bounces, response.warning
+
+    def _take_failure(self, response: Failed) -> None:
+        self._bands.took_failure(response)
+        self._transport.took_failure(response)
+        self._comparison.took_failure(response.id)
+        self.maps.took_failure(response.id)
+        refused = self._transport.asked_light if self._transport.is_transport(response.id) else None
+        if refused is not None and self._known_light.go_back(self._desk.history, refused):
+            self._desk.document_changed()
+
+    def _take_stage(self, response: StageDone) -> None:
+        self._transport.took_stage(response)
+        self._comparison.stage_came()
+        if response.transport_bytes:
+            self._transport_bytes = response.transport_bytes
+        if response.exact:
+            self._desk.gauges.progress = None
+
+
+def _transport_ready(response: LayerTransport, beside: tuple[str, ...], footprint: Footprint | None) -> TransportReady:
+    return TransportReady(
+        response.key,
+        response.factor,
+        response.stage,
+        response.coefficients_first,
+        response.norms,
+        response.scale,
+        beside,
+        footprint,
+    )
