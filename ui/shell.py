@@ -79,6 +79,8 @@ LITTLE_SECONDS = 0.002
 FAILED_SECONDS = 1.0
 # Frames that the layout takes to settle after the start.
 FIRST_FRAMES = 3
+# After an event, however long they take: the first hears it, the second shows what came of it in panels drawn before.
+INPUT_FRAMES = 2
 # A frame hears no further events after this time, a fraction of a long frame; the next, at once, hears the rest.
 HEARING_SECONDS = 0.03
 # imgui's own 0.3 is less than desktops have, and passes in two frames.
@@ -178,7 +180,7 @@ class Shell:
         self._prepared: bool | None = None
         self._prepared_ms = 0.0
         self._last_frame = clock()
-        self._last_input = -math.inf
+        self._last_input, self._input_frame = -math.inf, 0
         self._n_frames = 0
         self._seen_message = 0
         self._told: Status | None = None
@@ -200,7 +202,7 @@ class Shell:
     def note_input(self) -> None:
         """An event came in: tooltips and hover need frames for a little while."""
         self.inputs += 1
-        self._last_input = self._clock()
+        self._last_input, self._input_frame = self._clock(), self._n_frames
 
     def note_change(self) -> None:
         """The window itself changed: it needs a frame."""
@@ -433,7 +435,7 @@ class Shell:
     def _result(self, busy: bool, screenshot: Path | None, quit: bool) -> FrameResult:
         since = self._clock() - self._last_input
         redraw_in = 0.1 if since < SETTLE_SECONDS else None
-        settling = since < 0.05 or self._n_frames < FIRST_FRAMES
+        settling = since < 0.05 or self._n_frames < max(FIRST_FRAMES, self._input_frame + INPUT_FRAMES)
         follows = self._library_unread or self._thumbnails_follow or not self.events.is_empty
         return FrameResult(busy or settling or follows, redraw_in, screenshot, quit)
 

@@ -54,6 +54,13 @@ def test_a_window_nobody_touches_asks_for_no_frames(window: HeadlessWindow, clie
     assert not result.busy and result.redraw_in is None
 
 
+def test_an_event_gets_two_frames_however_long_they_take(window: HeadlessWindow, client: StandInClient) -> None:
+    window.frames(60)
+    window.shell.note_input()
+    window._time += 60.0
+    assert window.frame().busy and not window.frame().busy
+
+
 def test_what_the_worker_changed_is_drawn_in_a_step_of_its_own(
     window: HeadlessWindow, client: StandInClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:

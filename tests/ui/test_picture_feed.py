@@ -283,7 +283,7 @@ def test_a_thumbnail_that_comes_late_asks_for_a_frame(opening: Opening, monkeypa
     real = picture_feed._thumbnail
 
     def late(radiance: np.ndarray) -> np.ndarray:
-        assert go_on.wait(10.0)
+        assert go_on.wait(60.0)
         return real(radiance)
 
     monkeypatch.setattr(picture_feed, "_thumbnail", late)

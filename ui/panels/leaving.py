@@ -19,6 +19,8 @@ from ui.panels.actions import Action, Leave, Quit, Recover, SetPanel
 from ui.panels.context import PanelContext
 from ui.theme import Icon
 
+NAME_WIDTH = 150.0
+
 
 def draw(context: PanelContext) -> list[Action]:
     """The question, else the list; nothing while a file is being chosen."""
@@ -83,12 +85,13 @@ def _draw_recoveries(context: PanelContext) -> list[Action]:
 def _row(context: PanelContext, index: int, recovery: Recovery) -> list[Action]:
     written = datetime.fromtimestamp(recovery.written_at)
     imgui.align_text_to_frame_padding()
-    imgui.text_unformatted(spoken_name(str(recovery.session_path or recovery.scene)))
-    imgui.same_line(context.px(120))
+    name = spoken_name(str(recovery.session_path or recovery.scene))
+    imgui.text_unformatted(widgets.fitting(name, context.px(NAME_WIDTH)))
+    imgui.same_line(context.px(NAME_WIDTH + 20.0))
     imgui.push_style_color(imgui.Col_.text, look.pack(look.TEXT_SOFT))
     imgui.text_unformatted(f"{written:%d %B, %H:%M}")
     imgui.pop_style_color()
-    imgui.same_line(context.px(250))
+    imgui.same_line(context.px(NAME_WIDTH + 150.0))
     actions: list[Action] = []
     if widgets.text_button(context, f"recover.{index}", "Bring back", "Open these edits."):
         actions.append(Recover(recovery, True))

@@ -37,7 +37,7 @@ def draw(context: PanelContext) -> list[Action]:
         for title, entries in MENUS:
             if title == asked:
                 imgui.open_popup(title)
-            if imgui.begin_menu(title):
+            if _begin(context, title):
                 actions += entries(context)
                 imgui.end_menu()
         actions += _controls(context)
@@ -47,15 +47,23 @@ def draw(context: PanelContext) -> list[Action]:
     return actions
 
 
+def _begin(context: PanelContext, title: str) -> bool:
+    """Whether a menu, or one within it, is open: to be ended then."""
+    corner, extent = imgui.get_cursor_screen_pos(), imgui.calc_text_size(title)
+    context.handles.note(f"menu.{title}", corner.x + 0.5 * extent.x, corner.y + 0.5 * extent.y)
+    return imgui.begin_menu(title)
+
+
 def _entry(context: PanelContext, text: str, name: str, enabled: bool = True, on: bool = False) -> list[Action]:
     """A menu entry for a named shortcut."""
     pressed = imgui.menu_item_simple(text, keys_of(name), on, enabled)
+    context.handles.note_item(f"menu.{name}")
     return perform(context, name) if pressed else []
 
 
 def _file(context: PanelContext) -> list[Action]:
     actions = _entry(context, "New", "new") + _entry(context, "Open…", "open") + _recent(context)
-    if context.scenes and imgui.begin_menu("Built-in scenes"):
+    if context.scenes and _begin(context, "Built-in scenes"):
         for name in context.scenes:
             if imgui.menu_item_simple(name.capitalize(), None, name == context.document.source):
                 actions.append(OpenFile(name))
@@ -87,14 +95,15 @@ def _file(context: PanelContext) -> list[Action]:
 
 def _recent(context: PanelContext) -> list[Action]:
     """What was opened last; files that have gone are grey."""
-    if not imgui.begin_menu("Open recent"):
+    if not _begin(context, "Open recent"):
         return []
     actions: list[Action] = []
     entries = context.recent()
-    for entry in entries:
+    for index, entry in enumerate(entries):
         name, folder = entry.path.name, widgets.fitting(str(entry.path.parent), context.px(RECENT_WIDTH))
         if imgui.menu_item_simple(f"{name}###{entry.path}", folder, False, entry.there):
             actions.append(OpenFile(str(entry.path)))
+        context.handles.note_item(f"menu.recent.{index}")
     if not entries:
         imgui.text_disabled("Nothing yet")
     imgui.end_menu()
@@ -124,7 +133,17 @@ def _edit(context: PanelContext) -> list[Action]:
 
 
 def _view(context: PanelContext) -> list[Action]:
-    actions: list[Action] = []
+    """The picture first: in a small window the rest of the menu scrolls."""
+    actions = _entry(context, "The picture alone", "alone", on=context.state.alone)
+    actions += _entry(context, "Fit the picture", "whole", on=context.view.fit)
+    actions += _entry(context, "Pixel for pixel", "pixels", on=_is_pixel_for_pixel(context))
+    if _begin(context, "Colours"):
+        actions += _views(context, "menu.colours")
+        imgui.end_menu()
+    actions += _resolution(context)
+    actions += _entry(context, "Compare with this moment", "compare", on=context.view.compare is not None)
+    actions += _entry(context, "Logarithmic curve", "log", on=context.view.log_y)
+    imgui.separator()
     for panel in PANELS:
         is_open = context.view.panel_open(panel.key)
         if imgui.menu_item_simple(panel.title, None, is_open):
@@ -132,14 +151,8 @@ def _view(context: PanelContext) -> list[Action]:
             actions.append(OpenPanel(panel.key, False) if in_sight else ShowPanel(panel.key))
     if imgui.menu_item_simple("Put panels back in place"):
         actions.append(ResetLayout())
-    actions += _entry(context, "Save a picture of the window", "screenshot")
     imgui.separator()
-    actions += _resolution(context)
-    actions += _entry(context, "The picture alone", "alone", on=context.state.alone)
-    actions += _entry(context, "Fit the picture", "whole", on=context.view.fit)
-    actions += _entry(context, "Pixel for pixel", "pixels", on=_is_pixel_for_pixel(context))
-    actions += _entry(context, "Compare with this moment", "compare", on=context.view.compare is not None)
-    return actions + _entry(context, "Logarithmic curve", "log", on=context.view.log_y)
+    return actions + _entry(context, "Save a picture of the window", "screenshot")
 
 
 def _resolution(context: PanelContext) -> list[Action]:
@@ -265,14 +278,21 @@ def _tone_mapping(context: PanelContext) -> list[Action]:
     actions: list[Action] = []
     imgui.set_next_item_width(context.px(TONE_WIDTH))
     if imgui.begin_combo("##tone", VIEWS[context.view.tone_mapping].label):
-        for name, known in VIEWS.items():
-            pressed, _ = imgui.selectable(known.label, name == context.view.tone_mapping)
-            widgets.tooltip(known.tooltip)
-            if pressed:
-                actions.append(SetView.of(tone_mapping=name))
+        actions += _views(context, "colours")
         imgui.end_combo()
     context.handles.note_item("view.tone_mapping")
     widgets.tooltip("The view: how light becomes colour on the screen and in PNG files. The light stays as it is.")
+    return actions
+
+
+def _views(context: PanelContext, handle: str) -> list[Action]:
+    """The views to choose from, in a list or a menu."""
+    actions: list[Action] = []
+    for name, known in VIEWS.items():
+        if imgui.menu_item_simple(known.label, None, name == context.view.tone_mapping):
+            actions.append(SetView.of(tone_mapping=name))
+        context.handles.note_item(f"{handle}.{name}")
+        widgets.tooltip(known.tooltip)
     return actions
 
 

@@ -91,12 +91,10 @@ def test_worker_prints_nothing() -> None:
 
 
 def test_constructing_sending_and_polling_do_not_wait() -> None:
-    start = time.monotonic()
     with Client(HANDLERS) as client:
-        client.send(OpenScene("sleep 5"))
+        client.send(OpenScene("sleep 60"))
         for _ in range(10):
-            assert client.poll() == []
-        assert time.monotonic() - start < 0.5  # and not the worker's five seconds
+            assert client.poll() == []  # and no answer that was waited for
 
 
 def test_poll_keeps_to_its_budget_under_a_flood(client: Client) -> None:
@@ -123,12 +121,10 @@ def test_window_that_does_not_poll_holds_the_worker_back_and_loses_nothing(clien
 
 def test_close_ends_the_worker_even_within_a_long_step() -> None:
     client = Client(HANDLERS)
-    client.send(compute("sleep 60"))
+    client.send(compute("sleep 3600"))
     collect(client, seen(Progress))
     pid = client.pid
-    start = time.monotonic()
-    client.close()
-    assert time.monotonic() - start < 2
+    client.close()  # which would take an hour if it waited for the step
     assert pid is not None
     with pytest.raises(ProcessLookupError):
         os.kill(pid, 0)
@@ -150,7 +146,7 @@ def test_errors_leave_the_worker_alive(client: Client, state_folder: Path) -> No
     failed = collect(client, seen(Failed))[-1]
     assert isinstance(failed, Failed)
     log = state_folder / "log" / "worker.log"
-    assert failed.line.endswith(f"Undo the last edit to go on (details in {log})")
+    assert failed.line.endswith(f"Undo the last edit to go on (for a report: {log})")
     assert 'raise ValueError("two\\nlines")' in log.read_text()
     open_scene(client)
     assert client.pid == pid

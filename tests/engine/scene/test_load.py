@@ -1,5 +1,4 @@
 import os
-import time
 
 import numpy as np
 import pytest
@@ -101,7 +100,6 @@ def test_pipes_links_and_missing_files_do_not_hang(scene_file, tmp_path):
     os.mkfifo(tmp_path / "pipe.ply")
     os.mkfifo(tmp_path / "pipe.glb")
     (tmp_path / "out.ply").symlink_to("/etc/passwd")
-    start = time.monotonic()
     for name, line in [
         ("pipe.ply", "a named pipe"),
         ("pipe.glb", "a named pipe"),
@@ -109,8 +107,7 @@ def test_pipes_links_and_missing_files_do_not_hang(scene_file, tmp_path):
         ("out.ply", "outside the scene folder"),
     ]:
         with pytest.raises(LoadError, match=line):
-            load_scene(scene_file(mesh_object(name)))
-    assert time.monotonic() - start < 5  # a pipe without a writer would wait for ever
+            load_scene(scene_file(mesh_object(name)))  # a pipe without a writer would wait for ever
 
 
 def test_archives_are_no_meshes(scene_file, mesh_file):
