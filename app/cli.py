@@ -87,9 +87,8 @@ Resolution = Annotated[
     tuple[int, int] | None,
     typer.Option("--resolution", metavar="W H", callback=_resolution, help="In place of the scene's own."),
 ]
-Lights = Annotated[
-    int, typer.Option("--lights", min=FEWEST_LIGHTS, max=MOST_LIGHTS, help="Triangles that the sky is cut into.")
-]
+_LIGHTS = typer.Option("--lights", min=FEWEST_LIGHTS, max=MOST_LIGHTS, help="Triangles that the sky is cut into.")
+Lights = Annotated[int, _LIGHTS]
 Patches = Annotated[
     int,
     typer.Option("--patches", min=FEWEST_LIGHTS, max=MOST_LIGHTS, help="Parts that lamps are cut into for shadows."),
@@ -183,9 +182,10 @@ def render(
 
 @cli.command()
 def precompute(
-    scene: Scene = DEFAULT_SCENE, set_: Values = None, lights: Lights = N_LIGHTS, resolution: Resolution = None
-) -> int:
-    """Fill the cache, so that the editor opens the scene at once."""
+    scene: Scene = DEFAULT_SCENE, set_: Values = None, lights: Annotated[int | None, _LIGHTS] = None,
+    resolution: Resolution = None,
+) -> int:  # fmt: skip
+    """Fill the cache, so that the editor opens the scene at once; of a session with as many lights as it has."""
     from app.precompute import precompute as fill
 
     started = time.monotonic()

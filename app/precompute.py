@@ -19,6 +19,7 @@ from app.placement.transport_talk import TransportTalk
 from app.project import Project
 from app.view_state import AS_PLANNED
 from engine.errors import InsituError
+from engine.plan import N_LIGHTS
 
 STEP_SECONDS = 0.1
 
@@ -26,10 +27,11 @@ Report = Callable[[Progress], None]
 Answer = TypeVar("Answer", bound=Response)
 
 
-def precompute(project: Project, report: Report, n_lights: int, store: Store | None = None) -> StageDone:
+def precompute(project: Project, report: Report, n_lights: int | None = None, store: Store | None = None) -> StageDone:
     """Compute all transport of a project into the cache, and its indirect light; the last stage, with their bytes.
 
-    store: None for the editor's. Raises InsituError when it cannot be computed, or not be kept.
+    n_lights: None for as many as the editor would take; store: None for the editor's. Raises InsituError when it cannot
+    be computed, or not be kept.
     """
     store = store or Store()
     store.require()
@@ -39,6 +41,7 @@ def precompute(project: Project, report: Report, n_lights: int, store: Store | N
     _until(client, SceneOpened, report)
     talk.scene_opened()
     n_bounces = project.n_bounces or project.scene.description.bounces or AS_PLANNED
+    n_lights = n_lights or project.n_lights or N_LIGHTS
     talk.update(time.monotonic(), project.document, None, n_lights, False, n_bounces=n_bounces)
     while not (stage := _until(client, StageDone, report)).exact:
         pass

@@ -28,12 +28,14 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Project:
     """A loaded scene, the document that a person would edit, and the view that it is shown in; emitters shine as the
-    document says. n_bounces: as many as its session has, None for as many as the scene says or requires."""
+    document says. n_bounces: as many as its session has, None for as many as the scene says or requires;
+    n_lights: as its session has, None where there is none."""
 
     scene: Scene
     document: Document
     view: ToneMapping = "filmic"
     n_bounces: int | None = None
+    n_lights: int | None = None
 
     @property
     def sky(self) -> SkyState:
@@ -88,7 +90,7 @@ def open_project(
     scene = scene.shining(dict(emission_of(document)))
     if session is None:
         return Project(scene, document)
-    return Project(scene, document, session.view.tone_mapping, session.view.n_bounces or None)
+    return Project(scene, document, session.view.tone_mapping, session.view.n_bounces or None, session.view.n_lights)
 
 
 def _read(document: Document, folder: Path | None = None, scene: Path | None = None) -> Document:

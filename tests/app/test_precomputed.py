@@ -1,0 +1,92 @@
+"""`insitu precompute` leaves the editor nothing to do."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from app.editor import Editor
+from app.jobs import indirect
+from app.jobs.cache import Store
+from app.jobs.in_process import InProcessClient
+from app.jobs.tasks import Tasks
+from app.precompute import precompute
+from app.project import open_project
+from app.session import save_session
+from app.view_state import ViewState
+from engine.indirect.solver import ROUGH, Solver
+
+SCENE = """version = 1
+name = "two"
+[camera]
+position = [0, 0.6, 3]
+target = [0, 0.4, 0]
+resolution = [24, 16]
+[environment]
+radiance = 0.5
+[[object]]
+name = "floor"
+primitive = "quad"
+transform = [2,0,0,0, 0,0,2,0, 0,-2,0,0, 0,0,0,1]
+layer = [{ model = "lambert", albedo = [0.6, 0.5, 0.4] }]
+[[object]]
+name = "ball"
+primitive = "sphere"
+transform = [0.8,0,0,0, 0,0.8,0,0.4, 0,0,0.8,0, 0,0,0,1]
+layer = [{ model = "rough_conductor", alpha = 0.3 }]
+"""
+
+
+class CountingStore(Store):
+    """Counts what is kept in it, which is all that takes long."""
+
+    kept = 0
+
+    def put(self, key, arrays):
+        self.kept += 1
+        return super().put(key, arrays)
+
+
+@pytest.fixture
+def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(indirect, "FINE", replace(ROUGH, name="fine"))  # quicker, and as good for this
+    monkeypatch.setenv("INSITU_STATE", str(tmp_path / "state"))
+    file = tmp_path / "scene.toml"
+    file.write_text(SCENE)
+    return file
+
+
+def session_of(scene: Path) -> Path:
+    """With another number of lights than a scene has, other bounces, and another size."""
+    document = open_project(str(scene)).document
+    return save_session(
+        scene.with_suffix(".insitu"), document, ViewState(n_lights=600, n_bounces=2, resolution=(20, 16))
+    )
+
+
+@pytest.mark.parametrize("is_session", [False, True])
+def test_it_leaves_the_editor_nothing_to_do(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_session: bool
+) -> None:
+    file = str(session_of(scene) if is_session else scene)
+    store = CountingStore(tmp_path / "cache")
+    precompute(open_project(file), lambda progress: None, store=store)
+    assert store.kept == 4  # visibility, two layers' transport, their indirect light
+    monkeypatch.setattr(Solver, "solve", lambda *arguments: pytest.fail("indirect light is found once more"))
+    editor = Editor(InProcessClient(Tasks(store)), file)
+    _rest(editor)
+    assert editor.scene_is_open and editor._negotiator.delivered_final and editor.indirect_light.is_shown
+    assert store.kept == 4
+    editor.close()
+
+
+def _rest(editor: Editor) -> None:
+    """Until the worker has nothing more to do."""
+    for _ in range(10_000):
+        editor.tick(time.monotonic())
+        if editor.indirect_light.is_complete and not editor._negotiator.running and editor.scene_is_open:
+            return
+    pytest.fail(f"not finished: {editor.status}")
