@@ -21,6 +21,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
+from app.system import process_lives
 from engine.errors import InsituError
 
 PRIVATE_FILE, PRIVATE_FOLDER = 0o600, 0o700
@@ -88,7 +89,7 @@ def replacing(path: str | os.PathLike[str], *, durable: bool = True, private: bo
             yield file
             file.flush()
             if not private:
-                _keep_permissions(target, file.fileno())
+                _keep_permissions(target, temporary)
             if durable:
                 os.fsync(file.fileno())
         os.replace(temporary, target)
@@ -158,28 +159,9 @@ def _put_in_place(temporary: Path, target: Path) -> None:
     _flush_folder(target)
 
 
-def process_lives(pid: int) -> bool:
-    """Whether a process of this number exists, ours or another user's.
-
-    One that has ended and waits only to be collected, a zombie, lives no more: in a container whose first process
-    collects none they stay for good, and with them would all that is kept for the living.
-    """
-    try:
-        os.kill(pid, 0)
-    except (ProcessLookupError, OverflowError):
-        return False
-    except PermissionError:
-        pass
-    try:
-        state = Path(f"/proc/{pid}/stat").read_text(errors="replace").rpartition(")")[2].split()
-    except OSError:  # no such folder on this system, or the process has just ended
-        return not Path("/proc/self/stat").exists()
-    return state[0] not in "ZX"
-
-
-def _keep_permissions(target: Path, descriptor: int) -> None:
+def _keep_permissions(target: Path, temporary: Path) -> None:
     with contextlib.suppress(OSError):
-        os.fchmod(descriptor, target.stat().st_mode & 0o7777)
+        os.chmod(temporary, target.stat().st_mode & 0o7777)
 
 
 def _flush_folder(folder: Path) -> None:

@@ -20,6 +20,7 @@ from app.frontend import Frontend
 from app.jobs.cache import cache_folder
 from app.memory import gib, memory_bytes
 from app.paths import state_directory
+from app.system import HAS_ANONYMOUS_FILES, anonymous_file, reserve
 from engine.errors import InsituError
 
 State = Literal["ok", "without", "broken"]
@@ -104,8 +105,6 @@ def _rays() -> Finding:
 
 def _memory() -> Finding:
     free, total = memory_bytes()
-    if free is None:
-        return Finding("memory", "ok", "this system does not tell how much is free")
     found = f"{gib(free)} free of {gib(total)}, {os.cpu_count()} processors"
     if free < NEEDED_MEMORY:
         mend = f"close something, or give a smaller --resolution; {gib(NEEDED_MEMORY)} serve"
@@ -132,13 +131,13 @@ def _folder(name: str, find: Callable[[], Path], variable: str) -> Finding:
 
 def _shared_memory() -> Finding:
     """Memory that the window and the worker share: anonymous files on Linux, named blocks elsewhere."""
-    if not hasattr(os, "memfd_create"):
+    if not HAS_ANONYMOUS_FILES:
         return Finding("shared memory", "ok", "named blocks")
     mend = "give the container more: docker run --shm-size=1g, or mount -o remount,size=1g /dev/shm"
     try:
-        descriptor = os.memfd_create("insitu-doctor")
+        descriptor = anonymous_file()
         try:
-            os.posix_fallocate(descriptor, 0, NEEDED_SHARED)
+            reserve(descriptor, NEEDED_SHARED)
         finally:
             os.close(descriptor)
     except OSError as error:

@@ -9,7 +9,6 @@ process, so a journal that can be locked is one to recover. Rejected: process nu
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import itertools
 import os
 import queue
@@ -17,14 +16,17 @@ import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
+from typing import TYPE_CHECKING
 
-from app.atomic import make_private_folder, private_opener, write_atomically
+from app.atomic import PRIVATE_FILE, make_private_folder, write_atomically
 from app.document import Document
 from app.paths import journal_directory
 from app.session import SUFFIX, JournalRecord, Session, dump_session, load_session
 from app.view_state import ViewState
 from engine.errors import InsituError, LoadError
+
+if TYPE_CHECKING:
+    from filelock import FileLock
 
 DAMAGED = ".damaged"
 WRITE_SECONDS = 0.5
@@ -73,14 +75,10 @@ class Journal:
         self.path = folder / f"{os.getpid()}-{time.time_ns():x}-{next(_serial)}{SUFFIX}"
         self.problem = self.notice = ""
         self.written: Document | None = None
-        self._lock: IO[bytes] | None = None
+        self._lock: FileLock | None = None
         self._noted: Document | None = None
         self._noted_at = float("-inf")
         self._entries: queue.SimpleQueue[_Entry | None] = queue.SimpleQueue()
-        try:
-            self._take_lock()
-        except OSError as error:
-            self._failed(error)
         self._thread = threading.Thread(target=self._write_all, name="journal", daemon=True)
         self._thread.start()
 
@@ -102,12 +100,16 @@ class Journal:
             self._entries.put(None)
             self._thread.join()
         if self._lock is not None:
-            self._lock.close()
+            self._lock.release()
         if not keep:
             Recovery(self.path, "", 0.0).discard()
 
     def _write_all(self) -> None:
         """The thread: look for journals that are damaged, then write the newest entry each time there is one."""
+        try:
+            self._take_lock()
+        except OSError as error:
+            self._failed(error)
         with contextlib.suppress(Exception):  # whatever is wrong with others, this journal is to be written
             self.notice = set_damaged_aside(self.path.parent)
         while (entry := self._newest()) is not None:
@@ -124,7 +126,9 @@ class Journal:
         """Without it another editor would take the journal for one that was left behind. Raises OSError."""
         if self._lock is None:
             make_private_folder(self.path.parent)
-            self._lock = _locked(_lock_path(self.path))
+            lock = _lock_on(self.path)
+            lock.acquire()
+            self._lock = lock
 
     def _newest(self) -> _Entry | None:
         entry = self._entries.get()
@@ -162,7 +166,7 @@ def set_damaged_aside(folder: Path) -> str:
     """
     lines = []
     for path in sorted(folder.glob(f"*{SUFFIX}")):
-        if _owner_lives(_lock_path(path)):
+        if _owner_lives(path):
             continue
         try:
             load_session(path)
@@ -181,7 +185,7 @@ def _aside(path: Path) -> Path:
 
 
 def _recovery(path: Path) -> Recovery | None:
-    if _owner_lives(_lock_path(path)):
+    if _owner_lives(path):
         return None
     try:
         session = load_session(path)
@@ -197,7 +201,7 @@ def _sweep_locks(folder: Path) -> None:
     for lock in folder.glob("*.lock"):
         with contextlib.suppress(OSError):
             is_old = time.time() - lock.stat().st_mtime > STALE_LOCK_SECONDS
-            if is_old and not lock.with_suffix(SUFFIX).exists() and not _owner_lives(lock):
+            if is_old and not lock.with_suffix(SUFFIX).exists() and not _owner_lives(lock.with_suffix(SUFFIX)):
                 lock.unlink()
 
 
@@ -205,19 +209,23 @@ def _lock_path(path: Path) -> Path:
     return path.with_suffix(".lock")
 
 
-def _locked(path: Path) -> IO[bytes]:
-    """The open, locked file; the lock lasts until it is closed or the process ends."""
-    file = open(path, "wb", opener=private_opener)
-    fcntl.flock(file, fcntl.LOCK_EX)
-    return file
+def _lock_on(path: Path) -> FileLock:
+    """The lock of a journal, which the system lifts when the process that took it ends; not taken yet."""
+    from filelock import FileLock  # late: it takes longer than all else that a start does here
+
+    return FileLock(_lock_path(path), mode=PRIVATE_FILE, thread_local=False)
 
 
-def _owner_lives(path: Path) -> bool:
-    try:
-        with open(path, "rb") as file:
-            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except FileNotFoundError:
+def _owner_lives(journal: Path) -> bool:
+    """Whether somebody holds the lock of a journal."""
+    if not _lock_path(journal).exists():
         return False
-    except OSError:
+    from filelock import Timeout
+
+    lock = _lock_on(journal)
+    try:
+        lock.acquire(timeout=0)
+    except (Timeout, OSError):
         return True
+    lock.release()
     return False

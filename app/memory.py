@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+import contextlib
 
 from engine.errors import InsituError
 
@@ -10,14 +10,28 @@ from engine.errors import InsituError
 BYTES_A_PIXEL = 1200
 
 
-def memory_bytes() -> tuple[int | None, int]:
-    """Bytes available and in all; None where the system does not tell."""
-    try:
-        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
-    except OSError:
-        return None, 0
-    values = {name: int(rest.split()[0]) * 1024 for name, _, rest in (line.partition(":") for line in lines)}
-    return values.get("MemAvailable"), values.get("MemTotal", 0)
+def memory_bytes() -> tuple[int, int]:
+    """Bytes that the system can still give without swapping, and in all."""
+    import psutil  # late, here and below: the window is not to wait for it
+
+    memory = psutil.virtual_memory()
+    return memory.available, memory.total
+
+
+def available_memory() -> int:
+    """Bytes that the system can still give without swapping."""
+    return memory_bytes()[0]
+
+
+def resident_megabytes(*pids: int | None) -> float:
+    """Memory that these processes hold in RAM, together, in MB; those that have ended hold none."""
+    import psutil
+
+    total = 0
+    for pid in pids:
+        with contextlib.suppress(psutil.Error):
+            total += 0 if pid is None else psutil.Process(pid).memory_info().rss
+    return total / 1e6
 
 
 def bytes_for(resolution: tuple[int, int]) -> int:
@@ -28,7 +42,7 @@ def bytes_for(resolution: tuple[int, int]) -> int:
 def require_memory_for(resolution: tuple[int, int], mend: str = "give a smaller --resolution") -> None:
     """InsituError when a picture of (width, height) pixels would need more memory than there is; mend: what to do."""
     needed, (free, _) = bytes_for(resolution), memory_bytes()
-    if free is not None and needed > free:
+    if needed > free:
         size = f"{resolution[0]} x {resolution[1]} pixels"
         raise InsituError(f"{size} need about {gib(needed)}, {gib(free)} are free; {mend}")
 

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import math
 import os
-import resource
-import sys
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal
 
 from app.jobs.messages import Progress
+from app.memory import resident_megabytes
 from engine.errors import plain_line
 
 PictureState = Literal["waiting", "preview", "refining", "finished", "exact"]
 MEMORY_SECONDS = 1.0
-_PAGE = os.sysconf("SC_PAGE_SIZE")
 
 
 @dataclass(frozen=True)
@@ -101,17 +98,3 @@ class Gauges:
             notes=self.notes,
             stopped=self.stopped,
         )
-
-
-def resident_megabytes(*pids: int | None) -> float:
-    """Memory that these processes hold in RAM, together, in MB; of this one alone where the system does not tell."""
-    pages = 0
-    for pid in pids:
-        try:
-            pages += int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1])
-        except (OSError, ValueError, IndexError):
-            continue
-    if pages:
-        return pages * _PAGE / 1e6
-    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return most / 1e6 if sys.platform == "darwin" else most / 1e3

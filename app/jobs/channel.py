@@ -1,7 +1,8 @@
 """Messages over one socket between two processes of ours.
 
 A frame is a fixed header, a pickled message and, beside it (SCM_RIGHTS), the descriptor of one shared block with the
-message's large buffers (pickle protocol 5, out of band). Only the two ends of a socket pair that we opened ourselves
+message's large buffers (pickle protocol 5, out of band); where descriptors do not travel, its name stands in the
+header. Only the two ends of a socket pair that we opened ourselves
 ever speak here, which is why pickle is safe.
 
 The socket never blocks. `receive` takes what is there and works on it until a deadline, checksum included: the window
@@ -14,7 +15,6 @@ and readers waiting for the rest.
 
 from __future__ import annotations
 
-import array
 import io
 import os
 import pickle
@@ -24,17 +24,19 @@ import struct
 import threading
 import time
 from collections import deque
-from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from app.jobs.messages import Message
-from app.jobs.shared_arrays import Block, Method, create_block
+from app.jobs.shared_arrays import Block, Method, create_block, name_of_kept, open_kept
+from app.system import has_hung_up, receive_with, send_with
 
 SHARED_FROM = 4096  # bytes: smaller buffers travel inside the message
 _MAGIC = b"INSF"
-_HEADER = struct.Struct("<4sIQQ")  # magic, bytes of the pickle, generation of the block (0: none), bytes of the block
+# Magic, bytes of the pickle, generation of the block (0: none) and its bytes; the process and serial that name it.
+_HEADER = struct.Struct("<4sIQQQQ")
 _LARGEST_PICKLE = 64 << 20
 _READ = 1 << 16
 _SEND_BUFFER = 1 << 16
@@ -50,16 +52,32 @@ class ChannelError(Exception):
 
 
 class _Frame:
-    """Bytes to send and the block's descriptor, which goes with the first of them."""
+    """Bytes to send and the block: a descriptor, which goes with the first of them, or a file for their reader."""
 
-    def __init__(self, data: bytes, descriptor: int | None) -> None:
+    def __init__(self, data: bytes, block: int | Path | None) -> None:
         self.data = memoryview(data)
-        self.descriptor = descriptor
+        self._block = block
 
-    def close(self) -> None:
+    @property
+    def descriptor(self) -> int | None:
+        return self._block if isinstance(self._block, int) else None
+
+    def sent(self, n_bytes: int) -> None:
+        """So many bytes have gone, and the block with them."""
+        self.data = self.data[n_bytes:]
         if self.descriptor is not None:
             os.close(self.descriptor)
-            self.descriptor = None
+            self._block = None
+        elif not self.data:
+            self._block = None
+
+    def close(self) -> None:
+        """It is not sent, or not to the end: nobody will open the block."""
+        if isinstance(self._block, Path):
+            self._block.unlink(missing_ok=True)
+        elif self._block is not None:
+            os.close(self._block)
+        self._block = None
 
 
 class Channel:
@@ -122,23 +140,19 @@ class Channel:
         if len(payload) > _LARGEST_PICKLE:
             raise ValueError(f"a message of {len(payload)} bytes beside its arrays, expected at most {_LARGEST_PICKLE}")
         if not buffers:
-            return _Frame(_HEADER.pack(_MAGIC, len(payload), 0, 0) + payload, None)
+            return _Frame(_HEADER.pack(_MAGIC, len(payload), 0, 0, 0, 0) + payload, None)
         self._generation += 1
-        descriptor, size = create_block(buffers, self._generation, self._method)
-        return _Frame(_HEADER.pack(_MAGIC, len(payload), self._generation, size) + payload, descriptor)
+        block, size = create_block(buffers, self._generation, self._method)
+        name = name_of_kept(block) if isinstance(block, Path) else (0, 0)
+        return _Frame(_HEADER.pack(_MAGIC, len(payload), self._generation, size, *name) + payload, block)
 
     def _send_some(self, frame: _Frame) -> bool:
-        ancillary: list[tuple[int, int, Any]] = []
-        if frame.descriptor is not None:
-            ancillary = [(socket.SOL_SOCKET, socket.SCM_RIGHTS, array.array("i", [frame.descriptor]))]
         try:
-            sent = self._socket.sendmsg([frame.data], ancillary)
+            frame.sent(send_with(self._socket, frame.data, frame.descriptor))
         except BlockingIOError:
             return False
         except OSError as error:
             raise ChannelClosed(str(error)) from error
-        frame.close()
-        frame.data = frame.data[sent:]
         return True
 
     # -------------------------------------------------------------------------------------------------- receiving
@@ -154,10 +168,10 @@ class Channel:
                 return self._finish_check(deadline)
             frame = self._take_frame()
             if frame is not None:
-                payload, generation, size = frame
+                payload, generation, size, name = frame
                 if not generation:
                     return _unpickle(payload, [])
-                self._checking = payload, self._take_block(generation, size)
+                self._checking = payload, Block(self._take_descriptor(name), generation, size)
             elif not self._read() or time.monotonic() >= deadline:
                 return None
 
@@ -171,6 +185,10 @@ class Channel:
         if self._checking is not None or self._frame_is_complete():
             return True
         return bool(select.select([self._socket], [], [], timeout)[0])
+
+    def has_hung_up(self, timeout_s: float) -> bool:
+        """Whether the other end is gone, known within `timeout_s`; nothing is taken from the socket."""
+        return has_hung_up(self._socket, timeout_s)
 
     def close(self) -> None:
         for descriptor in self._descriptors:
@@ -193,49 +211,44 @@ class Channel:
     def _frame_is_complete(self) -> bool:
         if len(self._incoming) < _HEADER.size:
             return False
-        magic, length, _, _ = _HEADER.unpack_from(self._incoming)
+        magic, length, *_ = _HEADER.unpack_from(self._incoming)
         if magic != _MAGIC or length > _LARGEST_PICKLE:
             raise ChannelError("a frame without our header")
         return bool(len(self._incoming) >= _HEADER.size + length)
 
-    def _take_frame(self) -> tuple[bytes, int, int] | None:
+    def _take_frame(self) -> tuple[bytes, int, int, tuple[int, int]] | None:
+        """The pickle, generation and size of the block, and the numbers of its name."""
         if not self._frame_is_complete():
             return None
-        _, length, generation, size = _HEADER.unpack_from(self._incoming)
+        _, length, generation, size, *name = _HEADER.unpack_from(self._incoming)
         end = _HEADER.size + length
         payload = bytes(memoryview(self._incoming)[_HEADER.size : end])
         del self._incoming[:end]
-        return payload, generation, size
+        return payload, generation, size, (name[0], name[1])
 
-    def _take_block(self, generation: int, size: int) -> Block:
+    def _take_descriptor(self, name: tuple[int, int]) -> int:
+        if any(name):
+            return open_kept(*name)
         if not self._descriptors:
             raise ChannelError("a message without its block: too many files are open")
-        return Block(self._descriptors.popleft(), generation, size)
+        return self._descriptors.popleft()
 
     def _read(self) -> bool:
         """Take bytes and descriptors from the socket: False when there are none now."""
         if self._ended:
             raise ChannelClosed("the other end closed the connection")
-        room = socket.CMSG_SPACE(_MAX_DESCRIPTORS * array.array("i").itemsize)
         try:
-            data, ancillary, flags, _ = self._socket.recvmsg(_READ, room, getattr(socket, "MSG_CMSG_CLOEXEC", 0))
+            data, descriptors, some_were_lost = receive_with(self._socket, _READ, _MAX_DESCRIPTORS)
         except BlockingIOError:
             return False
         except OSError as error:
             raise ChannelClosed(str(error)) from error
-        self._keep_descriptors(ancillary)
-        if flags & socket.MSG_CTRUNC:
+        self._descriptors.extend(descriptors)
+        if some_were_lost:
             raise ChannelError("a block could not be received: too many files are open")
         self._ended = not data
         self._incoming += data
         return True
-
-    def _keep_descriptors(self, ancillary: Iterable[tuple[int, int, bytes]]) -> None:
-        for level, kind, data in ancillary:
-            if (level, kind) == (socket.SOL_SOCKET, socket.SCM_RIGHTS):
-                received = array.array("i")
-                received.frombytes(data[: len(data) - len(data) % received.itemsize])
-                self._descriptors.extend(received)
 
 
 class _Pickler(pickle.Pickler):

@@ -25,8 +25,9 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from app.jobs.background import die_with, step_back
+from app.jobs.background import step_back
 from app.kernel_cache import NUMBA_VARIABLE, kernel_digest, use_kernel_cache
+from app.system import end_with_parent
 
 if TYPE_CHECKING:
     from app.jobs.tasks import Tasks
@@ -154,7 +155,7 @@ def rehearse(part: str) -> None:
 def main() -> None:
     """Another process: compile one part and end."""
     step_back(further=True)
-    die_with(int(sys.argv[2]))
+    end_with_parent(int(sys.argv[2]))
     use_kernel_cache()
     gc.set_threshold(GC_THRESHOLD)
     load_compiler()

@@ -15,6 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from app.system import start_with_socket
+
 if TYPE_CHECKING:
     from app.jobs.shared_arrays import Method
 
@@ -36,20 +38,13 @@ def start_worker(
     handlers: str = TASKS, heartbeat: float = HEARTBEAT_SECONDS, method: Method | None = None
 ) -> StartedWorker:
     """Start the process, which takes a few milliseconds here; raises OSError when the system refuses."""
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+    ours, theirs = socket.socketpair()
     with theirs:
         command = [sys.executable, "-P", "-m", "app.jobs"]
-        command += ["--socket", str(theirs.fileno()), "--parent", str(os.getpid())]
-        command += ["--handlers", handlers, "--heartbeat", str(heartbeat)]
+        command += ["--parent", str(os.getpid()), "--handlers", handlers, "--heartbeat", str(heartbeat)]
         command += ["--method", method] if method else []
         try:
-            process = subprocess.Popen(
-                command,
-                pass_fds=[theirs.fileno()],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                env=_environment(),
-            )
+            process = start_with_socket(command, theirs, _environment())
         except BaseException:
             ours.close()
             raise

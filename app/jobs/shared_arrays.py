@@ -5,9 +5,10 @@
 
 A block holds the large buffers of one message. It has no name that could be left behind: `memfd_create` on Linux,
 elsewhere a file whose name (tagged with the process id) is removed as soon as it is open; the descriptor travels
-through the socket and the kernel frees the memory with the last mapping, whoever dies first. The arrays own the
-mapping, so no view outlives its memory. Data is written by `pwrite`, after the space was reserved: a full disk or
-memory is an OSError here, never a SIGBUS there.
+through the socket and the kernel frees the memory with the last mapping, whoever dies first. Where descriptors do not
+travel (Windows) the file keeps its name until the receiver has opened it; what nobody opened is swept at the next
+start. The arrays own the mapping, so no view outlives its memory. Data is written to its place after the space was
+reserved: a full disk or memory is an OSError here, never a SIGBUS there.
 
 The checksum is the sum of all 64-bit words. It finds what can happen here, a block half written or of another time, at
 the speed of memory; CRC-32 on both sides took a tenth of a curve's switch.
@@ -19,13 +20,11 @@ blocks still in use, and a view that outlives the object is a segmentation fault
 from __future__ import annotations
 
 import errno
-import fcntl
 import itertools
 import mmap
 import os
 import re
 import struct
-import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -33,10 +32,12 @@ from typing import Literal
 
 import numpy as np
 
-from app.atomic import process_lives
+from app import system
+from app.memory import available_memory
+from app.system import process_lives
 from engine.errors import InsituError
 
-Method = Literal["memfd", "named"]
+Method = Literal["memfd", "named", "kept"]
 Buffer = bytes | memoryview
 
 _MAGIC = b"INSITUB2"
@@ -45,7 +46,7 @@ _EXTENT = struct.Struct("<QQ")  # offset from the start of the block, bytes
 _ALIGNMENT = 64
 _SLICE = 1 << 20  # bytes checked between two looks at the clock: about 0.1 ms
 _WORD = (1 << 64) - 1
-_NAME = re.compile(r"insitu-(\d+)-\d+\.block")
+_NAME = re.compile(r"insitu-(\d+)-(\d+)\.block")
 _CHECK_MEMORY_FROM = 16 << 20
 _serial = itertools.count()
 
@@ -59,33 +60,50 @@ class OutOfMemory(InsituError):
 
 
 def default_method() -> Method:
-    return "memfd" if hasattr(os, "memfd_create") else "named"
+    if system.HAS_ANONYMOUS_FILES:
+        return "memfd"
+    return "named" if system.PASSES_DESCRIPTORS else "kept"
 
 
-def named_folder() -> Path:
-    """Where the `named` method opens its blocks: in memory where the system has such a folder."""
-    memory = Path("/dev/shm")
-    return memory if os.access(memory, os.W_OK) else Path(tempfile.gettempdir())
-
-
-def create_block(buffers: Sequence[Buffer], generation: int, method: Method | None = None) -> tuple[int, int]:
-    """A sealed block with these buffers: its descriptor, which the caller closes, and its size in bytes.
+def create_block(buffers: Sequence[Buffer], generation: int, method: Method | None = None) -> tuple[int | Path, int]:
+    """A sealed block with these buffers, and its size in bytes: its descriptor, which the caller closes, or of a `kept`
+    one its file, which `open_kept` opens and removes.
 
     Raises OutOfMemory, before anything is written, when there is no room.
     """
     extents, total = _lay_out(buffers)
     _check_available_memory(total)
-    descriptor = _open_block(method or default_method())
+    descriptor, file = _open_block(method or default_method())
     try:
-        _reserve(descriptor, total)
+        system.reserve(descriptor, total)
         _write(descriptor, buffers, extents, generation, total)
-        _seal(descriptor)
+        system.seal(descriptor)
     except BaseException as error:
         os.close(descriptor)
+        if file is not None:
+            file.unlink()
         if isinstance(error, OSError):
             raise _no_room(total, os.strerror(error.errno or errno.EIO)) from error
         raise
-    return descriptor, total
+    if file is None:
+        return descriptor, total
+    os.close(descriptor)
+    return file, total
+
+
+def name_of_kept(file: Path) -> tuple[int, int]:
+    """The two numbers that say which file a `kept` block is in: whose process it is of, and which it is there."""
+    match = _NAME.fullmatch(file.name)
+    assert match is not None
+    return int(match[1]), int(match[2])
+
+
+def open_kept(process: int, serial: int) -> int:
+    """The descriptor of a `kept` block, whose file goes. Raises BlockError when there is none."""
+    try:
+        return system.open_last(_file_of(process, serial))
+    except OSError as error:
+        raise BlockError(f"a block that cannot be opened: {error.strerror}") from error
 
 
 class Block:
@@ -137,7 +155,7 @@ class Block:
 
 def sweep_dead_blocks(folder: Path | None = None) -> None:
     """Remove the names that processes killed between opening a block and removing its name have left."""
-    folder = folder or named_folder()
+    folder = folder or system.memory_folder()
     for name in os.listdir(folder):
         match = _NAME.fullmatch(name)
         if match and not process_lives(int(match[1])):
@@ -155,20 +173,19 @@ def _lay_out(buffers: Sequence[Buffer]) -> tuple[list[tuple[int, int]], int]:
     return extents, -(-position // 8) * 8
 
 
-def _open_block(method: Method) -> int:
+def _open_block(method: Method) -> tuple[int, Path | None]:
     if method == "memfd":
-        return os.memfd_create("insitu", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
-    path = named_folder() / f"insitu-{os.getpid()}-{next(_serial)}.block"
-    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600)
-    os.unlink(path)
-    return descriptor
+        return system.anonymous_file(), None
+    file = _file_of(os.getpid(), next(_serial))
+    descriptor = os.open(file, os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o600)
+    if method == "kept":
+        return descriptor, file
+    os.unlink(file)
+    return descriptor, None
 
 
-def _reserve(descriptor: int, total: int) -> None:
-    if hasattr(os, "posix_fallocate"):
-        os.posix_fallocate(descriptor, 0, total)
-    else:
-        os.ftruncate(descriptor, total)
+def _file_of(process: int, serial: int) -> Path:
+    return system.memory_folder() / f"insitu-{process}-{serial}.block"
 
 
 def _write(
@@ -187,7 +204,7 @@ def _write(
 def _write_all(descriptor: int, data: Buffer, offset: int) -> None:
     view = memoryview(data)
     while len(view):
-        written = os.pwrite(descriptor, view, offset)
+        written = system.write_at(descriptor, view, offset)
         view, offset = view[written:], offset + written
 
 
@@ -203,33 +220,13 @@ def _sum(data: Buffer) -> int:
     return int(words.sum(dtype=np.uint64)) + left
 
 
-def _seal(descriptor: int) -> None:
-    """Nobody changes or shortens the block any more, so that the receiver cannot be hit by a SIGBUS (Linux)."""
-    if hasattr(fcntl, "F_ADD_SEALS"):
-        try:
-            fcntl.fcntl(descriptor, fcntl.F_ADD_SEALS, fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_WRITE)
-        except OSError as error:
-            if error.errno not in (errno.EPERM, errno.EINVAL):  # an ordinary file: no seals
-                raise
-
-
 def _check_available_memory(total: int) -> None:
     """Refuse what would drive the system out of memory: reserving a memfd would succeed, and then kill."""
     if total < _CHECK_MEMORY_FROM:
         return
     available = available_memory()
-    if available is not None and total > 0.9 * available:
+    if total > 0.9 * available:
         raise _no_room(total, f"{available >> 20} MiB are free")
-
-
-def available_memory() -> int | None:
-    """Bytes the system can still give without swapping; None where it does not say (proc(5), MemAvailable)."""
-    try:
-        text = Path("/proc/meminfo").read_text()
-    except OSError:
-        return None
-    match = re.search(r"^MemAvailable:\s+(\d+) kB", text, re.MULTILINE)
-    return int(match[1]) * 1024 if match else None
 
 
 def _no_room(total: int, why: str) -> OutOfMemory:

@@ -2,14 +2,14 @@
 
 A tiles file is a row of records (see `array_record`), each labelled with the key, the number of tiles and its own
 index, and appended in one piece. Whatever a kill left half-written disagrees with its checksum: opening the file cuts
-it off there, and all before it counts. One process at a time writes a file (flock, which the kernel lifts when the
-process dies); a second one computes without.
+it off there, and all before it counts. One process at a time writes a file (by a lock beside it, which the system
+lifts when the process dies); a second one computes without.
 """
 
 from __future__ import annotations
 
 import contextlib
-import fcntl
+import errno
 import json
 import mmap
 import os
@@ -18,8 +18,11 @@ from io import BytesIO, FileIO
 from pathlib import Path
 from typing import TypeVar
 
-from app.atomic import private_opener
+from filelock import FileLock, Timeout
+
+from app.atomic import PRIVATE_FILE, private_opener
 from app.jobs.array_record import RecordError, read_record, write_record
+from app.system import read_at
 from engine.stored_arrays import Arrays, UnsoundArrays
 
 Made = TypeVar("Made")
@@ -40,6 +43,7 @@ class Tiles:
         self._extents: dict[int, tuple[int, int]] = {}
         self._end = 0
         self._writable = True
+        self._lock = FileLock(path.with_name(path.name + ".lock"), mode=PRIVATE_FILE, thread_local=False)
         self._file: FileIO | None = self._open()
 
     @property
@@ -72,7 +76,7 @@ class Tiles:
             return None
         offset, size = self._extents[index]
         try:
-            return read(read_record(memoryview(os.pread(self._file.fileno(), size, offset))).arrays)
+            return read(read_record(memoryview(read_at(self._file.fileno(), size, offset))).arrays)
         except (OSError, RecordError, UnsoundArrays):  # sound when the file was opened, or never: found anew
             return None
 
@@ -87,6 +91,7 @@ class Tiles:
         if self._file is not None:
             self._file.close()
             self._file = None
+        self._unlock()
 
     def __enter__(self) -> Tiles:
         return self
@@ -96,24 +101,27 @@ class Tiles:
 
     def _open(self) -> FileIO | None:
         """The file, locked, its damaged end cut off; None when that is not possible."""
+        file = None
         try:
+            self._lock.acquire(timeout=0)
             file = FileIO(self._path, "a+", opener=private_opener)
-        except OSError as error:
-            self._note_failure(error)
-            return None
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             self._scan(file)
             file.truncate(self._end)
-        except BlockingIOError as error:
-            file.close()
-            self._note_failure(OSError(error.errno, "another Insitu is at work on the same scene"))
-            return None
+            return file
+        except Timeout:
+            self._note_failure(OSError(errno.EAGAIN, "another Insitu is at work on the same scene"))
         except OSError as error:
-            file.close()
             self._note_failure(error)
-            return None
-        return file
+        if file is not None:
+            file.close()
+        self._unlock()
+        return None
+
+    def _unlock(self) -> None:
+        if self._lock.is_locked:
+            with contextlib.suppress(OSError):
+                Path(self._lock.lock_file).unlink()  # whoever waits for it looks again
+            self._lock.release()
 
     def _scan(self, file: FileIO) -> None:
         """Find the sound records, from the start up to the first that is not."""

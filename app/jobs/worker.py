@@ -14,21 +14,19 @@ import faulthandler
 import importlib
 import logging
 import os
-import select
-import socket
 import sys
 import threading
 from collections.abc import Sequence
 from typing import Any, cast
 
 from app.atomic import private_opener
-from app.jobs.background import die_with
 from app.jobs.channel import Channel, ChannelClosed
 from app.jobs.messages import Failed, Heartbeat, Request, Shutdown
 from app.jobs.schedule import Handlers, Schedule
 from app.jobs.shared_arrays import OutOfMemory, sweep_dead_blocks
 from app.kernel_cache import use_kernel_cache
 from app.paths import log_directory
+from app.system import end_with_parent, inherited_socket
 
 _LARGEST_LOG = 1 << 20
 
@@ -76,10 +74,8 @@ class Worker:
 
 def beat(worker: Worker, channel: Channel, interval: float, parent: int) -> None:
     """Say that the process lives, each `interval` seconds; end the process once the window is gone."""
-    hangup = select.poll()
-    hangup.register(channel, 0)
     while True:
-        if hangup.poll(interval * 1000) or os.getppid() != parent:
+        if channel.has_hung_up(interval) or os.getppid() != parent:
             os._exit(0)
         with contextlib.suppress(ChannelClosed):
             channel.send_if_free(worker.heartbeat)
@@ -106,11 +102,11 @@ def load_handlers(name: str) -> Handlers:
 
 def arguments(argv: Sequence[str] | None) -> Any:
     parser = argparse.ArgumentParser(prog="app.jobs")
-    parser.add_argument("--socket", type=int, required=True, help="descriptor of our end of the socket pair")
     parser.add_argument("--parent", type=int, required=True, help="process to end with")
     parser.add_argument("--handlers", required=True, help="module:name of what makes the tasks")
-    parser.add_argument("--method", choices=("memfd", "named"), default=None, help="where shared blocks live")
+    parser.add_argument("--method", choices=("memfd", "named", "kept"), default=None, help="where shared blocks live")
     parser.add_argument("--heartbeat", type=float, default=0.25, help="seconds between signs of life")
+    parser.add_argument("socket", help="where our end of the socket pair is: see `app.system.inherited_socket`")
     return parser.parse_args(argv)
 
 
@@ -133,8 +129,8 @@ def serve(channel: Channel, options: Any) -> None:
 def main(argv: Sequence[str] | None = None) -> None:
     options = arguments(argv)
     use_kernel_cache()
-    die_with(options.parent)
+    end_with_parent(options.parent)
     sweep_dead_blocks()
-    channel = Channel(socket.socket(fileno=options.socket), options.method)
+    channel = Channel(inherited_socket(options.socket), options.method)
     with contextlib.suppress(ChannelClosed):
         serve(channel, options)

@@ -14,7 +14,6 @@ import json
 import os
 import select
 import shutil
-import signal
 import subprocess
 import sys
 import time
@@ -24,6 +23,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from app.measure.figures import NotMeasured
+from app.system import kill_group
 
 Milestone = Literal["first_frame", "scene", "first_layer", "first_picture", "exact"]
 ROOT = Path(__file__).resolve().parents[2]
@@ -159,7 +159,7 @@ def _end(process: subprocess.Popen[bytes]) -> None:
     deadline = time.monotonic() + GRACE_SECONDS
     with contextlib.suppress(ProcessLookupError):
         while time.monotonic() < deadline:
-            os.killpg(process.pid, signal.SIGKILL)
+            kill_group(process.pid)
             process.poll()
             time.sleep(LOOK_SECONDS)
 

@@ -10,6 +10,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import psutil
+
+from app.memory import memory_bytes
+
 PACKAGES = ("numpy", "scipy", "numba", "embreex", "OpenEXR", "moderngl", "glfw", "imgui-bundle")
 
 
@@ -23,7 +27,7 @@ def machine_facts() -> dict[str, Any]:
     return {
         "cpu": _first_match(Path("/proc/cpuinfo"), r"model name\s*:\s*(.+)") or platform.processor(),
         "cores": usable_cores(),
-        "ram_gib": _memory_gib(),
+        "ram_gib": round(memory_bytes()[1] / 2**30, 2),
         "system": platform.platform(),
         "python": platform.python_version(),
         "versions": {name: version for name in PACKAGES if (version := _version(name))},
@@ -35,14 +39,9 @@ def machine_facts() -> dict[str, Any]:
 def load_average() -> list[float] | None:
     """Runnable processes over 1, 5 and 15 minutes; None where the system does not tell."""
     try:
-        return list(os.getloadavg())
+        return list(psutil.getloadavg())
     except OSError:
         return None
-
-
-def _memory_gib() -> float | None:
-    kib = _first_match(Path("/proc/meminfo"), r"MemTotal:\s*(\d+)")
-    return None if kib is None else round(int(kib) / 2**20, 2)
 
 
 def _version(package: str) -> str | None:

@@ -3,6 +3,9 @@
 All TOML that Insitu reads passes through `parse_toml`: whatever a text holds ends as a tree of plain values or as one
 LoadError; what the tree means is for pydantic models. The parser takes memory that grows with the square of a key's
 parts, and stack for each bracket, so that both are counted before it sees the text.
+
+tomli-w was tried for writing: it gives each number of an array a line of its own, so that a colour takes five lines
+and a transform eighteen in files that people read, and takes 43 ms for a map's strokes of a megabyte, ours 3 ms.
 """
 
 from __future__ import annotations

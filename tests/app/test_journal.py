@@ -286,7 +286,7 @@ def test_a_folder_that_comes_back_is_used(document: Document, tmp_path: Path) ->
     folder = tmp_path / "disk" / "journals"
     folder.parent.touch()
     journal = Journal(folder)
-    assert "autosave failed" in journal.problem and "Not a directory" in journal.problem
+    wait_until(lambda: "autosave failed" in journal.problem and "Not a directory" in journal.problem)
     folder.parent.unlink()
     journal.note(10.0, document, ViewState(), True)
     wait_until(lambda: journal.written is not None)

@@ -76,17 +76,12 @@ def test_it_leaves_the_editor_nothing_to_do(
     precompute(open_project(file), lambda progress: None, store=store)
     assert store.kept == 4  # visibility, two layers' transport, their indirect light
     monkeypatch.setattr(Solver, "solve", lambda *arguments: pytest.fail("indirect light is found once more"))
-    editor = Editor(InProcessClient(Tasks(store)), file)
-    _rest(editor)
-    assert editor.scene_is_open and editor._negotiator.delivered_final and editor.indirect_light.is_shown
-    assert store.kept == 4
-    editor.close()
-
-
-def _rest(editor: Editor) -> None:
-    """Until the worker has nothing more to do."""
+    client = InProcessClient(Tasks(store))
+    editor = Editor(client, file)
     for _ in range(10_000):
         editor.tick(time.monotonic())
-        if editor.indirect_light.is_complete and not editor._negotiator.running and editor.scene_is_open:
-            return
-    pytest.fail(f"not finished: {editor.status}")
+        if editor.scene_is_open and editor.talk.indirect.is_complete and not client.wait(0.0):
+            break
+    assert editor.talk._transport.delivered_final and editor.talk.indirect.is_shown
+    assert store.kept == 4
+    editor.close()

@@ -5,10 +5,12 @@ import socket
 import threading
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from app import system
 from app.jobs.channel import Channel, ChannelClosed, ChannelError
 from app.jobs.messages import LayerPicture, Message, Progress, SceneOpened
 from app.jobs.shared_arrays import Method
@@ -16,7 +18,7 @@ from app.jobs.shared_arrays import Method
 LATER = float("inf")
 
 
-@pytest.fixture(params=["memfd", "named"])
+@pytest.fixture(params=["memfd", "named", "kept"])
 def pair(request: pytest.FixtureRequest) -> Iterator[tuple[Channel, Channel]]:
     method: Method = request.param
     ours, theirs = socket.socketpair()
@@ -109,6 +111,17 @@ def test_message_in_pieces_is_handed_out_once_whole() -> None:
         channel.close()
 
 
+def test_a_kept_block_that_is_not_sent_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(system, "memory_folder", lambda: tmp_path)
+    ours, theirs = socket.socketpair()
+    channel = Channel(ours, "kept")
+    channel.post(LayerPicture("a.0", "exact", np.zeros((2000, 3)), ()))
+    assert len(os.listdir(tmp_path)) == 1
+    channel.close()
+    theirs.close()
+    assert os.listdir(tmp_path) == []
+
+
 def test_half_a_message_is_dropped_when_the_sender_dies() -> None:
     sender, wire = socket.socketpair()
     source, sink = socket.socketpair()
@@ -140,7 +153,7 @@ def test_whole_messages_are_handed_out_although_the_sender_died(pair: tuple[Chan
 
 
 @pytest.mark.parametrize(
-    "junk", [b"GET / HTTP/1.1\r\n\r\n" * 4, b"INSF" + b"\xff" * 60, b"INSF\4" + bytes(19) + b"junk"]
+    "junk", [b"GET / HTTP/1.1\r\n\r\n" * 4, b"INSF" + b"\xff" * 60, b"INSF\4" + bytes(35) + b"junk"]
 )
 def test_foreign_bytes_are_refused(junk: bytes) -> None:
     """Another protocol; an absurd length; a message that is no pickle."""

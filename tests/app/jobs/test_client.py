@@ -31,7 +31,7 @@ pytestmark = pytest.mark.usefixtures("state_folder")
 # -------------------------------------------------------------------------------------------------- the happy path
 
 
-@pytest.mark.parametrize("method", ["memfd", "named"])
+@pytest.mark.parametrize("method", ["memfd", "named", "kept"])
 def test_answers_arrive_with_their_arrays(method: Method) -> None:
     with Client(HANDLERS, method=method) as client:
         numbers = [client.send(OpenScene("open scene", revision=3)), client.send(compute("pictures 20", revision=4))]

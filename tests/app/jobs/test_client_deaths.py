@@ -255,7 +255,7 @@ def left_in_memory(*pids: int) -> list[str]:
     return [name for name in os.listdir("/dev/shm") if any(f"-{pid}-" in name for pid in pids)]
 
 
-@pytest.mark.parametrize("method", ["memfd", "named"])
+@pytest.mark.parametrize("method", ["memfd", "named", "kept"])
 @pytest.mark.parametrize("whole_group", [False, True])
 @pytest.mark.parametrize("work", ["sleep 60", "pictures 1000000"])
 def test_killed_window_leaves_no_orphan_and_no_memory(work: str, whole_group: bool, method: Method) -> None:

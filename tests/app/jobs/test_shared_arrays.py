@@ -10,16 +10,32 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from app import system
 from app.jobs import shared_arrays
-from app.jobs.shared_arrays import Block, BlockError, Method, OutOfMemory, create_block, sweep_dead_blocks
+from app.jobs.shared_arrays import (
+    Block,
+    BlockError,
+    Method,
+    OutOfMemory,
+    create_block,
+    name_of_kept,
+    open_kept,
+    sweep_dead_blocks,
+)
 from tests.app.limits import largest_file, open_descriptors, small_disk
 
-METHODS: tuple[Method, ...] = ("memfd", "named")
+METHODS: tuple[Method, ...] = ("memfd", "named", "kept")
 LATER = float("inf")
 
 
 def block_of(data: bytes, generation: int = 3, method: Method = "named") -> tuple[int, int]:
-    return create_block([data], generation, method)
+    return _opened(create_block([data], generation, method))
+
+
+def _opened(made: tuple[int | Path, int]) -> tuple[int, int]:
+    """As the receiver has it: by its descriptor."""
+    block, size = made
+    return (block, size) if isinstance(block, int) else (open_kept(*name_of_kept(block)), size)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -34,8 +50,9 @@ def test_buffers_come_back_and_are_read_only(method: Method) -> None:
     assert start % 64 == 0  # aligned for every dtype
 
 
-def _reordered(made: tuple[int, int], generation: int) -> tuple[int, int, int]:
-    return made[0], generation, made[1]
+def _reordered(made: tuple[int | Path, int], generation: int) -> tuple[int, int, int]:
+    descriptor, size = _opened(made)
+    return descriptor, generation, size
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -115,11 +132,14 @@ def test_no_room_is_an_error_and_leaves_nothing(method: Method) -> None:
     assert open_descriptors() == before
 
 
-def test_full_memory_folder_is_an_error_not_a_sigbus(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("method", ["named", "kept"])
+def test_full_memory_folder_is_an_error_not_a_sigbus(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: Method
+) -> None:
     with small_disk(tmp_path / "shm", 1 << 20) as folder:
-        monkeypatch.setattr(shared_arrays, "named_folder", lambda: folder)
+        monkeypatch.setattr(system, "memory_folder", lambda: folder)
         with pytest.raises(OutOfMemory, match="No space left on device"):
-            create_block([bytes(2 << 20)], 1, "named")
+            create_block([bytes(2 << 20)], 1, method)
         assert os.listdir(folder) == []
 
 
@@ -131,7 +151,6 @@ def test_more_than_the_machine_has_is_refused_before_it_is_reserved(monkeypatch:
 
 def test_available_memory_is_plausible() -> None:
     available = shared_arrays.available_memory()
-    assert available is not None
     assert 1 << 20 < available < os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
 
 
@@ -143,3 +162,14 @@ def test_sweep_removes_names_of_dead_processes_only(tmp_path: Path) -> None:
         (tmp_path / name).touch()
     sweep_dead_blocks(tmp_path)
     assert sorted(os.listdir(tmp_path)) == sorted([living, "insitu.block"])
+
+
+def test_a_kept_block_lies_in_its_file_until_it_is_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(system, "memory_folder", lambda: tmp_path)
+    file, size = create_block([b"x" * 5000], 3, "kept")
+    assert isinstance(file, Path) and os.listdir(tmp_path) == [file.name]
+    block = Block(open_kept(*name_of_kept(file)), 3, size)
+    assert os.listdir(tmp_path) == []
+    assert block.verify(LATER) and bytes(block.buffers()[0]) == b"x" * 5000
+    with pytest.raises(BlockError, match="cannot be opened: No such file"):
+        open_kept(*name_of_kept(file))

@@ -1,0 +1,221 @@
+"""What Insitu asks of the operating system that not every system has: the one place for such calls.
+
+Each has an alternative for systems without it, which tests run too, on the system that they run on, where that is
+possible; what only Windows has is marked. Nothing of it brings NumPy or psutil, for it is imported first of all.
+"""
+
+from __future__ import annotations
+
+import array
+import contextlib
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+HAS_ANONYMOUS_FILES = sys.platform == "linux"
+# Descriptors, and with them blocks of memory, travel over sockets; elsewhere blocks have a name until they are read.
+PASSES_DESCRIPTORS = hasattr(socket, "SCM_RIGHTS")
+_PR_SET_PDEATHSIG = 1
+_LOOK_SECONDS = 0.02
+
+# ------------------------------------------------------------------------------------------------------- processes
+
+
+def step_back_by(niceness: int) -> None:
+    """Leave the processors to others; niceness: by how much, as nice(2) counts."""
+    with contextlib.suppress(OSError):
+        if sys.platform != "win32":
+            os.nice(niceness)
+        else:
+            import psutil
+
+            psutil.Process().nice(psutil.BELOW_NORMAL_PRIORITY_CLASS)
+
+
+def end_with_parent(parent: int) -> None:
+    """Have this process ended when the thread that started it ends, also by SIGKILL, where the system does that
+    (Linux, prctl(2)); it ends here and now if the parent has ended already."""
+    if sys.platform == "linux":
+        import ctypes
+
+        ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:
+        os._exit(0)
+
+
+def process_lives(pid: int) -> bool:
+    """Whether a process of this number exists, ours or another user's.
+
+    One that has ended and waits only to be collected, a zombie, lives no more: in a container whose first process
+    collects none they stay for good, and with them would all that is kept for the living.
+    """
+    import psutil  # late: it takes longer than what asks this at a start
+
+    try:
+        return psutil.pid_exists(pid) and psutil.Process(pid).status() not in (psutil.STATUS_ZOMBIE, psutil.STATUS_DEAD)
+    except psutil.AccessDenied:
+        return True
+    except psutil.NoSuchProcess:
+        return False
+
+
+def kill_group(leader: int) -> None:
+    """Kill a process that was started in a session of its own, and all of that. Raises ProcessLookupError once there
+    are none; on Windows, which has no groups, with what it has started and not lost."""
+    if sys.platform != "win32":
+        os.killpg(leader, signal.SIGKILL)
+        return
+    import psutil
+
+    try:
+        process = psutil.Process(leader)
+        for each in (*process.children(recursive=True), process):
+            with contextlib.suppress(psutil.NoSuchProcess):
+                each.kill()
+    except psutil.NoSuchProcess:
+        raise ProcessLookupError(leader) from None
+
+
+def start_with_socket(
+    command: Sequence[str], theirs: socket.socket, environment: Mapping[str, str]
+) -> subprocess.Popen[bytes]:
+    """Start a program that finds this end of a socket pair by `inherited_socket`; its command ends in a word for that.
+
+    Raises OSError when the system refuses.
+    """
+    if sys.platform != "win32":
+        word, passed, source = str(theirs.fileno()), (theirs.fileno(),), subprocess.DEVNULL
+    else:  # a socket is shared with a process that is there already, which reads its description
+        word, passed, source = "-", (), subprocess.PIPE
+    process = subprocess.Popen(
+        [*command, word], pass_fds=passed, stdin=source, stdout=subprocess.DEVNULL, env=dict(environment)
+    )
+    if sys.platform == "win32":
+        assert process.stdin is not None
+        with process.stdin as pipe:
+            pipe.write(theirs.share(process.pid))
+    return process
+
+
+def inherited_socket(word: str) -> socket.socket:
+    """The socket that the process which started this one handed over."""
+    if sys.platform != "win32":
+        return socket.socket(fileno=int(word))
+    return socket.fromshare(sys.stdin.buffer.read())
+
+
+def has_hung_up(sock: socket.socket, timeout_s: float, polls: bool = hasattr(select, "poll")) -> bool:
+    """Whether the other end of a socket is closed, known within `timeout_s`; nothing is read.
+
+    polls: by poll(2), which also sees it behind what is still to be read; else by a look at what would be read next.
+    """
+    if polls and sys.platform != "win32":
+        hangup = select.poll()
+        hangup.register(sock.fileno(), 0)
+        return bool(hangup.poll(timeout_s * 1000))
+    end = time.monotonic() + timeout_s
+    while True:
+        try:
+            if not sock.recv(1, socket.MSG_PEEK):
+                return True
+        except BlockingIOError:
+            pass
+        except OSError:
+            return True
+        if time.monotonic() >= end:
+            return False
+        time.sleep(_LOOK_SECONDS)
+
+
+# ----------------------------------------------------------------------------------------------------- files, memory
+
+
+def memory_folder() -> Path:
+    """For files that are to be in memory: where the system has a folder of such, else that of temporary files."""
+    memory = Path("/dev/shm")
+    return memory if os.access(memory, os.W_OK) else Path(tempfile.gettempdir())
+
+
+def anonymous_file() -> int:
+    """The descriptor of a new file in memory that has no name (memfd_create(2)); Linux alone."""
+    if sys.platform == "linux":
+        return os.memfd_create("insitu", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
+    raise OSError("no anonymous files on this system")
+
+
+def seal(descriptor: int) -> None:
+    """Nobody changes or shortens an anonymous file any more, so that who maps it meets no SIGBUS; elsewhere nothing."""
+    if sys.platform == "linux":
+        import errno
+        import fcntl
+
+        try:
+            fcntl.fcntl(descriptor, fcntl.F_ADD_SEALS, fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_WRITE)
+        except OSError as error:
+            if error.errno not in (errno.EPERM, errno.EINVAL):  # an ordinary file: no seals
+                raise
+
+
+def reserve(descriptor: int, n_bytes: int, allocates: bool = sys.platform == "linux") -> None:
+    """Give a new file this size, and the room for it where the system can promise it. Raises OSError."""
+    if allocates and sys.platform == "linux":
+        os.posix_fallocate(descriptor, 0, n_bytes)
+    else:
+        os.ftruncate(descriptor, n_bytes)
+
+
+def write_at(descriptor: int, data: memoryview, offset: int, positional: bool = hasattr(os, "pwrite")) -> int:
+    """Write at a place of a file; how many bytes it took."""
+    if positional and sys.platform != "win32":
+        return os.pwrite(descriptor, data, offset)
+    os.lseek(descriptor, offset, os.SEEK_SET)
+    return os.write(descriptor, data)
+
+
+def read_at(descriptor: int, n_bytes: int, offset: int, positional: bool = hasattr(os, "pread")) -> bytes:
+    """What stands at a place of a file, at most so many bytes; elsewhere than where it is added to."""
+    if positional and sys.platform != "win32":
+        return os.pread(descriptor, n_bytes, offset)
+    os.lseek(descriptor, offset, os.SEEK_SET)
+    return os.read(descriptor, n_bytes)
+
+
+def open_last(path: Path) -> int:
+    """Open a file to read it; its name is gone once it is open, or on Windows once it is closed."""
+    if sys.platform == "win32":
+        return os.open(path, os.O_RDONLY | os.O_BINARY | os.O_TEMPORARY)
+    descriptor = os.open(path, os.O_RDONLY)
+    os.unlink(path)
+    return descriptor
+
+
+# ------------------------------------------------------------------------------------------- descriptors over sockets
+
+
+def send_with(sock: socket.socket, data: memoryview, descriptor: int | None) -> int:
+    """Send what the socket takes, a descriptor with the first byte; how many bytes that was. Raises as `send`."""
+    if descriptor is None:
+        return sock.send(data)
+    if sys.platform != "win32":
+        return socket.send_fds(sock, [data], [descriptor])
+    raise OSError("no descriptors over sockets on this system")
+
+
+def receive_with(sock: socket.socket, n_bytes: int, n_descriptors: int) -> tuple[bytes, list[int], bool]:
+    """At most so many bytes, and the descriptors that came with them; whether some were lost. Raises as `recv`."""
+    if sys.platform != "win32":
+        received = array.array("i")
+        room = socket.CMSG_SPACE(n_descriptors * received.itemsize)
+        data, ancillary, flags, _ = sock.recvmsg(n_bytes, room, getattr(socket, "MSG_CMSG_CLOEXEC", 0))
+        for level, kind, content in ancillary:
+            if (level, kind) == (socket.SOL_SOCKET, socket.SCM_RIGHTS):
+                received.frombytes(content[: len(content) - len(content) % received.itemsize])
+        return data, list(received), bool(flags & socket.MSG_CTRUNC)
+    return sock.recv(n_bytes), [], False
