@@ -11,6 +11,7 @@ from the bright side).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -107,6 +108,63 @@ def emitter_tree(
 def shining_triangles(corners: Floats, radiance: Floats) -> NDArray[np.bool_]:
     """Which triangles (T, 3, 3) have area and radiance (T, 3)."""
     return (_areas(corners) > 0.0) & (radiance > 0.0).any(axis=1)
+
+
+def merged_triangles(corners: Floats, radiance: Floats, most: int) -> tuple[Floats, Floats]:
+    """At most about so many triangles in the place of many that shine (T, 3, 3), with radiance (T, 3).
+
+    Those that stand together, face alike and shine alike become one that has the sum of their area vectors, so that it
+    brings far points the same light, the middle and the two extents of the whole, and lies on its outermost corner: it
+    is not hidden by what it stands for. Each radiance keeps one at least.
+    """
+    if len(corners) <= most:
+        return corners, radiance
+    vectors, middles = _area_vectors(corners), corners.mean(axis=1)
+    areas = np.linalg.norm(vectors, axis=1)
+    extent = float(np.linalg.norm(np.ptp(middles, axis=0))) or 1.0
+    features = np.concatenate([middles / extent, 0.5 * vectors / areas[:, None]], axis=1)
+    power = areas * (radiance @ LUMINANCE)
+    _, kinds = np.unique(radiance, axis=0, return_inverse=True)
+    order = np.argsort(kinds.ravel(), kind="stable")
+    groups = np.split(order, np.cumsum(np.bincount(kinds.ravel()))[:-1])
+    spread = [_spread(features[group], power[group]) for group in groups]
+    while len(groups) < most:
+        widest = int(np.argmax(spread))
+        group = groups[widest]
+        values = features[group][:, np.argmax(np.ptp(features[group], axis=0))]
+        below = values < np.average(values, weights=areas[group])
+        if spread[widest] <= 0.0 or below.all() or not below.any():
+            break
+        for place, half in ((widest, group[below]), (len(groups), group[~below])):
+            groups[place : place + 1], spread[place : place + 1] = [half], [_spread(features[half], power[half])]
+    merged = np.array([_merged(corners[group], vectors[group]) for group in groups])
+    return merged, radiance[[group[0] for group in groups]]
+
+
+def _spread(features: Floats, weights: Floats) -> float:
+    """Weighted squared distance of features (K, D) from their mean."""
+    middle = np.average(features, axis=0, weights=weights)
+    return float(weights @ ((features - middle) ** 2).sum(axis=1))
+
+
+def _merged(corners: Floats, vectors: Floats) -> Floats:
+    """The triangle (3, 3) for some (K, 3, 3) of these area vectors (K, 3), see `merged_triangles`."""
+    if len(corners) == 1:
+        return corners[0]
+    vector = vectors.sum(axis=0)
+    area = max(float(np.linalg.norm(vector)), 1e-30)
+    normal = vector / area
+    middle = np.average(corners.mean(axis=1), axis=0, weights=np.linalg.norm(vectors, axis=1))
+    away = corners.reshape(-1, 3) - middle
+    height = away @ normal
+    _, sizes, axes = np.linalg.svd(away - height[:, None] * normal, full_matrices=False)
+    u = axes[0] - (axes[0] @ normal) * normal
+    u /= max(float(np.linalg.norm(u)), 1e-30)
+    longer = math.sqrt(max(sizes[0] / max(sizes[1], 1e-3 * sizes[0], 1e-30), 1.0))
+    angle = 2.0 * np.pi / 3.0 * np.arange(3)[:, None]
+    shape = longer * np.cos(angle) * u + np.sin(angle) / longer * np.cross(normal, u)
+    scale = math.sqrt(area / (0.75 * math.sqrt(3.0)))
+    return np.asarray(middle + height.max() * normal + scale * shape)
 
 
 def seen_importance(triangles: Floats, radiance: Floats, points: Floats, normals: Floats, seen: Floats) -> Importance:

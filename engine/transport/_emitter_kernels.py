@@ -22,6 +22,17 @@ _DEPTH = 48
 _ROOM = 512
 
 
+class Leaves(NamedTuple):
+    """M leaves: node and root (M,) of each, part (M,) of its root's area, ball (M, 4): middle and squared longest edge,
+    and beside (M, 6), -1 padded: which stand around it."""
+
+    node: np.ndarray
+    root: np.ndarray
+    part: np.ndarray
+    ball: np.ndarray
+    beside: np.ndarray
+
+
 class Emitters(NamedTuple):
     """N nodes, the first n_roots the triangles: corners (N, 3, 3), radiance (N, 3), brightness (N,); child, parent
     (N,), and first (N,), the leaf of a node that is one, as in `EmitterTree`."""
@@ -33,6 +44,7 @@ class Emitters(NamedTuple):
     parent: np.ndarray
     first: np.ndarray
     n_roots: int
+    leaves: Leaves
 
 
 class Cut(NamedTuple):
@@ -84,7 +96,7 @@ def cut_emitters(words, near, emitters, place, frame, tolerance, cut, x, y, z, c
                 continue
             omega, size, spread2 = look(stack[top], unit)
             light = emitters.brightness[node] * omega * share
-            low, high = heights(unit, frame)
+            low, high = heights(unit, frame[2])
             if high <= np.float32(0.0):
                 top -= 1
                 continue
@@ -183,11 +195,11 @@ def look(triangle, unit):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def heights(unit, frame):
+def heights(unit, normal):
     """Least and greatest cosine to the normal of three unit vectors."""
-    a = frame[2, 0] * unit[0, 0] + frame[2, 1] * unit[0, 1] + frame[2, 2] * unit[0, 2]
-    b = frame[2, 0] * unit[1, 0] + frame[2, 1] * unit[1, 1] + frame[2, 2] * unit[1, 2]
-    c = frame[2, 0] * unit[2, 0] + frame[2, 1] * unit[2, 1] + frame[2, 2] * unit[2, 2]
+    a = normal[0] * unit[0, 0] + normal[1] * unit[0, 1] + normal[2] * unit[0, 2]
+    b = normal[0] * unit[1, 0] + normal[1] * unit[1, 1] + normal[2] * unit[1, 2]
+    c = normal[0] * unit[2, 0] + normal[1] * unit[2, 1] + normal[2] * unit[2, 2]
     return min(a, b, c), max(a, b, c)
 
 

@@ -3,55 +3,81 @@
 import numba as nb
 import numpy as np
 
-from engine.transport._emitter_kernels import fill_shares, heights, look, place_at
+from engine.transport._emitter_kernels import heights, look, place_at
+from engine.transport._visibility_kernels import lowest_bit
 
-_ZERO, _ONE = np.float32(0.0), np.float32(1.0)
+_ZERO, _ONE, _NONE = np.float32(0.0), np.float32(1.0), np.uint64(0)
 _CHILDREN = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
-_DEPTH = 64
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def list_near(rows, position, normal, bits, emitters, least, near, most, counts, nodes):
+def list_near(rows, position, normal, bits, emitters, least, near, counts, nodes):
     """For each of the rows the leaves that are worth rays of their own: counts (B,), nodes (B, most).
 
     A leaf is, if all of it would bring the point more than `least` of the light that it is thought to see, and either
-    others beside it in the tree are seen otherwise or it is larger than `near` radians.
+    one beside it is seen otherwise or it is larger than `near` radians.
     """
-    stack, stacked, mixed = np.empty((_DEPTH, 3, 3), np.float32), np.empty(_DEPTH, np.int64), np.empty(_DEPTH, np.bool_)
-    unit, frame = np.empty((3, 3), np.float32), np.zeros((3, 3), np.float32)
-    shares = np.empty(emitters.child.shape[0], np.float32)
+    triangle, unit = np.empty((3, 3), np.float32), np.empty((3, 3), np.float32)
+    shares, marked = np.empty(emitters.n_roots, np.float32), np.empty(bits.shape[1], np.uint64)
+    most = nodes.shape[1]
     for b in range(rows.shape[0]):
-        place, n = position[rows[b]], 0
-        frame[2] = normal[rows[b]]
-        fill_shares(bits[rows[b]], emitters, shares)
-        bound = least * _seen_light(shares, emitters, place, frame, stack[0], unit)
-        for root in range(emitters.n_roots):
-            stacked[0], mixed[0], top = root, False, 0
-            while top >= 0:
-                node, odd = stacked[top], mixed[top]
-                top -= 1
-                place_at(emitters.corners[node], place, stack[0])
-                if not _faces(stack[0]):
-                    break
-                omega, size, _ = look(stack[0], unit)
-                high = heights(unit, frame)[1]
-                if high <= _ZERO or emitters.brightness[node] * omega * high <= bound:
+        r, n = rows[b], 0
+        place, up, ball = position[r], normal[r], emitters.leaves.ball
+        x, y, z = place[0], place[1], place[2]
+        _mark_edges(bits[r], emitters.leaves, place, near, shares, marked)
+        bound = least * _seen_light(shares, emitters, place, up, triangle, unit)
+        for w in range(marked.shape[0]):
+            ones = marked[w]
+            while ones != _NONE and n < most:
+                leaf = 64 * w + lowest_bit(ones)
+                ones &= ones - np.uint64(1)
+                node = emitters.leaves.node[leaf]
+                # No triangle has more than 0.44 of its longest edge's square; seen from near even that is not all.
+                if emitters.brightness[node] * ball[leaf, 3] < bound * _squared(ball, leaf, x, y, z):
                     continue
-                share, child = shares[node], emitters.child[node]
-                odd = odd or (share > _ZERO and share < _ONE)
-                if child < 0:
-                    if (odd or size > near) and n < most:
-                        nodes[b, n] = node
-                        n += 1
-                elif odd or size > near:
-                    stacked[top + 1], stacked[top + 2] = child, child + 1
-                    mixed[top + 1], mixed[top + 2] = odd, odd
-                    top += 2
+                place_at(emitters.corners[node], place, triangle)
+                if not _faces(triangle):
+                    continue
+                omega = look(triangle, unit)[0]
+                high = heights(unit, up)[1]
+                if high > _ZERO and emitters.brightness[node] * omega * high > bound:
+                    nodes[b, n] = node
+                    n += 1
         counts[b] = n
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _seen_light(shares, emitters, place, frame, triangle, unit):
+def _mark_edges(words, leaves, place, near, shares, marked):
+    """Mark leaves with one beside them that is seen otherwise, and those that are seen and large; fill in the share of
+    each root that is seen."""
+    shares[:], marked[:] = _ZERO, _NONE
+    x, y, z = place[0], place[1], place[2]
+    for w in range(words.shape[0]):
+        ones = words[w]
+        while ones != _NONE:
+            bit = lowest_bit(ones)
+            leaf = 64 * w + bit
+            ones &= ones - np.uint64(1)
+            shares[leaves.root[leaf]] += leaves.part[leaf]
+            large = leaves.ball[leaf, 3] > near * near * _squared(leaves.ball, leaf, x, y, z)
+            for k in range(leaves.beside.shape[1]):
+                m = leaves.beside[leaf, k]
+                if m >= 0 and (words[m >> 6] >> np.uint64(m & 63)) & np.uint64(1) == _NONE:
+                    marked[m >> 6] |= np.uint64(1) << np.uint64(m & 63)
+                    large = True
+            if large:
+                marked[w] |= np.uint64(1) << np.uint64(bit)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _squared(ball, leaf, x, y, z):
+    """Squared distance from a place to the middle of a leaf's ball."""
+    dx, dy, dz = ball[leaf, 0] - x, ball[leaf, 1] - y, ball[leaf, 2] - z
+    return dx * dx + dy * dy + dz * dz
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _seen_light(shares, emitters, place, up, triangle, unit):
     """The light that the leaves known to be seen bring, with cosines at the roots' middles."""
     total = _ZERO
     for root in range(emitters.n_roots):
@@ -59,7 +85,7 @@ def _seen_light(shares, emitters, place, frame, triangle, unit):
         if share > _ZERO:
             place_at(emitters.corners[root], place, triangle)
             omega = look(triangle, unit)[0]
-            low, high = heights(unit, frame)
+            low, high = heights(unit, up)
             total += emitters.brightness[root] * omega * share * np.float32(0.5) * max(low + high, high)
     return total
 

@@ -8,6 +8,8 @@ import numba as nb
 import numpy as np
 
 _ONE = np.uint64(1)
+# Sends neighbouring numbers far apart [Knuth98, sect. 6.4].
+_SCATTER = np.uint32(2654435769)
 # Directions that are tried against the horizon together: see `_horizon_of_directions`.
 GROUP = 16
 
@@ -70,8 +72,8 @@ def predict(rows, informers, bits, horizon, believed, always, weak, weakest, bou
 
     informers (B, 4) rows of neighbours, -1 where there is none. The majority is the guess; what is not unanimous is
     traced, and a tie is no guess at all (`doubt`). With fewer than four informers the guess is weaker, so its boundary
-    is traced too. Of the targets in `believed` (words,) three of four points that see one are enough. Those in `always`
-    are traced whatever the guess, those in `weak` where three points inform, those in `weakest` where two do.
+    is traced too. Of the targets in `believed` (words,) three of four points that see one are enough. Those in a row of
+    `always` (S, words) are traced whatever the guess, in `weak` where three points inform, in `weakest` where two do.
     """
     known = np.empty(4, np.int64)
     for b in range(rows.shape[0]):
@@ -90,7 +92,8 @@ def predict(rows, informers, bits, horizon, believed, always, weak, weakest, bou
             _agreement_of_two(bits[known[0]], bits[known[1]], guess, asked, unsure)
         else:
             guess[:], unsure[:], asked[:] = np.uint64(0), np.uint64(0), ~np.uint64(0)
-        sentinels = always if n == 4 else weak if n == 3 else weakest
+        turns = always if n == 4 else weak if n == 3 else weakest
+        sentinels = turns[(np.uint32(rows[b]) * _SCATTER >> np.uint32(8)) % turns.shape[0]]
         for w in range(above.shape[0]):
             guess[w] &= above[w]
             unsure[w] &= above[w]
@@ -174,7 +177,7 @@ def _mark_boundary(guess, above, neighbours, asked):
     for w in range(guess.shape[0]):
         ones = guess[w]
         while ones != np.uint64(0):
-            i = _lowest(ones)
+            i = lowest_bit(ones)
             ones &= ones - _ONE
             for k in range(neighbours.shape[1]):
                 m = neighbours[64 * w + i, k]
@@ -184,7 +187,7 @@ def _mark_boundary(guess, above, neighbours, asked):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _lowest(word):
+def lowest_bit(word):
     """Index of the lowest set bit."""
     isolated = word & (~word + _ONE)
     return _count(isolated - _ONE)
@@ -217,7 +220,7 @@ def list_bits(words, block, target):
         for w in range(words.shape[1]):
             ones = words[b, w]
             while ones != np.uint64(0):
-                block[n], target[n] = b, 64 * w + _lowest(ones)
+                block[n], target[n] = b, 64 * w + lowest_bit(ones)
                 ones &= ones - _ONE
                 n += 1
 

@@ -9,7 +9,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.light.emitters import EmitterTree, emitter_patches, emitter_tree, seen_importance, shining_triangles
+from engine.light.emitters import (
+    EmitterTree,
+    emitter_patches,
+    emitter_tree,
+    merged_triangles,
+    seen_importance,
+    shining_triangles,
+)
 from engine.scene.hits import PrimaryHits
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
@@ -17,13 +24,14 @@ from engine.transport import _visibility_kernels as kernels
 
 N_POINTS = 512
 N_RAYS = 8  # from a point to each triangle
+# Lamps of fewer triangles keep them all, however few leaves there are to be.
+FEWEST_MERGED = 64
 
 Floats = NDArray[np.float64]
 
 
 def emitters_for(scene: Scene, caster: RayCaster, hits: PrimaryHits, n_leaves: int) -> EmitterTree | None:
-    """The scene's emitters as a tree of about n_leaves leaves, or more where there are more triangles; None where
-    nothing shines."""
+    """The scene's emitters as a tree of about n_leaves leaves, many triangles merged; None where nothing shines."""
     shining = scene.emitters[scene.object_of_triangle]
     if not shining.any():
         return None
@@ -33,7 +41,8 @@ def emitters_for(scene: Scene, caster: RayCaster, hits: PrimaryHits, n_leaves: i
     corners, radiance = corners[lit], radiance[lit]
     if not len(corners):
         return None
-    if len(hits.pixel) == 0 or len(corners) >= n_leaves:
+    corners, radiance = merged_triangles(corners, radiance, max(n_leaves // 2, FEWEST_MERGED))
+    if len(hits.pixel) == 0:
         return emitter_tree(corners, radiance, n_leaves)
     rows = np.unique(np.linspace(0, len(hits.pixel) - 1, N_POINTS).astype(np.int32))
     tried = emitter_patches(np.repeat(corners, N_RAYS, axis=0), np.repeat(radiance, N_RAYS, axis=0), 1)

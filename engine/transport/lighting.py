@@ -17,12 +17,14 @@ import numpy as np
 from engine.light.emitters import EmitterPatches, EmitterTree
 from engine.light.environment import LUMINANCE
 from engine.light.lights import TriangleLights
-from engine.transport._emitter_kernels import Emitters
+from engine.transport._emitter_kernels import Emitters, Leaves
 from engine.transport._projection_kernels import Sky
 from engine.transport.visibility import VISIBILITY_LEVEL, Targets
 
 FLOOD_NEIGHBOURS = 6
-LEAF_SENTINELS = 8
+LEAF_SENTINELS = 16
+# Leaves may stand beside one another that face as nearly the same way as this.
+BESIDE_COSINE = 0.9
 FINE_SENTINELS = 4
 # Above so many points a tree finds neighbours sooner than all pairs do, the import of its library (0.3 s) included.
 TREE_PAYS_FROM = 2048
@@ -111,21 +113,40 @@ def _emitters(tree: EmitterTree | None, unit: float) -> tuple[Emitters, Targets]
     """The tree, and one sample of each of its leaves as what visibility asks."""
     if tree is None:
         none, nobody = np.zeros((0, 3), np.float32), np.zeros(0, np.int64)
-        halves = nobody.astype(np.int32)
-        dark = Emitters(np.zeros((0, 3, 3), np.float32), none, np.zeros(0, np.float32), halves, halves, nobody, 0)
-        return dark, Targets(none, none, nearest_neighbours(none), True)
+        halves, alone = nobody.astype(np.int32), nearest_neighbours(none)
+        leaves = Leaves(halves, halves, none[:, 0].copy(), np.zeros((0, 4), np.float32), alone)
+        dark = Emitters(np.zeros((0, 3, 3), np.float32), none, none[:, 0].copy(), halves, halves, nobody, 0, leaves)
+        return dark, Targets(none, none, alone, True)
     radiance = np.asarray(tree.radiance / np.float64(unit), np.float32)
     brightness = np.asarray(radiance @ LUMINANCE, np.float32)
+    samples, normals = tree.leaves.samples, np.ascontiguousarray(tree.leaves.normal, np.float32)
+    neighbours = nearest_neighbours(samples)
     emitters = Emitters(
         np.ascontiguousarray(tree.corners, np.float32), radiance, brightness, tree.child, tree.parent, tree.first,
-        tree.n_roots,
+        tree.n_roots, _leaves(tree, neighbours),
     )  # fmt: skip
-    samples, step = tree.leaves.samples, LEAF_SENTINELS
+    step = LEAF_SENTINELS
     targets = Targets(
-        samples, np.ascontiguousarray(tree.leaves.normal, np.float32), nearest_neighbours(samples), finite=True,
-        sentinel_step=step, weak_step=step, weakest_step=step,
-    )  # fmt: skip
+        samples, normals, neighbours, finite=True, sentinel_step=step, weak_step=step, weakest_step=step, rotating=True
+    )
     return emitters, targets
+
+
+def _leaves(tree: EmitterTree, neighbours: np.ndarray) -> Leaves:
+    nodes = np.flatnonzero(tree.child < 0)
+    nodes = nodes[np.argsort(tree.first[nodes])]
+    roots = np.searchsorted(tree.first[: tree.n_roots], np.arange(len(nodes)), side="right") - 1
+    areas = tree.leaves.area.astype(np.float64)
+    normals = tree.leaves.normal
+    alike = np.einsum("mi,mki->mk", normals, normals[neighbours]) > BESIDE_COSINE
+    squares = longest_edges(tree.leaves.corners) ** 2
+    return Leaves(
+        nodes.astype(np.int32),
+        roots.astype(np.int32),
+        (areas / np.bincount(roots, areas)[roots]).astype(np.float32),
+        np.column_stack([tree.leaves.centre, squares]).astype(np.float32),
+        np.where((neighbours >= 0) & alike, neighbours, -1).astype(np.int32),
+    )
 
 
 def longest_edges(triangles: np.ndarray) -> np.ndarray:

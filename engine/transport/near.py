@@ -21,7 +21,7 @@ from engine.transport import _near_kernels as kernels
 from engine.transport._emitter_kernels import Emitters
 from engine.transport.visibility import Visibility
 
-LEAST, NEAR = np.float32(0.02), np.float32(0.35)
+LEAST, NEAR = np.float32(0.005), np.float32(0.35)
 MOST = 64  # leaves of a point
 DEPTH = 1
 BLOCK, AT_ONCE = 1024, 8
@@ -88,7 +88,7 @@ def _of_block(
     hits: PrimaryHits, caster: RayCaster, emitters: Emitters, visibility: Visibility, rows: NDArray[np.int32]
 ) -> _Found:
     counts, nodes = np.empty(len(rows), np.int32), np.empty((len(rows), MOST), np.int32)
-    kernels.list_near(rows, hits.position, hits.normal, visibility.bits, emitters, LEAST, NEAR, MOST, counts, nodes)
+    kernels.list_near(rows, hits.position, hits.normal, visibility.bits, emitters, LEAST, NEAR, counts, nodes)
     pairs = np.repeat(rows, counts)
     listed = nodes[np.arange(MOST) < counts[:, None]]
     n_parts = 4**DEPTH

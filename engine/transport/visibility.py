@@ -52,7 +52,8 @@ class Targets:
     that a finer direction lies in. Every `sentinel_step`-th target is traced whatever the guess says (0: none): a patch
     of light is small, and the points around a thin shadow can agree on all of it. For a point with three informers it
     is every `weak_step`-th, with two every `weakest_step`-th. doubt_step: in the last step of the picture only every so
-    many of those targets are traced that three of four points see (0: all).
+    many of those targets are traced that three of four points see (0: all). rotating: other points trace other targets
+    than every such, and all of them are somebody's.
     """
 
     positions: np.ndarray
@@ -64,6 +65,7 @@ class Targets:
     weak_step: int = 0
     weakest_step: int = 0
     doubt_step: int = 0
+    rotating: bool = False
 
     @property
     def n_words(self) -> int:
@@ -86,11 +88,14 @@ class Targets:
         return np.column_stack([axes, np.where(cosine > 0.0, sine, 2.0)]).astype(np.float32)
 
     def sentinels(self, step: int) -> np.ndarray:
-        """Packed bits (words,) of every step-th target: of a sphere, for a power of four, the middle ones."""
-        marked = np.zeros(64 * self.n_words, np.uint8)
-        if step:
-            marked[step - 1 : len(self.positions) : step] = 1
-        return np.packbits(marked, bitorder="little").view(np.uint64)
+        """Packed bits (S, words) of every step-th target: of a sphere, for a power of four, the middle ones.
+
+        Where they rotate, the S = step ways of choosing them, or none for step = 0.
+        """
+        marked = np.zeros((step if self.rotating and step else 1, 64 * self.n_words), np.uint8)
+        for turn in range(len(marked) if step else 0):
+            marked[turn, (step - 1 + turn) % step : len(self.positions) : step] = 1
+        return np.packbits(marked, axis=1, bitorder="little").view(np.uint64)
 
 
 def sphere_targets(level: int) -> Targets:
@@ -222,8 +227,8 @@ def coherent_visibility(
     )
     around = geodesic(VISIBILITY_LEVEL).neighbours
 
-    nothing = targets.sentinels(0)
-    finally_believed = ~targets.sentinels(targets.doubt_step) if targets.doubt_step else nothing
+    nothing = targets.sentinels(0)[0]
+    finally_believed = ~targets.sentinels(targets.doubt_step)[0] if targets.doubt_step else nothing
 
     def informed(informers: np.ndarray, believed: np.ndarray) -> Guess:
         def guess(rows: np.ndarray, horizon: np.ndarray, todo: np.ndarray, doubt: np.ndarray) -> None:

@@ -3,7 +3,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from engine.light.emitters import emitter_patches, emitter_tree, patch_solid_angles, seen_importance
+from engine.light.emitters import (
+    emitter_patches,
+    emitter_tree,
+    merged_triangles,
+    patch_solid_angles,
+    seen_importance,
+    solid_angles,
+)
+from engine.sphere.geodesic import geodesic
 
 SQUARE = np.array(
     [[[-0.5, 1.0, -0.5], [0.5, 1.0, -0.5], [0.5, 1.0, 0.5]], [[-0.5, 1.0, -0.5], [0.5, 1.0, 0.5], [-0.5, 1.0, 0.5]]]
@@ -203,3 +211,52 @@ def test_leaves_go_where_emitters_are_seen_from_near() -> None:
     tree = emitter_tree(triangles, radiance, 100, seen_importance(triangles, radiance, points, normals, seen))
     below = np.bincount(np.searchsorted(tree.first[:6], np.arange(100), side="right") - 1, minlength=6)
     assert below[2:4].sum() > 2 * below[:2].sum() and (below[4:] == 1).all() and below.sum() == 100
+
+
+def bulb(radius: float) -> np.ndarray:
+    """A sphere of 1,280 triangles."""
+    sphere = geodesic(3)
+    return radius * sphere.vertices[sphere.triangles].astype(float)
+
+
+def panel() -> np.ndarray:
+    """The unit square at height 1, facing down, in 1,250 triangles."""
+    place = np.linspace(-0.5, 0.5, 26)
+    x, z = np.meshgrid(place, place, indexing="ij")
+    grid = np.stack([x, np.ones_like(x), z], axis=2)
+    a, b, c, d = grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]
+    return np.concatenate([np.stack([a, b, c], axis=2), np.stack([a, c, d], axis=2)]).reshape(-1, 3, 3)
+
+
+@pytest.mark.parametrize("distance", [0.15, 0.3, 1.0, 30.0])
+def test_a_bulb_of_many_triangles_is_merged_into_few(distance: float) -> None:
+    triangles, places = bulb(0.1), np.random.default_rng(5).normal(size=(20, 3))
+    places *= distance / np.linalg.norm(places, axis=1, keepdims=True)
+    merged, radiance = merged_triangles(triangles, np.ones((len(triangles), 3)), 128)
+    assert len(merged) == len(radiance) == 128
+    # A sphere covers 2 pi (1 - cos) with sin = R / d; what stands for it lies on its outside.
+    expected = 2.0 * np.pi * (1.0 - np.sqrt(1.0 - (0.1 / distance) ** 2))
+    found = solid_angles(merged, places).sum(axis=1, dtype=float)
+    assert found.mean() == pytest.approx(expected, rel=0.02) and np.abs(found / expected - 1.0).max() < 0.06
+    assert (np.linalg.norm(merged.mean(axis=1), axis=1) > 0.0975).all()
+
+
+def test_a_panel_of_many_triangles_shines_as_two_do() -> None:
+    merged, _ = merged_triangles(panel(), np.ones((1250, 3)), 64)
+    places = np.array([[0.0, 0.0, 0.0], [0.3, 0.8, 0.2], [1.0, 0.5, 0.0], [0.5, 0.9, 0.5]])
+    np.testing.assert_allclose(merged[:, :, 1], 1.0, atol=1e-9)
+    found, expected = (solid_angles(each, places).sum(axis=1) for each in (merged, SQUARE))
+    np.testing.assert_allclose(found, expected, rtol=0.03)
+
+
+def test_few_triangles_are_not_merged_and_radiances_never_mixed() -> None:
+    triangles, radiance = panel(), np.ones((1250, 3))
+    assert merged_triangles(triangles, radiance, 1250)[0] is triangles
+    radiance[::3] = [5.0, 1.0, 0.5]
+    merged, found = merged_triangles(triangles, radiance, 40)
+    assert len(merged) == 40
+    areas = np.linalg.norm(np.cross(*(merged[:, 1:] - merged[:, :1]).transpose(1, 0, 2)), axis=1) / 2
+    for colour in ([1.0, 1.0, 1.0], [5.0, 1.0, 0.5]):
+        # Area is kept, colour by colour: 833 and 417 triangles of a 1,250th square metre.
+        share = (radiance == colour).all(axis=1).mean()
+        assert areas[(found == colour).all(axis=1)].sum() == pytest.approx(share, rel=1e-9)

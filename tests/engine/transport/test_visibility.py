@@ -158,7 +158,7 @@ def test_a_guess_counts_the_votes(n_informers: int) -> None:
     # Target by target, counted with ones and zeros; without neighbours there is no boundary to mark.
     random = np.random.default_rng(n_informers)
     bits, horizon, believed, always, weak, weakest = random.integers(0, 1 << 63, (6, 5, 2), dtype=np.uint64)
-    always, weak, weakest, believed = always[0], weak[0], weakest[0], believed[0]
+    always, weak, weakest, believed = always[:1], weak[:1], weakest[:1], believed[0]
     informers = np.full((1, 4), -1, np.int32)
     informers[0, :n_informers] = random.permutation(4)[:n_informers]
     before, todo, doubt = bits.copy(), np.zeros((1, 2), np.uint64), np.zeros((1, 2), np.uint64)
@@ -252,13 +252,16 @@ def test_the_sphere_says_where_neighbours_agree_on_what_is_wrong(placement: Plac
 
 
 def test_sentinels_find_what_the_points_around_miss() -> None:
-    # Every eighth patch is always asked, whatever the neighbours agree on; of the sphere, where the neighbours are few,
-    # the middle one of every sixteen or 64.
-    def marked(targets: Targets, step: int) -> np.ndarray:
-        return np.flatnonzero(np.unpackbits(targets.sentinels(step).view(np.uint8), bitorder="little"))
+    # Every sixteenth patch is always asked, whatever the neighbours agree on, and by other points others; of the
+    # sphere, where the neighbours are few, the middle one of every sixteen or 64.
+    def marked(targets: Targets, step: int, turn: int = 0) -> np.ndarray:
+        return np.flatnonzero(np.unpackbits(targets.sentinels(step)[turn].view(np.uint8), bitorder="little"))
 
     patches, sphere = patches_above(40), sphere_targets(2)
-    np.testing.assert_array_equal(marked(patches, patches.sentinel_step), [7, 15, 23, 31, 39])
+    np.testing.assert_array_equal(marked(patches, patches.sentinel_step), [15, 31])
+    turns = [marked(patches, patches.sentinel_step, turn) for turn in range(16)]
+    np.testing.assert_array_equal(np.sort(np.concatenate(turns)), np.arange(40))
+    assert len(sphere.sentinels(sphere.weak_step)) == 1
     np.testing.assert_array_equal(marked(sphere, sphere.weak_step), np.arange(63, 320, 64))
     np.testing.assert_array_equal(marked(sphere, sphere.weakest_step), np.arange(15, 320, 16))
     assert not len(marked(sphere, sphere.sentinel_step))
