@@ -21,12 +21,21 @@ from ui.panels.plot_axes import (
 )
 
 
-@given(st.floats(1e-6, 1e6), st.floats(1.01, 1e6), st.sampled_from(["linear", "root", "log"]), st.floats(0.0, 1.0))
+@given(st.floats(1e-6, 1e6), st.floats(1.01, 1e6), st.sampled_from(["linear", "symlog", "log"]), st.floats(0.0, 1.0))
 def test_pixels_and_values_are_inverse(low: float, ratio: float, scale: Scale, share: float) -> None:
     axis = Axis(low, low * ratio, 300.0, 20.0, scale)
     pixel = 300.0 - 280.0 * share
     assert axis.to_pixel(axis.to_value(pixel)) == pytest.approx(pixel, abs=1e-6)
     assert axis.to_pixels(np.array([axis.to_value(pixel)]))[0] == pytest.approx(pixel, abs=1e-6)
+
+
+def test_height_is_even_up_to_1_and_doubles_evenly_above() -> None:
+    top = 1.0 + math.log(100.0)
+    axis = Axis(0.0, 100.0, 126.0, 0.0, "symlog")
+    assert axis.to_pixel(0.5) == pytest.approx(126.0 * (1.0 - 0.5 / top))
+    assert axis.to_pixel(4.0) - axis.to_pixel(8.0) == pytest.approx(axis.to_pixel(40.0) - axis.to_pixel(80.0))
+    # A hand that goes 38 pixels up from nothing comes to 2, where the cube root made 6.6 of it and even axes 30.
+    assert axis.to_value(126.0 - 38.0) == pytest.approx(math.exp(38.0 / 126.0 * top - 1.0)) and axis.to_value(88.0) < 2.1
 
 
 def test_a_logarithmic_axis_keeps_zero_on_its_floor() -> None:

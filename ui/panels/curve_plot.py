@@ -63,7 +63,7 @@ def layout(
     """Axes of a plot that fills `size` from `corner`, with room for labels and flags."""
     left, right = corner.x + context.px(LEFT_GUTTER), corner.x + size.x - context.px(RIGHT_GUTTER)
     top, bottom = corner.y + context.px(FLAG_STRIP), corner.y + size.y - context.px(BOTTOM_GUTTER)
-    y = Axis(*y_range, max(bottom, top + 20), top, "log" if log_y else "root")
+    y = Axis(*y_range, max(bottom, top + 20), top, "log" if log_y else "symlog")
     return Frame(Axis(*x_range, left, max(right, left + 20)), y)
 
 

@@ -4,8 +4,9 @@ Angles are radians inside and degrees only in tick labels. Pure arithmetic: noth
 
 A highlight's curve is a thousand times higher at its peak than in the skirt that lights most of the picture. Linear
 height gives the skirt a pixel, and a pixel's drag lifts it out of all proportion; the logarithm gives most of its room
-to what is next to nothing, and has no 0. So the height is *rooted*: linear up to 1, as reflectances are, its cube root
-above, as the eye has brightness.
+to what is next to nothing, and has no 0. So the height is linear up to 1, as reflectances are, and its logarithm above
+(*symlog*): a drag adds up to there, and from there on it multiplies. Rejected: the cube root, by which a third of the
+height lifted the skirt of a ring's gold by 6.6 and threw seven times the light there is.
 """
 
 from __future__ import annotations
@@ -20,12 +21,12 @@ HALF_PI = math.pi / 2.0
 ANGLE_STEPS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0)
 LARGEST_LOG_SPAN = 8.0
 
-Scale = Literal["linear", "root", "log"]
+Scale = Literal["linear", "symlog", "log"]
 
 
 @dataclass(frozen=True)
 class Axis:
-    """Maps values [low, high] to pixels [start, end] (start may exceed end), linearly, by root or by logarithm."""
+    """Maps values [low, high] to pixels [start, end] (start may exceed end), linearly, by logarithm or both."""
 
     low: float
     high: float
@@ -49,19 +50,18 @@ class Axis:
         warped = start + (pixel - self.start) / (self.end - self.start) * (end - start)
         if self.scale == "log":
             return 10.0 ** min(max(warped, -300.0), 300.0)
-        return (
-            warped
-            if self.scale == "linear" or abs(warped) <= 1.0
-            else math.copysign(((abs(warped) + 2) / 3) ** 3, warped)
-        )
+        if self.scale == "linear" or abs(warped) <= 1.0:
+            return warped
+        return math.copysign(math.exp(min(abs(warped) - 1.0, 690.0)), warped)
 
     def _warp(self, values: np.ndarray) -> np.ndarray:
-        """Values as they are spaced evenly: the root goes on at 1 with the slope of what lies below."""
+        """Values as they are spaced evenly: the logarithm goes on at 1 with the slope of what lies below."""
         if self.scale == "log":
             return np.log10(np.maximum(values, self.low))
         if self.scale == "linear":
             return values
-        return np.where(np.abs(values) <= 1.0, values, 3.0 * np.cbrt(values) - 2.0 * np.sign(values))
+        size = np.abs(values)
+        return np.where(size <= 1.0, values, np.sign(values) * (1.0 + np.log(np.maximum(size, 1.0))))
 
 
 @dataclass(frozen=True)
@@ -86,8 +86,8 @@ def value_ticks(axis: Axis, smallest_gap: float) -> list[Tick]:
     """Ticks of the vertical axis: 1-2-5 steps when linear, decades (with unlabelled 2…9) when logarithmic."""
     if axis.scale == "log":
         return _decade_ticks(axis, smallest_gap)
-    rooted = axis.scale == "root" and max(abs(axis.low), abs(axis.high)) > 2.0
-    return _root_ticks(axis, smallest_gap) if rooted else _linear_ticks(axis, smallest_gap)
+    is_high = axis.scale == "symlog" and max(abs(axis.low), abs(axis.high)) > 2.0
+    return _symlog_ticks(axis, smallest_gap) if is_high else _linear_ticks(axis, smallest_gap)
 
 
 def _linear_ticks(axis: Axis, smallest_gap: float) -> list[Tick]:
@@ -99,7 +99,7 @@ def _linear_ticks(axis: Axis, smallest_gap: float) -> list[Tick]:
     return [Tick(k * step, value_label(k * step, step)) for k in range(first, last + 1)]
 
 
-def _root_ticks(axis: Axis, smallest_gap: float) -> list[Tick]:
+def _symlog_ticks(axis: Axis, smallest_gap: float) -> list[Tick]:
     """0, 1 and as many of 10, 100…, then 5s and 2s, as keep their distance."""
     largest = math.ceil(math.log10(max(abs(axis.low), abs(axis.high))))
     decades = [1.0, *(10.0**k for k in range(1, largest + 1)), 0.1, 0.01]
