@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from engine.scene.mesh import Mesh, face_normals
+from engine.scene.mesh import Mesh, cross, face_normals
 
 _SLIVER = 1e-5
 
@@ -44,7 +44,7 @@ def count_defects(mesh: Mesh) -> Defects:
     _, solid = face_normals(vertices, triangles)
     corners = vertices[triangles].astype(np.float64)
     edges = corners[:, (1, 2, 0)] - corners
-    doubled = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    doubled = np.linalg.norm(cross(edges[:, 0], edges[:, 1]), axis=1)
     sliver = solid & (doubled <= _SLIVER * (edges**2).sum(axis=2).max(axis=1))
     kept = triangles[solid].astype(np.int64)
     repeats = _repeats(_keys(np.sort(kept, axis=1), len(vertices)))

@@ -87,6 +87,13 @@ def fan_triangles(corners: npt.NDArray[np.int32], lengths: npt.NDArray[np.int64]
     return np.stack([corners[first], corners[first + step + 1], corners[first + step + 2]], axis=1)
 
 
+def cross(a: Floats, b: Floats) -> Floats:
+    """Cross products (..., 3), bit by bit those of NumPy, whose own function costs 0.1 ms for a single one: a scene may
+    hold thousands of small meshes."""
+    after, before = [1, 2, 0], [2, 0, 1]
+    return a[..., after] * b[..., before] - a[..., before] * b[..., after]
+
+
 def face_normals(vertices: npt.NDArray[np.floating], triangles: Indices) -> tuple[Floats, npt.NDArray[np.bool_]]:
     """Unit normals (T, 3) by winding, and which faces have an area at all (the others get a zero normal).
 
@@ -94,12 +101,12 @@ def face_normals(vertices: npt.NDArray[np.floating], triangles: Indices) -> tupl
     """
     corners = vertices[triangles].astype(np.float64)
     edges = corners[:, (1, 2, 0)] - corners
-    cross = np.cross(edges[:, 0], edges[:, 1])
-    length = np.linalg.norm(cross, axis=1)
+    normal = cross(edges[:, 0], edges[:, 1])
+    length = np.linalg.norm(normal, axis=1)
     longest = (edges**2).sum(axis=2).max(axis=1)
     solid = length > 1e-12 * longest
-    normals = np.zeros_like(cross)
-    normals[solid] = cross[solid] / length[solid, None]
+    normals = np.zeros_like(normal)
+    normals[solid] = normal[solid] / length[solid, None]
     return normals, solid
 
 
@@ -114,7 +121,7 @@ def smooth_normals(vertices: npt.NDArray[np.floating], triangles: Indices) -> Fl
     for k in range(3):
         one = corners[:, (k + 1) % 3] - corners[:, k]
         two = corners[:, (k + 2) % 3] - corners[:, k]
-        angle = np.arctan2(np.linalg.norm(np.cross(one, two), axis=1), (one * two).sum(axis=1))
+        angle = np.arctan2(np.linalg.norm(cross(one, two), axis=1), (one * two).sum(axis=1))
         for axis in range(3):
             total[:, axis] += np.bincount(triangles[:, k], flat[:, axis] * angle, len(vertices))
     return normalize(total, fallback=(0.0, 1.0, 0.0))
@@ -151,7 +158,7 @@ def place_copies(mesh: Mesh, matrices: npt.NDArray[np.float64]) -> Mesh:
     """
     linear = matrices[:, :3, :3]
     vertices = (mesh.vertices @ linear.swapaxes(1, 2) + matrices[:, None, :3, 3]).reshape(-1, 3)
-    cofactor = np.cross(linear[:, [1, 2, 0]], linear[:, [2, 0, 1]])
+    cofactor = cross(linear[:, [1, 2, 0]], linear[:, [2, 0, 1]])
     mirrored = np.einsum("nk,nk->n", linear[:, 0], cofactor[:, 0]) < 0.0
     starts = np.arange(len(matrices), dtype=np.int32) * len(mesh.vertices)
     triangles = _wound(mesh.triangles, mirrored) + np.repeat(starts, len(mesh.triangles))[:, None]

@@ -2,6 +2,9 @@
 
 An object that names a GLB and gives no layers takes the file's: one material, and its layers become the object's; more,
 and the object becomes one object a material, each marked with its `part` so that it reads back as what it is.
+
+What a small file may cost is bounded by the number of objects: each takes well under a millisecond to be placed and
+looked over, MAX_OBJECTS of them two to three seconds, be they named in the scene or the materials of a GLB.
 """
 
 from __future__ import annotations

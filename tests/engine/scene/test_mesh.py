@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 
 from engine.errors import LoadError
-from engine.scene.mesh import Mesh, face_normals, join_meshes, normalize, place_mesh, smooth_normals, validate_mesh
+from engine.scene.mesh import (
+    Mesh,
+    cross,
+    face_normals,
+    join_meshes,
+    normalize,
+    place_mesh,
+    smooth_normals,
+    validate_mesh,
+)
 from engine.scene.primitives import PRIMITIVES, cube, quad, sphere
 
 
@@ -17,6 +26,11 @@ def volume(mesh: Mesh) -> float:
     """Signed: positive where all fronts face outward."""
     a, b, c = mesh.vertices[mesh.triangles].transpose(1, 0, 2)
     return float((a * np.cross(b, c)).sum() / 6)
+
+
+def test_cross_products_are_numpys_bit_by_bit():
+    a, b = np.random.default_rng(3).normal(size=(2, 50, 4, 3)) * 10.0 ** np.arange(-8, 42)[:, None, None]
+    np.testing.assert_array_equal(cross(a, b), np.cross(a, b))
 
 
 def test_primitives_have_unit_size_and_face_outward():
