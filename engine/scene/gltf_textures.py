@@ -18,8 +18,8 @@ from engine.scene.glb import Fields
 from engine.scene.gltf_images import image_bytes
 from engine.texture.images import image_size, read_texture
 
-# Of all images of one file, and more for every byte: a few kilobytes can claim millions of pixels. They are decoded when
-# they are used, 0.1 s a megapixel: whatever a small file claims, that is 6 s, and never in the window's process.
+# Of all images of one file, and more for every byte: a few kilobytes can claim millions of pixels. They are decoded
+# when they are used, 0.1 s a megapixel: whatever a small file claims, that is 6 s, and never in the window's process.
 MOST_PIXELS = 1 << 26
 PIXELS_A_BYTE = 32
 
