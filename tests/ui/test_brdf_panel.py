@@ -7,11 +7,12 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import moderngl
 import numpy as np
 import pytest
-from imgui_bundle import imgui
+from imgui_bundle import ImVec2, imgui
 
 from app.commands import SetModel, SetOperators, SetParameter
 from app.jobs.messages import Failed, HandOutTable, TableHandedOut
@@ -29,7 +30,7 @@ from ui.gl.brdf_views import Albedo
 from ui.gl.lit_sphere import LitSphere
 from ui.headless import HeadlessWindow
 from ui.panels.actions import ShowPanel
-from ui.panels.brdf import energy_warning
+from ui.panels.brdf import _places, energy_warning
 from ui.panels.brdf_board import BrdfBoard
 from ui.panels.brdf_plots import arcs_of_region, radii
 
@@ -270,3 +271,14 @@ def test_logarithmic_radii_show_four_decades() -> None:
 def test_view_keeps_the_lobe_above_the_horizon(window: HeadlessWindow) -> None:
     window.shell.editor.do(SetView.of(lobe_angle=3.0))
     assert window.shell.editor.view.lobe_angle < math.pi / 2
+
+
+@pytest.mark.parametrize("width", [120.0, 180.0, 260.0, 400.0])
+@pytest.mark.parametrize("height", [110.0, 160.0, 220.0, 500.0])
+def test_the_figures_of_albedo_do_not_reach_into_the_plot(width: float, height: float) -> None:
+    context = SimpleNamespace(px=lambda size: size)
+    places = _places(context, ImVec2(10.0, 20.0), ImVec2(width, height))  # type: ignore[arg-type]
+    figures, plot = places.figures, places.plot
+    # In a line: two lines of 15 pixels. Else three numbers of 30 and their gaps across, four lines down.
+    wide, high = (0.0, 30.0) if places.in_line else (98.0, 60.0)
+    assert figures.x + wide <= plot.x or figures.y + high <= plot.y

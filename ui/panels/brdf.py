@@ -55,6 +55,10 @@ def draw(context: PanelContext) -> list[Action]:
     return actions + _plot(context, places.plot, places.plot_size)
 
 
+# Pixels at scale 1 across and down that three channels' albedo and the warning cover.
+FIGURES = (100.0, 60.0)
+
+
 @dataclass(frozen=True)
 class Places:
     """Where the parts stand: the figures beside the sphere, or in one line under it."""
@@ -73,9 +77,10 @@ def _places(context: PanelContext, corner: ImVec2, room: ImVec2) -> Places:
     gap, most = context.px(10), context.px(LARGEST_SPHERE)
     if room.x > 1.25 * room.y:
         side = _whole(min(room.y - context.px(76), 0.42 * room.x, most))
-        plot = ImVec2(corner.x + side + gap, corner.y)
+        wide = max(side, context.px(FIGURES[0]))
+        plot = ImVec2(corner.x + wide + gap, corner.y)
         figures = ImVec2(corner.x, corner.y + side + context.px(4))
-        return Places(corner, side, figures, side, False, plot, ImVec2(room.x - side - gap, room.y))
+        return Places(corner, side, figures, wide, False, plot, ImVec2(room.x - wide - gap, room.y))
     if room.y > 1.7 * room.x:
         lines, height = context.px(44), 0.78 * room.x
         side = _whole(min(room.x, room.y - height - lines, most))
@@ -84,7 +89,7 @@ def _places(context: PanelContext, corner: ImVec2, room: ImVec2) -> Places:
         plot = ImVec2(corner.x, figures.y + lines)
         return Places(sphere, side, figures, room.x, True, plot, ImVec2(room.x, corner.y + room.y - plot.y))
     side = _whole(min(0.5 * room.x, 0.5 * room.y - gap, most))
-    figures, below = ImVec2(corner.x + side + gap, corner.y), side + context.px(8)
+    figures, below = ImVec2(corner.x + side + gap, corner.y), max(side, context.px(FIGURES[1])) + context.px(8)
     plot_size = ImVec2(room.x, room.y - below)
     return Places(corner, side, figures, room.x - side - gap, False, ImVec2(corner.x, corner.y + below), plot_size)
 
