@@ -19,7 +19,7 @@ from app.placement.transport_talk import TransportTalk
 from app.project import Project
 from app.view_state import AS_PLANNED
 from engine.errors import InsituError
-from engine.plan import N_LIGHTS
+from engine.plan import N_LIGHTS, N_PATCHES
 
 STEP_SECONDS = 0.1
 
@@ -42,7 +42,15 @@ def precompute(project: Project, report: Report, n_lights: int | None = None, st
     talk.scene_opened()
     n_bounces = project.n_bounces or project.scene.description.bounces or AS_PLANNED
     n_lights = n_lights or project.n_lights or N_LIGHTS
-    talk.update(time.monotonic(), project.document, None, n_lights, False, n_bounces=n_bounces)
+    talk.update(
+        time.monotonic(),
+        project.document,
+        None,
+        n_lights,
+        False,
+        n_bounces=n_bounces,
+        n_patches=project.n_patches or N_PATCHES,
+    )
     while not (stage := _until(client, StageDone, report)).exact:
         pass
     store.require_kept()

@@ -29,13 +29,14 @@ if TYPE_CHECKING:
 class Project:
     """A loaded scene, the document that a person would edit, and the view that it is shown in; emitters shine as the
     document says. n_bounces: as many as its session has, None for as many as the scene says or requires;
-    n_lights: as its session has, None where there is none."""
+    n_lights, n_patches: as its session has, None where there is none."""
 
     scene: Scene
     document: Document
     view: ToneMapping = "filmic"
     n_bounces: int | None = None
     n_lights: int | None = None
+    n_patches: int | None = None
 
     @property
     def sky(self) -> SkyState:
@@ -90,7 +91,14 @@ def open_project(
     scene = scene.shining(dict(emission_of(document)))
     if session is None:
         return Project(scene, document)
-    return Project(scene, document, session.view.tone_mapping, session.view.n_bounces or None, session.view.n_lights)
+    return Project(
+        scene,
+        document,
+        session.view.tone_mapping,
+        session.view.n_bounces or None,
+        session.view.n_lights,
+        session.view.n_patches,
+    )
 
 
 def _read(document: Document, folder: Path | None = None, scene: Path | None = None) -> Document:

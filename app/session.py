@@ -25,6 +25,7 @@ from app.sources import SESSION_ENDING
 from app.view_state import AS_PLANNED, SetView, ViewState
 from engine.colour import ToneMapping
 from engine.errors import InsituError, LoadError
+from engine.plan import N_PATCHES
 from engine.scene.complaints import first_complaint
 from engine.scene.description import MAX_BOUNCES, MAX_OBJECTS, Name, Number, Pixels, Radiance, Text
 from engine.scene.toml_text import check_version, load_toml, toml_lines
@@ -59,6 +60,7 @@ class ViewRecord(Record):
     log_y: Flag = False
     frame_budget_ms: Annotated[Number, Field(ge=2.0, le=200.0)] = 16.0
     n_lights: Annotated[int, Field(ge=20, le=20000, strict=True)] = 4000
+    n_patches: Annotated[int, Field(ge=20, le=20000, strict=True)] = N_PATCHES
     n_bounces: Annotated[int, Field(ge=AS_PLANNED, le=MAX_BOUNCES, strict=True)] = 1
     second_bands: Literal[1, 8, 16] | None = None
     precision: Literal["half", "float"] = "half"

@@ -13,7 +13,7 @@ from typing import Any, Literal
 from app.document import Document, Selection
 from engine.colour import ToneMapping
 from engine.errors import InsituError
-from engine.plan import Precision
+from engine.plan import N_PATCHES, Precision
 from engine.scene.description import SceneDescription
 
 Tool = Literal["translate_x", "translate_y", "translate_xy", "amplify_x", "amplify_y", "amplify_xy"]
@@ -44,8 +44,8 @@ DEFAULT_PANELS = MappingProxyType(
 class ViewState:
     """Selection and display. Angles in radians, exposure in stops, frame budget in milliseconds.
 
-    ``n_lights`` cut the environment in the finished picture, ``n_bounces`` are the reflections between light and eye
-    (``AS_PLANNED`` until the worker has found how many the scene requires),
+    ``n_lights`` cut the environment in the finished picture, ``n_patches`` what shines in the scene; ``n_bounces`` are
+    the reflections between light and eye (``AS_PLANNED`` until the worker has found how many the scene requires),
     the second of at most ``second_bands`` bands a curve (1: by albedo; None: as many as it has), ``precision`` is that
     of transport on the GPU.
     ``compare`` is the document that A/B shows left of ``compare_divider`` (0 the left edge, 1 the right).
@@ -85,6 +85,7 @@ class ViewState:
     frame_budget_ms: float = 16.0
     precision: Precision = "half"
     n_lights: int = 4000
+    n_patches: int = N_PATCHES
     n_bounces: int = 1
     second_bands: int | None = None
     panels: Mapping[str, bool] = field(default_factory=lambda: DEFAULT_PANELS)
@@ -124,6 +125,7 @@ LIMITS: dict[str, tuple[float, float]] = {
     "lobe_angle": (0.0, 1.55),
     "frame_budget_ms": (2.0, 200.0),
     "n_lights": (20, 20000),
+    "n_patches": (20, 20000),
     "n_bounces": (1, 8),
 }
 

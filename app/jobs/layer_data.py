@@ -34,6 +34,7 @@ class LitBy:
 
     light: LightState
     n_lights: int
+    n_patches: int
     emission: tuple[tuple[str, tuple[float, float, float]], ...] = ()
 
 

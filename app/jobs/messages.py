@@ -134,7 +134,8 @@ class ComputeTransport(Request):
     With n_bounces > 1 the indirect light is found as well; `looks` say where the picture of it bends. 0 asks for as
     many bounces as the scene requires. Both are answered by `BouncesPlanned`, of the `reflecting` layers by key.
     measured: (file, number) of the tables that layers need, which a worker that has just been started reads first.
-    emission: (name, radiance) of emitters, where it is not as the scene has it.
+    emission: (name, radiance) of emitters, where it is not as the scene has it. n_lights_preview, n_lights_final and
+    n_patches: what cuts the sky, at first and at last, and emitters at last.
     """
 
     light: LightState
@@ -143,6 +144,7 @@ class ComputeTransport(Request):
     factor: str | None
     n_lights_preview: int
     n_lights_final: int
+    n_patches: int
     precision: Precision = "half"
     n_bounces: int = 1
     looks: tuple[LayerReflection, ...] = ()

@@ -228,7 +228,7 @@ class Tasks:
             self._indirect.asked_anew(_lit_key(sky, placement.scene), request.n_bounces)
         if (image := self._sky_image(sky, request.light)) is not None:
             yield image
-        lit_by = LitBy(request.light, request.n_lights_final, request.emission)
+        lit_by = LitBy(request.light, request.n_lights_final, request.n_patches, request.emission)
         yield from self._tell_held(placement, request, lit_by)
         yield from self._kernels_ready()
         n_bounces, bounces_told = request.n_bounces, request.n_bounces == 1
@@ -436,7 +436,8 @@ def _stages(request: ComputeTransport) -> list[tuple[Quality, bool]]:
     preview = replace(PREVIEW, n_lights=request.n_lights_preview)
     if request.n_lights_final <= request.n_lights_preview:
         return [(coarse, False), (preview, True)]
-    return [(coarse, False), (preview, False), (replace(FINAL, n_lights=request.n_lights_final), True)]
+    final = replace(FINAL, n_lights=request.n_lights_final, n_patches=request.n_patches)
+    return [(coarse, False), (preview, False), (final, True)]
 
 
 def _telling_first_time(steps: Iterator[Response | None], is_last: bool) -> Steps:

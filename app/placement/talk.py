@@ -154,7 +154,7 @@ class PlacementTalk(ModeTalk):
         planned = self._bands.update(document)
         talk.update(
             now, document, view.selected, view.n_lights, self._desk.history.dragging, view.precision, view.n_bounces,
-            planned,
+            planned, view.n_patches,
         )  # fmt: skip
         events: list[PictureEvent] = [*self.maps.update(document)]
         if planned and not talk.drag_quality:

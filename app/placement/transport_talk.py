@@ -44,7 +44,7 @@ from app.placement.wishes import (
     same_coefficients,
     transport_wish,
 )
-from engine.plan import Precision
+from engine.plan import N_PATCHES, Precision
 
 REST_SECONDS = 0.25
 CONTRACT_PATIENCE = 3.0
@@ -68,7 +68,7 @@ class TransportTalk:
     def _forget(self) -> None:
         self._wish: TransportWish | None = None
         self._wish_since = -math.inf
-        self._wish_made_of: tuple[Document, int, int] | None = None
+        self._wish_made_of: tuple[Document, int, int, int] | None = None
         self._asked: TransportWish | None = None
         self._becoming_editable: tuple[str, ...] = ()
         self._drag_quality = False
@@ -175,7 +175,7 @@ class TransportTalk:
         models = [(key, layer.model) for key, layer in document.layers()]
         if self._asked is None or models != [(key, layer.model) for key, layer in like.layers()]:
             return False
-        wish = transport_wish(document, n_lights, self._asked.n_bounces, self._curves)
+        wish = transport_wish(document, n_lights, self._asked.n_bounces, self._asked.n_patches, self._curves)
         lit_alike = wish.emission == emission_of(like)
         return lit_alike and replace(wish, emission=self._asked.emission) == self._asked
 
@@ -258,13 +258,14 @@ class TransportTalk:
     def update(
         self, now: float, document: Document, selected: Selection | None, n_lights: int, dragging: bool,
         precision: Precision = "half", n_bounces: int = 1, planned: bool = True,
+        n_patches: int = N_PATCHES,
     ) -> None:  # fmt: skip
         """Ask for what is missing; ``now`` in seconds of any steady clock. planned: whether the bands of all layers
         are known; until they are, nothing is asked for."""
         if not self.is_open:
             return
         self._precision = precision
-        wish = self._transport_wish(document, n_lights, n_bounces)
+        wish = self._transport_wish(document, n_lights, n_bounces, n_patches)
         if wish != self._wish:
             self._wish_since = -math.inf if self._wish is None else now
             self._wish = wish
@@ -306,6 +307,7 @@ class TransportTalk:
             curves[0].factor if curves else None,
             min(N_LIGHTS_PREVIEW, wish.n_lights),
             n_lights,
+            wish.n_patches,
             self._precision,
             wish.n_bounces,
             reflections(document, self._curves) if wish.n_bounces != 1 else (),
@@ -394,8 +396,8 @@ class TransportTalk:
         shape = self._asked_shape(key)
         return shape is not None and shape.takes(wanted)
 
-    def _transport_wish(self, document: Document, n_lights: int, n_bounces: int) -> TransportWish:
-        made_of = (document, n_lights, n_bounces)
+    def _transport_wish(self, document: Document, n_lights: int, n_bounces: int, n_patches: int) -> TransportWish:
+        made_of = (document, n_lights, n_bounces, n_patches)
         if self._wish is not None and self._wish_made_of == made_of:
             return self._wish
         self._wish_made_of = made_of

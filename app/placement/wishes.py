@@ -12,7 +12,7 @@ from app.jobs.messages import LayerWork
 from app.light_commands import emission_of
 from app.placement.curves import Array, Coefficients, Curves
 from engine.material.layer import Layer
-from engine.plan import Precision
+from engine.plan import N_PATCHES, Precision
 
 Emission = tuple[tuple[str, RGB], ...]
 
@@ -81,6 +81,7 @@ class TransportWish:
     n_lights: int
     n_bounces: int = 1
     emission: Emission = ()
+    n_patches: int = N_PATCHES
 
     def moved_from(self, other: TransportWish) -> bool:
         """Whether only the environment's rotation differs, or what emitters emit."""
@@ -93,7 +94,7 @@ class TransportWish:
 
     def alike(self, before: TransportWish) -> tuple[str, ...]:
         """Keys of the layers that look as they did under the wish before."""
-        if not self.lights_like(before) or self.n_lights != before.n_lights:
+        if not self.lights_like(before) or (self.n_lights, self.n_patches) != (before.n_lights, before.n_patches):
             return ()
         return tuple(shape.key for shape in self.layers if shape.looks_like(before.shape(shape.key)))
 
@@ -150,7 +151,7 @@ class Contraction:
     sent_at: float
 
 
-def transport_wish(document: Document, n_lights: int, n_bounces: int, curves: Curves) -> TransportWish:
+def transport_wish(document: Document, n_lights: int, n_bounces: int, n_patches: int, curves: Curves) -> TransportWish:
     """The transport of a document's layers, but for those of emitters, in its light at intensity 1."""
     emitters = {state.name for state in document.objects if state.emits}
     shapes = tuple(
@@ -159,7 +160,7 @@ def transport_wish(document: Document, n_lights: int, n_bounces: int, curves: Cu
         if key.rpartition(".")[0] not in emitters
     )
     light = replace(document.light, intensity=1.0)
-    return TransportWish(light, shapes, n_lights, n_bounces, emission_of(document))
+    return TransportWish(light, shapes, n_lights, n_bounces, emission_of(document), n_patches)
 
 
 def brightened(wanted: Emission, known: Emission) -> Array | None:

@@ -17,7 +17,7 @@ from engine.plan import Cost, Plan
 from engine.render.still import StillLayer, StillProgress, still_quality
 from engine.transport.fixed import BYTES_A_POINT
 from engine.transport.lighting import prepare_lighting
-from engine.transport.near import no_near_leaves
+from engine.transport.near import near_leaves
 from engine.transport.pipeline import Placement, SkyState
 from engine.transport.projection import LayerShape, VisibleLight, project_points
 from engine.transport.visibility import Visibility, empty_visibility, evaluate_rows
@@ -50,7 +50,7 @@ def estimate_cost(
         seconds, size = _try_layer(placement, samples[each.i_object], light, each)
         projection_seconds += seconds * len(rows_of[each.i_object]) / N_THREADS
         n_bytes += size * len(rows_of[each.i_object])
-    visibility_seconds = per_point * n_points * COHERENT_SHARE / N_THREADS
+    visibility_seconds = per_point * n_points / N_THREADS
     cost = Cost(
         seconds=visibility_seconds + projection_seconds,
         visibility_seconds=visibility_seconds,
@@ -70,7 +70,7 @@ def _sample(rows: np.ndarray, most: int, generator: np.random.Generator) -> np.n
 def _try_light(
     placement: Placement, samples: Mapping[int, np.ndarray], sky: SkyState, plan: Plan
 ) -> tuple[VisibleLight, float]:
-    """The plan's light as the samples see it, and the seconds of one thread that all rays of a point take."""
+    """The plan's light as the samples see it, and the seconds of one thread that a point takes."""
     quality = still_quality(plan)
     cut = None
     if sky.environment is not None:
@@ -80,12 +80,16 @@ def _try_light(
     fine = empty_visibility(placement.hits, lighting.fine_targets)
     emitters = empty_visibility(placement.hits, lighting.emitter_targets)
     traced = [fine, emitters] + ([sphere] if plan.needs_sphere else [])
-    rows = np.concatenate([np.zeros(0, np.int32), *samples.values()])
+    rows = np.unique(np.concatenate([np.zeros(0, np.int32), *samples.values()]))
     _trace(placement, traced, rows[:1])  # compiles
     started = time.perf_counter()
     _trace(placement, traced, rows)
-    near = no_near_leaves(len(placement.hits.pixel))
-    return VisibleLight(lighting, sphere, fine, emitters, near), (time.perf_counter() - started) / max(len(rows), 1)
+    per_point = COHERENT_SHARE * (time.perf_counter() - started)
+    near_leaves(placement.hits, placement.caster, lighting.emitters, emitters, rows[:1])  # compiles
+    started = time.perf_counter()
+    near = near_leaves(placement.hits, placement.caster, lighting.emitters, emitters, rows)
+    per_point += time.perf_counter() - started
+    return VisibleLight(lighting, sphere, fine, emitters, near), per_point / max(len(rows), 1)
 
 
 def _trace(placement: Placement, traced: Sequence[Visibility], rows: np.ndarray) -> None:

@@ -75,9 +75,9 @@ def document_of(opened: SceneOpened, source: Path) -> Document:
 
 def compute(document: Document) -> ComputeTransport:
     curves = Curves(16)
-    wish = transport_wish(document, 80, 1, curves)
+    wish = transport_wish(document, 80, 1, 20, curves)
     works = tuple(layer_work(shape, curves.coefficients(document, shape.key)) for shape in wish.layers)
-    return ComputeTransport(LightState(), works, None, None, 80, 80, measured=measured_files(document))
+    return ComputeTransport(LightState(), works, None, None, 80, 80, 20, measured=measured_files(document))
 
 
 def test_a_worker_reads_what_a_scene_names(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -55,7 +55,9 @@ def edited(document: Document) -> Document:
 
 
 def test_a_session_comes_back_equal(edited: Document, tmp_path: Path) -> None:
-    view = ViewState(selected=Selection("pot", 1, "theta_d"), exposure=-1 / 3, tone_mapping="agx", n_lights=800)
+    view = ViewState(
+        selected=Selection("pot", 1, "theta_d"), exposure=-1 / 3, tone_mapping="agx", n_lights=800, n_patches=3000
+    )
     path = save_session(tmp_path / "mine", edited, view)
     assert path.name == "mine.insitu"
     session = load_session(path)
@@ -151,6 +153,7 @@ def test_the_base_of_the_bad_files_is_good(tmp_path: Path) -> None:
         ("[light]", '[light]\nmapping = "cube"', "light: mapping = cube"),
         ("[[object]]", "[view]\nexposure = 'much'\n[[object]]", "view: exposure = much"),
         ("[[object]]", "[view]\nn_lights = 2.5\n[[object]]", "view: n_lights = 2.5"),
+        ("[[object]]", "[view]\nn_patches = 7\n[[object]]", "view: n_patches = 7"),
         ("[[object]]", '[[object]]\nname = "pot"\n[[object]]', "object 'pot'"),
         ('name = "pot"', 'name = "a.b"', "object 0 'a.b': name = a.b"),
         ('name = "pot"', 'name = "pot"\nvisible = 1', "object 0 'pot': visible = 1"),

@@ -101,3 +101,13 @@ def test_a_scene_whose_only_light_is_off_is_dark(context: moderngl.Context, tmp_
     assert (picture == 0.0).all()
     reference = render_picture(project, lambda step: None, reference=True, series=BounceSeries(3), n_samples=2)
     assert (reference == 0.0).all()
+
+
+def test_a_press_cuts_lamps_more_finely(context: moderngl.Context, tmp_path: Path) -> None:
+    for window, client in opened(context, tmp_path, SCENE):
+        asked = client.work
+        window.click_handle("accuracy.patches.2")
+        assert window.shell.editor.view.n_patches == 3000
+        wait_until_exact(window)
+        assert client.work == asked + 1
+        assert [r.n_patches for r in client.requests if isinstance(r, ComputeTransport)][-1] == 3000

@@ -10,6 +10,7 @@ from app.placement.status import PlacementStatus
 from app.series_commands import SetFirstBands
 from app.status import Status
 from app.view_state import SetView
+from engine.plan import N_PATCHES
 from ui import theme as look
 from ui.panels import fields, widgets
 from ui.panels.actions import Action, CancelWork, ResumeWork
@@ -19,6 +20,7 @@ from ui.theme import Icon
 
 LEAST_BUDGET, LARGEST_BUDGET = 2.0, 200.0
 LIGHT_CHOICES = (400, 1000, 4000, 10000)
+PATCH_CHOICES = (256, N_PATCHES, 3000, 10000)
 STOPPED, RESUME = "stopped", "Resume"
 BOUNCE_CHOICES = (1, 2, 3, 4)
 FIRST_BANDS = {"Auto": None, "16": 16, "32": 32, "64": 64, "128": 128, "256": 256}
@@ -72,6 +74,8 @@ def _quality(context: PanelContext, status: PlacementStatus) -> list[Action]:
     pressed = widgets.segments(context, "accuracy.lights", choices, chosen, least=_share(context, len(choices)))
     if pressed is not None:
         actions.append(SetView.of(n_lights=LIGHT_CHOICES[pressed]))
+    if any(state.emits for state in context.document.objects):
+        actions += _patches(context)
     widgets.label(context, "Bounces")
     hint = "Reflections between light and eye. 1 is direct light; more bring colour bleeding and light from neighbours."
     chosen = BOUNCE_CHOICES.index(context.view.n_bounces) if context.view.n_bounces in BOUNCE_CHOICES else -1
@@ -94,6 +98,15 @@ def _quality(context: PanelContext, status: PlacementStatus) -> list[Action]:
     if status.transport_note:
         widgets.caption(spoken(context.document, status.transport_note))
     return actions
+
+
+def _patches(context: PanelContext) -> list[Action]:
+    widgets.label(context, "Patches")
+    hint = "Parts that lamps are cut into in the finished picture: more give truer shadows and take longer."
+    chosen = PATCH_CHOICES.index(context.view.n_patches) if context.view.n_patches in PATCH_CHOICES else -1
+    choices = [(_short(n), hint) for n in PATCH_CHOICES]
+    pressed = widgets.segments(context, "accuracy.patches", choices, chosen, least=_share(context, len(choices)))
+    return [] if pressed is None else [SetView.of(n_patches=PATCH_CHOICES[pressed])]
 
 
 def _series(context: PanelContext) -> list[Action]:

@@ -35,7 +35,7 @@ def picture(index: int, n_pixels: int = 4096) -> np.ndarray:
 
 def compute(text: str, **numbers: int) -> ComputeTransport:
     """A request whose `selected` tells FaultyTasks what to do."""
-    return ComputeTransport(None, (), text, None, 8, 64, **numbers)
+    return ComputeTransport(None, (), text, None, 8, 64, 20, **numbers)
 
 
 class Unimportable:

@@ -32,13 +32,15 @@ from app.jobs.messages import (
     StageFootprint,
     WorkerRestarted,
 )
-from app.jobs.tasks import Tasks
+from app.jobs.tasks import Tasks, _stages
 from engine.curve import wavelet
 from engine.light.environment import load_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
+from engine.plan import N_PATCHES
 from engine.render.image_files import write_exr
 from engine.transport.bandstore import BandTile
+from engine.transport.pipeline import COARSE, PREVIEW
 from engine.transport.projection import project_layer
 
 SCENE = """version = 1
@@ -80,7 +82,7 @@ def work(key: str, model: str, **parameters: object) -> LayerWork:
 
 def compute(selected: str | None = GLOSS, factor: str | None = "theta_h", **changes: object) -> ComputeTransport:
     layers = (work("ground.0", "lambert"), work("ball.0", "lambert"), work(GLOSS, "rough_conductor", alpha=0.3))
-    request = ComputeTransport(LightState(), layers, selected, factor, PREVIEW_LIGHTS, FINAL_LIGHTS)
+    request = ComputeTransport(LightState(), layers, selected, factor, PREVIEW_LIGHTS, FINAL_LIGHTS, N_PATCHES)
     return replace(request, **changes)
 
 
@@ -199,6 +201,12 @@ def test_a_light_on_the_move_gets_one_quick_stage(source: str, store: Store) -> 
     tasks = opened(source, store)
     answers = without_progress(run_in_process(tasks, compute(n_lights_final=0)))
     assert [(a.stage, a.exact) for a in answers if isinstance(a, StageDone)] == [("drag", True)]
+
+
+def test_emitters_are_cut_at_last_as_asked() -> None:
+    for n_patches in (20, 3000):
+        stages = _stages(compute(n_patches=n_patches))
+        assert [quality.n_patches for quality, _ in stages] == [COARSE.n_patches, PREVIEW.n_patches, n_patches]
 
 
 def test_a_preview_alone_is_exact_when_no_more_lights_are_asked_for(source: str, store: Store) -> None:

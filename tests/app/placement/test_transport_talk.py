@@ -165,6 +165,7 @@ def test_only_a_turn_is_a_turn() -> None:
     assert not wish.moved_from(wish)
     assert not replace(wish, light=LightState("studio", rotation=2.0)).moved_from(wish)
     assert not replace(wish, light=LightState(rotation=2.0), n_lights=400).moved_from(wish)
+    assert not replace(wish, light=LightState(rotation=2.0), n_patches=20).moved_from(wish)
 
 
 def test_coefficients_are_the_same_to_a_millionth() -> None:
