@@ -26,6 +26,7 @@ from engine.material.kinds import (
     THETA_D,
     THETA_H,
     THETA_I,
+    THETA_O,
     THETA_R,
 )
 
@@ -197,6 +198,12 @@ def slope(kind):
     if kind == THETA_H or kind == THETA_D:
         return np.float32(0.5)
     return np.float32(1.0) if kind == THETA_I or kind == THETA_R else np.float32(0.0)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def is_highlight(kind):
+    """Whether a curve over γ mirrors what is around: it may be as narrow as its bands."""
+    return kind != THETA_I and kind != THETA_D and kind != THETA_O
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")

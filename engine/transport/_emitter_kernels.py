@@ -13,13 +13,18 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
-from engine.transport._angle_kernels import TINY
+from engine.material.kinds import THETA_R
+from engine.transport._angle_kernels import HALF_PI, TINY, is_highlight
+from engine.transport._split_kernels import from_pole
 
 # How much of a point's light a node's error may be: of its middle for its whole, of the part that is seen.
 FINENESS = np.float32(0.003)
 PARTLY = np.float32(0.25)
+# How large a node that is seen in part may be in a highlight: of a band there, and of how far it is from the middle.
+OF_A_BAND = np.float32(0.5)
+OF_THE_WAY = np.float32(0.1)
 _DEPTH = 48
-_ROOM = 512
+_ROOM = 4096
 
 
 class Leaves(NamedTuple):
@@ -71,7 +76,7 @@ def make_cut(n_nodes, n_roots):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def cut_emitters(words, near, emitters, place, frame, tolerance, cut, x, y, z, cx, cy, cz, colours, weights):
+def cut_emitters(words, near, emitters, place, frame, optics, ox, oy, oz, cut, x, y, z, cx, cy, cz, colours, weights):
     """List the cut for the point at `place` whose frame has tangent, bitangent, normal as rows; returns its number.
 
     words: which leaves are seen; near: nodes and deltas, and where the point's begin and end among them, see
@@ -81,7 +86,7 @@ def cut_emitters(words, near, emitters, place, frame, tolerance, cut, x, y, z, c
     stack, nodes, unit, sizes = cut.stack, cut.nodes, cut.unit, cut.sizes
     fill_shares(words, emitters, cut.shares)
     correct_shares(near, emitters.parent, cut.shares)
-    bound, n = tolerance * FINENESS * _all_light(emitters, place, cut), 0
+    bound, n = optics.tolerance * FINENESS * _all_light(emitters, place, cut), 0
     for root in range(emitters.n_roots):
         if cut.shares[root] == np.float32(0.0):
             continue
@@ -102,7 +107,8 @@ def cut_emitters(words, near, emitters, place, frame, tolerance, cut, x, y, z, c
                 continue
             partly = (child >= 0 and share < np.float32(1.0)) or low < np.float32(0.0)
             error = light * size * (max(size, PARTLY) if partly else size)
-            if error > bound and left > top + 2 and top + 2 < _DEPTH:
+            blurred = child >= 0 and share < np.float32(1.0) and _is_blurred(unit, frame, size, optics, ox, oy, oz)
+            if (error > bound or blurred) and left > top + 2 and top + 2 < _DEPTH:
                 if child >= 0:
                     place_at(emitters.corners[child], place, stack[top])
                     place_at(emitters.corners[child + 1], place, stack[top + 1])
@@ -128,6 +134,22 @@ def cut_emitters(words, near, emitters, place, frame, tolerance, cut, x, y, z, c
             weights[n], sizes[n] = share * (np.float32(1.0) - np.float32(0.5) * spread2), size
             n, left, top = n + 1, left - 1, top - 1
     return n
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _is_blurred(unit, frame, size, optics, ox, oy, oz):
+    """Whether a highlight could show which part of a node is seen."""
+    if not is_highlight(optics.kind_a):
+        return False
+    u, v, w = (
+        unit[0, 0] + unit[1, 0] + unit[2, 0], unit[0, 1] + unit[1, 1] + unit[2, 1], unit[0, 2] + unit[1, 2] + unit[2, 2]
+    )  # fmt: skip
+    a = frame[0, 0] * u + frame[0, 1] * v + frame[0, 2] * w
+    b = frame[1, 0] * u + frame[1, 1] * v + frame[1, 2] * w
+    c = frame[2, 0] * u + frame[2, 1] * v + frame[2, 2] * w
+    rate = np.float32(1.0) if optics.kind_a == THETA_R else np.float32(0.5)
+    away = rate * from_pole(optics.kind_a, a, b, c, ox, oy, oz)
+    return rate * size > max(OF_A_BAND * HALF_PI / np.float32(optics.n_a), OF_THE_WAY * away)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
-from engine.transport._angle_kernels import HALF_PI, fill_gammas, is_cone, slope, tint, weigh
+from engine.transport._angle_kernels import HALF_PI, fill_gammas, is_cone, is_highlight, slope, tint, weigh
 from engine.transport._band_kernels import encode_bands
 from engine.transport._emitter_kernels import cut_emitters, make_cut
 from engine.transport._seen_kernels import gather_local, list_visible, set_frame, to_local
@@ -21,7 +21,9 @@ from engine.transport._share_kernels import Spots, make_spots, mean_and_spread, 
 from engine.transport._split_kernels import LEAVES, MAX_DEPTH, SPREAD, is_curved, split
 
 # Leaves of split lights, and pieces of wide ones, that are listed at a time.
-_ROOM = 512
+_ROOM = 4096
+# Lamps have edges, which a highlight shows: there they are split at a smaller bend of γ than the sky.
+SHARPER = np.float32(0.2)
 
 
 class Sky(NamedTuple):
@@ -218,6 +220,15 @@ def _project_lights(bands, corners, sizes, rows, tree, n_directions, n_lights, o
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
+def _sharpened(optics):
+    """As a layer takes lamps: their edges show in a highlight, where the sky's cut is even."""
+    tolerance = optics.tolerance * SHARPER if is_highlight(optics.kind_a) else optics.tolerance
+    return Optics(
+        optics.model, optics.q, optics.kind_a, optics.kind_b, optics.n_a, optics.n_b, tolerance, optics.tints
+    )  # fmt: skip
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def _make_scratch(n_directions, n_lights):
     depth, n = 3 * MAX_DEPTH + 4, n_lights + _ROOM
     return _Scratch(
@@ -238,6 +249,7 @@ def project_tile(rows, surface, sky, emitters, bits, optics, trim, encoded):
     n_sky, n_sky_corners = sky.corners.shape[0], sky.directions.shape[1]
     cut, no_tree = make_cut(emitters.child.shape[0], emitters.n_roots), np.empty((0, 6), np.float32)
     n_most = cut.sizes.shape[0]
+    sharp = _sharpened(optics)
     s = _make_scratch(max(n_sky_corners, 3 * n_most), max(n_sky, n_most))
     lights, weights = s.spots.light, s.spots.weight
     bands = np.empty((optics.n_a + 2, optics.n_b + 2 if optics.n_b > 1 else 1, 3), np.float32)
@@ -264,11 +276,11 @@ def project_tile(rows, surface, sky, emitters, bits, optics, trim, encoded):
         if n_most > 0:
             near = (bits.node, bits.delta, bits.start[r], bits.start[r + 1])
             n = cut_emitters(
-                bits.emitters[r], near, emitters, surface.position[r], frame, optics.tolerance, cut, s.x, s.y, s.z,
+                bits.emitters[r], near, emitters, surface.position[r], frame, optics, ox, oy, oz, cut, s.x, s.y, s.z,
                 s.cx, s.cy, s.cz, s.colours, weights,
             )  # fmt: skip
             lights[:n] = cut.rows[:n]
-            _project_lights(bands, cut.corners, cut.sizes, cut.rows, no_tree, 3 * n, n, optics, frame, ox, oy, oz, s)
+            _project_lights(bands, cut.corners, cut.sizes, cut.rows, no_tree, 3 * n, n, sharp, frame, ox, oy, oz, s)
         encoded.start[i] = written
         written = encode_bands(bands[: optics.n_a, : optics.n_b], trim, cells, maxima, encoded, i, written)
     return written

@@ -35,8 +35,8 @@ def is_curved(size, middle, scale, tolerance):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _from_pole(kind, x, y, z, ox, oy, oz):
-    """About γ of a direction of any length, from the distance to the pole: good where that is small."""
+def from_pole(kind, x, y, z, ox, oy, oz):
+    """How far a direction of any length is from the pole, by the chord: γ is about `slope` times that where it is small."""
     inverse = np.float32(1.0) / np.sqrt(x * x + y * y + z * z)
     px, py, pz = np.float32(0.0), np.float32(0.0), np.float32(1.0)
     if kind == THETA_D:
@@ -44,7 +44,7 @@ def _from_pole(kind, x, y, z, ox, oy, oz):
     elif kind != THETA_I:
         px, py, pz = -ox, -oy, oz
     dx, dy, dz = x * inverse - px, y * inverse - py, z * inverse - pz
-    return slope(kind) * np.sqrt(dx * dx + dy * dy + dz * dz)
+    return np.sqrt(dx * dx + dy * dy + dz * dz)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
@@ -67,10 +67,10 @@ def split(stack, depths, rows, row, size, scale_a, scale_b, optics, n_rows, ox, 
         cz = stack[top, 0, 2] + stack[top, 1, 2] + stack[top, 2, 2]
         curved = False
         if depths[top] < MAX_DEPTH:
-            middle = _from_pole(optics.kind_a, cx, cy, cz, ox, oy, oz)
+            middle = slope_a * from_pole(optics.kind_a, cx, cy, cz, ox, oy, oz)
             curved = is_curved(size * part * slope_a, middle, scale_a, optics.tolerance)
             if two and not curved:
-                middle = _from_pole(optics.kind_b, cx, cy, cz, ox, oy, oz)
+                middle = slope_b * from_pole(optics.kind_b, cx, cy, cz, ox, oy, oz)
                 curved = is_curved(size * part * slope_b, middle, scale_b, optics.tolerance)
         if curved:
             _push_children(stack, depths, rows, n_rows, top, six)
