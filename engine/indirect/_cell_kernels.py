@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
-from engine.indirect._ray_kernels import mixed, uniform
+from engine.indirect._ray_kernels import MATT, SHARP, mixed, uniform
 
 NO_CELL = 0xFFFF
 MOST_CELLS = 0xFFFE
@@ -16,7 +16,7 @@ _GRID_BITS, _LEVEL_BITS = 16, 3
 _PLACE_BITS = 20
 # What a gloss shows is in focus: there a cell is to be no larger than an eighth of the ray that hits it.
 _FOCUS = np.float32(8.0)
-_MATT_LEVEL, _FINEST = 2, 3
+_MATT_LEVEL, _FINEST, _SHARPEST = 2, 3, 5
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 
 
@@ -95,7 +95,8 @@ def find_keys(mesh, low, inverse_size, hits, there, directions, mirrored, keys, 
     """Key (R,) of the cell each ray hits, 0 for none, and which of its normals face away (R,).
 
     A cell is what one object has in one cube of the grid (low (3,), 1 / its size) facing one of six ways. Cells that
-    mirrored (R,) rays find are of cubes from four times as large to half as large, by their distance.
+    mirrored (R,) rays find are of cubes from four times as large to half as large, by their distance; down to an
+    eighth where they are SHARP.
     """
     most = np.int64((1 << _GRID_BITS) - 1)
     for r in range(keys.shape[0]):
@@ -119,9 +120,10 @@ def find_keys(mesh, low, inverse_size, hits, there, directions, mirrored, keys, 
             facing = 4 if nz > ZERO else 5
         x, y, z = _position(mesh, triangle, hits.u[r], hits.v[r])
         level, scale = _MATT_LEVEL, inverse_size
-        if mirrored[r]:
+        if mirrored[r] != MATT:
+            finest = _SHARPEST if mirrored[r] == SHARP else _FINEST
             level, scale = 0, inverse_size / np.float32(1 << _MATT_LEVEL)
-            while level < _FINEST and hits.distance[r] * scale < _FOCUS:
+            while level < finest and hits.distance[r] * scale < _FOCUS:
                 level, scale = level + 1, np.float32(2.0) * scale
         key = (np.int64(mesh.objects[triangle]) * 6 + facing + 1) << _LEVEL_BITS | level
         key = (key << _GRID_BITS) | min(max(np.int64((x - low[0]) * scale), 0), most)

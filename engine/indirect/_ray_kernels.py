@@ -19,6 +19,10 @@ _INVERSE_PI = np.float32(1.0 / math.pi)
 _EPSILON = np.float32(EPSILON)
 ONE, ZERO, TWO = np.float32(1.0), np.float32(0.0), np.float32(2.0)
 HORIZON = np.float32(1e-4)
+# How a ray is reflected: evenly, by a gloss, and in the middle of its highlight, where images may be sharp: where more
+# than so much of the rays about the pole lie in a steradian. Head-on that is 12° to all sides of the mirrored eye.
+MATT, GLOSSY, SHARP = 0, 1, 2
+_SHARP_FROM = np.float32(1.0)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
@@ -141,3 +145,19 @@ def fan_rays(
             lift = offset if side >= ZERO else -offset
             for axis in range(3):
                 origins[out, axis] = position[axis] + lift * g[axis]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def mark_mirrored(rows, poles, surface, directions, mirrored):
+    """MATT, GLOSSY or SHARP (p · R,) for rays along unit directions (p · R, 3) from the points `rows` with poles (p,).
+    """
+    n_rays = directions.shape[0] // max(rows.shape[0], 1)
+    for i in range(rows.shape[0]):
+        tangent, normal = surface.tangent[rows[i]], surface.normal[rows[i]]
+        ox, oy, oz = local_eye(tangent, normal, surface.wo[rows[i]])
+        for m in range(i * n_rays, (i + 1) * n_rays):
+            mirrored[m] = MATT
+            if poles[i] != NORMAL:
+                x, y, z = local_eye(tangent, normal, directions[m])
+                is_sharp = fan_density(ZERO, ONE, poles[i], x, y, z, ox, oy, oz) > _SHARP_FROM
+                mirrored[m] = SHARP if is_sharp else GLOSSY

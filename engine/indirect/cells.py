@@ -98,15 +98,16 @@ class Cells:
         return self.hit_by(rays, first_open, turn=turn)[0]
 
     def hit_by(
-        self, rays: Rays, first_open: int = 0, mirrored: NDArray[np.bool_] | None = None,
+        self, rays: Rays, first_open: int = 0, mirrored: NDArray[np.uint8] | None = None,
         turn: AbstractContextManager[None] = NO_TURN,
     ) -> tuple[NDArray[np.uint16], Intersections]:  # fmt: skip
-        """As `seen_by`, with where the rays end; mirrored (R,): rays of a gloss, that find smaller cells near by."""
+        """As `seen_by`, with where the rays end; mirrored (R,): GLOSSY or SHARP for rays of a gloss,
+        that find smaller cells near by."""
         found = self.caster.intersect(rays.origins, rays.directions)
         hits = kernels.Hits(found.triangle, found.u, found.v, found.distance)
         n = len(rays.there)
         keys, sides, seen = np.empty(n, np.uint64), np.zeros(n, np.uint8), np.empty(n, np.uint16)
-        in_focus = np.zeros(n, bool) if mirrored is None else mirrored
+        in_focus = np.zeros(n, np.uint8) if mirrored is None else mirrored
         kernels.find_keys(
             self.mesh, self._low, np.float32(1.0 / self.size), hits, rays.there, rays.directions, in_focus, keys, sides
         )

@@ -78,7 +78,9 @@ def gather(
             chunk, point_poles[begin : begin + step], surface, hits.geometric_normal, np.float32(cells.caster.offset),
             *tables, 0, size.n_rays, rays.origins, rays.directions, rays.there,
         )  # fmt: skip
-        mirrored = np.repeat(focused & (point_poles[begin : begin + step] != kernels.NORMAL), size.n_rays)
+        mirrored = np.zeros(len(rays.there), np.uint8)
+        if focused:
+            kernels.mark_mirrored(chunk, point_poles[begin : begin + step], surface, rays.directions, mirrored)
         seen, found = cells.hit_by(rays, mirrored=mirrored, turn=turn)
         records = no_records(len(chunk)) if second is None else second.trace(cells, chunk, rays, seen, found, turn)
         return Gathered(chunk, seen.reshape(len(chunk), -1), records)
