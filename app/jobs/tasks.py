@@ -65,7 +65,7 @@ if TYPE_CHECKING:
     from app.jobs.maps import MapTasks
 
 # Raised when anything that changes the numbers in a cached array changes.
-CACHE_VERSION = 3
+CACHE_VERSION = 4
 BACKGROUND_HEIGHT = 1024
 DRAG_ENVIRONMENT_HEIGHT = 128
 KERNEL_SECONDS = 0.05

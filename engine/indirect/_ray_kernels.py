@@ -149,8 +149,7 @@ def fan_rays(
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def mark_mirrored(rows, poles, surface, directions, mirrored):
-    """MATT, GLOSSY or SHARP (p · R,) for rays along unit directions (p · R, 3) from the points `rows` with poles (p,).
-    """
+    """MATT, GLOSSY or SHARP (p · R,) of rays along unit directions (p · R, 3) from points `rows` with poles (p,)."""
     n_rays = directions.shape[0] // max(rows.shape[0], 1)
     for i in range(rows.shape[0]):
         tangent, normal = surface.tangent[rows[i]], surface.normal[rows[i]]

@@ -36,7 +36,7 @@ def is_curved(size, middle, scale, tolerance):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def from_pole(kind, x, y, z, ox, oy, oz):
-    """How far a direction of any length is from the pole, by the chord: γ is about `slope` times that where it is small."""
+    """How far a direction of any length is from the pole, by the chord; γ near it is about `slope` times that."""
     inverse = np.float32(1.0) / np.sqrt(x * x + y * y + z * z)
     px, py, pz = np.float32(0.0), np.float32(0.0), np.float32(1.0)
     if kind == THETA_D:

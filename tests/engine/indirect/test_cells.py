@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from engine.indirect._ray_kernels import GLOSSY, MATT, SHARP
 from engine.indirect.cells import Cells, Rays
 from tests.engine.indirect.small_scenes import placed, placement_of
 
@@ -14,7 +15,17 @@ POST = {"name": "post", "primitive": "cube", "transform": placed(0.9, 0.5, 0.9, 
 @pytest.mark.parametrize(
     ("height", "mirrored", "size"),
     # A cell takes at most an eighth of a mirrored ray, but is between half and four times as large as others.
-    [(0.1, False, SIZE), (0.1, True, SIZE / 2), (1.0, True, SIZE), (2.0, True, 2 * SIZE), (9.0, True, 4 * SIZE)],
+    # In the middle of a highlight it may be an eighth as large.
+    [
+        (0.1, MATT, SIZE),
+        (0.1, GLOSSY, SIZE / 2),
+        (1.0, GLOSSY, SIZE),
+        (2.0, GLOSSY, 2 * SIZE),
+        (9.0, GLOSSY, 4 * SIZE),
+        (0.1, SHARP, SIZE / 8),
+        (0.25, SHARP, SIZE / 4),
+        (1.0, SHARP, SIZE),
+    ],
 )
 def test_what_a_gloss_shows_near_by_is_in_small_cells(height, mirrored, size):
     placement = placement_of([FLOOR, POST])
@@ -23,5 +34,5 @@ def test_what_a_gloss_shows_near_by_is_in_small_cells(height, mirrored, size):
     origins = np.stack([x.ravel(), np.full(x.size, height), z.ravel()], axis=1).astype(np.float32)
     origins -= placement.scene.origin.astype(np.float32)
     down = np.tile(np.array([0.0, -1.0, 0.0], np.float32), (x.size, 1))
-    seen, _ = cells.hit_by(Rays(origins, down, np.ones(x.size, bool)), mirrored=np.full(x.size, mirrored))
+    seen, _ = cells.hit_by(Rays(origins, down, np.ones(x.size, bool)), mirrored=np.full(x.size, mirrored, np.uint8))
     assert (1.6 / size) ** 2 <= len(np.unique(seen)) <= (1.6 / size + 2) ** 2
