@@ -151,7 +151,7 @@ def render(
         chosen = chosen or BounceSeries(bounces)
     if samples is not None and not reference:
         raise InsituError(f"--samples {samples}: transport takes no samples, expected --reference as well")
-    from app.stills import StillProgress, check_output, render_picture, write_picture
+    from app.stills import StillProgress, check_output, render_project, write_picture
     from engine.indirect.beyond import TOO_BRIGHT, is_beyond
 
     check_output(output)
@@ -168,15 +168,21 @@ def render(
             noise = step.noise
             report(step.fraction, step.text)
 
-        picture = render_picture(
-            project, follow, n_lights=lights, n_patches=patches, reference=reference, series=chosen, n_samples=samples
+        still = render_project(
+            project, follow, n_lights=lights, n_patches=patches, reference=reference, series=chosen, n_samples=samples,
+            judges=True,
         )  # fmt: skip
     _tell_notes(project)
-    write_picture(output, picture, shown or project.view)
+    picture, error = still.picture, still.error
+    remains = "" if noise is None else f"noise {noise:.2%}"
+    said = remains if error is None else error.text
+    write_picture(output, picture, shown or project.view, said)
     if is_beyond(picture):
         print(TOO_BRIGHT, file=sys.stderr)
-    remains = "" if noise is None else f", noise {noise:.2%}"
-    print(f"{output}: {picture.shape[1]} x {picture.shape[0]}, {time.monotonic() - started:.1f} s{remains}")
+    line = f"{output}: {picture.shape[1]} x {picture.shape[0]}, {time.monotonic() - started:.1f} s"
+    print(f"{line}, {said}" if said else line)
+    if error is not None and error.is_poor:
+        print(f"note: {error.advice}")
     return 0
 
 

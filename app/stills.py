@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,7 @@ from engine.indirect.series import BounceSeries
 from engine.material.layer import Layer
 from engine.plan import N_LIGHTS, N_PATCHES, Plan, plan_scene
 from engine.render.bounces import planned_bounces
+from engine.render.error_estimate import ErrorEstimate, estimate_error
 from engine.render.image_files import exr_bytes, png_bytes
 from engine.render.indirect import indirect_radiance
 from engine.render.path_tracer import N_SAMPLES, render_paths
@@ -51,15 +52,35 @@ def check_output(path: Path, endings: tuple[str, ...] = ENDINGS) -> Path:
     return path
 
 
+@dataclass(frozen=True, eq=False)
+class Still:
+    """Linear radiance (H, W, 3), and how far off it is by its own judgement; None where nobody asked."""
+
+    picture: NDArray[np.float32]
+    error: ErrorEstimate | None = None
+
+
 def render_picture(
     project: Project, report: Report, *, n_lights: int = N_LIGHTS, n_patches: int = N_PATCHES, reference: bool = False,
     series: BounceSeries | None = None, n_samples: int | None = None,
 ) -> NDArray[np.float32]:  # fmt: skip
-    """Linear radiance (H, W, 3) of a project, with the editor's transport or by brute force.
+    """The picture of a still."""
+    return render_project(
+        project, report, n_lights=n_lights, n_patches=n_patches, reference=reference, series=series,
+        n_samples=n_samples,
+    ).picture  # fmt: skip
+
+
+def render_project(
+    project: Project, report: Report, *, n_lights: int = N_LIGHTS, n_patches: int = N_PATCHES, reference: bool = False,
+    series: BounceSeries | None = None, n_samples: int | None = None, judges: bool = False,
+) -> Still:  # fmt: skip
+    """A still of a project, with the editor's transport or by brute force.
 
     series: None for as many bounces as the scene says, or requires; of the first bounce the document may say how many
     bands; by brute force bands do not matter. n_samples: paths a pixel, by brute force; without them direct light alone
-    is integrated over all directions, without noise.
+    is integrated over all directions, without noise. judges: whether its error is estimated; not by brute force, which
+    knows its noise.
     """
     sky = project.sky
     placement = Placement(project.scene)
@@ -68,15 +89,20 @@ def render_picture(
     series = series or BounceSeries(
         project.n_bounces or plan.bounces or planned_bounces(placement, project.indexed_layers).n_bounces
     )
+    intensity, error, indirect = np.float64(project.document.light.intensity), None, None
     if reference:
         steps = _reference(placement, project, series.n_bounces, n_samples)
-    else:
-        layers = _at_most(layers, series.first or project.document.first_bands)
-        indirect = None
-        if series.n_bounces > 1:
-            indirect = finish(indirect_radiance(placement, layers, sky, series), report)
-        steps = render_still(placement, layers, sky, still_quality(plan), indirect)
-    return held(finish(steps, report) * np.float64(project.document.light.intensity), BRIGHTEST)
+        return Still(held(finish(steps, report) * intensity, BRIGHTEST))
+    layers = _at_most(layers, series.first or project.document.first_bands)
+    if series.n_bounces > 1:
+        indirect = finish(indirect_radiance(placement, layers, sky, series), report)
+    quality = still_quality(plan)
+    picture = finish(render_still(placement, layers, sky, quality, indirect), report)
+    if judges:
+        reflected = picture.reshape(-1, 3)[placement.hits.pixel]
+        judging = estimate_error(placement, layers, sky, quality, series.n_bounces, reflected, indirect)
+        error = finish(judging, report)
+    return Still(held(picture * intensity, BRIGHTEST), error)
 
 
 def _reference(placement: Placement, project: Project, n_bounces: int, n_samples: int | None) -> Steps:
@@ -99,9 +125,11 @@ def plan_still(project: Project, has_sky: bool, n_lights: int = N_LIGHTS) -> Pla
     return plan_scene(project.scene, layers, has_sky=has_sky, still=True, n_lights=n_lights)
 
 
-def write_picture(path: Path, radiance: NDArray[np.float32], view: ToneMapping = "filmic") -> None:
-    """Put a picture into an .exr (linear, 32 bits) or a .png (as the viewport shows it), whole or not at all."""
-    save_file(path, png_bytes(radiance, tone_mapping=view) if path.suffix.lower() == ".png" else exr_bytes(radiance))
+def write_picture(path: Path, radiance: NDArray[np.float32], view: ToneMapping = "filmic", comment: str = "") -> None:
+    """Put a picture into an .exr (linear, 32 bits, with a comment) or a .png (as the viewport shows it), whole or not
+    at all."""
+    is_png = path.suffix.lower() == ".png"
+    save_file(path, png_bytes(radiance, tone_mapping=view) if is_png else exr_bytes(radiance, comment))
 
 
 def _layers_by_object(project: Project) -> Mapping[int, tuple[Layer, ...]]:

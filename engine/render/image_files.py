@@ -16,13 +16,17 @@ from engine.colour import ToneMapping
 from engine.render.display import display_picture
 
 
-def exr_bytes(radiance: NDArray[np.float32]) -> bytes:
-    """An OpenEXR file of linear radiance (H, W, 3), every value finite: 32-bit channels R, G, B, ZIP-compressed."""
+def exr_bytes(radiance: NDArray[np.float32], comment: str = "") -> bytes:
+    """An OpenEXR file of linear radiance (H, W, 3), every value finite: 32-bit channels R, G, B, ZIP-compressed.
+
+    comment: what its header says of the picture, where it says anything.
+    """
     import OpenEXR
 
     if radiance.ndim != 3 or radiance.shape[2] != 3 or not np.isfinite(radiance).all():
         raise ValueError(f"radiance has shape {radiance.shape}, expected (H, W, 3) and every value finite")
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    header |= {"comments": comment} if comment else {}
     buffer = io.BytesIO()
     OpenEXR.File(header, {"RGB": np.ascontiguousarray(radiance, np.float32)}).write(buffer)
     return buffer.getvalue()

@@ -102,8 +102,10 @@ class PathTracer:
         self._reflecting = np.array([*able, False])  # the last one: -1, the background
 
     def follow(self, start: _Vertices, numbers: Floats) -> Floats:
-        """Radiance (N, 3) that one path each brings to the first vertices, by random numbers (N, bounces, 11)."""
+        """Radiance that one path each brings to the first vertices, by random numbers (N, bounces, 11): (N, 2, 3), of
+        light that is reflected there for the first time, and of all."""
         radiance = np.zeros((len(start.objects), 3))
+        once = radiance
         path: Rows = np.flatnonzero(self._reflecting[start.objects])
         vertices, weight = start.of(path), np.ones((len(path), 3))
         n_bounces = numbers.shape[1]
@@ -119,7 +121,8 @@ class PathTracer:
                 drawn = light.sample(vertices.position, u[:, N_NUMBERS + _LIGHT_NUMBERS * i :][:, :_LIGHT_NUMBERS])
                 radiance[path] += weight * self._from_light(vertices, wo, drawn)
             path, vertices, weight = self._go_on(radiance, path, vertices, wo, weight, u, bounce < n_bounces)
-        return np.minimum(radiance, _BRIGHTEST)
+            once = radiance.copy() if bounce == 1 else once
+        return np.minimum(np.stack([once, radiance], axis=1), _BRIGHTEST)
 
     def _from_light(self, vertices: _Vertices, wo: Floats, drawn: LightSamples) -> Floats:
         """What samples (N,) of a light bring, (N, 3), without the path's weight."""
@@ -191,6 +194,37 @@ def trace_paths(
     The same seed and rows give the same numbers again. Raises ValueError for bounces outside 1 to 16 and
     samples outside 1 to 2^20.
     """
+    sums, counts = yield from _trace(placement, layers_of, sky, n_bounces, n_samples, seed, rows)
+    last = _progress(sums[:, :, 1], counts, n_samples)
+    yield last
+    return PathEstimate(sums[:, :, 1].sum(axis=0) / n_samples, last.noise)
+
+
+def trace_halves(
+    placement: Placement,
+    layers_of: Mapping[int, Sequence[Layer]],
+    sky: SkyState,
+    n_bounces: int,
+    n_samples: int,
+    seed: int,
+    rows: Rows,
+) -> Generator[StillProgress, None, Floats]:
+    """The same by each half of the samples, at least two, which know nothing of one another: (2, p, 2, 3), of light
+    that was reflected once, and of all."""
+    sums, counts = yield from _trace(placement, layers_of, sky, n_bounces, n_samples, seed, rows)
+    return sums / counts[:, None, None, None]
+
+
+def _trace(
+    placement: Placement,
+    layers_of: Mapping[int, Sequence[Layer]],
+    sky: SkyState,
+    n_bounces: int,
+    n_samples: int,
+    seed: int,
+    rows: Rows | None,
+) -> Generator[StillProgress, None, tuple[Floats, NDArray[np.integer]]]:
+    """Sums (2, p, 2, 3) over both halves of the samples, as `trace_halves` has them, and how many there are (2,)."""
     if not 1 <= n_bounces <= MOST_BOUNCES:
         raise ValueError(f"n_bounces = {n_bounces}, expected 1 to {MOST_BOUNCES}")
     if not 1 <= n_samples <= MOST_SAMPLES:
@@ -199,9 +233,9 @@ def trace_paths(
     tracer = PathTracer(placement.scene, placement.caster, layers_of, sky)
     seen = tracer.maps.of_eye(placement)
     sizes = _pass_sizes(n_samples)
-    halves, counts = np.zeros((2, len(rows), 3)), np.zeros(2, int)
+    halves, counts = np.zeros((2, len(rows), 2, 3)), np.zeros(2, int)
     for i_pass, n in enumerate(sizes):
-        progress = _progress(halves, counts, n_samples)
+        progress = _progress(halves[:, :, 1], counts, n_samples)
         blocks = np.array_split(np.arange(len(rows)), max(1, -(-len(rows) * n // _BATCH)))
         points = _sobol_points(n, n_bounces, (seed, i_pass))
         work = _pass_work(placement.hits, seen, rows, tracer, points, (seed, i_pass))
@@ -213,9 +247,7 @@ def trace_paths(
                 done = (counts.sum() + n * (i + len(group)) / len(blocks)) / n_samples
                 yield replace(progress, fraction=float(done))
         counts[i_pass % 2] += n
-    last = _progress(halves, counts, n_samples)
-    yield last
-    return PathEstimate(halves.sum(axis=0) / n_samples, last.noise)
+    return halves, counts
 
 
 def render_paths(
@@ -261,7 +293,7 @@ def _pass_work(
     hits: PrimaryHits, factors: NDArray[np.float32], rows: Rows, tracer: PathTracer, points: NDArray[np.uint32],
     seed: tuple[int, int],
 ) -> Callable[[tuple[int, Rows]], Floats]:  # fmt: skip
-    """The sum over one pass's samples, (p, 3), of a numbered block of the rows."""
+    """The sum over one pass's samples, (p, 2, 3), of a numbered block of the rows."""
     objects = hits.object_image.ravel()[hits.pixel].astype(np.int64)
     n = len(points)
 
@@ -273,7 +305,7 @@ def _pass_work(
         generator = np.random.default_rng((*seed, 1 + i_block))
         shifts = generator.integers(1 << 32, size=(len(places), 1, *points.shape[1:]), dtype=np.uint32)
         numbers: Floats = ((points ^ shifts) * np.float64(2.0**-32)).reshape(-1, *points.shape[1:])
-        return tracer.follow(start, numbers).reshape(len(places), n, 3).sum(axis=1)
+        return tracer.follow(start, numbers).reshape(len(places), n, 2, 3).sum(axis=1)
 
     return work
 

@@ -106,9 +106,9 @@ def render_still(
     done = 0
     for each in layers:
         rows = placement.rows_of(each.i_object)
-        for tile in project_layer(placement.hits, rows, light, _shape(each)):
+        for tile in project_layer(placement.hits, rows, light, shape_of(each)):
             covered = rows[tile.begin : tile.begin + len(tile.scale)]
-            radiance[covered] += _contract(each, tile) * light.lighting.unit * _seen(placement.hits, covered, each)
+            radiance[covered] += layer_radiance(placement.hits, covered, each, tile, light.lighting.unit)
             done += len(covered)
             yield StillProgress(SHADOWS + (1 - SHADOWS) * done / total, f"{each.layer.name} of object {each.i_object}")
     return compose(placement, radiance, sky)
@@ -164,8 +164,16 @@ def _see(placement: Placement, sky: SkyState, quality: Quality) -> Generator[Sti
             return light
 
 
-def _shape(each: StillLayer) -> LayerShape:
+def shape_of(each: StillLayer) -> LayerShape:
+    """What the projection needs to know of a layer."""
     return LayerShape(each.layer.model.name, tuple(each.layer.quotient_parameters().tolist()), each.bands)
+
+
+def layer_radiance(
+    hits: PrimaryHits, rows: NDArray[np.integer], each: StillLayer, tile: BandTile, unit: float
+) -> NDArray[np.floating]:
+    """What a layer reflects at the rows of a tile, (p, 3); unit: that of its transport."""
+    return _contract(each, tile) * unit * seen_as(hits, rows, each)
 
 
 def _contract(each: StillLayer, tile: BandTile) -> NDArray[np.float32]:
@@ -175,7 +183,7 @@ def _contract(each: StillLayer, tile: BandTile) -> NDArray[np.float32]:
     return BandStore(each.bands, (replace(tile, begin=0),)).radiance(curves[0], (*curves, np.ones((1, 3)))[1])
 
 
-def _seen(hits: PrimaryHits, rows: NDArray[np.integer], each: StillLayer) -> NDArray[np.float64]:
+def seen_as(hits: PrimaryHits, rows: NDArray[np.integer], each: StillLayer) -> NDArray[np.float64]:
     """f_q f_o(theta_o), times texture and weight, (p, 3)."""
     view, factor = each.layer.model.view_factor, each.factor(hits, rows)
     seen = np.tile(each.layer.scale(), (len(rows), 1))
