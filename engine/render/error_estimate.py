@@ -1,28 +1,30 @@
 """How far off a picture is, by its own judgement, from some hundred of its points.
 
-Direct light is computed there once more, from four times as many lights and patches with rays of their own, and twice
-the bands. Light between surfaces is held against paths through the scene (`path_tracer`), so that all that was left out
-of it counts: chance, interpolation, cells, series that end in albedos. Paths are noisy; but two halves of them, a and
-b, are so independently, and of what the picture has, v, and the truth, t,
+Direct light is computed there six times more, from four times as many lights, sixteen times as many patches and twice
+the bands, with random rays of its own to the sky. Light between surfaces is held against paths through the scene
+(`path_tracer`), so that all that was left out of it counts: chance, interpolation, cells, series that end in albedos.
+Either is noisy; but two looks at it, a and b, are so independently, and of what the picture has, v, and the truth, t,
 
     E (v - a) (v - b) = (v - t)^2,
 
 so that their noise cancels instead of being taken for an error, and what is left of it falls with the square root of
-the number of points. Paths alone were rejected for direct light: in a stairwell they are noisier than it is off.
+the number of points. Paths for direct light as well were rejected: they are noisier than it is off, by far in a
+stairwell with lamps close by.
 
-Of each visible object the points are drawn evenly, some of every one, however small: a mirror ball can have most of the
-error of a picture.
+Points are drawn where an error may be: some of every visible object, however small, for a mirror ball can have most of
+the error of a picture, and many where neighbours differ, as along the edges of shadows.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.light.lights import cut_lights
+from engine.light.lights import TriangleLights, cut_lights
 from engine.material.layer import Layer
 from engine.plan import MOST_BANDS_OVERRULED
 from engine.render.path_tracer import trace_halves
@@ -32,10 +34,11 @@ from engine.transport.lighting import prepare_lighting
 from engine.transport.near import near_leaves
 from engine.transport.pipeline import Placement, Quality, SkyState
 from engine.transport.projection import VisibleLight, project_points
-from engine.transport.visibility import empty_visibility, evaluate_rows
+from engine.transport.visibility import Targets, Visibility, empty_visibility, evaluate_rows
 
 N_POINTS = 256
-FINER = 4  # times as many lights and patches
+FINER, FINER_PATCHES = 4, 16  # times as many lights, and as many leaves of the tree of emitters
+N_LOOKS = 6
 # Paths in all: so many a pixel of the picture, within these bounds; a tenth of the time of a still of 512 × 512 pixels.
 PATHS_A_PIXEL, FEWEST_PATHS, MOST_PATHS = 64, 1 << 15, 1 << 18
 # What is brighter than all but a thousandth of the picture counts as that bright, as where pictures are compared.
@@ -44,6 +47,7 @@ CLAMP_PERCENTILE = 99.9
 POOR = 0.05
 _SEED = 12
 _ROWS_AT_ONCE = 32
+WHAT = "estimating the error"
 
 Floats = NDArray[np.float64]
 Steps = Generator[StillProgress, None, Floats]
@@ -54,18 +58,16 @@ class ErrorEstimate:
     """Relative RMS errors of a picture: root of the mean square over its mean, linear, over what reflects.
 
     direct: of light that was reflected once; indirect: of light that was reflected before, None where the picture is to
-    have none. doubt: an `indirect` below it is not told from none. Chance moves all of them: they are within a factor
-    of two.
+    have none. Either is an estimate, within about a factor of two.
     """
 
     direct: float
     indirect: float | None = None
-    doubt: float = 0.0
 
     @property
     def total(self) -> float:
         """Of all the light."""
-        return float(np.hypot(self.direct, max(self.indirect, self.doubt) if self.indirect is not None else 0.0))
+        return math.hypot(self.direct, self.indirect or 0.0)
 
     @property
     def is_poor(self) -> bool:
@@ -75,12 +77,10 @@ class ErrorEstimate:
     @property
     def text(self) -> str:
         """In words, such as "error about 1.8 % (direct 0.6 %, indirect 1.7 %)"."""
+        about = f"error about {_percent(self.total)}"
         if self.indirect is None:
-            return f"error about {_percent(self.total)}"
-        unsure = self.indirect < self.doubt
-        indirect = f"below {_percent(self.doubt)}" if unsure else _percent(self.indirect)
-        word = "below" if unsure and self.doubt > self.direct else "about"
-        return f"error {word} {_percent(self.total)} (direct {_percent(self.direct)}, indirect {indirect})"
+            return about
+        return f"{about} (direct {_percent(self.direct)}, indirect {_percent(self.indirect)})"
 
     @property
     def advice(self) -> str:
@@ -102,76 +102,124 @@ def estimate_error(
 
     quality: how finely its direct light was computed; n_paths: None for as many as the picture is worth.
     """
-    rows, weights = _sample(placement.hits, np.random.default_rng(seed))
-    if not len(rows):
+    if not len(placement.hits.pixel):
         return ErrorEstimate(0.0, None if n_bounces == 1 else 0.0)
+    rows, weights = _sample(placement.hits, radiance, np.random.default_rng(seed))
     top = float(np.percentile(radiance, CLAMP_PERCENTILE))
     shown = np.asarray(radiance[rows], np.float64)
     again = np.zeros_like(shown) if indirect is None else np.asarray(indirect[rows], np.float64)
-    finer = yield from _direct(placement, layers, sky, quality, rows)
-    if n_bounces == 1:
-        top, mean = _scale(top, finer, weights)
-        return ErrorEstimate(_root(weights @ _products(shown, np.stack([finer, finer]), top), mean))
-    wanted = n_paths or int(np.clip(PATHS_A_PIXEL * len(placement.hits.pixel), FEWEST_PATHS, MOST_PATHS))
-    layers_of = _by_object(layers)
-    halves = yield from trace_halves(placement, layers_of, sky, n_bounces, max(wanted // len(rows), 2), seed, rows)
-    reflected = halves[:, :, 1] - halves[:, :, 0]
-    top, mean = _scale(top, finer + reflected.mean(axis=0), weights)
-    direct = _products(shown - again, np.stack([finer, finer]), top)
-    off = weights * _products(again, reflected, top)
-    return ErrorEstimate(_root(weights @ direct, mean), _root(off.sum(), mean), _root(np.linalg.norm(off), mean))
+    finer = yield from _direct(placement, layers, sky, quality, rows, seed)
+    reflected = np.zeros_like(finer)
+    if n_bounces > 1:
+        wanted = n_paths or int(np.clip(PATHS_A_PIXEL * len(placement.hits.pixel), FEWEST_PATHS, MOST_PATHS))
+        n_each = max(wanted // len(rows), 2)
+        halves = yield from trace_halves(placement, _by_object(layers), sky, n_bounces, n_each, seed, rows)
+        reflected = halves[:, :, 1] - halves[:, :, 0]
+    light = finer.mean(axis=0) + reflected.mean(axis=0)
+    top = max(top, float(np.percentile(light, CLAMP_PERCENTILE)))
+    mean = float(weights @ np.minimum(light, top).mean(axis=1))
+    direct = _relative(weights * _squares(shown - again, finer, top), mean)
+    return ErrorEstimate(direct, None if n_bounces == 1 else _relative(weights * _squares(again, reflected, top), mean))
 
 
-def _sample(hits: PrimaryHits, generator: np.random.Generator) -> tuple[NDArray[np.int32], Floats]:
-    """Rows (n,) of points, ascending, and their weights (n,), 1 in all: half of them by the pixels of their object, the
-    others as many of each object."""
-    ranges = [(int(begin), int(end)) for begin, end in hits.object_ranges if end > begin]
-    rows, weights = [np.zeros(0, np.int32)], [np.zeros(0)]
-    for begin, end in ranges:
-        share = (end - begin) / len(hits.pixel)
-        n = min(round(N_POINTS * 0.5 * (share + 1.0 / len(ranges))) + 1, end - begin)
-        rows.append(np.sort(begin + generator.choice(end - begin, n, replace=False)).astype(np.int32))
-        weights.append(np.full(n, share / n))
-    return np.concatenate(rows), np.concatenate(weights)
+def _sample(
+    hits: PrimaryHits, radiance: NDArray[np.floating], generator: np.random.Generator
+) -> tuple[NDArray[np.int32], Floats]:
+    """Rows (n,) of points, ascending, and their weights (n,): means of what they have, times these, are the picture's.
+
+    A quarter is drawn evenly, a quarter evenly of each object, the others where the picture bends."""
+    n_points = len(hits.pixel)
+    sizes = np.diff(hits.object_ranges, axis=1)[:, 0]
+    of_object = np.repeat(1.0 / np.maximum(sizes, 1), sizes) / max(int((sizes > 0).sum()), 1)
+    bends = _contrast(hits, radiance) ** 2
+    total = bends.sum()
+    chance = 0.25 / n_points + 0.25 * of_object + (0.5 * bends / total if total > 0.0 else 0.5 / n_points)
+    chance /= chance.sum()
+    rows = np.sort(generator.choice(n_points, min(N_POINTS, n_points), p=chance)).astype(np.int32)
+    weights = 1.0 / chance[rows]
+    return rows, weights / weights.sum()
 
 
-def _direct(
-    placement: Placement, layers: Sequence[StillLayer], sky: SkyState, quality: Quality, rows: NDArray[np.int32]
-) -> Steps:
-    """Direct light (n, 3) at some rows, more finely."""
-    light = yield from _finer_light(placement, sky, quality, rows)
-    found = np.zeros((len(rows), 3))
-    for each in layers:
-        begin, end = placement.hits.object_ranges[each.i_object]
-        mine = np.flatnonzero((rows >= begin) & (rows < end))
-        if len(mine):
-            bands = tuple(
-                min(2 * n, most) if n > 1 else 1 for n, most in zip(each.bands, MOST_BANDS_OVERRULED, strict=True)
-            )
-            finer = replace(each, bands=bands)
-            tile = project_points(placement.hits, rows[mine], light, shape_of(finer), 0)
-            found[mine] += layer_radiance(placement.hits, rows[mine], finer, tile, light.lighting.unit)
-            yield StillProgress(0.0, "estimating the error")
+def _contrast(hits: PrimaryHits, radiance: NDArray[np.floating]) -> Floats:
+    """How much each point (P,) differs from the mean of its neighbours above and below, or left and right, on its own
+    object: edges of shadows, where few points have much of the error."""
+    width, height = hits.resolution
+    light, objects = np.zeros((height + 2, width + 2)), np.full((height + 2, width + 2), -1)
+    objects[1:-1, 1:-1] = hits.object_image
+    y, x = (place + 1 for place in np.divmod(hits.pixel, width))
+    light[y, x] = radiance.mean(axis=1)
+    found = np.zeros(len(hits.pixel))
+    for dy, dx in ((0, 1), (1, 0)):
+        sides = [(y + dy, x + dx), (y - dy, x - dx)]
+        alike = np.all([objects[side] == objects[y, x] for side in sides], axis=0)
+        step = np.max([abs(light[side] - light[y, x]) for side in sides], axis=0)
+        found = np.maximum(found, np.where(alike, step, 0.0))
     return found
 
 
-def _finer_light(
-    placement: Placement, sky: SkyState, quality: Quality, rows: NDArray[np.int32]
-) -> Generator[StillProgress, None, VisibleLight]:
-    """Four times as many lights, each traced, as these rows see them."""
-    hits, caster, cut = placement.hits, placement.caster, None
+def _direct(
+    placement: Placement, layers: Sequence[StillLayer], sky: SkyState, quality: Quality, rows: NDArray[np.int32],
+    seed: int,
+) -> Steps:  # fmt: skip
+    """Direct light (R, n, 3) at some rows, more finely, so many times with rays of its own to the sky."""
+    cut, hits = None, placement.hits
     if sky.environment is not None:
         cut = cut_lights(sky.environment, FINER * quality.n_lights, sky.rotation, quality.max_level)
-    emitters = placement.emitters(FINER * quality.n_patches)
-    yield StillProgress(0.0, "estimating the error")
-    lighting = prepare_lighting(cut, emitters, 0.5 * quality.tolerance, own_rays=True, scale=sky.scale)
-    seen = [empty_visibility(hits, each) for each in (lighting.fine_targets, lighting.emitter_targets)]
-    for i in range(0, len(rows), _ROWS_AT_ONCE):
-        for visibility in seen:
-            evaluate_rows(hits, caster, visibility, rows[i : i + _ROWS_AT_ONCE])
-        yield StillProgress(0.0, "estimating the error")
-    near = near_leaves(hits, caster, lighting.emitters, seen[1], rows)
-    return VisibleLight(lighting, placement.sphere, *seen, near)
+    tree = placement.emitters(FINER_PATCHES * quality.n_patches)
+    yield StillProgress(0.0, WHAT)
+    lighting = prepare_lighting(cut, tree, 0.5 * quality.tolerance, own_rays=True, scale=sky.scale)
+    emitters = yield from _seen(placement, lighting.emitter_targets, rows)
+    near = near_leaves(hits, placement.caster, lighting.emitters, emitters, rows)
+    found = np.zeros((N_LOOKS, len(rows), 3))
+    for look, generator in zip(found, np.random.default_rng((seed, 1)).spawn(N_LOOKS), strict=True):
+        fine = yield from _seen(placement, _with_random_rays(lighting.fine_targets, cut, generator), rows)
+        light = VisibleLight(lighting, placement.sphere, fine, emitters, near)
+        for each in layers:
+            begin, end = hits.object_ranges[each.i_object]
+            mine = np.flatnonzero((rows >= begin) & (rows < end))
+            if len(mine):
+                finer = replace(each, bands=_twice(each.bands))
+                tile = project_points(hits, rows[mine], light, shape_of(finer), 0)
+                look[mine] += layer_radiance(hits, rows[mine], finer, tile, lighting.unit)
+                yield StillProgress(0.0, WHAT)
+        if cut is None:
+            found[:] = look  # emitters are seen alike every time
+            break
+    return found
+
+
+def _seen(
+    placement: Placement, targets: Targets, rows: NDArray[np.int32]
+) -> Generator[StillProgress, None, Visibility]:
+    visibility = empty_visibility(placement.hits, targets)
+    for i in range(0, len(rows) if len(targets.positions) else 0, _ROWS_AT_ONCE):
+        evaluate_rows(placement.hits, placement.caster, visibility, rows[i : i + _ROWS_AT_ONCE])
+        yield StillProgress(0.0, WHAT)
+    return visibility
+
+
+def _with_random_rays(targets: Targets, cut: TriangleLights | None, generator: np.random.Generator) -> Targets:
+    """Targets that are the lights of a cut, each at a random place of its triangle: where the sun is half hidden, its
+    centre knows nothing of it. Leaves of emitters keep their places: those close by would be noise and nothing else."""
+    if cut is None:
+        return targets
+    places = _within(cut.vertices[cut.corners], generator)
+    places /= np.linalg.norm(places, axis=1, keepdims=True)
+    return replace(targets, positions=places.astype(np.float32))
+
+
+def _within(triangles: NDArray[np.floating], generator: np.random.Generator) -> Floats:
+    """A random point (M, 3) of each triangle (M, 3, 3)."""
+    u, v = generator.random((2, len(triangles)))
+    inner = np.minimum(u, v)
+    shares = np.stack([inner, np.maximum(u, v) - inner, 1.0 - np.maximum(u, v)], axis=1)
+    return np.asarray(np.einsum("mk,mki->mi", shares, triangles.astype(np.float64)))
+
+
+def _twice(bands: tuple[int, int]) -> tuple[int, int]:
+    """Twice as many of each curve that has any, as far as there can be."""
+    most = MOST_BANDS_OVERRULED[0] if bands[1] == 1 else min(MOST_BANDS_OVERRULED)
+    return min(2 * bands[0], most), 1 if bands[1] == 1 else min(2 * bands[1], most)
 
 
 def _by_object(layers: Sequence[StillLayer]) -> dict[int, list[Layer]]:
@@ -181,21 +229,19 @@ def _by_object(layers: Sequence[StillLayer]) -> dict[int, list[Layer]]:
     return found
 
 
-def _scale(top: float, light: Floats, weights: Floats) -> tuple[float, float]:
-    """Where light (n, 3) is cut off, and its mean below that; top: where the picture's is."""
-    top = max(top, float(np.percentile(light, CLAMP_PERCENTILE)))
-    return top, float(weights @ np.minimum(light, top).mean(axis=1))
+def _squares(shown: Floats, looks: Floats, top: float) -> Floats:
+    """(v - t)^2 (n,), means over the colours, of light (n, 3) by R independent looks at the truth (R, n, 3): the mean
+    of (v - a) (v - b) over all pairs of them."""
+    off = np.minimum(shown, top) - np.minimum(looks, top)
+    pairs = (off.sum(axis=0) ** 2 - (off**2).sum(axis=0)) / (len(looks) * (len(looks) - 1))
+    return np.asarray(pairs.mean(axis=1))
 
 
-def _products(shown: Floats, halves: Floats, top: float) -> Floats:
-    """(v - a) (v - b), (n,), means over the colours of light (n, 3) and its halves (2, n, 3)."""
-    off = np.minimum(shown, top) - np.minimum(halves, top)
-    return np.asarray((off[0] * off[1]).mean(axis=1))
-
-
-def _root(mean_square: float, mean: float) -> float:
-    """The relative RMS error; chance can make a mean square of next to nothing negative."""
-    return float(np.sqrt(max(mean_square, 0.0))) / mean if mean > 0.0 else 0.0
+def _relative(squares: Floats, mean: float) -> float:
+    """The relative RMS error by weighted squares (n,). Chance can make their sum next to nothing, or less: half of what
+    it may be by chance is taken for an error in any case."""
+    square = max(float(squares.sum()), 0.5 * float(np.linalg.norm(squares)))
+    return math.sqrt(square) / mean if mean > 0.0 else 0.0
 
 
 def _percent(error: float) -> str:

@@ -1,0 +1,104 @@
+"""What stills say of their own error, against path-traced pictures and settings that are known to be poor."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.__main__ import Desktop
+from app.cli import run
+from app.measure.accuracy import errors
+from app.project import open_project
+from app.stills import Still, render_project
+from engine.indirect.series import BounceSeries
+from engine.light.image_files import read_radiance_image
+from engine.render.error_estimate import ErrorEstimate
+from engine.transport.pipeline import Placement
+
+JUDGES = Path(__file__).resolve().parents[1] / "golden" / "rooms"
+ROOMS = ("cornell", "room", "stairwell", "ajar", "storeroom", "teatray")
+Captured = pytest.CaptureFixture[str]
+
+DARK = """version = 1
+bounces = {bounces}
+[camera]
+position = [0.4, 1.6, 2.6]
+target = [0, 0.3, 0]
+fov_y = 45
+resolution = [16, 12]
+[environment]
+radiance = [0, 0, 0]
+[[object]]
+name = "ground"
+primitive = "quad"
+transform = [9,0,0,0, 0,0,9,0, 0,-9,0,0, 0,0,0,1]
+layer = [{{ model = "lambert" }}]
+"""
+
+
+def judged(scene: str, n_bounces: int, size: tuple[int, int] = (48, 36), **effort: int) -> tuple[Still, ErrorEstimate]:
+    still = render_project(
+        open_project(scene, size), lambda step: None, series=BounceSeries(n_bounces), judges=True, **effort
+    )  # fmt: skip
+    assert still.error is not None
+    return still, still.error
+
+
+def assert_within_a_factor_of_two(room: str, n_bounces: int) -> None:
+    still, estimate = judged(room, n_bounces)
+    seen = Placement(open_project(room, (48, 36)).scene).hits.pixel
+    ours, truth = still.picture, read_radiance_image(JUDGES / f"{room}_{n_bounces}.exr")
+    error = errors(*(picture.reshape(-1, 3)[seen] for picture in (ours, truth))).rmse
+    assert 0.5 * error < estimate.total < 2.0 * error
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_the_estimate_is_within_a_factor_of_two_in_direct_light(room: str) -> None:
+    assert_within_a_factor_of_two(room, 1)
+
+
+@pytest.mark.parametrize(
+    "room", [pytest.param(room, marks=() if room == "cornell" else pytest.mark.sweep) for room in ROOMS]
+)
+def test_the_estimate_is_within_a_factor_of_two_with_light_between_walls(room: str) -> None:
+    assert_within_a_factor_of_two(room, 4)
+
+
+def test_too_few_patches_are_told(tmp_path: Path, capsys: Captured) -> None:
+    out = tmp_path / "poor.exr"
+    arguments = ["render", "stairwell", "-o", str(out), "--resolution", "48", "36", "--bounces", "1"]
+    assert run([*arguments, "--patches", "20"], Desktop()) == 0
+    line, note = capsys.readouterr().out.splitlines()
+    assert "s, error about " in line
+    assert note == "note: most of it is in direct light: more lights, patches or bands help"
+    assert run(arguments, Desktop()) == 0
+    assert "note" not in capsys.readouterr().out
+
+
+def test_too_few_lights_are_told() -> None:
+    _, few = judged("teatray", 1, (24, 18), n_lights=20)
+    _, usual = judged("teatray", 1, (24, 18))
+    assert few.is_poor and few.total > 4.0 * usual.total
+
+
+@pytest.mark.parametrize("bounces", [1, 2])
+def test_the_dark_has_no_error(tmp_path: Path, bounces: int) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text(DARK.format(bounces=bounces))
+    still, estimate = judged(str(path), bounces, n_lights=400)
+    assert not still.picture.any() and estimate.total == 0.0 and not estimate.is_poor
+
+
+def test_it_is_the_same_again() -> None:
+    (first, one), (second, other) = (judged("storeroom", 1, (16, 12)) for _ in range(2))
+    np.testing.assert_array_equal(first.picture, second.picture)
+    assert one == other
+
+
+def test_it_says_what_helps() -> None:
+    assert ErrorEstimate(0.006, 0.017).text == "error about 1.8 % (direct 0.6 %, indirect 1.7 %)"
+    assert ErrorEstimate(0.006, 0.017).advice == ""
+    assert ErrorEstimate(0.02, 0.06).advice.startswith("most of it is in light between surfaces")
+    assert ErrorEstimate(0.06, 0.05).advice.startswith("most of it is in direct light")
