@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -46,24 +47,22 @@ def judged(scene: str, n_bounces: int, size: tuple[int, int] = (48, 36), **effor
     return still, still.error
 
 
-def assert_within_a_factor_of_two(room: str, n_bounces: int) -> None:
+# Relative RMS noise of the judges by bounces, as `assets.scripts.judges` told it; of the others it is far below the error.
+NOISE = {("room", 1): 0.0118, ("stairwell", 1): 0.0105, ("teatray", 1): 0.0153}
+NOISE |= {("cornell", 4): 0.0086, ("room", 4): 0.0225, ("teatray", 4): 0.0236}
+# Each room once in the suite, and with all its light in the sweep.
+ONCE = {"cornell": 4, "room": 1, "stairwell": 1, "ajar": 1, "storeroom": 1, "teatray": 1}
+SWEPT = [pytest.param(room, 4, marks=pytest.mark.sweep) for room in ROOMS if ONCE[room] != 4]
+
+
+@pytest.mark.parametrize(("room", "n_bounces"), [*ONCE.items(), *SWEPT])
+def test_the_estimate_is_within_a_factor_of_two(room: str, n_bounces: int) -> None:
     still, estimate = judged(room, n_bounces)
     seen = Placement(open_project(room, (48, 36)).scene).hits.pixel
     ours, truth = still.picture, read_radiance_image(JUDGES / f"{room}_{n_bounces}.exr")
-    error = errors(*(picture.reshape(-1, 3)[seen] for picture in (ours, truth))).rmse
+    found = errors(*(picture.reshape(-1, 3)[seen] for picture in (ours, truth))).rmse
+    error = math.sqrt(found**2 - NOISE.get((room, n_bounces), 0.0) ** 2)
     assert 0.5 * error < estimate.total < 2.0 * error
-
-
-@pytest.mark.parametrize("room", ROOMS)
-def test_the_estimate_is_within_a_factor_of_two_in_direct_light(room: str) -> None:
-    assert_within_a_factor_of_two(room, 1)
-
-
-@pytest.mark.parametrize(
-    "room", [pytest.param(room, marks=() if room == "cornell" else pytest.mark.sweep) for room in ROOMS]
-)
-def test_the_estimate_is_within_a_factor_of_two_with_light_between_walls(room: str) -> None:
-    assert_within_a_factor_of_two(room, 4)
 
 
 def test_too_few_patches_are_told(tmp_path: Path, capsys: Captured) -> None:
