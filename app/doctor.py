@@ -22,6 +22,7 @@ from app.memory import gib, memory_bytes
 from app.paths import state_directory
 from app.system import HAS_ANONYMOUS_FILES, anonymous_file, reserve
 from engine.errors import InsituError
+from engine.threads import n_cores
 
 State = Literal["ok", "without", "broken"]
 
@@ -105,7 +106,7 @@ def _rays() -> Finding:
 
 def _memory() -> Finding:
     free, total = memory_bytes()
-    found = f"{gib(free)} free of {gib(total)}, {os.cpu_count()} processors"
+    found = f"{gib(free)} free of {gib(total)}, {n_cores()} processors"
     if free < NEEDED_MEMORY:
         mend = f"close something, or give a smaller --resolution; {gib(NEEDED_MEMORY)} serve"
         return Finding("memory", "without", found, mend)

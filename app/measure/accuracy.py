@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from engine.light.image_files import read_radiance_image
 from engine.material.layer import Layer
 from engine.render.integrator import integrate_direct
 from engine.render.still import compose
+from engine.threads import on_threads
 from engine.transport.pipeline import Placement
 
 CLAMP_PERCENTILE = 99.9
@@ -93,8 +93,7 @@ def oracle(
             patches, level,
         )  # fmt: skip
 
-    with ThreadPoolExecutor(2) as pool:
-        return np.concatenate(list(pool.map(part, np.array_split(rows, max(1, len(rows) // 16)))))
+    return np.concatenate(on_threads(part, np.array_split(rows, max(1, len(rows) // 16))))
 
 
 def _scaled(subject: Subject) -> Environment | None:

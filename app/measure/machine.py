@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.metadata
-import os
 import platform
 import re
 from datetime import UTC, datetime
@@ -13,20 +12,16 @@ from typing import Any
 import psutil
 
 from app.memory import memory_bytes
+from engine.threads import n_cores
 
 PACKAGES = ("numpy", "scipy", "numba", "embreex", "OpenEXR", "moderngl", "glfw", "imgui-bundle")
-
-
-def usable_cores() -> int:
-    """Cores this process may run on."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def machine_facts() -> dict[str, Any]:
     """CPU, cores, memory, system, versions, date (UTC) and load as they are now."""
     return {
         "cpu": _first_match(Path("/proc/cpuinfo"), r"model name\s*:\s*(.+)") or platform.processor(),
-        "cores": usable_cores(),
+        "cores": n_cores(),
         "ram_gib": round(memory_bytes()[1] / 2**30, 2),
         "system": platform.platform(),
         "python": platform.python_version(),

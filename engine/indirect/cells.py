@@ -5,7 +5,6 @@ that only surfaces that light can take a way over cost anything, and its irradia
 evenly among the rays that hit it: what those rays need to know on average is what it keeps.
 """
 
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from threading import Lock
@@ -18,6 +17,7 @@ from engine.light.emitters import EmitterPatches
 from engine.light.lights import TriangleLights
 from engine.scene.load import Scene
 from engine.scene.raycaster import Intersections, RayCaster
+from engine.threads import on_threads
 
 MOST_CELLS = kernels.MOST_CELLS
 N_SLOTS = 1 << 18
@@ -132,8 +132,7 @@ class Cells:
         if len(lights.cumulative):
             step = max(1, CHUNK // n_samples)
             parts = [(i, min(i + step, n)) for i in range(0, n, step)]
-            with ThreadPoolExecutor(2) as pool:
-                list(pool.map(lambda part: self._light(lights, n_samples, seed, begin, part, irradiance), parts))
+            on_threads(lambda part: self._light(lights, n_samples, seed, begin, part, irradiance), parts)
         return irradiance
 
     def _light(

@@ -10,7 +10,6 @@ may be 0.
 """
 
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 
@@ -23,6 +22,7 @@ from engine.indirect.beyond import held
 from engine.indirect.cells import CHUNK, Cells
 from engine.indirect.rays import cosine_tables
 from engine.indirect.turns import Turn, by_turns
+from engine.threads import even_parts, on_threads
 
 NOBODY = -1
 MOST_GENERATIONS = 4
@@ -103,8 +103,5 @@ def radiosity(
 def bounced(seen: NDArray[np.uint16], bright: NDArray[np.float32], n_powers: int) -> NDArray[np.float32]:
     """Irradiance (C, D, 3) from radiosity (C, D, 4) that is 0 beyond its first n_powers; 0 where a cell has no rays."""
     out = np.zeros((*bright.shape[:2], 3), np.float32)
-    half = len(seen) // 2
-    with ThreadPoolExecutor(2) as pool:
-        parts = ((0, half), (half, len(seen)))
-        list(pool.map(lambda part: kernels.bounce(part[0], part[1], seen, bright, n_powers, out), parts))
+    on_threads(lambda begin, end: kernels.bounce(begin, end, seen, bright, n_powers, out), *even_parts(len(seen)))
     return out

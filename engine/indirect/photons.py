@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -26,12 +25,12 @@ from engine.indirect.rays import pole_vectors
 from engine.scene.camera import camera_frame
 from engine.scene.hits import PrimaryHits
 from engine.scene.load import Scene
+from engine.threads import even_parts, n_threads, on_threads
 
 _SEED = 20260812
 _N_NEAREST = 128
 # Of the picture's height: a gather point takes photons from no farther than this.
 _FARTHEST = 1.0 / 24.0
-_N_THREADS = 2
 _PILOT, _LEAST_SHARE = 2048, 0.125
 
 
@@ -219,7 +218,7 @@ class PhotonMap:
         if begin == end or not len(positions):
             none = np.zeros((len(positions), 0), np.float32)
             return none.astype(np.int32), none, farthest**2
-        distance, index = self._trees[i_object].query(positions, k=_N_NEAREST, workers=2)
+        distance, index = self._trees[i_object].query(positions, k=_N_NEAREST, workers=n_threads())
         found = np.where(index < end - begin, self._order[begin + np.minimum(index, end - begin - 1)], -1)
         radius = np.minimum(distance[:, -1], farthest)
         return found.astype(np.int32), (distance**2).astype(np.float32), (radius**2).astype(np.float32)
@@ -238,16 +237,14 @@ def land(
     """The photons about the gather points of one object; times (p,): what each of their recorded rays stands for."""
     found, distances2, radii2 = photon_map.nearest(i_object, hits.position[fans.rows], farthest)
     weights = np.empty(found.shape, np.float32)
-    bounds = [len(found) * i // _N_THREADS for i in range(_N_THREADS + 1)]
 
-    def weigh(part: tuple[int, int]) -> None:
+    def weigh(begin: int, end: int) -> None:
         kernels.weigh(
-            fans, part[0], part[1], times, hits.geometric_normal, hits.position, photon_map.photons, found, distances2,
+            fans, begin, end, times, hits.geometric_normal, hits.position, photon_map.photons, found, distances2,
             radii2, weights,
         )  # fmt: skip
 
-    with ThreadPoolExecutor(_N_THREADS) as pool:
-        list(pool.map(weigh, pairwise(bounds)))
+    on_threads(weigh, *even_parts(len(found)))
     kept = weights > 0.0
     start = np.concatenate([[0], np.cumsum(kept.sum(axis=1))])
     return Landed(start, found[kept], weights[kept], np.asarray(np.pi / 2 * radii2, np.float32))

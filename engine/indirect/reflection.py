@@ -6,7 +6,6 @@ faster than they could be read. Stills, which sum once, keep nothing at all.
 
 import math
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -25,8 +24,9 @@ from engine.indirect.rays import cosine_tables, pole_tables
 from engine.indirect.second_bounce import SecondLight
 from engine.indirect.smoothing import Smoothing
 from engine.scene.hits import PrimaryHits
+from engine.threads import even_parts, on_threads
 
-_PART, _N_THREADS = 128, 2
+_PART = 128
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,8 +148,7 @@ class Fans:
                 second = self._second.part(begin, end, glossy, wanted)
             work(begin, end, second)
 
-        with ThreadPoolExecutor(_N_THREADS) as pool:
-            list(pool.map(do, range(0, len(self), _PART)))
+        on_threads(do, range(0, len(self), _PART))
         for aim in aims:
             aim.complete()
         if glossy is not None:
@@ -168,10 +167,5 @@ def _smooth_planes(smoothing: Smoothing, light: NDArray[np.float32]) -> NDArray[
     """Light (..., p), filtered; p may be 0."""
     planes = light.reshape(math.prod(light.shape[:-1]), light.shape[-1])
     out = np.empty_like(planes)
-    step = max(1, -(-len(planes) // _N_THREADS))
-    with ThreadPoolExecutor(_N_THREADS) as pool:
-        list(pool.map(
-            lambda begin: smooth_planes(*smoothing, planes, begin, min(begin + step, len(planes)), out),
-            range(0, len(planes), step),
-        ))  # fmt: skip
+    on_threads(lambda begin, end: smooth_planes(*smoothing, planes, begin, end, out), *even_parts(len(planes)))
     return out.reshape(light.shape)

@@ -1,7 +1,8 @@
 """Work on two threads that ends as work on one would: what is shared is changed in a fixed order.
 
 Where a cell gets its number is decided by who comes first. With turns that is the same one in every run, so that what
-is found in parts, some of them on another day, is what is found at once, to the last bit.
+is found in parts, some of them on another day, is what is found at once, to the last bit. How many items are worked on
+at a time decides the order, so that it is two on any number of cores; the rays of each are shared among all of them.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from threading import Event
 from typing import TypeVar
 
-N_THREADS = 2
+AT_A_TIME = 2
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -42,9 +43,9 @@ class Turn:
 
 def by_turns(work: Callable[[Item, Turn], Result], items: Sequence[Item], n_stages: int) -> Iterator[Result]:
     """`work` of all items, two at a time, in their order; each may enter its turn `n_stages` times."""
-    with ThreadPoolExecutor(N_THREADS) as pool:
-        for begin in range(0, len(items), N_THREADS):
-            few = items[begin : begin + N_THREADS]
+    with ThreadPoolExecutor(AT_A_TIME) as pool:
+        for begin in range(0, len(items), AT_A_TIME):
+            few = items[begin : begin + AT_A_TIME]
             passed = [Event() for _ in range(n_stages * len(few))]
             turns = [Turn(passed, i, len(few)) for i in range(len(few))]
             yield from pool.map(lambda item, turn: _ended(work, item, turn), few, turns)

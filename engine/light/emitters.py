@@ -13,15 +13,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from engine.light.environment import LUMINANCE
+from engine.threads import even_parts, on_threads
 
-_N_THREADS = 2
 # Of a patch's samples in the R2 sequence, the plane's evenest [Roberts18]: no two beside one another are alike.
 _R2 = np.array([0.7548776662466927, 0.5698402909980532])
 
@@ -213,14 +212,7 @@ def solid_angles(corners: Floats, points: ArrayLike) -> NDArray[np.float32]:
     if places.ndim != 2 or places.shape[1] != 3:
         raise ValueError(f"points have shape {places.shape}, expected (P, 3)")
     result = np.empty((len(places), len(corners)), np.float32)
-    bounds = [len(places) * i // _N_THREADS for i in range(_N_THREADS + 1)]
-    with ThreadPoolExecutor(_N_THREADS) as pool:
-        list(
-            pool.map(
-                lambda i: _kernels.solid_angles_range(places, corners, bounds[i], bounds[i + 1], result),
-                range(_N_THREADS),
-            )
-        )
+    on_threads(lambda i, j: _kernels.solid_angles_range(places, corners, i, j, result), *even_parts(len(places)))
     return np.maximum(result, 0.0)
 
 

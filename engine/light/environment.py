@@ -15,7 +15,6 @@ give a texel of the first or last row 8 % too much.
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -27,6 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from engine.errors import LoadError
 from engine.light.image_files import read_radiance_image
 from engine.light.resampling import area_average
+from engine.threads import even_parts, on_threads
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 """Rec. 709 luminance weights."""
@@ -213,7 +213,5 @@ def _angular_to_latlong(image: NDArray[np.float32]) -> NDArray[np.float32]:
 
     height = max(1, (image.shape[0] + 1) // 2)
     latlong = np.empty((height, 2 * height, 3), np.float32)
-    bounds = [0, height // 2, height]
-    with ThreadPoolExecutor(2) as pool:
-        list(pool.map(lambda a, b: _kernels.resample_angular(image, 4, a, b, latlong), bounds[:-1], bounds[1:]))
+    on_threads(lambda a, b: _kernels.resample_angular(image, 4, a, b, latlong), *even_parts(height))
     return latlong

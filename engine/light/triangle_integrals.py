@@ -20,16 +20,13 @@ left a constant sky uneven by 3 % RMS at level 7, even after the samples' weight
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine.light import _kernels
 from engine.sphere.geodesic import geodesic
-
-_N_THREADS = 2
+from engine.threads import even_parts, on_threads
 
 
 def integrate_over_triangles(
@@ -44,18 +41,18 @@ def integrate_over_triangles(
     edge_integrals = np.empty((len(sphere.edges), 3))
     row_edges = _row_edges(len(radiance))
     edges, triangle_edges = sphere.edges, sphere.triangle_edges
-    _in_two_halves(
-        len(edges),
+    on_threads(
         lambda start, stop: _kernels.integrate_above_edges(
             start, stop, edges, sphere.vertices, turn, radiance, light_above, row_edges, edge_integrals
         ),
+        *even_parts(len(edges)),
     )
     integrals = np.empty((sphere.n_triangles, 3))
-    _in_two_halves(
-        sphere.n_triangles,
+    on_threads(
         lambda start, stop: _kernels.sum_around_triangles(
             start, stop, sphere.triangles, triangle_edges, edge_integrals, integrals
         ),
+        *even_parts(sphere.n_triangles),
     )
     integrals *= -1.0  # counter-clockwise from outside, the upper edges run towards smaller azimuth
     _close_at_nadir(sphere.vertices, sphere.triangles, turn, light_above[-1], integrals)
@@ -91,9 +88,3 @@ def _light_between(first: float, step: float, column_light: NDArray[np.float64])
     columns = np.arange(math.floor(begin), math.ceil(begin + step / (2.0 * math.pi) * width) + 1)
     edges = np.clip(columns, begin, begin + step / (2.0 * math.pi) * width)
     return np.diff(edges) @ column_light[columns[:-1] % width] * (2.0 * math.pi / width)
-
-
-def _in_two_halves(count: int, work: Callable[[int, int], None]) -> None:
-    bounds = [count * i // _N_THREADS for i in range(_N_THREADS + 1)]
-    with ThreadPoolExecutor(_N_THREADS) as pool:
-        list(pool.map(work, bounds[:-1], bounds[1:]))

@@ -13,7 +13,6 @@ halves of them tells the noise.
 """
 
 from collections.abc import Callable, Generator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,6 +28,7 @@ from engine.render.still import Picture, StillProgress, compose
 from engine.scene.hits import PrimaryHits, emission_towards, object_ids, shading_frames
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
+from engine.threads import n_threads, pool
 from engine.transport.pipeline import Placement, SkyState
 
 Floats = NDArray[np.float64]
@@ -36,7 +36,7 @@ Rows = NDArray[np.integer]
 
 MOST_SAMPLES = 1 << 20
 N_SAMPLES = 64
-_PASS, _BATCH, _N_THREADS = 1024, 1 << 14, 2
+_PASS, _BATCH = 1024, 1 << 14
 _PASSES_PAY = 64  # from so many samples on, passes of a quarter are still large enough to cover their space evenly
 # From this bounce on faint paths end early; before it, all that a picture is judged by is there.
 _FIRST_ROULETTE = 5
@@ -239,10 +239,10 @@ def _trace(
         blocks = np.array_split(np.arange(len(rows)), max(1, -(-len(rows) * n // _BATCH)))
         points = _sobol_points(n, n_bounces, (seed, i_pass))
         work = _pass_work(placement.hits, seen, rows, tracer, points, (seed, i_pass))
-        with ThreadPoolExecutor(_N_THREADS) as pool:
-            for i in range(0, len(blocks), _N_THREADS):
-                group = list(enumerate(blocks))[i : i + _N_THREADS]
-                for (_, block), found in zip(group, pool.map(work, group), strict=True):
+        with pool() as threads:
+            for i in range(0, len(blocks), n_threads()):
+                group = list(enumerate(blocks))[i : i + n_threads()]
+                for (_, block), found in zip(group, threads.map(work, group), strict=True):
                     halves[i_pass % 2, block] += found
                 done = (counts.sum() + n * (i + len(group)) / len(blocks)) / n_samples
                 yield replace(progress, fraction=float(done))

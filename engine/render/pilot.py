@@ -15,6 +15,7 @@ import numpy as np
 from engine.light.lights import cut_lights
 from engine.plan import Cost, Plan
 from engine.render.still import StillLayer, StillProgress, still_quality
+from engine.threads import n_threads
 from engine.transport.fixed import BYTES_A_POINT
 from engine.transport.lighting import prepare_lighting
 from engine.transport.near import near_leaves
@@ -26,7 +27,6 @@ N_SAMPLED = 256
 MOST_SAMPLED, LEAST_SAMPLED = 2048, 32
 # Of the time that tracing every direction would take; between 0.08 and 0.2 on the built-in scenes.
 COHERENT_SHARE = 0.15
-N_THREADS = 2
 MIB = 2.0**20
 CHANNELS, ACCUMULATOR_BYTES = 3, 16
 
@@ -48,9 +48,9 @@ def estimate_cost(
     for i, each in enumerate(present):
         yield StillProgress(0.3 + 0.7 * i / len(present), f"trying {each.layer.name} of object {each.i_object}")
         seconds, size = _try_layer(placement, samples[each.i_object], light, each)
-        projection_seconds += seconds * len(rows_of[each.i_object]) / N_THREADS
+        projection_seconds += seconds * len(rows_of[each.i_object]) / n_threads()
         n_bytes += size * len(rows_of[each.i_object])
-    visibility_seconds = per_point * n_points / N_THREADS
+    visibility_seconds = per_point * n_points / n_threads()
     cost = Cost(
         seconds=visibility_seconds + projection_seconds,
         visibility_seconds=visibility_seconds,

@@ -11,7 +11,6 @@ place of transport.
 """
 
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -25,6 +24,7 @@ from engine.render.integrator import integrate_direct
 from engine.render.maps import MapFactors
 from engine.scene.hits import PrimaryHits
 from engine.texture.surface import MapSampler, SeenMaps
+from engine.threads import n_threads, pool
 from engine.transport.bandstore import BandStore, BandTile
 from engine.transport.pipeline import FINAL, Placement, Quality, SkyState
 from engine.transport.projection import LayerShape, VisibleLight, project_layer
@@ -123,12 +123,12 @@ def render_reference(
     patches = placement.patches(n_patches)
     blocks = [rows[i : i + REFERENCE_POINTS] for i in range(0, len(rows), REFERENCE_POINTS)]
     work = _reference_work(placement, layers_of, sky, patches, level)
-    with ThreadPoolExecutor(2) as pool:
-        for i in range(0, len(blocks), 2):
-            pair = blocks[i : i + 2]
-            for block, found in zip(pair, pool.map(work, pair), strict=True):
+    with pool() as threads:
+        for i in range(0, len(blocks), n_threads()):
+            group = blocks[i : i + n_threads()]
+            for block, found in zip(group, threads.map(work, group), strict=True):
                 radiance[block] = found
-            yield StillProgress((i + len(pair)) / len(blocks), "every direction of every pixel")
+            yield StillProgress((i + len(group)) / len(blocks), "every direction of every pixel")
     return compose(placement, radiance, sky)
 
 

@@ -10,7 +10,6 @@ dust to mountains. A scene of ordinary place and size is left alone, and its ray
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -19,6 +18,8 @@ import numpy as np
 import numpy.typing as npt
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
+
+from engine.threads import n_threads
 
 Floats = npt.NDArray[np.float32]
 
@@ -58,7 +59,7 @@ class RayCaster:
         self._identity = self._scale == 1.0 and not self._centre.any()
         largest = float(np.abs((used - self._centre) * self._scale).max())
         self._offset = _OFFSET * (largest + float(np.abs(self._centre).max()) * self._scale) / self._scale
-        self._n_threads = threads or _usable_cores()
+        self._n_threads = threads or n_threads()
         self._pool = ThreadPoolExecutor(self._n_threads, "rays") if self._n_threads > 1 else None
         self._scene = EmbreeScene()
         self._mesh = TriangleMesh(self._scene, local, faces)
@@ -131,11 +132,6 @@ class RayCaster:
                 trace(part)
         else:
             list(self._pool.map(trace, parts))
-
-
-def _usable_cores() -> int:
-    """Cores this process may run on."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _normalization(points: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.float64], float]:

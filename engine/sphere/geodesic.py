@@ -15,7 +15,6 @@ the smallest. Use `solid_angles`, never 4*pi / (20*4^l).
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -23,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.sphere import _kernels
+from engine.threads import even_parts, on_threads
 
 MAX_LEVEL = 7
-_N_THREADS = 2
 _THREADING_PAYS = 20_000
 
 Floats = NDArray[np.float64]
@@ -117,13 +116,8 @@ def locate(directions: NDArray[np.floating], level: int) -> Indices:
         raise ValueError(f"directions have shape {np.shape(directions)}, expected (N, 3)")
     found = np.empty(len(flat), np.int32)
     roots, planes = descent_tables(level)
-    n_parts = _N_THREADS if len(flat) >= _THREADING_PAYS else 1
-    bounds = [len(flat) * i // n_parts for i in range(n_parts + 1)]
-    with ThreadPoolExecutor(n_parts) as pool:
-        bad = pool.map(
-            lambda i: _kernels.locate_range(flat, level, roots, planes, bounds[i], bounds[i + 1], found),
-            range(n_parts),
-        )
+    parts = even_parts(len(flat)) if len(flat) >= _THREADING_PAYS else ([0], [len(flat)])
+    bad = on_threads(lambda i, j: _kernels.locate_range(flat, level, roots, planes, i, j, found), *parts)
     first_bad = min((i for i in bad if i >= 0), default=-1)
     if first_bad >= 0:
         raise ValueError(f"direction {first_bad} is {flat[first_bad].tolist()}, expected finite and not zero")

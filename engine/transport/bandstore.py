@@ -14,14 +14,13 @@ and BRDF are not), which is why they are kept as bands and transformed to wavele
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from engine.stored_arrays import ArrayReader, Arrays, InPieces, UnsoundArrays
+from engine.threads import on_threads
 from engine.transport import _band_kernels as kernels
 from engine.transport import _plane_kernels as plane_kernels
 
@@ -119,7 +118,7 @@ class BandStore:
                 radiance.reshape(-1), largest, summed,
             )  # fmt: skip
 
-        _on_two_threads(fill_tile, self.tiles, maxima, squares)
+        on_threads(fill_tile, self.tiles, maxima, squares)
         return Planes(numbers, radiance, maxima.max(axis=0, initial=0.0).astype(np.float64), squares.sum(axis=0))
 
     def thinned(self, n_points: int) -> "BandStore":
@@ -152,7 +151,7 @@ class BandStore:
         """The layer's picture Σ_jk c_j c_k U_jk, (P, 3) float32."""
         out = np.empty((self.n_points, 3), np.float32)
         c_a, c_b = np.ascontiguousarray(coefficients_a, np.float32), np.ascontiguousarray(coefficients_b, np.float32)
-        _on_two_threads(
+        on_threads(
             lambda tile: kernels.radiance_tile(
                 tile.scale, tile.first, tile.count, tile.start, tile.values, *self.bands, c_a, c_b, out, tile.begin,
                 kernels.UNITS,
@@ -211,12 +210,6 @@ def store_from_arrays(bands: tuple[int, int], arrays: Mapping[str, np.ndarray], 
         for i in range(0, len(scale), chunk)
     ]
     return BandStore(bands, tuple(tiles))
-
-
-def _on_two_threads(work: Callable[..., None], *of_tiles: Iterable[Any]) -> None:
-    with ThreadPoolExecutor(2) as pool:
-        for _ in pool.map(work, *of_tiles):
-            pass
 
 
 def join_tiles(bands: tuple[int, int], tiles: Iterable[BandTile]) -> BandStore:

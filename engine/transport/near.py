@@ -9,7 +9,6 @@ parts that are even on the point's sphere, one ray each, and their sum is taken 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from engine.scene.hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
+from engine.threads import pool
 from engine.transport import _near_kernels as kernels
 from engine.transport._emitter_kernels import Emitters
 from engine.transport.visibility import Visibility
@@ -57,10 +57,10 @@ class NearLight:
 
     def steps(self) -> Iterator[float]:
         """Find them, eight blocks of 1,024 points between two yields of the fraction done."""
-        with ThreadPoolExecutor(2) as pool:
+        with pool() as threads:
             for i in range(0, len(self._blocks), AT_ONCE):
                 group = self._blocks[i : i + AT_ONCE]
-                self._found += pool.map(lambda block: _of_block(*self._work, block), group)
+                self._found += threads.map(lambda block: _of_block(*self._work, block), group)
                 yield len(self._found) / len(self._blocks)
 
     def leaves(self) -> NearLeaves:

@@ -1,13 +1,13 @@
 """From light and visibility to the band transport of a layer, tile by tile [BenArtzi07, ch. 4]."""
 
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 
 from engine.material import MODELS
 from engine.scene.hits import PrimaryHits
+from engine.threads import n_threads, pool
 from engine.transport import _projection_kernels as kernels
 from engine.transport.bandstore import BandTile
 from engine.transport.lighting import Lighting
@@ -41,14 +41,14 @@ class VisibleLight:
 def project_layer(
     hits: PrimaryHits, rows: np.ndarray, light: VisibleLight, layer: LayerShape, skip: frozenset[int] = frozenset()
 ) -> Iterator[BandTile]:
-    """Transport of one layer at the given rows of `hits`; yields tiles of 256 points in order, two at a time.
+    """Transport of one layer at the given rows of `hits`; yields tiles of 256 points in order, one a thread at a time.
 
     skip: indices of tiles that the caller has already.
     """
     tiles = [(begin, rows[begin : begin + TILE]) for i, begin in enumerate(range(0, len(rows), TILE)) if i not in skip]
-    with ThreadPoolExecutor(2) as pool:
-        for pair in (tiles[i : i + 2] for i in range(0, len(tiles), 2)):
-            yield from pool.map(lambda tile: project_points(hits, tile[1], light, layer, tile[0]), pair)
+    with pool() as threads:
+        for group in (tiles[i : i + n_threads()] for i in range(0, len(tiles), n_threads())):
+            yield from threads.map(lambda tile: project_points(hits, tile[1], light, layer, tile[0]), group)
 
 
 def project_points(hits: PrimaryHits, rows: np.ndarray, light: VisibleLight, layer: LayerShape, begin: int) -> BandTile:

@@ -22,7 +22,6 @@ errs as often. What is left to trace lies along silhouettes, where a ray costs E
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -31,6 +30,7 @@ import numpy as np
 from engine.scene.hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.sphere.geodesic import geodesic
+from engine.threads import pool
 from engine.transport import _visibility_kernels as kernels
 
 COARSEST_STEP = 16
@@ -240,7 +240,7 @@ def coherent_visibility(
 
         return guess
 
-    with ThreadPoolExecutor(2) as pool:
+    with pool() as threads:
         for step in steps:
             fresh = ~visibility.done[step.rows]
             rows, informers = step.rows[fresh], step.informers[fresh]
@@ -248,7 +248,7 @@ def coherent_visibility(
             blocks = [slice(i, i + BLOCK) for i in range(0, len(rows), BLOCK)]
             for group in (blocks[i : i + 8] for i in range(0, len(blocks), 8)):
                 jobs = [(rows[block], informed(informers[block], believed)) for block in group]
-                for count in pool.map(lambda job: _evaluate_block(hits, caster, visibility, *job), jobs):
+                for count in threads.map(lambda job: _evaluate_block(hits, caster, visibility, *job), jobs):
                     visibility.rays.traced += count[0]
                     visibility.rays.possible += count[1]
                 for job in jobs:

@@ -1,0 +1,94 @@
+"""What is shared among threads comes out the same, to the last bit, on any number of them."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from engine import threads
+from engine.indirect.layers import indirect_layer
+from engine.light.environment import Environment, _angular_to_latlong, triangle_integrals
+from engine.material import MODELS, make_layer
+from engine.render.path_tracer import trace_paths
+from engine.render.still import StillLayer, finish, render_reference, render_still
+from engine.sphere.geodesic import locate
+from engine.transport.pipeline import PREVIEW, SkyState
+from tests.engine.indirect.small_scenes import QUICK, matt, placed, placement_of, solve
+
+OBJECTS = [
+    {"name": "floor", "primitive": "quad", "transform": [4, 0, 0, 0, 0, 0, 4, 0, 0, -4, 0, 0, 0, 0, 0, 1]},
+    {"name": "ball", "primitive": "sphere", "smooth": True, "transform": placed(0, 0.4, 0, 0.8)},
+    {"name": "lamp", "primitive": "cube", "emission": [20.0] * 3, "transform": placed(1.1, 1.2, 0.0, 0.3)},
+]
+VIEW = {"eye": (0.6, 2.2, 2.2), "target": (0.4, 0.0, 0.0), "n": 40}
+PAINT, GOLD = (
+    make_layer(MODELS["lambert"], {"albedo": [0.7] * 3}),
+    make_layer(MODELS["rough_conductor"], {"alpha": 0.3}),
+)
+RADIANCE = np.random.default_rng(4).uniform(0.0, 2.0, (16, 32, 3)).astype(np.float32)
+SKY = Environment(RADIANCE)
+
+
+def direct() -> NDArray[np.float32]:
+    layers = [StillLayer(0, PAINT, (16, 1), False), StillLayer(1, GOLD, (32, 8), False)]
+    return finish(render_still(placement_of(OBJECTS, **VIEW), layers, SkyState(SKY), PREVIEW), lambda step: None)
+
+
+def indirect() -> NDArray[np.float32]:
+    """Photons, rays and what goes between the cells."""
+    layers = [matt(0, 0.7), indirect_layer(1, GOLD, (16, 4))]
+    fineness = replace(QUICK, n_photons=1 << 13)
+    return solve(placement_of(OBJECTS, **VIEW), layers, 3, fineness, SKY).picture(layers)
+
+
+def paths() -> NDArray[np.float32]:
+    materials = {0: [PAINT], 1: [GOLD]}
+    placement = placement_of(OBJECTS, **VIEW | {"n": 130})  # more points than one thread takes at a time
+    return finish(trace_paths(placement, materials, SkyState(SKY), 2, 4), lambda step: None).radiance
+
+
+def brute_force() -> NDArray[np.float32]:
+    materials = {0: [PAINT], 1: [GOLD]}
+    steps = render_reference(placement_of(OBJECTS, **VIEW), materials, SkyState(SKY), 16, 2)
+    return finish(steps, lambda step: None)
+
+
+def light_of_triangles() -> NDArray[np.float64]:
+    return triangle_integrals(SKY, 0.3, 4)
+
+
+def places_on_the_sphere() -> NDArray[np.int32]:
+    return locate(np.random.default_rng(2).normal(size=(40_000, 3)), 5)
+
+
+def angular_map() -> NDArray[np.float32]:
+    return _angular_to_latlong(np.random.default_rng(3).uniform(size=(33, 33, 3)).astype(np.float32))
+
+
+FOUND = (direct, indirect, paths, brute_force, light_of_triangles, places_on_the_sphere, angular_map)
+
+
+@pytest.mark.parametrize("find", FOUND)
+def test_results_do_not_depend_on_the_number_of_threads(find: Callable[[], NDArray]) -> None:
+    found = []
+    for n in (1, 2, 3, 5):
+        with threads.using(n):
+            assert threads.n_threads() == n
+            found.append(find())
+    assert np.isfinite(found[0]).all() and len(np.unique(found[0])) > 10
+    for other in found[1:]:
+        np.testing.assert_array_equal(other, found[0])
+
+
+def test_all_cores_are_used_by_default() -> None:
+    assert threads.n_threads() == threads.n_cores() >= 1
+    assert threads.on_threads(lambda a, b: a + b, range(5), range(5)) == [0, 2, 4, 6, 8]
+
+
+@pytest.mark.parametrize("count", [0, 1, 3, 100])
+def test_parts_are_all_of_it_once(count: int) -> None:
+    with threads.using(4):
+        begins, ends = threads.even_parts(count)
+    assert [i for a, b in zip(begins, ends, strict=True) for i in range(a, b)] == list(range(count))
