@@ -28,7 +28,7 @@ PAINT, GOLD = (
     make_layer(MODELS["rough_conductor"], {"alpha": 0.3}),
 )
 RADIANCE = np.random.default_rng(4).uniform(0.0, 2.0, (16, 32, 3)).astype(np.float32)
-SKY = Environment(RADIANCE)
+SKY = Environment(RADIANCE, "test")
 
 
 def direct() -> NDArray[np.float32]:

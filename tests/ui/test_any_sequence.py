@@ -205,7 +205,7 @@ def source(tmp_path: Path) -> str:
     return str(write_small_scene(tmp_path))
 
 
-@pytest.mark.parametrize("restless", ["eta", "selection"])
+@pytest.mark.parametrize("restless", ["eta", pytest.param("selection", marks=pytest.mark.sweep)])
 def test_a_hand_that_never_rests_while_the_stages_come(
     context: moderngl.Context, source: str, tmp_path: Path, restless: str
 ) -> None:
@@ -274,7 +274,7 @@ def relative_error(shown: np.ndarray, expected: np.ndarray) -> float:
     return float(np.sqrt(np.mean((shown - expected) ** 2)) / np.mean(expected))
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.sweep)])
 def test_any_sequence_of_commands_ends_with_the_right_picture(
     context: moderngl.Context, source: str, tmp_path: Path, seed: int
 ) -> None:
