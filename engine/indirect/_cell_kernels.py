@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numba as nb
 import numpy as np
 
-from engine.indirect._ray_kernels import MATT, SHARP, mixed, uniform
+from engine.indirect._ray_kernels import mixed, uniform
 
 NO_CELL = 0xFFFF
 MOST_CELLS = 0xFFFE
@@ -14,9 +14,13 @@ NO_KEY = np.uint64(0)
 N_PLACES = 16
 _GRID_BITS, _LEVEL_BITS = 16, 3
 _PLACE_BITS = 20
-# What a gloss shows is in focus: there a cell is to be no larger than an eighth of the ray that hits it.
-_FOCUS = np.float32(8.0)
-_MATT_LEVEL, _FINEST, _SHARPEST = 2, 3, 5
+# By how rays look at cells (`_ray_kernels`: matt, glossy, sharp, even): such a share of the ray, inverted, is the most
+# that a cell takes. What a gloss shows is in focus; and where surfaces all but touch, light changes within their
+# distance.
+_FOCUS = (np.float32(2.0), np.float32(8.0), np.float32(8.0), np.float32(0.0))
+# The sizes of cells, from four times the grid's on, each half the one before.
+_GRID = 2
+_COARSEST, _FINEST = (_GRID, 0, 0, _GRID), (5, 3, 5, _GRID)
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 
 
@@ -94,9 +98,9 @@ def _shading_normal(mesh, triangle, u, v):
 def find_keys(mesh, low, inverse_size, hits, there, directions, mirrored, keys, sides):
     """Key (R,) of the cell each ray hits, 0 for none, and which of its normals face away (R,).
 
-    A cell is what one object has in one cube of the grid (low (3,), 1 / its size) facing one of six ways. Cells that
-    mirrored (R,) rays find are of cubes from four times as large to half as large, by their distance; down to an
-    eighth where they are SHARP.
+    A cell is what one object has in one cube of the grid (low (3,), 1 / its size) facing one of six ways. The cubes are
+    by the distance and how rays look, `mirrored` (R,): from four times as large to half as large (GLOSSY) or to an
+    eighth (SHARP), from as large to an eighth (MATT), or all alike (EVEN).
     """
     most = np.int64((1 << _GRID_BITS) - 1)
     for r in range(keys.shape[0]):
@@ -119,12 +123,11 @@ def find_keys(mesh, low, inverse_size, hits, there, directions, mirrored, keys, 
         else:
             facing = 4 if nz > ZERO else 5
         x, y, z = _position(mesh, triangle, hits.u[r], hits.v[r])
-        level, scale = _MATT_LEVEL, inverse_size
-        if mirrored[r] != MATT:
-            finest = _SHARPEST if mirrored[r] == SHARP else _FINEST
-            level, scale = 0, inverse_size / np.float32(1 << _MATT_LEVEL)
-            while level < finest and hits.distance[r] * scale < _FOCUS:
-                level, scale = level + 1, np.float32(2.0) * scale
+        look = mirrored[r]
+        level = _COARSEST[look]
+        scale = inverse_size / np.float32(1 << (_GRID - level))
+        while level < _FINEST[look] and hits.distance[r] * scale < _FOCUS[look]:
+            level, scale = level + 1, np.float32(2.0) * scale
         key = (np.int64(mesh.objects[triangle]) * 6 + facing + 1) << _LEVEL_BITS | level
         key = (key << _GRID_BITS) | min(max(np.int64((x - low[0]) * scale), 0), most)
         key = (key << _GRID_BITS) | min(max(np.int64((y - low[1]) * scale), 0), most)

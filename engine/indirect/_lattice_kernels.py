@@ -59,6 +59,23 @@ def _is_smooth(block, row_image, position, normal, least_alike):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _is_close(block, row_image, position, clearance, reach):
+    """Whether corners are farther apart than `reach` times what is clear about one of them."""
+    height, width = row_image.shape
+    for k in range(4):
+        y, x = _corner(block, k, height, width)
+        r = row_image[y, x]
+        for other in (k ^ 1, k ^ 2):
+            y, x = _corner(block, other, height, width)
+            s, length2 = row_image[y, x], np.float32(0.0)
+            for axis in range(3):
+                length2 += (position[s, axis] - position[r, axis]) ** 2
+            if length2 > (reach * clearance[r]) ** 2:
+                return True
+    return False
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _can_stand_for(cy, cx, y, x, objects, row_image, position, normal, least_alike):
     """Whether the corner's value is one for the pixel."""
     r, s = row_image[y, x], row_image[cy, cx]
@@ -84,12 +101,28 @@ def _all_are_stood_for(block, objects, row_image, position, normal, least_alike)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def must_split(blocks, objects, row_image, position, normal, least_alike, values, noise, tolerance, floor, out):
+def must_split(
+    blocks,
+    objects,
+    row_image,
+    position,
+    normal,
+    least_alike,
+    values,
+    noise,
+    clearance,
+    reach,
+    close,
+    tolerance,
+    floor,
+    out,
+):
     """Whether each block (B, 3: y, x, size) shows more than its corners tell, into out (B,).
 
     objects (H, W); row_image (H, W): the hits' row of each pixel, −1 for none; least_alike (M,): the cosine by
     which normals of an object may differ; values (P, D) gathered at the corners' rows, with standard errors noise
-    (P, D); they may differ by `tolerance` of their mean, by `floor` (D,) and by chance.
+    (P, D); they may differ by `tolerance` of their mean, by `floor` (D,) and by chance; corners may be as far from one
+    another as `reach` times the clearance (P,) of each, where `close`; else two pixels beside an edge stand together.
     """
     height, width = objects.shape
     for b in range(blocks.shape[0]):
@@ -100,12 +133,14 @@ def must_split(blocks, objects, row_image, position, normal, least_alike, values
             continue
         is_even = _is_one_object(block, objects)
         is_even = is_even and _is_smooth(block, row_image, position, normal, least_alike[objects[block[0], block[1]]])
-        if not is_even and block[2] > 2:
+        if not is_even and (close or block[2] > 2):
             continue
         if not _all_are_stood_for(block, objects, row_image, position, normal, least_alike):
             continue  # a groove, say, between corners that are alike
         if not is_even:
             out[b] = False
+            continue
+        if close and _is_close(block, row_image, position, clearance, reach):
             continue
         differs = False
         for d in range(values.shape[1]):

@@ -21,7 +21,8 @@ ONE, ZERO, TWO = np.float32(1.0), np.float32(0.0), np.float32(2.0)
 HORIZON = np.float32(1e-4)
 # How a ray is reflected: evenly, by a gloss, and in the middle of its highlight, where images may be sharp: where more
 # than so much of the rays about the pole lie in a steradian. Head-on that is 12° to all sides of the mirrored eye.
-MATT, GLOSSY, SHARP = 0, 1, 2
+# EVEN: not a gather point's.
+MATT, GLOSSY, SHARP, EVEN = 0, 1, 2, 3
 _SHARP_FROM = np.float32(1.0)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.indirect import _cell_kernels as kernels
+from engine.indirect._ray_kernels import EVEN
 from engine.light.emitters import EmitterPatches
 from engine.light.lights import TriangleLights
 from engine.scene.load import Scene
@@ -101,13 +102,13 @@ class Cells:
         self, rays: Rays, first_open: int = 0, mirrored: NDArray[np.uint8] | None = None,
         turn: AbstractContextManager[None] = NO_TURN,
     ) -> tuple[NDArray[np.uint16], Intersections]:  # fmt: skip
-        """As `seen_by`, with where the rays end; mirrored (R,): GLOSSY or SHARP for rays of a gloss,
-        that find smaller cells near by."""
+        """As `seen_by`, with where the rays end; mirrored (R,): MATT, GLOSSY or SHARP for those of
+        gather points, that find smaller cells near by."""
         found = self.caster.intersect(rays.origins, rays.directions)
         hits = kernels.Hits(found.triangle, found.u, found.v, found.distance)
         n = len(rays.there)
         keys, sides, seen = np.empty(n, np.uint64), np.zeros(n, np.uint8), np.empty(n, np.uint16)
-        in_focus = np.zeros(n, np.uint8) if mirrored is None else mirrored
+        in_focus = np.full(n, EVEN, np.uint8) if mirrored is None else mirrored
         kernels.find_keys(
             self.mesh, self._low, np.float32(1.0 / self.size), hits, rays.there, rays.directions, in_focus, keys, sides
         )

@@ -1,8 +1,9 @@
 """Gather points: where in the picture indirect light is found, and which cells each of them sees.
 
 Light that has been reflected is soft, so that a few of the picture's points stand for all. They lie on a lattice of
-every eighth pixel, refined in quarters down to single pixels where a block of the lattice shows a silhouette or a
-crease, or where what its corners gather differs; the others interpolate between the corners of their block.
+every eighth pixel, of fewer in small pictures, refined in quarters down to single pixels where a block of the lattice
+shows a silhouette or a crease, where what its corners gather differs, or where something else is near; the others
+interpolate between the corners of their block.
 """
 
 from __future__ import annotations
@@ -22,6 +23,9 @@ from engine.indirect.turns import Turn, by_turns
 from engine.scene.hits import PrimaryHits
 from engine.transport._projection_kernels import Surface
 
+# Metres: no ray is taken for shorter.
+_TOUCHING = np.float32(1e-6)
+
 
 @dataclass(frozen=True)
 class FanSize:
@@ -38,15 +42,16 @@ class FanSize:
 @dataclass(frozen=True, eq=False)
 class Gathered:
     """p gather points: rows (p,) int32 of the hits, ascending; seen (p, R) uint16: the cell each ray hits; records of
-    the rays that end on glossy surfaces."""
+    the rays that end on glossy surfaces; clearance (p,) float32: the harmonic mean distance of what is around."""
 
     rows: NDArray[np.int32]
     seen: NDArray[np.uint16]
     records: Records
+    clearance: NDArray[np.float32]
 
     @property
     def n_bytes(self) -> int:
-        return self.rows.nbytes + self.seen.nbytes + sum(array.nbytes for array in self.records)
+        return self.rows.nbytes + self.seen.nbytes + self.clearance.nbytes + sum(a.nbytes for a in self.records)
 
 
 def joined(parts: Sequence[Gathered]) -> Gathered:
@@ -54,7 +59,8 @@ def joined(parts: Sequence[Gathered]) -> Gathered:
     rows = np.concatenate([part.rows for part in parts])
     order = np.argsort(rows, kind="stable")
     seen = np.concatenate([part.seen for part in parts])[order]
-    return Gathered(rows[order], seen, joined_records([part.records for part in parts], order))
+    clearance = np.concatenate([part.clearance for part in parts])[order]
+    return Gathered(rows[order], seen, joined_records([part.records for part in parts], order), clearance)
 
 
 def gather(
@@ -83,9 +89,18 @@ def gather(
             kernels.mark_mirrored(chunk, point_poles[begin : begin + step], surface, rays.directions, mirrored)
         seen, found = cells.hit_by(rays, mirrored=mirrored, turn=turn)
         records = no_records(len(chunk)) if second is None else second.trace(cells, chunk, rays, seen, found, turn)
-        return Gathered(chunk, seen.reshape(len(chunk), -1), records)
+        distances = found.distance.reshape(len(chunk), -1)[:, : size.n_cosine]
+        return Gathered(chunk, seen.reshape(len(chunk), -1), records, _clearance(distances))
 
     yield from by_turns(trace, range(0, len(rows), step), 1 if second is None else 2)
+
+
+def _clearance(distances: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The harmonic mean (p,) of the distances (p, R) of rays by the cosine, infinite where they hit nothing [Ward88]:
+    over so much of its surface a point's irradiance changes by about itself."""
+    nearness = np.mean(1.0 / np.maximum(distances, _TOUCHING), axis=1, dtype=np.float64)
+    with np.errstate(divide="ignore"):
+        return np.asarray(1.0 / nearness, np.float32)
 
 
 def object_of_rows(hits: PrimaryHits, rows: NDArray[np.integer]) -> NDArray[np.int64]:

@@ -9,8 +9,12 @@ from engine.indirect import _lattice_kernels as kernels
 from engine.scene.hits import PrimaryHits
 
 COARSEST = 8
+# At least so many blocks over the height of a picture, be it small.
+_N_BLOCKS = 24
 # What the corners of a block may differ by: a share of their mean, and of the picture's.
 TOLERANCE, FLOOR = 0.15, 0.03
+# How large a block may be, in clearances of its corners: its middle is then off by an eighth of the square of that.
+REACH = 0.4
 # How far normals may turn from a gather point to what it stands for: a gloss shows something else where they turn.
 MATT_TURN, GLOSSY_TURN = math.cos(math.radians(25.0)), math.cos(math.radians(4.0))
 
@@ -20,6 +24,14 @@ def least_alike(glossy: NDArray[np.bool_]) -> NDArray[np.float32]:
     return np.asarray(np.where(glossy, GLOSSY_TURN, MATT_TURN), np.float32)
 
 
+def coarsest_of(height: int) -> int:
+    """The side in pixels of the largest blocks in a picture of this height: a power of two."""
+    size = COARSEST
+    while size > 1 and size * _N_BLOCKS > height:
+        size //= 2
+    return size
+
+
 class Lattice:
     """Blocks that are not finer than needed, and the rows at their corners.
 
@@ -27,16 +39,18 @@ class Lattice:
     until `refine` finds nothing to do.
     """
 
-    def __init__(self, hits: PrimaryHits, glossy: NDArray[np.bool_]) -> None:
-        """glossy (M,): the objects whose reflection turns with their normals."""
-        self._hits = hits
+    def __init__(self, hits: PrimaryHits, glossy: NDArray[np.bool_], close: bool = True) -> None:
+        """glossy (M,): the objects whose reflection turns with their normals; close: small blocks in small pictures,
+        single pixels beside edges, and blocks within the clearance of their corners."""
+        self._hits, self._close = hits, close
         self._least_alike = least_alike(glossy)
         width, height = hits.resolution
         self._row_image = np.full((height, width), -1, np.int32)
         self._row_image.ravel()[hits.pixel] = np.arange(len(hits.pixel), dtype=np.int32)
         self._objects = hits.object_image.astype(np.int32)
-        y, x = np.mgrid[0:height:COARSEST, 0:width:COARSEST]
-        self._open = self._showing(np.stack([y.ravel(), x.ravel(), np.full(y.size, COARSEST)], axis=1))
+        size = coarsest_of(height) if close else COARSEST
+        y, x = np.mgrid[0:height:size, 0:width:size]
+        self._open = self._showing(np.stack([y.ravel(), x.ravel(), np.full(y.size, size)], axis=1))
         self._closed = np.zeros((0, 3), np.int64)
         self._known = np.zeros(len(hits.pixel), bool)
 
@@ -53,15 +67,18 @@ class Lattice:
         self._known[rows] = True
         return rows
 
-    def refine(self, values: NDArray[np.floating], noise: NDArray[np.floating]) -> bool:
-        """Close the blocks that `values` (P, D) at the known rows, with standard errors `noise` (P, D), allow, quarter
-        the others; whether any are open."""
+    def refine(
+        self, values: NDArray[np.floating], noise: NDArray[np.floating], clearance: NDArray[np.floating]
+    ) -> bool:
+        """Close the blocks that `values` (P, D) at the known rows, with standard errors `noise` (P, D), and clearance
+        (P,) of what is around allow, quarter the others; whether any are open."""
         floor = FLOOR * values[self._known].mean(axis=0) if self._known.any() else np.zeros(values.shape[1])
         split = np.empty(len(self._open), bool)
         kernels.must_split(
             self._open, self._objects, self._row_image, self._hits.position, self._hits.normal,
             self._least_alike, np.ascontiguousarray(values, np.float32), np.ascontiguousarray(noise, np.float32),
-            TOLERANCE, np.asarray(floor, np.float32), split,
+            np.ascontiguousarray(clearance, np.float32), REACH, self._close, TOLERANCE,
+            np.asarray(floor, np.float32), split,
         )  # fmt: skip
         split &= self._open[:, 2] > 1
         self._closed = np.concatenate([self._closed, self._open[~split]])

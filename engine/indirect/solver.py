@@ -50,7 +50,8 @@ class Fineness:
 
     n_rays a gather point, of which n_records at most are followed where they end on glossy surfaces; n_photons that
     glossy surfaces throw; n_cells to aim at; n_cell_rays between cells, a cell; n_samples of each kind of light, a
-    cell; adaptive: refine the lattice of gather points, else every eighth pixel.
+    cell; adaptive: refine the lattice of gather points, else every eighth pixel; close: down to single pixels beside
+    edges and contacts, which doubles what an editor would hold and freeze.
     """
 
     name: str
@@ -61,11 +62,12 @@ class Fineness:
     n_cell_rays: int
     n_samples: int
     adaptive: bool
+    close: bool = False
 
 
 ROUGH = Fineness("rough", 128, 32, 1 << 15, 4000, 64, 64, False)
 FINE = Fineness("fine", 512, 96, 1 << 19, 24000, 128, 256, True)
-STILL = Fineness("still", 1024, 1024, 1 << 20, 48000, 128, 256, True)
+STILL = Fineness("still", 1024, 1024, 1 << 20, 36000, 64, 128, True, True)
 # What a first look at the scene takes.
 _PILOT_POINTS, _PILOT_RAYS = 1024, 64
 _GROWTH = 1.26
@@ -135,8 +137,7 @@ class Solver:
     def _cell_size(self) -> float:
         """Metres, so that what a first look hits falls into about as many cells as wanted."""
         hits, scene = self._placement.hits, self._placement.scene
-        rows = lattice_rows(hits, COARSEST)
-        rows = rows[:: max(1, len(rows) // _PILOT_POINTS)]
+        rows = np.arange(0, len(hits.pixel), max(1, -(-len(hits.pixel) // _PILOT_POINTS)), dtype=np.int32)
         extent = float(np.linalg.norm(np.ptp(scene.vertices[np.unique(scene.triangles)], axis=0)))
         low, high = extent / 4096.0, extent
         while high / low > 1.1:
@@ -145,7 +146,7 @@ class Solver:
             try:
                 pilot = gather(hits, cells, rows, self._poles, _fan_size(_PILOT_RAYS, HALF), focused=False)
                 n_hits = sum(int((part.seen != NO_CELL).sum()) for part in pilot)
-                too_fine = len(cells) > min(self._fineness.n_cells / 2, max(n_hits / 4, 1.0))
+                too_fine = len(cells) > min(self._fineness.n_cells / 3, max(n_hits / 2, 1.0))
             except TooManyCells:
                 too_fine = True
             low, high = (size, high) if too_fine else (low, size)
@@ -155,7 +156,7 @@ class Solver:
         self, cells: Cells, layers: Sequence[IndirectLayer], parts: Parts
     ) -> Generator[Progress, None, IndirectLight]:
         none = np.zeros((0, self._fineness.n_rays), np.uint16)
-        nothing = Gathered(np.zeros(0, np.int32), none, no_records(0))
+        nothing = Gathered(np.zeros(0, np.int32), none, no_records(0), np.zeros(0, np.float32))
         yield 0.0, "looking around"
         photons = self._photons(cells)
         if self._fineness.adaptive:
@@ -192,10 +193,11 @@ class Solver:
     def _refined(
         self, cells: Cells, gathered: Gathered, layers: Sequence[IndirectLayer], photons: PhotonMap, parts: Parts
     ) -> Generator[Progress, None, tuple[GatherPoints, Footprint]]:
-        """As many points as the picture of these layers needs, by a quarter of the light between cells."""
-        n_rays, n_samples = self._fineness.n_cell_rays // 4, self._fineness.n_samples // 4
-        lattice = Lattice(self._placement.hits, self._poles != NORMAL)
+        """As many points as the picture of these layers needs, by half of the rays between cells."""
+        n_rays, n_samples = self._fineness.n_cell_rays // 2, self._fineness.n_samples // 2
+        lattice = Lattice(self._placement.hits, self._poles != NORMAL, self._fineness.close)
         values, noise = np.zeros((2, len(self._placement.hits.pixel), 3), np.float32)
+        clearance = np.zeros(len(self._placement.hits.pixel), np.float32)
         bright = None
         looks = iter(pairwise((_ROUGHLY_LIT, *_LOOKED_CLOSER)))
         span = 0.0, _LOOKED
@@ -214,7 +216,8 @@ class Solver:
             sent = SentLight(np.concatenate([bright, new_cells]), None, thrown)
             first, second = (held(points.reflected(layers, sent, half), SQUARED) for half in (0, 1))
             values[gathered.rows], noise[gathered.rows] = 0.5 * (first + second), 0.5 * abs(first - second)
-            if not lattice.refine(values, noise):
+            clearance[gathered.rows] = gathered.clearance
+            if not lattice.refine(values, noise, clearance):
                 return points, lattice.footprint()
 
     def _points(self, gathered: Gathered, photons: PhotonMap) -> GatherPoints:

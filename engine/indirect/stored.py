@@ -22,7 +22,7 @@ from engine.stored_arrays import ArrayReader, UnsoundArrays
 Arrays = dict[str, NDArray[np.generic]]
 N_CANDIDATES = N_BY_POWER + N_BY_POLE
 _RECORDS, _CELLS, _SMOOTHING = "records.", "cells.", "smoothing."
-_OWN = ("rows", "seen", "footprint", "footprint_weights", "cell_seen", "direct", "cell_size")
+_OWN = ("rows", "seen", "clearance", "footprint", "footprint_weights", "cell_seen", "direct", "cell_size")
 NAMES = (
     *_OWN, *(_RECORDS + name for name in Records._fields), *(_CELLS + name for name in Table._fields),
     *(_SMOOTHING + name for name in Smoothing._fields),
@@ -33,7 +33,7 @@ def arrays_of(light: IndirectLight) -> Arrays:
     """The light's arrays, by `NAMES`."""
     gathered, cells = light.points.gathered, light.cells
     own = (
-        gathered.rows, gathered.seen, *light.footprint, light.light.seen, light.light.direct,
+        gathered.rows, gathered.seen, gathered.clearance, *light.footprint, light.light.seen, light.light.direct,
         np.array([cells.size]),
     )  # fmt: skip
     smoothing = light.points.smoothing or no_smoothing(len(gathered.rows))
@@ -43,7 +43,7 @@ def arrays_of(light: IndirectLight) -> Arrays:
 def arrays_of_gathered(gathered: Gathered) -> Arrays:
     """What `read_gathered` reads."""
     records = {_RECORDS + name: array for name, array in zip(Records._fields, gathered.records, strict=True)}
-    return {"rows": gathered.rows, "seen": gathered.seen, **records}
+    return {"rows": gathered.rows, "seen": gathered.seen, "clearance": gathered.clearance, **records}
 
 
 def arrays_of_table(table: Table) -> Arrays:
@@ -83,7 +83,8 @@ def read_gathered(reader: ArrayReader) -> Gathered:
     if (np.diff(rows) <= 0).any():
         raise UnsoundArrays("gather points that do not ascend")
     seen = reader.take("seen", np.uint16, "p", "R", below=known["C"], or_else=NO_CELL)
-    return Gathered(rows, seen, _read_records(reader, seen))
+    clearance = reader.take("clearance", np.float32, "p")
+    return Gathered(rows, seen, _read_records(reader, seen), clearance)
 
 
 def _read_records(reader: ArrayReader, seen: NDArray[np.uint16]) -> Records:

@@ -5,18 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine.indirect.lattice import COARSEST, GLOSSY_TURN, Lattice
+from engine.indirect.lattice import COARSEST, GLOSSY_TURN, Lattice, coarsest_of
 from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, placement_of
 
-HITS = placement_of(CORNER, **CORNER_VIEW, n=64).hits
+HITS = placement_of(CORNER, **CORNER_VIEW, n=192).hits
 OBJECTS = HITS.object_image.ravel()[HITS.pixel]
 MATT = np.zeros(len(CORNER), bool)
 
 
-def refined(values: np.ndarray, noise: float = 0.0) -> Lattice:
+FAR = np.full(len(HITS.pixel), np.inf, np.float32)
+
+
+def refined(values: np.ndarray, noise: float = 0.0, clearance: np.ndarray = FAR) -> Lattice:
     lattice, turns = Lattice(HITS, MATT), 0
     lattice.wanted()
-    while lattice.refine(values, np.full_like(values, noise)):
+    while lattice.refine(values, np.full_like(values, noise), clearance):
         lattice.wanted()
         turns += 1
         assert turns <= 4
@@ -43,18 +46,45 @@ def test_nothing_bleeds_over_an_edge():
 
 def test_a_step_is_found():
     y, x = np.divmod(HITS.pixel, HITS.resolution[0])
-    values = np.where(x > 40.5, 2.0, 1.0)[:, None]
+    values = np.where(x > 120.5, 2.0, 1.0)[:, None]
     lattice = refined(values)
     rows, weights = lattice.footprint()
     kept = (values[lattice.rows][rows, 0] * weights).sum(axis=1)
     assert np.mean(np.abs(kept - values[:, 0]) > 0.3) < 0.01
 
 
+def test_where_something_is_near_every_pixel_is_a_point():
+    # Next to a wall's foot the clearance grows as the distance from it does.
+    even, foot = np.ones((len(HITS.pixel), 1)), HITS.position[:, 0] - HITS.position[:, 0].min()
+    on_floor = OBJECTS == 0
+    lattice = refined(even, clearance=np.where(on_floor, foot, np.inf).astype(np.float32))
+    known = np.isin(np.arange(len(foot)), lattice.rows)
+    near, far = on_floor & (foot < 0.1), on_floor & (foot > 1.5)
+    assert near.sum() > 20 and known[near].all()
+    assert known[far].mean() < 0.5
+
+
+def test_beside_an_edge_every_pixel_stands_for_itself():
+    rows, weights = (lattice := refined(np.ones((len(HITS.pixel), 1)))).footprint()
+    objects = HITS.object_image
+    beside = np.zeros(objects.shape, bool)
+    beside[:, :-1] |= objects[:, 1:] != objects[:, :-1]
+    own = np.flatnonzero(beside.ravel()[HITS.pixel])
+    assert len(own) > 50
+    says = (weights * (lattice.rows[rows] == np.arange(len(rows))[:, None])).sum(axis=1)
+    np.testing.assert_allclose(says[own], 1.0, rtol=1e-5)
+
+
+@pytest.mark.parametrize(("height", "coarsest"), [(24, 1), (36, 1), (72, 2), (96, 4), (192, 8), (1080, 8)])
+def test_blocks_of_a_small_picture_are_small(height, coarsest):
+    assert coarsest_of(height) == coarsest
+
+
 def test_noise_is_no_reason_for_more_points():
     even = np.ones((len(HITS.pixel), 1))
     noisy = even + np.random.default_rng(1).normal(0.0, 0.3, even.shape)
     fewest = len(refined(even).rows)
-    assert len(refined(noisy, noise=0.3).rows) < 1.1 * fewest
+    assert len(refined(noisy, noise=0.3).rows) < 1.15 * fewest
     assert len(refined(noisy).rows) > 1.5 * fewest
 
 
@@ -63,7 +93,7 @@ def test_a_groove_between_corners_that_are_alike_is_stood_for():
     normal[np.random.default_rng(4).choice(len(normal), len(normal) // 40, replace=False)] *= -1.0
     lattice = Lattice(replace(HITS, normal=normal), MATT)
     lattice.wanted()
-    while lattice.refine(np.ones((len(normal), 1)), np.zeros((len(normal), 1))):
+    while lattice.refine(np.ones((len(normal), 1)), np.zeros((len(normal), 1)), FAR):
         lattice.wanted()
     rows, weights = lattice.footprint()
     np.testing.assert_allclose(weights.sum(axis=1), 1.0, rtol=1e-5)
@@ -78,7 +108,7 @@ def test_a_gloss_is_stood_for_by_normals_like_its_own(glossy):
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     lattice = Lattice(replace(HITS, normal=normal), np.full(len(CORNER), glossy))
     lattice.wanted()
-    while lattice.refine(np.ones((len(normal), 1)), np.zeros((len(normal), 1))):
+    while lattice.refine(np.ones((len(normal), 1)), np.zeros((len(normal), 1)), FAR):
         lattice.wanted()
     rows, weights = lattice.footprint()
     np.testing.assert_allclose(weights.sum(axis=1), 1.0, rtol=1e-5)
