@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from app.barrier import Barrier
 from app.commands import EditCommand
@@ -24,6 +24,10 @@ from app.status import Gauges, Status
 from app.view_state import ViewState
 from engine.material.layer import Layer
 from engine.scene.description import SceneDescription
+
+if TYPE_CHECKING:
+    from app.jobs.bench import Bench
+    from app.jobs.schedule import Handlers
 
 
 class Desk(Protocol):
@@ -118,10 +122,32 @@ class ModeTalk(Protocol):
         """A new worker knows nothing of what was asked but the requests that stand."""
 
 
+class ModeWork(Protocol):
+    """A mode in the worker: who carries out its requests. What is slow to import, its handlers import."""
+
+    def __init__(self, bench: Bench) -> None: ...
+
+    @property
+    def handlers(self) -> Handlers:
+        """The answers to each of its kinds of request, step by step."""
+        return {}
+
+    def scene_opened(self) -> None:
+        """Another scene is open on the bench."""
+
+    def plan(self, layers: Iterable[Layer]) -> tuple[tuple[Layer, dict[str, int]], ...]:
+        """What it has to say of layers before the window sees them."""
+        return ()
+
+
 @dataclass(frozen=True)
 class Mode:
-    """A mode by its name and, for people, its title; `talk` makes its talk at the editor's desk."""
+    """A mode by its name and, for people, its title.
+
+    talk: makes its talk at the editor's desk; work: its `ModeWork`, as "module:name", for the worker alone imports it.
+    """
 
     name: str
     title: str
     talk: Callable[[Desk], ModeTalk]
+    work: str

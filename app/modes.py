@@ -5,5 +5,5 @@ from __future__ import annotations
 from app.mode import Mode
 from app.placement.talk import PlacementTalk
 
-PLACEMENT = Mode("placement", "Placement", PlacementTalk)
+PLACEMENT = Mode("placement", "Placement", PlacementTalk, "app.jobs.placement:PlacementWork")
 MODES = (PLACEMENT,)

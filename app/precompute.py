@@ -12,9 +12,10 @@ from typing import TypeVar
 
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
-from app.jobs.messages import Failed, OpenScene, Progress, Response, SceneOpened, StageDone
+from app.jobs.messages import Failed, OpenScene, Progress, Response, SceneOpened
 from app.jobs.tasks import Tasks
 from app.placement.curves import Curves
+from app.placement.messages import StageDone
 from app.placement.transport_talk import TransportTalk
 from app.project import Project
 from app.view_state import AS_PLANNED

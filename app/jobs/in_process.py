@@ -6,7 +6,7 @@ import itertools
 import time
 
 from app.jobs.messages import Request, Response, stamped
-from app.jobs.schedule import Handlers, Schedule
+from app.jobs.schedule import RequestHandler, Schedule
 from app.jobs.standing import Standing
 
 
@@ -16,8 +16,8 @@ class InProcessClient:
     alive = True
     pid: int | None = None
 
-    def __init__(self, handlers: Handlers) -> None:
-        self._schedule = Schedule(handlers)
+    def __init__(self, handler: RequestHandler) -> None:
+        self._schedule = Schedule(handler)
         self._standing = Standing()
         self._ids = itertools.count(1)
 
@@ -52,8 +52,8 @@ class InProcessClient:
         """Nothing to end."""
 
 
-def run_in_process(handlers: Handlers, request: Request) -> list[Response]:
+def run_in_process(handler: RequestHandler, request: Request) -> list[Response]:
     """All answers to one request, computed here and now, as the worker would give them."""
-    client = InProcessClient(handlers)
+    client = InProcessClient(handler)
     client.send(request)
     return client.poll(budget_s=float("inf"))

@@ -18,17 +18,9 @@ from functools import partial
 import numpy as np
 
 from app.jobs.cache import Store, content_key
-from app.jobs.messages import (
-    BouncesPlanned,
-    Freeze,
-    Frozen,
-    IndirectFound,
-    IndirectNoise,
-    LayerReflection,
-    Progress,
-    Response,
-)
+from app.jobs.messages import Progress, Response
 from app.jobs.tiles import Tiles
+from app.placement.messages import BouncesPlanned, Freeze, Frozen, IndirectFound, IndirectNoise, LayerReflection
 from engine.indirect.albedo import albedo_bands, albedo_of, tint_of
 from engine.indirect.curves import LayerCurves
 from engine.indirect.irradiance import NOBODY

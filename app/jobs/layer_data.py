@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.document import LightState
-from app.jobs.messages import LayerPicture, LayerTransport, LayerWork, Response
+from app.jobs.messages import Response
+from app.placement.messages import LayerPicture, LayerTransport, LayerWork
 from engine.plan import Precision
 from engine.stored_arrays import Arrays
 from engine.transport.bandstore import BandStore, BandTile, arrays_of_file, join_tiles, store_from_arrays

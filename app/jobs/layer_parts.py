@@ -11,8 +11,8 @@ from functools import partial
 import numpy as np
 
 from app.jobs.layer_data import Part, joined, kept_of_tile, part_of_file, shape_of
-from app.jobs.messages import LayerWork
 from app.jobs.tiles import Tiles
+from app.placement.messages import LayerWork
 from engine.stored_arrays import Writable
 from engine.transport.bandstore import BandStore, BandTile, in_pieces
 from engine.transport.fixed import FixedPicture, join_pictures

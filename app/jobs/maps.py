@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from app.jobs.messages import MapsRefused, MapsSampled, Response, SampleMaps
+from app.jobs.messages import Response
+from app.placement.messages import MapsRefused, MapsSampled, SampleMaps
 from engine.errors import LoadError
 from engine.material.maps import Images
 from engine.material.strokes import Strokes

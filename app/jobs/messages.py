@@ -13,17 +13,15 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING, ClassVar, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from app.document import Document, LightState
+    from app.document import Document
     from engine.material.layer import Layer
-    from engine.material.maps import Images, MapMeans
     from engine.measured.measurement import Measurement
-    from engine.plan import Precision
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +35,33 @@ class Message:
 
 @dataclass(frozen=True)
 class Request(Message):
-    """From the window to the worker; a newer request of one kind cancels the older."""
+    """From the window to the worker; a newer request of one kind cancels the older, and what is built on that.
+
+    What the two processes need to know of a kind it says itself. `built_on`: kinds that it means nothing without.
+    `quick`: it is served between the steps of long ones, which none of it may be; the lower number goes first; None:
+    it is a long one. `once`: answered once and for all, not again to a worker that is started anew. `alone`: nothing is
+    served before it is done. `stops`: a person who stops the work means it as well.
+    """
+
+    built_on: ClassVar[tuple[type[Request], ...]] = ()
+    quick: ClassVar[int | None] = None
+    once: ClassVar[bool] = False
+    alone: ClassVar[bool] = False
+    stops: ClassVar[bool] = True
+
+    @classmethod
+    def needs(cls, kind: type[Request]) -> bool:
+        """Whether it is of that kind or built on it."""
+        return cls is kind or any(each.needs(kind) for each in cls.built_on)
+
+    @classmethod
+    def depth(cls) -> int:
+        """How many kinds stand below it: those come first."""
+        return 1 + max(each.depth() for each in cls.built_on) if cls.built_on else 0
+
+    def cancels(self, kind: type[Request]) -> bool:
+        """Whether requests of that kind are void once this one is there."""
+        return kind.needs(type(self))
 
 
 @dataclass(frozen=True)
@@ -47,6 +71,8 @@ class OpenScene(Request):
     measured: files of measured BRDFs that are to be read besides those that the scene names; layers: those of a
     session, whose curves are planned as well.
     """
+
+    alone = True
 
     source: str
     resolution: tuple[int, int] | None = None
@@ -62,21 +88,22 @@ class ReadMeasured(Request):
     blocked.
     """
 
+    built_on = (OpenScene,)
+    quick = 6
+    once = True
+
     files: tuple[str, ...]
     layers: tuple[Layer, ...] = ()
-
-
-@dataclass(frozen=True)
-class PlanBands(Request):
-    """Say how many bands the curves of these layers need; answered by `BandsPlanned`."""
-
-    layers: tuple[Layer, ...]
 
 
 @dataclass(frozen=True)
 class HandOutTable(Request):
     """Hand out the samples of a measured BRDF, read first where they are not there. number: what names them where
     the file was read before, 0 for whatever it holds. Answered by `TableHandedOut`."""
+
+    quick = 5
+    once = True
+    stops = False
 
     file: str
     number: int = 0
@@ -87,6 +114,10 @@ class WriteFiles(Request):
     """Write for other programs: what layers reflect as a MERL file; or, of a `document`, the scene that is open as a
     folder for Mitsuba 3, by so many bounces. Answered by `FilesWritten`. measured: see `ComputeTransport`."""
 
+    built_on = (OpenScene,)
+    quick = 7
+    once = True
+
     path: str
     layers: tuple[Layer, ...]
     measured: tuple[tuple[str, int], ...] = ()
@@ -94,109 +125,14 @@ class WriteFiles(Request):
     n_bounces: int = 1
 
 
-@dataclass(frozen=True, eq=False)
-class LayerWork:
-    """One visible layer, as the worker needs to know it; `coefficients` has one (J,3) array a factor.
-
-    `fixed`: nobody means to edit it, so its picture under these coefficients will do, and no bands are kept.
-    """
-
-    key: str
-    model: str
-    quotient_parameters: tuple[float, ...]
-    factors: tuple[str, ...]
-    bands: tuple[int, ...]
-    coefficients: tuple[NDArray[np.floating], ...]
-    fixed: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class LayerReflection:
-    """One visible layer with all that it reflects by: `coefficients` one (J,3) array a factor, f_q (3,), f_o (N,3).
-
-    `sent`: the same curves on the bands that the second bounce has.
-    """
-
-    key: str
-    model: str
-    quotient_parameters: tuple[float, ...]
-    coefficients: tuple[NDArray[np.floating], ...]
-    sent: tuple[NDArray[np.floating], ...]
-    gain: NDArray[np.floating]
-    view_curve: NDArray[np.floating]
-
-
-@dataclass(frozen=True, eq=False)
-class ComputeTransport(Request):
-    """Compute the transport of all layers under one light, coarse to fine; earlier contractions are cancelled.
-
-    selected, factor: the curve whose transport is handed out as well, in the layer of that key and in `followers`.
-    With n_bounces > 1 the indirect light is found as well; `looks` say where the picture of it bends. 0 asks for as
-    many bounces as the scene requires. Both are answered by `BouncesPlanned`, of the `reflecting` layers by key.
-    measured: (file, number) of the tables that layers need, which a worker that has just been started reads first.
-    emission: (name, radiance) of emitters, where it is not as the scene has it. n_lights_preview, n_lights_final and
-    n_patches: what cuts the sky, at first and at last, and emitters at last.
-    """
-
-    light: LightState
-    layers: tuple[LayerWork, ...]
-    selected: str | None
-    factor: str | None
-    n_lights_preview: int
-    n_lights_final: int
-    n_patches: int
-    precision: Precision = "half"
-    n_bounces: int = 1
-    looks: tuple[LayerReflection, ...] = ()
-    followers: tuple[str, ...] = ()
-    measured: tuple[tuple[str, int], ...] = ()
-    reflecting: tuple[tuple[str, Layer], ...] = ()
-    emission: tuple[tuple[str, tuple[float, float, float]], ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class Contract(Request):
-    """Hand out one layer's transport over the bands of `factor`, its other factors contracted with these curves.
-
-    `factor` None asks for the layer's picture alone, `picture` False for the transport alone. `beside`: what was handed
-    out before stays of interest, for the layers follow one curve; coming stages bring all of it.
-    """
-
-    key: str
-    factor: str | None
-    coefficients: tuple[tuple[str, NDArray[np.floating]], ...]
-    precision: Precision = "half"
-    picture: bool = True
-    beside: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class Freeze(Request):
-    """Contract the indirect light for edits of one object, with all others as they look ("object freezing",
-    [BenArtzi07, sect. 6.1]); answered again whenever it becomes finer.
-
-    key, factor: the layer and the curve whose bands are wanted; None: only what every layer reflects. The object that
-    is edited is that of `key`. by_albedo: whether the second bounce goes by albedo alone, as all later ones do. serial
-    comes back with the answers.
-    """
-
-    looks: tuple[LayerReflection, ...]
-    key: str | None = None
-    factor: int | None = None
-    by_albedo: bool = False
-    serial: int = 0
-
-
-@dataclass(frozen=True)
-class SampleMaps(Request):
-    """Sample the images of some layers, by key, where the eye sees them; each is answered on its own."""
-
-    layers: tuple[tuple[str, Images], ...]
-
-
 @dataclass(frozen=True)
 class Cancel(Request):
-    """Drop what is running or waiting; an opened scene stays open."""
+    """Drop what is running or waiting; an opened scene stays open. of: only these kinds, and what is built on them."""
+
+    of: tuple[type[Request], ...] = ()
+
+    def cancels(self, kind: type[Request]) -> bool:
+        return any(kind.needs(each) for each in self.of) if self.of else kind.stops
 
 
 @dataclass(frozen=True)
@@ -216,15 +152,14 @@ class Response(Message):
 class SceneOpened(Response):
     """The scene as the window needs it; `description` is JSON, `arrays` the primary hits by name.
 
-    `bands`: how many each curve of the scene's own layers needs, by layer key and factor; planned here because it takes
-    longer than the window may be blocked. `planned`: the same of a session's layers that are others, with what was read
-    for them. `measurements`: what was read, by the names that asked for it.
+    `measurements`: what was read, by the names that asked for it. `planned`: what each of the scene's own layers needs,
+    and of a session's those that are others, with what was read for them: of each curve, by factor, how many bands;
+    planned here because it takes longer than the window may be blocked.
     """
 
     description: str
     notes: tuple[str, ...] = ()
     arrays: dict[str, NDArray[np.generic]] = field(default_factory=dict)
-    bands: dict[str, dict[str, int]] = field(default_factory=dict)
     measurements: dict[str, Measurement] = field(default_factory=dict)
     planned: tuple[tuple[Layer, dict[str, int]], ...] = ()
 
@@ -235,13 +170,6 @@ class MeasurementsRead(Response):
 
     found: dict[str, Measurement]
     planned: tuple[dict[str, int], ...] = ()
-
-
-@dataclass(frozen=True)
-class BandsPlanned(Response):
-    """J by factor of the layers of a `PlanBands`, in their order."""
-
-    bands: tuple[dict[str, int], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -278,133 +206,6 @@ class Progress(Response):
     fraction: float
     seconds_left: float | None = None
     text: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class StageFootprint(Response):
-    """Which computed samples stand for each pixel in the coarse pictures of a stage: rows (P,4) i32, weights (P,4) f32.
-
-    Belongs to the scene, not to the request in whose course it is told: pictures of that stage follow under any. Of a
-    stage without one, every pixel has its own sample.
-    """
-
-    rows: NDArray[np.integer]
-    weights: NDArray[np.floating]
-    stage: str
-
-
-@dataclass(frozen=True, eq=False)
-class LayerPicture(Response):
-    """One layer's radiance (p,3), contracted with the `coefficients` it was asked with."""
-
-    key: str
-    stage: str
-    radiance: NDArray[np.floating]
-    coefficients: tuple[NDArray[np.floating], ...]
-
-
-@dataclass(frozen=True, eq=False)
-class LayerTransport(Response):
-    """One layer's transport, one plane a Daubechies-4 coefficient: `coefficients_first` (J,p,3), `norms` (J,3).
-
-    True values are coefficients_first · scale; they are float16 or float32 by the precision asked for.
-    """
-
-    key: str
-    factor: str
-    stage: str
-    coefficients_first: NDArray[np.floating]
-    norms: NDArray[np.floating]
-    scale: NDArray[np.floating]
-
-    @property
-    def precision(self) -> Precision:
-        return "half" if self.coefficients_first.dtype == np.float16 else "float"
-
-
-@dataclass(frozen=True)
-class BouncesPlanned(Response):
-    """How many bounces the scene requires, and why; of as many as were asked for, that number. warning: what of the
-    light is missing after them, empty where that is little."""
-
-    n_bounces: int
-    reason: str
-    warning: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class IndirectFound(Response):
-    """Where the indirect light of a stage was found: for each point four samples of its own object, by number, and
-    their weights (P,4). `number` tells which `Frozen` belong to it. It belongs to the scene, as `StageFootprint`
-    does, and is told again under each transport whose light it is."""
-
-    number: int
-    stage: str
-    rows: NDArray[np.integer]
-    weights: NDArray[np.floating]
-
-
-@dataclass(frozen=True)
-class IndirectNoise(Response):
-    """What chance is left in indirect light as it was frozen: RMS over the picture, relative to its own mean, and that
-    mean radiance. Follows the `Frozen` of these numbers."""
-
-    number: int
-    serial: int
-    noise: float
-    mean: float
-
-
-@dataclass(frozen=True, eq=False)
-class Frozen(Response):
-    """Indirect light at the p samples of each layer, without f_q and f_o, by powers of the edited object's albedo.
-
-    reflected: by layer key (D,p,3), in units of `unit`; bands (3,J,D,p), likewise, of the layer and curve that were
-    named, which is then not among `reflected`; albedos: by key of the edited object's layers, e (V,J,K) or (3,V,J,K)
-    [engine.indirect.albedo].
-    """
-
-    number: int
-    serial: int
-    key: str | None
-    factor: int | None
-    reflected: dict[str, NDArray[np.float32]]
-    bands: NDArray[np.float32]
-    albedos: dict[str, NDArray[np.float64]]
-    unit: float = 1.0
-
-
-@dataclass(frozen=True, eq=False)
-class MapsSampled(Response):
-    """A layer's images as the eye sees them: `samples` (p,4) float16 at every pixel of its object, the texture's linear
-    RGB and the weight; their means over the surface; `thumbnails` (h,w,3) uint8 sRGB, by "texture" and "weight".
-    note: what a person should know of how they lie, or nothing."""
-
-    key: str
-    images: Images
-    samples: NDArray[np.float16]
-    means: MapMeans
-    thumbnails: dict[str, NDArray[np.uint8]]
-    note: str = ""
-
-
-@dataclass(frozen=True)
-class MapsRefused(Response):
-    """A layer's images cannot be used; `line` is one sentence for the person."""
-
-    key: str
-    images: Images
-    line: str
-
-
-@dataclass(frozen=True)
-class StageDone(Response):
-    """A stage is complete; `exact` when no finer one follows."""
-
-    stage: str
-    exact: bool
-    seconds: float
-    transport_bytes: int = 0
 
 
 @dataclass(frozen=True)

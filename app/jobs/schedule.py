@@ -1,68 +1,33 @@
 """What the worker does next: one long job and one quick one of each kind, all advanced step by step.
 
 A job is the iterator that a handler returns; each `next` is one step, short enough (about 100 ms) that a new request is
-noticed soon. A contraction is quick, and so are a freezing, the planning of bands and the sampling of images: they are
-served between the steps of a transport that is under way. There are no threads and no queue but nine places, one for
-the newest request of each kind, so an old request cannot pile up.
+noticed soon. Quick ones are served between the steps of a long one that is under way. There are no threads and no queue
+but a place for the newest request of each kind, so an old request cannot pile up. What a kind of request is, and which
+others it cancels, it says itself (`messages.Request`).
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Protocol
 
-from app.jobs.messages import (
-    Cancel,
-    ComputeTransport,
-    Contract,
-    Failed,
-    Freeze,
-    HandOutTable,
-    OpenScene,
-    PlanBands,
-    ReadMeasured,
-    Request,
-    Response,
-    SampleMaps,
-    WriteFiles,
-    stamped,
-)
+from app.jobs.messages import Cancel, Failed, Request, Response, stamped
 from engine.errors import InsituError
 
 _log = logging.getLogger("insitu.jobs")
 Steps = Iterator[Response | None]
-
-_CANCELS: dict[type[Request], tuple[type[Request], ...]] = {
-    Cancel: (OpenScene, ComputeTransport, Contract, Freeze, ReadMeasured, WriteFiles),
-    OpenScene: (OpenScene, ComputeTransport, Contract, Freeze, ReadMeasured, WriteFiles, SampleMaps),
-    ComputeTransport: (ComputeTransport, Contract, Freeze),
-    Contract: (Contract,),
-    Freeze: (Freeze,),
-    PlanBands: (PlanBands,),
-    ReadMeasured: (ReadMeasured,),
-    HandOutTable: (HandOutTable,),
-    WriteFiles: (WriteFiles,),
-    SampleMaps: (SampleMaps,),
-}
-# The first goes first.
-_QUICK: tuple[type[Request], ...] = (PlanBands, SampleMaps, Contract, Freeze, HandOutTable, ReadMeasured, WriteFiles)
+Handlers = Mapping[type[Request], Callable[[Any], Steps]]
 
 
-class Handlers(Protocol):
+class RequestHandler(Protocol):
     """What does the work. A step may yield None when it has nothing to tell; errors are raised.
 
-    `quick` answers any other request and may be called while a `handle` of ComputeTransport is
-    suspended between two steps: when that is not far enough yet, it notes the wish, yields nothing, and the transport
-    answers later.
-    A job that is cancelled is closed: GeneratorExit is raised where it is suspended.
+    A quick request may be handled while a long one is suspended between two steps. A job that is cancelled is closed:
+    GeneratorExit is raised where it is suspended.
     """
 
     def handle(self, request: Request) -> Steps: ...
-
-    def quick(
-        self, request: PlanBands | SampleMaps | Contract | Freeze | HandOutTable | ReadMeasured | WriteFiles
-    ) -> Steps: ...
 
 
 class _Job:
@@ -94,10 +59,10 @@ class _Job:
 
 
 class Schedule:
-    """The jobs of one set of handlers. `details` tells a person where the traceback of a defect is."""
+    """The jobs of one handler. `details` tells a person where the traceback of a defect is."""
 
-    def __init__(self, handlers: Handlers, details: str = "") -> None:
-        self._handlers = handlers
+    def __init__(self, handler: RequestHandler, details: str = "") -> None:
+        self._handler = handler
         self._details = details
         self._waiting: dict[type[Request], Request] = {}
         self._long: _Job | None = None
@@ -105,24 +70,26 @@ class Schedule:
 
     def accept(self, request: Request) -> None:
         """Take a request in; it cancels the older of its kind and what was built on that."""
-        self._cancel(_CANCELS[type(request)])
+        self._cancel(request)
         if not isinstance(request, Cancel):
             self._waiting[type(request)] = request
 
     def choose(self) -> Request | None:
         """The request that `step` will advance; None when there is nothing to do."""
         if self._long is None:
-            request = self._waiting.pop(OpenScene, None) or self._waiting.pop(ComputeTransport, None)
-            self._long = _Job(request, self._handlers.handle) if request else None
-        for kind in _QUICK:
-            if kind not in self._quick and kind in self._waiting and self._may_contract():
-                self._quick[kind] = _Job(self._waiting.pop(kind), self._handlers.quick)
+            long = [kind for kind in self._waiting if kind.quick is None]
+            kind = min(long, key=lambda kind: kind.depth(), default=None)
+            self._long = None if kind is None else _Job(self._waiting.pop(kind), self._handler.handle)
+        for kind in [kind for kind in self._waiting if kind.quick is not None and kind not in self._quick]:
+            if self._serves_quick:
+                self._quick[kind] = _Job(self._waiting.pop(kind), self._handler.handle)
         job = self._chosen
         return job.request if job else None
 
     @property
     def _chosen(self) -> _Job | None:
-        return next((self._quick[kind] for kind in _QUICK if kind in self._quick), self._long)
+        first = min(self._quick, key=lambda kind: kind.quick or 0, default=None)
+        return self._long if first is None else self._quick[first]
 
     def step(self) -> Response | None:
         """Advance the chosen job by one step; an error in it becomes a Failed answer and ends that job alone."""
@@ -142,25 +109,24 @@ class Schedule:
         """End the job that was advanced last, and what was built on it, because of this error."""
         job = self._chosen
         assert job is not None
-        self._cancel(_CANCELS[type(job.request)])
+        self._cancel(job.request)
         line = _line_for(error, job.request, self._details)
         return Failed(line, id=job.request.id, revision=job.request.revision)
 
-    def _may_contract(self) -> bool:
-        """A quick job waits until its scene is open and the transport it belongs to has begun."""
-        if self._long is None:
-            return True
-        return isinstance(self._long.request, ComputeTransport) and self._long.begun
+    @property
+    def _serves_quick(self) -> bool:
+        """Whether nothing is under way that has to be done first, such as the opening of a scene."""
+        return self._long is None or (self._long.begun and not self._long.request.alone)
 
     def _finish(self, job: _Job) -> None:
         if self._quick.pop(type(job.request), None) is None:
             self._long = None
 
-    def _cancel(self, kinds: tuple[type[Request], ...]) -> None:
-        for kind in kinds:
-            self._waiting.pop(kind, None)
+    def _cancel(self, request: Request) -> None:
+        """Drop what is void once this request is there, or has failed."""
+        self._waiting = {kind: each for kind, each in self._waiting.items() if not request.cancels(kind)}
         for job in (*self._quick.values(), self._long):
-            if job is not None and type(job.request) in kinds:
+            if job is not None and request.cancels(type(job.request)):
                 job.close()
                 self._finish(job)
 

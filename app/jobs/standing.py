@@ -8,40 +8,7 @@ opened it: what came after it made that worker give it up.
 
 from __future__ import annotations
 
-from app.jobs.messages import (
-    BandsPlanned,
-    Cancel,
-    ComputeTransport,
-    Contract,
-    Failed,
-    FilesWritten,
-    Freeze,
-    HandOutTable,
-    MeasurementsRead,
-    Noted,
-    OpenScene,
-    PlanBands,
-    ReadMeasured,
-    Request,
-    Response,
-    SampleMaps,
-    SceneOpened,
-    TableHandedOut,
-    WriteFiles,
-)
-
-# Each kind, in the order in which a new worker needs them, and what is built on it.
-_BUILT_ON: dict[type[Request], tuple[type[Request], ...]] = {
-    OpenScene: (ComputeTransport, Contract, Freeze, ReadMeasured, WriteFiles, SampleMaps),
-    ComputeTransport: (Contract, Freeze),
-    Contract: (),
-    Freeze: (),
-    PlanBands: (),
-    ReadMeasured: (),
-    HandOutTable: (),
-    WriteFiles: (),
-    SampleMaps: (),
-}
+from app.jobs.messages import Cancel, Failed, Noted, OpenScene, Progress, Request, Response, SceneOpened
 
 
 class Standing:
@@ -55,14 +22,11 @@ class Standing:
 
     def add(self, request: Request) -> None:
         """Note a request that is sent now."""
-        if isinstance(request, Cancel):
-            self._clear_from(ComputeTransport)
-            self._clear_from(ReadMeasured)
-            self._clear_from(WriteFiles)
-            self._fall_back()
-        elif type(request) in _BUILT_ON:
-            self._clear_from(type(request))
+        self._clear(request)
+        if not isinstance(request, Cancel):
             self._requests[type(request)] = request
+        elif request.cancels(OpenScene):
+            self._fall_back()
 
     def new_worker(self) -> None:
         """Another worker, which was sent nothing."""
@@ -88,26 +52,32 @@ class Standing:
         """Note a current answer: a request that failed, or was answered once and for all, stands no longer."""
         if isinstance(response, SceneOpened):
             self._opened = self._requests[OpenScene]
-        elif isinstance(response, (Failed, BandsPlanned, MeasurementsRead, TableHandedOut, FilesWritten)):
+        elif isinstance(response, Failed) or self._answers_once(response):
             self.drop(response.id)
 
     def drop(self, id: int) -> None:
         """Give up the request of this number and what was built on it."""
-        for kind, request in list(self._requests.items()):
+        for request in list(self._requests.values()):
             if request.id == id:
-                self._clear_from(kind)
+                self._clear(request)
                 if request is self._opened:
                     self._opened = None
-                if kind is OpenScene:
+                if isinstance(request, OpenScene):
                     self._fall_back()
 
     def requests(self) -> list[Request]:
         """In the order in which a new worker needs them."""
-        return [self._requests[kind] for kind in _BUILT_ON if kind in self._requests]
+        return sorted(self._requests.values(), key=lambda request: (request.quick or 0, request.depth()))
 
-    def _clear_from(self, kind: type[Request]) -> None:
-        for later in (kind, *_BUILT_ON[kind]):
-            self._requests.pop(later, None)
+    def _clear(self, request: Request) -> None:
+        """Give up what is void with this request."""
+        self._requests = {kind: each for kind, each in self._requests.items() if not request.cancels(kind)}
+
+    def _answers_once(self, response: Response) -> bool:
+        """Whether it is the whole answer to its request."""
+        if isinstance(response, Progress | Noted):
+            return False
+        return any(request.once and request.id == response.id for request in self._requests.values())
 
     def _fall_back(self) -> None:
         """Let the scene that was opened last stand, and none that is not open."""

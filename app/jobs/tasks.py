@@ -1,498 +1,81 @@
-"""What the worker does with each request: the engine's generators, told as messages.
-
-A transport runs through stages, each a whole picture: *coarse* (every fourth pixel, 400 lights) within a second or two,
-*preview* (every pixel, 400 lights), *final* (4,000 lights). A light on the move gets one *drag* stage instead (every
-eighth pixel, nothing traced). Within a stage the selected layer comes first. What a stage has replaced is dropped, and
-what is there already in such quality is not made again (see `layer_data`).
-
-Visibility, final transport and fine indirect light are kept on disk, the latter two part by part while they are made,
-so that a scene seen before opens at once and a worker that died goes on where it was.
-"""
+"""What the worker does with each request: scenes and files here, all else the modes' works (`app.mode`)."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Generator, Iterator
-from dataclasses import replace
-from functools import partial
+from collections.abc import Callable, Sequence
+from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
-import numpy as np
-
-from app.document import Document, LightState, document_from_description
-from app.jobs.bands import plan_bands
-from app.jobs.cache import Store, content_key
-from app.jobs.kernels import COMPILING, FIRST_TIME, INDIRECT, Kernels, are_compiled, note_compiled
-from app.jobs.layer_data import STAGES, LayerData, LitBy, joined, kept_of_tile, shape_of, store_of
-from app.jobs.layer_parts import LayerParts
-from app.jobs.measured import described_paths, ensure_tables, hand_out, read_files, read_for, write_file
-from app.jobs.messages import (
-    ComputeTransport,
-    Contract,
-    Freeze,
-    HandOutTable,
-    LayerWork,
-    Noted,
-    OpenScene,
-    PlanBands,
-    Progress,
-    ReadMeasured,
-    Request,
-    Response,
-    SampleMaps,
-    SceneOpened,
-    SkyImage,
-    StageDone,
-    StageFootprint,
-    WriteFiles,
-)
+from app.document import document_from_description
+from app.jobs.bench import Bench, frame_arrays, seen_from_camera
+from app.jobs.cache import Store
+from app.jobs.kernels import Kernels
+from app.jobs.measured import described_paths, hand_out, read_files, read_for, write_file
+from app.jobs.messages import HandOutTable, OpenScene, Progress, ReadMeasured, Request, SceneOpened, WriteFiles
+from app.jobs.schedule import Steps
 from app.measurements import document_with_read, layers_of_document, unread_files, with_read
-from app.sky import sky_of
-from engine.errors import InsituError
-from engine.light.environment import Environment, downsampled, load_environment
-from engine.plan import Precision, band_counts
+from app.mode import Mode
+from app.modes import MODES
+from app.naming import named
 from engine.scene.builtin import scene_path
-from engine.scene.load import Scene, load_scene
-from engine.stored_arrays import ArrayReader, Arrays, n_bytes_of
-from engine.transport.bandstore import BandStore
-from engine.transport.fixed import FixedPicture
-from engine.transport.pipeline import COARSE, DRAG, FINAL, PREVIEW, Placement, Quality, SkyState
-from engine.transport.projection import TILE, VisibleLight, project_layer
-
-if TYPE_CHECKING:
-    from app.jobs.indirect import IndirectTasks
-    from app.jobs.maps import MapTasks
-
-# Raised when anything that changes the numbers in a cached array changes.
-CACHE_VERSION = 4
-BACKGROUND_HEIGHT = 1024
-DRAG_ENVIRONMENT_HEIGHT = 128
-KERNEL_SECONDS = 0.05
-
-Steps = Generator[Response | None, None, None]
+from engine.scene.load import load_scene
 
 
 class Tasks:
-    """The worker's state: one open scene, its newest transport, and the cache."""
+    """The worker's state, and who carries out which request. Arguments: see `Bench`."""
 
-    def __init__(self, store: Store | None = None, kernels: Kernels | None = None, fills: bool = False) -> None:
-        """kernels: what is to be ready before the first transport; None where nobody prepares them.
+    def __init__(
+        self, store: Store | None = None, kernels: Kernels | None = None, fills: bool = False,
+        modes: Sequence[Mode] = MODES,
+    ) -> None:  # fmt: skip
+        self.bench = Bench(store, kernels, fills)
+        self._works = [named(mode.work)(self.bench) for mode in modes]
+        self._handlers: dict[type[Request], Callable[[Any], Steps]] = {
+            OpenScene: self._open,
+            ReadMeasured: self._read,
+            HandOutTable: self._hand_out,
+            WriteFiles: self._write,
+        }
+        for work in self._works:
+            self._handlers |= work.handlers
 
-        fills: only fill the cache, by the last stage alone; transport is neither held nor answered with.
-        """
-        self._cache = store or Store()
-        self._kernels = kernels
-        self._fills, self._filled = fills, dict[str, int]()
-        self._placement: Placement | None = None
-        self._scene_key, self._scene_id = "", 0
-        self._layers: dict[str, LayerData] = {}
-        self._light: tuple[str, VisibleLight] | None = None
-        self._indirect: IndirectTasks | None = None
-        self._contracted: dict[str, dict[str, np.ndarray]] = {}
-        self._selected: dict[str, str] = {}
-        self._precision: Precision = "half"
-        self._environments: dict[tuple[str, str], Environment] = {}
-        self._current: dict[str, LayerData] = {}
-        self._told: set[str] = set()
-        self._sky_shown: object = None
-        self._maps: MapTasks | None = None
-
-    # ------------------------------------------------------------------------------------------------- requests
-
-    def handle(self, request: Request) -> Iterator[Response | None]:
-        """The answers to OpenScene and ComputeTransport, step by step."""
-        match request:
-            case OpenScene():
-                yield from self._open(request)
-            case ComputeTransport():
-                yield from self._compute(request)
-        yield from self._noted()
-
-    def quick(
-        self, request: PlanBands | SampleMaps | Contract | Freeze | HandOutTable | ReadMeasured | WriteFiles
-    ) -> Iterator[Response | None]:
-        """One layer's picture, and its transport along one curve ("curve switching", [BenArtzi07, eq. 4.16]); or the
-        indirect light, frozen for what is selected; or files of measured BRDFs, read, handed out or written; or images
-        as the eye sees them; or the bands of layers, planned."""
-        yield from self._quick(request)
-        yield from self._noted()
-
-    def _quick(
-        self, request: PlanBands | SampleMaps | Contract | Freeze | HandOutTable | ReadMeasured | WriteFiles
-    ) -> Steps:
-        if isinstance(request, PlanBands):
-            yield from plan_bands(request)
-            return
-        if isinstance(request, HandOutTable):
-            yield from hand_out(request, self._cache)
-            return
-        if isinstance(request, ReadMeasured):
-            yield from read_for(request, self._cache)
-            return
-        if isinstance(request, WriteFiles):
-            yield from self._write(request)
-            return
-        if isinstance(request, SampleMaps):
-            yield from self._sample_maps(request)
-            return
-        if isinstance(request, Freeze):
-            yield from self._indirect_tasks().freeze(request)
-            return
-        if request.factor is not None:
-            others = self._selected if request.beside else {}
-            self._selected, self._precision = {**others, request.key: request.factor}, request.precision
-        self._contracted[request.key] = dict(request.coefficients)
-        data = self._current.get(request.key)
-        if data is not None and data.takes(self._contracted[request.key]):
-            yield from self._answers(self._hold(data), request.factor, request.precision, request.picture)
-
-    def _noted(self) -> Steps:
-        """What is wrong with the cache, as soon as there is something new."""
-        if lines := self._cache.take_notes():
-            yield Noted(lines)
-
-    def _write(self, request: WriteFiles) -> Steps:
-        if request.document is None:
-            yield from write_file(request, self._cache)
-        elif self._placement is None:
-            raise InsituError("no scene is open")
-        else:
-            from app.jobs.export import write_scene
-
-            yield from write_scene(request, request.document, self._placement.scene, self._cache)
-
-    def _sample_maps(self, request: SampleMaps) -> Steps:
-        placement = self._placement
-        if placement is None:
-            raise InsituError("no scene is open")
-        if self._maps is None:
-            from app.jobs.maps import MapTasks
-
-            self._maps = MapTasks(placement)
-        yield from self._maps.answers(request)
-
-    # --------------------------------------------------------------------------------------------------- scenes
+    def handle(self, request: Request) -> Steps:
+        """The answers to a request, step by step."""
+        yield from self._handlers[type(request)](request)
+        yield from self.bench.noted()
 
     def _open(self, request: OpenScene) -> Steps:
-        self._sky_shown = None  # told while this request stood, it went unheard
+        self.bench.forget_sky()
         yield Progress("scene", 0.0, text="reading the scene")
         path = scene_path(request.source)
         scene = load_scene(path, request.resolution)
         yield Progress("scene", 0.5, text="tracing what the camera sees")
-        placement = Placement(scene)
-        if not len(placement.hits.pixel):
-            seen = "lamps alone" if np.any(placement.hits.object_image >= 0) else "no surface"
-            raise InsituError(f"{path}: camera = sees {seen}, expected an object in view; nothing was changed")
+        placement = seen_from_camera(scene, path)
         document = document_from_description(request.source, scene.description)
         names = described_paths(unread_files(layers_of_document(document)), scene.folder, path)
-        measurements = yield from read_files(names | {file: Path(file) for file in request.measured}, self._cache)
-        self._placement, self._layers, self._current, self._light = placement, {}, {}, None
-        self._indirect, self._maps = None, None
-        self._selected = {}
-        self._scene_key, self._scene_id = _scene_key(scene), request.id
-        self._recall_visibility(placement)
+        names |= {file: Path(file) for file in request.measured}
+        measurements = yield from read_files(names, self.bench.store)
+        self.bench.open(placement, request.id)
+        for work in self._works:
+            work.scene_opened()
         description = scene.description.model_dump_json(by_alias=True)
-        document = document_with_read(document, measurements)
-        own, asked = layers_of_document(document), with_read(request.layers, measurements)
-        planned = tuple((layer, band_counts(layer)) for layer in asked if layer not in own)
-        arrays, bands = _frame_arrays(placement), _planned_bands(document)
-        yield SceneOpened(description, scene.notes, arrays, bands, measurements, planned)
+        own = layers_of_document(document_with_read(document, measurements))
+        layers = [*own, *(layer for layer in with_read(request.layers, measurements) if layer not in own)]
+        planned = tuple(chain.from_iterable(work.plan(layers) for work in self._works))
+        yield SceneOpened(description, scene.notes, frame_arrays(placement), measurements, planned)
 
-    def _recall_visibility(self, placement: Placement) -> None:
-        mine = placement.sphere.bits
+    def _read(self, request: ReadMeasured) -> Steps:
+        yield from read_for(request, self.bench.store)
 
-        def bits_of(arrays: Arrays) -> np.ndarray:
-            return ArrayReader(arrays).take("bits", mine.dtype, *mine.shape)
+    def _hand_out(self, request: HandOutTable) -> Steps:
+        yield from hand_out(request, self.bench.store)
 
-        kept = self._cache.get(content_key("visibility", self._scene_key), bits_of)
-        if kept is not None:
-            mine[:] = kept
-            placement.sphere.done[:] = True
+    def _write(self, request: WriteFiles) -> Steps:
+        if request.document is None:
+            yield from write_file(request, self.bench.store)
+        else:
+            from app.jobs.export import write_scene
 
-    # ------------------------------------------------------------------------------------------------ transport
-
-    def _compute(self, request: ComputeTransport) -> Steps:
-        placement = self._placement
-        if placement is None:
-            raise InsituError("no scene is open")
-        yield from ensure_tables(request.measured, self._cache)
-        self._contracted, self._current, self._told = {}, {}, set()
-        self._layers = {work.key: self._layers[work.key] for work in request.layers if work.key in self._layers}
-        if request.selected and request.factor:
-            self._selected = dict.fromkeys((request.selected, *request.followers), request.factor)
-        self._precision = request.precision
-        placement.shine(dict(request.emission))
-        sky = sky_of(placement.scene, request.light, self._environment)
-        if self._indirect is not None:
-            self._indirect.asked_anew(_lit_key(sky, placement.scene), request.n_bounces)
-        if (image := self._sky_image(sky, request.light)) is not None:
-            yield image
-        lit_by = LitBy(request.light, request.n_lights_final, request.n_patches, request.emission)
-        yield from self._tell_held(placement, request, lit_by)
-        yield from self._kernels_ready()
-        n_bounces, bounces_told = request.n_bounces, request.n_bounces == 1
-        for quality, exact in _stages(request)[-1 if self._fills else 0 :]:
-            started = time.monotonic()
-            works = self._selected_first(request)
-            due = [work for work in works if not self._is_spared(work, lit_by, quality.name, exact)]
-            if due:
-                yield from self._stage(placement, due, sky, lit_by, quality)
-            if not bounces_told and quality is not DRAG:
-                planned = self._indirect_tasks().planned(request.reflecting, n_bounces)
-                n_bounces, bounces_told = planned.n_bounces, True
-                yield planned
-            if n_bounces > 1 and quality is not DRAG and (exact or quality.name == COARSE.name):
-                tasks = self._indirect_tasks()
-                found = tasks.find(request.looks, sky, _lit_key(sky, placement.scene), n_bounces, exact)
-                yield from _telling_first_time(found, exact)
-            if due or exact:
-                n_bytes = sum(data.store.n_bytes for data in self._layers.values()) + sum(self._filled.values())
-                n_bytes += 0 if self._indirect is None else self._indirect.n_bytes
-                yield StageDone(quality.name, exact, time.monotonic() - started, n_bytes)
-            yield from self._noted()
-
-    def _indirect_tasks(self) -> IndirectTasks:
-        """Made, and its kernels read, when a scene first wants more than direct light."""
-        if self._placement is None:
-            raise InsituError("no scene is open")
-        if self._indirect is None:
-            from app.jobs.indirect import IndirectTasks
-
-            self._indirect = IndirectTasks(self._placement, self._cache, self._scene_key, self._scene_id)
-        return self._indirect
-
-    def _selected_first(self, request: ComputeTransport) -> list[LayerWork]:
-        return sorted(request.layers, key=lambda work: self._selected_factor(work.key) is None)
-
-    def _tell_held(self, placement: Placement, request: ComputeTransport, lit_by: LitBy) -> Steps:
-        """Answer with what is there already."""
-        for work in self._selected_first(request):
-            data = self._layers.get(work.key)
-            if data is not None and data.is_picture_of(work, lit_by):
-                data = self._hold(data.taken_over_by(work))
-                yield from self._answers(data, self._selected_factor(work.key), self._precision)
-
-    def _is_spared(self, work: LayerWork, lit_by: LitBy, stage: str, is_last: bool) -> bool:
-        data = self._layers.get(work.key)
-        return data is not None and data.is_picture_of(work, lit_by) and data.spares(work, stage, is_last)
-
-    def _kernels_ready(self) -> Steps:
-        """Until the kernels are there; the first time on a machine that is worth a word."""
-        if self._kernels is None:
-            return
-        clock = _Clock(COMPILING)
-        while not self._kernels.wait(KERNEL_SECONDS):
-            yield clock.progress(self._kernels.fraction, FIRST_TIME) if self._kernels.first_time else None
-        self._kernels = None
-
-    def _stage(
-        self, placement: Placement, works: list[LayerWork], sky: SkyState, lit_by: LitBy, quality: Quality
-    ) -> Steps:
-        clock = _Clock(quality.name)
-        if quality is DRAG and sky.environment is not None:
-            sky = replace(sky, environment=downsampled(sky.environment, DRAG_ENVIRONMENT_HEIGHT))
-        key = self._light_key(sky, placement.scene, quality) if quality.name == FINAL.name else ""
-        light = yield from self._final_light(placement, sky, quality, key, clock)
-        total = sum(len(placement.rows_of(_object_index(placement, work), quality.stride)) for work in works) or 1
-        done = 0
-        for work in works:
-            rows = placement.rows_of(_object_index(placement, work), quality.stride)
-            store = yield from self._project(placement, rows, work, light, key, clock, done, total)
-            done += len(rows)
-            if isinstance(store, int):
-                self._filled[work.key] = store
-                continue
-            data = self._hold(LayerData(work, lit_by, quality.name, store, light.lighting.unit))
-            yield from self._answers(data, self._selected_factor(work.key), self._precision)
-
-    def _final_light(
-        self, placement: Placement, sky: SkyState, quality: Quality, key: str, clock: _Clock
-    ) -> Generator[Response | None, None, VisibleLight]:
-        """The light of a stage; that of the last final stage is kept, for layers that change under it."""
-        if key and self._light is not None and self._light[0] == key:
-            return self._light[1]
-        self._light = None
-        light = yield from self._see(placement, sky, quality, clock)
-        if key:
-            self._light = key, light
-        return light
-
-    def _see(
-        self, placement: Placement, sky: SkyState, quality: Quality, clock: _Clock
-    ) -> Generator[Response | None, None, VisibleLight]:
-        was_done = bool(placement.sphere.done.all())
-        steps = placement.light(sky, quality)
-        while True:
-            try:
-                fraction = next(steps)
-            except StopIteration as end:
-                if not was_done and placement.sphere.done.all():
-                    self._cache.put(content_key("visibility", self._scene_key), {"bits": placement.sphere.bits})
-                return end.value  # type: ignore[no-any-return]
-            yield clock.progress(0.3 * fraction, "shadows")
-
-    def _project(
-        self, placement: Placement, rows: np.ndarray, work: LayerWork, light: VisibleLight, light_key: str,
-        clock: _Clock, done: int, total: int,
-    ) -> Generator[Response | None, None, BandStore | FixedPicture | int]:  # fmt: skip
-        """The layer's transport; or its bytes, where nobody asks for it but the cache."""
-        shape = shape_of(work)
-        parts: dict[int, dict[str, np.ndarray]] = {}
-        if not light_key or not len(rows):
-            for tile in project_layer(placement.hits, rows, light, shape):
-                parts[tile.begin] = kept_of_tile(work, tile)
-                yield clock.progress(0.3 + 0.7 * (done + tile.begin) / total, work.key)
-            return joined(work, parts)
-        baked = work.coefficients if work.fixed else ()
-        key = content_key("transport", light_key, work.key, work.model, work.quotient_parameters, work.bands, *baked)
-        kept = self._cache.get(key, n_bytes_of if self._fills else partial(store_of, work, len(rows)))
-        if kept is not None:
-            return kept
-        with self._cache.open_tiles(key, -(-len(rows) // TILE)) as file:
-            tiles = LayerParts(work, len(rows), file, held=not self._fills)
-            for tile in project_layer(placement.hits, rows, light, shape, tiles.complete):
-                tiles.add(tile)
-                yield clock.progress(0.3 + 0.7 * (done + tile.begin) / total, work.key)
-            arrays = tiles.arrays()
-            if self._cache.put(key, arrays):
-                file.finish()
-            return n_bytes_of(arrays) if self._fills else tiles.store()
-
-    def _selected_factor(self, key: str) -> str | None:
-        """The curve that was selected last of a layer."""
-        return self._selected.get(key)
-
-    def _hold(self, data: LayerData) -> LayerData:
-        """Keep it as what the newest request is answered from, with the coefficients asked for last.
-
-        A Contract may have come since."""
-        given = self._contracted.get(data.work.key)
-        if given is not None and data.takes(given):
-            data = data.under(given)
-        self._layers[data.work.key] = self._current[data.work.key] = data
-        return data
-
-    def _answers(
-        self, data: LayerData, factor: str | None, precision: Precision, picture: bool = True
-    ) -> Iterator[Response]:
-        """What a layer answers; before the first one of a coarse stage, which samples stand for each pixel in it."""
-        stride = STAGES[data.stage].stride
-        if stride > 1 and data.stage not in self._told and self._placement is not None:
-            self._told.add(data.stage)
-            yield StageFootprint(*self._placement.footprint(stride), data.stage, id=self._scene_id)
-        # What was selected may be a curve of the model that the layer had before.
-        yield from data.answers(factor if factor in data.work.factors else None, precision, picture)
-
-    def _light_key(self, sky: SkyState, scene: Scene, quality: Quality) -> str:
-        return content_key(
-            CACHE_VERSION, self._scene_key, _lit_key(sky, scene), quality.n_lights, quality.n_patches, quality.max_level
-        )
-
-    # ---------------------------------------------------------------------------------------------------- light
-
-    def _environment(self, path: Path, mapping: str) -> Environment:
-        key = (str(path), mapping)
-        if key not in self._environments:
-            self._environments = {key: load_environment(path, mapping)}  # type: ignore[arg-type]
-        return self._environments[key]
-
-    def _sky_image(self, sky: SkyState, light: LightState) -> SkyImage | None:
-        """The background, when it is not the one that was sent last."""
-        shown = (light.environment, light.mapping, light.radiance)
-        if shown == self._sky_shown:
-            return None
-        self._sky_shown = shown
-        if sky.environment is None:
-            return SkyImage(np.zeros((1, 2, 3), np.float32), id=self._scene_id)
-        environment = sky.environment
-        if environment.radiance.shape[0] > BACKGROUND_HEIGHT:
-            environment = downsampled(environment, BACKGROUND_HEIGHT)
-        return SkyImage(environment.radiance * np.float32(sky.scale), sky.environment.notes, id=self._scene_id)
-
-
-class _Clock:
-    """Turns a stage's fraction into Progress with the time left."""
-
-    def __init__(self, stage: str) -> None:
-        self._stage, self._started, self._told, self._most = stage, time.monotonic(), 0.0, 0.0
-
-    def progress(self, fraction: float, text: str) -> Progress | None:
-        """At most twenty a second, never less than before; the time left is known once two percent are done."""
-        self._most = fraction = min(max(self._most, fraction), 1.0)
-        now = time.monotonic()
-        if now - self._told < 0.05:
-            return None
-        self._told = now
-        left = (now - self._started) * (1 - fraction) / fraction if fraction > 0.02 else None
-        return Progress(self._stage, fraction, left, text)
-
-
-def _stages(request: ComputeTransport) -> list[tuple[Quality, bool]]:
-    """The stages of a request and whether each is the last."""
-    if request.n_lights_final == 0:
-        return [(DRAG, True)]
-    coarse = replace(COARSE, n_lights=request.n_lights_preview)
-    preview = replace(PREVIEW, n_lights=request.n_lights_preview)
-    if request.n_lights_final <= request.n_lights_preview:
-        return [(coarse, False), (preview, True)]
-    final = replace(FINAL, n_lights=request.n_lights_final, n_patches=request.n_patches)
-    return [(coarse, False), (preview, False), (final, True)]
-
-
-def _telling_first_time(steps: Iterator[Response | None], is_last: bool) -> Steps:
-    """The steps of indirect light, which say so when kernels are compiled on the way; after the last all are."""
-    if are_compiled(INDIRECT):
-        yield from steps
-        return
-    yield Progress("indirect light", 0.0, text=FIRST_TIME)
-    for answer in steps:
-        yield replace(answer, text=f"{answer.text}, {FIRST_TIME}") if isinstance(answer, Progress) else answer
-    if is_last:
-        note_compiled(INDIRECT)
-
-
-def _lit_key(sky: SkyState, scene: Scene) -> str:
-    """Of all the light there is."""
-    radiance = None if sky.environment is None else sky.environment.radiance
-    return content_key(radiance, sky.rotation, sky.scale, scene.emission)
-
-
-def _object_index(placement: Placement, work: LayerWork) -> int:
-    name = work.key.rpartition(".")[0]
-    return [described.name for described in placement.scene.description.objects].index(name)
-
-
-def _scene_key(scene: Scene) -> str:
-    camera = scene.description.camera.model_dump_json()
-    return content_key(
-        CACHE_VERSION, camera, scene.resolution, scene.vertices, scene.normals, scene.triangles,
-        scene.object_of_triangle, scene.smooth, scene.emission,
-    )  # fmt: skip
-
-
-def _planned_bands(document: Document) -> dict[str, dict[str, int]]:
-    """Of each layer as the scene describes it."""
-    return {key: band_counts(layer) for key, layer in document.layers()}
-
-
-def _frame_arrays(placement: Placement) -> dict[str, np.ndarray]:
-    """What the window needs of the primary hits."""
-    hits = placement.hits
-    cos_o = np.clip(np.einsum("pc,pc->p", hits.normal, hits.wo), 0.0, 1.0)
-    return {
-        "resolution": np.array(hits.resolution),
-        "pixel": hits.pixel,
-        "object_ranges": hits.object_ranges,
-        "object_image": hits.object_image,
-        "distance": np.einsum("pc,pc->p", placement.scene.eye - hits.position, hits.wo).astype(np.float32),
-        "front": hits.front,
-        "theta_o": np.arccos(cos_o).astype(np.float32),
-        "normal": hits.normal.astype(np.float16),
-        "tangent": hits.tangent.astype(np.float16),
-        "emission_image": hits.emission_image,
-        "ray_directions": hits.ray_directions,
-        "edge_pixels": hits.edge_pixels,
-        "edge_neighbours": hits.edge_neighbours,
-        "edge_weights": hits.edge_weights,
-    }
+            scene = self.bench.open_placement.scene
+            yield from write_scene(request, request.document, scene, self.bench.store)

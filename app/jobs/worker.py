@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import faulthandler
-import importlib
 import logging
 import os
 import sys
@@ -22,9 +21,10 @@ from typing import Any, cast
 from app.atomic import private_opener
 from app.jobs.channel import Channel, ChannelClosed
 from app.jobs.messages import Failed, Heartbeat, Request, Shutdown
-from app.jobs.schedule import Handlers, Schedule
+from app.jobs.schedule import Schedule
 from app.jobs.shared_arrays import OutOfMemory, sweep_dead_blocks
 from app.kernel_cache import use_kernel_cache
+from app.naming import named
 from app.paths import log_directory
 from app.system import end_with_parent, inherited_socket
 
@@ -94,12 +94,6 @@ def log_to_file() -> str:
     return f" (for a report: {path})"
 
 
-def load_handlers(name: str) -> Handlers:
-    """The object that does the work, made by what `module:name` names."""
-    module, _, attribute = name.partition(":")
-    return cast(Handlers, getattr(importlib.import_module(module), attribute)())
-
-
 def arguments(argv: Sequence[str] | None) -> Any:
     parser = argparse.ArgumentParser(prog="app.jobs")
     parser.add_argument("--parent", type=int, required=True, help="process to end with")
@@ -118,12 +112,12 @@ def serve(channel: Channel, options: Any) -> None:
     worker = Worker(channel)
     threading.Thread(target=beat, args=(worker, channel, options.heartbeat, options.parent), daemon=True).start()
     try:
-        handlers = load_handlers(options.handlers)
+        handler = named(options.handlers)()
     except Exception:
         logging.getLogger("insitu.jobs").exception("the worker's tasks could not be loaded")
         channel.send(Failed(f"computing could not be started: a defect of Insitu{details}"))
         sys.exit(1)
-    worker.run(Schedule(handlers, details))
+    worker.run(Schedule(handler, details))
 
 
 def main(argv: Sequence[str] | None = None) -> None:

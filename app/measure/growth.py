@@ -17,11 +17,11 @@ import numpy as np
 from app.atomic import save_file
 from app.document import document_from_description
 from app.jobs.indirect import IndirectTasks
-from app.jobs.messages import Freeze, Frozen
 from app.measure.figures import Figure
 from app.measure.subject import at_most, open_subject
 from app.placement.curves import Curves
 from app.placement.indirect_talk import reflections
+from app.placement.messages import Freeze, Frozen
 from app.sky import sky_of
 from engine.scene.load import Scene
 from engine.transport.pipeline import Placement

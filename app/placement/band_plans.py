@@ -15,7 +15,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 
 from app.document import Document
-from app.jobs.messages import BandsPlanned, Failed, PlanBands, Request
+from app.jobs.messages import Failed, Request
+from app.placement.messages import BandsPlanned, PlanBands
 from engine.material.layer import Layer
 from engine.material.model import Model
 from engine.plan import MOST_BANDS, band_counts, usual_bands
@@ -37,11 +38,9 @@ class BandPlans:
         """Plan nothing here any more; the worker caps nothing, so that capped plans stay here."""
         self._by_worker = self._most == MOST_BANDS
 
-    def opened(self, layers: Mapping[str, Layer], planned: Mapping[str, Counts]) -> None:
-        """Another scene with these layers by key: they are planned anew, but for those whose plan is given."""
+    def opened(self) -> None:
+        """Another scene: nothing of it is planned."""
         self._planned, self._first_seen, self._learnt = {}, {}, {}
-        for key in layers.keys() & planned.keys():
-            self.learn(layers[key], planned[key])
 
     def learn(self, layer: Layer, counts: Mapping[str, int]) -> None:
         """How many bands a layer needs that the document has or may come to have."""

@@ -24,11 +24,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.document import Document
-from app.jobs.messages import Contract, LayerPicture, Request
+from app.jobs.messages import Request
 from app.light_commands import emission_of
 from app.picture import PictureEvent
 from app.placement.curves import Array, Coefficients, Curves, view_curve_of
 from app.placement.events import ComparedRefined, LayerLook
+from app.placement.messages import Contract, LayerPicture
 from app.placement.transport_talk import CONTRACT_PATIENCE, TransportTalk
 from app.placement.wishes import same_coefficients
 from engine.material.layer import Layer

@@ -38,10 +38,10 @@ class Curves:
         self.map_means: dict[tuple[str, Images], MapMeans] = {}
         self._cached: dict[tuple[str, str, int], tuple[Layer, Array]] = {}
 
-    def opened(self, layers: Mapping[str, Layer], planned: Mapping[str, dict[str, int]]) -> None:
-        """Another scene with these layers by key, whose bands are planned anew but where their plan is given."""
+    def opened(self) -> None:
+        """Another scene, whose bands are planned anew."""
         self._cached = {}
-        self.plans.opened(layers, planned)
+        self.plans.opened()
 
     def bands(self, key: str, layer: Layer, chosen: int | None = None) -> dict[str, int]:
         """J of each of the layer's transport factors as planned; ``chosen`` for the sharpest where a person did."""

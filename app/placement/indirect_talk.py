@@ -21,11 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.document import Document, Selection, reflecting_layers
-from app.jobs.messages import Freeze, Frozen, IndirectFound, IndirectNoise, LayerReflection, Request
+from app.jobs.messages import Request
 from app.picture import PictureEvent
 from app.placement.curves import Array, Curves, drawn_as
 from app.placement.edited_curves import edited_layers
 from app.placement.events import Footprint, IndirectRadiance
+from app.placement.messages import Freeze, Frozen, IndirectFound, IndirectNoise, LayerReflection
 from engine.indirect.beyond import in_full, is_beyond
 from engine.indirect.equivalence import albedo_of
 

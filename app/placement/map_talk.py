@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from app.document import Document
 from app.history import History
-from app.jobs.messages import MapsRefused, MapsSampled, Request, SampleMaps
+from app.jobs.messages import Request
 from app.placement.curves import Curves
 from app.placement.events import LayerMapsChanged
+from app.placement.messages import MapsRefused, MapsSampled, SampleMaps
 from engine.material.maps import Images, LayerMaps
 
 MOST_KEPT = 24

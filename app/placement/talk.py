@@ -16,21 +16,7 @@ from functools import partial
 
 from app.commands import EditCommand
 from app.document import Document, layer_key
-from app.jobs.messages import (
-    BandsPlanned,
-    BouncesPlanned,
-    Failed,
-    Frozen,
-    IndirectFound,
-    IndirectNoise,
-    LayerPicture,
-    LayerTransport,
-    MapsRefused,
-    MapsSampled,
-    Response,
-    StageDone,
-    StageFootprint,
-)
+from app.jobs.messages import Failed, Response
 from app.material_commands import SetMaterial
 from app.mode import Desk, ModeTalk, OpenedScene
 from app.picture import PictureEvent
@@ -42,6 +28,19 @@ from app.placement.events import Footprint, LayerRadiance, TransportReady
 from app.placement.indirect_talk import IndirectTalk
 from app.placement.known_light import KnownLight
 from app.placement.map_talk import MapTalk
+from app.placement.messages import (
+    BandsPlanned,
+    BouncesPlanned,
+    Frozen,
+    IndirectFound,
+    IndirectNoise,
+    LayerPicture,
+    LayerTransport,
+    MapsRefused,
+    MapsSampled,
+    StageDone,
+    StageFootprint,
+)
 from app.placement.status import (
     NO_NOISE,
     PlacementStatus,
@@ -97,9 +96,7 @@ class PlacementTalk(ModeTalk):
         self.indirect.scene_opened()
         self.maps.scene_opened()
         self._known_light.worked(scene.described.light)
-        described = dict(scene.described.layers())
-        unchanged = {key: layer for key, layer in scene.document.layers() if layer == described.get(key)}
-        self.curves.opened(unchanged, scene.response.bands)
+        self.curves.opened()
         self.learn(scene.response.planned)
 
     def learn(self, planned: Iterable[tuple[Layer, Mapping[str, int]]]) -> None:

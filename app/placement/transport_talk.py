@@ -26,12 +26,13 @@ from dataclasses import replace
 import numpy as np
 
 from app.document import SCENE_ENVIRONMENT, Document, LightState, Selection, reflecting_layers
-from app.jobs.messages import ComputeTransport, Contract, Failed, LayerPicture, LayerTransport, Request, StageDone
+from app.jobs.messages import Failed, Request
 from app.light_commands import emission_of
 from app.measurements import measured_files
 from app.placement.curves import Array, Coefficients, Curves, drawn_as
 from app.placement.edited_curves import EditedCurves, curve_wishes, edited_layers
 from app.placement.indirect_talk import reflections
+from app.placement.messages import ComputeTransport, Contract, LayerPicture, LayerTransport, StageDone
 from app.placement.wishes import (
     Contraction,
     CurveShown,

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.document import RGB, Document, LightState
-from app.jobs.messages import LayerWork
 from app.light_commands import emission_of
 from app.placement.curves import Array, Coefficients, Curves
+from app.placement.messages import LayerWork
 from engine.material.layer import Layer
 from engine.plan import N_PATCHES, Precision
 

@@ -8,20 +8,9 @@ import numpy as np
 
 from app.document import document_from_description
 from app.jobs.bands import plan_bands
-from app.jobs.messages import (
-    ComputeTransport,
-    Contract,
-    LayerPicture,
-    LayerTransport,
-    OpenScene,
-    PlanBands,
-    Request,
-    Response,
-    SceneOpened,
-    StageDone,
-    stamped,
-)
-from app.measurements import unread_files
+from app.jobs.messages import OpenScene, Request, Response, SceneOpened, stamped
+from app.measurements import document_with_read, unread_files
+from app.placement.messages import ComputeTransport, Contract, LayerPicture, LayerTransport, PlanBands, StageDone
 from engine.material.layer import Layer
 from engine.measured.measurement import Measurement
 from engine.plan import Precision, band_counts
@@ -88,11 +77,12 @@ class FakeClient:
     ) -> None:  # fmt: skip
         """Answer the newest OpenScene; bands: those planned, None for all."""
         description = parse_description(scene, "scene.toml")
+        document = document_with_read(document_from_description("scene.toml", description), measurements or {})
         if bands is None:
-            document = document_from_description("scene.toml", description)
             bands = {key: band_counts(layer) for key, layer in document.layers() if not unread_files([layer])}
         text = description.model_dump_json(by_alias=True)
-        opened = SceneOpened(text, ("a note",), bands=bands, measurements=measurements or {}, planned=planned)
+        planned = (*((document.layer(key), counts) for key, counts in bands.items()), *planned)
+        opened = SceneOpened(text, ("a note",), measurements=measurements or {}, planned=planned)
         self.answer(self.sent(OpenScene)[-1], opened)
 
     def finish_stage(self, stage: str, exact: bool) -> None:

@@ -8,20 +8,10 @@ import pytest
 
 from app.commands import AddOperator, SetEditable, SetEnvironment, SetIntensity, SetParameter, SetRotation, SetVisible
 from app.editor import Editor
-from app.jobs.messages import (
-    BouncesPlanned,
-    Cancel,
-    ComputeTransport,
-    Contract,
-    Failed,
-    LayerPicture,
-    OpenScene,
-    Progress,
-    SkyImage,
-    WorkerRestarted,
-)
+from app.jobs.messages import Cancel, Failed, OpenScene, Progress, SkyImage, WorkerRestarted
 from app.picture import SceneFrame, SkyChanged
 from app.placement.events import LayerRadiance, TransportReady
+from app.placement.messages import BouncesPlanned, ComputeTransport, Contract, LayerPicture
 from app.placement.status import RenderReport
 from app.placement.transport_talk import DRAG_QUALITY, N_LIGHTS_PREVIEW
 from app.view_state import AS_PLANNED, SetView

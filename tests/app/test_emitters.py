@@ -12,7 +12,7 @@ import pytest
 from app.commands import SetEmission, SetFrozen
 from app.document import Document, Selection
 from app.editor import Editor
-from app.jobs.messages import ComputeTransport
+from app.placement.messages import ComputeTransport
 from app.placement.transport_talk import DRAG_QUALITY
 from app.placement.wishes import brightened
 from app.project import open_project

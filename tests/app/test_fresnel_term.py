@@ -10,7 +10,7 @@ import pytest
 from app.commands import SetFresnelTerm, SetModel, SetOperators, SetParameter
 from app.document import Document, document_from_description
 from app.editor import Editor
-from app.jobs.messages import ComputeTransport
+from app.placement.messages import ComputeTransport
 from app.session import fit_session, load_session, save_session
 from app.set_path import set_path
 from app.view_state import ViewState

@@ -13,14 +13,11 @@ from app.editor import Editor
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient, run_in_process
 from app.jobs.messages import (
-    ComputeTransport,
     Failed,
     FilesWritten,
     HandOutTable,
-    LayerPicture,
     MeasurementsRead,
     OpenScene,
-    PlanBands,
     Progress,
     ReadMeasured,
     SceneOpened,
@@ -31,6 +28,7 @@ from app.jobs.tasks import Tasks
 from app.material_file import Material, dump_material, load_material, parse_material
 from app.measurements import layers_of_document, measured_files, measurement_in, unread_files, with_read
 from app.placement.curves import Curves
+from app.placement.messages import ComputeTransport, LayerPicture, PlanBands
 from app.placement.wishes import layer_work, transport_wish
 from app.project import open_project
 from app.reading import import_measured, measured_layers
@@ -142,11 +140,14 @@ def test_the_worker_plans_a_session_with_an_import(scene: Path, merl_file: Path,
     # Of its layers those that the scene does not have; with the curves that its files have.
     tasks = Tasks(Store(tmp_path / "cache"))
     *_, plain = run_in_process(tasks, OpenScene(str(scene)))
-    assert isinstance(plain, SceneOpened) and plain.planned == ()
-    layers = (*layers_of_document(document_of(plain, scene)), *measured_layers(merl_file, cloth=True))
+    assert isinstance(plain, SceneOpened)
+    own = layers_of_document(document_of(plain, scene))
+    assert [layer for layer, _ in plain.planned] == own
+    layers = (*own, *measured_layers(merl_file, cloth=True))
     *_, opened = run_in_process(tasks, OpenScene(str(scene), None, (str(merl_file),), layers))
     assert isinstance(opened, SceneOpened)
-    ((layer, bands),) = opened.planned
+    *others, (layer, bands) = opened.planned
+    assert [each for each, _ in others] == own
     assert layer.model.name == "measured_cloth" and not unread_files([layer]) and bands == band_counts(layer)
 
 

@@ -12,10 +12,10 @@ from app.commands import SetFrozen
 from app.document import Document
 from app.editor import Editor
 from app.history import History
-from app.jobs.messages import MapsSampled, SampleMaps
 from app.map_commands import SetMap
 from app.paint_commands import BlendByMap, ClearMap, Paint, blended_with, without_strokes
 from app.placement.events import LayerMapsChanged
+from app.placement.messages import MapsSampled, SampleMaps
 from app.session import load_session, save_session
 from app.view_state import ViewState
 from engine.errors import InsituError

@@ -14,22 +14,24 @@ import numpy as np
 from app.document import document_from_description
 from app.jobs.bands import plan_bands
 from app.jobs.messages import (
-    ComputeTransport,
-    Contract,
-    LayerPicture,
-    LayerTransport,
     MeasurementsRead,
     OpenScene,
-    PlanBands,
     Progress,
     ReadMeasured,
     Request,
     Response,
     SceneOpened,
     SkyImage,
+    stamped,
+)
+from app.placement.messages import (
+    ComputeTransport,
+    Contract,
+    LayerPicture,
+    LayerTransport,
+    PlanBands,
     StageDone,
     StageFootprint,
-    stamped,
 )
 from engine.curve.wavelet import forward
 from engine.plan import Precision, band_counts
@@ -133,8 +135,8 @@ class StandInClient:
         if isinstance(request, OpenScene):
             description = SceneDescription.model_validate(SCENE)
             layers = document_from_description("stand-in", description).layers()
-            bands = {key: band_counts(layer) for key, layer in layers}
-            yield SceneOpened(description.model_dump_json(by_alias=True), (), scene_arrays(), bands)
+            planned = tuple((layer, band_counts(layer)) for _, layer in layers)
+            yield SceneOpened(description.model_dump_json(by_alias=True), (), scene_arrays(), planned=planned)
         elif isinstance(request, ComputeTransport):
             yield from self._compute(request)
         elif isinstance(request, Contract):

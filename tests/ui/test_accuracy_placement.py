@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from app.commands import SetEditable
-from app.jobs.messages import ComputeTransport
+from app.placement.messages import ComputeTransport
 from app.placement.status import PlacementStatus
 from app.status import Status
 from tests.ui.stand_in import StandInClient

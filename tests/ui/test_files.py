@@ -12,8 +12,8 @@ from imgui_bundle import imgui
 
 from app.document import LightState
 from app.editor import Editor
-from app.jobs.messages import ComputeTransport
 from app.paths import spoken_name
+from app.placement.messages import ComputeTransport
 from app.probe_file import likely_mapping, probe_size
 from tests.ui.stand_in import StandInClient
 from ui.actor import picture_name

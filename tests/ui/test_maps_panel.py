@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from app.commands import SetVisible
-from app.jobs.messages import MapsSampled, SampleMaps
 from app.map_commands import SetMap
+from app.placement.messages import MapsSampled, SampleMaps
 from engine.material.maps import LayerMaps, MapMeans
 from tests.ui.stand_in import StandInClient, scene_arrays
 from ui.headless import HeadlessWindow

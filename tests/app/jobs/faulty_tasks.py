@@ -11,18 +11,8 @@ import numpy as np
 
 from app.jobs import channel
 from app.jobs.cache import Store
-from app.jobs.messages import (
-    ComputeTransport,
-    Contract,
-    LayerPicture,
-    LayerTransport,
-    OpenScene,
-    Progress,
-    Request,
-    Response,
-    SceneOpened,
-    StageDone,
-)
+from app.jobs.messages import OpenScene, Progress, Request, Response, SceneOpened
+from app.placement.messages import ComputeTransport, Contract, LayerPicture, LayerTransport, StageDone
 from engine.errors import LoadError
 
 HANDLERS = "tests.app.jobs.faulty_tasks:FaultyTasks"
@@ -49,12 +39,14 @@ class FaultyTasks:
     """OpenScene.source and ComputeTransport.selected are `verb` or `verb argument`: a method of this class."""
 
     def handle(self, request: Request) -> Iterator[Response | None]:
+        if isinstance(request, Contract):
+            return self._contract(request)
         text = request.source if isinstance(request, OpenScene) else request.selected
         verb, _, argument = text.partition(" ")
         action: Callable[[str], Iterator[Response | None]] = getattr(self, verb)
         return action(argument)
 
-    def quick(self, request: Contract) -> Iterator[Response | None]:
+    def _contract(self, request: Contract) -> Iterator[Response | None]:
         for _, coefficients in request.coefficients:
             yield LayerTransport(
                 request.key, request.factor, "exact", coefficients, np.ones((1, 3)), np.float64(coefficients.sum())

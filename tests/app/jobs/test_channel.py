@@ -12,8 +12,9 @@ import pytest
 
 from app import system
 from app.jobs.channel import Channel, ChannelClosed, ChannelError
-from app.jobs.messages import LayerPicture, Message, Progress, SceneOpened
+from app.jobs.messages import Message, Progress, SceneOpened
 from app.jobs.shared_arrays import Method
+from app.placement.messages import LayerPicture
 
 LATER = float("inf")
 

@@ -10,18 +10,9 @@ import numpy as np
 import pytest
 
 from app.jobs.client import Client
-from app.jobs.messages import (
-    Cancel,
-    Contract,
-    Failed,
-    LayerPicture,
-    LayerTransport,
-    OpenScene,
-    Progress,
-    SceneOpened,
-    StageDone,
-)
+from app.jobs.messages import Cancel, Failed, OpenScene, Progress, SceneOpened
 from app.jobs.shared_arrays import Method
+from app.placement.messages import Contract, LayerPicture, LayerTransport, StageDone
 from tests.app.jobs.answers import collect, of, open_scene, seen, wait_until_idle
 from tests.app.jobs.faulty_tasks import HANDLERS, compute, picture
 

@@ -14,10 +14,11 @@ from app.document import document_from_description
 from app.jobs import indirect as indirect_module
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
-from app.jobs.messages import ComputeTransport, Contract, Failed, Freeze, Frozen, LayerPicture, OpenScene, Response
+from app.jobs.messages import Failed, OpenScene, Response
 from app.jobs.tasks import Tasks
 from app.placement.curves import Curves
 from app.placement.indirect_talk import reflections
+from app.placement.messages import ComputeTransport, Contract, Freeze, Frozen, LayerPicture
 from engine.indirect.solver import ROUGH
 from engine.scene.load import load_scene
 from tests.app.jobs.test_tasks import GLOSS, SCENE, compute

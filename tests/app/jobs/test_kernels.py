@@ -15,8 +15,9 @@ from app.jobs import kernels
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.kernels import PARTS, Kernels
-from app.jobs.messages import Progress, Response, StageDone
-from app.jobs.tasks import _telling_first_time
+from app.jobs.messages import Progress, Response
+from app.jobs.placement import _telling_first_time
+from app.placement.messages import StageDone
 from tests.app.jobs.test_tasks import compute, opened, source
 
 __all__ = ["source"]  # a fixture
@@ -140,7 +141,7 @@ class Waiting(Kernels):
 @pytest.mark.parametrize("first_time", [True, False])
 def test_transport_waits_for_them_and_says_so_the_first_time(source: str, store: Store, first_time: bool) -> None:
     tasks = opened(source, store)
-    tasks._kernels = waiting = Waiting(first_time)
+    tasks.bench.kernels = waiting = Waiting(first_time)
     client = InProcessClient(tasks)
     client.send(compute())
     answers: list[Response] = []

@@ -9,8 +9,9 @@ from PIL import Image
 from app.jobs.cache import Store
 from app.jobs.in_process import run_in_process
 from app.jobs.maps import thumbnail
-from app.jobs.messages import MapsRefused, MapsSampled, OpenScene, SampleMaps, SceneOpened
+from app.jobs.messages import OpenScene, SceneOpened
 from app.jobs.tasks import Tasks
+from app.placement.messages import MapsRefused, MapsSampled, SampleMaps
 from engine.material.maps import Images
 from engine.material.strokes import Stroke, Strokes, pack_dabs
 from engine.texture.pyramid import make_pyramid

@@ -7,18 +7,9 @@ import numpy as np
 import pytest
 
 from app.jobs.in_process import InProcessClient, run_in_process
-from app.jobs.messages import (
-    Cancel,
-    Contract,
-    Failed,
-    LayerPicture,
-    LayerTransport,
-    OpenScene,
-    Progress,
-    Response,
-    StageDone,
-)
+from app.jobs.messages import Cancel, Failed, OpenScene, Progress, Response
 from app.jobs.schedule import Schedule
+from app.placement.messages import Contract, LayerPicture, LayerTransport, StageDone
 from tests.app.jobs.faulty_tasks import FaultyTasks, compute
 
 

@@ -2,17 +2,9 @@
 
 import numpy as np
 
-from app.jobs.messages import (
-    Cancel,
-    Contract,
-    Failed,
-    HandOutTable,
-    OpenScene,
-    Progress,
-    SceneOpened,
-    TableHandedOut,
-)
+from app.jobs.messages import Cancel, Failed, HandOutTable, OpenScene, Progress, SceneOpened, TableHandedOut
 from app.jobs.standing import Standing
+from app.placement.messages import Contract
 from engine.measured.measurement import NOTHING
 from tests.app.jobs.faulty_tasks import compute
 

@@ -11,28 +11,23 @@ import numpy as np
 import pytest
 
 from app.document import LightState
-from app.jobs import tasks as tasks_module
+from app.jobs import placement as placement_module
 from app.jobs.array_record import read_record, write_record
 from app.jobs.cache import Store
 from app.jobs.client import Client
 from app.jobs.in_process import InProcessClient, run_in_process
-from app.jobs.messages import (
+from app.jobs.messages import Failed, OpenScene, Progress, Response, SceneOpened, SkyImage, WorkerRestarted
+from app.jobs.placement import _stages
+from app.jobs.tasks import Tasks
+from app.placement.messages import (
     ComputeTransport,
     Contract,
-    Failed,
     LayerPicture,
     LayerTransport,
     LayerWork,
-    OpenScene,
-    Progress,
-    Response,
-    SceneOpened,
-    SkyImage,
     StageDone,
     StageFootprint,
-    WorkerRestarted,
 )
-from app.jobs.tasks import Tasks, _stages
 from engine.curve import wavelet
 from engine.light.environment import load_environment
 from engine.material import MODELS
@@ -189,7 +184,7 @@ def test_a_coarse_stage_says_which_samples_stand_for_each_pixel(source: str, sto
 
 def test_progress_only_grows_within_a_stage(source: str, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     tasks = opened(source, store)
-    monkeypatch.setattr(tasks_module.time, "monotonic", iter(np.arange(0.0, 1e4, 0.1)).__next__)
+    monkeypatch.setattr(placement_module.time, "monotonic", iter(np.arange(0.0, 1e4, 0.1)).__next__)
     told = [a for a in run_in_process(tasks, compute()) if isinstance(a, Progress)]
     for stage in ("coarse", "preview", "final"):
         fractions = [a.fraction for a in told if a.stage == stage]
@@ -374,7 +369,7 @@ def test_a_layer_that_becomes_editable_is_made_alone_and_in_one_stage(
     tasks = opened(source, store)
     before = pictures(run_in_process(tasks, FIXED))
     recorder = Recorder()
-    monkeypatch.setattr(tasks_module, "project_layer", recorder)
+    monkeypatch.setattr(placement_module, "project_layer", recorder)
     answers = without_progress(run_in_process(tasks, replace(FREE, selected=GLOSS, factor="theta_h")))
     assert recorder.n_tiles == tiles_of(before[GLOSS])
     # What is there is told at once, so that the picture stays; then come the bands, which give the same picture.
@@ -392,7 +387,7 @@ def test_a_layer_that_becomes_fixed_is_not_made_again(
     tasks = opened(source, store)
     first = run_in_process(tasks, FREE)
     recorder = Recorder()
-    monkeypatch.setattr(tasks_module, "project_layer", recorder)
+    monkeypatch.setattr(placement_module, "project_layer", recorder)
     second = run_in_process(tasks, FIXED)
     assert recorder.n_tiles == 0
     assert_same_pictures(pictures(second), pictures(first))
@@ -416,7 +411,7 @@ def test_a_quotient_is_made_again_coarse_to_fine_and_for_its_layer_alone(
     run_in_process(tasks, FREE)
     rough = work(GLOSS, "rough_conductor", alpha=0.5)
     recorder = Recorder()
-    monkeypatch.setattr(tasks_module, "project_layer", recorder)
+    monkeypatch.setattr(placement_module, "project_layer", recorder)
     answers = run_in_process(tasks, with_layer(FREE, GLOSS, quotient_parameters=rough.quotient_parameters))
     shown = [pictures(answers, stage) for stage in ("coarse", "preview", "final")]
     assert [set(stage) for stage in shown] == [{GLOSS}, {GLOSS}, {GLOSS, "ball.0", "ground.0"}]
@@ -499,7 +494,7 @@ def test_what_was_computed_before_comes_from_the_cache(source: str, store: Store
     answers = run_in_process(opened(source, store), compute())
     expected = pictures(answers)
     recorder = Recorder()
-    monkeypatch.setattr(tasks_module, "project_layer", recorder)
+    monkeypatch.setattr(placement_module, "project_layer", recorder)
     assert_same_pictures(pictures(run_in_process(opened(source, store), compute())), expected)
     # Coarse and preview are computed again, the final stage is read.
     assert recorder.n_tiles == tiles_of(*pictures(answers, "coarse").values()) + tiles_of(*expected.values())
@@ -510,13 +505,13 @@ def test_what_was_computed_before_comes_from_the_cache(source: str, store: Store
 )
 def test_it_resumes_after_the_last_complete_tile(source: str, tmp_path: Path, monkeypatch, n_kept: int) -> None:
     whole = Recorder()
-    monkeypatch.setattr(tasks_module, "project_layer", whole)
+    monkeypatch.setattr(placement_module, "project_layer", whole)
     expected = pictures(run_in_process(opened(source, Store(tmp_path / "fresh")), compute()))
     broken = Recorder(whole.n_tiles - tiles_of(*expected.values()) + n_kept)
-    monkeypatch.setattr(tasks_module, "project_layer", broken)
+    monkeypatch.setattr(placement_module, "project_layer", broken)
     assert "a defect" in failure(run_in_process(opened(source, Store(tmp_path / "cache")), compute()))
     again = Recorder()
-    monkeypatch.setattr(tasks_module, "project_layer", again)
+    monkeypatch.setattr(placement_module, "project_layer", again)
     assert_same_pictures(pictures(run_in_process(opened(source, Store(tmp_path / "cache")), compute())), expected)
     assert again.n_tiles == whole.n_tiles - n_kept
 
@@ -527,7 +522,7 @@ def test_a_cancelled_transport_keeps_what_is_whole(source: str, store: Store, mo
     assert next(final_pictures).key == GLOSS
     steps.close()
     recorder = Recorder()
-    monkeypatch.setattr(tasks_module, "project_layer", recorder)
+    monkeypatch.setattr(placement_module, "project_layer", recorder)
     answers = run_in_process(opened(source, store), compute())
     coarse, final = pictures(answers, "coarse"), pictures(answers)
     # The selected layer's final transport was there already; all else is computed.
@@ -677,7 +672,7 @@ def test_forged_tiles_are_computed_again(
     expected = pictures(run_in_process(opened(source, Store(tmp_path / "fresh")), compute()))
     n_coarse = tiles_of(*pictures(run_in_process(opened(source, store), compute(n_lights_final=80)), "coarse").values())
     broken = Recorder(n_coarse + tiles_of(*expected.values()) + 2)  # two tiles of the final stage
-    monkeypatch.setattr(tasks_module, "project_layer", broken)
+    monkeypatch.setattr(placement_module, "project_layer", broken)
     run_in_process(opened(source, store), compute())
     monkeypatch.undo()
     assert [path.suffix for path in (tmp_path / "cache").iterdir()].count(".tiles") == 1

@@ -8,10 +8,11 @@ from app.commands import AddLayers, EditCommand, SetMaterial, SetModel, SetParam
 from app.document import Document
 from app.editor import Editor
 from app.jobs.in_process import run_in_process
-from app.jobs.messages import BandsPlanned, ComputeTransport, Failed, PlanBands
+from app.jobs.messages import Failed
 from app.jobs.tasks import Tasks
 from app.library import Library
 from app.material_commands import new_layer
+from app.placement.messages import BandsPlanned, ComputeTransport, PlanBands
 from app.placement.status import RenderReport
 from engine.plan import band_counts, usual_bands
 from tests.app.fake_worker import FakeClient

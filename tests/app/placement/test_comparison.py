@@ -5,9 +5,10 @@ import pytest
 
 from app.commands import AddOperator, SetEnvironment, SetParameter, SetRotation, SetVisible
 from app.editor import Editor
-from app.jobs.messages import Contract, Failed, LayerPicture
+from app.jobs.messages import Failed
 from app.placement.events import ComparedRefined
 from app.placement.indirect_talk import IndirectTalk
+from app.placement.messages import Contract, LayerPicture
 from app.placement.status import RenderReport
 from app.view_state import SetView
 from engine.curve.operators import Operator

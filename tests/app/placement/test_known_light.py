@@ -4,7 +4,8 @@ import pytest
 
 from app.commands import SetEnvironment, SetIntensity, SetMapping, SetParameter, SetRotation
 from app.editor import Editor
-from app.jobs.messages import ComputeTransport, Failed
+from app.jobs.messages import Failed
+from app.placement.messages import ComputeTransport
 from tests.app.fake_worker import FakeClient
 
 LINE = "bad.hdr: first bytes = b'', expected an OpenEXR or a Radiance HDR image; nothing was changed"

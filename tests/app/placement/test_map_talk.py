@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from app.editor import Editor
-from app.jobs.messages import ComputeTransport, MapsRefused, MapsSampled, SampleMaps, WorkerRestarted
+from app.jobs.messages import WorkerRestarted
 from app.map_commands import SetMap
 from app.placement.events import ComparedRefined, LayerMapsChanged
+from app.placement.messages import ComputeTransport, MapsRefused, MapsSampled, SampleMaps
 from app.view_state import SetView
 from engine.material.maps import Images, MapMeans
 from tests.app.fake_worker import SCENE, FakeClient

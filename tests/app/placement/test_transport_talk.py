@@ -21,9 +21,9 @@ from app.commands import (
 )
 from app.document import LightState
 from app.editor import Editor
-from app.jobs.messages import ComputeTransport, Contract
 from app.material_commands import AddLayers, RemoveLayer, SetMaterial, new_layer
 from app.placement.events import LayerRadiance, TransportReady
+from app.placement.messages import ComputeTransport, Contract
 from app.placement.status import RenderReport
 from app.placement.wishes import TransportWish, same_coefficients
 from app.view_state import SetView

@@ -17,7 +17,8 @@ from app.kernel_cache import use_kernel_cache
 use_kernel_cache()
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
-from app.jobs.messages import OpenScene, StageDone
+from app.jobs.messages import OpenScene
+from app.placement.messages import StageDone
 from app.jobs.tasks import Tasks
 from engine.transport import rehearsal
 from tests.app.jobs.test_tasks import SCENE, compute

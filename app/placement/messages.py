@@ -1,0 +1,283 @@
+"""What Placement asks of the worker, and what it is answered (see `app.jobs.messages`).
+
+Shapes: P pixels that see a reflecting object, p those of one layer, J bands. Images have row 0 at the top.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.jobs.messages import OpenScene, Request, Response
+
+if TYPE_CHECKING:
+    from app.document import LightState
+    from engine.material.layer import Layer
+    from engine.material.maps import Images, MapMeans
+    from engine.plan import Precision
+
+
+# ------------------------------------------------------------------------------------------------------- requests
+
+
+@dataclass(frozen=True)
+class PlanBands(Request):
+    """Say how many bands the curves of these layers need; answered by `BandsPlanned`."""
+
+    quick = 1
+    once = True
+    stops = False
+
+    layers: tuple[Layer, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class LayerWork:
+    """One visible layer, as the worker needs to know it; `coefficients` has one (J,3) array a factor.
+
+    `fixed`: nobody means to edit it, so its picture under these coefficients will do, and no bands are kept.
+    """
+
+    key: str
+    model: str
+    quotient_parameters: tuple[float, ...]
+    factors: tuple[str, ...]
+    bands: tuple[int, ...]
+    coefficients: tuple[NDArray[np.floating], ...]
+    fixed: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class LayerReflection:
+    """One visible layer with all that it reflects by: `coefficients` one (J,3) array a factor, f_q (3,), f_o (N,3).
+
+    `sent`: the same curves on the bands that the second bounce has.
+    """
+
+    key: str
+    model: str
+    quotient_parameters: tuple[float, ...]
+    coefficients: tuple[NDArray[np.floating], ...]
+    sent: tuple[NDArray[np.floating], ...]
+    gain: NDArray[np.floating]
+    view_curve: NDArray[np.floating]
+
+
+@dataclass(frozen=True, eq=False)
+class ComputeTransport(Request):
+    """Compute the transport of all layers under one light, coarse to fine; earlier contractions are cancelled.
+
+    selected, factor: the curve whose transport is handed out as well, in the layer of that key and in `followers`.
+    With n_bounces > 1 the indirect light is found as well; `looks` say where the picture of it bends. 0 asks for as
+    many bounces as the scene requires. Both are answered by `BouncesPlanned`, of the `reflecting` layers by key.
+    measured: (file, number) of the tables that layers need, which a worker that has just been started reads first.
+    emission: (name, radiance) of emitters, where it is not as the scene has it. n_lights_preview, n_lights_final and
+    n_patches: what cuts the sky, at first and at last, and emitters at last.
+    """
+
+    built_on = (OpenScene,)
+
+    light: LightState
+    layers: tuple[LayerWork, ...]
+    selected: str | None
+    factor: str | None
+    n_lights_preview: int
+    n_lights_final: int
+    n_patches: int
+    precision: Precision = "half"
+    n_bounces: int = 1
+    looks: tuple[LayerReflection, ...] = ()
+    followers: tuple[str, ...] = ()
+    measured: tuple[tuple[str, int], ...] = ()
+    reflecting: tuple[tuple[str, Layer], ...] = ()
+    emission: tuple[tuple[str, tuple[float, float, float]], ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Contract(Request):
+    """Hand out one layer's transport over the bands of `factor`, its other factors contracted with these curves.
+
+    `factor` None asks for the layer's picture alone, `picture` False for the transport alone. `beside`: what was handed
+    out before stays of interest, for the layers follow one curve; coming stages bring all of it.
+    """
+
+    built_on = (ComputeTransport,)
+    quick = 3
+
+    key: str
+    factor: str | None
+    coefficients: tuple[tuple[str, NDArray[np.floating]], ...]
+    precision: Precision = "half"
+    picture: bool = True
+    beside: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Freeze(Request):
+    """Contract the indirect light for edits of one object, with all others as they look ("object freezing",
+    [BenArtzi07, sect. 6.1]); answered again whenever it becomes finer.
+
+    key, factor: the layer and the curve whose bands are wanted; None: only what every layer reflects. The object that
+    is edited is that of `key`. by_albedo: whether the second bounce goes by albedo alone, as all later ones do. serial
+    comes back with the answers.
+    """
+
+    built_on = (ComputeTransport,)
+    quick = 4
+
+    looks: tuple[LayerReflection, ...]
+    key: str | None = None
+    factor: int | None = None
+    by_albedo: bool = False
+    serial: int = 0
+
+
+@dataclass(frozen=True)
+class SampleMaps(Request):
+    """Sample the images of some layers, by key, where the eye sees them; each is answered on its own."""
+
+    built_on = (OpenScene,)
+    quick = 2
+    stops = False
+
+    layers: tuple[tuple[str, Images], ...]
+
+
+# ------------------------------------------------------------------------------------------------------ responses
+
+
+@dataclass(frozen=True)
+class BandsPlanned(Response):
+    """J by factor of the layers of a `PlanBands`, in their order."""
+
+    bands: tuple[dict[str, int], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class StageFootprint(Response):
+    """Which computed samples stand for each pixel in the coarse pictures of a stage: rows (P,4) i32, weights (P,4) f32.
+
+    Belongs to the scene, not to the request in whose course it is told: pictures of that stage follow under any. Of a
+    stage without one, every pixel has its own sample.
+    """
+
+    rows: NDArray[np.integer]
+    weights: NDArray[np.floating]
+    stage: str
+
+
+@dataclass(frozen=True, eq=False)
+class LayerPicture(Response):
+    """One layer's radiance (p,3), contracted with the `coefficients` it was asked with."""
+
+    key: str
+    stage: str
+    radiance: NDArray[np.floating]
+    coefficients: tuple[NDArray[np.floating], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class LayerTransport(Response):
+    """One layer's transport, one plane a Daubechies-4 coefficient: `coefficients_first` (J,p,3), `norms` (J,3).
+
+    True values are coefficients_first · scale; they are float16 or float32 by the precision asked for.
+    """
+
+    key: str
+    factor: str
+    stage: str
+    coefficients_first: NDArray[np.floating]
+    norms: NDArray[np.floating]
+    scale: NDArray[np.floating]
+
+    @property
+    def precision(self) -> Precision:
+        return "half" if self.coefficients_first.dtype == np.float16 else "float"
+
+
+@dataclass(frozen=True)
+class BouncesPlanned(Response):
+    """How many bounces the scene requires, and why; of as many as were asked for, that number. warning: what of the
+    light is missing after them, empty where that is little."""
+
+    n_bounces: int
+    reason: str
+    warning: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class IndirectFound(Response):
+    """Where the indirect light of a stage was found: for each point four samples of its own object, by number, and
+    their weights (P,4). `number` tells which `Frozen` belong to it. It belongs to the scene, as `StageFootprint`
+    does, and is told again under each transport whose light it is."""
+
+    number: int
+    stage: str
+    rows: NDArray[np.integer]
+    weights: NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class IndirectNoise(Response):
+    """What chance is left in indirect light as it was frozen: RMS over the picture, relative to its own mean, and that
+    mean radiance. Follows the `Frozen` of these numbers."""
+
+    number: int
+    serial: int
+    noise: float
+    mean: float
+
+
+@dataclass(frozen=True, eq=False)
+class Frozen(Response):
+    """Indirect light at the p samples of each layer, without f_q and f_o, by powers of the edited object's albedo.
+
+    reflected: by layer key (D,p,3), in units of `unit`; bands (3,J,D,p), likewise, of the layer and curve that were
+    named, which is then not among `reflected`; albedos: by key of the edited object's layers, e (V,J,K) or (3,V,J,K)
+    [engine.indirect.albedo].
+    """
+
+    number: int
+    serial: int
+    key: str | None
+    factor: int | None
+    reflected: dict[str, NDArray[np.float32]]
+    bands: NDArray[np.float32]
+    albedos: dict[str, NDArray[np.float64]]
+    unit: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class MapsSampled(Response):
+    """A layer's images as the eye sees them: `samples` (p,4) float16 at every pixel of its object, the texture's linear
+    RGB and the weight; their means over the surface; `thumbnails` (h,w,3) uint8 sRGB, by "texture" and "weight".
+    note: what a person should know of how they lie, or nothing."""
+
+    key: str
+    images: Images
+    samples: NDArray[np.float16]
+    means: MapMeans
+    thumbnails: dict[str, NDArray[np.uint8]]
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class MapsRefused(Response):
+    """A layer's images cannot be used; `line` is one sentence for the person."""
+
+    key: str
+    images: Images
+    line: str
+
+
+@dataclass(frozen=True)
+class StageDone(Response):
+    """A stage is complete; `exact` when no finer one follows."""
+
+    stage: str
+    exact: bool
+    seconds: float
+    transport_bytes: int = 0
