@@ -113,7 +113,11 @@ class Editor:
         self._given_up: Opening | None = None
         self._cancelled = -1
         self._scene_id = 0
-        self.talk: ModeTalk = modes[0].talk(self)
+        self.modes = tuple(modes)
+        self.mode = self.modes[0]
+        self.talk: ModeTalk = self.mode.talk(self)
+        self._scene: OpenedScene | None = None
+        self._shown_scene: list[PictureEvent] = []
         self.open(source)
 
     # ------------------------------------------------------------------------------------------------------- document
@@ -325,8 +329,9 @@ class Editor:
     def tick(self, now: float | None = None) -> list[PictureEvent]:
         """Take the worker's answers and ask for what is missing; once a frame. ``now``: a steady clock, seconds."""
         now = time.monotonic() if now is None else now
-        events: list[PictureEvent] = []
-        run, none, silence = self.barrier.run, events, list[Response]()
+        events = self._follow_mode()
+        none: list[PictureEvent] = []
+        run, silence = self.barrier.run, list[Response]()
         for response in run("The talk with the worker", partial(self._client.poll, POLL_SECONDS), silence, ()):
             events = events + run("An answer of the worker", partial(self._take, response), none)
         if self.scene_is_open:
@@ -386,7 +391,9 @@ class Editor:
                 self.notify("; ".join(response.lines), True)
             case SkyImage() if response.id == self._scene_id:
                 self.gauges.notes += response.notes
-                return [SkyChanged(response.radiance)]
+                sky = SkyChanged(response.radiance)
+                self._shown_scene = [*self._shown_scene[:1], sky]
+                return [sky]
             case WorkerRestarted():
                 self.talk.worker_restarted()
                 self.notify(
@@ -406,10 +413,10 @@ class Editor:
         except InsituError as error:
             self._take_failure(Failed(str(error), id=response.id))
             return []
-        frame = SceneFrame(opening.source, description, response.arrays, response.notes)
+        self._shown_scene = [SceneFrame(opening.source, description, response.arrays, response.notes)]
         if opening.resizes:
             self._take_resolution(opening, OpenedScene(response, description, described, self.document))
-            return [frame]
+            return self._shown_scene
         left_unsaved = self._keeper.leave(self.document, self.view)
         self._forget_scene(response)
         self.own_resolution = description.camera.resolution
@@ -421,12 +428,12 @@ class Editor:
         self.notify("; ".join((said, *response.notes)), bool(opening.instead_of))
         if opening.session is not None:
             self._restore(opening, opening.session, response)
-        self.talk.scene_opened(OpenedScene(response, description, described, self.document))
+        self._open_in_mode(OpenedScene(response, description, described, self.document))
         if self.view.selected is None:
             self.select(first_choice(self.document))
         if opening.light is not None:
             self.do(lit_by(opening.light))
-        return [frame]
+        return self._shown_scene
 
     def _forget_scene(self, opened: SceneOpened) -> None:
         """The worker has opened another scene, or the same at another resolution."""
@@ -438,12 +445,33 @@ class Editor:
         """The picture has another size: document, history and what is selected stay as they are."""
         assert opening.session is not None
         self._forget_scene(scene.response)
-        self.talk.scene_opened(scene)
+        self._open_in_mode(scene)
         resolution = opening.session.view.resolution
         self.view = replace(self.view, hovered=None, compare=None, lobe_pixel=None, resolution=resolution)
         self.document_changed()
         width, height = resolution or self.own_resolution
         self.notify(f"the picture has {width} x {height} pixels")
+
+    def _open_in_mode(self, scene: OpenedScene) -> None:
+        self._scene = scene
+        self.talk.scene_opened(scene)
+
+    def _follow_mode(self) -> list[PictureEvent]:
+        """Where the view is in another mode, leave this one: the scene is told to that one as if it had just come."""
+        if self.view.mode == self.mode.name:
+            return []
+        chosen = next((mode for mode in self.modes if mode.name == self.view.mode), None)
+        if chosen is None:  # a session's, of a program that has more
+            self.view = replace(self.view, mode=self.mode.name)
+            return []
+        self.talk.left()
+        self.mode, self.talk, self.gauges.progress = chosen, chosen.talk(self), None
+        if self._scene is None:
+            return []
+        self._open_in_mode(replace(self._scene, document=self.document))
+        if self._opening is not None:
+            self.talk.scene_closed()
+        return list(self._shown_scene)
 
     def _restore(self, opening: Opening, session: Session, opened: SceneOpened) -> None:
         """Put a session's document and view in the place of the scene's, where they fit."""

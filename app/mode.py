@@ -78,6 +78,9 @@ class ModeTalk(Protocol):
     def scene_opened(self, scene: OpenedScene) -> None:
         """The worker has a scene open: nothing is known of its picture."""
 
+    def left(self) -> None:
+        """Another mode was chosen: what the worker does for this one is of no use, and this talk is over."""
+
     def edited(self, command: EditCommand | None = None) -> None:
         """Document or selection changed, by this command or in another way (undo)."""
 
@@ -144,10 +147,13 @@ class ModeWork(Protocol):
 class Mode:
     """A mode by its name and, for people, its title.
 
-    talk: makes its talk at the editor's desk; work: its `ModeWork`, as "module:name", for the worker alone imports it.
+    talk: makes its talk at the editor's desk. As "module:name", for only one process or layer imports them: work, its
+    `ModeWork`; picture, its `ui.picture_feed.PictureSource`; accuracy, what draws its part of the Accuracy panel.
     """
 
     name: str
     title: str
     talk: Callable[[Desk], ModeTalk]
     work: str
+    picture: str
+    accuracy: str = ""

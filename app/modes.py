@@ -5,5 +5,12 @@ from __future__ import annotations
 from app.mode import Mode
 from app.placement.talk import PlacementTalk
 
-PLACEMENT = Mode("placement", "Placement", PlacementTalk, "app.jobs.placement:PlacementWork")
+PLACEMENT = Mode(
+    "placement",
+    "Placement",
+    PlacementTalk,
+    work="app.jobs.placement:PlacementWork",
+    picture="ui.placement_feed:PlacementFeed",
+    accuracy="ui.panels.accuracy_placement:draw",
+)
 MODES = (PLACEMENT,)

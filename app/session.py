@@ -53,6 +53,7 @@ class LightRecord(Record):
 
 
 class ViewRecord(Record):
+    mode: Text = "placement"
     selected: Text | None = None
     exposure: Annotated[Number, Field(ge=-20.0, le=20.0)] = 0.0
     tone_mapping: ToneMapping = "filmic"

@@ -69,6 +69,7 @@ class Gauges:
     progress: Progress | None = None
     notes: tuple[str, ...] = ()
     memory_mb: float = 0.0
+    frame_ms: float = 0.0
     stopped: bool = False
     _memory_at: float = -math.inf
 
@@ -91,6 +92,7 @@ class Gauges:
             fraction=progress.fraction,
             seconds_left=progress.seconds_left,
             text=progress.text,
+            frame_ms=self.frame_ms,
             memory_mb=self.memory_mb,
             message=self.message,
             is_error=self.is_error,

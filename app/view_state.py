@@ -44,6 +44,7 @@ DEFAULT_PANELS = MappingProxyType(
 class ViewState:
     """Selection and display. Angles in radians, exposure in stops, frame budget in milliseconds.
 
+    ``mode`` is the name of the mode that makes the picture.
     ``n_lights`` cut the environment in the finished picture, ``n_patches`` what shines in the scene; ``n_bounces`` are
     the reflections between light and eye (``AS_PLANNED`` until the worker has found how many the scene requires),
     the second of at most ``second_bands`` bands a curve (1: by albedo; None: as many as it has), ``precision`` is that
@@ -60,6 +61,7 @@ class ViewState:
     selected layer's lobe.
     """
 
+    mode: str = "placement"
     selected: Selection | None = None
     hovered: str | None = None
     exposure: float = 0.0

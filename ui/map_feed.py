@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 import moderngl
-import numpy as np
-from numpy.typing import NDArray
 
 from app.placement.events import LayerMapsChanged
 from engine.material.maps import LayerMaps
 from ui.gl.placement.renderer import PlacementRenderer
+from ui.gl.textures import small_texture
 
 
 class MapFeed:
@@ -59,10 +58,3 @@ class MapFeed:
 
     def _retire(self, keys: Iterable[str]) -> None:
         self._retired += [texture for key in keys for texture in self._thumbnails.pop(key, {}).values()]
-
-
-def small_texture(context: moderngl.Context, pixels: NDArray[np.uint8]) -> moderngl.Texture:
-    """A texture of pixels (h,w,3) for panels."""
-    alpha = np.full((*pixels.shape[:2], 1), 255, dtype=np.uint8)
-    data = np.concatenate([pixels, alpha], axis=2).tobytes()
-    return context.texture((pixels.shape[1], pixels.shape[0]), 4, data)

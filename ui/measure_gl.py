@@ -40,6 +40,7 @@ from ui.gl.placement.renderer import PlacementRenderer, UpdateReport
 from ui.gl.tonemap import DisplayView
 from ui.headless import LOOK_SECONDS, HeadlessWindow
 from ui.picture_feed import CURVE_LOOK_SECONDS, PictureFeed
+from ui.placement_feed import PlacementFeed
 from ui.start_times import start_times
 
 EXACT_SECONDS = 3600.0
@@ -63,7 +64,7 @@ class Bench:
         if n_lights is not None:
             self.editor.do(SetView.of(n_lights=n_lights))
         self.renderer = PlacementRenderer(self.context)
-        self.feed = PictureFeed(self.renderer)
+        self.feed = PictureFeed(self.context, self.editor.mode, PlacementFeed(self.context, self.renderer))
         self._frame_ms = 0.0
         if wait:
             self.wait_until_exact()
@@ -292,7 +293,7 @@ def start(source: str) -> None:
             times.blocked(time.monotonic() - prepared, editor.scene_is_open)
             times.frame_shown(editor.scene_is_open, editor.status)
         if feed is None:
-            feed = PictureFeed(PlacementRenderer(window.context))
+            feed = PictureFeed(window.context, editor.mode)
             window.shell.source = feed
     if feed is not None:
         feed.close()

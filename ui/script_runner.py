@@ -42,7 +42,6 @@ from engine.errors import InsituError
 from engine.material.strokes import Stroke
 from engine.scene.builtin import builtin_environments, builtin_scenes
 from ui.brush import along, dabs_at, spots_at
-from ui.gl.placement.renderer import PlacementRenderer
 from ui.headless import DEFAULT_SIZE, HeadlessWindow
 from ui.layout import PANELS
 from ui.panels.actions import ShowPanel
@@ -74,7 +73,7 @@ def take_screenshot(
     editor = Editor(client or Client(), source, resolution=resolution)
     try:
         window = HeadlessWindow(editor, size=size, scale=scale)
-        feed = PictureFeed(PlacementRenderer(window.context))
+        feed = PictureFeed(window.context, editor.mode)
         window.shell.environments = tuple(builtin_environments())
         window.shell.scenes = tuple(builtin_scenes())
         window.shell.source = feed

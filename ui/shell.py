@@ -15,11 +15,10 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Protocol
 
 import moderngl
 from imgui_bundle import ImVec2, imgui
@@ -33,13 +32,12 @@ from app.status import Status
 from ui import layout, theme
 from ui.actor import Actor, Outcome
 from ui.brdf_feed import BrdfFeed
-from ui.brush import Spot
 from ui.docking import Docking
 from ui.event_queue import ALTS, EventQueue
 from ui.gl.interface import InterfaceRenderer
 from ui.gl.thumbnails import Thumbnails
 from ui.panels import (
-    accuracy_placement,
+    accuracy,
     brdf,
     curve_editor,
     dialogs,
@@ -66,8 +64,9 @@ from ui.panels.dialogs import ENDINGS
 from ui.panels.guard import close_what_is_open, depth_now, draw_fault, guarded
 from ui.panels.picture import Picture
 from ui.panels.state import Notice, PanelState
+from ui.picture_feed import PictureFeed
 from ui.spoken_names import spoken
-from ui.still import Still, StillSaver
+from ui.still import StillSaver
 from ui.surface_lobe import SurfacePoint
 from ui.table_feed import TableFeed
 
@@ -91,35 +90,6 @@ ALT_OWNER = 0x1A5171
 PROGRESS_SECONDS = 0.1
 # Beyond this zoom a person looks at pixels, which are then squares.
 SHARP_ZOOM = 2.0
-
-
-class PictureSource(Protocol):
-    """What the shell needs of `ui.picture_feed.PictureFeed`."""
-
-    @property
-    def picture(self) -> moderngl.Texture | None: ...
-
-    @property
-    def environment(self) -> moderngl.Texture | None: ...
-
-    @property
-    def heading(self) -> float: ...
-
-    def map_thumbnails(self, key: str) -> Mapping[str, moderngl.Texture]: ...
-
-    def map_refusal(self, editor: Editor, key: str) -> str | None: ...
-
-    def still(self, editor: Editor) -> Still | None: ...
-
-    def take(self, editor: Editor, now: float) -> bool: ...
-
-    def draw(self, editor: Editor, last_frame_ms: float) -> bool: ...
-
-    def object_at(self, column: int, row: int) -> str | None: ...
-
-    def surface_at(self, column: int, row: int) -> SurfacePoint | None: ...
-
-    def spot_at(self, column: int, row: int) -> Spot | None: ...
 
 
 @dataclass(frozen=True)
@@ -151,7 +121,7 @@ class Shell:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.editor = editor
-        self.source: PictureSource | None = None
+        self.source: PictureFeed | None = None
         self.state = PanelState()
         self.handles = Handles()
         self._fields = Fields()
@@ -405,7 +375,7 @@ class Shell:
                 self._interface.substitute(reference, new)
         return working
 
-    def _draw_source(self, source: PictureSource) -> bool:
+    def _draw_source(self, source: PictureFeed) -> bool:
         editor = self.editor
         made_of = editor.document, editor.view
         return editor.barrier.run("The picture", lambda: source.draw(editor, self._frame_ms), False, made_of)
@@ -475,6 +445,8 @@ class Shell:
         context = PanelContext(
             document=document,
             view=editor.view,
+            mode=editor.mode,
+            modes=editor.modes,
             status=replace(
                 status, text=spoken(document, status.text), missing_note=spoken(document, status.missing_note)
             ),
@@ -513,14 +485,14 @@ class Shell:
     def _selected_layer(self) -> Selection | None:
         return seen_layer(self.editor.document, self.editor.view.selected)
 
-    def _map_thumbnails(self, source: PictureSource) -> dict[str, Picture]:
+    def _map_thumbnails(self, source: PictureFeed) -> dict[str, Picture]:
         """Of the selected layer's images."""
         selected = self._selected_layer
         textures = {} if selected is None else source.map_thumbnails(selected.key)
         found = {name: self._picture(texture) for name, texture in textures.items()}
         return {name: picture for name, picture in found.items() if picture is not None}
 
-    def _map_refusal(self, source: PictureSource) -> str | None:
+    def _map_refusal(self, source: PictureFeed) -> str | None:
         selected = self._selected_layer
         return None if selected is None else source.map_refusal(self.editor, selected.key)
 
@@ -544,7 +516,7 @@ class Shell:
         actions += self._window(context, layout.CURVE, curve_editor.draw)
         actions += self._window(context, layout.MATERIAL, material.draw)
         actions += self._window(context, layout.LIGHT, light.draw)
-        actions += self._window(context, layout.ACCURACY, accuracy_placement.draw)
+        actions += self._window(context, layout.ACCURACY, accuracy.draw)
         actions += guarded(barrier, "The tabs", folding.draw_buttons, context) or []
         actions += guarded(barrier, "The dialog", dialogs.draw, context) or []
         actions += guarded(barrier, "The resolution", resolution.draw, context) or []

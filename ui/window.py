@@ -32,7 +32,6 @@ from engine.errors import InsituError
 from engine.render.image_files import pixels_png
 from engine.scene.builtin import builtin_environments, builtin_scenes
 from ui.gl.context import REQUIRED_VERSION, GraphicsError, create_window_context, spare_full_disk
-from ui.gl.placement.renderer import PlacementRenderer
 from ui.glfw_keys import KEYS, as_printed, held, key_changes
 from ui.layout import LEAST_SIZE
 from ui.panels.actions import Quit
@@ -217,7 +216,7 @@ class Window:
         glfw.destroy_window(self.handle)
 
     def _make_renderer(self) -> None:
-        self._feed = PictureFeed(PlacementRenderer(self._context))
+        self._feed = PictureFeed(self._context, self.editor.mode)
         self.shell.source = self._feed
         self._take_events(glfw.poll_events)
 

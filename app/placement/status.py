@@ -47,7 +47,6 @@ class RenderReport:
     shown_coefficients: int = 0
     wanted_coefficients: int = 0
     image_error: float | None = None
-    frame_ms: float = 0.0
     exact: bool = False
     precision: Precision | None = None
     gpu_mb: float = 0.0

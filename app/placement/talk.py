@@ -16,7 +16,7 @@ from functools import partial
 
 from app.commands import EditCommand
 from app.document import Document, layer_key
-from app.jobs.messages import Failed, Response
+from app.jobs.messages import Cancel, Failed, Response
 from app.material_commands import SetMaterial
 from app.mode import Desk, ModeTalk, OpenedScene
 from app.picture import PictureEvent
@@ -31,6 +31,7 @@ from app.placement.map_talk import MapTalk
 from app.placement.messages import (
     BandsPlanned,
     BouncesPlanned,
+    ComputeTransport,
     Frozen,
     IndirectFound,
     IndirectNoise,
@@ -38,6 +39,8 @@ from app.placement.messages import (
     LayerTransport,
     MapsRefused,
     MapsSampled,
+    PlanBands,
+    SampleMaps,
     StageDone,
     StageFootprint,
 )
@@ -98,6 +101,9 @@ class PlacementTalk(ModeTalk):
         self._known_light.worked(scene.described.light)
         self.curves.opened()
         self.learn(scene.response.planned)
+
+    def left(self) -> None:
+        self._desk.send(Cancel(of=(ComputeTransport, SampleMaps, PlanBands)))
 
     def learn(self, planned: Iterable[tuple[Layer, Mapping[str, int]]]) -> None:
         for layer, bands in planned:
@@ -222,7 +228,6 @@ class PlacementTalk(ModeTalk):
         said = {
             "picture": picture,
             "image_error": math.hypot(report.image_error or 0.0, noise) if known and self._rest_is_complete else None,
-            "frame_ms": report.frame_ms,
             "precomputed_mb": self._transport_bytes / 1e6,
             "gpu_mb": report.gpu_mb,
             "light_note": light_note(talk) if self._has_picture else "",

@@ -11,7 +11,6 @@ import pytest
 from app.editor import Editor
 from tests.ui.stand_in import StandInClient
 from ui.gl.context import create_headless_context
-from ui.gl.placement.renderer import PlacementRenderer
 from ui.headless import HeadlessWindow
 from ui.picture_feed import PictureFeed
 
@@ -40,7 +39,7 @@ def opened(context: moderngl.Context, size: tuple[int, int], scale: float) -> It
     """A window of any size and scale, closed after use."""
     editor = Editor(StandInClient(), "stand-in")
     window = HeadlessWindow(editor, size=size, scale=scale, context=context)
-    feed = PictureFeed(PlacementRenderer(context))
+    feed = PictureFeed(context, editor.mode)
     window.shell.source = feed
     assert window.run_until(lambda: editor.status.picture == "exact", 90.0), editor.status
     assert window.run_until(lambda: feed.environment is not None, 90.0)  # its thumbnail is made by a thread

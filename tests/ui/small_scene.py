@@ -12,7 +12,6 @@ import numpy as np
 from app.editor import Editor, WorkerClient
 from app.view_state import SetView
 from engine.render.image_files import write_exr
-from ui.gl.placement.renderer import PlacementRenderer
 from ui.headless import HeadlessWindow
 from ui.picture_feed import PictureFeed
 
@@ -72,7 +71,7 @@ def opened_window(
     """A window on a scene that has just been opened, nothing computed yet; fields of the view as given."""
     editor = Editor(client, str(source), resolution=resolution)
     window = HeadlessWindow(editor, context=context)
-    feed = PictureFeed(PlacementRenderer(context))
+    feed = PictureFeed(context, editor.mode)
     window.shell.source = feed
     try:
         editor.do(SetView.of(**view))
@@ -95,4 +94,4 @@ def linear_picture(window: HeadlessWindow) -> np.ndarray:
     """The linear picture (H,W,3) as it is now."""
     source = window.shell.source
     assert isinstance(source, PictureFeed)
-    return source.renderer.linear_image()
+    return source.source.renderer.linear_image()

@@ -35,7 +35,6 @@ from app.material_commands import AddLayers, RemoveLayer, SetMaterial, new_layer
 from app.view_state import SetView
 from engine.curve.operators import Operator
 from tests.ui.small_scene import write_small_scene
-from ui.gl.placement.renderer import PlacementRenderer
 from ui.picture_feed import PictureFeed
 
 pytestmark = pytest.mark.gl
@@ -111,7 +110,7 @@ class Walk:
     def __init__(self, context: moderngl.Context, source: str, client: LateClient, **view: object) -> None:
         self.client = client
         self.editor = Editor(client, source, resolution=RESOLUTION)
-        self.feed = PictureFeed(PlacementRenderer(context))
+        self.feed = PictureFeed(context, self.editor.mode)
         self.editor.do(SetView.of(n_lights=1000, **view))
         self.view = view
         self.now, self.told = 0.0, set[str]()
@@ -140,7 +139,7 @@ class Walk:
         self.until(lambda: self.editor.status.is_finished and not self.feed.is_behind)
         self.frames(3)
         self.client.hurries = False
-        return self.feed.renderer.linear_image()
+        return self.feed.source.renderer.linear_image()
 
     def close(self) -> None:
         self.feed.close()

@@ -41,7 +41,7 @@ def shown(window: HeadlessWindow, divider: float) -> np.ndarray:
     window.frames(2)
     source = window.shell.source
     assert isinstance(source, PictureFeed)
-    return source.renderer.display_image()[:, 1:-1]  # the divider takes a column
+    return source.source.renderer.display_image()[:, 1:-1]  # the divider takes a column
 
 
 def assert_alike(found: np.ndarray, expected: np.ndarray, steps: int = 1) -> None:

@@ -32,7 +32,7 @@ def picture(window: HeadlessWindow) -> np.ndarray:
     assert window.run_until(lambda: editor.status.picture == "exact", 90.0), editor.status
     source = window.shell.source
     assert source is not None
-    return source.renderer.linear_image()  # type: ignore[attr-defined]
+    return source.source.renderer.linear_image()  # type: ignore[attr-defined]
 
 
 def set_view(window: HeadlessWindow, **changes: object) -> None:

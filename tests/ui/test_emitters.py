@@ -59,8 +59,8 @@ def opened(context: moderngl.Context, folder: Path, text: str) -> Iterator[tuple
 def lamp_pixels(window: HeadlessWindow) -> np.ndarray:
     """(H,W): where the lamp's front is seen, without its silhouette."""
     source = window.shell.source
-    assert isinstance(source, PictureFeed) and source.renderer.frame is not None
-    frame = source.renderer.frame
+    assert isinstance(source, PictureFeed) and source.source.renderer.frame is not None
+    frame = source.source.renderer.frame
     smoothed = np.zeros(frame.object_image.size, bool)
     smoothed[frame.edge_pixels] = True
     return frame.emission_image.any(axis=2) & ~smoothed.reshape(frame.object_image.shape)

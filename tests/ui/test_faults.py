@@ -18,10 +18,9 @@ from app.journal import Journal
 from app.paths import state_directory
 from tests.ui.stand_in import StandInClient
 from ui import shell as shell_module
-from ui.gl.placement.renderer import PlacementRenderer
 from ui.headless import HeadlessWindow
 from ui.panels import (
-    accuracy_placement,
+    accuracy,
     brdf,
     curve_editor,
     dialogs,
@@ -74,7 +73,7 @@ def opened(context: moderngl.Context, journal: Journal) -> Iterator[Holding]:
     clock = Clock()
     editor = Editor(StandInClient(), "stand-in", journal=journal, barrier=Barrier(holds=True, clock=clock))
     window = HeadlessWindow(editor, context=context)
-    feed = PictureFeed(PlacementRenderer(context))
+    feed = PictureFeed(context, editor.mode)
     window.shell.source = feed
     assert window.run_until(lambda: editor.status.picture == "exact", 90.0), editor.status
     window.frames(4)
@@ -102,7 +101,7 @@ def broken_panel(context: object) -> Any:
 
 DOCKED = {
     "material": material, "light": light, "objects": objects, "library": library, "curve": curve_editor,
-    "accuracy": accuracy_placement, "brdf": brdf,
+    "accuracy": accuracy, "brdf": brdf,
 }  # fmt: skip
 ELSEWHERE = {"menus": menus, "status bar": status_bar, "dialogs": dialogs, "help": shortcuts}
 FAULTS: dict[str, Callable[[Holding, pytest.MonkeyPatch], None]] = {
@@ -110,9 +109,9 @@ FAULTS: dict[str, Callable[[Holding, pytest.MonkeyPatch], None]] = {
     "the comparison": lambda h, patch: patch.setattr(h.editor.talk._comparison, "update", broken),
     "an answer": lambda h, patch: patch.setattr(h.editor.talk._transport, "took_picture", broken),
     "the poll": lambda h, patch: patch.setattr(h.editor._client, "poll", broken),
-    "the renderer's layer": lambda h, patch: patch.setattr(h.feed.renderer, "set_layer_gain", broken),
-    "the renderer's update": lambda h, patch: patch.setattr(h.feed.renderer, "update", broken),
-    "the renderer's picture": lambda h, patch: patch.setattr(h.feed.renderer, "composite", broken),
+    "the renderer's layer": lambda h, patch: patch.setattr(h.feed.source.renderer, "set_layer_gain", broken),
+    "the renderer's update": lambda h, patch: patch.setattr(h.feed.source.renderer, "update", broken),
+    "the renderer's picture": lambda h, patch: patch.setattr(h.feed.source.renderer, "composite", broken),
     "the panels' context": lambda h, patch: patch.setattr(shell_module, "spoken", broken),
     "the BRDF's picture": lambda h, patch: patch.setattr(h.window.shell._brdf, "draw", broken),
     "a thumbnail": lambda h, patch: patch.setattr(h.window.shell._thumbnails, "step", broken),
@@ -137,7 +136,7 @@ def test_a_fault_is_told_once_and_the_window_goes_on(
     name = fault.removeprefix("the panel ")
     window.shell.do(ShowPanel(name if name in DOCKED else "brdf"))  # some share their place
     window.frames(2)
-    before = holding.feed.renderer.display_image()
+    before = holding.feed.source.renderer.display_image()
     with monkeypatch.context() as patch:
         FAULTS[fault](holding, patch)
         editor.do(SetParameter("teapot.1", "alpha", 0.2 + 0.001 * n_edits))
@@ -153,13 +152,13 @@ def test_a_fault_is_told_once_and_the_window_goes_on(
     line = editor.status.message
     assert editor.status.is_error and "\n" not in line and "window.log" in line and "theta_i" not in line
     assert holding.told() == line
-    assert before.shape == holding.feed.renderer.display_image().shape
+    assert before.shape == holding.feed.source.renderer.display_image().shape
     # The fault is gone: all of it goes on, and the picture is that of the document.
     now = 0.6 - 0.001 * n_edits
     editor.do(SetParameter("teapot.1", "alpha", now))
     window.frames(2)
     assert window.run_until(lambda: editor.status.picture == "exact", 90.0), editor.status
-    assert np.abs(before.astype(int) - holding.feed.renderer.display_image()).max() > 0
+    assert np.abs(before.astype(int) - holding.feed.source.renderer.display_image()).max() > 0
     assert window.context.error == "GL_NO_ERROR"
     assert window.run_until(lambda: f"alpha = {now}" in holding.journal.path.read_text(), 20.0)
 

@@ -20,33 +20,33 @@ def test_it_comes_and_goes(window: HeadlessWindow) -> None:
         return editor.status.picture == "exact"
 
     editor.select("teapot.0")
-    without = source.renderer.linear_image()  # type: ignore[attr-defined]
+    without = source.source.renderer.linear_image()  # type: ignore[attr-defined]
     window.click_handle("material.fresnel_term.0")
     term = editor.document.layer("teapot.2")
     assert term.rises and term.values["fresnel"] == (0.35, 0.12, 0.08)  # what the base's albedo was
     window.frames(2)
     assert window.run_until(exact, 30.0)
-    shown = source.renderer.linear_image()  # type: ignore[attr-defined]
+    shown = source.source.renderer.linear_image()  # type: ignore[attr-defined]
     window.drag_handle("material.fresnel.r", (-40, 0))
     red, green, blue = editor.document.layer("teapot.2").values["fresnel"]  # type: ignore[misc]
     assert red < 0.35 and (green, blue) == (0.12, 0.08)
     window.frames(2)
     assert window.run_until(exact, 30.0)
-    less = source.renderer.linear_image()  # type: ignore[attr-defined]
+    less = source.source.renderer.linear_image()  # type: ignore[attr-defined]
     assert (less[..., 0] != shown[..., 0]).any() and (less[..., 1:] == shown[..., 1:]).all()
     editor.undo()
     editor.undo()
     assert editor.document == before
     window.frames(2)
     assert window.run_until(exact, 30.0)
-    assert source.renderer.linear_image() == pytest.approx(without, rel=1e-3)  # type: ignore[attr-defined]
+    assert source.source.renderer.linear_image() == pytest.approx(without, rel=1e-3)  # type: ignore[attr-defined]
 
 
 def test_both_terms_follow_every_frame(window: HeadlessWindow) -> None:
     # In the stand-in both layers have the same transport: so their pictures are the same, while the hand moves as well.
     editor, source = window.shell.editor, window.shell.source
     assert source is not None
-    renderer = source.renderer  # type: ignore[attr-defined]
+    renderer = source.source.renderer  # type: ignore[attr-defined]
     window.click_handle("material.fresnel_term.0")
     window.frames(2)
     assert window.run_until(lambda: editor.status.picture == "exact", 30.0)

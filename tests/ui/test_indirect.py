@@ -46,7 +46,7 @@ def client(folder: Path) -> InProcessClient:
 def on_object(window: HeadlessWindow, picture: np.ndarray, name: str) -> np.ndarray:
     """The pixels (P, 3) of a picture that see an object."""
     source = window.shell.source
-    frame = source.renderer.frame  # type: ignore[union-attr]
+    frame = source.source.renderer.frame  # type: ignore[union-attr]
     index = [state.name for state in window.shell.editor.document.objects].index(name)
     return picture[frame.object_image == index]
 

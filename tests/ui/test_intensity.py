@@ -61,7 +61,7 @@ def shown_radiance(window: HeadlessWindow, exposure: float) -> np.ndarray:
     window.frames(2)
     source = window.shell.source
     assert isinstance(source, PictureFeed)
-    encoded = source.renderer.display_image() / 255.0
+    encoded = source.source.renderer.display_image() / 255.0
     linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
     return linear / 2.0**exposure
 
@@ -88,8 +88,8 @@ def test_intensity_is_a_factor_on_lamps_and_on_what_they_light(
 def pixels_within(window: HeadlessWindow, of_the_lamp: bool) -> np.ndarray:
     """(H,W): the lamp or the rest, without silhouettes, which are mixed as they look and not by radiance."""
     source = window.shell.source
-    assert isinstance(source, PictureFeed) and source.renderer.frame is not None
-    frame = source.renderer.frame
+    assert isinstance(source, PictureFeed) and source.source.renderer.frame is not None
+    frame = source.source.renderer.frame
     smoothed = np.zeros(frame.object_image.size, bool)
     smoothed[frame.edge_pixels] = True
     names = [state.name for state in window.shell.editor.document.objects]

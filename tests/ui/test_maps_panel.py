@@ -42,7 +42,7 @@ def sample(window: HeadlessWindow) -> None:
 def linear(window: HeadlessWindow) -> np.ndarray:
     source = window.shell.source
     assert isinstance(source, PictureFeed)
-    return source.renderer.linear_image()
+    return source.source.renderer.linear_image()
 
 
 def maps_of(window: HeadlessWindow) -> LayerMaps:

@@ -19,11 +19,12 @@ from app.placement.messages import ComputeTransport
 from app.view_state import SetView
 from tests.app.fake_worker import FakeClient
 from tests.ui.stand_in import HEIGHT, WIDTH, StandInClient, scene_arrays, transport_of
-from ui import picture_feed
+from ui import picture_feed, scene_view
 from ui.gl.placement.renderer import PlacementRenderer
 from ui.gl.placement.sample_layout import SAMPLES_PER_ROW, row_count
 from ui.headless import HeadlessWindow
 from ui.picture_feed import PictureFeed
+from ui.placement_feed import PlacementFeed
 
 pytestmark = pytest.mark.gl
 
@@ -190,7 +191,7 @@ class Opening:
         self.client = StandInClient()
         self.editor = Editor(self.client, "stand-in")
         self.renderer = PlacementRenderer(context)
-        self.feed = PictureFeed(self.renderer)
+        self.feed = PictureFeed(context, self.editor.mode, PlacementFeed(context, self.renderer))
         self.calls: list[str] = []
         monkeypatch.setattr(picture_feed, "TAKING_SECONDS", 10.0)
         taking = ("set_frame", "set_layer_radiance", "set_environment", "begin_transport")
@@ -272,22 +273,22 @@ def test_another_scene_replaces_what_is_shown_within_a_frame(opening: Opening) -
 
 def test_before_a_scene_the_feed_rehearses_and_leaves_nothing(context: moderngl.Context) -> None:
     editor = Editor(FakeClient(), "shelf")
-    feed = PictureFeed(PlacementRenderer(context))
+    feed = PictureFeed(context, editor.mode)
     for _ in range(30):
         assert not feed.take(editor, 0.0)
-    assert feed.renderer.frame is None and feed.picture is None
+    assert feed.source.renderer.frame is None and feed.picture is None
     feed.close()
 
 
 def test_a_thumbnail_that_comes_late_asks_for_a_frame(opening: Opening, monkeypatch: pytest.MonkeyPatch) -> None:
     go_on = threading.Event()
-    real = picture_feed._thumbnail
+    real = scene_view._thumbnail
 
     def late(radiance: np.ndarray) -> np.ndarray:
         assert go_on.wait(60.0)
         return real(radiance)
 
-    monkeypatch.setattr(picture_feed, "_thumbnail", late)
+    monkeypatch.setattr(scene_view, "_thumbnail", late)
     while opening.editor.status.picture != "exact":
         opening.step()
         opening.draw()

@@ -84,7 +84,7 @@ def test_solo_shows_one_layer_and_is_no_edit(window: HeadlessWindow) -> None:
 
     def radiance() -> np.ndarray:
         window.frames(3)
-        return source.renderer.linear_image().astype(float)
+        return source.source.renderer.linear_image().astype(float)
 
     document, whole = editor.document, radiance()
     window.click_handle("button.solo.teapot.1")

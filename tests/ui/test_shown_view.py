@@ -63,8 +63,8 @@ def test_the_window_shows_what_a_file_would_hold(window: HeadlessWindow) -> None
         assert window.run_until(lambda view=view: shown_view.is_at_hand(view), 20)
         window.frames(2)
         source = window.shell.source
-        assert isinstance(source, PictureFeed) and source.renderer.frame is not None
-        renderer, frame = source.renderer, source.renderer.frame
+        assert isinstance(source, PictureFeed) and source.source.renderer.frame is not None
+        renderer, frame = source.source.renderer, source.source.renderer.frame
         inside = np.ones(frame.height * frame.width, bool)
         inside[frame.edge_pixels] = False  # silhouettes are mixed as they look
         expected = display_picture(renderer.linear_image(), 0.0, view).reshape(-1, 3)[inside].astype(int)

@@ -95,7 +95,7 @@ def test_png_is_what_is_shown_without_what_is_drawn_over_it(window: HeadlessWind
     editor.do(SetView.of(hovered=None, compare=None))
     editor.select(None)
     window.frames(2)
-    shown = renderer_of(window).renderer.display_image()
+    shown = renderer_of(window).source.renderer.display_image()
     # One level apart at most: the screen's rounding is the graphics card's.
     assert np.abs(picture.astype(int) - shown).max() <= 1
     assert np.abs(deep / 257.0 - shown).max() <= 1.0
@@ -105,7 +105,7 @@ def test_png_is_what_is_shown_without_what_is_drawn_over_it(window: HeadlessWind
 @pytest.mark.gl
 def test_exr_is_linear_light_whatever_the_view(window: HeadlessWindow, tmp_path: Path) -> None:
     editor = window.shell.editor
-    linear = renderer_of(window).renderer.linear_image()
+    linear = renderer_of(window).source.renderer.linear_image()
     editor.do(SetView.of(exposure=2.0, tone_mapping="linear"))
     editor.do(SetIntensity(3.0))
     window.frames(2)
@@ -127,7 +127,7 @@ def test_frames_go_on_while_a_picture_is_written(
     window.shell.request(SavePicture(tmp_path / "a.png"))
     window.frames(5)
     # An edit after it was asked for is not in it, and nothing is there by half.
-    before = renderer_of(window).renderer.linear_image()
+    before = renderer_of(window).source.renderer.linear_image()
     window.shell.editor.do(SetIntensity(0.1))
     window.frames(2)
     assert list(tmp_path.glob("*.png*")) == []

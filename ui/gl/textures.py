@@ -133,3 +133,10 @@ def _drain_errors(context: moderngl.Context) -> None:
 
 def _mib(n_bytes: int) -> int:
     return -(-n_bytes // 2**20)
+
+
+def small_texture(context: moderngl.Context, pixels: NDArray[np.uint8]) -> moderngl.Texture:
+    """A texture of pixels (h,w,3) for panels."""
+    alpha = np.full((*pixels.shape[:2], 1), 255, dtype=np.uint8)
+    data = np.concatenate([pixels, alpha], axis=2).tobytes()
+    return context.texture((pixels.shape[1], pixels.shape[0]), 4, data)

@@ -14,6 +14,7 @@ from imgui_bundle import imgui
 from app.document import Document, Selection
 from app.journal import Recovery
 from app.library import Entry
+from app.mode import Mode
 from app.recent import Recent
 from app.selecting import seen_layer
 from app.status import Status
@@ -106,7 +107,7 @@ class PanelContext:
     (column, row) of the picture, `spot_at` the point of the surface there. `heading` is where the camera looks, degrees
     clockwise from -Z seen from above. `library` are its materials, `thumbnail` a material's picture, None while there
     is none. `now` is seconds of the window's clock. `brdf` is what there is to see of the selected material by itself.
-    `own_resolution` is (width, height) as the scene has it.
+    `own_resolution` is (width, height) as the scene has it. `mode` is the one of `modes` that makes the picture.
     `name` is what a person calls what is open, `unsaved` whether there are edits that no session has. `recent` are the
     files opened last, `recoveries` edits that the program left behind when it ended.
     `keys_taken`: keys go into a text field, a list or a menu; `alt_tapped`: Alt was pressed and let go by itself;
@@ -118,6 +119,8 @@ class PanelContext:
     status: Status
     state: PanelState
     theme: Theme
+    mode: Mode
+    modes: tuple[Mode, ...] = ()
     handles: Handles = field(default_factory=Handles)
     fields: Fields = field(default_factory=Fields)
     brdf: BrdfBoard = field(default_factory=BrdfBoard)

@@ -21,6 +21,7 @@ from ui.panels.help import ALT, keys_of, perform
 from ui.theme import Icon
 
 EXPOSURE_WIDTH, LEAST_EXPOSURE_WIDTH, TONE_WIDTH, FIT_WIDTH, GAP = 118.0, 64.0, 108.0, 42.0, 12.0
+MODE_WIDTH = 84.0
 RECENT_WIDTH = 320.0
 NOT_SAVED = ": there are edits that no session has yet"
 LEAST_EXPOSURE, LARGEST_EXPOSURE = -8.0, 8.0
@@ -184,7 +185,9 @@ def _controls(context: PanelContext) -> list[Action]:
     buttons = 5 * imgui.get_frame_height() + 2 * context.px(GAP) + context.px(10)
     room = imgui.get_window_width() - imgui.get_cursor_pos_x() - buttons - gap
     exposure = max(min(context.px(EXPOSURE_WIDTH), room - gap), context.px(LEAST_EXPOSURE_WIDTH))
+    several = len(context.modes) > 1
     fields: tuple[tuple[float, Callable[[PanelContext], list[Action]]], ...] = (
+        *([(len(context.modes) * context.px(MODE_WIDTH), _modes)] if several else []),
         (exposure, partial(_exposure, width=exposure)),
         (context.px(TONE_WIDTH), _tone_mapping),
         (2 * context.px(FIT_WIDTH) + 1, _fit),
@@ -202,6 +205,13 @@ def _controls(context: PanelContext) -> list[Action]:
         actions += draw_field(context)
         _next(gap)
     return actions + _buttons(context)
+
+
+def _modes(context: PanelContext) -> list[Action]:
+    """Which mode makes the picture, where there are several."""
+    choices = [(mode.title, f"{mode.title}: make the picture in this way.") for mode in context.modes]
+    pressed = widgets.segments(context, "mode", choices, context.modes.index(context.mode), least=MODE_WIDTH)
+    return [] if pressed is None else [SetView.of(mode=context.modes[pressed].name)]
 
 
 def _buttons(context: PanelContext) -> list[Action]:

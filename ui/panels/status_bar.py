@@ -12,7 +12,7 @@ from imgui_bundle import ImVec2, imgui
 from app.status import Status
 from ui import theme as look
 from ui.panels import widgets
-from ui.panels.accuracy_placement import STOPPED, error_text, work_text
+from ui.panels.accuracy import STOPPED, error_text, work_text
 from ui.panels.actions import Action, SetPanel
 from ui.panels.context import PanelContext
 from ui.theme import Icon

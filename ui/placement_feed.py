@@ -1,0 +1,300 @@
+"""Placement's picture: the worker's answers to the renderer, the document's curves after them.
+
+    take: picture events ─► renderer (frame, footprint, layers, transport)
+    draw: document ─► gains, view curves, visibility, curve coefficients ─► renderer.update ─► display texture
+          renderer's report ─► PlacementTalk.rendered
+
+An upload under way takes part of the frame's time, coefficients what is left.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator, Mapping
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from app.document import RGB, LightState, layer_key
+from app.editor import Editor
+from app.light_commands import emission_of
+from app.picture import PictureEvent, SceneFrame, SkyChanged
+from app.placement.events import (
+    ComparedRefined,
+    Footprint,
+    IndirectRadiance,
+    LayerLook,
+    LayerMapsChanged,
+    LayerRadiance,
+    TransportReady,
+)
+from app.placement.status import RenderReport
+from app.placement.talk import PlacementTalk
+from app.solo import is_seen
+from engine.curve.wavelet import forward
+from ui.gl.picture_frame import PictureFrame
+from ui.gl.placement.layers import Look
+from ui.gl.placement.rehearsal import rehearse
+from ui.gl.placement.renderer import PlacementRenderer
+from ui.gl.tonemap import DisplayView
+from ui.map_feed import MapFeed
+from ui.picture_feed import PictureSource
+from ui.shown_view import ShownView
+from ui.still import Still
+
+UPLOAD_SHARE = 0.5
+# Of the frame's time, what refinement gets however long the rest takes.
+LEAST_SHARE = 0.25
+LEAST_INTENSITY = 1e-30
+
+
+class PlacementFeed(PictureSource):
+    """Feeds one `PlacementRenderer`; renderer: one that is there already."""
+
+    def __init__(self, context: moderngl.Context, renderer: PlacementRenderer | None = None) -> None:
+        self.renderer = renderer or PlacementRenderer(context)
+        self._names: list[str] = []
+        self._view_curves: dict[str, NDArray[np.float64]] = {}
+        self._indirect: dict[str, IndirectRadiance] = {}
+        self._drawn_as: dict[str, tuple[object, ...]] = {}
+        self._holds = False
+        self._emission: dict[str, RGB] = {}
+        self._maps = MapFeed(self.renderer)
+        self._view = ShownView()
+        self._wanted: dict[str, NDArray[np.float64]] = {}
+        self._compared: object = None
+        self._rotation: float | None = None
+        self._texture: moderngl.Texture | None = None
+        self._exact_before = False
+        self._spent_ms = 0.0
+
+    @property
+    def picture(self) -> moderngl.Texture | None:
+        return self._texture
+
+    def rehearse(self) -> Iterator[None]:
+        return rehearse(self.renderer)
+
+    def map_thumbnails(self, key: str) -> Mapping[str, moderngl.Texture]:
+        return self._maps.thumbnails(key)
+
+    def map_refusal(self, editor: Editor, key: str) -> str | None:
+        return _talk(editor).maps.refusal(key, editor.document.layer(key).maps)
+
+    def still(self, editor: Editor) -> Still | None:
+        frame = self.renderer.frame
+        if frame is None or self._texture is None:
+            return None
+        return Still(
+            self.renderer.finished_image(self._display_view(editor)),
+            self.renderer.linear_image() * np.float32(editor.document.light.intensity),
+            (frame.edge_pixels, frame.edge_neighbours, frame.edge_weights),
+        )
+
+    def close(self) -> None:
+        self._maps.clear()
+        self._maps.release_retired()
+        self.renderer.release()
+
+    # ------------------------------------------------------------------------------------------ the worker's answers
+
+    def take(self, editor: Editor, event: PictureEvent) -> None:
+        self._maps.release_retired()
+        match event:
+            case SceneFrame():
+                self._take_scene(event)
+            case SkyChanged():
+                self.renderer.set_environment(event.radiance, editor.document.light.rotation)
+            case LayerRadiance():
+                self._take_radiance(event)
+            case IndirectRadiance():
+                self._indirect[event.key] = event
+                self._take_indirect(event.key)
+            case LayerMapsChanged():
+                self._maps.take(event)
+            case ComparedRefined():
+                if self._compared is not None:
+                    self.renderer.snapshot_compare({key: _look(look) for key, look in event.looks.items()})
+            case TransportReady():
+                numbers, curve = event.coefficients_first, event.factor
+                self.renderer.set_footprint(*_both(event.footprint))
+                self.renderer.begin_transport(
+                    event.key, numbers, event.norms, event.scale, event.beside, curve, event.stage
+                )
+
+    def _take_scene(self, event: SceneFrame) -> None:
+        self.renderer.set_frame(picture_frame(event))
+        self._names = [described.name for described in event.description.objects]
+        self._view_curves.clear()
+        self._indirect.clear()
+        self._drawn_as.clear()
+        self._emission.clear()
+        self._maps.clear()
+        self._wanted = {}
+        self._compared = self._rotation = None
+
+    def _take_radiance(self, event: LayerRadiance) -> None:
+        renderer = self.renderer
+        renderer.set_footprint(*_both(event.footprint))
+        if event.key not in renderer.layer_keys:
+            renderer.set_layer(event.key, self._names.index(event.key.rpartition(".")[0]), len(event.radiance))
+            self._maps.layer_made(event.key)
+        if self._drawn_as.get(event.key) != event.drawn_as:
+            self._drawn_as[event.key] = event.drawn_as
+            self._take_indirect(event.key)  # it may have been the first to come, or be that of the layer before
+        bands = event.coefficients.get(renderer.transport_curve(event.key) or "")
+        shown = None if bands is None else forward(bands)
+        renderer.set_layer_radiance(event.key, event.radiance, shown, event.stage)
+
+    def _take_indirect(self, key: str) -> None:
+        """Show a layer's indirect light, where it is that of the layer whose direct light is shown."""
+        event = self._indirect.get(key)
+        if event is None or key not in self.renderer.layer_keys:
+            return
+        if event.footprint is None or event.drawn_as != self._drawn_as[key]:
+            self.renderer.set_layer_indirect(key, None)
+            return
+        self.renderer.set_indirect_footprint(event.footprint.rows, event.footprint.weights)
+        self.renderer.set_layer_indirect(key, event.radiance)
+
+    # ---------------------------------------------------------------------------------------------------- each frame
+
+    def draw(self, editor: Editor, last_frame_ms: float, all_taken: bool) -> bool:
+        self._follow_environment(editor)
+        self._follow_emitters(editor)
+        self._follow_layers(editor)
+        self._follow_curve(editor)
+        self._follow_comparison(editor)
+        allowed = editor.view.frame_budget_ms
+        budget = 1e-3 * max(allowed - (last_frame_ms - self._spent_ms), LEAST_SHARE * allowed)
+        started = time.perf_counter()
+        arriving = self.renderer.upload_fraction is not None
+        uploaded = self.renderer.upload(UPLOAD_SHARE * budget)
+        # The last slice makes the transport ready for work, which is enough for a frame; the work begins in the next.
+        limit = 0 if arriving and uploaded else None
+        report = self.renderer.update(limit, budget if uploaded else (1.0 - UPLOAD_SHARE) * budget)
+        self._spent_ms = 1e3 * (time.perf_counter() - started)
+        self._texture = self.renderer.composite(self._display_view(editor))
+        wanted = max(map(len, self._wanted.values()), default=0)
+        exact = uploaded and report.exact and all_taken
+        _talk(editor).rendered(
+            RenderReport(
+                max(wanted - report.remaining, 0), wanted, report.image_error,
+                exact and not self._holds,
+                self.renderer.transport_precision, self.renderer.memory_bytes / 1e6, self.renderer.mean_radiance,
+            )
+        )  # fmt: skip
+        changed = exact != self._exact_before
+        self._exact_before = exact
+        return not exact or changed or self._view.waits
+
+    def _follow_environment(self, editor: Editor) -> None:
+        """Turn the background with the light."""
+        rotation = editor.document.light.rotation
+        if rotation != self._rotation:
+            self.renderer.turn_environment(rotation)
+            self._rotation = rotation
+
+    def _follow_emitters(self, editor: Editor) -> None:
+        """What is seen of them."""
+        for name, radiance in emission_of(editor.document):
+            if name in self._names and self._emission.get(name) != radiance:
+                self._emission[name] = radiance
+                self.renderer.set_emission(self._names.index(name), radiance)
+
+    def _follow_layers(self, editor: Editor) -> None:
+        """Gains, view curves and visibility; each setter of the renderer is free where nothing changed."""
+        document, gone = editor.document, set(self.renderer.layer_keys)
+        for state in document.objects:
+            for index in range(len(state.layers)):
+                key = layer_key(state.name, index)
+                if key not in gone:
+                    continue
+                gone.remove(key)
+                self.renderer.set_layer_visible(key, is_seen(document, editor.view, key))
+                if not self._is_drawn(editor, key):
+                    continue
+                self.renderer.set_layer_gain(key, _talk(editor).layer_gain(key).tolist())
+                self._maps.follow(key, state.layers[index].maps)
+                curve = _talk(editor).view_curve(key)
+                if self._view_curves.get(key) is not curve:
+                    self._view_curves[key] = curve
+                    self.renderer.set_view_curve(key, curve)
+        for key in gone:  # it may come back, by undo, before the worker has heard of it
+            self.renderer.set_layer_visible(key, False)
+
+    def _is_drawn(self, editor: Editor, key: str) -> bool:
+        """Whether the picture of a layer is its own, and not that of the one that it took the place of."""
+        return self._drawn_as.get(key) == _talk(editor).drawn_as(key)
+
+    def _follow_curve(self, editor: Editor) -> None:
+        """The selected curve, in all layers that follow it and have a picture of their own."""
+        self._holds = False
+        factor = (editor.view.selected and editor.view.selected.factor) or ""
+        found: dict[str, NDArray[np.float64]] = {}
+        for key in _talk(editor).edited_layers:
+            coefficients = _talk(editor).wanted_coefficients(key).get(factor)
+            if coefficients is not None and key in self.renderer.layer_keys:
+                if not self._is_drawn(editor, key):
+                    self._holds = True
+                    continue
+                found[key] = coefficients
+                if self._wanted.get(key) is not coefficients:
+                    self.renderer.wanted(key, forward(coefficients), factor)
+        self._wanted = found
+
+    def _follow_comparison(self, editor: Editor) -> None:
+        compared = editor.view.compare
+        if compared is self._compared:
+            return
+        if compared is None:
+            self.renderer.drop_compare()
+        else:
+            self.renderer.snapshot_compare()
+        self._compared = compared
+
+    def _display_view(self, editor: Editor) -> DisplayView:
+        """Exposure takes the light's intensity along: it multiplies the finished picture."""
+        view, compared = editor.view, editor.view.compare
+        return DisplayView(
+            exposure=view.exposure + _stops(editor.document.light),
+            compare_exposure=None if compared is None else view.exposure + _stops(compared.light),
+            tone_mapping=self._view.follow(view.tone_mapping),
+            selected=self._index(view.selected.object if view.selected else None),
+            hovered=self._index(view.hovered),
+            compare_divider=view.compare_divider if view.compare is not None else None,
+        )
+
+    def _index(self, name: str | None) -> int | None:
+        return self._names.index(name) if name in self._names else None
+
+
+def _talk(editor: Editor) -> PlacementTalk:
+    """Whose picture it is."""
+    assert isinstance(editor.talk, PlacementTalk)
+    return editor.talk
+
+
+def _both(footprint: Footprint | None) -> tuple[NDArray[np.integer] | None, NDArray[np.floating] | None]:
+    return (None, None) if footprint is None else (footprint.rows, footprint.weights)
+
+
+def _stops(light: LightState) -> float:
+    """The light's intensity as exposure."""
+    return math.log2(max(light.intensity, LEAST_INTENSITY))
+
+
+def _look(look: LayerLook) -> Look:
+    red, green, blue = (float(value) for value in look.gain)
+    return Look((red, green, blue), look.view_curve, look.visible, look.radiance, look.maps)
+
+
+def picture_frame(event: SceneFrame) -> PictureFrame:
+    """The worker's primary hits as the renderer takes them."""
+    arrays = event.arrays
+    height, width = arrays["object_image"].shape
+    names = ("pixel", "object_ranges", "object_image", "theta_o", "emission_image", "ray_directions")
+    edges = {name: arrays[name] for name in ("edge_pixels", "edge_neighbours", "edge_weights") if name in arrays}
+    return PictureFrame(width, height, **{name: arrays[name] for name in names}, **edges)  # type: ignore[arg-type]

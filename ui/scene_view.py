@@ -1,0 +1,141 @@
+"""The scene as the window knows it in any mode: what each pixel of the picture sees, and the sky behind it.
+
+From the primary hits that came with the scene, and its camera; no mode's picture has a part in it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from app.picture import SceneFrame
+from engine.light.environment import Environment, tone_mapped_thumbnail
+from engine.scene.description import SceneDescription
+from ui.brush import Spot, spot_of
+from ui.gl.textures import small_texture
+from ui.surface_lobe import SurfacePoint
+
+THUMBNAIL_WIDTH = 512
+
+
+class SceneView:
+    """One scene after another; columns and rows are those of the picture, row 0 at the top."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._threads = ThreadPoolExecutor(1, thread_name_prefix="thumbnail")
+        self._thumbnail_due: Future[NDArray[np.uint8]] | None = None
+        self._thumbnail: moderngl.Texture | None = None
+        self._description: SceneDescription | None = None
+        self._names: list[str] = []
+        self._arrays: Mapping[str, NDArray[Any]] = {}
+
+    def take_scene(self, event: SceneFrame) -> None:
+        """Another scene, or the same at another resolution."""
+        self._description = event.description
+        self._names = [described.name for described in event.description.objects]
+        self._arrays = event.arrays
+
+    def take_sky(self, radiance: NDArray[np.floating]) -> None:
+        """Another sky: make the panel's picture of it, in a thread; of no light at all there is none."""
+        self._thumbnail_due = self._threads.submit(_thumbnail, radiance) if np.any(radiance) else None
+        if self._thumbnail_due is None and self._thumbnail is not None:
+            self._thumbnail.release()
+            self._thumbnail = None
+
+    def follow(self) -> bool:
+        """Show the sky's picture once it is made; whether it is a new one."""
+        if self._thumbnail_due is None or not self.thumbnail_is_ready:
+            return False
+        if self._thumbnail is not None:
+            self._thumbnail.release()
+        self._thumbnail = small_texture(self._context, self._thumbnail_due.result())
+        self._thumbnail_due = None
+        return True
+
+    def close(self) -> None:
+        """Free GL objects and let the thread end."""
+        self._threads.shutdown(wait=False, cancel_futures=True)
+        if self._thumbnail is not None:
+            self._thumbnail.release()
+
+    @property
+    def is_there(self) -> bool:
+        """Whether a scene has come."""
+        return self._description is not None
+
+    @property
+    def environment(self) -> moderngl.Texture | None:
+        """The environment's thumbnail, row 0 at the top."""
+        return self._thumbnail
+
+    @property
+    def thumbnail_is_ready(self) -> bool:
+        """Whether a new one only has to be shown."""
+        return self._thumbnail_due is not None and self._thumbnail_due.done()
+
+    @property
+    def heading(self) -> float:
+        """Where the camera looks, degrees clockwise from -Z seen from above."""
+        if self._description is None:
+            return 0.0
+        camera = self._description.camera
+        x, _, z = (t - p for t, p in zip(camera.target, camera.position, strict=True))
+        return math.degrees(math.atan2(x, -z))
+
+    def object_at(self, column: int, row: int) -> str | None:
+        """The name of what a pixel of the picture sees."""
+        index = self._object_at(column, row)
+        return self._names[index] if 0 <= index < len(self._names) else None
+
+    def surface_at(self, column: int, row: int) -> SurfacePoint | None:
+        """The surface that a pixel of the picture sees; None for emitters and the background."""
+        arrays, description = self._arrays, self._description
+        place = self._sample_at(column, row)
+        if description is None or place is None or "normal" not in arrays:
+            return None
+        height, width = arrays["object_image"].shape
+        normal, tangent = (arrays[name][place].astype(np.float64) for name in ("normal", "tangent"))
+        normal /= np.linalg.norm(normal)
+        across = np.cross(normal, tangent)
+        across /= np.linalg.norm(across)
+        frame = np.stack([np.cross(across, normal), across, normal])
+        ray = arrays["ray_directions"][row, column].astype(np.float64)
+        return SurfacePoint(column, row, frame, ray, description.camera, (width, height))
+
+    def spot_at(self, column: int, row: int) -> Spot | None:
+        """The point that a pixel of the picture sees; None for emitters and the background."""
+        arrays, description = self._arrays, self._description
+        sample = self._sample_at(column, row)
+        if description is None or sample is None or "distance" not in arrays:
+            return None
+        return spot_of(arrays, description.camera, column, row, sample)
+
+    def _object_at(self, column: int, row: int) -> int:
+        """The number of what a pixel sees; -1 for nothing, also where there is no such pixel."""
+        if self._description is None:
+            return -1
+        height, width = self._arrays["object_image"].shape
+        inside = 0 <= column < width and 0 <= row < height
+        return int(self._arrays["object_image"][row, column]) if inside else -1
+
+    def _sample_at(self, column: int, row: int) -> int | None:
+        """The primary hit of a pixel."""
+        arrays, index = self._arrays, self._object_at(column, row)
+        if index < 0:
+            return None
+        width = arrays["object_image"].shape[1]
+        start, stop = arrays["object_ranges"][index]
+        place = int(start) + int(np.searchsorted(arrays["pixel"][start:stop], row * width + column))
+        return place if place < stop and arrays["pixel"][place] == row * width + column else None
+
+
+def _thumbnail(radiance: NDArray[np.floating]) -> NDArray[np.uint8]:
+    """The environment as a panel shows it, (h,w,3) sRGB."""
+    return tone_mapped_thumbnail(Environment(np.asarray(radiance, np.float32), "thumbnail"), THUMBNAIL_WIDTH)
