@@ -21,7 +21,7 @@ from engine.plan import band_counts
 from tests.app.fake_worker import SCENE, FakeClient, transport
 
 LIFT = Operator("translate", "y", 0.1, 0.2, 0.3, 0.4, magnitude=1.0)
-EXACT = RenderReport(128, 128, 0.0, 5.0, True)
+EXACT = RenderReport(128, 128, 0.0, True)
 SCENE_ID = 1  # the number of the first request, which opens it
 
 

@@ -42,7 +42,7 @@ def exact_picture(window: HeadlessWindow) -> np.ndarray:
     editor = window.shell.editor
     window.frames(2)
     assert window.run_until(lambda: editor.status.picture == "exact", 90.0), editor.status
-    return feed(window).renderer.linear_image()
+    return feed(window).source.renderer.linear_image()
 
 
 def expected_picture(window: HeadlessWindow) -> np.ndarray:
@@ -92,7 +92,7 @@ def test_a_new_material_is_first_seen_in_a_picture_of_its_own(window: HeadlessWi
     editor.do(SetMaterial("teapot", (editor.document.layer("teapot.0"), bright)))
     n_pictures = 0
     while not feed(window)._is_drawn(editor, "teapot.1"):
-        np.testing.assert_array_equal(feed(window).renderer.linear_image(), before)
+        np.testing.assert_array_equal(feed(window).source.renderer.linear_image(), before)
         window.frame()
         n_pictures += 1
     assert n_pictures > 5  # the light is asked for when the hand has rested
@@ -105,7 +105,7 @@ def test_hidden_layers_leave_the_picture(window: HeadlessWindow) -> None:
 
 
 def test_intensity_and_exposure_act_alike(window: HeadlessWindow) -> None:
-    editor, renderer = window.shell.editor, feed(window).renderer
+    editor, renderer = window.shell.editor, feed(window).source.renderer
     editor.do(SetIntensity(4.0))
     window.frames(3)
     brighter = renderer.display_image()
@@ -167,7 +167,7 @@ def test_rotating_turns_the_background_at_once(window: HeadlessWindow) -> None:
 
 
 def test_another_precision_comes_at_once_and_the_picture_stays(window: HeadlessWindow) -> None:
-    editor, renderer = window.shell.editor, feed(window).renderer
+    editor, renderer = window.shell.editor, feed(window).source.renderer
     before = exact_picture(window)
     assert renderer.transport_precision == "half"
     n_bytes = renderer.memory_bytes

@@ -77,7 +77,7 @@ def test_light_that_is_opened_and_turned_at_once(small: RealWindow, tmp_path: Pa
     assert small.ask("editor.document.light.rotation") != 0.0
     small.wait_until("editor.status.is_finished")
     small.wait_until("list(window._feed.environment.read()[:3])[1:] == [0, 0]")
-    behind = small.ask("window._feed.renderer.linear_image()[0, 0].tolist()")
+    behind = small.ask("window._feed.source.renderer.linear_image()[0, 0].tolist()")
     assert behind[0] > 0.4 and behind[1:] == [0.0, 0.0]
 
 

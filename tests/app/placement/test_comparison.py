@@ -14,7 +14,7 @@ from app.view_state import SetView
 from engine.curve.operators import Operator
 from tests.app.fake_worker import FakeClient
 
-EXACT = RenderReport(128, 128, 0.0, 5.0, True)
+EXACT = RenderReport(128, 128, 0.0, True)
 LIFT = AddOperator("floor.0", "theta_i", Operator("translate", "y", 0.1, 0.2, 0.3, 0.4, magnitude=1.0))
 
 
