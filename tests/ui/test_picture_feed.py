@@ -91,7 +91,7 @@ def test_a_new_material_is_first_seen_in_a_picture_of_its_own(window: HeadlessWi
     bright = new_layer("cook_torrance").with_parameter("scale", 4.0)
     editor.do(SetMaterial("teapot", (editor.document.layer("teapot.0"), bright)))
     n_pictures = 0
-    while not feed(window)._is_drawn(editor, "teapot.1"):
+    while not feed(window).source._is_drawn(editor, "teapot.1"):
         np.testing.assert_array_equal(feed(window).source.renderer.linear_image(), before)
         window.frame()
         n_pictures += 1
