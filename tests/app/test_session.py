@@ -260,9 +260,10 @@ KILL_LOOP = textwrap.dedent("""
         begun, begins = os.pipe()
         child = os.fork()
         if child == 0:
-            os.write(begins, b"now")
             number = 100 * i_kill
             while True:
+                if number % 100 == i_kill % 2:  # before its first file, or when that is in its place
+                    os.write(begins, b"now")
                 number += 1
                 save_session(path, SetIntensity(float(number)).apply(document), ViewState())
         os.read(begun, 3)

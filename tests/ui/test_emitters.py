@@ -107,7 +107,8 @@ def test_a_scene_whose_only_light_is_off_is_dark(context: moderngl.Context, tmp_
 def test_a_press_cuts_lamps_more_finely(context: moderngl.Context, tmp_path: Path) -> None:
     for window, client in opened(context, tmp_path, SCENE):
         asked = client.work
-        window.click_handle("accuracy.patches.2")
+        window.click_handle("accuracy.patches")
+        window.click_handle("accuracy.patches.3k patches")
         assert window.shell.editor.view.n_patches == 3000
         wait_until_exact(window)
         assert client.work == asked + 1

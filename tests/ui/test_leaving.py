@@ -216,4 +216,4 @@ def _abandon(journal: Journal) -> None:
     """What a sudden end leaves: the journal on disk, its lock dropped by the kernel."""
     journal._entries.put(None)
     journal._thread.join(10.0)
-    journal._lock.close()
+    journal._lock.release()

@@ -41,6 +41,8 @@ def press_stop(window: HeadlessWindow, client: Client) -> None:
     finally:
         os.kill(client.pid, signal.SIGCONT)
     window.frames(3)
+    if not window.shell.editor.status.stopped:  # a plan that was on its way has asked anew
+        press_stop(window, client)
 
 
 def rests_for(window: HeadlessWindow, seconds: float) -> None:

@@ -30,6 +30,8 @@ SECOND_HINT = (
     "Bands of each curve at the second bounce. 1: by albedo, as if surfaces were matt there; more let glossy ones "
     "throw light where they do."
 )
+LIGHTS_HINT = "Triangle lights that stand for the environment in the finished picture: more are truer and take longer."
+PATCHES_HINT = "Parts that lamps are cut into in the finished picture: more give truer shadows and take longer."
 GAP = 4.0
 VALUE_COLUMN = 112.0
 
@@ -51,14 +53,14 @@ def draw(context: PanelContext) -> list[Action]:
 def _quality(context: PanelContext, status: PlacementStatus) -> list[Action]:
     actions: list[Action] = []
     widgets.label(context, "Lights")
-    hint = "Triangle lights that stand for the environment in the finished picture: more are truer and take longer."
-    chosen = LIGHT_CHOICES.index(context.view.n_lights) if context.view.n_lights in LIGHT_CHOICES else -1
-    choices = [(_short(n), hint) for n in LIGHT_CHOICES]
-    pressed = widgets.segments(context, "accuracy.lights", choices, chosen, least=_share(context, len(choices)))
-    if pressed is not None:
-        actions.append(SetView.of(n_lights=LIGHT_CHOICES[pressed]))
     if any(state.emits for state in context.document.objects):
-        actions += _patches(context)
+        actions += _lights_and_patches(context)
+    else:
+        chosen = LIGHT_CHOICES.index(context.view.n_lights) if context.view.n_lights in LIGHT_CHOICES else -1
+        choices = [(_short(n), LIGHTS_HINT) for n in LIGHT_CHOICES]
+        pressed = widgets.segments(context, "accuracy.lights", choices, chosen, least=_share(context, len(choices)))
+        if pressed is not None:
+            actions.append(SetView.of(n_lights=LIGHT_CHOICES[pressed]))
     widgets.label(context, "Bounces")
     hint = "Reflections between light and eye. 1 is direct light; more bring colour bleeding and light from neighbours."
     chosen = BOUNCE_CHOICES.index(context.view.n_bounces) if context.view.n_bounces in BOUNCE_CHOICES else -1
@@ -83,13 +85,20 @@ def _quality(context: PanelContext, status: PlacementStatus) -> list[Action]:
     return actions
 
 
-def _patches(context: PanelContext) -> list[Action]:
-    widgets.label(context, "Patches")
-    hint = "Parts that lamps are cut into in the finished picture: more give truer shadows and take longer."
-    chosen = PATCH_CHOICES.index(context.view.n_patches) if context.view.n_patches in PATCH_CHOICES else -1
-    choices = [(_short(n), hint) for n in PATCH_CHOICES]
-    pressed = widgets.segments(context, "accuracy.patches", choices, chosen, least=_share(context, len(choices)))
-    return [] if pressed is None else [SetView.of(n_patches=PATCH_CHOICES[pressed])]
+def _lights_and_patches(context: PanelContext) -> list[Action]:
+    """Where lamps shine too: both numbers on one line."""
+    gap = context.px(GAP)
+    room = imgui.get_content_region_avail().x - gap
+    lights = {_short(n): n for n in LIGHT_CHOICES}
+    actions: list[Action] = [
+        SetView.of(n_lights=pick)
+        for pick in _combo(context, "accuracy.lights", lights, context.view.n_lights, 0.4 * room, LIGHTS_HINT)
+        if pick is not None
+    ]
+    imgui.same_line(0.0, gap)
+    patches = {f"{_short(n)} patches": n for n in PATCH_CHOICES}
+    chosen = _combo(context, "accuracy.patches", patches, context.view.n_patches, 0.6 * room, PATCHES_HINT)
+    return actions + [SetView.of(n_patches=pick) for pick in chosen if pick is not None]
 
 
 def _series(context: PanelContext) -> list[Action]:
@@ -102,12 +111,12 @@ def _series(context: PanelContext) -> list[Action]:
     room = imgui.get_content_region_avail().x - (imgui.calc_text_size(later).x if later else 0.0)
     both = context.view.n_bounces > 1
     first = context.document.first_bands
-    chosen = _bands_combo(context, "accuracy.first", FIRST_BANDS, first, (room - gap) / 2 if both else room, FIRST_HINT)
+    chosen = _combo(context, "accuracy.first", FIRST_BANDS, first, (room - gap) / 2 if both else room, FIRST_HINT)
     actions += [SetFirstBands(pick) for pick in chosen]
     if both:
         imgui.same_line(0.0, gap)
         second = context.view.second_bands
-        chosen = _bands_combo(context, "accuracy.second", SECOND_BANDS, second, (room - gap) / 2, SECOND_HINT)
+        chosen = _combo(context, "accuracy.second", SECOND_BANDS, second, (room - gap) / 2, SECOND_HINT)
         actions += [SetView.of(second_bands=pick) for pick in chosen]
     if n_later > 0:
         imgui.same_line(0.0, 0.0)
@@ -118,10 +127,10 @@ def _series(context: PanelContext) -> list[Action]:
     return actions
 
 
-def _bands_combo(
+def _combo(
     context: PanelContext, name: str, choices: Mapping[str, int | None], chosen: int | None, width: float, hint: str
 ) -> list[int | None]:
-    """A list of numbers of bands; what was picked of it, if anything."""
+    """A list of numbers; what was picked of it, if anything."""
     picked = []
     shown = next((text for text, bands in choices.items() if bands == chosen), str(chosen))
     imgui.set_next_item_width(width)
