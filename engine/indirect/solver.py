@@ -67,7 +67,7 @@ class Fineness:
 
 ROUGH = Fineness("rough", 128, 32, 1 << 15, 4000, 64, 64, False)
 FINE = Fineness("fine", 512, 96, 1 << 19, 24000, 128, 256, True)
-STILL = Fineness("still", 1024, 1024, 1 << 20, 36000, 64, 128, True, True)
+STILL = Fineness("still", 1024, 1024, 1 << 20, 24000, 64, 128, True, True)
 # What a first look at the scene takes.
 _PILOT_POINTS, _PILOT_RAYS = 1024, 64
 _GROWTH = 1.26
@@ -146,7 +146,7 @@ class Solver:
             try:
                 pilot = gather(hits, cells, rows, self._poles, _fan_size(_PILOT_RAYS, HALF), focused=False)
                 n_hits = sum(int((part.seen != NO_CELL).sum()) for part in pilot)
-                too_fine = len(cells) > min(self._fineness.n_cells / 3, max(n_hits / 2, 1.0))
+                too_fine = len(cells) > min(self._fineness.n_cells / 2, max(n_hits / 2, 1.0))
             except TooManyCells:
                 too_fine = True
             low, high = (size, high) if too_fine else (low, size)
@@ -193,8 +193,8 @@ class Solver:
     def _refined(
         self, cells: Cells, gathered: Gathered, layers: Sequence[IndirectLayer], photons: PhotonMap, parts: Parts
     ) -> Generator[Progress, None, tuple[GatherPoints, Footprint]]:
-        """As many points as the picture of these layers needs, by half of the rays between cells."""
-        n_rays, n_samples = self._fineness.n_cell_rays // 2, self._fineness.n_samples // 2
+        """As many points as the picture of these layers needs, by a quarter of the light between cells."""
+        n_rays, n_samples = self._fineness.n_cell_rays // 4, self._fineness.n_samples // 4
         lattice = Lattice(self._placement.hits, self._poles != NORMAL, self._fineness.close)
         values, noise = np.zeros((2, len(self._placement.hits.pixel), 3), np.float32)
         clearance = np.zeros(len(self._placement.hits.pixel), np.float32)
