@@ -67,7 +67,7 @@ class Fineness:
 
 ROUGH = Fineness("rough", 128, 32, 1 << 15, 4000, 64, 64, False)
 FINE = Fineness("fine", 512, 96, 1 << 19, 24000, 128, 256, True)
-STILL = Fineness("still", 1024, 1024, 1 << 20, 24000, 64, 128, True, True)
+STILL = Fineness("still", 1024, 1024, 1 << 20, 16000, 64, 128, True, True)
 # What a first look at the scene takes.
 _PILOT_POINTS, _PILOT_RAYS = 1024, 64
 _GROWTH = 1.26
