@@ -1,6 +1,7 @@
 # Everything runs from .venv in this folder; `make run` and `make test` build it when it is missing or out of date.
 PYTHON := .venv/bin/python
 JOBS ?= 2
+PLATFORMS := linux win32 darwin
 STAMP := .venv/.insitu-setup
 
 .PHONY: setup run test sweep lint measure clean
@@ -24,9 +25,10 @@ sweep: setup
 lint: setup
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
-	.venv/bin/mypy
-	.venv/bin/mypy --platform win32 --cache-dir .mypy_cache/win32
-	.venv/bin/mypy --platform darwin --cache-dir .mypy_cache/darwin
+	$(MAKE) --no-print-directory -j $(JOBS) $(PLATFORMS:%=types-on-%)
+
+types-on-%:
+	.venv/bin/mypy --platform $* --cache-dir .mypy_cache/$*
 
 measure: setup
 	$(PYTHON) -m app measure -o out/measure $(ARGS)

@@ -67,7 +67,7 @@ def test_a_clean_end_removes_the_journal(document: Document, tmp_path: Path) -> 
 def test_damaged_journals_are_not_offered(document: Document, tmp_path: Path) -> None:
     save_session(tmp_path / "good.insitu", document, ViewState())
     text = (tmp_path / "good.insitu").read_text()
-    (tmp_path / "bad.insitu").write_text(text[: len(text) // 2])
+    (tmp_path / "bad.insitu").write_text(text[: text.rindex('"')])
     assert [recovery.path.name for recovery in recoverable_sessions(tmp_path)] == ["good.insitu"]
 
 
@@ -235,12 +235,12 @@ def notice_of(journal: Journal) -> str:
 def test_a_damaged_journal_is_kept_aside_and_told_once(client: FakeClient, document: Document, tmp_path: Path) -> None:
     save_session(tmp_path / "good.insitu", document, ViewState())
     text = (tmp_path / "good.insitu").read_text()
-    for name, content in (("a", text[: len(text) // 2]), ("b", "\0" * 500), ("newer", "version = 99")):
+    for name, content in (("a", text[: text.rindex('"')]), ("b", "\0" * 500), ("newer", "version = 99")):
         (tmp_path / f"{name}.insitu").write_text(content)
     journal = Journal(tmp_path)
     line = notice_of(journal)
     assert "edits that were not saved cannot be read" in line and f"{tmp_path / 'a.damaged'}, and 1 more" in line
-    assert (tmp_path / "a.damaged").read_text() == text[: len(text) // 2] and (tmp_path / "b.damaged").exists()
+    assert (tmp_path / "a.damaged").read_text() == text[: text.rindex('"')] and (tmp_path / "b.damaged").exists()
     # A newer version can read its own, and will.
     assert (tmp_path / "newer.insitu").exists()
     assert [recovery.path.name for recovery in recoverable_sessions(tmp_path)] == ["good.insitu"]
