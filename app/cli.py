@@ -198,7 +198,10 @@ def precompute(
     project = open_project(scene, resolution, _assignments(set_))
     with _progress() as report:
         done = fill(project, lambda progress: report(progress.fraction, f"{progress.stage}: {progress.text}"), lights)
-    print(f"{scene}: {done.transport_bytes / 2**20:.0f} MiB of transport, {time.monotonic() - started:.1f} s")
+    megabytes, seconds = done.n_bytes / 2**20, time.monotonic() - started
+    print(f"{scene}: {megabytes:.0f} MiB of transport, {seconds:.1f} s, {done.error.text}")
+    if done.error.is_poor:
+        print(f"note: {done.error.advice}")
     return 0
 
 

@@ -8,19 +8,23 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TypeVar
 
+from app.document import reflecting_layers
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.messages import Failed, OpenScene, Progress, Response, SceneOpened
 from app.jobs.tasks import Tasks
 from app.placement.curves import Curves
-from app.placement.messages import StageDone
+from app.placement.messages import ErrorEstimated, EstimateError, StageDone
 from app.placement.transport_talk import TransportTalk
 from app.project import Project
 from app.view_state import AS_PLANNED
 from engine.errors import InsituError
 from engine.plan import N_LIGHTS, N_PATCHES
+from engine.render.error_estimate import WHAT
+from engine.render.picture_error import ErrorEstimate
 
 STEP_SECONDS = 0.1
 
@@ -28,8 +32,16 @@ Report = Callable[[Progress], None]
 Answer = TypeVar("Answer", bound=Response)
 
 
-def precompute(project: Project, report: Report, n_lights: int | None = None, store: Store | None = None) -> StageDone:
-    """Compute all transport of a project into the cache, and its indirect light; the last stage, with their bytes.
+@dataclass(frozen=True)
+class Filled:
+    """What is in the cache: bytes of transport and indirect light, and how far off the picture is that they make."""
+
+    n_bytes: int
+    error: ErrorEstimate
+
+
+def precompute(project: Project, report: Report, n_lights: int | None = None, store: Store | None = None) -> Filled:
+    """Compute all transport of a project into the cache, and its indirect light.
 
     n_lights: None for as many as the editor would take; store: None for the editor's. Raises InsituError when it cannot
     be computed, or not be kept.
@@ -55,7 +67,9 @@ def precompute(project: Project, report: Report, n_lights: int | None = None, st
     while not (stage := _until(client, StageDone, report)).exact:
         pass
     store.require_kept()
-    return stage
+    report(Progress(WHAT, 0.0))
+    client.send(EstimateError(reflecting_layers(project.document), revision=talk.revision))
+    return Filled(stage.transport_bytes, _until(client, ErrorEstimated, report).estimate)
 
 
 def _until(client: InProcessClient, kind: type[Answer], report: Report) -> Answer:

@@ -10,6 +10,7 @@ from typing import Literal
 from app.jobs.messages import Progress
 from app.memory import resident_megabytes
 from engine.errors import plain_line
+from engine.render.picture_error import ErrorEstimate
 
 PictureState = Literal["waiting", "preview", "refining", "finished", "exact"]
 MEMORY_SECONDS = 1.0
@@ -21,7 +22,8 @@ class Status:
 
     ``picture``: "waiting" (nothing shaded yet), "preview" (coarse, few lights, or not yet the present light or
     roughness), "refining" (in final quality; some of it still to come), "finished" (nothing more comes, but chance is
-    left in it), "exact" (nothing is left).
+    left in it), "exact" (all sums are complete). ``estimate`` is how far off the picture is though nothing more
+    comes, once it is finished and that has been found out; only it can tell that nothing is left.
     ``stage``, ``fraction`` (0 to 1), ``seconds_left`` and ``text`` tell how far the worker is; ``stage`` is empty when
     it has nothing to do. ``image_error`` is what is left to the exact picture, relative RMS, None while unknown.
     ``light_note``, ``material_note`` and ``emitter_note`` say what is shown for light, roughness, and what emitters
@@ -38,6 +40,7 @@ class Status:
     text: str = ""
     picture: PictureState = "waiting"
     image_error: float | None = None
+    estimate: ErrorEstimate | None = None
     frame_ms: float = 0.0
     memory_mb: float = 0.0
     precomputed_mb: float = 0.0

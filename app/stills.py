@@ -18,10 +18,11 @@ from engine.indirect.series import BounceSeries
 from engine.material.layer import Layer
 from engine.plan import N_LIGHTS, N_PATCHES, Plan, plan_scene
 from engine.render.bounces import planned_bounces
-from engine.render.error_estimate import ErrorEstimate, estimate_error
+from engine.render.error_estimate import estimate_error
 from engine.render.image_files import exr_bytes, png_bytes
 from engine.render.indirect import indirect_radiance
 from engine.render.path_tracer import N_SAMPLES, render_paths
+from engine.render.picture_error import ErrorEstimate
 from engine.render.still import (
     REFERENCE_LEVEL,
     StillLayer,

@@ -94,6 +94,11 @@ class IndirectTasks:
         kept = 0 if self._kept is None else self._kept.n_bytes
         return kept + (0 if self._found is None else self._found.light.n_bytes)
 
+    @property
+    def light(self) -> IndirectLight | None:
+        """The light that was found for the transport asked for last; None while there is none."""
+        return self._found.light if self._found is not None and self._is_as_asked(self._found) else None
+
     def asked_anew(self, lit_by: str, n_bounces: int) -> None:
         """Another transport was asked for, under the light of that key: its freezing comes after it. No bounces: as
         many as will be planned."""

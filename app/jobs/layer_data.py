@@ -53,6 +53,11 @@ class LayerData:
     def is_fixed(self) -> bool:
         return isinstance(self.store, FixedPicture)
 
+    @property
+    def radiance(self) -> np.ndarray:
+        """What it reflects (p, 3) under its coefficients, without f_q and f_o."""
+        return np.asarray(self.store.radiance(*both_curves(self.work)) * np.float32(self.unit))
+
     def is_picture_of(self, work: LayerWork, lit_by: LitBy) -> bool:
         """Whether the picture of this work in this light can be had from it, in the stage it has."""
         mine = (self.work.model, self.work.quotient_parameters, self.lit_by)
@@ -91,8 +96,7 @@ class LayerData:
         """
         work, store, curves = self.work, self.store, both_curves(self.work)
         if factor is None or isinstance(store, FixedPicture):
-            radiance = store.radiance(*curves) * np.float32(self.unit)
-            yield LayerPicture(work.key, self.stage, radiance, work.coefficients)
+            yield LayerPicture(work.key, self.stage, self.radiance, work.coefficients)
             return
         planes = curve_planes(store, work.factors.index(factor), curves, self.unit, precision)
         if picture:
@@ -117,6 +121,13 @@ def kept_of_tile(work: LayerWork, tile: BandTile) -> Part:
     if work.fixed:
         return {"picture": picture_of_tile(tile, shape_of(work).bands, both_curves(work))}
     return tile.arrays()
+
+
+def picture_of_part(work: LayerWork, part: Part) -> np.ndarray:
+    """A tile's picture (p, 3) under the layer's coefficients, of what is kept of it."""
+    return (
+        part["picture"] if work.fixed else picture_of_tile(BandTile(0, **part), shape_of(work).bands, both_curves(work))
+    )
 
 
 def joined(work: LayerWork, parts: Mapping[int, Arrays]) -> BandStore | FixedPicture:

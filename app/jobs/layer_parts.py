@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from app.jobs.layer_data import Part, joined, kept_of_tile, part_of_file, shape_of
+from app.jobs.layer_data import Part, joined, kept_of_tile, part_of_file, picture_of_part, shape_of
 from app.jobs.tiles import Tiles
 from app.placement.messages import LayerWork
 from engine.stored_arrays import Writable
@@ -26,6 +26,7 @@ class LayerParts:
         """held: whether all parts stay in memory; what the file does not take does in any case."""
         self._work, self._n_points, self._file, self._holds = work, n_points, file, held
         self._held: dict[int, Part] = {}
+        self._pictures: dict[int, np.ndarray] = {}
         self._n_values: dict[int, int] = {}
         for i in sorted(file.complete_tiles):
             part = self._from_file(i)
@@ -53,10 +54,16 @@ class LayerParts:
         """All of the layer, to ask it for pictures; of parts that are not held it is read."""
         return joined(self._work, {i * TILE: self._part(i) for i in self._n_values})
 
+    def picture(self) -> FixedPicture:
+        """The layer's picture under its curves as they are; kept only of a layer whose parts are not."""
+        return join_pictures(self._pictures)
+
     def _note(self, i: int, part: Part, in_file: bool) -> None:
         self._n_values[i] = 0 if self._work.fixed else len(part["values"])
         if self._holds or not in_file:
             self._held[i] = part
+        if not self._holds:
+            self._pictures[i] = picture_of_part(self._work, part)
 
     def _part(self, i: int) -> Part:
         part = self._held.get(i) or self._from_file(i)

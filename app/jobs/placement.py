@@ -23,7 +23,7 @@ from app.jobs.bands import plan_bands
 from app.jobs.bench import CACHE_VERSION, Bench
 from app.jobs.cache import content_key
 from app.jobs.kernels import COMPILING, FIRST_TIME, INDIRECT, are_compiled, note_compiled
-from app.jobs.layer_data import STAGES, LayerData, LitBy, joined, kept_of_tile, shape_of, store_of
+from app.jobs.layer_data import STAGES, LayerData, LitBy, both_curves, joined, kept_of_tile, shape_of, store_of
 from app.jobs.layer_parts import LayerParts
 from app.jobs.measured import ensure_tables
 from app.jobs.messages import Progress, Response
@@ -32,6 +32,7 @@ from app.mode import ModeWork
 from app.placement.messages import (
     ComputeTransport,
     Contract,
+    EstimateError,
     Freeze,
     LayerWork,
     PlanBands,
@@ -81,6 +82,7 @@ class PlacementWork(ModeWork):
             ComputeTransport: self._compute,
             Contract: self._contract,
             Freeze: self._freeze,
+            EstimateError: self._estimate_error,
         }
 
     def scene_opened(self) -> None:
@@ -115,6 +117,14 @@ class PlacementWork(ModeWork):
 
             self._maps = MapTasks(self._bench.open_placement)
         yield from self._maps.answers(request)
+
+    # ---------------------------------------------------------------------------------------------- at the very last
+
+    def _estimate_error(self, request: EstimateError) -> Steps:
+        from app.jobs.judging import judged
+
+        found = None if self._indirect is None else self._indirect.light
+        yield from judged(request, self._bench, self._current, found)
 
     # ------------------------------------------------------------------------------------------------------ transport
 
@@ -215,10 +225,11 @@ class PlacementWork(ModeWork):
             rows = placement.rows_of(_object_index(placement, work), quality.stride)
             store = yield from self._project(placement, rows, work, light, key, clock, done, total)
             done += len(rows)
-            if isinstance(store, int):
-                self._filled[work.key] = store
+            data = LayerData(work, lit_by, quality.name, store, light.lighting.unit)
+            if self._bench.fills:
+                self._current[work.key] = data
                 continue
-            data = self._hold(LayerData(work, lit_by, quality.name, store, light.lighting.unit))
+            data = self._hold(data)
             yield from self._answers(data, self._selected_factor(work.key), self._precision)
 
     def _final_light(
@@ -250,8 +261,8 @@ class PlacementWork(ModeWork):
     def _project(
         self, placement: Placement, rows: np.ndarray, work: LayerWork, light: VisibleLight, light_key: str,
         clock: _Clock, done: int, total: int,
-    ) -> Generator[Response | None, None, BandStore | FixedPicture | int]:  # fmt: skip
-        """The layer's transport; or its bytes, where nobody asks for it but the cache."""
+    ) -> Generator[Response | None, None, BandStore | FixedPicture]:  # fmt: skip
+        """The layer's transport; or its picture, where nobody asks for it but the cache."""
         shape = shape_of(work)
         parts: dict[int, dict[str, np.ndarray]] = {}
         if not light_key or not len(rows):
@@ -261,9 +272,12 @@ class PlacementWork(ModeWork):
             return joined(work, parts)
         baked = work.coefficients if work.fixed else ()
         key = content_key("transport", light_key, work.key, work.model, work.quotient_parameters, work.bands, *baked)
-        kept = self._cache.get(key, n_bytes_of if self._bench.fills else partial(store_of, work, len(rows)))
+        kept = self._cache.get(key, partial(store_of, work, len(rows)))
         if kept is not None:
-            return kept
+            if not self._bench.fills:
+                return kept
+            self._filled[work.key] = kept.n_bytes
+            return FixedPicture(kept.radiance(*both_curves(work)))
         with self._cache.open_tiles(key, -(-len(rows) // TILE)) as file:
             tiles = LayerParts(work, len(rows), file, held=not self._bench.fills)
             for tile in project_layer(placement.hits, rows, light, shape, tiles.complete):
@@ -272,7 +286,10 @@ class PlacementWork(ModeWork):
             arrays = tiles.arrays()
             if self._cache.put(key, arrays):
                 file.finish()
-            return n_bytes_of(arrays) if self._bench.fills else tiles.store()
+            if not self._bench.fills:
+                return tiles.store()
+            self._filled[work.key] = n_bytes_of(arrays)
+            return tiles.picture()
 
     def _selected_factor(self, key: str) -> str | None:
         """The curve that was selected last of a layer."""

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from engine.material.layer import Layer
     from engine.material.maps import Images, MapMeans
     from engine.plan import Precision
+    from engine.render.picture_error import ErrorEstimate
 
 
 # ------------------------------------------------------------------------------------------------------- requests
@@ -133,6 +134,18 @@ class Freeze(Request):
     factor: int | None = None
     by_albedo: bool = False
     serial: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class EstimateError(Request):
+    """Say how far off the picture is as these visible layers, by key, make it under the transport asked last, with so
+    many bands at the second bounce (None: all of them); answered by `ErrorEstimated`, once that picture is there."""
+
+    built_on = (ComputeTransport,)
+    once = True
+
+    layers: tuple[tuple[str, Layer], ...]
+    second_bands: int | None = None
 
 
 @dataclass(frozen=True)
@@ -271,6 +284,13 @@ class MapsRefused(Response):
     key: str
     images: Images
     line: str
+
+
+@dataclass(frozen=True)
+class ErrorEstimated(Response):
+    """How far off the picture is."""
+
+    estimate: ErrorEstimate
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from app.placement.transport_talk import TransportTalk
 from app.status import Status
 from engine.plan import Precision
+from engine.render.picture_error import NONE
 
-# Noise of the whole picture below which it counts as none: a step of eight bits is four times as large.
-NO_NOISE = 1e-3
+# Noise of the whole picture below which it counts as none.
+NO_NOISE = NONE
 FLOATS: dict[Precision, str] = {"half": "half floats", "float": "full floats"}
 
 
@@ -18,7 +19,8 @@ class PlacementStatus(Status):
     """The status of Placement's picture.
 
     ``shown_coefficients`` of ``wanted_coefficients`` of the selected curve are in the picture; ``curve_error`` is what
-    the rest would change, relative RMS, None while unknown. ``image_error`` is that and the noise of indirect light.
+    the rest would change, relative RMS, None while unknown. ``image_error`` is that and the noise of indirect light, or
+    the whole of its error once that is estimated.
     ``bands`` are those of each layer's transport by key, as asked of the worker; none of a layer that is fixed.
     ``indirect_noise`` is what chance is left in the indirect light, RMS relative to its own mean; None while unknown.
     ``bounces_note`` says what of the light so many bounces leave out, empty where that is little; ``transport_note``

@@ -24,6 +24,7 @@ from app.placement.band_plans import BandTalk
 from app.placement.comparison import Comparison
 from app.placement.curves import Array, Curves, drawn_as
 from app.placement.edited_curves import edited_layers
+from app.placement.error_talk import ErrorTalk
 from app.placement.events import Footprint, LayerRadiance, TransportReady
 from app.placement.indirect_talk import IndirectTalk
 from app.placement.known_light import KnownLight
@@ -32,6 +33,7 @@ from app.placement.messages import (
     BandsPlanned,
     BouncesPlanned,
     ComputeTransport,
+    ErrorEstimated,
     Frozen,
     IndirectFound,
     IndirectNoise,
@@ -71,6 +73,7 @@ class PlacementTalk(ModeTalk):
         self.indirect = IndirectTalk(desk.send, self.curves)
         self.maps = MapTalk(desk.send, self.curves)
         self._comparison = Comparison(desk.send, self.curves, self.maps.samples)
+        self._error = ErrorTalk(desk.send)
         self._told_beyond = False
         self._forget()
 
@@ -88,6 +91,7 @@ class PlacementTalk(ModeTalk):
 
     def scene_closed(self) -> None:
         self._transport.scene_closed()
+        self._error.lost()
 
     def scene_stays(self) -> None:
         self._transport.scene_opened(is_new=False)
@@ -98,6 +102,7 @@ class PlacementTalk(ModeTalk):
         self._transport.scene_opened(has_sky=scene.description.environment is not None)
         self.indirect.scene_opened()
         self.maps.scene_opened()
+        self._error.forget()
         self._known_light.worked(scene.described.light)
         self.curves.opened()
         self.learn(scene.response.planned)
@@ -123,9 +128,11 @@ class PlacementTalk(ModeTalk):
     def reload_images(self, key: str) -> None:
         self.maps.reload(key, self._document.layer(key).maps)
         self._picture_changed()
+        self._error.forget()
 
     def cancelled(self) -> None:
         self._transport.cancelled()
+        self._error.stopped()
 
     def resume(self) -> None:
         self._transport.resume()
@@ -149,6 +156,8 @@ class PlacementTalk(ModeTalk):
         compare = partial(self._compare, now, document, view)
         none: list[PictureEvent] = []
         asked = self._ask(now, document, view)
+        rests = self._picture in ("finished", "exact") and not self._desk.history.dragging
+        self._error.update(now, document, view, self._transport.revision, rests)
         return asked + self._desk.barrier.run("Side A", compare, none, (document, view))
 
     def _ask(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
@@ -223,11 +232,14 @@ class PlacementTalk(ModeTalk):
         talk, report, view = self._transport, self._report, self._desk.view
         noise, picture = self._noise, self._picture
         known = picture not in ("waiting", "preview")
+        error = math.hypot(report.image_error or 0.0, noise) if known and self._rest_is_complete else None
+        estimate = self._error.estimate_of(self._document) if picture in ("finished", "exact") else None
         missing = transport_note(talk, report.precision, view.precision)
         n_bounces, bounces_note = self._bounces
         said = {
             "picture": picture,
-            "image_error": math.hypot(report.image_error or 0.0, noise) if known and self._rest_is_complete else None,
+            "image_error": error if estimate is None else estimate.total,
+            "estimate": estimate,
             "precomputed_mb": self._transport_bytes / 1e6,
             "gpu_mb": report.gpu_mb,
             "light_note": light_note(talk) if self._has_picture else "",
@@ -282,6 +294,7 @@ class PlacementTalk(ModeTalk):
                 self._desk.say_once(response.note)
                 self.indirect.means_changed()
                 self._picture_changed()
+                self._error.forget()
             case MapsRefused() if is_open:
                 if self.maps.refuse(response, self._desk.history):
                     self._desk.document_changed()
@@ -300,6 +313,8 @@ class PlacementTalk(ModeTalk):
         match response:
             case BouncesPlanned() if self._desk.view.n_bounces in (AS_PLANNED, response.n_bounces):
                 self._take_bounces(response)  # else a person has chosen meanwhile
+            case ErrorEstimated():
+                self._error.took(response)
             case Frozen():
                 self.indirect.took_frozen(response)
             case LayerPicture() if self._comparison.took(response):
@@ -336,6 +351,7 @@ class PlacementTalk(ModeTalk):
         self._bands.took_failure(response)
         self._transport.took_failure(response)
         self._comparison.took_failure(response.id)
+        self._error.took_failure(response.id)
         self.maps.took_failure(response.id)
         refused = self._transport.asked_light if self._transport.is_transport(response.id) else None
         if refused is not None and self._known_light.go_back(self._desk.history, refused):

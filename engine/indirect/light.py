@@ -190,11 +190,5 @@ class IndirectLight:
 
     def picture(self, layers: Sequence[IndirectLayer], half: int | None = None) -> NDArray[np.float32]:
         """Indirect radiance (P, 3) of all points of the picture."""
-        return self.reflecting(layers, self.sent(layers), half)
-
-    def reflecting(
-        self, layers: Sequence[IndirectLayer], light: SentLight, half: int | None = None
-    ) -> NDArray[np.float32]:
-        """What some layers reflect of light that all of them sent, (P, 3)."""
-        found, (rows, weights) = self.points.reflected(layers, light, half), self.footprint
+        found, (rows, weights) = self.points.reflected(layers, self.sent(layers), half), self.footprint
         return in_full(np.einsum("pk,pkc->pc", weights, found[rows]), self.unit)

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,7 @@ from engine.light.lights import TriangleLights, cut_lights
 from engine.material.layer import Layer
 from engine.plan import MOST_BANDS_OVERRULED
 from engine.render.path_tracer import trace_halves
+from engine.render.picture_error import ErrorEstimate
 from engine.render.still import StillLayer, StillProgress, layer_radiance, shape_of
 from engine.scene.hits import PrimaryHits
 from engine.transport.lighting import prepare_lighting
@@ -43,53 +44,12 @@ N_LOOKS = 6
 PATHS_A_PIXEL, FEWEST_PATHS, MOST_PATHS = 64, 1 << 15, 1 << 18
 # What is brighter than all but a thousandth of the picture counts as that bright, as where pictures are compared.
 CLAMP_PERCENTILE = 99.9
-# An error that can be seen in places, and is worth a word.
-POOR = 0.05
 _SEED = 12
 _ROWS_AT_ONCE = 32
 WHAT = "estimating the error"
 
 Floats = NDArray[np.float64]
 Steps = Generator[StillProgress, None, Floats]
-
-
-@dataclass(frozen=True)
-class ErrorEstimate:
-    """Relative RMS errors of a picture: root of the mean square over its mean, linear, over what reflects.
-
-    direct: of light that was reflected once; indirect: of light that was reflected before, None where the picture is to
-    have none. Either is an estimate, within about a factor of two.
-    """
-
-    direct: float
-    indirect: float | None = None
-
-    @property
-    def total(self) -> float:
-        """Of all the light."""
-        return math.hypot(self.direct, self.indirect or 0.0)
-
-    @property
-    def is_poor(self) -> bool:
-        """Whether a person should hear of it."""
-        return self.total > POOR
-
-    @property
-    def text(self) -> str:
-        """In words, such as "error about 1.8 % (direct 0.6 %, indirect 1.7 %)"."""
-        about = f"error about {_percent(self.total)}"
-        if self.indirect is None:
-            return about
-        return f"{about} (direct {_percent(self.direct)}, indirect {_percent(self.indirect)})"
-
-    @property
-    def advice(self) -> str:
-        """What helps where it is poor, in one line; else ""."""
-        if not self.is_poor:
-            return ""
-        if self.indirect is not None and self.indirect > self.direct:
-            return "most of it is in light between surfaces: more pixels help, or more bands at the second bounce"
-        return "most of it is in direct light: more lights, patches or bands help"
 
 
 def estimate_error(
@@ -242,7 +202,3 @@ def _relative(squares: Floats, mean: float) -> float:
     it may be by chance is taken for an error in any case."""
     square = max(float(squares.sum()), 0.5 * float(np.linalg.norm(squares)))
     return math.sqrt(square) / mean if mean > 0.0 else 0.0
-
-
-def _percent(error: float) -> str:
-    return f"{100.0 * error:.1f} %"

@@ -6,11 +6,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.indirect.beyond import in_full
 from engine.indirect.layers import IndirectLayer, indirect_layer
 from engine.indirect.light import IndirectLight
+from engine.indirect.reflection import SentLight
 from engine.indirect.series import BounceSeries
 from engine.indirect.solver import STILL, Fineness, Solver
-from engine.render.still import StillLayer, StillProgress
+from engine.render.still import StillLayer, StillProgress, finish
 from engine.scene.hits import PrimaryHits
 from engine.transport.pipeline import Placement, SkyState
 
@@ -29,22 +31,40 @@ def indirect_radiance(
             fraction, text = next(steps)
             yield StillProgress(fraction, text)
         except StopIteration as end:
-            return _picture(end.value, layers, reflecting, placement.hits)
+            return finish(reflected_light(end.value, layers, series.second, placement.hits), lambda _: None)
 
 
-def _picture(
-    found: IndirectLight, layers: Sequence[StillLayer], reflecting: Sequence[IndirectLayer], hits: PrimaryHits
-) -> NDArray[np.float32]:
-    """Layers with images one by one: what they reflect varies slowly between gather points, the images do not."""
+def reflected_light(
+    found: IndirectLight, layers: Sequence[StillLayer], second: int | None, hits: PrimaryHits
+) -> Generator[None, None, NDArray[np.float32]]:
+    """The same of light that was found, object by object; second: the most bands of the second bounce, as a
+    `BounceSeries` has them.
+
+    Layers with images one by one: what they reflect varies slowly between gather points, the images do not."""
+    reflecting = _reflecting(layers, second)
+    found = found.by_albedo() if second == 1 else found
     light = found.sent(reflecting)
+    yield
     pairs = list(zip(layers, reflecting, strict=True))
-    total = found.reflecting([seen for each, seen in pairs if each.seen is None], light)
+    total = yield from _reflected(found, [seen for each, seen in pairs if each.seen is None], light)
     for each, seen in pairs:
         begin, end = hits.object_ranges[each.i_object]
         if (factor := each.factor(hits, np.arange(begin, end))) is not None:
-            alone = found.reflecting([replace(seen, gain=each.layer.scale())], light)
+            alone = yield from _reflected(found, [replace(seen, gain=each.layer.scale())], light)
             total[begin:end] += alone[begin:end] * factor
     return total
+
+
+def _reflected(
+    found: IndirectLight, layers: Sequence[IndirectLayer], light: SentLight
+) -> Generator[None, None, NDArray[np.float32]]:
+    """What some layers reflect of light that all of them sent, (P, 3)."""
+    at_points = np.zeros((len(found.points.gathered.rows), 3), np.float32)
+    for mine, radiance in found.points.reflected_by_object(layers, light):
+        at_points[mine] = radiance
+        yield
+    rows, weights = found.footprint
+    return in_full(np.einsum("pk,pkc->pc", weights, at_points[rows]), found.unit)
 
 
 def _reflecting(layers: Sequence[StillLayer], second: int | None = None) -> list[IndirectLayer]:

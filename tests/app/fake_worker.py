@@ -8,12 +8,22 @@ import numpy as np
 
 from app.document import document_from_description
 from app.jobs.bands import plan_bands
-from app.jobs.messages import OpenScene, Request, Response, SceneOpened, stamped
+from app.jobs.messages import Cancel, OpenScene, Request, Response, SceneOpened, stamped
 from app.measurements import document_with_read, unread_files
-from app.placement.messages import ComputeTransport, Contract, LayerPicture, LayerTransport, PlanBands, StageDone
+from app.placement.messages import (
+    ComputeTransport,
+    Contract,
+    ErrorEstimated,
+    EstimateError,
+    LayerPicture,
+    LayerTransport,
+    PlanBands,
+    StageDone,
+)
 from engine.material.layer import Layer
 from engine.measured.measurement import Measurement
 from engine.plan import Precision, band_counts
+from engine.render.picture_error import ErrorEstimate
 from engine.scene.description import parse_description
 
 METAL = {"model": "rough_conductor", "alpha": 0.15}
@@ -143,6 +153,11 @@ class ServingClient(FakeClient):
                 others = self._selected if sent.beside else {}
                 self._selected, self._precision = {**others, sent.key: sent.factor}, sent.precision
             self._answers[Contract] = self._contraction(sent)
+        elif isinstance(sent, EstimateError):
+            # The error of each request is another one, so that a test can tell which of them was answered.
+            self._answers[EstimateError] = [stamped(ErrorEstimated(ErrorEstimate(float(id))), id, sent.revision)]
+        elif isinstance(sent, Cancel) and sent.of == (EstimateError,):
+            self._answers.pop(EstimateError, None)
         return id
 
     def poll(self, budget_s: float = 0.0) -> list[Response]:

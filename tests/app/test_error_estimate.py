@@ -15,7 +15,7 @@ from app.project import open_project
 from app.stills import Still, render_project
 from engine.indirect.series import BounceSeries
 from engine.light.image_files import read_radiance_image
-from engine.render.error_estimate import ErrorEstimate
+from engine.render.picture_error import ErrorEstimate
 from engine.transport.pipeline import Placement
 
 JUDGES = Path(__file__).resolve().parents[1] / "golden" / "rooms"
@@ -71,7 +71,7 @@ def test_too_few_patches_are_told(tmp_path: Path, capsys: Captured) -> None:
     assert run([*arguments, "--patches", "20"], Desktop()) == 0
     line, note = capsys.readouterr().out.splitlines()
     assert "s, error about " in line
-    assert note == "note: most of it is in direct light: more lights, patches or bands help"
+    assert note == "note: most of the error is in direct light: more lights, patches or bands help"
     assert run(arguments, Desktop()) == 0
     assert "note" not in capsys.readouterr().out
 
@@ -99,5 +99,5 @@ def test_it_is_the_same_again() -> None:
 def test_it_says_what_helps() -> None:
     assert ErrorEstimate(0.006, 0.017).text == "error about 1.8 % (direct 0.6 %, indirect 1.7 %)"
     assert ErrorEstimate(0.006, 0.017).advice == ""
-    assert ErrorEstimate(0.02, 0.06).advice.startswith("most of it is in light between surfaces")
-    assert ErrorEstimate(0.06, 0.05).advice.startswith("most of it is in direct light")
+    assert ErrorEstimate(0.02, 0.06).advice.startswith("most of the error is in light between surfaces")
+    assert ErrorEstimate(0.06, 0.05).advice.startswith("most of the error is in direct light")

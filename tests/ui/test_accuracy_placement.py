@@ -10,6 +10,7 @@ from app.commands import SetEditable
 from app.placement.messages import ComputeTransport
 from app.placement.status import PlacementStatus
 from app.status import Status
+from engine.render.picture_error import ErrorEstimate
 from tests.ui.stand_in import StandInClient
 from ui import theme as look
 from ui.headless import HeadlessWindow
@@ -55,7 +56,10 @@ def test_noise_is_told_once_it_is_known() -> None:
         (Status(picture="preview", image_error=None), look.ACCENT, "preview"),
         (Status(picture="refining", image_error=None), look.ACCENT, "refining"),
         (Status(picture="refining", image_error=0.25), look.ACCENT, "refining (error 0.25)"),
-        (Status(picture="exact", image_error=0.0), look.GOOD, "picture exact (error 0)"),
+        (Status(picture="exact", image_error=0.0), look.GOOD, "finished"),
+        (Status(picture="exact", estimate=ErrorEstimate(4e-4)), look.GOOD, "picture exact"),
+        (Status(picture="finished", estimate=ErrorEstimate(0.006, 0.017)), look.GOOD, "finished, about 1.8 % off"),
+        (Status(picture="exact", estimate=ErrorEstimate(0.08)), look.TEXT_SOFT, "finished, about 8.0 % off"),
         (Status(picture="finished", image_error=0.021), look.TEXT_SOFT, "finished, noise 2.1 %"),
         (Status(picture="finished", image_error=3.76), look.BAD, "finished, noise 376.0 %"),
     ],

@@ -85,10 +85,12 @@ def test_exact_is_said_of_nothing_that_is_not(small: RealWindow) -> None:
     small.fresh(select="ball.1.theta_h")
     small.wait_until("editor.status.is_finished")
     said = "__import__('ui.panels.status_bar').panels.status_bar.picture_state(editor.status)[1]"
-    assert small.ask(said).startswith("picture exact (error")
+    assert small.ask(said).startswith("finished")
+    small.wait_until("editor.status.estimate is not None")
+    assert 0.0 < small.ask("editor.status.estimate.direct") < 0.1 and " off" in small.ask(said)
     small.do("from app.view_state import SetView; editor.do(SetView.of(n_bounces=3))")
     assert "exact" not in small.ask(said) and "error" not in small.ask(said)
     small.wait_until("editor.status.is_finished", timeout=240.0)
-    assert small.ask(said).startswith("finished, noise ")
-    noise = small.ask("editor.status.indirect_noise")
-    assert 0.0 < small.ask("editor.status.image_error") < noise  # part of the light is direct
+    assert 0.0 < small.ask("editor.talk._noise") < small.ask("editor.status.indirect_noise")  # part of it is direct
+    small.wait_until("editor.status.estimate is not None")
+    assert small.ask("editor.status.image_error == editor.status.estimate.total > editor.status.estimate.indirect > 0")

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from imgui_bundle import ImVec2, imgui
 
 from app.status import Status
+from engine.render.picture_error import percent
 from ui import theme as look
 from ui.panels import widgets
 from ui.panels.accuracy import STOPPED, error_text, work_text
@@ -25,6 +26,13 @@ NOISY = 0.05
 FINISHED_HINT = (
     "Nothing more comes. What is left is chance in the light between surfaces: grain and bright dots. It is less with "
     "fewer bounces, or where no curve is lifted far."
+)
+
+
+JUDGED_LATER = "Nothing more comes. How far off the picture is will be found out while the hand rests."
+JUDGED = (
+    "How far off the picture is, relative to its mean, by its own judgement: some hundred points are held against more "
+    "lights, patches and bands, and against paths through the scene. True within a factor of about two."
 )
 
 
@@ -67,6 +75,10 @@ def _contents(context: PanelContext) -> tuple[list[Words], list[Action]]:
     left_over: list[Words] = []
     actions: list[Action] = []
     work, message = work_line(status), _message(context)
+    advice = "" if status.estimate is None else status.estimate.advice
+    if not work and not message.text and advice and _has_room(advice, end - context.px(36)):
+        _gap(context)
+        _words(Words(advice, look.TEXT_FAINT), hint)
     if work and _has_room(work, end - context.px(36)):
         _gap(context)
         _words(Words(work, look.TEXT_SOFT), status.text or "What is being computed.")
@@ -88,17 +100,29 @@ def picture_state(status: Status) -> tuple[look.Colour, str, str]:
     error = "" if status.image_error is None else f" (error {error_text(status.image_error)})"
     if not status.worker_alive:
         return look.BAD, "computing stopped", "What computes has ended and is being started again; edits are safe."
-    if status.picture == "exact":
-        return look.GOOD, f"picture exact{error}", "All of the curve is in the picture, with the final lights."
-    if status.picture == "finished":
-        noise = status.image_error or 0.0
-        ink = look.BAD if noise > NOISY else look.TEXT_SOFT
-        return ink, f"finished, noise {100.0 * noise:.1f} %", FINISHED_HINT
+    if status.is_finished:
+        return _finished_state(status)
     if status.picture == "refining":
         return look.ACCENT, f"refining{error}", status.missing_note
     if status.picture == "preview":
         return look.ACCENT, "preview", "Coarse or fewer lights, or not yet the present light or roughness."
     return look.TEXT_FAINT, "waiting", "Nothing has been computed yet."
+
+
+def _finished_state(status: Status) -> tuple[look.Colour, str, str]:
+    """The same of a picture to which nothing comes: its error as it is estimated, until then what is known of it."""
+    estimate, noise = status.estimate, status.image_error or 0.0
+    if estimate is None and status.picture == "finished":
+        return look.BAD if noise > NOISY else look.TEXT_SOFT, f"finished, noise {percent(noise)}", FINISHED_HINT
+    if estimate is None:
+        return look.GOOD, "finished", JUDGED_LATER
+    if estimate.is_none:
+        return look.GOOD, "picture exact", JUDGED
+    parts = f"direct light: {percent(estimate.direct)}"
+    if estimate.indirect is not None:
+        parts += f"\nlight between surfaces: {percent(estimate.indirect)}"
+    hint = "\n".join(filter(None, (parts, estimate.advice, JUDGED)))
+    return look.TEXT_SOFT if estimate.is_poor else look.GOOD, f"finished, about {percent(estimate.total)} off", hint
 
 
 def work_line(status: Status) -> str:

@@ -19,11 +19,11 @@ from app.commands import (
     SetRotation,
     SetVisible,
 )
-from app.document import LightState
+from app.document import LightState, reflecting_layers
 from app.editor import Editor
 from app.material_commands import AddLayers, RemoveLayer, SetMaterial, new_layer
 from app.placement.events import LayerRadiance, TransportReady
-from app.placement.messages import ComputeTransport, Contract
+from app.placement.messages import ComputeTransport, Contract, EstimateError
 from app.placement.status import RenderReport
 from app.placement.wishes import TransportWish, same_coefficients
 from app.view_state import SetView
@@ -112,6 +112,15 @@ def test_a_curve_selected_again_is_there_again() -> None:
         now = settle(editor, renderer, now)
 
 
+def assert_estimate_is_of_the_picture(editor: Editor, client: ServingClient) -> None:
+    """What is told of the picture's error was found for the layers and the transport that it has now."""
+    if (estimate := editor.status.estimate) is None:
+        return
+    (asked,) = (request for request in client.sent(EstimateError) if request.id == estimate.direct)
+    assert editor.status.is_finished and asked.layers == reflecting_layers(editor.document)
+    assert asked.revision == client.sent(ComputeTransport)[-1].revision
+
+
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.lists(st.sampled_from(sorted(ACTIONS)), max_size=25), st.floats(0.001, 0.3))
 def test_the_picture_comes_right(seed: int, actions: list[str], step: float) -> None:
@@ -121,8 +130,10 @@ def test_the_picture_comes_right(seed: int, actions: list[str], step: float) -> 
     now = 0.0
     for action in ["rest", "rest", *actions]:
         ACTIONS[action](editor)
+        assert_estimate_is_of_the_picture(editor, client)
         now += step
         renderer.frame(now)
+        assert_estimate_is_of_the_picture(editor, client)
     editor.end_drag()
     settle(editor, renderer, now)
     for key, _ in editor.document.layers():
@@ -131,6 +142,11 @@ def test_the_picture_comes_right(seed: int, actions: list[str], step: float) -> 
     for key in editor.talk.edited_layers:
         if selected is not None and selected.factor in editor.talk.wanted_coefficients(key):
             assert renderer.curves[key] == (selected.factor, editor.view.precision)
+    for _ in range(6):
+        now += 0.3
+        renderer.frame(now)
+    assert editor.status.estimate is not None
+    assert_estimate_is_of_the_picture(editor, client)
     n_requests = len(client.requests)
     for _ in range(20):
         now += 0.3

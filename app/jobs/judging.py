@@ -1,0 +1,71 @@
+"""The worker's judgement of the picture that it made: its radiance once more, and how far off that is.
+
+What the window shows is the same sums: transport under the curves as they are, and indirect light as it was found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from app.jobs.bench import Bench
+from app.jobs.layer_data import LayerData, shape_of
+from app.jobs.messages import Response
+from app.placement.messages import ErrorEstimated, EstimateError
+from engine.indirect.light import IndirectLight
+from engine.render.error_estimate import estimate_error
+from engine.render.indirect import reflected_light
+from engine.render.picture_error import ErrorEstimate
+from engine.render.still import StillLayer, StillProgress, seen_as, with_maps
+from engine.transport.pipeline import FINAL, Placement
+
+
+def judged(
+    request: EstimateError, bench: Bench, held: Mapping[str, LayerData], found: IndirectLight | None
+) -> Iterator[Response | None]:
+    """The answer; none where the picture is not there in its final quality. held: transport by layer; found: indirect
+    light, None where there is none."""
+    placement = bench.open_placement
+    keys = [key for key, _ in request.layers]
+    if not keys or not all(key in held and held[key].stage == FINAL.name for key in keys):
+        return
+    lit_by = held[keys[0]].lit_by
+    quality = replace(FINAL, n_lights=lit_by.n_lights, n_patches=lit_by.n_patches)
+    yield None
+    layers = _layers(request, placement, held)
+    yield None
+    radiance = np.zeros((len(placement.hits.pixel), 3))
+    for each, key in zip(layers, keys, strict=True):
+        begin, end = placement.hits.object_ranges[each.i_object]
+        radiance[begin:end] += held[key].radiance * seen_as(placement.hits, np.arange(begin, end), each)
+        yield None
+    indirect, n_bounces = None, 1
+    if found is not None:
+        n_bounces = found.n_bounces
+        indirect = yield from reflected_light(found, layers, request.second_bands, placement.hits)
+        radiance += indirect
+    sky = bench.sky(lit_by.light)
+    estimate = yield from _in_silence(estimate_error(placement, layers, sky, quality, n_bounces, radiance, indirect))
+    yield ErrorEstimated(estimate)
+
+
+def _layers(request: EstimateError, placement: Placement, held: Mapping[str, LayerData]) -> tuple[StillLayer, ...]:
+    names = [described.name for described in placement.scene.description.objects]
+    found = (
+        StillLayer(names.index(key.rpartition(".")[0]), layer, shape_of(held[key].work).bands, not held[key].is_fixed)
+        for key, layer in request.layers
+    )
+    return with_maps(placement, found)
+
+
+def _in_silence(steps: Generator[StillProgress, None, ErrorEstimate]) -> Generator[None, None, ErrorEstimate]:
+    """Its steps without a word: nobody waits for it."""
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            estimate: ErrorEstimate = end.value
+            return estimate
+        yield None

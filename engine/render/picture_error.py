@@ -1,0 +1,60 @@
+"""How far off a picture is, as `error_estimate` finds it, and what of that a person is told."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+# An error that can be seen in places, and is worth a word.
+POOR = 0.05
+# One that nobody sees: a step of eight bits is four times as large.
+NONE = 1e-3
+
+
+@dataclass(frozen=True)
+class ErrorEstimate:
+    """Relative RMS errors of a picture: root of the mean square over its mean, linear, over what reflects.
+
+    direct: of light that was reflected once; indirect: of light that was reflected before, None where the picture is to
+    have none. Either is an estimate, within about a factor of two.
+    """
+
+    direct: float
+    indirect: float | None = None
+
+    @property
+    def total(self) -> float:
+        """Of all the light."""
+        return math.hypot(self.direct, self.indirect or 0.0)
+
+    @property
+    def is_poor(self) -> bool:
+        """Whether a person should hear of it."""
+        return self.total > POOR
+
+    @property
+    def is_none(self) -> bool:
+        """Whether nothing is left that could be told from the truth."""
+        return self.total <= NONE
+
+    @property
+    def text(self) -> str:
+        """In words, such as "error about 1.8 % (direct 0.6 %, indirect 1.7 %)"."""
+        about = f"error about {percent(self.total)}"
+        if self.indirect is None:
+            return about
+        return f"{about} (direct {percent(self.direct)}, indirect {percent(self.indirect)})"
+
+    @property
+    def advice(self) -> str:
+        """What helps where it is poor, in one line; else ""."""
+        if not self.is_poor:
+            return ""
+        if self.indirect is not None and self.indirect > self.direct:
+            return "most of the error is in light between surfaces: more pixels, or bands at the second bounce, help"
+        return "most of the error is in direct light: more lights, patches or bands help"
+
+
+def percent(error: float) -> str:
+    """A relative error as a person reads it: "1.8 %"."""
+    return f"{100.0 * error:.1f} %"

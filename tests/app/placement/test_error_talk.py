@@ -1,0 +1,192 @@
+"""How far off the picture is, asked of the worker once nothing else is to be done; here with a real one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from app.commands import AddOperator, SetIntensity, SetRotation
+from app.editor import Editor
+from app.jobs import indirect
+from app.jobs.cache import Store
+from app.jobs.in_process import InProcessClient
+from app.jobs.indirect import IndirectTasks
+from app.jobs.messages import Cancel, Request, Response
+from app.jobs.tasks import Tasks
+from app.placement.indirect_talk import FINE_STAGE
+from app.placement.messages import ErrorEstimated, EstimateError
+from app.placement.status import RenderReport
+from app.project import open_project
+from app.stills import render_project
+from app.view_state import SetView
+from engine.curve.operators import Operator
+from engine.indirect.series import BounceSeries
+from engine.indirect.solver import ROUGH
+
+LIFT = Operator("translate", "y", 0.1, 0.2, 0.3, 0.4, magnitude=1.0)
+SCENE = """version = 1
+bounces = 1
+[camera]
+position = [0.4, 1.6, 2.6]
+target = [0, 0.3, 0]
+fov_y = 45
+resolution = [16, 12]
+[environment]
+radiance = [0.4, 0.5, 0.7]
+[[object]]
+name = "ground"
+primitive = "quad"
+transform = [9,0,0,0, 0,0,9,0, 0,-9,0,0, 0,0,0,1]
+layer = [{ model = "lambert" }]
+[[object]]
+name = "ball"
+primitive = "sphere"
+transform = [1,0,0,0, 0,1,0,0.5, 0,0,1,0, 0,0,0,1]
+layer = [{ model = "rough_conductor", alpha = 0.3 }]
+"""
+
+
+class WatchedClient(InProcessClient):
+    """A worker in this process, and what it was asked."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(Tasks(Store(folder)))
+        self.requests: list[Request] = []
+
+    def send(self, request: Request) -> int:
+        self.requests.append(request)
+        return super().send(request)
+
+    def sent(self, kind: type[Request]) -> int:
+        return sum(isinstance(request, kind) for request in self.requests)
+
+    def steps(self, n: int) -> list[Response]:
+        """So many steps of its work."""
+        return [answer for _ in range(n) for answer in self.poll(budget_s=0.0)]
+
+
+class Desk:
+    """An editor whose picture is drawn at once."""
+
+    def __init__(self, folder: Path, n_bounces: int) -> None:
+        self.scene = folder / "scene.toml"
+        self.scene.write_text(SCENE)
+        self.client = WatchedClient(folder / "cache")
+        self.editor, self.now = Editor(self.client, str(self.scene)), 0.0
+        self.frames(2)
+        self.editor.do(SetView.of(n_lights=500, n_bounces=n_bounces))
+
+    def frames(self, n: int, seconds: float = 0.1) -> None:
+        for _ in range(n):
+            self.now += seconds
+            self.editor.tick(self.now)
+            self.editor.talk.rendered(RenderReport(exact=True))
+
+    def until_finished(self) -> None:
+        for _ in range(100_000):
+            if self.editor.status.is_finished:
+                return
+            self.frames(1, 0.03)
+        raise AssertionError(self.editor.status)
+
+    def until_judged(self) -> None:
+        for _ in range(100_000):
+            if self.editor.status.estimate is not None:
+                return
+            self.frames(1)
+        raise AssertionError(self.editor.status)
+
+
+@pytest.fixture
+def desk(tmp_path: Path) -> Desk:
+    return Desk(tmp_path, 1)
+
+
+def test_it_is_what_a_still_says_of_itself(desk: Desk) -> None:
+    desk.until_judged()
+    found = desk.editor.status.estimate
+    project = open_project(str(desk.scene))
+    still = render_project(project, lambda _: None, n_lights=500, series=BounceSeries(1), judges=True)
+    assert found is not None and still.error is not None
+    assert 0.5 * still.error.total < found.total < 2.0 * still.error.total and found.indirect is None
+    assert desk.editor.status.image_error == found.total
+
+
+def test_light_between_surfaces_is_judged_as_it_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(indirect, "FINE", replace(ROUGH, name=FINE_STAGE))  # quicker, and as good for this
+    desk = Desk(tmp_path, 2)
+    desk.until_judged()
+    whole = desk.editor.status.estimate
+    assert whole is not None and whole.indirect is not None and 0.0 < whole.indirect < 0.1
+    monkeypatch.setattr(IndirectTasks, "light", None)  # as if the picture had none of it
+    desk.editor.do(SetIntensity(0.5))
+    desk.until_judged()
+    without = desk.editor.status.estimate
+    assert without is not None and without.indirect is None
+
+
+def test_an_edit_gives_it_up_and_undo_brings_it_back(desk: Desk) -> None:
+    desk.until_finished()
+    assert desk.client.sent(EstimateError) == 0  # the hand has just come to rest
+    desk.until_judged()
+    before = desk.editor.status.estimate
+    desk.editor.do(AddOperator("ball.0", "theta_h", LIFT))
+    assert desk.editor.status.estimate is None
+    desk.until_judged()
+    lifted = desk.editor.status.estimate
+    assert lifted != before and desk.client.sent(EstimateError) == 2
+    desk.editor.undo()
+    desk.until_judged()
+    assert desk.editor.status.estimate == before
+
+
+def test_what_is_asked_is_dropped_at_the_next_edit(desk: Desk) -> None:
+    desk.until_finished()
+    desk.editor._client = Held(desk.client)  # what asks, and does not work meanwhile
+    desk.frames(8)
+    assert desk.client.sent(EstimateError) == 1
+    assert desk.client.steps(4) == []  # it has begun
+    desk.editor.do(AddOperator("ball.0", "theta_h", LIFT))
+    desk.frames(1)
+    assert [request.of for request in desk.client.requests if isinstance(request, Cancel)] == [(EstimateError,)]
+    assert not any(isinstance(answer, ErrorEstimated) for answer in desk.client.steps(200))
+
+
+def test_light_on_the_move_has_the_worker_to_itself(desk: Desk) -> None:
+    desk.until_judged()
+    n = desk.client.sent(EstimateError)
+    desk.editor.begin_drag()
+    for turn in range(5):
+        desk.editor.do(SetRotation(10.0 * (turn + 1)))
+        desk.frames(10)
+        assert desk.editor.status.estimate is None
+    assert desk.client.sent(EstimateError) == n
+    desk.editor.end_drag()
+    desk.until_judged()
+    assert desk.client.sent(EstimateError) == n + 1
+
+
+def test_what_a_person_stopped_is_not_asked_again(desk: Desk) -> None:
+    desk.until_finished()
+    desk.editor._client = Held(desk.client)
+    desk.frames(8)
+    desk.editor.cancel_work()
+    desk.editor._client = desk.client
+    desk.frames(50)
+    assert desk.editor.status.estimate is None and desk.client.sent(EstimateError) == 1
+    desk.editor.resume_work()
+    desk.until_judged()
+
+
+class Held:
+    """The same worker, which does nothing by itself."""
+
+    alive, pid, arriving = True, None, False
+
+    def __init__(self, client: WatchedClient) -> None:
+        self.send, self.close = client.send, client.close
+
+    def poll(self, budget_s: float = 0.0) -> list[Response]:
+        return []
