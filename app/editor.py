@@ -30,12 +30,14 @@ from app.jobs.messages import (
     Request,
     Response,
     SceneOpened,
+    SceneSeen,
     SkyImage,
     TableHandedOut,
     WorkerRestarted,
 )
 from app.journal import Journal, Recovery
 from app.light_commands import lit_by
+from app.looking import LookTalk
 from app.material_commands import SetMaterial
 from app.memory import require_memory_for
 from app.mode import Mode, ModeTalk, OpenedScene
@@ -109,10 +111,10 @@ class Editor:
         self._keeper = SessionKeeper(journal)
         self._reading = Reading(client.send)
         self._tables = TableTalk(client.send)
+        self._looks = LookTalk(client.send)
         self._opening: Opening | None = None
         self._given_up: Opening | None = None
         self._cancelled = -1
-        self._scene_id = 0
         self.modes = tuple(modes)
         self.mode = self.modes[0]
         self.talk: ModeTalk = self.mode.talk(self)
@@ -161,6 +163,7 @@ class Editor:
         """The hand let go; what waited for it to rest is asked for at the next tick."""
         if self.history.dragging:
             self.history.end_drag()
+            self._looks.hand_released()
             self.talk.hand_released()
 
     def cancel_drag(self) -> None:
@@ -260,8 +263,8 @@ class Editor:
                 require_memory_for(resolution, "choose fewer")
         except InsituError as error:
             return self._refuse(str(error))
-        view = replace(self.view, resolution=None if resolution == self.own_resolution else resolution)
-        self._open(Opening.of_resolution(self.document, view))
+        self.view = replace(self.view, resolution=None if resolution == self.own_resolution else resolution)
+        self._looks.hand_released()
         return None
 
     def recover(self, recovery: Recovery) -> str | None:
@@ -284,8 +287,7 @@ class Editor:
         self.talk.cancelled()
         self._reading.forget()
         self._given_up, self._opening = self._opening, None
-        if self._given_up is not None:
-            self.talk.scene_stays()
+        self._give_up_look(self._given_up)
         self.gauges.progress = None
         self.gauges.stopped = not self.status.is_finished
         self.notify(STOPPED if self.gauges.stopped else "stopped")
@@ -335,6 +337,8 @@ class Editor:
         for response in run("The talk with the worker", partial(self._client.poll, POLL_SECONDS), silence, ()):
             events = events + run("An answer of the worker", partial(self._take, response), none)
         if self.scene_is_open:
+            if self._opening is None and self._looks.update(now, self.view.look):
+                (self.talk.looked_away if self._looks.is_away else self.talk.looked_back)()
             made_of = self.document, self.view
             update = partial(self.talk.update, now, *made_of)
             events = events + run("What follows an edit", update, none, made_of)
@@ -372,7 +376,10 @@ class Editor:
         """Note an answer; what of it the renderer needs."""
         match response:
             case SceneOpened():
-                return self._take_scene(response)
+                if self._opening is not None and response.id == self._opening.id:
+                    self._opening = replace(self._opening, opened=response)
+            case SceneSeen():
+                return self._take_seen(response)
             case Progress():
                 if response.id > self._cancelled:  # else it was on its way when the work was stopped
                     self.gauges.progress = response
@@ -389,7 +396,7 @@ class Editor:
             case Noted():
                 self.gauges.notes += response.lines
                 self.notify("; ".join(response.lines), True)
-            case SkyImage() if response.id == self._scene_id:
+            case SkyImage() if response.id == self._looks.id:
                 self.gauges.notes += response.notes
                 sky = SkyChanged(response.radiance)
                 self._shown_scene = [*self._shown_scene[:1], sky]
@@ -403,58 +410,61 @@ class Editor:
                 return self.talk.take(response)
         return []
 
-    def _take_scene(self, response: SceneOpened) -> list[PictureEvent]:
+    def _take_seen(self, response: SceneSeen) -> list[PictureEvent]:
+        """The scene was traced: one that is being opened is open now."""
+        if not self._looks.took(response):
+            return []
         opening = self._opening
-        if opening is None or response.id != opening.id:
-            return []
-        description = SceneDescription.model_validate_json(response.description)
+        if opening is not None and opening.opened is not None:
+            return self._take_scene(opening, opening.opened, response)
+        assert self._scene is not None
+        self._forget_picture(self._scene.notes)
+        self.view = self.view.seen_from(self.view.look)  # which may have moved on
+        self.talk.scene_seen(self._shown(replace(self._scene, document=self.document), response))
+        self.document_changed()
+        if self._looks.has_resized:
+            self.notify(f"the picture has {response.frame.width} x {response.frame.height} pixels")
+        return self._shown_scene
+
+    def _take_scene(self, opening: Opening, opened: SceneOpened, response: SceneSeen) -> list[PictureEvent]:
+        description = SceneDescription.model_validate_json(opened.description)
         try:
-            described = opening.document(description, response)
+            described = opening.document(description, opened)
         except InsituError as error:
-            self._take_failure(Failed(str(error), id=response.id))
+            self._take_failure(Failed(str(error), id=opened.id))
             return []
-        self._shown_scene = [SceneFrame(opening.source, description, response.arrays, response.notes)]
-        if opening.resizes:
-            self._take_resolution(opening, OpenedScene(response, description, described, self.document))
-            return self._shown_scene
         left_unsaved = self._keeper.leave(self.document, self.view)
-        self._forget_scene(response)
-        self.own_resolution = description.camera.resolution
+        self._forget_picture(opened.notes)
+        self._opening, self.own_resolution = None, description.camera.resolution
         self.view = self.view.of_scene(description)
         self.history = History(described)
         self._keeper.opened(described)
         kept = "; the unsaved edits before it can be recovered at the next start" if left_unsaved else ""
         said = opening.instead_of or f"opened {description.name}{kept}"
-        self.notify("; ".join((said, *response.notes)), bool(opening.instead_of))
+        self.notify("; ".join((said, *opened.notes)), bool(opening.instead_of))
         if opening.session is not None:
-            self._restore(opening, opening.session, response)
-        self._open_in_mode(OpenedScene(response, description, described, self.document))
+            self._restore(opening, opening.session, opened)
+        self.view = self.view.seen_from(self._looks.adopted(self.own_resolution))
+        scene = OpenedScene(0, opened.planned, description, described, self.document, opened.notes)
+        self.talk.scene_opened(self._shown(scene, response))
         if self.view.selected is None:
             self.select(first_choice(self.document))
         if opening.light is not None:
             self.do(lit_by(opening.light))
         return self._shown_scene
 
-    def _forget_scene(self, opened: SceneOpened) -> None:
-        """The worker has opened another scene, or the same at another resolution."""
-        self._opening, self._scene_id, gauges = None, opened.id, self.gauges
-        self.gauges = Gauges(message_number=gauges.message_number, notes=opened.notes, memory_mb=gauges.memory_mb)
+    def _forget_picture(self, notes: tuple[str, ...]) -> None:
+        """The worker sees another scene, or the same in another way."""
+        gauges = self.gauges
+        self.gauges = Gauges(message_number=gauges.message_number, notes=notes, memory_mb=gauges.memory_mb)
         self._tables.scene_opened()
 
-    def _take_resolution(self, opening: Opening, scene: OpenedScene) -> None:
-        """The picture has another size: document, history and what is selected stay as they are."""
-        assert opening.session is not None
-        self._forget_scene(scene.response)
-        self._open_in_mode(scene)
-        resolution = opening.session.view.resolution
-        self.view = replace(self.view, hovered=None, compare=None, lobe_pixel=None, resolution=resolution)
-        self.document_changed()
-        width, height = resolution or self.own_resolution
-        self.notify(f"the picture has {width} x {height} pixels")
-
-    def _open_in_mode(self, scene: OpenedScene) -> None:
-        self._scene = scene
-        self.talk.scene_opened(scene)
+    def _shown(self, scene: OpenedScene, seen: SceneSeen) -> OpenedScene:
+        """A scene as it was traced; the renderer is to be told of it."""
+        described = scene.description.seen_from(self._looks.seen.camera)
+        self._shown_scene = [SceneFrame(scene.document.source, described, seen.frame)]
+        self._scene = scene = replace(scene, view_id=seen.id)
+        return scene
 
     def _follow_mode(self) -> list[PictureEvent]:
         """Where the view is in another mode, leave this one: the scene is told to that one as if it had just come."""
@@ -468,9 +478,11 @@ class Editor:
         self.mode, self.talk, self.gauges.progress = chosen, chosen.talk(self), None
         if self._scene is None:
             return []
-        self._open_in_mode(replace(self._scene, document=self.document))
+        self.talk.scene_opened(replace(self._scene, document=self.document))
         if self._opening is not None:
             self.talk.scene_closed()
+        elif self._looks.is_away:
+            self.talk.looked_away()
         return list(self._shown_scene)
 
     def _restore(self, opening: Opening, session: Session, opened: SceneOpened) -> None:
@@ -503,11 +515,10 @@ class Editor:
         self._reading.forget(response.id)
         self.talk.take(response)
         opening = self._opening
-        if opening is not None and response.id == opening.id:
+        if opening is not None and response.id == opening.id or self._looks.awaits(response.id):
             self._opening = None
-            if self.scene_is_open:
-                self.talk.scene_stays()
-            elif opening.source != DEFAULT_SCENE:
+            self._give_up_look(opening)
+            if opening is not None and opening.source != DEFAULT_SCENE:
                 self._open_default(response.line)
         self.notify(response.line, True)
 
@@ -515,10 +526,17 @@ class Editor:
 
     def _open(self, opening: Opening) -> None:
         self.talk.scene_closed()
-        id = self._client.send(opening.request(self.resolution))
+        id = self._client.send(opening.request())
+        self._looks.ask(opening.look(self.resolution), id)
         self._reading.forget()
         self._opening = replace(opening, id=id)
         self.gauges.progress = None
+
+    def _give_up_look(self, opening: Opening | None) -> None:
+        """What was asked to be traced will not come: the view is again the one there is a picture of."""
+        if self._looks.gave_up() and self.scene_is_open:
+            self.view = replace(self.view, **self._looks.seen._asdict())
+            (self.talk.looked_back if opening is None else self.talk.scene_stays)()
 
     def _open_default(self, why: str) -> None:
         """Where nothing is open, so that the window is of use: the built-in scene, and why it is that one."""

@@ -18,7 +18,7 @@ from app.barrier import Barrier
 from app.commands import EditCommand
 from app.document import Document
 from app.history import History
-from app.jobs.messages import Request, Response, SceneOpened
+from app.jobs.messages import Request, Response
 from app.picture import PictureEvent
 from app.status import Gauges, Status
 from app.view_state import ViewState
@@ -53,12 +53,15 @@ class Desk(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class OpenedScene:
-    """The scene that the worker has open: what it answered, the document as the file describes it, and as it is now."""
+    """The scene that the worker has open: the number of the look that it was seen by, what was planned of its layers,
+    what its file says, the document as that describes it, and as it is now; notes: what is odd about the scene."""
 
-    response: SceneOpened
+    view_id: int
+    planned: tuple[tuple[Layer, dict[str, int]], ...]
     description: SceneDescription
     described: Document
     document: Document
+    notes: tuple[str, ...] = ()
 
 
 class ModeTalk(Protocol):
@@ -76,7 +79,16 @@ class ModeTalk(Protocol):
         """It could not be opened: the one before is still there."""
 
     def scene_opened(self, scene: OpenedScene) -> None:
-        """The worker has a scene open: nothing is known of its picture."""
+        """The worker has a scene open, and sees it: nothing is known of its picture."""
+
+    def looked_away(self) -> None:
+        """The view is not the one that the worker sees: it will be, once it rests."""
+
+    def looked_back(self) -> None:
+        """It is again the one that the worker sees."""
+
+    def scene_seen(self, scene: OpenedScene) -> None:
+        """The worker sees the same scene from elsewhere, or in other pixels."""
 
     def left(self) -> None:
         """Another mode was chosen: what the worker does for this one is of no use, and this talk is over."""
@@ -135,8 +147,8 @@ class ModeWork(Protocol):
         """The answers to each of its kinds of request, step by step."""
         return {}
 
-    def scene_opened(self) -> None:
-        """Another scene is open on the bench."""
+    def scene_seen(self) -> None:
+        """Another scene is open on the bench, or another camera sees it."""
 
     def plan(self, layers: Iterable[Layer]) -> tuple[tuple[Layer, dict[str, int]], ...]:
         """What it has to say of layers before the window sees them."""

@@ -11,14 +11,14 @@ from app.journal import Recovery
 from app.measurements import document_with_read, layers_of_document, unread_files
 from app.session import Session, fit_session, load_session
 from app.sources import source_of
-from app.view_state import ViewState
+from app.view_state import Look
 from engine.scene.description import SceneDescription
 
 
 @dataclass(frozen=True)
 class Opening:
     """A scene that the worker was asked to open, by the request `id`; the session, the journal or the light for which
-    it is opened. `resizes`: it is the scene that is open, at another resolution."""
+    it is opened; what the worker answered, before it is seen."""
 
     id: int
     source: str
@@ -27,7 +27,7 @@ class Opening:
     recovery: Recovery | None = None
     light: Path | None = None
     instead_of: str = ""
-    resizes: bool = False
+    opened: SceneOpened | None = None
 
     @classmethod
     def of(cls, name: str, instead_of: str = "") -> Opening:
@@ -40,22 +40,20 @@ class Opening:
         return cls(0, session.document.source, session, source.session)
 
     @classmethod
-    def of_resolution(cls, document: Document, view: ViewState) -> Opening:
-        """Of the scene that is open, as it is now, at the resolution that the view has."""
-        return cls(0, document.source, Session(document, view), resizes=True)
-
-    @classmethod
     def of_recovery(cls, recovery: Recovery) -> Opening:
         """Of what an editor that ended early left behind. Raises LoadError where that has gone."""
         session = recovery.load()
         return cls(0, session.document.source, session, recovery.session_path, recovery)
 
-    def request(self, resolution: tuple[int, int] | None) -> OpenScene:
-        """What is asked of the worker; resolution (width, height) in place of the scene's own and the session's."""
-        if self.session is not None and (resolution is None or self.resizes):
-            resolution = self.session.view.resolution
+    def request(self) -> OpenScene:
+        """What is asked of the worker."""
         layers = [] if self.session is None else layers_of_document(self.session.document)
-        return OpenScene(self.source, resolution, unread_files(layers), tuple(layers))
+        return OpenScene(self.source, unread_files(layers), tuple(layers))
+
+    def look(self, resolution: tuple[int, int] | None) -> Look:
+        """From where it is seen first; resolution (width, height) in place of the scene's own and the session's."""
+        look = Look() if self.session is None else self.session.view.look
+        return look if resolution is None else look._replace(resolution=resolution)
 
     def document(self, description: SceneDescription, opened: SceneOpened) -> Document:
         """The scene's own document. Raises InsituError."""

@@ -5,13 +5,13 @@ Those of every mode stand here; what else a mode tells its renderer stands with 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine.scene.description import SceneDescription
+from engine.scene.picture_frame import PictureFrame
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,12 +21,11 @@ class PictureEvent:
 
 @dataclass(frozen=True, eq=False)
 class SceneFrame(PictureEvent):
-    """A scene was opened: all pictures before it are void. ``arrays`` as in ``messages.SceneOpened``."""
+    """A scene was opened, or is seen from another camera, that of its description: all pictures before it are void."""
 
     source: str
     description: SceneDescription
-    arrays: Mapping[str, NDArray[np.generic]]
-    notes: tuple[str, ...] = ()
+    frame: PictureFrame
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from typing import TypeVar
 from app.document import reflecting_layers
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
-from app.jobs.messages import Failed, OpenScene, Progress, Response, SceneOpened
+from app.jobs.messages import Failed, LookFrom, OpenScene, Progress, Response, SceneOpened, SceneSeen
 from app.jobs.tasks import Tasks
 from app.placement.curves import Curves
 from app.placement.messages import ErrorEstimated, EstimateError, StageDone
@@ -50,8 +50,10 @@ def precompute(project: Project, report: Report, n_lights: int | None = None, st
     store.require()
     client = InProcessClient(Tasks(store, fills=True))
     talk = TransportTalk(client.send, Curves())
-    client.send(OpenScene(project.document.source, project.scene.resolution))
+    scene = client.send(OpenScene(project.document.source))
     _until(client, SceneOpened, report)
+    client.send(LookFrom(scene, project.scene.description.camera, project.scene.resolution))
+    _until(client, SceneSeen, report)
     talk.scene_opened()
     n_bounces = project.n_bounces or project.scene.description.bounces or AS_PLANNED
     n_lights = n_lights or project.n_lights or N_LIGHTS

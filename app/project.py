@@ -79,7 +79,7 @@ def open_project(
         require_memory_for(resolution)  # before a mesh is read
     named = source.scene if session is None else session.document.source
     path = scene_path(named)
-    scene = load_scene(path, resolution)
+    scene = load_scene(path, resolution).seen_from(None if session is None else session.view.camera)
     require_memory_for(scene.resolution)
     document = _read(document_from_description(named, scene.description), scene.folder, path)
     if source.light is not None:

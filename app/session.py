@@ -27,7 +27,7 @@ from engine.colour import ToneMapping
 from engine.errors import InsituError, LoadError
 from engine.plan import N_PATCHES
 from engine.scene.complaints import first_complaint
-from engine.scene.description import MAX_BOUNCES, MAX_OBJECTS, Name, Number, Pixels, Radiance, Text
+from engine.scene.description import MAX_BOUNCES, MAX_OBJECTS, Camera, Name, Number, Pixels, Radiance, Text
 from engine.scene.toml_text import check_version, load_toml, toml_lines
 
 SUFFIX = SESSION_ENDING
@@ -65,6 +65,7 @@ class ViewRecord(Record):
     n_bounces: Annotated[int, Field(ge=AS_PLANNED, le=MAX_BOUNCES, strict=True)] = 1
     second_bands: Literal[1, 8, 16] | None = None
     precision: Literal["half", "float"] = "half"
+    camera: Camera | None = None
     resolution: tuple[Pixels, Pixels] | None = None
 
 
@@ -179,7 +180,8 @@ def _object_lines(state: ObjectState, folder: Path | None) -> Iterator[str]:
 
 def _view_values(view: ViewState) -> dict[str, Any]:
     values = {name: getattr(view, name) for name in ViewRecord.model_fields if name != "selected"}
-    return {"selected": None if view.selected is None else view.selected.path, **values}
+    camera = None if view.camera is None else dict(view.camera)
+    return {"selected": None if view.selected is None else view.selected.path, **values, "camera": camera}
 
 
 def _object(file: str, record: ObjectRecord) -> ObjectState:
@@ -188,7 +190,7 @@ def _object(file: str, record: ObjectRecord) -> ObjectState:
 
 
 def _view(record: ViewRecord, document: Document) -> ViewState:
-    values = record.model_dump(exclude={"selected"})
+    values = {name: getattr(record, name) for name in ViewRecord.model_fields if name != "selected"}
     return replace(SetView.of(**values).apply(ViewState()), selected=_selection(record.selected, document))
 
 

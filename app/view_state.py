@@ -8,13 +8,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from app.document import Document, Selection
 from engine.colour import ToneMapping
 from engine.errors import InsituError
 from engine.plan import N_PATCHES, Precision
-from engine.scene.description import SceneDescription
+from engine.scene.description import Camera, SceneDescription
 
 Tool = Literal["translate_x", "translate_y", "translate_xy", "amplify_x", "amplify_y", "amplify_xy"]
 Channel = Literal["rgb", "r", "g", "b"]
@@ -40,6 +40,13 @@ DEFAULT_PANELS = MappingProxyType(
 )
 
 
+class Look(NamedTuple):
+    """From where a scene is seen, and its picture's (width, height) in pixels; None: as the scene's file has them."""
+
+    camera: Camera | None = None
+    resolution: tuple[int, int] | None = None
+
+
 @dataclass(frozen=True)
 class ViewState:
     """Selection and display. Angles in radians, exposure in stops, frame budget in milliseconds.
@@ -52,7 +59,7 @@ class ViewState:
     ``compare`` is the document that A/B shows left of ``compare_divider`` (0 the left edge, 1 the right).
     Unless it is shown to ``fit``, the picture has ``zoom`` screen pixels for each of its own, and the point at the
     shares ``centre`` (across, down) of it stands in the panel's middle.
-    ``resolution`` is (width, height) of the picture in place of the scene's own; `app.editor.Editor.resize` changes it.
+    ``camera`` and ``resolution``, (width, height) of the picture, stand in for the scene's own, None for those.
     ``regions`` are a ≤ b ≤ c ≤ d of the operator being shown or about to be made; ``operator`` is its index in the
     selected curve's list, None for one about to be made. ``curve_zoom`` is (γ low, γ high, y low, y high); None fits.
     The BRDF panel shows ``brdf_plot`` of the selected layer, or with ``brdf_whole`` of all layers of its object, in the
@@ -92,7 +99,12 @@ class ViewState:
     second_bands: int | None = None
     panels: Mapping[str, bool] = field(default_factory=lambda: DEFAULT_PANELS)
     show_shortcuts: bool = False
+    camera: Camera | None = None
     resolution: tuple[int, int] | None = None
+
+    @property
+    def look(self) -> Look:
+        return Look(self.camera, self.resolution)
 
     def panel_open(self, name: str) -> bool:
         return self.panels.get(name, True)
@@ -104,8 +116,12 @@ class ViewState:
         """A scene that was just opened, looked at in the same way: nothing in it is chosen yet."""
         return replace(
             self, selected=None, hovered=None, compare=None, operator=None, curve_zoom=None, solo=None,
-            lobe_pixel=None, resolution=None, n_bounces=description.bounces or AS_PLANNED,
+            lobe_pixel=None, camera=None, resolution=None, n_bounces=description.bounces or AS_PLANNED,
         )  # fmt: skip
+
+    def seen_from(self, look: Look) -> ViewState:
+        """From another camera or in other pixels: nothing is chosen in the picture yet."""
+        return replace(self, hovered=None, compare=None, lobe_pixel=None, **look._asdict())
 
     @property
     def channels(self) -> tuple[bool, bool, bool]:

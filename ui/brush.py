@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine.material.strokes import pack_dabs
-from engine.scene.description import CameraDescription
+from engine.scene.description import Camera
+from engine.scene.picture_frame import PictureFrame
 
 # Dabs are this share of the radius apart: between them the edge of a stroke gives way by a hundredth of it.
 SPACING = 0.3
@@ -33,16 +33,15 @@ class Spot:
 SpotAt = Callable[[int, int], Spot | None]
 
 
-def spot_of(arrays: Mapping[str, NDArray[Any]], camera: CameraDescription, column: int, row: int, sample: int) -> Spot:
+def spot_of(frame: PictureFrame, camera: Camera, column: int, row: int, sample: int) -> Spot:
     """The spot at a pixel that the given sample of the primary hits belongs to."""
-    ray, distance = arrays["ray_directions"][row, column].astype(np.float64), float(arrays["distance"][sample])
+    ray, distance = frame.ray_directions[row, column].astype(np.float64), float(frame.distance[sample])
     eye, target = np.array(camera.position), np.array(camera.target)
     forward = (target - eye) / np.linalg.norm(target - eye)
-    height = arrays["object_image"].shape[0]
-    metres = 2.0 * distance * float(ray @ forward) * math.tan(math.radians(camera.fov_y) / 2.0) / height
-    normal = arrays["normal"][sample].astype(np.float64)
+    metres = 2.0 * distance * float(ray @ forward) * math.tan(math.radians(camera.fov_y) / 2.0) / frame.height
+    normal = frame.normal[sample].astype(np.float64)
     normal /= np.linalg.norm(normal)
-    return Spot(eye + distance * ray, normal if arrays["front"][sample] else -normal, metres)
+    return Spot(eye + distance * ray, normal if frame.front[sample] else -normal, metres)
 
 
 def along(points: Sequence[Point], radius: float) -> list[Point]:

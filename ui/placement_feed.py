@@ -34,7 +34,6 @@ from app.placement.status import RenderReport
 from app.placement.talk import PlacementTalk
 from app.solo import is_seen
 from engine.curve.wavelet import forward
-from ui.gl.picture_frame import PictureFrame
 from ui.gl.placement.layers import Look
 from ui.gl.placement.rehearsal import rehearse
 from ui.gl.placement.renderer import PlacementRenderer
@@ -125,7 +124,7 @@ class PlacementFeed(PictureSource):
                 )
 
     def _take_scene(self, event: SceneFrame) -> None:
-        self.renderer.set_frame(picture_frame(event))
+        self.renderer.set_frame(event.frame)
         self._names = [described.name for described in event.description.objects]
         self._view_curves.clear()
         self._indirect.clear()
@@ -289,12 +288,3 @@ def _stops(light: LightState) -> float:
 def _look(look: LayerLook) -> Look:
     red, green, blue = (float(value) for value in look.gain)
     return Look((red, green, blue), look.view_curve, look.visible, look.radiance, look.maps)
-
-
-def picture_frame(event: SceneFrame) -> PictureFrame:
-    """The worker's primary hits as the renderer takes them."""
-    arrays = event.arrays
-    height, width = arrays["object_image"].shape
-    names = ("pixel", "object_ranges", "object_image", "theta_o", "emission_image", "ray_directions")
-    edges = {name: arrays[name] for name in ("edge_pixels", "edge_neighbours", "edge_weights") if name in arrays}
-    return PictureFrame(width, height, **{name: arrays[name] for name in names}, **edges)  # type: ignore[arg-type]

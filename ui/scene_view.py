@@ -6,9 +6,7 @@ From the primary hits that came with the scene, and its camera; no mode's pictur
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Any
 
 import moderngl
 import numpy as np
@@ -17,6 +15,7 @@ from numpy.typing import NDArray
 from app.picture import SceneFrame
 from engine.light.environment import Environment, tone_mapped_thumbnail
 from engine.scene.description import SceneDescription
+from engine.scene.picture_frame import PictureFrame
 from ui.brush import Spot, spot_of
 from ui.gl.textures import small_texture
 from ui.surface_lobe import SurfacePoint
@@ -34,13 +33,13 @@ class SceneView:
         self._thumbnail: moderngl.Texture | None = None
         self._description: SceneDescription | None = None
         self._names: list[str] = []
-        self._arrays: Mapping[str, NDArray[Any]] = {}
+        self._frame: PictureFrame | None = None
 
     def take_scene(self, event: SceneFrame) -> None:
-        """Another scene, or the same at another resolution."""
+        """Another scene, or the same from another camera."""
         self._description = event.description
         self._names = [described.name for described in event.description.objects]
-        self._arrays = event.arrays
+        self._frame = event.frame
 
     def take_sky(self, radiance: NDArray[np.floating]) -> None:
         """Another sky: make the panel's picture of it, in a thread; of no light at all there is none."""
@@ -91,49 +90,30 @@ class SceneView:
 
     def object_at(self, column: int, row: int) -> str | None:
         """The name of what a pixel of the picture sees."""
-        index = self._object_at(column, row)
+        index = -1 if self._frame is None else self._frame.object_at(column, row)
         return self._names[index] if 0 <= index < len(self._names) else None
 
     def surface_at(self, column: int, row: int) -> SurfacePoint | None:
         """The surface that a pixel of the picture sees; None for emitters and the background."""
-        arrays, description = self._arrays, self._description
-        place = self._sample_at(column, row)
-        if description is None or place is None or "normal" not in arrays:
+        frame, description = self._frame, self._description
+        place = None if frame is None else frame.sample_at(column, row)
+        if frame is None or description is None or place is None:
             return None
-        height, width = arrays["object_image"].shape
-        normal, tangent = (arrays[name][place].astype(np.float64) for name in ("normal", "tangent"))
+        normal, tangent = (array[place].astype(np.float64) for array in (frame.normal, frame.tangent))
         normal /= np.linalg.norm(normal)
         across = np.cross(normal, tangent)
         across /= np.linalg.norm(across)
-        frame = np.stack([np.cross(across, normal), across, normal])
-        ray = arrays["ray_directions"][row, column].astype(np.float64)
-        return SurfacePoint(column, row, frame, ray, description.camera, (width, height))
+        axes = np.stack([np.cross(across, normal), across, normal])
+        ray = frame.ray_directions[row, column].astype(np.float64)
+        return SurfacePoint(column, row, axes, ray, description.camera, (frame.width, frame.height))
 
     def spot_at(self, column: int, row: int) -> Spot | None:
         """The point that a pixel of the picture sees; None for emitters and the background."""
-        arrays, description = self._arrays, self._description
-        sample = self._sample_at(column, row)
-        if description is None or sample is None or "distance" not in arrays:
+        frame, description = self._frame, self._description
+        sample = None if frame is None else frame.sample_at(column, row)
+        if frame is None or description is None or sample is None:
             return None
-        return spot_of(arrays, description.camera, column, row, sample)
-
-    def _object_at(self, column: int, row: int) -> int:
-        """The number of what a pixel sees; -1 for nothing, also where there is no such pixel."""
-        if self._description is None:
-            return -1
-        height, width = self._arrays["object_image"].shape
-        inside = 0 <= column < width and 0 <= row < height
-        return int(self._arrays["object_image"][row, column]) if inside else -1
-
-    def _sample_at(self, column: int, row: int) -> int | None:
-        """The primary hit of a pixel."""
-        arrays, index = self._arrays, self._object_at(column, row)
-        if index < 0:
-            return None
-        width = arrays["object_image"].shape[1]
-        start, stop = arrays["object_ranges"][index]
-        place = int(start) + int(np.searchsorted(arrays["pixel"][start:stop], row * width + column))
-        return place if place < stop and arrays["pixel"][place] == row * width + column else None
+        return spot_of(frame, description.camera, column, row, sample)
 
 
 def _thumbnail(radiance: NDArray[np.floating]) -> NDArray[np.uint8]:

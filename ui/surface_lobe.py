@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.scene.camera import project
-from engine.scene.description import CameraDescription
+from engine.scene.description import Camera
 from ui.gl.brdf_stack import BrdfStack
 
 Array = NDArray[np.float64]
@@ -32,7 +32,7 @@ class SurfacePoint:
     row: int
     frame: Array
     ray: Array
-    camera: CameraDescription
+    camera: Camera
     resolution: tuple[int, int]
 
 

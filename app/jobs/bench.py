@@ -1,12 +1,14 @@
 """What all work in the worker shares: the cache, the scene that is open, and its light.
 
 A scene is open as a camera sees it: its surfaces, what can be traced in them, the primary hits and, as far as it has
-been found, what of the sphere each of those sees.
+been found, what of the sphere each of those sees. One that is only loaded takes the place of the one that is open when
+it is looked at.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +16,12 @@ import numpy as np
 from app.document import LightState
 from app.jobs.cache import Store, content_key
 from app.jobs.kernels import Kernels
-from app.jobs.messages import Noted, SkyImage
+from app.jobs.messages import LookFrom, Noted, SkyImage
 from app.sky import sky_of
 from engine.errors import InsituError
 from engine.light.environment import Environment, downsampled, load_environment
 from engine.scene.load import Scene
+from engine.scene.raycaster import RayCaster
 from engine.transport.pipeline import Placement, SkyState
 
 # Raised when anything that changes the numbers in a cached array changes.
@@ -37,8 +40,9 @@ class Bench:
         self.store = store or Store()
         self.kernels = kernels
         self.fills = fills
-        self.scene_key, self.scene_id = "", 0
+        self.view_key, self.view_id = "", 0
         self._placement: Placement | None = None
+        self._scene = self._loaded = _Loaded()
         self._environments: dict[tuple[str, str], Environment] = {}
         self._sky_shown: object = None
 
@@ -49,9 +53,23 @@ class Bench:
             raise InsituError("no scene is open")
         return self._placement
 
-    def open(self, placement: Placement, id: int) -> None:
-        """This scene is open, by the request of that number."""
-        self._placement, self.scene_key, self.scene_id = placement, _scene_key(placement.scene), id
+    def load(self, scene: Scene, id: int) -> None:
+        """This scene is there to be looked at, by the request of that number."""
+        self._loaded = _Loaded(id, scene)
+
+    def look(self, request: LookFrom) -> None:
+        """A scene that is there is open as this camera sees it. Raises InsituError, that names the scene's file, where
+        that is nothing to edit; what was open then stays so."""
+        seen = next((each for each in (self._loaded, self._scene) if each.id == request.scene), _Loaded())
+        if seen.scene is None:
+            raise InsituError("no scene is open")
+        if seen.caster is None:
+            seen.caster = RayCaster(seen.scene.vertices, seen.scene.triangles)
+        placement = Placement(seen.scene.seen_from(request.camera, request.resolution), seen.caster)
+        _require_surfaces(placement)
+        self._scene, self._loaded = seen, _Loaded()
+        self._placement, self.view_key, self.view_id = placement, _view_key(placement.scene), request.id
+        self._sky_shown = None
 
     def noted(self) -> Iterator[Noted]:
         """What is wrong with the cache, as soon as there is something new."""
@@ -69,15 +87,11 @@ class Bench:
             return None
         self._sky_shown = shown
         if sky.environment is None:
-            return SkyImage(np.zeros((1, 2, 3), np.float32), id=self.scene_id)
+            return SkyImage(np.zeros((1, 2, 3), np.float32), id=self.view_id)
         environment = sky.environment
         if environment.radiance.shape[0] > BACKGROUND_HEIGHT:
             environment = downsampled(environment, BACKGROUND_HEIGHT)
-        return SkyImage(environment.radiance * np.float32(sky.scale), sky.environment.notes, id=self.scene_id)
-
-    def forget_sky(self) -> None:
-        """What was told of the sky while a scene is being opened goes unheard."""
-        self._sky_shown = None
+        return SkyImage(environment.radiance * np.float32(sky.scale), sky.environment.notes, id=self.view_id)
 
     def _environment(self, path: Path, mapping: str) -> Environment:
         key = (str(path), mapping)
@@ -86,7 +100,16 @@ class Bench:
         return self._environments[key]
 
 
-def _scene_key(scene: Scene) -> str:
+@dataclass
+class _Loaded:
+    """A scene, the number of the request for it, and its rays once they are made."""
+
+    id: int = -1
+    scene: Scene | None = None
+    caster: RayCaster | None = None
+
+
+def _view_key(scene: Scene) -> str:
     camera = scene.description.camera.model_dump_json()
     return content_key(
         CACHE_VERSION, camera, scene.resolution, scene.vertices, scene.normals, scene.triangles,
@@ -94,32 +117,8 @@ def _scene_key(scene: Scene) -> str:
     )  # fmt: skip
 
 
-def seen_from_camera(scene: Scene, file: Path) -> Placement:
-    """A scene as its camera sees it. Raises InsituError, that names the scene's file, where that is nothing to edit."""
-    placement = Placement(scene)
+def _require_surfaces(placement: Placement) -> None:
     if not len(placement.hits.pixel):
         seen = "lamps alone" if np.any(placement.hits.object_image >= 0) else "no surface"
+        file = placement.scene.file
         raise InsituError(f"{file}: camera = sees {seen}, expected an object in view; nothing was changed")
-    return placement
-
-
-def frame_arrays(placement: Placement) -> dict[str, np.ndarray]:
-    """What the window needs of the primary hits."""
-    hits = placement.hits
-    cos_o = np.clip(np.einsum("pc,pc->p", hits.normal, hits.wo), 0.0, 1.0)
-    return {
-        "resolution": np.array(hits.resolution),
-        "pixel": hits.pixel,
-        "object_ranges": hits.object_ranges,
-        "object_image": hits.object_image,
-        "distance": np.einsum("pc,pc->p", placement.scene.eye - hits.position, hits.wo).astype(np.float32),
-        "front": hits.front,
-        "theta_o": np.arccos(cos_o).astype(np.float32),
-        "normal": hits.normal.astype(np.float16),
-        "tangent": hits.tangent.astype(np.float16),
-        "emission_image": hits.emission_image,
-        "ray_directions": hits.ray_directions,
-        "edge_pixels": hits.edge_pixels,
-        "edge_neighbours": hits.edge_neighbours,
-        "edge_weights": hits.edge_weights,
-    }

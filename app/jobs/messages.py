@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from app.document import Document
     from engine.material.layer import Layer
     from engine.measured.measurement import Measurement
+    from engine.scene.description import Camera
+    from engine.scene.picture_frame import PictureFrame
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +68,7 @@ class Request(Message):
 
 @dataclass(frozen=True)
 class OpenScene(Request):
-    """Load a scene and trace its primary hits; what was asked of the scene before is cancelled.
+    """Load a scene; what was asked of the scene before is cancelled. It is open once it is seen: `LookFrom`.
 
     measured: files of measured BRDFs that are to be read besides those that the scene names; layers: those of a
     session, whose curves are planned as well.
@@ -75,9 +77,21 @@ class OpenScene(Request):
     alone = True
 
     source: str
-    resolution: tuple[int, int] | None = None
     measured: tuple[str, ...] = ()
     layers: tuple[Layer, ...] = ()
+
+
+@dataclass(frozen=True)
+class LookFrom(Request):
+    """Trace what the scene of this number (that of its `OpenScene`) shows from a camera, in so many pixels (width,
+    height); None: as its file has them. Answered by `SceneSeen`."""
+
+    built_on = (OpenScene,)
+    alone = True
+
+    scene: int
+    camera: Camera | None = None
+    resolution: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True)
@@ -150,7 +164,7 @@ class Response(Message):
 
 @dataclass(frozen=True, eq=False)
 class SceneOpened(Response):
-    """The scene as the window needs it; `description` is JSON, `arrays` the primary hits by name.
+    """The scene as the window needs it; `description` is JSON.
 
     `measurements`: what was read, by the names that asked for it. `planned`: what each of the scene's own layers needs,
     and of a session's those that are others, with what was read for them: of each curve, by factor, how many bands;
@@ -159,9 +173,15 @@ class SceneOpened(Response):
 
     description: str
     notes: tuple[str, ...] = ()
-    arrays: dict[str, NDArray[np.generic]] = field(default_factory=dict)
     measurements: dict[str, Measurement] = field(default_factory=dict)
     planned: tuple[tuple[Layer, dict[str, int]], ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class SceneSeen(Response):
+    """What the camera sees."""
+
+    frame: PictureFrame
 
 
 @dataclass(frozen=True)
@@ -192,7 +212,7 @@ class FilesWritten(Response):
 class SkyImage(Response):
     """The environment that lights the scene, for the background: radiance (H,W,3), black where there is none.
 
-    Told once, under the first light with it: it belongs to the scene, as `StageFootprint` does."""
+    Told once, under the first light with it: it belongs to the view, as `StageFootprint` does."""
 
     radiance: NDArray[np.floating]
     notes: tuple[str, ...] = ()

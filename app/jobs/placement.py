@@ -59,7 +59,7 @@ KERNEL_SECONDS = 0.05
 
 
 class PlacementWork(ModeWork):
-    """The newest transport of the scene that is open."""
+    """The newest transport of the view that is open."""
 
     def __init__(self, bench: Bench) -> None:
         self._bench, self._cache = bench, bench.store
@@ -85,7 +85,7 @@ class PlacementWork(ModeWork):
             EstimateError: self._estimate_error,
         }
 
-    def scene_opened(self) -> None:
+    def scene_seen(self) -> None:
         self._layers, self._current, self._light = {}, {}, None
         self._indirect, self._maps = None, None
         self._selected = {}
@@ -134,7 +134,7 @@ class PlacementWork(ModeWork):
         def bits_of(arrays: Arrays) -> np.ndarray:
             return ArrayReader(arrays).take("bits", mine.dtype, *mine.shape)
 
-        kept = self._cache.get(content_key("visibility", self._bench.scene_key), bits_of)
+        kept = self._cache.get(content_key("visibility", self._bench.view_key), bits_of)
         if kept is not None:
             mine[:] = kept
             placement.sphere.done[:] = True
@@ -156,6 +156,7 @@ class PlacementWork(ModeWork):
         lit_by = LitBy(request.light, request.n_lights_final, request.n_patches, request.emission)
         yield from self._tell_held(placement, request, lit_by)
         yield from self._kernels_ready()
+        yield from self._tell_kept(placement, request, sky, lit_by)
         n_bounces, bounces_told = request.n_bounces, request.n_bounces == 1
         for quality, exact in _stages(request)[-1 if self._bench.fills else 0 :]:
             started = time.monotonic()
@@ -183,7 +184,7 @@ class PlacementWork(ModeWork):
             from app.jobs.indirect import IndirectTasks
 
             bench = self._bench
-            self._indirect = IndirectTasks(bench.open_placement, self._cache, bench.scene_key, bench.scene_id)
+            self._indirect = IndirectTasks(bench.open_placement, self._cache, bench.view_key, bench.view_id)
         return self._indirect
 
     def _selected_first(self, request: ComputeTransport) -> list[LayerWork]:
@@ -195,6 +196,22 @@ class PlacementWork(ModeWork):
             data = self._layers.get(work.key)
             if data is not None and data.is_picture_of(work, lit_by):
                 data = self._hold(data.taken_over_by(work))
+                yield from self._answers(data, self._selected_factor(work.key), self._precision)
+
+    def _tell_kept(self, placement: Placement, request: ComputeTransport, sky: SkyState, lit_by: LitBy) -> Steps:
+        """Answer with what the disk has of the last stage: a view that was computed before is there at once."""
+        quality, _ = _stages(request)[-1]
+        light_key = self._light_key(sky, placement.scene, quality)
+        unit = None if quality.name != FINAL.name or self._bench.fills else self._cache.get(_unit_key(light_key), _unit)
+        if unit is None:
+            return
+        for work in self._selected_first(request):
+            if self._is_spared(work, lit_by, quality.name, True):
+                continue
+            rows = placement.rows_of(_object_index(placement, work), quality.stride)
+            kept = self._cache.get(_transport_key(light_key, work), partial(store_of, work, len(rows)))
+            if kept is not None:
+                data = self._hold(LayerData(work, lit_by, quality.name, kept, unit))
                 yield from self._answers(data, self._selected_factor(work.key), self._precision)
 
     def _is_spared(self, work: LayerWork, lit_by: LitBy, stage: str, is_last: bool) -> bool:
@@ -242,6 +259,7 @@ class PlacementWork(ModeWork):
         light = yield from self._see(placement, sky, quality, clock)
         if key:
             self._light = key, light
+            self._cache.put(_unit_key(key), {"unit": np.array([light.lighting.unit], np.float64)})
         return light
 
     def _see(
@@ -254,7 +272,7 @@ class PlacementWork(ModeWork):
                 fraction = next(steps)
             except StopIteration as end:
                 if not was_done and placement.sphere.done.all():
-                    self._cache.put(content_key("visibility", self._bench.scene_key), {"bits": placement.sphere.bits})
+                    self._cache.put(content_key("visibility", self._bench.view_key), {"bits": placement.sphere.bits})
                 return end.value  # type: ignore[no-any-return]
             yield clock.progress(0.3 * fraction, "shadows")
 
@@ -270,8 +288,7 @@ class PlacementWork(ModeWork):
                 parts[tile.begin] = kept_of_tile(work, tile)
                 yield clock.progress(0.3 + 0.7 * (done + tile.begin) / total, work.key)
             return joined(work, parts)
-        baked = work.coefficients if work.fixed else ()
-        key = content_key("transport", light_key, work.key, work.model, work.quotient_parameters, work.bands, *baked)
+        key = _transport_key(light_key, work)
         kept = self._cache.get(key, partial(store_of, work, len(rows)))
         if kept is not None:
             if not self._bench.fills:
@@ -312,13 +329,13 @@ class PlacementWork(ModeWork):
         stride = STAGES[data.stage].stride
         if stride > 1 and data.stage not in self._told:
             self._told.add(data.stage)
-            yield StageFootprint(*self._bench.open_placement.footprint(stride), data.stage, id=self._bench.scene_id)
+            yield StageFootprint(*self._bench.open_placement.footprint(stride), data.stage, id=self._bench.view_id)
         # What was selected may be a curve of the model that the layer had before.
         yield from data.answers(factor if factor in data.work.factors else None, precision, picture)
 
     def _light_key(self, sky: SkyState, scene: Scene, quality: Quality) -> str:
         return content_key(
-            CACHE_VERSION, self._bench.scene_key, _lit_key(sky, scene),
+            CACHE_VERSION, self._bench.view_key, _lit_key(sky, scene),
             quality.n_lights, quality.n_patches, quality.max_level,
         )  # fmt: skip
 
@@ -362,6 +379,20 @@ def _telling_first_time(steps: Iterator[Response | None], is_last: bool) -> Step
         yield replace(answer, text=f"{answer.text}, {FIRST_TIME}") if isinstance(answer, Progress) else answer
     if is_last:
         note_compiled(INDIRECT)
+
+
+def _transport_key(light_key: str, work: LayerWork) -> str:
+    baked = work.coefficients if work.fixed else ()
+    return content_key("transport", light_key, work.key, work.model, work.quotient_parameters, work.bands, *baked)
+
+
+def _unit_key(light_key: str) -> str:
+    """Of the unit that transport under this light is in."""
+    return content_key("unit", light_key)
+
+
+def _unit(arrays: Arrays) -> float:
+    return float(ArrayReader(arrays).take("unit", np.float64, 1)[0])
 
 
 def _lit_key(sky: SkyState, scene: Scene) -> str:

@@ -1,37 +1,38 @@
 """The requests that stand: the newest of each kind, whose answers count and which a new worker is given again.
 
-A request of one kind replaces the older of that kind and what was built on it: a scene the transport, a transport the
-contraction and the freezing. An answer to a request that no longer stands is stale. Each worker is sent each of them
-once; but a scene that stands again, where the one after it was refused or cancelled, once more to a worker that has not
-opened it: what came after it made that worker give it up.
+A request of one kind replaces the older of that kind and what was built on it: a scene the look at it, a look the
+transport, a transport the contraction and the freezing. An answer to a request that no longer stands is stale. Each
+worker is sent each of them once; but a scene and the look at it that stand again, where those after them were refused
+or cancelled, once more to a worker that does not see it so: what came after made that worker give it up.
 """
 
 from __future__ import annotations
 
-from app.jobs.messages import Cancel, Failed, Noted, OpenScene, Progress, Request, Response, SceneOpened
+from app.jobs.messages import Cancel, Failed, LookFrom, Noted, OpenScene, Progress, Request, Response, SceneSeen
 
 
 class Standing:
-    """At most one request of each kind; a scene that fails to open leaves the one opened before it standing."""
+    """At most one request of each kind; a scene that fails to open, or a look that sees nothing, leaves those before
+    standing."""
 
     def __init__(self) -> None:
         self._requests: dict[type[Request], Request] = {}
-        self._opened: Request | None = None  # the last scene that did open
+        self._seen: dict[type[Request], Request] = {}  # the scene that was seen last, and the look at it
         self._sent: set[int] = set()  # what the present worker was sent
-        self._open_here = 0  # the scene that it has open
+        self._seen_here = 0  # the look that it has taken
 
     def add(self, request: Request) -> None:
         """Note a request that is sent now."""
         self._clear(request)
         if not isinstance(request, Cancel):
             self._requests[type(request)] = request
-        elif request.cancels(OpenScene):
+        elif request.cancels(LookFrom):
             self._fall_back()
 
     def new_worker(self) -> None:
         """Another worker, which was sent nothing."""
         self._sent.clear()
-        self._open_here = 0
+        self._seen_here = 0
 
     def to_send(self) -> list[Request]:
         """What the present worker is to be sent now, in order; it counts as sent."""
@@ -41,8 +42,8 @@ class Standing:
 
     def heard(self, response: Response) -> None:
         """Note an answer of the present worker, current or not."""
-        if isinstance(response, SceneOpened):
-            self._open_here = response.id
+        if isinstance(response, SceneSeen):
+            self._seen_here = response.id
 
     def is_current(self, response: Response) -> bool:
         """Whether it still counts; what is said of the cache is true whatever was asked since."""
@@ -50,8 +51,8 @@ class Standing:
 
     def settle(self, response: Response) -> None:
         """Note a current answer: a request that failed, or was answered once and for all, stands no longer."""
-        if isinstance(response, SceneOpened):
-            self._opened = self._requests[OpenScene]
+        if isinstance(response, SceneSeen):
+            self._seen = {kind: each for kind, each in self._requests.items() if kind in (OpenScene, LookFrom)}
         elif isinstance(response, Failed) or self._answers_once(response):
             self.drop(response.id)
 
@@ -60,9 +61,9 @@ class Standing:
         for request in list(self._requests.values()):
             if request.id == id:
                 self._clear(request)
-                if request is self._opened:
-                    self._opened = None
-                if isinstance(request, OpenScene):
+                if request in self._seen.values():
+                    self._seen = {}
+                if isinstance(request, OpenScene | LookFrom):
                     self._fall_back()
 
     def requests(self) -> list[Request]:
@@ -80,10 +81,9 @@ class Standing:
         return any(request.once and request.id == response.id for request in self._requests.values())
 
     def _fall_back(self) -> None:
-        """Let the scene that was opened last stand, and none that is not open."""
-        self._requests.pop(OpenScene, None)
-        if self._opened is None:
-            return
-        self._requests[OpenScene] = self._opened
-        if self._opened.id != self._open_here:
-            self._sent.discard(self._opened.id)
+        """Let the scene that was seen last stand, as it was seen, and none that is not open."""
+        for kind in (OpenScene, LookFrom):
+            self._requests.pop(kind, None)
+        self._requests |= self._seen
+        if self._seen and self._seen[LookFrom].id != self._seen_here:
+            self._sent -= {request.id for request in self._seen.values()}

@@ -8,11 +8,21 @@ from pathlib import Path
 from typing import Any
 
 from app.document import document_from_description
-from app.jobs.bench import Bench, frame_arrays, seen_from_camera
+from app.jobs.bench import Bench
 from app.jobs.cache import Store
 from app.jobs.kernels import Kernels
 from app.jobs.measured import described_paths, hand_out, read_files, read_for, write_file
-from app.jobs.messages import HandOutTable, OpenScene, Progress, ReadMeasured, Request, SceneOpened, WriteFiles
+from app.jobs.messages import (
+    HandOutTable,
+    LookFrom,
+    OpenScene,
+    Progress,
+    ReadMeasured,
+    Request,
+    SceneOpened,
+    SceneSeen,
+    WriteFiles,
+)
 from app.jobs.schedule import Steps
 from app.measurements import document_with_read, layers_of_document, unread_files, with_read
 from app.mode import Mode
@@ -20,6 +30,7 @@ from app.modes import MODES
 from app.naming import named
 from engine.scene.builtin import scene_path
 from engine.scene.load import load_scene
+from engine.scene.picture_frame import picture_frame
 
 
 class Tasks:
@@ -33,6 +44,7 @@ class Tasks:
         self._works = [named(mode.work)(self.bench) for mode in modes]
         self._handlers: dict[type[Request], Callable[[Any], Steps]] = {
             OpenScene: self._open,
+            LookFrom: self._look,
             ReadMeasured: self._read,
             HandOutTable: self._hand_out,
             WriteFiles: self._write,
@@ -46,24 +58,27 @@ class Tasks:
         yield from self.bench.noted()
 
     def _open(self, request: OpenScene) -> Steps:
-        self.bench.forget_sky()
         yield Progress("scene", 0.0, text="reading the scene")
         path = scene_path(request.source)
-        scene = load_scene(path, request.resolution)
-        yield Progress("scene", 0.5, text="tracing what the camera sees")
-        placement = seen_from_camera(scene, path)
+        scene = load_scene(path)
         document = document_from_description(request.source, scene.description)
         names = described_paths(unread_files(layers_of_document(document)), scene.folder, path)
         names |= {file: Path(file) for file in request.measured}
         measurements = yield from read_files(names, self.bench.store)
-        self.bench.open(placement, request.id)
-        for work in self._works:
-            work.scene_opened()
+        self.bench.load(scene, request.id)
         description = scene.description.model_dump_json(by_alias=True)
         own = layers_of_document(document_with_read(document, measurements))
         layers = [*own, *(layer for layer in with_read(request.layers, measurements) if layer not in own)]
         planned = tuple(chain.from_iterable(work.plan(layers) for work in self._works))
-        yield SceneOpened(description, scene.notes, frame_arrays(placement), measurements, planned)
+        yield SceneOpened(description, scene.notes, measurements, planned)
+
+    def _look(self, request: LookFrom) -> Steps:
+        yield Progress("scene", 0.5, text="tracing what the camera sees")
+        self.bench.look(request)
+        for work in self._works:
+            work.scene_seen()
+        placement = self.bench.open_placement
+        yield SceneSeen(picture_frame(placement.hits, placement.scene.eye))
 
     def _read(self, request: ReadMeasured) -> Steps:
         yield from read_for(request, self.bench.store)

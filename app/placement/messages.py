@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from app.jobs.messages import OpenScene, Request, Response
+from app.jobs.messages import LookFrom, Request, Response
 
 if TYPE_CHECKING:
     from app.document import LightState
@@ -79,7 +79,7 @@ class ComputeTransport(Request):
     n_patches: what cuts the sky, at first and at last, and emitters at last.
     """
 
-    built_on = (OpenScene,)
+    built_on = (LookFrom,)
 
     light: LightState
     layers: tuple[LayerWork, ...]
@@ -152,7 +152,7 @@ class EstimateError(Request):
 class SampleMaps(Request):
     """Sample the images of some layers, by key, where the eye sees them; each is answered on its own."""
 
-    built_on = (OpenScene,)
+    built_on = (LookFrom,)
     quick = 2
     stops = False
 
@@ -173,7 +173,7 @@ class BandsPlanned(Response):
 class StageFootprint(Response):
     """Which computed samples stand for each pixel in the coarse pictures of a stage: rows (P,4) i32, weights (P,4) f32.
 
-    Belongs to the scene, not to the request in whose course it is told: pictures of that stage follow under any. Of a
+    Belongs to the view, not to the request in whose course it is told: pictures of that stage follow under any. Of a
     stage without one, every pixel has its own sample.
     """
 
@@ -224,7 +224,7 @@ class BouncesPlanned(Response):
 @dataclass(frozen=True, eq=False)
 class IndirectFound(Response):
     """Where the indirect light of a stage was found: for each point four samples of its own object, by number, and
-    their weights (P,4). `number` tells which `Frozen` belong to it. It belongs to the scene, as `StageFootprint`
+    their weights (P,4). `number` tells which `Frozen` belong to it. It belongs to the view, as `StageFootprint`
     does, and is told again under each transport whose light it is."""
 
     number: int

@@ -79,7 +79,7 @@ class PlacementTalk(ModeTalk):
 
     def _forget(self) -> None:
         """Nothing is known of the picture."""
-        self._scene_id = 0
+        self._view_id = 0
         self._footprints: dict[str, Footprint] = {}
         self._known_light = KnownLight()
         self._report = RenderReport()
@@ -96,16 +96,25 @@ class PlacementTalk(ModeTalk):
     def scene_stays(self) -> None:
         self._transport.scene_opened(is_new=False)
 
+    def looked_away(self) -> None:
+        self.scene_closed()
+
+    def looked_back(self) -> None:
+        self.scene_stays()
+
+    def scene_seen(self, scene: OpenedScene) -> None:
+        self.scene_opened(scene)
+
     def scene_opened(self, scene: OpenedScene) -> None:
         self._forget()
-        self._scene_id = scene.response.id
+        self._view_id = scene.view_id
         self._transport.scene_opened(has_sky=scene.description.environment is not None)
         self.indirect.scene_opened()
         self.maps.scene_opened()
         self._error.forget()
         self._known_light.worked(scene.described.light)
         self.curves.opened()
-        self.learn(scene.response.planned)
+        self.learn(scene.planned)
 
     def left(self) -> None:
         self._desk.send(Cancel(of=(ComputeTransport, SampleMaps, PlanBands)))
@@ -283,7 +292,7 @@ class PlacementTalk(ModeTalk):
     # -------------------------------------------------------------------------------------------------------- answers
 
     def take(self, response: Response) -> list[PictureEvent]:
-        is_open, is_of_scene = self._transport.is_open, response.id == self._scene_id
+        is_open, is_of_view = self._transport.is_open, response.id == self._view_id
         match response:
             case BandsPlanned():
                 self._bands.took(response)
@@ -299,11 +308,11 @@ class PlacementTalk(ModeTalk):
                 if self.maps.refuse(response, self._desk.history):
                     self._desk.document_changed()
                 self._desk.notify(response.line, True)
-            case StageFootprint() if is_of_scene:
+            case StageFootprint() if is_of_view:
                 self._footprints.setdefault(response.stage, Footprint(response.rows, response.weights))
-            case IndirectFound() if is_of_scene:
+            case IndirectFound() if is_of_view:
                 self.indirect.took_found(response)
-            case IndirectNoise() if is_of_scene:
+            case IndirectNoise() if is_of_view:
                 self.indirect.took_noise(response)
             case _ if response.revision == self._transport.revision and is_open:
                 return self._take_picture(response)

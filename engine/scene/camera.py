@@ -11,10 +11,10 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from engine.scene.description import CameraDescription
+from engine.scene.description import Camera
 
 
-def camera_frame(camera: CameraDescription) -> npt.NDArray[np.float64]:
+def camera_frame(camera: Camera) -> npt.NDArray[np.float64]:
     """Rows right, up, forward of the camera, orthonormal (3, 3)."""
     forward = np.subtract(camera.target, camera.position)
     forward = forward / np.linalg.norm(forward)
@@ -24,7 +24,7 @@ def camera_frame(camera: CameraDescription) -> npt.NDArray[np.float64]:
 
 
 def pixel_directions(
-    camera: CameraDescription, resolution: tuple[int, int], columns: npt.ArrayLike, rows: npt.ArrayLike
+    camera: Camera, resolution: tuple[int, int], columns: npt.ArrayLike, rows: npt.ArrayLike
 ) -> npt.NDArray[np.float32]:
     """Unit directions (..., 3) through the picture's points (columns, rows), in pixels from the upper left corner.
 
@@ -41,7 +41,7 @@ def pixel_directions(
 
 
 def project(
-    camera: CameraDescription, resolution: tuple[int, int], directions: npt.NDArray[np.floating]
+    camera: Camera, resolution: tuple[int, int], directions: npt.NDArray[np.floating]
 ) -> npt.NDArray[np.float64]:
     """Where the picture shows what lies in some directions (..., 3) from the eye, of any length and before the camera:
     (..., 2) columns and rows, pixels from the upper left corner; the inverse of `pixel_directions`."""
@@ -53,7 +53,7 @@ def project(
     return np.stack([columns, 0.5 * height * (1.0 - y / (depth * half))], axis=-1)
 
 
-def centre_directions(camera: CameraDescription, resolution: tuple[int, int]) -> npt.NDArray[np.float32]:
+def centre_directions(camera: Camera, resolution: tuple[int, int]) -> npt.NDArray[np.float32]:
     """Unit directions (H, W, 3) through all pixel centres, row 0 at the top."""
     width, height = resolution
     columns, rows = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)

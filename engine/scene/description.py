@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     BaseModel,
@@ -107,17 +107,16 @@ class _Description(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
 
 
-class CameraDescription(_Description):
-    """A pinhole: right-handed, metres, `fov_y` in degrees, `resolution` = (width, height) in pixels."""
+class Camera(_Description):
+    """A pinhole: right-handed, metres, `fov_y` in degrees."""
 
     position: Vector
     target: Vector
     up: Vector = (0.0, 1.0, 0.0)
     fov_y: Annotated[float, BeforeValidator(_number), Field(ge=0.01, le=179.0, allow_inf_nan=False)] = 40.0
-    resolution: tuple[Pixels, Pixels] = (512, 512)
 
     @model_validator(mode="after")
-    def _has_a_frame(self) -> CameraDescription:
+    def _has_a_frame(self) -> Self:
         forward = [t - p for t, p in zip(self.target, self.position, strict=True)]
         length = math.hypot(*forward)
         if not length > 0.0:
@@ -127,6 +126,12 @@ class CameraDescription(_Description):
         if across <= 1e-6 * length * math.hypot(*self.up):
             raise ValueError("up: a direction that is not parallel to the view")
         return self
+
+
+class CameraDescription(Camera):
+    """The camera that a scene is first seen from, and the picture's `resolution` = (width, height) in pixels."""
+
+    resolution: tuple[Pixels, Pixels] = (512, 512)
 
 
 class EnvironmentDescription(_Description):
@@ -215,6 +220,12 @@ class SceneDescription(_Description):
                 raise ValueError(f"object {item.name!r}: names that differ")
             seen.add(item.name)
         return self
+
+    def seen_from(self, camera: Camera | None) -> SceneDescription:
+        """The same from another camera; None: from its own."""
+        if camera is None:
+            return self
+        return self.model_copy(update={"camera": self.camera.model_copy(update=dict(camera))})
 
 
 def load_description(path: str | Path) -> SceneDescription:

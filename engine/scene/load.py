@@ -17,7 +17,7 @@ import numpy.typing as npt
 from engine.errors import LoadError
 from engine.scene.box_projection import box_frame
 from engine.scene.defects import count_defects
-from engine.scene.description import SceneDescription, load_description
+from engine.scene.description import Camera, SceneDescription, load_description
 from engine.scene.files import resolve_inside
 from engine.scene.mesh import MESH_ENDINGS, Mesh, face_normals, join_meshes, join_uvs, place_mesh
 from engine.scene.parts import ObjectMesh, object_meshes
@@ -73,6 +73,10 @@ class Scene:
         for i in np.flatnonzero(self.emitters):
             changed[i] = emission.get(self.description.objects[i].name, changed[i])
         return replace(self, emission=changed)
+
+    def seen_from(self, camera: Camera | None, resolution: tuple[int, int] | None = None) -> Scene:
+        """The scene from another camera, in so many pixels (width, height); None: as it is."""
+        return replace(self, description=self.description.seen_from(camera), resolution=resolution or self.resolution)
 
     @property
     def eye(self) -> npt.NDArray[np.float64]:

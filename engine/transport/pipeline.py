@@ -80,10 +80,11 @@ def _within(steps: Iterator[float], begin: float, end: float) -> Iterator[float]
 class Placement:
     """One scene seen from one camera."""
 
-    def __init__(self, scene: Scene, resolution: tuple[int, int] | None = None) -> None:
+    def __init__(self, scene: Scene, caster: RayCaster | None = None) -> None:
+        """caster: that of the scene's triangles, where there is one already."""
         self.scene = scene
-        self.caster = RayCaster(scene.vertices, scene.triangles)
-        self.hits: PrimaryHits = trace_primary(scene, self.caster, resolution)
+        self.caster = caster or RayCaster(scene.vertices, scene.triangles)
+        self.hits: PrimaryHits = trace_primary(scene, self.caster)
         self.sphere: Visibility = empty_visibility(self.hits, sphere_targets(VISIBILITY_LEVEL))
         self._rows: dict[int, np.ndarray] = {}
         self._footprints: dict[int, tuple[np.ndarray, np.ndarray]] = {}

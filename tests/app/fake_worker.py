@@ -8,7 +8,7 @@ import numpy as np
 
 from app.document import document_from_description
 from app.jobs.bands import plan_bands
-from app.jobs.messages import Cancel, OpenScene, Request, Response, SceneOpened, stamped
+from app.jobs.messages import Cancel, LookFrom, OpenScene, Request, Response, SceneOpened, SceneSeen, stamped
 from app.measurements import document_with_read, unread_files
 from app.placement.messages import (
     ComputeTransport,
@@ -25,6 +25,7 @@ from engine.measured.measurement import Measurement
 from engine.plan import Precision, band_counts
 from engine.render.picture_error import ErrorEstimate
 from engine.scene.description import parse_description
+from engine.scene.picture_frame import PictureFrame
 
 METAL = {"model": "rough_conductor", "alpha": 0.15}
 SCENE: dict[str, Any] = {
@@ -39,6 +40,17 @@ SCENE: dict[str, Any] = {
         {"name": "lamp", "primitive": "quad", "emission": 5.0},
     ],
 }
+
+
+# A picture of one pixel, which sees the pot.
+FRAME = PictureFrame(
+    pixel=np.zeros(1, np.int32),
+    object_ranges=np.array([[0, 1], [1, 1], [1, 1]], np.int32),
+    object_image=np.zeros((1, 1), np.int16),
+    emission_image=np.zeros((1, 1, 3), np.float32),
+    ray_directions=np.zeros((1, 1, 3), np.float32),
+    theta_o=np.zeros(1, np.float32),
+)
 
 
 class FakeClient:
@@ -94,6 +106,11 @@ class FakeClient:
         planned = (*((document.layer(key), counts) for key, counts in bands.items()), *planned)
         opened = SceneOpened(text, ("a note",), measurements=measurements or {}, planned=planned)
         self.answer(self.sent(OpenScene)[-1], opened)
+        self.see_scene()
+
+    def see_scene(self) -> None:
+        """Answer the newest LookFrom."""
+        self.answer(self.sent(LookFrom)[-1], SceneSeen(FRAME))
 
     def finish_stage(self, stage: str, exact: bool) -> None:
         """Answer the newest ComputeTransport with one stage: all layers' pictures, then the selected's transport."""
@@ -142,6 +159,8 @@ class ServingClient(FakeClient):
         if isinstance(sent, OpenScene):
             text = parse_description(SCENE, "scene.toml").model_dump_json(by_alias=True)
             self._answers = {OpenScene: [stamped(SceneOpened(text), id, sent.revision)]}
+        elif isinstance(sent, LookFrom):
+            self._answers.setdefault(OpenScene, []).append(stamped(SceneSeen(FRAME), id, sent.revision))
         elif isinstance(sent, ComputeTransport):
             if sent.selected is not None and sent.factor is not None:
                 self._selected = dict.fromkeys((sent.selected, *sent.followers), sent.factor)

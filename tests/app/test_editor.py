@@ -8,7 +8,7 @@ import pytest
 
 from app.commands import AddOperator, SetEditable, SetEnvironment, SetIntensity, SetParameter, SetRotation, SetVisible
 from app.editor import Editor
-from app.jobs.messages import Cancel, Failed, OpenScene, Progress, SkyImage, WorkerRestarted
+from app.jobs.messages import Cancel, Failed, LookFrom, OpenScene, Progress, SkyImage, WorkerRestarted
 from app.picture import SceneFrame, SkyChanged
 from app.placement.events import LayerRadiance, TransportReady
 from app.placement.messages import BouncesPlanned, ComputeTransport, Contract, LayerPicture
@@ -22,7 +22,7 @@ from tests.app.fake_worker import SCENE, FakeClient, transport
 
 LIFT = Operator("translate", "y", 0.1, 0.2, 0.3, 0.4, magnitude=1.0)
 EXACT = RenderReport(128, 128, 0.0, True)
-SCENE_ID = 1  # the number of the first request, which opens it
+VIEW_ID = 2  # the number of the second request, by which the scene is seen
 
 
 @pytest.fixture
@@ -49,7 +49,7 @@ def computed(client: FakeClient) -> list[ComputeTransport]:
 
 def test_opening_asks_for_all_layers_at_once(client: FakeClient) -> None:
     editor = Editor(client, "shelf")
-    assert [type(request) for request in client.requests] == [OpenScene]
+    assert [type(request) for request in client.requests] == [OpenScene, LookFrom]
     assert editor.status.picture == "waiting"
     client.open_scene()
     events = editor.tick(0.0)
@@ -459,7 +459,7 @@ def test_a_fixed_curve_that_changes_is_part_of_its_transport(settled: Editor, cl
 
 
 def test_the_sky_is_handed_on(editor: Editor, client: FakeClient) -> None:
-    client.answer(computed(client)[0], SkyImage(np.ones((2, 4, 3)), ("3 negative pixels set to 0",), id=SCENE_ID))
+    client.answer(computed(client)[0], SkyImage(np.ones((2, 4, 3)), ("3 negative pixels set to 0",), id=VIEW_ID))
     (event,) = editor.tick(0.1)
     assert isinstance(event, SkyChanged) and event.radiance.shape == (2, 4, 3)
     assert editor.status.notes == ("a note", "3 negative pixels set to 0")
@@ -474,7 +474,7 @@ def test_the_sky_is_handed_on_though_the_light_was_turned_meanwhile(settled: Edi
     settled.do(SetRotation(50.0))
     settled.tick(1.5)
     assert len(computed(client)) == 2  # the worker says what sky it is once, under the first of both
-    client.answer(under_way, SkyImage(np.ones((2, 4, 3)), id=SCENE_ID))
+    client.answer(under_way, SkyImage(np.ones((2, 4, 3)), id=VIEW_ID))
     assert [type(event) for event in settled.tick(1.6)] == [SkyChanged]
 
 

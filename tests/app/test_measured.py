@@ -41,6 +41,7 @@ from engine.plan import band_counts
 from engine.scene.description import SceneDescription
 from tests.app.fake_worker import FakeClient
 from tests.naive.measured import drawn_measurement
+from tests.opened import open_in_process
 
 SCENE = """version = 1
 bounces = 1
@@ -82,8 +83,8 @@ def test_a_worker_reads_what_a_scene_names(scene: Path, tmp_path: Path, monkeypa
     monkeypatch.setattr(tables, "_tables", {})
     store = Store(tmp_path / "cache")
     tasks = Tasks(store)
-    *_, opened = run_in_process(tasks, OpenScene(str(scene)))
-    assert isinstance(opened, SceneOpened) and opened.measurements["gloss.binary"].is_read
+    opened = next(a for a in open_in_process(tasks, str(scene)) if isinstance(a, SceneOpened))
+    assert opened.measurements["gloss.binary"].is_read
     document = document_of(opened, scene)
     number = opened.measurements["gloss.binary"].number
     assert measured_files(document) == ((str(scene.parent / "gloss.binary"), number),)
@@ -144,7 +145,7 @@ def test_the_worker_plans_a_session_with_an_import(scene: Path, merl_file: Path,
     own = layers_of_document(document_of(plain, scene))
     assert [layer for layer, _ in plain.planned] == own
     layers = (*own, *measured_layers(merl_file, cloth=True))
-    *_, opened = run_in_process(tasks, OpenScene(str(scene), None, (str(merl_file),), layers))
+    *_, opened = run_in_process(tasks, OpenScene(str(scene), (str(merl_file),), layers))
     assert isinstance(opened, SceneOpened)
     *others, (layer, bands) = opened.planned
     assert [each for each, _ in others] == own

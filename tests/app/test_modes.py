@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from app.jobs.messages import Cancel, HandOutTable, OpenScene, ReadMeasured, Request
+from app.jobs.messages import Cancel, HandOutTable, LookFrom, OpenScene, ReadMeasured, Request
 from app.modes import MODES
 from app.naming import named
 from app.placement.messages import ComputeTransport, Contract, Freeze, PlanBands, SampleMaps
@@ -27,19 +27,21 @@ def test_what_a_mode_names_is_there(mode) -> None:
 
 
 def needed_by(kind: type[Request]) -> set[type[Request]]:
-    kinds = {OpenScene, ComputeTransport, Contract, Freeze, PlanBands, ReadMeasured, HandOutTable, SampleMaps}
-    return {each for each in kinds if kind().cancels(each)} if kind is Cancel else {e for e in kinds if e.needs(kind)}
+    kinds = {OpenScene, LookFrom, ComputeTransport, Contract, Freeze, PlanBands, ReadMeasured, HandOutTable, SampleMaps}
+    return {each for each in kinds if (kind().cancels(each) if kind is Cancel else each.needs(kind))}
 
 
 def test_a_request_is_void_with_what_it_is_built_on() -> None:
-    # Contractions are of a transport, which is of a scene; what is read or handed out for the window is of neither.
+    # Contractions are of a transport, which is of a view, which is of a scene; what is read or handed out for the window
+    # is of none of them.
     assert needed_by(ComputeTransport) == {ComputeTransport, Contract, Freeze}
-    assert needed_by(OpenScene) == {OpenScene, ComputeTransport, Contract, Freeze, ReadMeasured, SampleMaps}
+    assert needed_by(LookFrom) == {LookFrom, ComputeTransport, Contract, Freeze, SampleMaps}
+    assert needed_by(OpenScene) == needed_by(LookFrom) | {OpenScene, ReadMeasured}
     assert needed_by(Contract) == {Contract}
 
 
 def test_a_person_who_stops_the_work_means_no_looks_in_passing() -> None:
-    assert needed_by(Cancel) == {OpenScene, ComputeTransport, Contract, Freeze, ReadMeasured}
+    assert needed_by(Cancel) == {OpenScene, LookFrom, ComputeTransport, Contract, Freeze, ReadMeasured}
 
 
 def test_a_mode_that_is_left_takes_its_own_requests_alone() -> None:

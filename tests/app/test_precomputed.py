@@ -74,7 +74,7 @@ def test_it_leaves_the_editor_nothing_to_do(
     file = str(session_of(scene) if is_session else scene)
     store = CountingStore(tmp_path / "cache")
     precompute(open_project(file), lambda progress: None, store=store)
-    assert store.kept == 4  # visibility, two layers' transport, their indirect light
+    assert store.kept == 5  # visibility, two layers' transport and its unit, their indirect light
     monkeypatch.setattr(Solver, "solve", lambda *arguments: pytest.fail("indirect light is found once more"))
     client = InProcessClient(Tasks(store))
     editor = Editor(client, file)
@@ -83,5 +83,5 @@ def test_it_leaves_the_editor_nothing_to_do(
         if editor.scene_is_open and editor.talk.indirect.is_complete and not client.wait(0.0):
             break
     assert editor.talk._transport.delivered_final and editor.talk.indirect.is_shown
-    assert store.kept == 4
+    assert store.kept == 5
     editor.close()

@@ -14,6 +14,7 @@ import numpy as np
 from app.document import document_from_description
 from app.jobs.bands import plan_bands
 from app.jobs.messages import (
+    LookFrom,
     MeasurementsRead,
     OpenScene,
     Progress,
@@ -21,6 +22,7 @@ from app.jobs.messages import (
     Request,
     Response,
     SceneOpened,
+    SceneSeen,
     SkyImage,
     stamped,
 )
@@ -36,6 +38,7 @@ from app.placement.messages import (
 from engine.curve.wavelet import forward
 from engine.plan import Precision, band_counts
 from engine.scene.description import SceneDescription
+from engine.scene.picture_frame import PictureFrame
 from tests.naive.measured import drawn_measurement
 
 WIDTH, HEIGHT = 48, 32
@@ -62,7 +65,7 @@ SCENE = {
 }
 
 
-def scene_arrays() -> dict[str, np.ndarray]:
+def scene_frame() -> PictureFrame:
     """Primary hits of the four stripes; the lamp is an emitter and has no shaded pixels."""
     column = np.broadcast_to(np.arange(WIDTH) * len(STRIPES) // WIDTH, (HEIGHT, WIDTH))
     pixels = [np.flatnonzero(column == i) for i in range(3)]
@@ -71,24 +74,24 @@ def scene_arrays() -> dict[str, np.ndarray]:
     emission[column == 3] = (5.0, 5.0, 4.0)
     directions = np.zeros((HEIGHT, WIDTH, 3), np.float32)
     directions[..., 2] = -1.0
-    return {
-        "object_image": column.astype(np.int16),
-        "pixel": np.concatenate(pixels).astype(np.int32),
-        "object_ranges": np.stack([ends[:-1], ends[1:]], axis=1).astype(np.int32),
-        "distance": np.full(int(ends[3]), 4.0, np.float32),
-        "front": np.ones(int(ends[3]), bool),
-        "theta_o": np.full(int(ends[3]), 0.4, np.float32),
-        "normal": np.tile(np.array([0.0, 0.0, 1.0], np.float16), (int(ends[3]), 1)),
-        "tangent": np.tile(np.array([1.0, 0.0, 0.0], np.float16), (int(ends[3]), 1)),
-        "emission_image": emission,
-        "ray_directions": directions,
-    }
+    return PictureFrame(
+        object_image=column.astype(np.int16),
+        pixel=np.concatenate(pixels).astype(np.int32),
+        object_ranges=np.stack([ends[:-1], ends[1:]], axis=1).astype(np.int32),
+        distance=np.full(int(ends[3]), 4.0, np.float32),
+        front=np.ones(int(ends[3]), bool),
+        theta_o=np.full(int(ends[3]), 0.4, np.float32),
+        normal=np.tile(np.array([0.0, 0.0, 1.0], np.float16), (int(ends[3]), 1)),
+        tangent=np.tile(np.array([1.0, 0.0, 0.0], np.float16), (int(ends[3]), 1)),
+        emission_image=emission,
+        ray_directions=directions,
+    )
 
 
 def transport_of(key: str, n_bands: int) -> np.ndarray:
     """(J,p,3) in the domain of bands: each pixel sees all bands, by amounts of its own."""
     index = STRIPES.index(key.partition(".")[0])
-    n_samples = int(np.diff(scene_arrays()["object_ranges"][index])[0])
+    n_samples = int(np.diff(scene_frame().object_ranges[index])[0])
     generator = np.random.default_rng(index)
     return generator.uniform(0.2, 1.0, (n_bands, n_samples, 3)) / n_bands
 
@@ -101,7 +104,7 @@ class StandInClient:
         self.closed = False
         self.arriving = False
         self._due: list[Response] = []
-        self._scene_id = 0
+        self._view_id = 0
 
     @property
     def alive(self) -> bool:
@@ -115,8 +118,8 @@ class StandInClient:
         number = len(self.requests) + 1
         request = replace(request, id=number)
         self.requests.append(request)
-        if isinstance(request, OpenScene):
-            self._scene_id = number
+        if isinstance(request, LookFrom):
+            self._view_id = number
         self._due += [stamped(r, r.id or number, request.revision) for r in self._answers(request)]
         return number
 
@@ -136,7 +139,9 @@ class StandInClient:
             description = SceneDescription.model_validate(SCENE)
             layers = document_from_description("stand-in", description).layers()
             planned = tuple((layer, band_counts(layer)) for _, layer in layers)
-            yield SceneOpened(description.model_dump_json(by_alias=True), (), scene_arrays(), planned=planned)
+            yield SceneOpened(description.model_dump_json(by_alias=True), planned=planned)
+        elif isinstance(request, LookFrom):
+            yield SceneSeen(scene_frame())
         elif isinstance(request, ComputeTransport):
             yield from self._compute(request)
         elif isinstance(request, Contract):
@@ -147,15 +152,15 @@ class StandInClient:
             yield MeasurementsRead({file: replace(drawn_measurement(), file=file) for file in request.files})
 
     def _compute(self, request: ComputeTransport) -> Iterator[Response]:
-        arrays = scene_arrays()
-        n = len(arrays["pixel"])
-        rows = np.concatenate([np.arange(stop - start) for start, stop in arrays["object_ranges"]])
+        frame = scene_frame()
+        n = frame.n_pixels
+        rows = np.concatenate([np.arange(stop - start) for start, stop in frame.object_ranges])
         weights = np.zeros((n, 4), np.float32)
         weights[:, 0] = 1.0
-        yield SkyImage(np.full((8, 16, 3), (0.5, 0.6, 0.8), np.float32), id=self._scene_id)
+        yield SkyImage(np.full((8, 16, 3), (0.5, 0.6, 0.8), np.float32), id=self._view_id)
         yield Progress("transport", 0.5, 1.0)
         rows = np.repeat(rows[:, None], 4, axis=1).astype(np.int32)
-        yield StageFootprint(rows, weights, "final", id=self._scene_id)
+        yield StageFootprint(rows, weights, "final", id=self._view_id)
         for layer in request.layers:
             contracted = transport_of(layer.key, layer.bands[0])
             radiance = np.einsum("jpc,jc->pc", contracted, layer.coefficients[0]).astype(np.float32)

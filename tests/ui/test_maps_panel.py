@@ -11,7 +11,7 @@ from app.commands import SetVisible
 from app.map_commands import SetMap
 from app.placement.messages import MapsSampled, SampleMaps
 from engine.material.maps import LayerMaps, MapMeans
-from tests.ui.stand_in import StandInClient, scene_arrays
+from tests.ui.stand_in import StandInClient, scene_frame
 from ui.headless import HeadlessWindow
 from ui.panels.actions import AskFile, OpenImage
 from ui.panels.dialogs import answer
@@ -31,7 +31,7 @@ def sample(window: HeadlessWindow) -> None:
     window.frames(2)
     request = next(r for r in reversed(client.requests) if isinstance(r, SampleMaps))
     for key, images in request.layers:
-        start, stop = scene_arrays()["object_ranges"][0]
+        start, stop = scene_frame().object_ranges[0]
         samples = np.full((int(stop - start), 4), (0.5, 0.5, 0.5, 0.25 if images.weight else 1.0), np.float16)
         names = {name: np.full((8, 16, 3), 128, np.uint8) for name in ("texture", "weight") if getattr(images, name)}
         client.say(MapsSampled(key, images, samples, MEANS, names, id=request.id))

@@ -17,7 +17,7 @@ from app.editor import Editor
 from app.jobs.bench import Bench
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
-from app.jobs.messages import OpenScene, Request, Response
+from app.jobs.messages import LookFrom, Request, Response
 from app.jobs.tasks import Tasks
 from app.mode import Desk, Mode, ModeTalk, ModeWork
 from app.modes import MODES
@@ -35,7 +35,7 @@ pytestmark = pytest.mark.gl
 
 @dataclass(frozen=True)
 class Paint(Request):
-    built_on = (OpenScene,)
+    built_on = (LookFrom,)
     colour: tuple[float, float, float]
 
 

@@ -18,7 +18,7 @@ from app.material_commands import SetMaterial, new_layer
 from app.placement.messages import ComputeTransport
 from app.view_state import SetView
 from tests.app.fake_worker import FakeClient
-from tests.ui.stand_in import HEIGHT, WIDTH, StandInClient, scene_arrays, transport_of
+from tests.ui.stand_in import HEIGHT, WIDTH, StandInClient, scene_frame, transport_of
 from ui import picture_feed, scene_view
 from ui.gl.placement.renderer import PlacementRenderer
 from ui.gl.placement.sample_layout import SAMPLES_PER_ROW, row_count
@@ -47,22 +47,22 @@ def exact_picture(window: HeadlessWindow) -> np.ndarray:
 
 def expected_picture(window: HeadlessWindow) -> np.ndarray:
     """The sum over layers of f_q f_o Σ_j c_j T_j, straight from the stand-in's transport, and the lamp's emission."""
-    editor, arrays = window.shell.editor, scene_arrays()
-    image = np.array(arrays["emission_image"], dtype=np.float64)
+    editor, frame = window.shell.editor, scene_frame()
+    image = np.array(frame.emission_image, dtype=np.float64)
     flat = image.reshape(-1, 3)
     names = [state.name for state in editor.document.objects]
     for key, layer in editor.document.layers():
         name = key.partition(".")[0]
         if name == "lamp" or not editor.document.is_visible(key):
             continue
-        start, stop = arrays["object_ranges"][names.index(name)]
+        start, stop = frame.object_ranges[names.index(name)]
         curves = editor.talk.wanted_coefficients(key)
         first = next(iter(curves.values()))
         radiance = np.einsum("jpc,jc->pc", transport_of(key, len(first)), first)
         angles = np.linspace(0.0, np.pi / 2, 256)
         view = editor.talk.view_curve(key)
         view_value = np.stack([np.interp(0.4, angles, view[:, channel]) for channel in range(3)])
-        flat[arrays["pixel"][start:stop]] += radiance * layer.scale() * view_value
+        flat[frame.pixel[start:stop]] += radiance * layer.scale() * view_value
     return image
 
 
@@ -135,7 +135,7 @@ def test_a_new_sky_gets_a_thumbnail(window: HeadlessWindow) -> None:
     client = editor._client
     assert isinstance(client, StandInClient)
     assert window.run_until(lambda: len([r for r in client.requests if isinstance(r, ComputeTransport)]) > 1, 90.0)
-    client.say(SkyImage(np.full((4, 8, 3), (1.0, 0.2, 0.1), np.float32), id=1))
+    client.say(SkyImage(np.full((4, 8, 3), (1.0, 0.2, 0.1), np.float32), id=2))
     # The stand-in's own sky, which is bluish, may come first.
     assert window.run_until(lambda: colour(feed(window))[0] > colour(feed(window))[2], 90.0)
     assert feed(window).environment is not old and colour(feed(window))[3] == 255
@@ -146,7 +146,7 @@ def test_no_light_has_no_thumbnail(window: HeadlessWindow) -> None:
     client = window.shell.editor._client
     assert isinstance(client, StandInClient)
     assert feed(window).environment is not None
-    client.say(SkyImage(np.zeros((1, 2, 3), np.float32), id=1))
+    client.say(SkyImage(np.zeros((1, 2, 3), np.float32), id=2))
     window.frames(3)
     assert feed(window).environment is None
 

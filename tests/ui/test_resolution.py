@@ -13,7 +13,7 @@ from imgui_bundle import imgui
 from app.commands import SetParameter
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
-from app.jobs.messages import OpenScene
+from app.jobs.messages import LookFrom
 from app.jobs.tasks import Tasks
 from app.memory import memory_bytes
 from app.project import open_project
@@ -78,10 +78,10 @@ def test_edits_history_and_selection_stay(small: HeadlessWindow, tmp_path: Path)
     assert editor.view.resolution is None
 
 
-def requests(window: HeadlessWindow) -> list[OpenScene]:
+def looks(window: HeadlessWindow) -> list[LookFrom]:
     client = window.shell.editor._client
     assert isinstance(client, StandInClient)
-    return [request for request in client.requests if isinstance(request, OpenScene)]
+    return [request for request in client.requests if isinstance(request, LookFrom)]
 
 
 def test_edits_made_while_it_is_opened_stay_too(window: HeadlessWindow) -> None:
@@ -90,12 +90,12 @@ def test_edits_made_while_it_is_opened_stay_too(window: HeadlessWindow) -> None:
     window.shell.do(Resize((24, 16)))
     editor.do(SetParameter("teapot.1", "alpha", 0.77))  # before the worker has answered
     edited = editor.document
-    assert window.run_until(lambda: editor.view.resolution == (24, 16), 60.0)
+    assert editor.view.resolution == (24, 16)
     wait_until_exact(window)
     assert editor.document is edited and editor.unsaved
     # What belongs to pixels of the other picture is gone.
     assert editor.view.compare is None and editor.view.lobe_pixel is None
-    assert requests(window)[-1].resolution == (24, 16)
+    assert looks(window)[-1].resolution == (24, 16)
 
 
 def test_the_window_asks_for_numbers_and_says_what_they_cost(window: HeadlessWindow) -> None:
@@ -110,7 +110,8 @@ def test_the_window_asks_for_numbers_and_says_what_they_cost(window: HeadlessWin
     window.frames(3)
     window.click_handle("resolution.1")
     window.click_handle("button.resolution.apply")
-    assert requests(window)[-1].resolution == (24, 16)
+    window.frames(2)
+    assert looks(window)[-1].resolution == (24, 16)
     assert window.run_until(lambda: "24 x 16" in editor.status.message, 60.0)
 
 
@@ -133,15 +134,15 @@ def test_more_than_the_memory_is_refused_before_anything_is_done(
 ) -> None:
     for module in ("app.memory", "ui.panels.resolution"):
         monkeypatch.setattr(f"{module}.memory_bytes", lambda: (10 * 2**20, memory_bytes()[1]))
-    shell, asked = window.shell, len(requests(window))
+    shell, asked = window.shell, len(looks(window))
     shell.do(SetPanel({"resolution": (4096, 4096)}))
     window.frames(3)
     window.click_handle("button.resolution.apply")  # which is grey
-    assert shell.state.resolution == (4096, 4096) and len(requests(window)) == asked
+    assert shell.state.resolution == (4096, 4096) and len(looks(window)) == asked
     shell.do(Resize((4096, 4096)))
     status = shell.editor.status
     assert status.is_error and "18.8 GiB" in status.message and "10 MiB are free" in status.message
-    assert len(requests(window)) == asked
+    assert len(looks(window)) == asked
 
 
 def test_presets_stay_in_range() -> None:

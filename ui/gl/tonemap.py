@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.colour import ToneMapping
+from engine.scene.picture_frame import PictureFrame
 from ui.gl.passes import Box, Passes
-from ui.gl.picture_frame import PictureFrame
 from ui.gl.textures import TextureMemory, read_texture
 from ui.gl.tone_mapper import ToneMapper
 

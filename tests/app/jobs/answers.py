@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 
 from app.jobs.client import Client
-from app.jobs.messages import OpenScene, Response, SceneOpened
+from app.jobs.messages import LookFrom, OpenScene, Response, SceneSeen
 
 Answers = list[Response]
 # Long enough for a machine that does much else; only a worker that hangs is waited for so long.
@@ -33,8 +33,8 @@ def of(kind: type[Response], answers: Answers) -> Answers:
 
 
 def open_scene(client: Client) -> None:
-    client.send(OpenScene("open scene"))
-    collect(client, seen(SceneOpened))
+    client.send(LookFrom(client.send(OpenScene("open scene"))))
+    collect(client, seen(SceneSeen))
 
 
 def wait_until_idle(client: Client) -> None:

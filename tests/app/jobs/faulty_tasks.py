@@ -11,7 +11,7 @@ import numpy as np
 
 from app.jobs import channel
 from app.jobs.cache import Store
-from app.jobs.messages import OpenScene, Progress, Request, Response, SceneOpened
+from app.jobs.messages import LookFrom, OpenScene, Progress, Request, Response, SceneOpened, SceneSeen
 from app.placement.messages import ComputeTransport, Contract, LayerPicture, LayerTransport, StageDone
 from engine.errors import LoadError
 
@@ -28,6 +28,10 @@ def compute(text: str, **numbers: int) -> ComputeTransport:
     return ComputeTransport(None, (), text, None, 8, 64, 20, **numbers)
 
 
+# Stands for a frame: 40 KiB of it.
+PIXELS = {"pixel": np.arange(10_000, dtype=np.int32)}
+
+
 class Unimportable:
     """Handlers that cannot be made."""
 
@@ -41,6 +45,8 @@ class FaultyTasks:
     def handle(self, request: Request) -> Iterator[Response | None]:
         if isinstance(request, Contract):
             return self._contract(request)
+        if isinstance(request, LookFrom):
+            return self._look()
         text = request.source if isinstance(request, OpenScene) else request.selected
         verb, _, argument = text.partition(" ")
         action: Callable[[str], Iterator[Response | None]] = getattr(self, verb)
@@ -54,7 +60,10 @@ class FaultyTasks:
 
     def open(self, argument: str) -> Iterator[Response | None]:
         yield None
-        yield SceneOpened(argument, arrays={"pixel": np.arange(10_000, dtype=np.int32)})
+        yield SceneOpened(argument)
+
+    def _look(self) -> Iterator[Response | None]:
+        yield SceneSeen(PIXELS)
 
     def pictures(self, argument: str) -> Iterator[Response | None]:
         """So many pictures, one a step."""

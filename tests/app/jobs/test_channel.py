@@ -12,7 +12,7 @@ import pytest
 
 from app import system
 from app.jobs.channel import Channel, ChannelClosed, ChannelError
-from app.jobs.messages import Message, Progress, SceneOpened
+from app.jobs.messages import Message, Progress, SceneSeen
 from app.jobs.shared_arrays import Method
 from app.placement.messages import LayerPicture
 
@@ -57,30 +57,30 @@ ARRAYS = {
 
 
 def test_arrays_come_back_equal_with_their_dtypes(pair: tuple[Channel, Channel]) -> None:
-    received = through(pair, SceneOpened("{}", arrays=ARRAYS))
-    assert isinstance(received, SceneOpened)
-    assert received.arrays.keys() == ARRAYS.keys()
-    for name, array in received.arrays.items():
+    received = through(pair, SceneSeen(ARRAYS))
+    assert isinstance(received, SceneSeen)
+    assert received.frame.keys() == ARRAYS.keys()
+    for name, array in received.frame.items():
         assert array.dtype == ARRAYS[name].dtype
         np.testing.assert_array_equal(array, ARRAYS[name])
 
 
 def test_large_arrays_travel_beside_the_message(pair: tuple[Channel, Channel]) -> None:
     """4096 bytes are shared and read-only; 4095 are inside the message."""
-    received = through(pair, SceneOpened("{}", arrays={"in": np.ones(4095, np.uint8), "out": np.ones(4096, np.uint8)}))
-    assert isinstance(received, SceneOpened)
-    assert received.arrays["in"].flags.writeable
-    assert not received.arrays["out"].flags.writeable
+    received = through(pair, SceneSeen({"in": np.ones(4095, np.uint8), "out": np.ones(4096, np.uint8)}))
+    assert isinstance(received, SceneSeen)
+    assert received.frame["in"].flags.writeable
+    assert not received.frame["out"].flags.writeable
 
 
 def test_memory_map_travels_beside_the_message(pair: tuple[Channel, Channel], tmp_path: os.PathLike[str]) -> None:
     np.arange(5000).tofile(os.path.join(tmp_path, "a"))
     mapped = np.memmap(os.path.join(tmp_path, "a"), dtype=np.int64, mode="r")
-    received = through(pair, SceneOpened("{}", arrays={"a": mapped}))
-    assert isinstance(received, SceneOpened)
-    assert type(received.arrays["a"]) is np.ndarray
-    assert not received.arrays["a"].flags.writeable
-    np.testing.assert_array_equal(received.arrays["a"], np.arange(5000))
+    received = through(pair, SceneSeen({"a": mapped}))
+    assert isinstance(received, SceneSeen)
+    assert type(received.frame["a"]) is np.ndarray
+    assert not received.frame["a"].flags.writeable
+    np.testing.assert_array_equal(received.frame["a"], np.arange(5000))
 
 
 def test_arrays_outlive_message_and_channel_and_leave_no_descriptor(pair: tuple[Channel, Channel]) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from app.jobs.client import Client
-from app.jobs.messages import Cancel, Failed, OpenScene, Progress, SceneOpened
+from app.jobs.messages import Cancel, Failed, LookFrom, OpenScene, Progress, SceneOpened, SceneSeen
 from app.jobs.shared_arrays import Method
 from app.placement.messages import Contract, LayerPicture, LayerTransport, StageDone
 from tests.app.jobs.answers import collect, of, open_scene, seen, wait_until_idle
@@ -25,13 +25,15 @@ pytestmark = pytest.mark.usefixtures("state_folder")
 @pytest.mark.parametrize("method", ["memfd", "named", "kept"])
 def test_answers_arrive_with_their_arrays(method: Method) -> None:
     with Client(HANDLERS, method=method) as client:
-        numbers = [client.send(OpenScene("open scene", revision=3)), client.send(compute("pictures 20", revision=4))]
+        scene = client.send(OpenScene("open scene", revision=3))
+        client.send(LookFrom(scene))
+        numbers = [scene, client.send(compute("pictures 20", revision=4))]
         answers = collect(client, seen(StageDone))
-    opened = answers[0]
-    assert isinstance(opened, SceneOpened)
+    opened, looked = answers[:2]
+    assert isinstance(opened, SceneOpened) and isinstance(looked, SceneSeen)
     assert (opened.id, opened.revision, opened.description) == (numbers[0], 3, "scene")
-    np.testing.assert_array_equal(opened.arrays["pixel"], np.arange(10_000))
-    for index, answer in enumerate(answers[1:-1]):
+    np.testing.assert_array_equal(looked.frame["pixel"], np.arange(10_000))
+    for index, answer in enumerate(answers[2:-1]):
         assert isinstance(answer, LayerPicture)
         assert (answer.id, answer.revision) == (numbers[1], 4)
         np.testing.assert_array_equal(answer.radiance, picture(index))

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from app.jobs.client import Client
-from app.jobs.messages import Failed, OpenScene, Progress, SceneOpened, WorkerRestarted
+from app.jobs.messages import Failed, OpenScene, Progress, SceneOpened, SceneSeen, WorkerRestarted
 from app.jobs.shared_arrays import Method
 from app.placement.messages import LayerPicture, StageDone
 from tests.app.jobs.answers import collect, kill, of, open_scene, seen, wait_until_idle
@@ -28,7 +28,7 @@ def test_killed_while_starting() -> None:
     with Client(HANDLERS) as client:
         client.send(OpenScene("open scene"))
         kill(client)
-        answers = collect(client, seen(SceneOpened))
+        answers = collect(client, seen(SceneSeen))
     assert answers[0] == WorkerRestarted("it was ended by SIGKILL")
 
 
@@ -40,7 +40,7 @@ def test_killed_while_idle(client: Client) -> None:
     answers = collect(client, seen(WorkerRestarted))
     assert answers == [WorkerRestarted("it was ended by SIGKILL")]  # seen, not waited for in vain
     assert client.pid != before
-    answers = collect(client, seen(SceneOpened))  # the standing request was sent again, unasked
+    answers = collect(client, seen(SceneSeen))  # the standing request was sent again, unasked
     assert len(answers) == 1
 
 
@@ -92,7 +92,7 @@ def test_stopped_worker_is_replaced() -> None:
         open_scene(client)
         stopped = client.pid
         kill(client, signal.SIGSTOP)
-        answers = collect(client, seen(SceneOpened))
+        answers = collect(client, seen(SceneSeen))
         assert answers[0] == WorkerRestarted("it did not answer for 1 s")
         assert client.pid != stopped
     assert stopped is not None
@@ -139,7 +139,7 @@ def test_request_that_kills_the_worker_again_and_again_is_given_up(client: Clien
     assert (failed.id, failed.revision) == (deadly, 8)
     how = r"\(it (was ended by SIGKILL|closed its connection)\)"  # as fast as the system takes the process down
     assert re.fullmatch(f"computing failed 3 times in succession {how}; not tried again", failed.line)
-    collect(client, seen(SceneOpened))  # the scene stands, and a worker has it
+    collect(client, seen(SceneSeen))  # the scene stands, and a worker has it
     assert client.alive
     client.send(compute("pictures 1"))
     collect(client, seen(StageDone))
@@ -148,10 +148,11 @@ def test_request_that_kills_the_worker_again_and_again_is_given_up(client: Clien
 def test_scene_that_kills_the_worker_leaves_the_one_before_open(client: Client) -> None:
     open_scene(client)
     deadly = client.send(OpenScene("die"))
-    answers = collect(client, seen(SceneOpened))
+    answers = collect(client, seen(SceneSeen))
     assert [type(answer) for answer in answers if not isinstance(answer, (Progress, WorkerRestarted))] == [
         Failed,
         SceneOpened,
+        SceneSeen,
     ]
     assert of(Failed, answers)[0].id == deadly
 
@@ -161,9 +162,9 @@ def test_scene_that_fails_in_a_new_worker_leaves_the_one_before_open(client: Cli
     wait_until_idle(client)
     client.send(OpenScene("load_error"))
     kill(client)  # before or after it answered: the new worker has opened neither scene
-    answers = collect(client, lambda answers: seen(WorkerRestarted)(answers) and seen(SceneOpened)(answers))
-    assert isinstance(answers[-1], SceneOpened)
-    assert answers[-1].description == "scene"
+    answers = collect(client, lambda answers: seen(WorkerRestarted)(answers) and seen(SceneSeen)(answers))
+    assert isinstance(answers[-2], SceneOpened)
+    assert answers[-2].description == "scene"
 
 
 def test_kills_from_outside_are_not_held_against_finished_requests(client: Client) -> None:
@@ -171,7 +172,7 @@ def test_kills_from_outside_are_not_held_against_finished_requests(client: Clien
     for _ in range(4):
         wait_until_idle(client)
         kill(client)
-        answers = collect(client, seen(SceneOpened))
+        answers = collect(client, seen(SceneSeen))
         assert not of(Failed, answers)
 
 
@@ -206,7 +207,7 @@ def test_restarts_leave_no_descriptor_and_no_process(client: Client) -> None:
     before = len(os.listdir("/proc/self/fd"))
     for _ in range(3):
         kill(client)
-        collect(client, seen(SceneOpened))
+        collect(client, seen(SceneSeen))
         wait_until_idle(client)
     assert len(os.listdir("/proc/self/fd")) == before
     children = Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()

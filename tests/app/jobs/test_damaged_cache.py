@@ -14,7 +14,7 @@ from app.document import document_from_description
 from app.jobs import indirect as indirect_module
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
-from app.jobs.messages import Failed, OpenScene, Response
+from app.jobs.messages import Failed, Response
 from app.jobs.tasks import Tasks
 from app.placement.curves import Curves
 from app.placement.indirect_talk import reflections
@@ -22,6 +22,7 @@ from app.placement.messages import ComputeTransport, Contract, Freeze, Frozen, L
 from engine.indirect.solver import ROUGH
 from engine.scene.load import load_scene
 from tests.app.jobs.test_tasks import GLOSS, SCENE, compute
+from tests.opened import ask_for_scene
 
 RESOLUTION = (32, 24)
 N_CUTS, MOST_STEPS = 6, 100_000
@@ -50,7 +51,7 @@ class Cached:
 
     def client(self, folder: Path) -> InProcessClient:
         client = InProcessClient(Tasks(Store(folder)))
-        client.send(OpenScene(self.source, RESOLUTION))
+        ask_for_scene(client, self.source, resolution=RESOLUTION)
         client.poll(float("inf"))
         client.send(self.request)
         client.poll(0.0)

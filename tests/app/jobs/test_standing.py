@@ -2,7 +2,17 @@
 
 import numpy as np
 
-from app.jobs.messages import Cancel, Failed, HandOutTable, OpenScene, Progress, SceneOpened, TableHandedOut
+from app.jobs.messages import (
+    Cancel,
+    Failed,
+    HandOutTable,
+    LookFrom,
+    OpenScene,
+    Progress,
+    SceneOpened,
+    SceneSeen,
+    TableHandedOut,
+)
 from app.jobs.standing import Standing
 from app.placement.messages import Contract
 from engine.measured.measurement import NOTHING
@@ -24,52 +34,74 @@ def standing_at(*requests: object) -> Standing:
     return standing
 
 
-SCENE, LIGHT = OpenScene("open", id=1), compute("pictures 1", id=2)
+SCENE, LOOK, LIGHT = OpenScene("open", id=1), LookFrom(1, id=2), compute("pictures 1", id=3)
+
+
+def look_of(standing: Standing) -> None:
+    """The scene and the look at it are answered."""
+    for answer in (SceneOpened("{}", id=1), SceneSeen(None, id=2)):  # type: ignore[arg-type]
+        standing.heard(answer)
+        standing.settle(answer)
 
 
 def test_newest_of_each_kind_stands_in_the_order_a_worker_needs() -> None:
-    assert ids(standing_at(SCENE, LIGHT, contract(3))) == [1, 2, 3]
+    assert ids(standing_at(SCENE, LOOK, LIGHT, contract(4))) == [1, 2, 3, 4]
 
 
 def test_newer_request_replaces_its_kind_and_what_was_built_on_it() -> None:
-    assert ids(standing_at(SCENE, LIGHT, contract(3), contract(4))) == [1, 2, 4]
-    assert ids(standing_at(SCENE, LIGHT, contract(3), compute("", id=4))) == [1, 4]
-    assert ids(standing_at(SCENE, LIGHT, contract(3), OpenScene("open", id=4))) == [4]
+    assert ids(standing_at(SCENE, LOOK, LIGHT, contract(4), contract(5))) == [1, 2, 3, 5]
+    assert ids(standing_at(SCENE, LOOK, LIGHT, contract(4), compute("", id=5))) == [1, 2, 5]
+    assert ids(standing_at(SCENE, LOOK, LIGHT, contract(4), LookFrom(1, id=5))) == [1, 5]
+    assert ids(standing_at(SCENE, LOOK, LIGHT, contract(4), OpenScene("open", id=5))) == [5]
 
 
 def test_answers_to_what_stands_are_current_and_others_stale() -> None:
-    standing = standing_at(SCENE, LIGHT, compute("", id=3))
-    assert not standing.is_current(Progress("a", 0.5, id=2))
-    assert standing.is_current(Progress("a", 0.5, id=3))
+    standing = standing_at(SCENE, LIGHT, compute("", id=4))
+    assert not standing.is_current(Progress("a", 0.5, id=3))
+    assert standing.is_current(Progress("a", 0.5, id=4))
     assert standing.is_current(Progress("a", 0.5, id=1))
 
 
 def test_cancel_leaves_an_opened_scene() -> None:
-    standing = standing_at(SCENE, LIGHT)
-    standing.settle(SceneOpened("{}", id=1))
+    standing = standing_at(SCENE, LOOK, LIGHT)
+    look_of(standing)
     standing.add(Cancel())
-    assert ids(standing) == [1]
+    assert ids(standing) == [1, 2]
 
 
 def test_cancel_gives_up_a_scene_that_is_not_open_yet() -> None:
-    assert ids(standing_at(SCENE, LIGHT, Cancel())) == []
+    assert ids(standing_at(SCENE, LOOK, LIGHT, Cancel())) == []
 
 
 def test_scene_that_fails_leaves_the_one_before() -> None:
-    standing = standing_at(SCENE)
-    standing.settle(SceneOpened("{}", id=1))
+    standing = standing_at(SCENE, LOOK)
+    look_of(standing)
     standing.add(OpenScene("no such file", id=5))
-    standing.add(compute("", id=6))
+    standing.add(LookFrom(5, id=6))
+    standing.add(compute("", id=7))
     standing.settle(Failed("no such file", id=5))
-    assert ids(standing) == [1]  # the transport was asked of the scene that failed
+    assert ids(standing) == [1, 2]  # the look and the transport were asked of the scene that failed
+
+
+def test_look_that_sees_nothing_leaves_the_one_before() -> None:
+    standing = standing_at(SCENE, LOOK)
+    look_of(standing)
+    for scene in ((), (OpenScene("other", id=5),)):
+        for request in (*scene, LookFrom(5 if scene else 1, id=6)):
+            standing.add(request)
+        standing.settle(Failed("camera = sees no surface", id=6))
+        assert ids(standing) == [1, 2]
 
 
 def test_failed_request_stands_no_longer() -> None:
-    standing = standing_at(SCENE, LIGHT, contract(3))
+    standing = standing_at(SCENE, LOOK)
+    look_of(standing)
+    for request in (LIGHT, contract(4)):
+        standing.add(request)
+    standing.settle(Failed("", id=4))
+    assert ids(standing) == [1, 2, 3]
     standing.settle(Failed("", id=3))
     assert ids(standing) == [1, 2]
-    standing.settle(Failed("", id=2))
-    assert ids(standing) == [1]
 
 
 def test_a_table_is_wanted_whatever_scene_is_open() -> None:
@@ -83,8 +115,8 @@ def test_a_table_is_wanted_whatever_scene_is_open() -> None:
 
 
 def test_opened_scene_that_is_given_up_does_not_come_back() -> None:
-    standing = standing_at(SCENE)
-    standing.settle(SceneOpened("{}", id=1))
+    standing = standing_at(SCENE, LOOK)
+    look_of(standing)
     standing.drop(1)
     assert ids(standing) == []
 
@@ -97,33 +129,31 @@ def test_each_worker_is_sent_each_request_once() -> None:
     standing = standing_at(SCENE)
     assert sent(standing) == [1] and sent(standing) == []
     standing.add(LIGHT)
-    assert sent(standing) == [2]
+    assert sent(standing) == [3]
     standing.new_worker()
-    assert sent(standing) == [1, 2]
+    assert sent(standing) == [1, 3]
 
 
 def test_a_scene_that_stands_again_is_sent_to_a_worker_that_gave_it_up() -> None:
     # A new worker is opening the scene when another is asked for, which it cannot open; or when the work is cancelled.
-    for end in (Failed("no such file", id=3), Cancel(id=3)):
-        standing = standing_at(SCENE)
-        standing.heard(SceneOpened("", id=1))
-        standing.settle(SceneOpened("", id=1))
+    for end in (Failed("no such file", id=4), Cancel(id=4)):
+        standing = standing_at(SCENE, LOOK)
+        look_of(standing)
         standing.new_worker()
-        assert sent(standing) == [1]
+        assert sent(standing) == [1, 2]
         if isinstance(end, Failed):
-            standing.add(OpenScene("nowhere", id=3))
-            assert sent(standing) == [3]
+            standing.add(OpenScene("nowhere", id=4))
+            assert sent(standing) == [4]
             standing.settle(end)
         else:
             standing.add(end)
-        assert sent(standing) == [1]
+        assert sent(standing) == [1, 2]
 
 
-def test_a_scene_that_the_worker_has_open_is_not_sent_again() -> None:
-    standing = standing_at(SCENE)
+def test_a_scene_that_the_worker_sees_is_not_sent_again() -> None:
+    standing = standing_at(SCENE, LOOK)
     sent(standing)
-    standing.heard(SceneOpened("", id=1))
-    standing.settle(SceneOpened("", id=1))
+    look_of(standing)
     standing.add(OpenScene("nowhere", id=3))
     sent(standing)
     standing.settle(Failed("no such file", id=3))

@@ -16,7 +16,7 @@ from app.jobs.array_record import read_record, write_record
 from app.jobs.cache import Store
 from app.jobs.client import Client
 from app.jobs.in_process import InProcessClient, run_in_process
-from app.jobs.messages import Failed, OpenScene, Progress, Response, SceneOpened, SkyImage, WorkerRestarted
+from app.jobs.messages import Failed, Progress, Response, SceneOpened, SceneSeen, SkyImage, WorkerRestarted
 from app.jobs.placement import _stages
 from app.jobs.tasks import Tasks
 from app.placement.messages import (
@@ -37,6 +37,7 @@ from engine.render.image_files import write_exr
 from engine.transport.bandstore import BandTile
 from engine.transport.pipeline import COARSE, PREVIEW
 from engine.transport.projection import project_layer
+from tests.opened import ask_for_scene, open_in_process
 
 SCENE = """version = 1
 bounces = 1
@@ -95,7 +96,7 @@ def store(tmp_path: Path) -> Store:
 
 def opened(source: str, store: Store) -> Tasks:
     tasks = Tasks(store)
-    assert any(isinstance(answer, SceneOpened) for answer in run_in_process(tasks, OpenScene(source)))
+    assert any(isinstance(answer, SceneSeen) for answer in open_in_process(tasks, source))
     return tasks
 
 
@@ -118,26 +119,26 @@ def assert_same_pictures(found: dict[str, np.ndarray], expected: dict[str, np.nd
 
 
 def test_an_opened_scene_tells_what_the_window_needs(source: str, store: Store) -> None:
-    answers = run_in_process(Tasks(store), OpenScene(source))
-    assert [type(answer) for answer in answers] == [Progress, Progress, SceneOpened]
-    arrays = answers[-1].arrays
-    n_points = len(arrays["pixel"])
-    assert tuple(arrays["resolution"]) == (48, 48) and arrays["object_image"].shape == (48, 48)
+    answers = open_in_process(Tasks(store), source)
+    assert [type(answer) for answer in answers] == [Progress, SceneOpened, Progress, SceneSeen]
+    frame = answers[-1].frame
+    n_points = frame.n_pixels
+    assert (frame.width, frame.height) == (48, 48)
     # The lamp shines and has no points; the other two share them all.
-    assert arrays["object_ranges"].tolist()[-1] == [n_points, n_points]
-    assert ((arrays["theta_o"] >= 0) & (arrays["theta_o"] <= np.float32(np.pi / 2))).all()
-    assert arrays["theta_o"].shape == (n_points,)
+    assert frame.object_ranges.tolist()[-1] == [n_points, n_points]
+    assert ((frame.theta_o >= 0) & (frame.theta_o <= np.float32(np.pi / 2))).all()
+    assert frame.theta_o.shape == (n_points,)
     # Frames for lobes drawn over the picture: half floats, turned to the eye.
-    normal, tangent = (arrays[name].astype(np.float64) for name in ("normal", "tangent"))
-    rays = arrays["ray_directions"].reshape(-1, 3)[arrays["pixel"]]
+    normal, tangent = (array.astype(np.float64) for array in (frame.normal, frame.tangent))
+    rays = frame.ray_directions.reshape(-1, 3)[frame.pixel]
     np.testing.assert_allclose(np.linalg.norm(normal, axis=1), 1.0, atol=2e-3)
     np.testing.assert_allclose(np.einsum("pk,pk->p", normal, tangent), 0.0, atol=2e-3)
-    np.testing.assert_allclose(-np.einsum("pk,pk->p", normal, rays), np.cos(arrays["theta_o"]), atol=2e-3)
+    np.testing.assert_allclose(-np.einsum("pk,pk->p", normal, rays), np.cos(frame.theta_o), atol=2e-3)
 
 
 def test_the_resolution_can_be_another(source: str, store: Store) -> None:
-    answers = run_in_process(Tasks(store), OpenScene(source, (20, 12)))
-    assert answers[-1].arrays["object_image"].shape == (12, 20)
+    answers = open_in_process(Tasks(store), source, resolution=(20, 12))
+    assert answers[-1].frame.object_image.shape == (12, 20)
 
 
 def test_stages_come_coarse_to_fine_with_the_selected_layer_first(source: str, store: Store) -> None:
@@ -171,13 +172,13 @@ def test_a_file_is_read_by_the_mapping_of_the_light(source: str, store: Store, t
 
 def test_a_coarse_stage_says_which_samples_stand_for_each_pixel(source: str, store: Store) -> None:
     tasks = Tasks(store)
-    arrays = run_in_process(tasks, OpenScene(source))[-1].arrays
+    frame = open_in_process(tasks, source)[-1].frame
     answers = run_in_process(tasks, compute(selected=None, factor=None))
     assert not any(isinstance(answer, LayerTransport) for answer in answers)
     (coarse,) = (a for a in answers if isinstance(a, StageFootprint))
     assert coarse.stage == "coarse"  # in finer ones every pixel has its own
-    assert coarse.rows.shape == coarse.weights.shape == (len(arrays["pixel"]), 4)
-    begin, end = arrays["object_ranges"][1]
+    assert coarse.rows.shape == coarse.weights.shape == (frame.n_pixels, 4)
+    begin, end = frame.object_ranges[1]
     n_samples = len(pictures(answers, "coarse")[GLOSS])
     assert 0 < n_samples < (end - begin) / 8 and coarse.rows[begin:end].max() == n_samples - 1
 
@@ -434,13 +435,13 @@ def test_each_picture_that_is_told_comes_with_its_footprint(source: str, store: 
     assert list(done([a for a in again if a.revision == 1])) == ["preview", "final"]
 
 
-def test_what_belongs_to_the_scene_outlives_the_request_that_brought_it(source: str, store: Store) -> None:
+def test_what_belongs_to_the_view_outlives_the_request_that_brought_it(source: str, store: Store) -> None:
     client = InProcessClient(opened(source, store))
-    scene = client.send(OpenScene(source))
+    view = ask_for_scene(client, source)
     first = client.send(FREE)
     answers = client.poll(float("inf"))
-    of_scene = [a for a in answers if isinstance(a, StageFootprint | SkyImage)]
-    assert {a.id for a in of_scene} == {scene} and len(of_scene) == 2
+    of_view = [a for a in answers if isinstance(a, StageFootprint | SkyImage)]
+    assert {a.id for a in of_view} == {view} and len(of_view) == 2
     assert {a.id for a in answers if isinstance(a, LayerPicture)} == {first}
 
 
@@ -491,13 +492,11 @@ def tiles_of(*shown: np.ndarray) -> int:
 
 
 def test_what_was_computed_before_comes_from_the_cache(source: str, store: Store, monkeypatch) -> None:
-    answers = run_in_process(opened(source, store), compute())
-    expected = pictures(answers)
+    expected = pictures(run_in_process(opened(source, store), compute()))
     recorder = Recorder()
     monkeypatch.setattr(placement_module, "project_layer", recorder)
     assert_same_pictures(pictures(run_in_process(opened(source, store), compute())), expected)
-    # Coarse and preview are computed again, the final stage is read.
-    assert recorder.n_tiles == tiles_of(*pictures(answers, "coarse").values()) + tiles_of(*expected.values())
+    assert recorder.n_tiles == 0
 
 
 @pytest.mark.parametrize(
@@ -525,9 +524,10 @@ def test_a_cancelled_transport_keeps_what_is_whole(source: str, store: Store, mo
     monkeypatch.setattr(placement_module, "project_layer", recorder)
     answers = run_in_process(opened(source, store), compute())
     coarse, final = pictures(answers, "coarse"), pictures(answers)
-    # The selected layer's final transport was there already; all else is computed.
-    everything = tiles_of(*coarse.values()) + 2 * tiles_of(*final.values())
-    assert recorder.n_tiles == everything - tiles_of(final[GLOSS])
+    # The selected layer's final transport was there already; all else is computed, in three stages.
+    assert coarse.keys() == final.keys() - {GLOSS}
+    others = [final[key] for key in coarse]
+    assert recorder.n_tiles == tiles_of(*coarse.values()) + 2 * tiles_of(*others)
 
 
 def test_a_damaged_cache_is_computed_again(source: str, store: Store, tmp_path: Path) -> None:
@@ -563,21 +563,21 @@ def test_a_broken_environment_is_named(source: str, store: Store, tmp_path: Path
 
 
 def test_a_scene_that_is_not_there_is_named(store: Store) -> None:
-    line = failure(run_in_process(Tasks(store), OpenScene("/nowhere/scene.toml")))
+    line = failure(open_in_process(Tasks(store), "/nowhere/scene.toml"))
     assert "/nowhere/scene.toml" in line
 
 
 def test_a_camera_that_sees_nothing_is_refused(tmp_path: Path, store: Store) -> None:
     path = tmp_path / "scene.toml"
     path.write_text(SCENE.replace("target = [0, 0.3, 0]", "target = [0.4, 9, 2.7]"))
-    assert "camera" in failure(run_in_process(Tasks(store), OpenScene(str(path))))
+    assert "camera" in failure(open_in_process(Tasks(store), str(path)))
 
 
 def test_a_camera_that_sees_lamps_alone_is_told_so(tmp_path: Path, store: Store) -> None:
     path = tmp_path / "scene.toml"
     head, _, lamp = SCENE.partition("[[object]]")[0], "", SCENE[SCENE.index('[[object]]\nname = "lamp"') :]
     path.write_text(head.replace("target = [0, 0.3, 0]", "target = [-1.2, 2.4, 0]") + lamp)
-    line = failure(run_in_process(Tasks(store), OpenScene(str(path))))
+    line = failure(open_in_process(Tasks(store), str(path)))
     assert line == f"{path}: camera = sees lamps alone, expected an object in view; nothing was changed"
 
 
@@ -605,7 +605,7 @@ def test_a_killed_worker_goes_on_to_the_same_pictures(source: str, tmp_path: Pat
     killed = False
     deadline = time.monotonic() + 120
     with Client() as client:
-        client.send(OpenScene(source))
+        ask_for_scene(client, source)
         client.send(compute())
         while not any(isinstance(a, StageDone) and a.exact for a in answers):
             assert time.monotonic() < deadline
@@ -658,10 +658,10 @@ def some_of(*forgeries: str) -> pytest.MarkDecorator:
 @some_of("nothing", "beyond")
 def test_a_forged_cache_is_computed_again(source: str, store: Store, tmp_path: Path, forgery: str) -> None:
     expected = pictures(run_in_process(opened(source, store), compute()))
-    assert rewritten(tmp_path / "cache", FORGERIES[forgery]) == 4  # visibility and three layers
+    assert rewritten(tmp_path / "cache", FORGERIES[forgery]) == 5  # visibility, three layers, and the unit they are in
     assert_same_pictures(pictures(run_in_process(opened(source, store), compute())), expected)
     # What was computed again is kept again.
-    assert rewritten(tmp_path / "cache", dict) == 4
+    assert rewritten(tmp_path / "cache", dict) == 5
     assert_same_pictures(pictures(run_in_process(opened(source, store), compute())), expected)
 
 

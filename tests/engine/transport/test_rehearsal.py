@@ -17,7 +17,7 @@ from app.kernel_cache import use_kernel_cache
 use_kernel_cache()
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
-from app.jobs.messages import OpenScene
+from tests.opened import ask_for_scene
 from app.placement.messages import StageDone
 from app.jobs.tasks import Tasks
 from engine.transport import rehearsal
@@ -47,7 +47,7 @@ rehearsed = signatures()
 folder = Path(sys.argv[1])
 (folder / "scene.toml").write_text(SCENE)
 client = InProcessClient(Tasks(Store(folder / "cache")))
-client.send(OpenScene(str(folder / "scene.toml")))
+ask_for_scene(client, str(folder / "scene.toml"))
 client.poll(budget_s=float("inf"))
 client.send(compute())
 answers = []

@@ -3,7 +3,7 @@
 import numpy as np
 
 from engine.plan import Precision
-from ui.gl.picture_frame import PictureFrame
+from engine.scene.picture_frame import PictureFrame
 from ui.gl.placement.renderer import PlacementRenderer
 
 
@@ -22,8 +22,6 @@ def frame_of(object_image: np.ndarray, emitters: tuple[int, ...] = (), seed: int
     rays = rng.normal(size=(height, width, 3))
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     return PictureFrame(
-        width=width,
-        height=height,
         pixel=np.concatenate([np.zeros(0, int), *pixels]).astype(np.int32),
         object_ranges=ranges.astype(np.int32),
         object_image=object_image.astype(np.int16),

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from ui.gl.picture_frame import PictureFrame
+from engine.scene.picture_frame import PictureFrame
 from ui.gl.placement.renderer import PlacementRenderer
 from ui.gl.tonemap import DisplayView
 
@@ -80,8 +80,6 @@ def _ball_and_wall() -> tuple[PictureFrame, np.ndarray]:
     theta_o = np.concatenate([np.arccos(np.clip(normals[:, 2], 0.0, 1.0)), np.full(len(wall), 1.0)])
     n = len(ball), len(ball) + len(wall)
     frame = PictureFrame(
-        width=WIDTH,
-        height=HEIGHT,
         pixel=np.concatenate([ball, wall]),
         object_ranges=np.array([[0, n[0]], [n[0], n[1]], [n[1], n[1]]]),
         object_image=objects,

@@ -15,9 +15,10 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.scene.picture_frame import PictureFrame
 from ui.gl.context import GraphicsError
 from ui.gl.passes import Box, Passes
-from ui.gl.picture_frame import PictureFrame
+from ui.gl.picture_frame import require_sound
 from ui.gl.placement.accumulate import Accumulator
 from ui.gl.placement.sample_layout import SAMPLES_PER_ROW, pack_samples, row_count, sample_addresses
 from ui.gl.textures import TextureMemory, read_texture
@@ -65,7 +66,7 @@ class Compositor:
     """Shaded surfaces, backdrop and the linear picture of one frame."""
 
     def __init__(self, passes: Passes, memory: TextureMemory, frame: PictureFrame) -> None:
-        frame.validate()
+        require_sound(frame)
         self.frame = frame
         self._passes, self._memory = passes, memory
         self._textures: list[moderngl.Texture] = []

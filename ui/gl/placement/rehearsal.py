@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ui.gl.picture_frame import PictureFrame
+from engine.scene.picture_frame import PictureFrame
 from ui.gl.placement.renderer import PlacementRenderer
 from ui.gl.tonemap import DisplayView
 
@@ -75,8 +75,6 @@ def _frame() -> PictureFrame:
     """A picture full of one object, with a silhouette pixel."""
     n_pixels = _SIDE * _SIDE
     return PictureFrame(
-        _SIDE,
-        _SIDE,
         pixel=np.arange(n_pixels, dtype=np.int32),
         object_ranges=np.array([[0, n_pixels]], np.int32),
         object_image=np.zeros((_SIDE, _SIDE), np.int16),

@@ -27,9 +27,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.plan import Precision
+from engine.scene.picture_frame import PictureFrame
 from ui.gl.context import GraphicsError
 from ui.gl.passes import Box, Passes
-from ui.gl.picture_frame import PictureFrame
 from ui.gl.placement.accumulate import TermSum
 from ui.gl.placement.composite import Compositor
 from ui.gl.placement.edited import EditedLayers

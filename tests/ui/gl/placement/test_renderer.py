@@ -5,10 +5,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from engine.scene.picture_frame import PictureFrame
 from tests.naive import pictures as naive
 from tests.ui.gl.pictures import frame_of, full_frame, norms_of
 from ui.gl.context import GraphicsError
-from ui.gl.picture_frame import PictureFrame
 from ui.gl.placement.renderer import PlacementRenderer
 from ui.gl.tonemap import DisplayView, ToneMapping
 

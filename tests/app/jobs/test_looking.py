@@ -1,0 +1,98 @@
+"""Another camera: the same bits as of a scene whose file has it, and what was computed from there is found again."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.jobs import placement as placement_module
+from app.jobs.cache import Store
+from app.jobs.in_process import InProcessClient
+from app.jobs.messages import Failed, LookFrom, SceneSeen
+from app.jobs.tasks import Tasks
+from app.placement.messages import LayerPicture, StageDone
+from engine.scene.description import Camera
+from engine.transport.pipeline import Placement
+from tests.app.jobs.test_tasks import SCENE, assert_same_pictures, compute, pictures
+from tests.opened import ask_for_scene, open_in_process
+
+OWN = "position = [0.4, 1.6, 2.6]\ntarget = [0, 0.3, 0]\nfov_y = 45\n"
+OTHER = "position = [-1.9, 0.8, 2.2]\ntarget = [0.1, 0.3, 0]\nfov_y = 35\n"
+ASIDE = Camera(position=(-1.9, 0.8, 2.2), target=(0.1, 0.3, 0.0), fov_y=35.0)
+AWAY = Camera(position=(-1.9, 0.8, 2.2), target=(-1.9, 9.0, 2.3))
+RESOLUTION = (24, 18)
+
+
+def written(path: Path, text: str) -> str:
+    path.write_text(text)
+    return str(path)
+
+
+def computed(client: InProcessClient) -> dict[str, np.ndarray]:
+    client.send(compute())
+    return pictures(client.poll(float("inf")))
+
+
+def test_it_sees_what_a_scene_with_that_camera_shows(tmp_path: Path) -> None:
+    plain = written(tmp_path / "plain.toml", SCENE)
+    moved = written(tmp_path / "moved.toml", SCENE.replace(OWN, OTHER))
+    frames, found = [], []
+    for source, camera in ((moved, None), (plain, ASIDE)):
+        client = InProcessClient(Tasks(Store(tmp_path / Path(source).stem)))
+        scene = ask_for_scene(client, source, resolution=RESOLUTION) - 1
+        client.poll(float("inf"))
+        if camera is not None:
+            computed(client)  # the picture from where it was seen first, of which nothing is to stay
+            client.send(LookFrom(scene, camera, RESOLUTION))
+            (seen,) = (a for a in client.poll(float("inf")) if isinstance(a, SceneSeen))
+        else:
+            seen = open_in_process(Tasks(), source, resolution=RESOLUTION)[-1]
+        frames.append(seen.frame)
+        found.append(computed(client))
+    for field in fields(frames[0]):
+        np.testing.assert_array_equal(getattr(frames[1], field.name), getattr(frames[0], field.name))
+    assert_same_pictures(found[1], found[0])
+
+
+def test_going_back_finds_what_was_computed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    source = written(tmp_path / "scene.toml", SCENE)
+    client = InProcessClient(Tasks(Store(tmp_path / "cache")))
+    scene = ask_for_scene(client, source, resolution=RESOLUTION) - 1
+    client.poll(float("inf"))
+    expected = computed(client)
+    client.send(LookFrom(scene, ASIDE, RESOLUTION))
+    computed(client)
+    client.send(LookFrom(scene, None, RESOLUTION))
+    client.poll(float("inf"))
+    monkeypatch.delattr(placement_module, "project_layer")
+    monkeypatch.delattr(Placement, "light")
+    # Nothing is seen or projected again, and there is no coarse picture before the final one.
+    client.send(compute())
+    answers = client.poll(float("inf"))
+    assert {a.stage for a in answers if isinstance(a, LayerPicture | StageDone)} == {"final"}
+    assert_same_pictures(pictures(answers), expected)
+
+
+def test_a_camera_that_sees_nothing_leaves_the_view_there_is(tmp_path: Path) -> None:
+    source = written(tmp_path / "scene.toml", SCENE)
+    client = InProcessClient(Tasks(Store(tmp_path / "cache")))
+    scene = ask_for_scene(client, source, resolution=RESOLUTION) - 1
+    client.poll(float("inf"))
+    expected = computed(client)
+    client.send(LookFrom(scene, AWAY, RESOLUTION))
+    (*_, failed) = client.poll(float("inf"))
+    assert isinstance(failed, Failed) and "camera = sees no surface" in failed.line
+    assert_same_pictures(computed(client), expected)
+
+
+def test_a_look_at_a_scene_that_is_gone_is_refused(tmp_path: Path) -> None:
+    source = written(tmp_path / "scene.toml", SCENE)
+    client = InProcessClient(Tasks(Store(tmp_path / "cache")))
+    ask_for_scene(client, source, resolution=RESOLUTION)
+    client.poll(float("inf"))
+    client.send(LookFrom(99, ASIDE, RESOLUTION))
+    (*_, failed) = client.poll(float("inf"))
+    assert isinstance(failed, Failed) and failed.line == "no scene is open"

@@ -1,0 +1,25 @@
+"""Opening a scene as the editor does: load it, and look at it."""
+
+from __future__ import annotations
+
+from app.editor import WorkerClient
+from app.jobs.in_process import InProcessClient
+from app.jobs.messages import LookFrom, OpenScene, Response
+from app.jobs.schedule import RequestHandler
+from engine.scene.description import Camera
+
+
+def ask_for_scene(
+    client: WorkerClient, source: str, camera: Camera | None = None, resolution: tuple[int, int] | None = None
+) -> int:
+    """Ask for a scene and a look at it; the number of the look."""
+    return client.send(LookFrom(client.send(OpenScene(source)), camera, resolution))
+
+
+def open_in_process(
+    handler: RequestHandler, source: str, camera: Camera | None = None, resolution: tuple[int, int] | None = None
+) -> list[Response]:
+    """All answers to both."""
+    client = InProcessClient(handler)
+    ask_for_scene(client, source, camera, resolution)
+    return client.poll(budget_s=float("inf"))
