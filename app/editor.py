@@ -423,7 +423,8 @@ class Editor:
         self.talk.scene_seen(self._shown(replace(self._scene, document=self.document), response))
         self.document_changed()
         if self._looks.has_resized:
-            self.notify(f"the picture has {response.frame.width} x {response.frame.height} pixels")
+            width, height = self._looks.seen.resolution or self.own_resolution
+            self.notify(f"the picture has {width} x {height} pixels")
         return self._shown_scene
 
     def _take_scene(self, opening: Opening, opened: SceneOpened, response: SceneSeen) -> list[PictureEvent]:

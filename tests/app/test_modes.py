@@ -32,8 +32,8 @@ def needed_by(kind: type[Request]) -> set[type[Request]]:
 
 
 def test_a_request_is_void_with_what_it_is_built_on() -> None:
-    # Contractions are of a transport, which is of a view, which is of a scene; what is read or handed out for the window
-    # is of none of them.
+    # Contractions are of a transport, which is of a view, which is of a scene; what is read or handed out for the
+    # window is of none of them.
     assert needed_by(ComputeTransport) == {ComputeTransport, Contract, Freeze}
     assert needed_by(LookFrom) == {LookFrom, ComputeTransport, Contract, Freeze, SampleMaps}
     assert needed_by(OpenScene) == needed_by(LookFrom) | {OpenScene, ReadMeasured}
