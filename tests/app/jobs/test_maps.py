@@ -9,12 +9,13 @@ from PIL import Image
 from app.jobs.cache import Store
 from app.jobs.in_process import run_in_process
 from app.jobs.maps import thumbnail
-from app.jobs.messages import OpenScene, SceneOpened
+from app.jobs.messages import SceneSeen
 from app.jobs.tasks import Tasks
 from app.placement.messages import MapsRefused, MapsSampled, SampleMaps
 from engine.material.maps import Images
 from engine.material.strokes import Stroke, Strokes, pack_dabs
 from engine.texture.pyramid import make_pyramid
+from tests.opened import open_in_process
 
 SCENE = """
 version = 1
@@ -41,7 +42,7 @@ def tasks(tmp_path: Path) -> Tasks:
     Image.fromarray(np.full((4, 4, 3), (255, 188, 0), np.uint8)).save(tmp_path / "tan.png")
     Image.fromarray(np.full((4, 4), 51, np.uint8)).save(tmp_path / "fifth.png")
     tasks = Tasks(Store(tmp_path / "cache"))
-    assert isinstance(run_in_process(tasks, OpenScene(str(tmp_path / "scene.toml")))[-1], SceneOpened)
+    assert isinstance(open_in_process(tasks, str(tmp_path / "scene.toml"))[-1], SceneSeen)
     return tasks
 
 
