@@ -38,8 +38,8 @@ GC_THRESHOLD = 100_000
 # which has compiled the first's details when it comes to them.
 PARTS = ("projection", "the rest")
 INDIRECT = "indirect"
-COMPILING = "compiling, on the first start only"
-FIRST_TIME = "compiled for this computer and kept: later starts need not"
+COMPILING = "compiling, first start only"
+FIRST_TIME = "compiling for this computer, kept for later starts"
 # How many files the compiled kernels of the first picture are, about equally long to make.
 N_FILES = 52
 _COMPILER_SECONDS = 300.0

@@ -144,3 +144,10 @@ def test_own_materials_are_drawn_when_there_is_time(context: moderngl.Context) -
     there = read_texture(drawn, np.uint8).astype(float)
     assert np.abs(there - np.asarray(builtin.convert("RGBA"))).mean() < 3.0
     thumbnails.release()
+
+
+def test_what_is_said_of_a_material_keeps_clear_of_its_border(shelf: HeadlessWindow) -> None:
+    shelf.move(*shelf.shell.handle_position("library.Terracotta"))
+    shelf.frames(60)  # a second at rest
+    padding = imgui.internal.find_window_by_name("##Tooltip_00").window_padding
+    assert padding.x > 0 and padding.y > 0

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import moderngl
 import pytest
+from imgui_bundle import imgui
 
 from app.jobs.messages import Progress
 from tests.ui.conftest import opened
@@ -47,3 +48,13 @@ def test_long_work_goes_up_too(context: moderngl.Context) -> None:
         gauges.progress = replace(gauges.progress, stage="preview")
         window.frames(4)
         assert "status.strip.start" not in window.shell.handles.names()
+
+
+def test_long_work_leaves_its_panel_the_button_that_stops_it(context: moderngl.Context) -> None:
+    for window in opened(context, (1380, 860), 1.0):
+        window.shell.editor.gauges.progress = Progress("a stage of the work that has a long name", 0.5, 480.0)
+        window.frames(4)
+        x, _ = window.shell.handles.position("button.cancel")
+        side = imgui.get_frame_height()
+        right = imgui.internal.find_window_by_name("Accuracy###accuracy").inner_rect.max.x
+        assert x + side / 2 <= right

@@ -49,9 +49,8 @@ def _work(context: PanelContext) -> list[Action]:
     button = imgui.get_frame_height()
     corner = imgui.get_cursor_screen_pos()
     room = imgui.get_content_region_avail().x
-    text = work_text(status)
     imgui.align_text_to_frame_padding()
-    imgui.text_unformatted(text)
+    imgui.text_unformatted(widgets.fitting(work_text(status), room - button - imgui.get_style().item_spacing.x))
     imgui.same_line()
     widgets.align_right(button)
     pressed = widgets.icon_button(context, "cancel", Icon.CLOSE, "Stop computing; the picture stays as it is.")

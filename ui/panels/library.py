@@ -23,14 +23,12 @@ def draw(context: PanelContext) -> list[Action]:
     """The whole panel, inside its window."""
     actions = _search_line(context)
     shown = [entry for entry in context.library if entry.matches(context.state.library.search)]
-    imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(0, 0))
     if imgui.begin_child("materials"):
         for category in categories(shown):
             actions += _category(context, category, [entry for entry in shown if entry.category == category])
         if not shown:
             imgui.text_disabled("Nothing found" if context.library else "")
     imgui.end_child()
-    imgui.pop_style_var()
     return actions
 
 
