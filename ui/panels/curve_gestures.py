@@ -166,7 +166,7 @@ def limit_text(hand: Hand) -> str:
 @dataclass(frozen=True)
 class Pull:
     """How far the ring was pulled: to which angle and value a translation brings it, by which factors along X and Y an
-    amplification multiplies what it was."""
+    amplification multiplies what it was; 1 where it was not pulled that way at all."""
 
     to: tuple[float, float]
     factors: tuple[float, float]
@@ -175,6 +175,8 @@ class Pull:
 def magnitude_for(operator: Operator, anchor: tuple[float, float], pull: Pull) -> Operator:
     """The operator, whose feature would stand at `anchor` without it, as far pulled as it can be."""
     axis = 0 if operator.axis == "x" else 1
+    if pull.factors[axis] == 1.0:
+        return operator  # to the last bit: pixels there and back again leave a rest
     if operator.kind == "translate":
         magnitude = pull.to[axis] - anchor[axis]
     else:
@@ -185,8 +187,6 @@ def magnitude_for(operator: Operator, anchor: tuple[float, float], pull: Pull) -
 
 def amplified(magnitude: float, factor: float) -> float:
     """A magnitude so many times as large, within limits; one at 0 leaves it by hundredths."""
-    if factor == 1.0:
-        return magnitude
     start = magnitude if abs(magnitude) >= LEAST_AMPLIFICATION else LEAST_AMPLIFICATION
     return min(max(start * factor, -LARGEST_AMPLIFICATION), LARGEST_AMPLIFICATION)
 
