@@ -53,3 +53,19 @@ def test_what_was_opened_last_is_opened_from_its_menu(real: RealWindow, tmp_path
     assert real.ask(POPUPS) == 2 and len(real.ask(OPENED)) == opened
     real.click("menu.recent.1")
     assert real.ask(POPUPS) == 0 and real.ask(OPENED)[opened:] == [str(there)]
+
+
+def test_a_path_is_typed_where_a_file_is_asked_for(real: RealWindow, tmp_path: Path) -> None:
+    real.fresh()
+    there = tmp_path / "a folder" / "there.toml"
+    there.parent.mkdir()
+    there.write_text("version = 1\n")
+    opened = len(real.ask(OPENED))
+    real.key("ctrl+o")
+    real.text(str(there.parent))  # without a click: the field waits for it
+    real.key("enter")
+    assert real.ask("str(state.question.folder)") == str(there.parent)
+    real.click("files.name")
+    real.text(str(there))
+    real.key("enter")
+    assert real.ask("state.question") is None and real.ask(OPENED)[opened:] == [str(there)]

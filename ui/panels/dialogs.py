@@ -177,17 +177,18 @@ def _name_line(context: PanelContext, question: FileQuestion) -> list[Action]:
     verb, hint = _verb(question)
     width = imgui.calc_text_size(verb).x + 2 * imgui.get_style().frame_padding.x
     imgui.set_next_item_width(imgui.get_content_region_avail().x - width - imgui.get_style().item_spacing.x)
-    if question.purpose.startswith("save") and imgui.is_window_appearing():
+    if imgui.is_window_appearing():
         imgui.set_keyboard_focus_here()
     flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
     confirmed, typed = imgui.input_text("##name", question.name, flags)
     context.handles.note_item("files.name")
-    widgets.tooltip("The file's name.")
+    widgets.tooltip("The file's name, or a path to it.")
     imgui.same_line()
     pressed = widgets.text_button(context, "files.confirm", verb, hint, enabled=bool(question.name))
     if (pressed or confirmed) and typed:
         imgui.set_nav_cursor_visible(False)  # imgui would frame a control of the panel that was last in use
-        return answer(question, question.folder / typed)
+        path = question.folder / Path(typed).expanduser()
+        return [_asked(replace(question, folder=path, name=""))] if path.is_dir() else answer(question, path)
     return [_asked(replace(question, name=typed))] if typed != question.name else []
 
 
