@@ -183,6 +183,8 @@ def render(
     print(f"{line}, {said}" if said else line)
     if error is not None and error.is_poor:
         print(f"note: {error.advice}")
+    if still.warning:
+        print(f"note: {still.warning}")
     return 0
 
 

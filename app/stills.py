@@ -55,10 +55,12 @@ def check_output(path: Path, endings: tuple[str, ...] = ENDINGS) -> Path:
 
 @dataclass(frozen=True, eq=False)
 class Still:
-    """Linear radiance (H, W, 3), and how far off it is by its own judgement; None where nobody asked."""
+    """Linear radiance (H, W, 3), and how far off it is by its own judgement, None where nobody asked. warning: what is
+    to be said of light that so many bounces leave out, else ""."""
 
     picture: NDArray[np.float32]
     error: ErrorEstimate | None = None
+    warning: str = ""
 
 
 def render_picture(
@@ -87,13 +89,13 @@ def render_project(
     placement = Placement(project.scene)
     plan = replace(plan_still(project, sky.environment is not None, n_lights), n_patches=n_patches)
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
-    series = series or BounceSeries(
-        project.n_bounces or plan.bounces or planned_bounces(placement, project.indexed_layers).n_bounces
-    )
+    wanted = series.n_bounces if series else project.n_bounces or plan.bounces
+    bounces = planned_bounces(placement, project.indexed_layers, wanted)
+    series = series or BounceSeries(bounces.n_bounces)
     intensity, error, indirect = np.float64(project.document.light.intensity), None, None
     if reference:
         steps = _reference(placement, project, series.n_bounces, n_samples)
-        return Still(held(finish(steps, report) * intensity, BRIGHTEST))
+        return Still(held(finish(steps, report) * intensity, BRIGHTEST), warning=bounces.warning)
     layers = _at_most(layers, series.first or project.document.first_bands)
     if series.n_bounces > 1:
         indirect = finish(indirect_radiance(placement, layers, sky, series), report)
@@ -103,7 +105,7 @@ def render_project(
         reflected = picture.reshape(-1, 3)[placement.hits.pixel]
         judging = estimate_error(placement, layers, sky, quality, series.n_bounces, reflected, indirect)
         error = finish(judging, report)
-    return Still(held(picture * intensity, BRIGHTEST), error)
+    return Still(held(picture * intensity, BRIGHTEST), error, bounces.warning)
 
 
 def _reference(placement: Placement, project: Project, n_bounces: int, n_samples: int | None) -> Steps:

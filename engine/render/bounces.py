@@ -53,12 +53,15 @@ class BouncePlan:
 def carried_light(
     placement: Placement, albedos: NDArray[np.float64], n_bounces: int, seed: int = 1
 ) -> NDArray[np.float64]:
-    """What one reflection, two, … carry, (n_bounces, 3), each in the same unit; 0 where it is dark.
+    """What one reflection, two, … carry, (n_bounces, 3), each in the same unit; 0 where it is dark, or
+    no object is in the picture.
 
     albedos (M, 3): of each object, 0 for emitters.
     """
     hits, scene, caster = placement.hits, placement.scene, placement.caster
     generator = np.random.default_rng(seed)
+    if not len(hits.pixel):
+        return np.zeros((n_bounces, 3))
     rows = generator.integers(0, len(hits.pixel), _N_PATHS)
     objects = np.searchsorted(hits.object_ranges[:, 1], rows, "right")
     origins, normals = hits.offset_position[rows], hits.normal[rows]

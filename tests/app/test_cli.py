@@ -296,6 +296,17 @@ def test_what_bounces_leave_out_stands_in_the_plan(tmp_path: Path, capsys: Captu
     (line,) = (line for line in capsys.readouterr().out.splitlines() if line.startswith("bounces"))
     said = "all light is reflected on and on: no number of bounces holds it, 3 are shown"
     assert line.endswith(f"as the scene says; {said}")
+    for how in ((), ("--reference", "--samples", 1)):
+        assert run("render", closed, "-o", tmp_path / "a.png", "--lights", 20, *how) == 0
+        assert f"note: {said}" in capsys.readouterr().out.splitlines()
+
+
+def test_a_picture_without_an_object_has_a_plan_and_is_rendered(tmp_path: Path, capsys: Captured) -> None:
+    away = tmp_path / "away.toml"
+    away.write_text(SCENE.replace("bounces = 1", "bounces = 3").replace("target = [0, 0, 0]", "target = [0, 0, 9]"))
+    assert run("plan", away) == 0
+    assert run("render", away, "-o", tmp_path / "a.png") == 0
+    assert "failed" not in capsys.readouterr().err
 
 
 def test_precompute_fills_the_cache_that_the_editor_reads(
