@@ -24,14 +24,9 @@ from engine.scene.hits import PrimaryHits
 from engine.transport.bandstore import BandStore, join_tiles
 from engine.transport.pipeline import Placement, Quality
 from engine.transport.projection import VisibleLight, project_layer
-from engine.transport.visibility import (
-    VISIBILITY_LEVEL,
-    brute_force_visibility,
-    coherent_visibility,
-    empty_visibility,
-    evaluate_rows,
-    sphere_targets,
-)
+from engine.visibility.grid import coherent_visibility
+from engine.visibility.points import brute_force_visibility, empty_visibility, evaluate_rows
+from engine.visibility.targets import VISIBILITY_LEVEL, sphere_targets
 
 Result = TypeVar("Result")
 RAW_RAYS = 2_000_000

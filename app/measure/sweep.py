@@ -34,7 +34,7 @@ from engine.material.layer import Layer
 from engine.plan import Precision
 from engine.transport.pipeline import FINAL, Placement
 from engine.transport.planes import curve_planes
-from engine.transport.visibility import brute_force_visibility
+from engine.visibility.points import brute_force_visibility
 
 Shadows = Literal["coherent", "brute", "cut"]
 PRECISIONS: tuple[Precision, ...] = ("half", "float")

@@ -35,7 +35,8 @@ from engine.transport.lighting import prepare_lighting
 from engine.transport.near import near_leaves
 from engine.transport.pipeline import Placement, Quality, SkyState
 from engine.transport.projection import VisibleLight, project_points
-from engine.transport.visibility import Targets, Visibility, empty_visibility, evaluate_rows
+from engine.visibility.points import Visibility, empty_visibility, evaluate_rows
+from engine.visibility.targets import Targets
 
 N_POINTS = 256
 FINER, FINER_PATCHES = 4, 16  # times as many lights, and as many leaves of the tree of emitters

@@ -21,7 +21,7 @@ from engine.transport.lighting import prepare_lighting
 from engine.transport.near import near_leaves
 from engine.transport.pipeline import Placement, SkyState
 from engine.transport.projection import LayerShape, VisibleLight, project_points
-from engine.transport.visibility import Visibility, empty_visibility, evaluate_rows
+from engine.visibility.points import Visibility, empty_visibility, evaluate_rows
 
 N_SAMPLED = 256
 MOST_SAMPLED, LEAST_SAMPLED = 2048, 32

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from engine.scene.camera import centre_directions, pixel_directions
 from engine.scene.load import Scene
 from engine.scene.raycaster import Intersections, RayCaster
+from engine.scene.surface_points import SurfacePoints
 
 Floats = npt.NDArray[np.float32]
 Integers = npt.NDArray[np.int32]
@@ -25,7 +26,7 @@ _SUB_RAYS = ((-0.375, -0.125), (0.125, -0.375), (0.375, 0.125), (-0.125, 0.375))
 
 
 @dataclass(frozen=True)
-class PrimaryHits:
+class PrimaryHits(SurfacePoints):
     """The shading points of a picture (P of them), sorted by object, then row-major. Vectors are unit, float32.
 
     pixel (P,): row · width + column; object_ranges (M, 2) into the points; position (P, 3) in the scene's frame and
@@ -41,9 +42,6 @@ class PrimaryHits:
     resolution: tuple[int, int]
     pixel: Integers
     object_ranges: Integers
-    position: Floats
-    offset_position: Floats
-    normal: Floats
     geometric_normal: Floats
     front: npt.NDArray[np.bool_]
     tangent: Floats

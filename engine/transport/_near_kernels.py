@@ -4,7 +4,7 @@ import numba as nb
 import numpy as np
 
 from engine.transport._emitter_kernels import heights, look, place_at
-from engine.transport._visibility_kernels import lowest_bit
+from engine.visibility._kernels import lowest_bit
 
 _ZERO, _ONE, _NONE = np.float32(0.0), np.float32(1.0), np.uint64(0)
 _CHILDREN = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])

@@ -20,7 +20,7 @@ from engine.light.emitters import (
 from engine.scene.hits import PrimaryHits
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
-from engine.transport import _visibility_kernels as kernels
+from engine.visibility import _kernels as kernels
 
 N_POINTS = 512
 N_RAYS = 8  # from a point to each triangle

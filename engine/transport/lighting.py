@@ -19,7 +19,7 @@ from engine.light.environment import LUMINANCE
 from engine.light.lights import TriangleLights
 from engine.transport._emitter_kernels import Emitters, Leaves
 from engine.transport._projection_kernels import Sky
-from engine.transport.visibility import VISIBILITY_LEVEL, Targets
+from engine.visibility.targets import VISIBILITY_LEVEL, Targets
 
 FLOOD_NEIGHBOURS = 6
 LEAF_SENTINELS = 16

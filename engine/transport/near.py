@@ -19,7 +19,7 @@ from engine.scene.raycaster import RayCaster
 from engine.threads import pool
 from engine.transport import _near_kernels as kernels
 from engine.transport._emitter_kernels import Emitters
-from engine.transport.visibility import Visibility
+from engine.visibility.points import Visibility
 
 LEAST, NEAR = np.float32(0.005), np.float32(0.35)
 MOST = 64  # leaves of a point

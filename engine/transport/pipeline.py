@@ -20,15 +20,9 @@ from engine.transport.footprint import footprint, lattice_rows
 from engine.transport.lighting import prepare_lighting
 from engine.transport.near import NearLight
 from engine.transport.projection import VisibleLight
-from engine.transport.visibility import (
-    VISIBILITY_LEVEL,
-    Visibility,
-    coherent_visibility,
-    empty_visibility,
-    evaluate_rows,
-    seen_shares,
-    sphere_targets,
-)
+from engine.visibility.grid import coherent_visibility
+from engine.visibility.points import Visibility, empty_visibility, evaluate_rows, seen_shares
+from engine.visibility.targets import VISIBILITY_LEVEL, sphere_targets
 
 
 @dataclass(frozen=True)

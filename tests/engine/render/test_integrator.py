@@ -21,7 +21,8 @@ from engine.transport.lighting import prepare_lighting
 from engine.transport.near import near_leaves
 from engine.transport.pipeline import Placement
 from engine.transport.projection import LayerShape, VisibleLight, project_layer
-from engine.transport.visibility import brute_force_visibility, sphere_targets
+from engine.visibility.points import brute_force_visibility
+from engine.visibility.targets import sphere_targets
 from tests.engine.transport.by_hand import caster_of, points_at, square
 
 UP = np.array([[0.0, 1.0, 0.0]])

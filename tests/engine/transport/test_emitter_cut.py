@@ -8,7 +8,7 @@ import pytest
 from engine.light.emitters import emitter_tree
 from engine.transport.lighting import prepare_lighting
 from engine.transport.near import MOST, NearLeaves, near_leaves
-from engine.transport.visibility import brute_force_visibility
+from engine.visibility.points import brute_force_visibility
 from tests.engine.transport.by_hand import NOWHERE, caster_of, irradiance, light_of, points_at, square
 
 UP = np.array([[0.0, 1.0, 0.0]])

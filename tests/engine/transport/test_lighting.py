@@ -9,7 +9,7 @@ from engine.light.lights import cut_lights
 from engine.sphere.geodesic import geodesic, locate
 from engine.transport import lighting
 from engine.transport.lighting import longest_edges, nearest_neighbours, prepare_lighting
-from engine.transport.visibility import VISIBILITY_LEVEL
+from engine.visibility.targets import VISIBILITY_LEVEL
 from tests.engine.transport.by_hand import irradiance, light_of, points_at, square
 
 

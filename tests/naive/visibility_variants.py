@@ -33,7 +33,8 @@ from numpy.typing import NDArray
 
 from engine.scene.hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
-from engine.transport.visibility import Targets, grid_steps
+from engine.visibility.grid import grid_steps
+from engine.visibility.targets import Targets
 
 Variant = Literal["SNB", "SNU", "SWB", "SWU", "GNB", "GNU", "GWB", "GWU", "OPT", "TRUE"]
 VARIANTS: tuple[Variant, ...] = ("SNB", "SNU", "SWB", "SWU", "GNB", "GNU", "GWB", "GWU", "OPT", "TRUE")

@@ -10,20 +10,14 @@ from engine.light.emitters import emitter_tree
 from engine.scene.builtin import builtin_scenes
 from engine.scene.load import load_scene
 from engine.scene.raycaster import RayCaster
+from engine.scene.surface_points import surface_points
 from engine.sphere.geodesic import geodesic, locate
-from engine.transport import _visibility_kernels as kernels
 from engine.transport.lighting import nearest_neighbours, prepare_lighting
 from engine.transport.pipeline import Placement
-from engine.transport.visibility import (
-    Targets,
-    Visibility,
-    brute_force_visibility,
-    coherent_visibility,
-    empty_visibility,
-    evaluate_rows,
-    grid_steps,
-    sphere_targets,
-)
+from engine.visibility import _kernels as kernels
+from engine.visibility.grid import coherent_visibility, grid_steps
+from engine.visibility.points import Visibility, brute_force_visibility, empty_visibility, evaluate_rows
+from engine.visibility.targets import Targets, sphere_targets
 from tests.engine.transport.by_hand import NOWHERE, caster_of, points_at, square
 from tests.naive.visibility import visible
 
@@ -62,6 +56,21 @@ def all_rows(placement: Placement) -> np.ndarray:
 def patches_above(n: int) -> Targets:
     lamp = square((0, 2.5, 0), (1, 0, 0), (0, 0, 1))
     return prepare_lighting(None, emitter_tree(lamp, np.ones((2, 3)), n), 1.0).emitter_targets
+
+
+@pytest.mark.parametrize("targets", [sphere_targets(1), patches_above(40)], ids=["directions", "patches"])
+def test_vertices_see_as_pixels_do(tmp_path: Path, targets: Targets) -> None:
+    # Of a ball; no camera has a part in it, so that half of them are on the side that none sees.
+    (tmp_path / "scene.toml").write_text(SCENE.replace('"cube"', '"sphere"'))
+    scene = load_scene(tmp_path / "scene.toml")
+    caster = RayCaster(scene.vertices, scene.triangles)
+    ball = np.unique(scene.triangles[scene.object_of_triangle == 1])
+    rows = np.arange(len(ball))[:: max(1, len(ball) // 8)]
+    points = surface_points(caster, scene.vertices[ball], scene.normals[ball])
+    found = brute_force_visibility(points, caster, targets, rows).unpacked(rows)
+    expected = np.array([visible(scene.vertices, scene.triangles, points, targets, row) for row in rows])
+    assert 0.1 < expected.mean() < 0.9
+    np.testing.assert_array_equal(found, expected)
 
 
 @pytest.mark.parametrize("targets", [sphere_targets(2), patches_above(40)], ids=["directions", "patches"])

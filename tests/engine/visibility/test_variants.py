@@ -10,8 +10,9 @@ from engine.scene.raycaster import RayCaster
 from engine.sphere.geodesic import geodesic
 from engine.transport.lighting import prepare_lighting
 from engine.transport.pipeline import Placement
-from engine.transport.visibility import Targets, brute_force_visibility
-from engine.transport.visibility_variants import VARIANTS, trace_variant
+from engine.visibility.points import brute_force_visibility
+from engine.visibility.targets import Targets
+from tests.naive.visibility_variants import VARIANTS, trace_variant
 
 # Most answers that may be wrong, of those above the horizon. The thesis gives 0.1 % for the five that it trusts and
 # shows the shadows that scanline with uncertainty loses.

@@ -1,0 +1,29 @@
+"""Points of a surface as rays need them: where, which way up, and lifted off."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.scene.raycaster import RayCaster
+
+Floats = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class SurfacePoints:
+    """P points. position (P, 3) in the scene's frame, metres; normal (P, 3) unit, which says what is above the horizon;
+    offset_position (P, 3): lifted off the surface, for shadow rays."""
+
+    position: Floats
+    normal: Floats
+    offset_position: Floats
+
+
+def surface_points(caster: RayCaster, position: npt.ArrayLike, normal: npt.ArrayLike) -> SurfacePoints:
+    """Points (P, 3) of a surface with unit normals (P, 3): vertices of a mesh, or texels."""
+    position, normal = (np.ascontiguousarray(each, np.float32) for each in (position, normal))
+    lifted = caster.offset_origins(position.astype(np.float64), normal.astype(np.float64))
+    return SurfacePoints(position, normal, np.ascontiguousarray(lifted, np.float32))

@@ -1,0 +1,149 @@
+"""Which targets the points of a picture see, coarse to fine: most without a ray [BenArtzi07, ch. 8].
+
+`coherent_visibility` evaluates the picture coarse to fine (16, 8, 4, 2, 1; square then diamond steps). A point whose
+four evaluated neighbours on the same object agree is predicted; where they disagree a ray is traced, and where the
+answer contradicts the guess (the majority; a tie contradicts whatever the answer), the adjacent targets that now
+disagree are traced too. It differs from the thesis' OPT in three ways, each measured on the reference tea tray:
+neighbours must face alike (0.8 in cosine); flooding goes on in the last step, without which thin shadows vanish; and it
+starts from contradicted majorities alone and crosses edges only, which saves half of the rays.
+All points of a block go to Embree as one batch a round; the bit work between rounds is compiled.
+
+Where a silhouette leaves a point with two or three informers, the thesis traces every ray. Here their guess is kept,
+and its boundary is traced as well, and with it every sixteenth target where two inform and every 64th where three do:
+every fourth found little more (reference bunny at 256x256: 156 rays a point and 0.008 % wrong, so 118 and 0.009 %).
+In the last step three of four points that see a target are believed but for every fourth target, which floods where it
+contradicts: a straight edge of shadow that parts one corner of a square from three leaves its middle with the three
+(106 rays, 0.014 %; *shapes* 0.014 %, reference tea tray 0.014 %). To believe three that do not see it saves less and
+errs as often. What is left to trace lies along silhouettes, where a ray costs Embree three times the mean.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from engine.scene.hits import PrimaryHits
+from engine.scene.raycaster import RayCaster
+from engine.sphere.geodesic import geodesic
+from engine.threads import pool
+from engine.visibility import _kernels as kernels
+from engine.visibility.points import BLOCK, Guess, Visibility, evaluate_block
+from engine.visibility.targets import VISIBILITY_LEVEL
+
+COARSEST_STEP = 16
+ALIKE_COSINE = 0.8
+
+
+@dataclass(frozen=True)
+class GridStep:
+    """One step towards a lattice of `stride` pixels: rows (B,), and the rows (B, 4) that inform each (-1: none)."""
+
+    stride: int
+    rows: np.ndarray
+    informers: np.ndarray
+
+
+def grid_steps(hits: PrimaryHits, until: int = 1) -> Iterator[GridStep]:
+    """Square and diamond steps over the pixels that show a surface, down to a lattice of every `until`-th pixel.
+
+    [BenArtzi07, fig. 8.4]; until: a power of two, 1 to 16.
+    """
+    width, height = hits.resolution
+    row_of_pixel = np.full((height, width), -1, np.int32)
+    row_of_pixel.flat[hits.pixel] = np.arange(len(hits.pixel), dtype=np.int32)
+    step = COARSEST_STEP
+    yield _grid_step(hits, row_of_pixel, (0, 0, step, step), (), step)
+    while step > until:
+        half = step // 2
+        diagonal = ((-half, -half), (-half, half), (half, -half), (half, half))
+        yield _grid_step(hits, row_of_pixel, (half, half, step, step), diagonal, half)
+        axis = ((-half, 0), (half, 0), (0, -half), (0, half))
+        first = _grid_step(hits, row_of_pixel, (0, half, step, step), axis, half)
+        second = _grid_step(hits, row_of_pixel, (half, 0, step, step), axis, half)
+        yield GridStep(
+            half,
+            np.concatenate([first.rows, second.rows]),
+            np.concatenate([first.informers, second.informers]),
+        )
+        step = half
+
+
+def _grid_step(
+    hits: PrimaryHits,
+    row_of_pixel: np.ndarray,
+    lattice: tuple[int, int, int, int],
+    offsets: Sequence[tuple[int, int]],
+    stride: int,
+) -> GridStep:
+    """The rows on a lattice (first row and column, their spacing), informed from pixels at the offsets."""
+    y0, x0, dy, dx = lattice
+    height, width = row_of_pixel.shape
+    y, x = (axis.ravel() for axis in np.mgrid[y0:height:dy, x0:width:dx])
+    rows = row_of_pixel[y, x]
+    y, x, rows = y[rows >= 0], x[rows >= 0], rows[rows >= 0]
+    informers = np.full((len(rows), 4), -1, np.int32)
+    for k, (oy, ox) in enumerate(offsets):
+        ny, nx = y + oy, x + ox
+        inside = (ny >= 0) & (ny < height) & (nx >= 0) & (nx < width)
+        found = np.where(inside, row_of_pixel[ny % height, nx % width], -1)
+        informers[:, k] = np.where((found >= 0) & _alike(hits, found, rows), found, -1)
+    return GridStep(stride, rows, informers)
+
+
+def _alike(hits: PrimaryHits, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Whether points a can inform points b: on one object, and facing nearly the same way."""
+    objects = hits.object_image.ravel()[hits.pixel]
+    facing = np.einsum("ij,ij->i", hits.normal[a], hits.normal[b])
+    return (objects[a] == objects[b]) & (facing > ALIKE_COSINE)
+
+
+def coherent_visibility(
+    hits: PrimaryHits, caster: RayCaster, visibility: Visibility, until: int = 1, sphere: Visibility | None = None
+) -> Iterator[float]:
+    """Fill `visibility` coarse to fine, down to every `until`-th pixel; yields the fraction of this that is done.
+
+    Between two yields at most eight blocks of 1,024 points are evaluated. Rows already done are kept, so a call
+    continues where an earlier one stopped. Nothing to see (no targets) is done at once.
+
+    sphere: for targets that have parents, the finished visibility of those. A cluster of bright lights is so small that
+    the points around a thin shadow can agree on all of it; the point's own coarser view then says that they are wrong.
+    """
+    if len(visibility.targets.positions) == 0:
+        visibility.done[:] = True
+        return
+    steps = list(grid_steps(hits, until))
+    n_done, n_points = 0, max(1, sum(int((~visibility.done[step.rows]).sum()) for step in steps))
+    targets, neighbours = visibility.targets, visibility.targets.neighbours
+    always, weak, weakest = (
+        targets.sentinels(step) for step in (targets.sentinel_step, targets.weak_step, targets.weakest_step)
+    )
+    around = geodesic(VISIBILITY_LEVEL).neighbours
+
+    nothing = targets.sentinels(0)[0]
+    finally_believed = ~targets.sentinels(targets.doubt_step)[0] if targets.doubt_step else nothing
+
+    def informed(informers: np.ndarray, believed: np.ndarray) -> Guess:
+        def guess(rows: np.ndarray, horizon: np.ndarray, todo: np.ndarray, doubt: np.ndarray) -> None:
+            bits = visibility.bits
+            kernels.predict(rows, informers, bits, horizon, believed, always, weak, weakest, neighbours, todo, doubt)
+            if sphere is not None:
+                parents = visibility.targets.parents
+                kernels.consult_sphere(rows, informers, sphere.bits, parents, around, bits, horizon, todo)
+
+        return guess
+
+    with pool() as threads:
+        for step in steps:
+            fresh = ~visibility.done[step.rows]
+            rows, informers = step.rows[fresh], step.informers[fresh]
+            believed = finally_believed if step.stride == 1 else nothing
+            blocks = [slice(i, i + BLOCK) for i in range(0, len(rows), BLOCK)]
+            for group in (blocks[i : i + 8] for i in range(0, len(blocks), 8)):
+                jobs = [(rows[block], informed(informers[block], believed)) for block in group]
+                for count in threads.map(lambda job: evaluate_block(hits, caster, visibility, *job), jobs):
+                    visibility.rays.traced += count[0]
+                    visibility.rays.possible += count[1]
+                for job in jobs:
+                    visibility.done[job[0]] = True
+                    n_done += len(job[0])
+                yield n_done / n_points
