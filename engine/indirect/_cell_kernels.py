@@ -11,8 +11,8 @@ from engine.indirect._ray_kernels import mixed, uniform
 NO_CELL = 0xFFFF
 MOST_CELLS = 0xFFFE
 NO_KEY = np.uint64(0)
-N_PLACES = 16
-_GRID_BITS, _LEVEL_BITS = 16, 3
+N_PLACES = 32
+_GRID_BITS, _LEVEL_BITS, _SHEET_BITS, _LOOKOUT_BITS = 16, 3, 3, 3
 _PLACE_BITS = 20
 # By how rays look at cells (`_ray_kernels`: matt, glossy, sharp, even): such a share of the ray, inverted, is the most
 # that a cell takes. What a gloss shows is in focus; and where surfaces all but touch, light changes within their
@@ -21,7 +21,16 @@ _FOCUS = (np.float32(2.0), np.float32(8.0), np.float32(8.0), np.float32(0.0))
 # The sizes of cells, from four times the grid's on, each half the one before.
 _GRID = 2
 _COARSEST, _FINEST = (_GRID, 0, 0, _GRID), (5, 3, 5, _GRID)
-ZERO, ONE = np.float32(0.0), np.float32(1.0)
+ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
+# Where a cube's lookouts stand over a surface in it: above its middle, and aside towards its corners.
+_LOOKOUTS = ((0, 0), (1, 1), (-1, 1), (1, -1), (-1, -1))
+N_LOOKOUTS = len(_LOOKOUTS)
+# Of a cube's size: how far aside; how high at least, so that what shines through below a door is not taken for a sight
+# of what is behind it, and at most, since hollow surfaces see one another from higher; how high above a hit its ray to
+# them starts.
+_ASIDE, _LOW, _HIGH, _LIFT = np.float32(0.3), np.float32(1 / 8), np.float32(1 / 4), np.float32(1 / 16)
+# Planes that are so far apart are two: the boards of a shelf are lit one by one.
+_SHEET = np.float32(1 / 4)
 
 
 class Mesh(NamedTuple):
@@ -48,9 +57,9 @@ class Hits(NamedTuple):
 class Table(NamedTuple):
     """Cells by key, open addressing: keys (S,) uint64, 0 where free; cells (S,) int32. n_cells (1,): how many.
 
-    Of each cell: objects (C,) int32, seeds (C,) uint64, n_places (C,) int64, and up to 16 places: triangle (C, 16)
-    int32, u, v (C, 16), side (C, 16) bits: 1 the face, 2 the shading normal turned. They are the hits of the least
-    hashes (C, 16), by hash, so that neither threads nor the order of the rays decide what a cell is.
+    Of each cell: objects (C,) int32, seeds (C,) uint64, n_places (C,) int64, and up to 32 places: triangle (C, 32)
+    int32, u, v (C, 32), side (C, 32) bits: 1 the face, 2 the shading normal turned. They are the hits of the least
+    hashes (C, 32), by hash, so that neither threads nor the order of the rays decide what a cell is.
     """
 
     keys: np.ndarray
@@ -95,14 +104,14 @@ def _shading_normal(mesh, triangle, u, v):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def find_keys(mesh, low, inverse_size, hits, there, directions, mirrored, keys, sides):
-    """Key (R,) of the cell each ray hits, 0 for none, and which of its normals face away (R,).
+def find_keys(mesh, low, inverse_size, hits, there, directions, mirrored, keys, sides, levels):
+    """Key (R,) of what each ray hits, 0 for none, which of its normals face away and how fine its cube is (R,).
 
-    A cell is what one object has in one cube of the grid (low (3,), 1 / its size) facing one of six ways. The cubes are
-    by the distance and how rays look, `mirrored` (R,): from four times as large to half as large (GLOSSY) or to an
-    eighth (SHARP), from as large to an eighth (MATT), or all alike (EVEN).
+    That is what one object has in one cube of the grid (low (3,), 1 / its size) in about one plane, facing one of six
+    ways; the least bits are left for which of the lookouts sees it. The cubes are by the distance and how rays look,
+    `mirrored` (R,): from four times as large to half as large (GLOSSY) or to an eighth (SHARP), from as large to an
+    eighth (MATT), or all alike (EVEN).
     """
-    most = np.int64((1 << _GRID_BITS) - 1)
     for r in range(keys.shape[0]):
         triangle = hits.triangle[r]
         keys[r] = NO_KEY
@@ -115,25 +124,76 @@ def find_keys(mesh, low, inverse_size, hits, there, directions, mirrored, keys, 
         if (nx * face[0] + ny * face[1] + nz * face[2] > ZERO) == (side == 1):  # to the side of the face that was seen
             side |= np.uint8(2)
             nx, ny, nz = -nx, -ny, -nz
-        ax, ay, az = abs(nx), abs(ny), abs(nz)
-        if ax >= ay and ax >= az:
-            facing = 0 if nx > ZERO else 1
-        elif ay >= az:
-            facing = 2 if ny > ZERO else 3
-        else:
-            facing = 4 if nz > ZERO else 5
+        axis = _main_axis(nx, ny, nz)
+        facing = 2 * axis + (0 if (nx, ny, nz)[axis] > ZERO else 1)
         x, y, z = _position(mesh, triangle, hits.u[r], hits.v[r])
         look = mirrored[r]
         level = _COARSEST[look]
-        scale = inverse_size / np.float32(1 << (_GRID - level))
+        scale = _scale_of(inverse_size, level)
         while level < _FINEST[look] and hits.distance[r] * scale < _FOCUS[look]:
             level, scale = level + 1, np.float32(2.0) * scale
-        key = (np.int64(mesh.objects[triangle]) * 6 + facing + 1) << _LEVEL_BITS | level
-        key = (key << _GRID_BITS) | min(max(np.int64((x - low[0]) * scale), 0), most)
-        key = (key << _GRID_BITS) | min(max(np.int64((y - low[1]) * scale), 0), most)
-        key = (key << _GRID_BITS) | min(max(np.int64((z - low[2]) * scale), 0), most)
-        keys[r] = np.uint64(key)
-        sides[r] = side
+        i, j, k, mx, my, mz = _cube(low, scale, x, y, z)
+        height = (face[0] * mx + face[1] * my + face[2] * mz) * scale
+        sheet = np.int64(math.floor((-height if side & 1 else height) / _SHEET)) + (1 << _SHEET_BITS - 1)
+        surface = (np.int64(mesh.objects[triangle]) * 6 + facing << _LEVEL_BITS | level) << _SHEET_BITS | sheet
+        cube = (i << _GRID_BITS | j) << _GRID_BITS | k
+        key = mixed(np.uint64(cube) ^ mixed(np.uint64(surface))) | np.uint64(1)
+        keys[r] = key << np.uint64(_LOOKOUT_BITS)
+        sides[r], levels[r] = side, level
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def lookout_rays(mesh, low, inverse_size, hits, which, sides, levels, lookout, origins, directions):
+    """From hits `which` (n,) to one of their cubes' lookouts, rays of the length of their directions (n, 3).
+
+    What sees the same lookout is not divided by a wall, be it thin.
+    """
+    aside_a, aside_b = _LOOKOUTS[lookout]
+    for n in range(which.shape[0]):
+        r = which[n]
+        triangle, face, sign = hits.triangle[r], mesh.face_normals[hits.triangle[r]], -ONE if sides[r] & 1 else ONE
+        gx, gy, gz = sign * face[0], sign * face[1], sign * face[2]
+        x, y, z = _position(mesh, triangle, hits.u[r], hits.v[r])
+        scale = _scale_of(inverse_size, levels[r])
+        size = ONE / scale
+        _, _, _, mx, my, mz = _cube(low, scale, x, y, z)
+        height = gx * mx + gy * my + gz * mz
+        axis, a, b = _main_axis(gx, gy, gz), aside_a * _ASIDE * size, aside_b * _ASIDE * size
+        mx, my, mz = (
+            mx + (a if axis != 0 else ZERO), my + (b if axis == 2 else a if axis == 0 else ZERO),
+            mz + (b if axis != 2 else ZERO),
+        )  # fmt: skip
+        wanted = min(max(height, _LOW * size), _HIGH * size)
+        rise, lift = wanted - (gx * mx + gy * my + gz * mz), _LIFT * size
+        origins[n, 0], origins[n, 1], origins[n, 2] = x + lift * gx, y + lift * gy, z + lift * gz
+        rise -= lift
+        directions[n, 0], directions[n, 1], directions[n, 2] = mx + rise * gx, my + rise * gy, mz + rise * gz
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _main_axis(x, y, z):
+    ax, ay, az = abs(x), abs(y), abs(z)
+    return 0 if ax >= ay and ax >= az else 1 if ay >= az else 2
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _scale_of(inverse_size, level):
+    """One over the size of the cubes of a level."""
+    return inverse_size * (np.float32(1 << level) / np.float32(1 << _GRID))
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _cube(low, scale, x, y, z):
+    """Numbers of the cube that a place lies in, and the way from there to its middle."""
+    most = np.int64((1 << _GRID_BITS) - 1)
+    i = min(max(np.int64((x - low[0]) * scale), 0), most)
+    j = min(max(np.int64((y - low[1]) * scale), 0), most)
+    k = min(max(np.int64((z - low[2]) * scale), 0), most)
+    size = ONE / scale
+    mx = low[0] + (np.float32(i) + HALF) * size - x
+    my = low[1] + (np.float32(j) + HALF) * size - y
+    mz = low[2] + (np.float32(k) + HALF) * size - z
+    return i, j, k, mx, my, mz
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")

@@ -1,8 +1,10 @@
 """Cells of surface: where rays land, and how much light falls there.
 
-A cell is the part of one object in one cube of a grid that faces one of six ways. It exists once a ray has hit it, so
-that only surfaces that light can take a way over cost anything, and its irradiance is the mean over places chosen
-evenly among the rays that hit it: what those rays need to know on average is what it keeps.
+A cell is the part of one object in one cube of a grid that faces one of six ways, lies in about one plane, and sees one
+place of its cube: nothing is shared by both sides of a thin wall, by the boards of a shelf, or by what surrounds a box.
+It exists once a ray has hit it, so that only surfaces that light can take a way over cost anything, and its irradiance
+is the mean over places chosen evenly among the rays that hit it: what those rays need to know on average is what it
+keeps.
 """
 
 from contextlib import AbstractContextManager, nullcontext
@@ -107,15 +109,32 @@ class Cells:
         found = self.caster.intersect(rays.origins, rays.directions)
         hits = kernels.Hits(found.triangle, found.u, found.v, found.distance)
         n = len(rays.there)
-        keys, sides, seen = np.empty(n, np.uint64), np.zeros(n, np.uint8), np.empty(n, np.uint16)
+        keys, seen = np.empty(n, np.uint64), np.empty(n, np.uint16)
+        sides, levels = np.zeros((2, n), np.uint8)
         in_focus = np.full(n, EVEN, np.uint8) if mirrored is None else mirrored
         kernels.find_keys(
-            self.mesh, self._low, np.float32(1.0 / self.size), hits, rays.there, rays.directions, in_focus, keys, sides
-        )
+            self.mesh, self._low, np.float32(1.0 / self.size), hits, rays.there, rays.directions, in_focus, keys, sides,
+            levels,
+        )  # fmt: skip
+        self._part(hits, keys, sides, levels)
         with turn, self._lock:
             if not kernels.take_hits(self._table, self.mesh, hits, keys, sides, first_open, seen):
                 raise TooManyCells(f"cells of {self.size:.3g} m")
         return seen, found
+
+    def _part(
+        self, hits: kernels.Hits, keys: NDArray[np.uint64], sides: NDArray[np.uint8], levels: NDArray[np.uint8]
+    ) -> None:
+        """Tell keys apart by which of the lookouts is the first that is seen; not at all of those that see none."""
+        hidden = np.flatnonzero(keys)
+        for lookout in range(kernels.N_LOOKOUTS):
+            origins, directions = np.empty((2, len(hidden), 3), np.float32)
+            kernels.lookout_rays(
+                self.mesh, self._low, np.float32(1.0 / self.size), hits, hidden, sides, levels, lookout, origins,
+                directions,
+            )  # fmt: skip
+            hidden = hidden[self.caster.occluded(origins, directions, np.ones(len(hidden), np.float32))]
+            keys[hidden] += np.uint64(1)
 
     def rays(self, begin: int, end: int, tables: NDArray[np.float32]) -> Rays:
         """Cosine-distributed rays from the places of cells [begin, end), ((end - begin) · R), tables (64, R, 3)."""

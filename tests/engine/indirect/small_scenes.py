@@ -28,14 +28,17 @@ def placed(x: float, y: float, z: float, *scale: float) -> list[float]:
     return [sx, 0, 0, x, 0, sy, 0, y, 0, 0, sz, z, 0, 0, 0, 1]
 
 
-def placement_of(objects: Sequence[dict[str, Any]], eye=(0.0, 0.0, 0.3), target=(0.0, 0.0, -1.0), n=24) -> Placement:
+def placement_of(
+    objects: Sequence[dict[str, Any]], eye=(0.0, 0.0, 0.3), target=(0.0, 0.0, -1.0), n=24, folder=Path()
+) -> Placement:
+    """Seen in n × n pixels; folder: where meshes lie."""
     tree = {
         "version": 1,
         "name": "small",
         "camera": {"position": list(eye), "target": list(target), "fov_y": 60, "resolution": [n, n]},
         "object": list(objects),
     }
-    return Placement(build_scene(parse_description(tree, "small"), Path("small")))
+    return Placement(build_scene(parse_description(tree, "small"), folder / "small"))
 
 
 def matt(i_object: int, albedo: float | Sequence[float], n_bands: int = 16) -> IndirectLayer:
