@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from app.jobs.bench import Bench
-from app.jobs.layer_data import LayerData, shape_of
+from app.jobs.layer_data import STAGES, LayerData, shape_of
 from app.jobs.messages import Response
 from app.placement.messages import ErrorEstimated, EstimateError
 from engine.indirect.light import IndirectLight
@@ -19,20 +19,19 @@ from engine.render.error_estimate import estimate_error
 from engine.render.indirect import reflected_light
 from engine.render.picture_error import ErrorEstimate
 from engine.render.still import StillLayer, StillProgress, seen_as, with_maps
-from engine.transport.pipeline import FINAL, Placement
+from engine.transport.pipeline import FINAL, Placement, Quality
 
 
 def judged(
     request: EstimateError, bench: Bench, held: Mapping[str, LayerData], found: IndirectLight | None
 ) -> Iterator[Response | None]:
-    """The answer; none where the picture is not there in its final quality. held: transport by layer; found: indirect
-    light, None where there is none."""
+    """The answer; none where not every pixel has been computed. held: transport by layer; found: indirect light, None
+    where there is none."""
     placement = bench.open_placement
     keys = [key for key, _ in request.layers]
-    if not keys or not all(key in held and held[key].stage == FINAL.name for key in keys):
+    if not keys or not all(key in held and STAGES[held[key].stage].stride == 1 for key in keys):
         return
-    lit_by = held[keys[0]].lit_by
-    quality = replace(FINAL, n_lights=lit_by.n_lights, n_patches=lit_by.n_patches)
+    quality = _quality(held[keys[0]])
     yield None
     layers = _layers(request, placement, held)
     yield None
@@ -46,9 +45,15 @@ def judged(
         n_bounces = found.n_bounces
         indirect = yield from reflected_light(found, layers, request.second_bands, placement.hits)
         radiance += indirect
-    sky = bench.sky(lit_by.light)
+    sky = bench.sky(held[keys[0]].lit_by.light)
     estimate = yield from _in_silence(estimate_error(placement, layers, sky, quality, n_bounces, radiance, indirect))
     yield ErrorEstimated(estimate)
+
+
+def _quality(data: LayerData) -> Quality:
+    """How finely a layer's light was computed; of few lights the preview is the last stage."""
+    stage, lit_by = STAGES[data.stage], data.lit_by
+    return replace(stage, n_lights=lit_by.n_lights, n_patches=lit_by.n_patches if stage is FINAL else stage.n_patches)
 
 
 def _layers(request: EstimateError, placement: Placement, held: Mapping[str, LayerData]) -> tuple[StillLayer, ...]:

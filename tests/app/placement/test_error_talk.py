@@ -154,6 +154,16 @@ def test_what_is_asked_is_dropped_at_the_next_edit(desk: Desk) -> None:
     assert not any(isinstance(answer, ErrorEstimated) for answer in desk.client.steps(200))
 
 
+def test_few_lights_are_told(desk: Desk) -> None:
+    desk.until_judged()
+    usual = desk.editor.status.estimate
+    desk.editor.do(SetView.of(n_lights=20))  # as few as a preview has
+    desk.frames(1)
+    desk.until_judged()
+    few = desk.editor.status.estimate
+    assert usual is not None and few is not None and few.total > 2.0 * usual.total
+
+
 def test_light_on_the_move_has_the_worker_to_itself(desk: Desk) -> None:
     desk.until_judged()
     n = desk.client.sent(EstimateError)
