@@ -31,6 +31,7 @@ from engine.render.path_tracer import trace_halves
 from engine.render.picture_error import ErrorEstimate
 from engine.render.still import StillLayer, StillProgress, layer_radiance, shape_of
 from engine.scene.hits import PrimaryHits
+from engine.scene.raycaster import RayCaster
 from engine.transport.lighting import prepare_lighting
 from engine.transport.near import near_leaves
 from engine.transport.pipeline import Placement, Quality, SkyState
@@ -123,24 +124,25 @@ def _direct(
     seed: int,
 ) -> Steps:  # fmt: skip
     """Direct light (R, n, 3) at some rows, more finely, so many times with rays of its own to the sky."""
-    cut, hits = None, placement.hits
+    # Bits of all points would fill the memory, whose pages are larger than a point's.
+    cut, hits, points = None, placement.hits, placement.hits.at(rows)
     if sky.environment is not None:
         cut = cut_lights(sky.environment, FINER * quality.n_lights, sky.rotation, quality.max_level)
     tree = placement.emitters(FINER_PATCHES * quality.n_patches)
     yield StillProgress(0.0, WHAT)
     lighting = prepare_lighting(cut, tree, 0.5 * quality.tolerance, own_rays=True, scale=sky.scale)
-    emitters = yield from _seen(placement, lighting.emitter_targets, rows)
-    near = near_leaves(hits, placement.caster, lighting.emitters, emitters, rows)
+    emitters = yield from _seen(points, placement.caster, lighting.emitter_targets)
+    near = near_leaves(points, placement.caster, lighting.emitters, emitters, _all_rows(points))
+    sphere = empty_visibility(points, placement.sphere.targets)  # nobody asks for it: lights have their own rays
     found = np.zeros((N_LOOKS, len(rows), 3))
     for look, generator in zip(found, np.random.default_rng((seed, 1)).spawn(N_LOOKS), strict=True):
-        fine = yield from _seen(placement, _with_random_rays(lighting.fine_targets, cut, generator), rows)
-        light = VisibleLight(lighting, placement.sphere, fine, emitters, near)
+        fine = yield from _seen(points, placement.caster, _with_random_rays(lighting.fine_targets, cut, generator))
+        light = VisibleLight(lighting, sphere, fine, emitters, near)
         for each in layers:
-            begin, end = hits.object_ranges[each.i_object]
-            mine = np.flatnonzero((rows >= begin) & (rows < end))
+            mine = np.arange(*points.object_ranges[each.i_object], dtype=np.int32)
             if len(mine):
                 finer = replace(each, bands=_twice(each.bands))
-                tile = project_points(hits, rows[mine], light, shape_of(finer), 0)
+                tile = project_points(points, mine, light, shape_of(finer), 0)
                 look[mine] += layer_radiance(hits, rows[mine], finer, tile, lighting.unit)
                 yield StillProgress(0.0, WHAT)
         if cut is None:
@@ -149,12 +151,14 @@ def _direct(
     return found
 
 
-def _seen(
-    placement: Placement, targets: Targets, rows: NDArray[np.int32]
-) -> Generator[StillProgress, None, Visibility]:
-    visibility = empty_visibility(placement.hits, targets)
+def _all_rows(hits: PrimaryHits) -> NDArray[np.int32]:
+    return np.arange(len(hits.pixel), dtype=np.int32)
+
+
+def _seen(points: PrimaryHits, caster: RayCaster, targets: Targets) -> Generator[StillProgress, None, Visibility]:
+    visibility, rows = empty_visibility(points, targets), _all_rows(points)
     for i in range(0, len(rows) if len(targets.positions) else 0, _ROWS_AT_ONCE):
-        evaluate_rows(placement.hits, placement.caster, visibility, rows[i : i + _ROWS_AT_ONCE])
+        evaluate_rows(points, caster, visibility, rows[i : i + _ROWS_AT_ONCE])
         yield StillProgress(0.0, WHAT)
     return visibility
 

@@ -6,7 +6,7 @@ object, so that everything about one object is a range.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -57,6 +57,12 @@ class PrimaryHits(SurfacePoints):
     def outward(self) -> Floats:
         """The faces' normals (P, 3) on the side that the winding faces."""
         return np.where(self.front[:, None], self.geometric_normal, -self.geometric_normal)
+
+    def at(self, rows: Integers) -> PrimaryHits:
+        """Some of the points alone, by ascending rows; images stay those of the whole picture."""
+        points = ("pixel", "position", "offset_position", "normal", "geometric_normal", "front", "tangent", "wo")
+        ranges = np.searchsorted(rows, self.object_ranges).astype(self.object_ranges.dtype)
+        return replace(self, object_ranges=ranges, **{name: getattr(self, name)[rows] for name in points})
 
 
 def trace_primary(scene: Scene, caster: RayCaster, resolution: tuple[int, int] | None = None) -> PrimaryHits:
