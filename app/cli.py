@@ -380,11 +380,12 @@ def describe_plan(plan: Plan) -> Iterator[str]:
         cost = plan.cost
         yield (
             f"about {cost.seconds:.0f} s ({cost.visibility_seconds:.0f} s of them shadows), "
-            f"{cost.disk_mib:.0f} MiB on disk, {cost.gpu_mib:.0f} MiB on the GPU (largest layer selected)"
+            f"{cost.memory_mib:.0f} MiB of main memory, {cost.disk_mib:.0f} MiB on disk, "
+            f"{cost.gpu_mib:.0f} MiB on the GPU (largest layer selected)"
         )
         yield (
             f"extrapolated from {cost.n_sampled:,} of {cost.n_points:,} points: time within about a factor of two, "
-            "memory within a tenth"
+            "main memory within a third, what is stored within a tenth"
         )
 
 

@@ -93,12 +93,13 @@ class LayerPlan:
 class Cost:
     """What the plan will cost, extrapolated from `n_sampled` points a layer: an estimate, within about a factor of two.
 
-    seconds in all, of which `visibility_seconds` for shadows; disk and gpu in MiB (2^20 bytes), the GPU's for the
-    largest layer when it is selected.
+    seconds in all, of which `visibility_seconds` for shadows; memory, disk and gpu in MiB (2^20 bytes): main memory of
+    who precomputes it, within 30 %, and the GPU's for the largest layer when it is selected.
     """
 
     seconds: float
     visibility_seconds: float
+    memory_mib: float
     disk_mib: float
     gpu_mib: float
     n_points: int

@@ -3,7 +3,7 @@
 Shadows of some hundred random points are traced without any of the coherent method's savings, and transport of as many
 points of every layer is projected; both are extrapolated to all points. What the coherent method saves depends on the
 scene and is not known before; its usual share of the rays is taken, so that time is an estimate within about a factor
-of two, memory one within a tenth.
+of two, that of what is stored one within a tenth.
 """
 
 import time
@@ -29,6 +29,11 @@ MOST_SAMPLED, LEAST_SAMPLED = 2048, 32
 COHERENT_SHARE = 0.15
 MIB = 2.0**20
 CHANNELS, ACCUMULATOR_BYTES = 3, 16
+# Main memory of precomputing, whose transport goes to disk tile by tile: of the program with its compiled kernels; of
+# all light but an even sky's, be it the image of one, leaves of emitters, or cells between surfaces; of a point besides
+# its hit and its bits. Peaks of 392 to 1,040 MiB, of 15,000 to 1.1 million points, are told within an eighth so.
+PROGRAM_BYTES, LIGHT_BYTES, POINT_BYTES = 340 << 20, 220 << 20, 100
+TRIANGLE_BYTES = 150  # with Embree's tree, measured on a million
 
 
 def estimate_cost(
@@ -54,6 +59,7 @@ def estimate_cost(
     cost = Cost(
         seconds=visibility_seconds + projection_seconds,
         visibility_seconds=visibility_seconds,
+        memory_mib=_memory_bytes(placement, sky, plan) / MIB,
         disk_mib=(n_bytes + (placement.sphere.bits.nbytes if plan.needs_sphere else 0)) / MIB,
         gpu_mib=_gpu_bytes(present, {index: len(rows) for index, rows in rows_of.items()}, plan) / MIB,
         n_points=n_points,
@@ -106,6 +112,18 @@ def _try_layer(placement: Placement, rows: np.ndarray, light: VisibleLight, each
     tile = project_points(placement.hits, rows, light, shape, 0)
     seconds = time.perf_counter() - started
     return seconds / len(rows), tile.n_bytes / len(rows) if each.editable else BYTES_A_POINT
+
+
+def _memory_bytes(placement: Placement, sky: SkyState, plan: Plan) -> float:
+    """Main memory of precomputing: the program, lights and triangles, the points' hits and, where the sphere is traced,
+    their bits."""
+    hits, scene, environment = placement.hits, placement.scene, sky.environment
+    is_even = environment is None or environment.radiance.nbytes < MIB
+    light = 0 if is_even and plan.bounces == 1 and not scene.emitters.any() else LIGHT_BYTES
+    arrays = (value for name in hits.__dataclass_fields__ if isinstance(value := getattr(hits, name), np.ndarray))
+    points = len(hits.pixel) * POINT_BYTES + sum(array.nbytes for array in arrays)
+    bits = placement.sphere.bits.nbytes if plan.needs_sphere else 0
+    return PROGRAM_BYTES + light + len(scene.triangles) * TRIANGLE_BYTES + points + bits
 
 
 def _gpu_bytes(layers: Sequence[StillLayer], n_points: Mapping[int, int], plan: Plan) -> float:

@@ -279,7 +279,7 @@ def test_plan_says_what_and_why_and_what_it_costs(scene: Path, capsys: Captured)
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].split() == ["ball.0.theta_i", "4", "bands", "overruled"]
     assert any(line.startswith("sphere") and "5,120 directions" in line for line in lines)
-    assert "MiB on disk" in lines[-2] and "extrapolated" in lines[-1]
+    assert "MiB of main memory" in lines[-2] and "MiB on disk" in lines[-2] and "extrapolated" in lines[-1]
 
 
 def test_notes_on_a_scene_are_printed(tmp_path: Path, capsys: Captured) -> None:

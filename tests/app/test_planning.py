@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -99,6 +102,36 @@ def test_precompute_finds_the_indirect_light_that_the_editor_will_want(scene: st
 
     precompute(open_project(scene), note, 100)
     assert "indirect light" in stages
+
+
+BALL = """version = 1
+bounces = 1
+[camera]
+position = [0.4, 1.6, 2.6]
+target = [0, 0.3, 0]
+fov_y = 45
+resolution = [160, 120]
+[environment]
+radiance = [0.4, 0.5, 0.7]
+[[object]]
+name = "ground"
+primitive = "quad"
+transform = [9,0,0,0, 0,0,9,0, 0,-9,0,0, 0,0,0,1]
+layer = [{ model = "lambert" }]
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "wait4"), reason="this system does not tell what a program took")
+def test_main_memory_is_told_within_a_third(tmp_path: Path) -> None:
+    file = tmp_path / "scene.toml"
+    file.write_text(BALL)
+    plan = plan_project(open_project(str(file)), lambda step: None)
+    process = subprocess.Popen([sys.executable, "-m", "app", "precompute", str(file)], stdout=subprocess.DEVNULL)
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = status  # it has been waited for
+    peak = usage.ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)
+    assert status == 0 and plan.cost is not None
+    assert plan.cost.memory_mib == pytest.approx(peak, rel=0.3)
 
 
 @pytest.mark.sweep
