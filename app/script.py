@@ -31,6 +31,7 @@ MAX_STEPS = 10_000
 MAX_PIXELS = 100_000.0
 
 Point = tuple[float, float]
+Awaited = Literal["first", "exact", "judged"]
 
 
 @dataclass(frozen=True)
@@ -127,9 +128,10 @@ class RedoSteps:
 
 @dataclass(frozen=True)
 class WaitFor:
-    """Draw frames until the first shaded picture is shown, or the one after which nothing more comes."""
+    """Draw frames until the first shaded picture is shown, the one after which nothing more comes, or, judged, how far
+    off that one is."""
 
-    picture: Literal["first", "exact"]
+    picture: Awaited
 
 
 @dataclass(frozen=True)
@@ -225,7 +227,7 @@ class StepRecord(_Record):
     measured: ImportRecord | None = None
     undo: Count | None = None
     redo: Count | None = None
-    wait: Literal["first", "exact"] | None = None
+    wait: Awaited | None = None
     capture: Text | None = None
     assert_error_below: Annotated[Number, Field(gt=0.0)] | None = None
 

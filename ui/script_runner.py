@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Literal
 
 from app.commands import EditCommand
 from app.document import layer_key, split_key
@@ -19,6 +18,7 @@ from app.paint_commands import Paint
 from app.placement.status import PlacementStatus
 from app.script import (
     AssertErrorBelow,
+    Awaited,
     Capture,
     ChooseView,
     DragItem,
@@ -63,7 +63,7 @@ def take_screenshot(
     size: tuple[int, int] = DEFAULT_SIZE,
     scale: float = 1.0,
     resolution: tuple[int, int] | None = None,
-    wait: Literal["first", "exact"] = "exact",
+    wait: Awaited = "exact",
     client: WorkerClient | None = None,
 ) -> None:
     """Open a scene in a window without a display, run the steps, wait for the picture and save the window's pixels.
@@ -106,14 +106,14 @@ def wait_for_scene(window: HeadlessWindow, editor: Editor, timeout: float = WAIT
         raise ScriptError(editor.status.message)
 
 
-def wait_for_picture(
-    window: HeadlessWindow, editor: Editor, picture: Literal["first", "exact"], timeout: float = WAIT_SECONDS
-) -> None:
-    """Until the first shaded, or the exact, picture is shown."""
+def wait_for_picture(window: HeadlessWindow, editor: Editor, picture: Awaited, timeout: float = WAIT_SECONDS) -> None:
+    """Until the first shaded, or the exact, picture is shown, or how far off that is."""
 
     def there() -> bool:
-        state = editor.status.picture
-        return editor.status.is_finished if picture == "exact" else state != "waiting"
+        status = editor.status
+        if picture == "judged":
+            return status.estimate is not None
+        return status.is_finished if picture == "exact" else status.picture != "waiting"
 
     window.frames(2)
     _wait(window, editor, there, timeout)

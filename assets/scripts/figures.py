@@ -7,6 +7,7 @@ gaps, written as a MERL file and imported like any other.
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -14,10 +15,8 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from app.library import Library
-from assets.scripts.bounces import save
 from engine.measured.merl import merl_bytes
 from engine.measured.tabulate import tabulate_layers
 
@@ -50,7 +49,7 @@ def take(name: str, folder: Path) -> None:
             (Path(work) / "cloth.binary").write_bytes(merl_bytes(measured_cloth()))
             run(work, "import-brdf", "cloth.binary", "-o", "cloth.toml")
         run(work, "screenshot", SCENES[name], "-o", "window.png", "--script", str(SCRIPTS / f"{name}.toml"))
-        save(folder / f"{name}.png", np.asarray(Image.open(Path(work) / "window.png").convert("RGB")))
+        shutil.copyfile(Path(work) / "window.png", folder / f"{name}.png")
 
 
 def run(folder: str, *arguments: str) -> None:

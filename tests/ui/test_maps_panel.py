@@ -15,7 +15,7 @@ from tests.ui.stand_in import StandInClient, scene_frame
 from ui.headless import HeadlessWindow
 from ui.panels.actions import AskFile, OpenImage
 from ui.panels.dialogs import answer
-from ui.panels.maps import image_at, image_label
+from ui.panels.maps import image_at, image_label, short_label
 from ui.panels.state import FileQuestion, PanelState
 from ui.picture_feed import PictureFeed
 
@@ -134,4 +134,5 @@ def test_the_browser_answers_for_the_layer_it_was_asked_for(tmp_path: Path) -> N
     question = FileQuestion("open_weight", tmp_path, key="tray.0")
     assert answer(question, tmp_path / "a.png")[0] == OpenImage(tmp_path / "a.png", "tray.0", "weight")
     assert AskFile("open_texture", "tray.0").key == "tray.0"
+    assert (short_label("oak.png"), short_label("cup.glb#2")) == ("oak", "cup.glb#2")
     assert image_label("maps/oak.png") == "oak.png" and image_label("cup.glb#2") == "cup.glb#2"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -13,6 +14,7 @@ from app.view_state import SetView
 from engine.curve.operators import Operator, Tabulated
 from ui.headless import HeadlessWindow
 from ui.panels.operator_list import magnitude_text
+from ui.theme import CHANNELS
 
 pytestmark = pytest.mark.gl
 
@@ -59,6 +61,20 @@ def test_reorder_and_delete(listed: HeadlessWindow) -> None:
     assert operators(listed) == (LOW,)
     listed.key(imgui.Key.z, imgui.Key.mod_ctrl)
     assert operators(listed) == (LOW, HIGH)
+
+
+def test_a_row_is_marked_with_the_channels_it_changes_where_it_spares_one(listed: HeadlessWindow) -> None:
+    green = dataclasses.replace(HIGH, channels=(False, True, False))
+    listed.shell.editor.do(SetOperators(KEY, FACTOR, (LOW, green)))
+    listed.leave()
+
+    def is_marked(row: int, channel: int) -> bool:
+        x, y = (round(place) for place in listed.shell.handle_position(f"curve.operator.{row}"))
+        seen = listed.pixels()[y - 8 : y + 8, x - 80 : x + 80]
+        return bool((np.abs(seen - 255.0 * np.array(CHANNELS[channel][:3])).max(axis=-1) < 40.0).any())
+
+    assert [is_marked(0, channel) for channel in range(3)] == [False, False, False]
+    assert [is_marked(1, channel) for channel in range(3)] == [False, True, False]
 
 
 def test_selecting_a_row_puts_the_handles_there(listed: HeadlessWindow) -> None:

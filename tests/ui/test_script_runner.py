@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from app.jobs.messages import Request, Response
+from app.placement.messages import ErrorEstimated, EstimateError
 from app.script import Capture, load_script
 from engine.curve.operators import Operator
 from engine.errors import InsituError
+from engine.render.picture_error import ErrorEstimate
 from tests.app.limits import largest_file
 from tests.ui.stand_in import StandInClient
 from ui.headless import HeadlessWindow
@@ -70,6 +73,21 @@ def test_a_script_edits_captures_and_undoes(window: HeadlessWindow, tmp_path: Pa
     assert edited.shape == undone.shape == (800, 1280, 3)
     # The curve's plot differs by what was edited.
     assert np.abs(edited[450:770, 230:730] - undone[450:770, 230:730]).max() > 100
+
+
+def test_a_script_waits_until_the_picture_is_judged(
+    window: HeadlessWindow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers = StandInClient._answers
+
+    def judged(client: StandInClient, request: Request) -> list[Response]:
+        return [ErrorEstimated(ErrorEstimate(0.02))] if isinstance(request, EstimateError) else answers(client, request)
+
+    monkeypatch.setattr(StandInClient, "_answers", judged)
+    status = window.shell.editor.status
+    assert status.is_finished and status.estimate is None
+    run(window, tmp_path, "[[step]]\nwait = 'judged'\n")
+    assert window.shell.editor.status.estimate == ErrorEstimate(0.02)
 
 
 def test_a_script_chooses_the_series(window: HeadlessWindow, tmp_path: Path) -> None:

@@ -49,6 +49,11 @@ def image_label(name: str) -> str:
     return Path(name).name
 
 
+def short_label(label: str) -> str:
+    """A label where there is little room: a file's ending says least; the number of a picture in a GLB file stays."""
+    return label if "#" in label else Path(label).stem
+
+
 def image_at(handles: Handles, theme: Theme, x: float, y: float) -> str | None:
     """The image of the selected layer, "texture" or "weight", whose row is at a framebuffer pixel."""
     for name in LABELS:
@@ -109,7 +114,8 @@ def _thumbnail(context: PanelContext, what: str, picture: Picture, side: float, 
 
 def _file_button(context: PanelContext, key: str, what: str, name: str, words: str, room: float) -> list[Action]:
     inside = room - 2.0 * imgui.get_style().frame_padding.x
-    text = widgets.fitting(words, inside)
+    fits = imgui.calc_text_size(words).x <= inside
+    text = words if fits else widgets.fitting(short_label(words), inside)
     imgui.push_style_color(imgui.Col_.text, look.pack(look.TEXT if name else look.TEXT_SOFT))
     imgui.push_style_var(imgui.StyleVar_.button_text_align, ImVec2(0.0, 0.5))
     pressed = imgui.button(f"{text}##{what}", ImVec2(max(room, 1.0), 0.0))
