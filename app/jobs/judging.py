@@ -15,6 +15,7 @@ from app.jobs.layer_data import STAGES, LayerData, shape_of
 from app.jobs.messages import Response
 from app.placement.messages import ErrorEstimated, EstimateError
 from engine.indirect.light import IndirectLight
+from engine.material.layer import Layer
 from engine.render.error_estimate import estimate_error
 from engine.render.indirect import reflected_light
 from engine.render.picture_error import ErrorEstimate
@@ -38,7 +39,9 @@ def judged(
     radiance = np.zeros((len(placement.hits.pixel), 3))
     for each, key in zip(layers, keys, strict=True):
         begin, end = placement.hits.object_ranges[each.i_object]
-        radiance[begin:end] += held[key].radiance * seen_as(placement.hits, np.arange(begin, end), each)
+        radiance[begin:end] += _as_edited(held[key], each.layer).radiance * seen_as(
+            placement.hits, np.arange(begin, end), each
+        )
         yield None
     indirect, n_bounces = None, 1
     if found is not None:
@@ -54,6 +57,14 @@ def _quality(data: LayerData) -> Quality:
     """How finely a layer's light was computed; of few lights the preview is the last stage."""
     stage, lit_by = STAGES[data.stage], data.lit_by
     return replace(stage, n_lights=lit_by.n_lights, n_patches=lit_by.n_patches if stage is FINAL else stage.n_patches)
+
+
+def _as_edited(data: LayerData, layer: Layer) -> LayerData:
+    """What is held of a layer, under its curves as they are by now: the window edits them without asking anybody."""
+    if data.is_fixed:
+        return data
+    bands = zip(data.work.factors, data.work.bands, strict=True)
+    return data.under({name: layer.coefficients(name, n) for name, n in bands})
 
 
 def _layers(request: EstimateError, placement: Placement, held: Mapping[str, LayerData]) -> tuple[StillLayer, ...]:

@@ -24,8 +24,8 @@ from engine.material.maps import Space
 
 MAX_IMAGE_BYTES = 256 * 2**20
 MAX_SIDE = 16_384
-# What an image costs goes by its pixels, not by its file: so many take about 1 s of processor time and 200 MB, also where
-# they are blank and come in 60 kB. A camera's pictures have as many.
+# What an image costs goes by its pixels, not by its file: so many take about 1 s of processor time and 200 MB, also
+# where they are blank and come in 60 kB. A camera's pictures have as many.
 MAX_PIXELS = 1 << 24
 BRIGHTEST = 1e4
 _MAGIC = {b"\x89PNG\r\n\x1a\n": "PNG", b"\xff\xd8\xff": "JPEG", b"\x76\x2f\x31\x01": "EXR"}

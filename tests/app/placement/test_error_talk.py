@@ -16,7 +16,7 @@ from app.jobs.indirect import IndirectTasks
 from app.jobs.messages import Cancel, Request, Response
 from app.jobs.tasks import Tasks
 from app.placement.indirect_talk import FINE_STAGE
-from app.placement.messages import ErrorEstimated, EstimateError
+from app.placement.messages import ComputeTransport, ErrorEstimated, EstimateError
 from app.placement.status import RenderReport
 from app.project import open_project
 from app.stills import render_project
@@ -112,6 +112,17 @@ def test_it_is_what_a_still_says_of_itself(desk: Desk) -> None:
     assert found is not None and still.error is not None
     assert 0.5 * still.error.total < found.total < 2.0 * still.error.total and found.indirect is None
     assert desk.editor.status.image_error == found.total
+
+
+def test_a_picture_is_judged_under_the_curves_that_it_shows(desk: Desk) -> None:
+    """The curve in hand is edited in the window alone; with what the worker was sent last, this was 10 % off."""
+    desk.editor.select("ball.0.theta_h")
+    desk.until_judged()
+    n = desk.client.sent(ComputeTransport)
+    desk.editor.do(AddOperator("ball.0", "theta_h", LIFT))
+    desk.until_judged()
+    found = desk.editor.status.estimate
+    assert desk.client.sent(ComputeTransport) == n and found is not None and found.total < 0.05
 
 
 def test_light_between_surfaces_is_judged_as_it_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
