@@ -76,16 +76,28 @@ class JournalRecord(Record):
     session_path: Text | None = None
 
 
+class EndRecord(Record):
+    """The last line: without it a file that was cut between two lines would be taken for a smaller one."""
+
+
 class SessionRecord(Record):
-    """A whole session file."""
+    """A whole session file; `ends`: its last line says so."""
 
     version: Annotated[int, Field(strict=True)]
+    ends: Flag = False
     scene: Text
     light: LightRecord
     first_bands: FirstBands | None = None
     view: ViewRecord = ViewRecord()
     journal: JournalRecord | None = None
     objects: tuple[ObjectRecord, ...] = Field(alias="object", min_length=1, max_length=MAX_OBJECTS)
+    end: EndRecord | None = None
+
+    @model_validator(mode="after")
+    def _is_whole(self) -> SessionRecord:
+        if self.ends and self.end is None:
+            raise ValueError("end: the file's last line; it was cut short")
+        return self
 
     @model_validator(mode="after")
     def _names_differ(self) -> SessionRecord:
@@ -160,7 +172,7 @@ def dump_session(
     light = {**vars(document.light), "environment": written_path(document.light.environment, folder)}
     lines = [
         "# An Insitu session: materials and light on top of a scene. Angles of operators in radians.",
-        *toml_lines({"version": SESSION_VERSION, "scene": written_path(document.source, folder)}),
+        *toml_lines({"version": SESSION_VERSION, "ends": True, "scene": written_path(document.source, folder)}),
         *toml_lines({"first_bands": document.first_bands}),
     ]
     if journal is not None:
@@ -168,7 +180,7 @@ def dump_session(
     lines += ["[light]", *toml_lines(light), "[view]", *toml_lines(_view_values(view))]
     for state in document.objects:
         lines += _object_lines(state, folder)
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, "[end]"]) + "\n"
 
 
 def _object_lines(state: ObjectState, folder: Path | None) -> Iterator[str]:

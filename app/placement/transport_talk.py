@@ -77,7 +77,8 @@ class TransportTalk:
         self._running = False
         self._exact = False
         self._complete = False
-        self._released = False
+        self._released = self._stopped = False
+        self._made_for: tuple[Document, int, int] | None = None
         self._light_gain = np.ones(3)
         self.emitters_are_all = False
         self._edited = EditedCurves()
@@ -120,6 +121,7 @@ class TransportTalk:
 
     def cancelled(self) -> None:
         """The person stopped the work; what has come stays, the next change of the light or a quotient asks again."""
+        self._stopped = True
         self._running = False
         self._contraction = None
 
@@ -135,7 +137,7 @@ class TransportTalk:
 
     def resume(self) -> None:
         """Ask once more for what was cancelled or failed; what may still come of that is void."""
-        self._asked = None
+        self._asked, self._stopped = None, False
         self.revision += 1
 
     def rendered(self, key: str, factor: str, coefficients: Array) -> None:
@@ -266,6 +268,9 @@ class TransportTalk:
         if not self.is_open:
             return
         self._precision = precision
+        made_for = (document, n_lights, n_patches)
+        self._stopped = self._stopped and made_for == self._made_for
+        self._made_for = made_for
         wish = self._transport_wish(document, n_lights, n_bounces, n_patches)
         if wish != self._wish:
             self._wish_since = -math.inf if self._wish is None else now
@@ -282,7 +287,7 @@ class TransportTalk:
     def _ask_transport(
         self, wish: TransportWish, now: float, document: Document, selected: Selection | None, dragging: bool
     ) -> None:
-        if self.transport_is_current:
+        if self.transport_is_current or self._stopped:
             return
         asked = self._asked
         if asked is None or self._released or now - self._wish_since >= REST_SECONDS:

@@ -258,6 +258,8 @@ def test_a_damaged_journal_is_kept_aside_and_told_once(client: FakeClient, docum
 
 def test_a_journal_whose_editor_lives_is_left_alone(document: Document, tmp_path: Path) -> None:
     living = Journal(tmp_path)
+    while not living.path.with_suffix(".lock").exists() or living._lock is None:  # its thread takes it
+        time.sleep(0.001)
     living.path.write_text("half a jour")
     other = Journal(tmp_path)
     other.close()

@@ -54,6 +54,18 @@ def edited(document: Document) -> Document:
     return document
 
 
+def test_a_session_cut_at_any_line_is_refused(edited: Document, tmp_path: Path) -> None:
+    path = save_session(tmp_path / "whole.insitu", edited, ViewState())
+    lines = path.read_text().splitlines(keepends=True)
+    for n in range(len(lines)):
+        path.write_text("".join(lines[:n]))
+        with pytest.raises(LoadError):
+            load_session(path)
+    # One of before, which did not say where it ends.
+    path.write_text("".join(lines[:-1]).replace("ends = true\n", ""))
+    assert load_session(path).document == edited
+
+
 def test_a_session_comes_back_equal(edited: Document, tmp_path: Path) -> None:
     view = ViewState(
         selected=Selection("pot", 1, "theta_d"), exposure=-1 / 3, tone_mapping="agx", n_lights=800, n_patches=3000
@@ -143,7 +155,7 @@ def test_the_base_of_the_bad_files_is_good(tmp_path: Path) -> None:
         ("version = 1", "version = = 1", "TOML"),
         ('scene = "teatray"', "scene = 3", "scene = 3"),
         ('scene = "teatray"', "", "scene = nothing"),
-        ("[light]", "colour = 1\n[light]", "colour = 1, expected one of version, scene"),
+        ("[light]", "colour = 1\n[light]", "colour = 1, expected one of version, ends, scene"),
         ("[light]", "[light]\nrotation = nan", "light: rotation = nan"),
         ("[light]", "[light]\nintensity = 1e999", "light: intensity = inf"),
         ("[light]", "[light]\nintensity = -1", "light: intensity = -1"),

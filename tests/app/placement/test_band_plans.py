@@ -120,3 +120,17 @@ def test_the_worker_plans_layers() -> None:
     *_, planned = run_in_process(Tasks(), PlanBands(layers))
     assert planned.bands == tuple(band_counts(layer) for layer in layers)
     assert planned.bands[-1]["theta_h"] == 128  # a clear coat: the usual 64 would not do
+
+
+def test_a_plan_that_comes_after_a_stop_does_not_undo_it(editor: Editor, client: FakeClient) -> None:
+    editor.do(gold(editor.document))
+    editor.tick(2.0)
+    (asked,) = client.sent(PlanBands)
+    editor.cancel_work()
+    client.answer(asked, BandsPlanned(tuple(band_counts(layer) for layer in asked.layers)))
+    for now in (2.1, 3.0, 4.0):
+        editor.tick(now)
+    assert client.sent(ComputeTransport) == [] and editor.status.stopped
+    editor.resume_work()
+    editor.tick(4.1)
+    assert len(client.sent(ComputeTransport)) == 1 and not editor.status.stopped
