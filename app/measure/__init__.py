@@ -4,7 +4,8 @@
             ─► sweep (against the oracle) ──┼─► figures.json, sweep.csv, plots
             ─► launches (window, renderer) ─┤
     cornell, room ─► indirect light ────────┤
-    stairwell, ajar, storeroom ─► rooms ────┘
+    stairwell, ajar, storeroom ─► rooms ────┤
+    the storeroom's balls ─► gloss ─────────┘
 
 `figures` names what was promised and its limits; `speed` and `accuracy` measure in this process, `launches` starts the
 window and the renderer's measurements as programs of their own, because nothing here may touch GL. What cannot be
@@ -24,6 +25,7 @@ import numpy as np
 
 from app.measure.accuracy import REFERENCES, Errors, reference_errors, reference_folder
 from app.measure.figures import Figure, NotMeasured, not_measured, summary_lines, write_figures
+from app.measure.gloss import GlossEffort, gloss_figures
 from app.measure.indirect import QUICKLY as INDIRECT_QUICKLY
 from app.measure.indirect import IndirectEffort, indirect_figures
 from app.measure.launches import Launch, Screen, launch, measure_renderer, open_screen
@@ -67,11 +69,12 @@ class Effort:
     grid: Grid = field(default_factory=Grid)
     indirect: IndirectEffort = field(default_factory=IndirectEffort)
     rooms: RoomEffort | None = field(default_factory=RoomEffort)
+    gloss: GlossEffort | None = field(default_factory=GlossEffort)
 
 
 FULL = Effort("full")
 VISIBILITY_RESOLUTION = 512, 512
-QUICKLY = Effort("quick", 1, 1, 0, 10, 64, 200_000, 300, False, 300.0, QUICK, INDIRECT_QUICKLY, None)
+QUICKLY = Effort("quick", 1, 1, 0, 10, 64, 200_000, 300, False, 300.0, QUICK, INDIRECT_QUICKLY, None, None)
 
 
 def run(
@@ -98,6 +101,7 @@ def run(
             effort.indirect, effort.repetitions, effort.references, Path(name), output, effort.timeout_s, report
         )
     figures += room_figures(effort.rooms, report)
+    figures += gloss_figures(effort.gloss, report)
     sweep_source = _open(source, effort.grid.side)
     report(f"sweep at {_size(sweep_source)}")
     swept = run_sweep(sweep_source, effort.grid, _frame_seconds(renderer))

@@ -1,0 +1,52 @@
+"""Sharper gloss than any of the scenes has, and brushed one, under a lamp close by: against paths."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.measure.accuracy import errors
+from app.project import open_project
+from app.stills import render_project
+from engine.indirect.series import BounceSeries
+from engine.render.picture_error import POOR
+from engine.transport.pipeline import Placement
+
+SCENE = """version = 1
+[camera]
+position = [0.0, 0.3, 3.0]
+target = [0, 0, 0]
+fov_y = 26
+resolution = [24, 24]
+[[object]]
+name = "ball"
+primitive = "sphere"
+layer = [{{ {layer} }}]
+[[object]]
+name = "lamp"
+primitive = "quad"
+transform = [0.5,0,0,-0.8, 0,0.35,-0.35,1.05, 0,0.35,0.35,-0.6, 0,0,0,1]
+emission = [9, 7, 5]
+"""
+
+
+@pytest.mark.parametrize(
+    ("layer", "limit"),
+    [
+        ('model = "rough_conductor", alpha = 0.02', 0.04),
+        # A streak narrower than the bands across it: its light is there, smeared.
+        ('model = "ward_anisotropic", alpha_u = 0.3, alpha_v = 0.04', 0.9),
+    ],
+)
+def test_a_lamp_is_mirrored_as_paths_find_it_or_it_is_said(tmp_path: Path, layer: str, limit: float) -> None:
+    file = tmp_path / "scene.toml"
+    file.write_text(SCENE.format(layer=layer))
+    project, series = open_project(str(file)), BounceSeries(1)
+    still = render_project(project, lambda _: None, series=series, judges=True)
+    truth = render_project(project, lambda _: None, reference=True, series=series, n_samples=8192).picture
+    seen = Placement(project.scene).hits.pixel
+    found = errors(*(picture.reshape(-1, 3)[seen] for picture in (still.picture, truth)))
+    assert np.isfinite(still.picture).all() and found.rmse < limit and abs(found.mean) < 0.08, found
+    assert still.error is not None and still.error.is_poor == (found.rmse > POOR)
