@@ -21,6 +21,8 @@ from engine.indirect.series import BounceSeries
 from engine.transport.pipeline import Placement
 
 BLOCK = 8
+# Of the picture's mean: in what is darker, a blotch is seen against this.
+_DARK = 0.1
 # Room -> the side in pixels of the blocks that are compared, once light has been reflected more than once.
 ROOMS: Mapping[str, int] = {"stairwell": 1, "ajar": BLOCK, "storeroom": 1}
 N_BOUNCES = 4
@@ -50,17 +52,18 @@ def room_figures(effort: RoomEffort | None, report: Callable[[str], None]) -> li
 
 
 def _figures_of(names: Sequence[str], room: str, effort: RoomEffort, n_bounces: int, block: int) -> list[Figure]:
-    found, noise = room_errors(room, effort, n_bounces, block)
+    found, noise, blotch = room_errors(room, effort, n_bounces, block)
     size = "{} × {}".format(*effort.resolution)
     how = f"`insitu render {room} --bounces {n_bounces}` at {size} against --reference --samples {effort.n_samples}"
     how += f", in blocks of {block} × {block} pixels" * (block > 1)
-    parts = {"signed_mean": found.mean, "noise_of_judge": noise}
+    parts = {"signed_mean": found.mean, "noise_of_judge": noise, "largest_blotch": blotch}
     values = (found.rmse, abs(found.mean))
     return [Figure(name, (value,), how, parts) for name, value in zip(names, values, strict=True)]
 
 
-def room_errors(name: str, effort: RoomEffort, n_bounces: int, block: int = 1) -> tuple[Errors, float]:
-    """A room's still against paths through it, and the noise (relative RMS, a pixel) of those paths."""
+def room_errors(name: str, effort: RoomEffort, n_bounces: int, block: int = 1) -> tuple[Errors, float, float]:
+    """A room's still against paths through it, the noise (relative RMS, a pixel) of those paths, and the largest
+    blotch."""
     project, noise = open_project(name, effort.resolution), 0.0
 
     def listen(step: object) -> None:
@@ -70,13 +73,20 @@ def room_errors(name: str, effort: RoomEffort, n_bounces: int, block: int = 1) -
     series = BounceSeries(n_bounces)
     truth = render_picture(project, listen, reference=True, series=series, n_samples=effort.n_samples)
     ours = render_picture(project, lambda step: None, series=series)
-    return compared(project, ours, truth, block), noise
+    return compared(project, ours, truth, block), noise, largest_blotch(project, ours, truth)
 
 
 def compared(project: Project, ours: NDArray[np.floating], truth: NDArray[np.floating], block: int = 1) -> Errors:
     """Errors over the pixels of (H, W, 3) pictures that see what reflects, or over blocks of them."""
     seen = Placement(project.scene).hits.pixel
     return errors(*(block_means(picture, seen, block) for picture in (ours, truth)))
+
+
+def largest_blotch(project: Project, ours: NDArray[np.floating], truth: NDArray[np.floating]) -> float:
+    """By how much a block of 8 × 8 pixels is off at most, relative to itself and a tenth of the picture's mean."""
+    seen = Placement(project.scene).hits.pixel
+    mine, theirs = (block_means(picture, seen, BLOCK).mean(axis=1) for picture in (ours, truth))
+    return float(np.max(abs(mine - theirs) / (theirs + _DARK * theirs.mean())))
 
 
 def block_means(picture: NDArray[np.floating], pixels: NDArray[np.integer], block: int) -> NDArray[np.float64]:

@@ -6,10 +6,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from app.measure.accuracy import Errors
-from app.measure.rooms import BLOCK, N_BOUNCES, ROOMS, RoomEffort, block_means, compared, room_errors, room_figures
-from app.project import open_project
+from app.measure.rooms import (
+    BLOCK,
+    N_BOUNCES,
+    ROOMS,
+    RoomEffort,
+    block_means,
+    compared,
+    largest_blotch,
+    room_errors,
+    room_figures,
+)
+from app.project import Project, open_project
 from app.stills import render_picture
 from engine.indirect.series import BounceSeries
 from engine.light.image_files import read_radiance_image
@@ -21,7 +32,9 @@ JUDGES = Path(__file__).resolve().parents[2] / "golden" / "rooms"
 # The noise of the stairwell's judge is 0.005 in direct light; by patches of equal area it was 0.085 off, and 0.033 in
 # the mean; the storeroom 0.0101.
 DIRECT = {"stairwell": (0.018, 0.003), "ajar": (0.014, 0.002), "storeroom": (0.005, 0.002)}
-BOUNCES = {"stairwell": (0.008, 0.003), "ajar": (0.012, 0.003), "storeroom": (0.006, 0.004)}
+BOUNCES = {"stairwell": (0.008, 0.004), "ajar": (0.011, 0.004), "storeroom": (0.006, 0.004)}
+# Nor is any of these blocks farther off; through thin walls one in `ajar` was 0.038.
+BLOTCH = 0.034
 
 
 def test_blocks_count_what_is_given_of_them_alone() -> None:
@@ -56,7 +69,17 @@ def test_direct_light_in_a_room_is_that_of_paths(name: str) -> None:
 
 @pytest.mark.parametrize("name", ROOMS)
 def test_light_between_walls_is_that_of_paths(name: str) -> None:
-    assert_within(against_judge(name, N_BOUNCES, BLOCK), BOUNCES[name])
+    project, ours, truth = judged(name, N_BOUNCES)
+    assert_within(compared(project, ours, truth, BLOCK), BOUNCES[name])
+    assert largest_blotch(project, ours, truth) < BLOTCH
+
+
+def test_a_blotch_is_told_beside_what_is_seen_of_it() -> None:
+    project = open_project("storeroom", (16, 16))
+    truth = np.ones((16, 16, 3))
+    ours = truth.copy()
+    ours[:BLOCK, :BLOCK] = 1.11
+    assert largest_blotch(project, ours, truth) == pytest.approx(0.1)  # 0.11 of 1 and a tenth of the mean
 
 
 @pytest.mark.sweep
@@ -69,10 +92,14 @@ def test_rooms_against_fresh_paths(name: str) -> None:
 
 def against_judge(name: str, n_bounces: int, block: int = 1) -> Errors:
     """A room's still against the small picture that is kept of it."""
+    return compared(*judged(name, n_bounces), block)
+
+
+def judged(name: str, n_bounces: int) -> tuple[Project, NDArray[np.floating], NDArray[np.floating]]:
+    """A room, its still, and the small picture that is kept of it."""
     truth = read_radiance_image(JUDGES / f"{name}_{n_bounces}.exr")
     project = open_project(name, truth.shape[1::-1])
-    ours = render_picture(project, lambda step: None, series=BounceSeries(n_bounces))
-    return compared(project, ours, truth, block)
+    return project, render_picture(project, lambda step: None, series=BounceSeries(n_bounces)), truth
 
 
 def assert_within(found: Errors, limits: tuple[float, float]) -> None:
