@@ -21,7 +21,7 @@ from app.described_layers import layers_from_descriptions
 from app.linked_layers import group_of, with_layer
 from app.paths import is_file_name
 from engine.errors import InsituError
-from engine.material.layer import Layer
+from engine.material.layer import Layer, object_of
 from engine.material.maps import map_fields
 from engine.material.model import Factor, Model
 from engine.scene.description import ObjectDescription, SceneDescription
@@ -250,9 +250,7 @@ def reflecting_layers(document: Document) -> tuple[tuple[str, Layer], ...]:
     """The visible layers of all objects that reflect, by key: none of emitters."""
     emitters = {state.name for state in document.objects if state.emits}
     return tuple(
-        (key, layer)
-        for key, layer in document.layers()
-        if key.rpartition(".")[0] not in emitters and document.is_visible(key)
+        (key, layer) for key, layer in document.layers() if object_of(key) not in emitters and document.is_visible(key)
     )
 
 

@@ -16,6 +16,7 @@ from app.set_path import set_path
 from app.sources import find_source, source_of
 from engine.colour import ToneMapping
 from engine.errors import InsituError, LoadError
+from engine.material.layer import object_of
 from engine.scene.builtin import scene_path
 from engine.scene.toml_text import parse_toml
 
@@ -54,12 +55,12 @@ class Project:
     def indexed_layers(self) -> tuple[tuple[int, Layer], ...]:
         """The same by the index of their object in the scene."""
         names = self.object_names
-        return tuple((names.index(key.rpartition(".")[0]), layer) for key, layer in self.layers.items())
+        return tuple((names.index(object_of(key)), layer) for key, layer in self.layers.items())
 
     @property
     def editable(self) -> frozenset[str]:
         """Keys of the layers that a person may edit."""
-        return frozenset(key for key in self.layers if self.document.object(key.rpartition(".")[0]).editable)
+        return frozenset(key for key in self.layers if self.document.object(object_of(key)).editable)
 
     @property
     def object_names(self) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ from engine.colour import ToneMapping
 from engine.errors import InsituError
 from engine.indirect.beyond import BRIGHTEST, held
 from engine.indirect.series import BounceSeries
-from engine.material.layer import Layer
+from engine.material.layer import Layer, object_of
 from engine.plan import N_LIGHTS, N_PATCHES, Plan, plan_scene
 from engine.render.bounces import planned_bounces
 from engine.render.error_estimate import estimate_error
@@ -139,6 +139,6 @@ def _layers_by_object(project: Project) -> Mapping[int, tuple[Layer, ...]]:
     names = project.object_names
     layers = project.layers
     return {
-        index: tuple(layer for key, layer in layers.items() if key.rpartition(".")[0] == name)
+        index: tuple(layer for key, layer in layers.items() if object_of(key) == name)
         for index, name in enumerate(names)
     }

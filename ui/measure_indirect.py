@@ -19,6 +19,7 @@ import numpy as np
 from app.commands import SetOperators
 from engine.curve.operators import Operator
 from engine.errors import InsituError
+from engine.material.layer import object_of
 from ui.gl.context import describe_context
 from ui.measure_gl import Bench, random_edits
 
@@ -111,7 +112,7 @@ def edit(bench: Bench, operators: tuple[Operator, ...]) -> tuple[float, float]:
 
 def reflecting(bench: Bench, editable: bool = False) -> list[str]:
     """The objects that are seen and reflect; of these those that may be edited."""
-    seen = {key.rpartition(".")[0] for key in bench.renderer.layer_keys}
+    seen = {object_of(key) for key in bench.renderer.layer_keys}
     return [
         state.name
         for state in bench.editor.document.objects

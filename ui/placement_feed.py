@@ -34,6 +34,7 @@ from app.placement.status import RenderReport
 from app.placement.talk import PlacementTalk
 from app.solo import is_seen
 from engine.curve.wavelet import forward
+from engine.material.layer import object_of
 from ui.gl.placement.layers import Look
 from ui.gl.placement.rehearsal import rehearse
 from ui.gl.placement.renderer import PlacementRenderer
@@ -138,7 +139,7 @@ class PlacementFeed(PictureSource):
         renderer = self.renderer
         renderer.set_footprint(*_both(event.footprint))
         if event.key not in renderer.layer_keys:
-            renderer.set_layer(event.key, self._names.index(event.key.rpartition(".")[0]), len(event.radiance))
+            renderer.set_layer(event.key, self._names.index(object_of(event.key)), len(event.radiance))
             self._maps.layer_made(event.key)
         if self._drawn_as.get(event.key) != event.drawn_as:
             self._drawn_as[event.key] = event.drawn_as

@@ -25,7 +25,7 @@ from app.export.materials import Written, write_material
 from app.export.meshes import ply_bytes
 from app.export.xml_parts import add, add_numbers
 from app.project import Project
-from engine.material.layer import Layer
+from engine.material.layer import Layer, object_of
 from engine.render.image_files import exr_bytes
 from engine.texture.surface import mean_factor
 
@@ -116,7 +116,7 @@ def _add_object(root: ElementTree.Element, project: Project, folder: Path, index
         add_numbers(add(shape, "emitter", type="area"), "rgb", "radiance", emission)
         add_numbers(add(shape, "bsdf", type="diffuse"), "rgb", "reflectance", (0.0, 0.0, 0.0))
         return []
-    layers: list[Layer] = [layer for key, layer in project.layers.items() if key.rpartition(".")[0] == name]
+    layers: list[Layer] = [layer for key, layer in project.layers.items() if object_of(key) == name]
     factors = np.array([mean_factor(scene, index, layer.maps) for layer in layers]).reshape(-1, 3)
     written: Written = write_material(shape, layers, folder, stem, _own_up(project, index), factors)
     return [f"{name}: {note}" for note in written.notes]

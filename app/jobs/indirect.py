@@ -30,7 +30,7 @@ from engine.indirect.representation import GatherPolynomial, Selected
 from engine.indirect.solver import FINE, ROUGH, Fineness, Solver, relit
 from engine.indirect.stored import NAMES, arrays_of
 from engine.material import MODELS
-from engine.material.layer import Layer
+from engine.material.layer import Layer, object_of
 from engine.render.bounces import planned_bounces
 from engine.stored_arrays import Arrays
 from engine.transport.pipeline import Placement, SkyState
@@ -222,7 +222,7 @@ class IndirectTasks:
         return IndirectLayer(self._object(look.key), seen_as, sent_as, gain, view, albedo)
 
     def _object(self, key: str) -> int:
-        return self._names.index(key.rpartition(".")[0])
+        return self._names.index(object_of(key))
 
 
 def _look_alike(one: Freeze, two: Freeze) -> bool:

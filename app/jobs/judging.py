@@ -15,7 +15,7 @@ from app.jobs.layer_data import STAGES, LayerData, shape_of
 from app.jobs.messages import Response
 from app.placement.messages import ErrorEstimated, EstimateError
 from engine.indirect.light import IndirectLight
-from engine.material.layer import Layer
+from engine.material.layer import Layer, object_of
 from engine.render.error_estimate import estimate_error
 from engine.render.indirect import reflected_light
 from engine.render.picture_error import ErrorEstimate
@@ -70,7 +70,7 @@ def _as_edited(data: LayerData, layer: Layer) -> LayerData:
 def _layers(request: EstimateError, placement: Placement, held: Mapping[str, LayerData]) -> tuple[StillLayer, ...]:
     names = [described.name for described in placement.scene.description.objects]
     found = (
-        StillLayer(names.index(key.rpartition(".")[0]), layer, shape_of(held[key].work).bands, not held[key].is_fixed)
+        StillLayer(names.index(object_of(key)), layer, shape_of(held[key].work).bands, not held[key].is_fixed)
         for key, layer in request.layers
     )
     return with_maps(placement, found)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from app.jobs.messages import Response
 from app.placement.messages import MapsRefused, MapsSampled, SampleMaps
 from engine.errors import LoadError
+from engine.material.layer import object_of
 from engine.material.maps import Images
 from engine.material.strokes import Strokes
 from engine.render.display import encode_srgb
@@ -44,7 +45,7 @@ class MapTasks:
             yield self._answer(sampler, key, images)
 
     def _answer(self, sampler: MapSampler, key: str, images: Images) -> MapsSampled | MapsRefused:
-        i_object, textures = self._names.index(key.rpartition(".")[0]), self._placement.scene.textures
+        i_object, textures = self._names.index(object_of(key)), self._placement.scene.textures
         try:
             begun = self._work(sampler, i_object, images)
             seen = begun.canvas.see(images.strokes)

@@ -41,7 +41,7 @@ from app.placement.messages import (
     StageFootprint,
 )
 from engine.light.environment import downsampled
-from engine.material.layer import Layer
+from engine.material.layer import Layer, object_of
 from engine.plan import Precision, band_counts
 from engine.scene.load import Scene
 from engine.stored_arrays import ArrayReader, Arrays, n_bytes_of
@@ -402,5 +402,5 @@ def _lit_key(sky: SkyState, scene: Scene) -> str:
 
 
 def _object_index(placement: Placement, work: LayerWork) -> int:
-    name = work.key.rpartition(".")[0]
+    name = object_of(work.key)
     return [described.name for described in placement.scene.description.objects].index(name)

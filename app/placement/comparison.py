@@ -32,7 +32,7 @@ from app.placement.events import ComparedRefined, LayerLook
 from app.placement.messages import Contract, LayerPicture
 from app.placement.transport_talk import CONTRACT_PATIENCE, TransportTalk
 from app.placement.wishes import same_coefficients
-from engine.material.layer import Layer
+from engine.material.layer import Layer, object_of
 from engine.material.maps import LayerMaps
 
 Samples = Callable[[str, LayerMaps], NDArray[np.float16] | None]
@@ -184,5 +184,5 @@ class Comparison:
                 (self._samples(key, layer.maps), layer.maps.texture_strength, layer.maps.inverts),
             )
             for key, layer in compared.layers()
-            if not compared.object(key.rpartition(".")[0]).emits
+            if not compared.object(object_of(key)).emits
         }

@@ -14,7 +14,7 @@ from app.document import Document
 from app.placement.band_plans import BandPlans
 from engine.curve.operators import HALF_PI
 from engine.material import MODELS
-from engine.material.layer import Layer
+from engine.material.layer import Layer, object_of
 from engine.material.maps import Images, MapMeans
 from engine.material.model import Model
 from engine.measured.material import MeasuredModel
@@ -69,7 +69,7 @@ class Curves:
     def sent_gain(self, document: Document, key: str) -> Array:
         """f_q of a layer for all but the eye, (3,): with the mean of its texture and weight map, once that is known."""
         layer = document.layer(key)
-        means = None if layer.maps.is_plain else self.map_means.get((key.rpartition(".")[0], layer.maps.images))
+        means = None if layer.maps.is_plain else self.map_means.get((object_of(key), layer.maps.images))
         return layer.scale() if means is None else layer.scale() * means.factor(layer.maps)
 
     def _band_values(self, key: str, layer: Layer, factor: str, n_bands: int) -> Array:

@@ -29,6 +29,7 @@ from app.placement.events import Footprint, IndirectRadiance
 from app.placement.messages import Freeze, Frozen, IndirectFound, IndirectNoise, LayerReflection
 from engine.indirect.beyond import in_full, is_beyond
 from engine.indirect.equivalence import albedo_of
+from engine.material.layer import object_of
 
 FREEZE_PATIENCE = 5.0
 REST_SECONDS = 0.25
@@ -91,7 +92,7 @@ class FreezeWish:
                 return False
         if any(a.shape != b.shape for a, b in zip(mine.coefficients, theirs.coefficients, strict=True)):
             return False  # another choice of bands: what is kept of the selected curve has other ones
-        if self.key is not None and _object(mine.key) == _object(self.key):
+        if self.key is not None and object_of(mine.key) == object_of(self.key):
             return True  # its albedo is a variable
         return np.array_equal(mine.gain, theirs.gain) and np.array_equal(mine.view_curve, theirs.view_curve)
 
@@ -319,7 +320,3 @@ def _equal(one: LayerReflection, two: LayerReflection) -> bool:
 
 def _close(one: NDArray[np.floating], two: NDArray[np.floating]) -> bool:
     return one.shape == two.shape and bool(np.allclose(one, two, rtol=1e-6, atol=0.0))
-
-
-def _object(key: str) -> str:
-    return key.rpartition(".")[0]

@@ -20,6 +20,7 @@ from app.jobs.messages import Request
 from app.placement.curves import Curves
 from app.placement.events import LayerMapsChanged
 from app.placement.messages import MapsRefused, MapsSampled, SampleMaps
+from engine.material.layer import object_of
 from engine.material.maps import Images, LayerMaps
 
 MOST_KEPT = 24
@@ -54,11 +55,11 @@ class MapTalk:
 
     def refusal(self, key: str, maps: LayerMaps) -> str | None:
         """Why a layer's images cannot be used, in one line."""
-        return self._refused.get((_object(key), maps.images))
+        return self._refused.get((object_of(key), maps.images))
 
     def known(self, key: str, maps: LayerMaps) -> MapsSampled | None:
         """What is known of a layer's images: samples, means, thumbnails."""
-        return self._known.get((_object(key), maps.images))
+        return self._known.get((object_of(key), maps.images))
 
     def edited(self) -> None:
         """The document changed: until the next update it is not known whether anything is missing."""
@@ -66,14 +67,14 @@ class MapTalk:
 
     def reload(self, key: str, maps: LayerMaps) -> None:
         """Sample a layer's images again: their files were written meanwhile. The old ones are shown until then."""
-        surface = (_object(key), maps.images)
+        surface = (object_of(key), maps.images)
         self._known.pop(surface, None)
         self._refused.pop(surface, None)
         self.edited()
 
     def took(self, response: MapsSampled) -> None:
         """Images were sampled."""
-        surface = (_object(response.key), response.images)
+        surface = (object_of(response.key), response.images)
         # What was asked for shares its strokes with the document; what crossed between processes is a copy of them all.
         surface = next((asked for asked in self._awaited if asked == surface), surface)
         response = replace(response, images=surface[1])
@@ -107,8 +108,8 @@ class MapTalk:
     def refuse(self, response: MapsRefused, history: History) -> bool:
         """Images cannot be used. Where choosing them was the last step, that step is gone as if it had never been;
         whether it was. Else they stay in the document, and the layer is shown without."""
-        self._refused[_object(response.key), response.images] = response.line
-        self._awaited.discard((_object(response.key), response.images))
+        self._refused[object_of(response.key), response.images] = response.line
+        self._awaited.discard((object_of(response.key), response.images))
         self.edited()
         document = history.document
         if all(key != response.key for key, _ in document.layers()):
@@ -127,7 +128,7 @@ class MapTalk:
         events = [self._drop(key) for key in list(self._shown) if key not in wanted]
         missing: dict[Surface, str] = {}
         for key, maps in wanted.items():
-            surface = (_object(key), maps.images)
+            surface = (object_of(key), maps.images)
             found = self._known.get(surface)
             if found is None and surface not in self._refused:
                 missing.setdefault(surface, key)
@@ -179,7 +180,7 @@ def _wanted(document: Document) -> dict[str, LayerMaps]:
     emitters = {state.name for state in document.objects if state.emits}
     return {
         key: layer.maps for key, layer in document.layers()
-        if not layer.maps.is_plain and _object(key) not in emitters
+        if not layer.maps.is_plain and object_of(key) not in emitters
     }  # fmt: skip
 
 
@@ -188,7 +189,3 @@ def _only_chose(key: str, images: Images, before: Document, after: Document) -> 
     if all(each != key for each, _ in before.layers()) or before.layer(key).maps.images == images:
         return False
     return before.with_layer(key, before.layer(key).replace(maps=after.layer(key).maps)) == after
-
-
-def _object(key: str) -> str:
-    return key.rpartition(".")[0]

@@ -11,7 +11,7 @@ from app.document import RGB, Document, LightState
 from app.light_commands import emission_of
 from app.placement.curves import Array, Coefficients, Curves
 from app.placement.messages import LayerWork
-from engine.material.layer import Layer
+from engine.material.layer import Layer, object_of
 from engine.plan import N_PATCHES, Precision
 
 Emission = tuple[tuple[str, RGB], ...]
@@ -58,7 +58,7 @@ class LayerShape:
 def layer_shape(document: Document, key: str, layer: Layer, curves: Curves) -> LayerShape:
     """The shape of one of the document's layers."""
     baked = None
-    if not document.object(key.rpartition(".")[0]).editable:
+    if not document.object(object_of(key)).editable:
         baked = b"".join(values.tobytes() for values in curves.coefficients(document, key).values())
     quotient = tuple(layer.quotient_parameters().tolist())
     bands = tuple(curves.bands(key, layer, document.first_bands).items())
@@ -155,9 +155,7 @@ def transport_wish(document: Document, n_lights: int, n_bounces: int, n_patches:
     """The transport of a document's layers, but for those of emitters, in its light at intensity 1."""
     emitters = {state.name for state in document.objects if state.emits}
     shapes = tuple(
-        layer_shape(document, key, layer, curves)
-        for key, layer in document.layers()
-        if key.rpartition(".")[0] not in emitters
+        layer_shape(document, key, layer, curves) for key, layer in document.layers() if object_of(key) not in emitters
     )
     light = replace(document.light, intensity=1.0)
     return TransportWish(light, shapes, n_lights, n_bounces, emission_of(document), n_patches)

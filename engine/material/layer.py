@@ -25,6 +25,11 @@ from engine.material.parameters import FRESNEL, Parameter, Value
 Array = NDArray[np.float64]
 
 
+def object_of(key: str) -> str:
+    """The name of the object that a layer belongs to: "teapot" of the key "teapot.1"."""
+    return key.rpartition(".")[0]
+
+
 @dataclass(frozen=True)
 class GeneratedCurve:
     """The curve that a model generates from parameters, before any edit; angles (N,) to values (N, 3)."""

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.light.emitters import EmitterPatches
-from engine.material.layer import Layer
+from engine.material.layer import Layer, object_of
 from engine.plan import Plan
 from engine.render.integrator import integrate_direct
 from engine.render.maps import MapFactors
@@ -212,6 +212,6 @@ def still_layers(
     """The visible layers by key ("object.index") as a still wants them, with the plan's bands."""
     indices = {name: index for index, name in enumerate(object_names)}
     return tuple(
-        StillLayer(indices[key.rpartition(".")[0]], layer, plan.layer(key).shape, plan.layer(key).editable)
+        StillLayer(indices[object_of(key)], layer, plan.layer(key).shape, plan.layer(key).editable)
         for key, layer in layers if layer.visible
     )  # fmt: skip

@@ -9,6 +9,7 @@ from imgui_bundle import ImVec2, imgui
 from app.document import layer_key
 from app.map_commands import SetMap
 from app.paint_commands import BlendByMap, Paint, blended_with
+from engine.material.layer import object_of
 from engine.material.maps import LayerMaps
 from engine.material.strokes import Stroke
 from ui import theme as look
@@ -78,7 +79,7 @@ def _switched(context: PanelContext, maps: LayerMaps, on: bool) -> Action:
 
 def _blend(context: PanelContext, key: str, width: float) -> list[Action]:
     """A menu of the object's other layers; those blended with this one already have a mark."""
-    name, _, _ = key.rpartition(".")
+    name = object_of(key)
     others = {
         layer_key(name, i): layer.title
         for i, layer in enumerate(context.document.object(name).layers)
@@ -164,7 +165,7 @@ def _stroke(context: PanelContext, grip: PaintGrip, places: list[Point], end: Po
     key, brush = painted_key(context), context.state.brush
     if key is None:
         return [EndDrag(), Hold(None)]
-    name = key.rpartition(".")[0]
+    name = object_of(key)
     spots = spots_at(lambda x, y: context.spot_at(x, y) if context.object_at(x, y) == name else None, places)
     if not spots:
         return [Hold(replace(grip, offset=end))]
