@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 
 from app.jobs.messages import LookFrom, Request, Response
-from app.view_state import Look
+from app.view_state import Viewpoint
 
 REST_SECONDS = 0.25
 
@@ -22,22 +22,22 @@ class LookTalk:
     """
 
     def __init__(self, send: Callable[[Request], int]) -> None:
-        self.seen = Look()
+        self.seen = Viewpoint()
         self.scene = self.id = 0
         self.is_away = self.has_resized = False
         self._send = send
-        self._asked: Look | None = None
+        self._asked: Viewpoint | None = None
         self._asked_scene = self._asked_id = 0
-        self._wish = Look()
+        self._wish = Viewpoint()
         self._since = -math.inf
         self._released = False
 
-    def ask(self, look: Look, scene: int) -> None:
+    def ask(self, look: Viewpoint, scene: int) -> None:
         """Have the scene of that number traced from there."""
         self._asked, self._asked_scene = look, scene
         self._asked_id = self._send(LookFrom(scene, look.camera, look.resolution))
 
-    def update(self, now: float, look: Look) -> bool:
+    def update(self, now: float, look: Viewpoint) -> bool:
         """Once a frame: ask for another look once it rests; whether what is seen came or went with that, see
         `is_away`. now: seconds of a steady clock."""
         if look != self._wish:
@@ -61,7 +61,7 @@ class LookTalk:
         self._asked, self.is_away = None, False
         return True
 
-    def adopted(self, own: tuple[int, int]) -> Look:
+    def adopted(self, own: tuple[int, int]) -> Viewpoint:
         """The look that was traced, as one of a scene whose own resolution is known."""
         if self.seen.resolution == own:
             self.seen = self.seen._replace(resolution=None)

@@ -11,7 +11,7 @@ from app.journal import Recovery
 from app.measurements import document_with_read, layers_of_document, unread_files
 from app.session import Session, fit_session, load_session
 from app.sources import source_of
-from app.view_state import Look
+from app.view_state import Viewpoint
 from engine.scene.description import SceneDescription
 
 
@@ -50,9 +50,9 @@ class Opening:
         layers = [] if self.session is None else layers_of_document(self.session.document)
         return OpenScene(self.source, unread_files(layers), tuple(layers))
 
-    def look(self, resolution: tuple[int, int] | None) -> Look:
+    def look(self, resolution: tuple[int, int] | None) -> Viewpoint:
         """From where it is seen first; resolution (width, height) in place of the scene's own and the session's."""
-        look = Look() if self.session is None else self.session.view.look
+        look = Viewpoint() if self.session is None else self.session.view.look
         return look if resolution is None else look._replace(resolution=resolution)
 
     def document(self, description: SceneDescription, opened: SceneOpened) -> Document:

@@ -40,7 +40,7 @@ DEFAULT_PANELS = MappingProxyType(
 )
 
 
-class Look(NamedTuple):
+class Viewpoint(NamedTuple):
     """From where a scene is seen, and its picture's (width, height) in pixels; None: as the scene's file has them."""
 
     camera: Camera | None = None
@@ -103,8 +103,8 @@ class ViewState:
     resolution: tuple[int, int] | None = None
 
     @property
-    def look(self) -> Look:
-        return Look(self.camera, self.resolution)
+    def look(self) -> Viewpoint:
+        return Viewpoint(self.camera, self.resolution)
 
     def panel_open(self, name: str) -> bool:
         return self.panels.get(name, True)
@@ -119,7 +119,7 @@ class ViewState:
             lobe_pixel=None, camera=None, resolution=None, n_bounces=description.bounces or AS_PLANNED,
         )  # fmt: skip
 
-    def seen_from(self, look: Look) -> ViewState:
+    def seen_from(self, look: Viewpoint) -> ViewState:
         """From another camera or in other pixels: nothing is chosen in the picture yet."""
         return replace(self, hovered=None, compare=None, lobe_pixel=None, **look._asdict())
 

@@ -37,8 +37,8 @@ from app.placement.wishes import (
     Contraction,
     CurveShown,
     CurveWish,
-    LayerShape,
     LayerShown,
+    TransportShape,
     TransportWish,
     brightened,
     layer_work,
@@ -247,7 +247,7 @@ class TransportTalk:
         return bool(finals) and len(finals) == len(self._wish.layers)
 
     @property
-    def layers_asked(self) -> tuple[LayerShape, ...]:
+    def layers_asked(self) -> tuple[TransportShape, ...]:
         """The layers in the transport asked for last."""
         return () if self._asked is None else self._asked.layers
 
@@ -393,7 +393,7 @@ class TransportTalk:
         )
         self._contraction = Contraction(self._send(request), curve, now)
 
-    def _asked_shape(self, key: str) -> LayerShape | None:
+    def _asked_shape(self, key: str) -> TransportShape | None:
         """What was asked of a layer: its model may have changed since."""
         return None if self._asked is None else self._asked.shape(key)
 

@@ -18,7 +18,7 @@ Emission = tuple[tuple[str, RGB], ...]
 
 
 @dataclass(frozen=True)
-class LayerShape:
+class TransportShape:
     """What of a layer its transport depends on.
 
     ``baked``: of a layer whose object is fixed the bytes of its curves, which are then part of its transport: nobody
@@ -44,28 +44,28 @@ class LayerShape:
         """Whether its transport can be contracted with these."""
         return not self.is_fixed and {name: len(values) for name, values in coefficients.items()} == dict(self.bands)
 
-    def has_quotient_of(self, other: LayerShape | None) -> bool:
+    def has_quotient_of(self, other: TransportShape | None) -> bool:
         """Whether the fixed part of both layers' reflection is the same."""
         return other is not None and (self.model, self.quotient_parameters) == (other.model, other.quotient_parameters)
 
-    def looks_like(self, other: LayerShape | None) -> bool:
+    def looks_like(self, other: TransportShape | None) -> bool:
         """Whether transport of one gives the picture of the other, be it with bands or without."""
         if other is None or not self.has_quotient_of(other):
             return False
         return self.baked == other.baked or not (self.is_fixed and other.is_fixed)
 
 
-def layer_shape(document: Document, key: str, layer: Layer, curves: Curves) -> LayerShape:
+def layer_shape(document: Document, key: str, layer: Layer, curves: Curves) -> TransportShape:
     """The shape of one of the document's layers."""
     baked = None
     if not document.object(object_of(key)).editable:
         baked = b"".join(values.tobytes() for values in curves.coefficients(document, key).values())
     quotient = tuple(layer.quotient_parameters().tolist())
     bands = tuple(curves.bands(key, layer, document.first_bands).items())
-    return LayerShape(key, layer.model.name, quotient, bands, baked)
+    return TransportShape(key, layer.model.name, quotient, bands, baked)
 
 
-def layer_work(shape: LayerShape, coefficients: Coefficients) -> LayerWork:
+def layer_work(shape: TransportShape, coefficients: Coefficients) -> LayerWork:
     """The layer as the worker needs to know it, with its present coefficients by factor."""
     factors, bands = zip(*shape.bands, strict=True)
     ordered = tuple(coefficients[factor] for factor in factors)
@@ -77,7 +77,7 @@ class TransportWish:
     """All that transport depends on: equal wishes have equal transport."""
 
     light: LightState
-    layers: tuple[LayerShape, ...]
+    layers: tuple[TransportShape, ...]
     n_lights: int
     n_bounces: int = 1
     emission: Emission = ()
@@ -98,7 +98,7 @@ class TransportWish:
             return ()
         return tuple(shape.key for shape in self.layers if shape.looks_like(before.shape(shape.key)))
 
-    def shape(self, key: str) -> LayerShape | None:
+    def shape(self, key: str) -> TransportShape | None:
         return next((shape for shape in self.layers if shape.key == key), None)
 
 

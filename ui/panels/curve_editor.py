@@ -22,7 +22,7 @@ from ui.panels.actions import Action, Select
 from ui.panels.brdf import energy_warning
 from ui.panels.context import PanelContext
 from ui.panels.curve_gestures import HALF_PI, Hand, channel_of, hand_of, limit_text
-from ui.panels.curve_mouse import Curves, grip_of, interact, knob
+from ui.panels.curve_mouse import DrawnCurves, grip_of, interact, knob
 from ui.panels.plot_axes import value_range
 from ui.theme import Icon
 
@@ -57,7 +57,7 @@ def draw(context: PanelContext) -> list[Action]:
     return actions
 
 
-def selected_curves(context: PanelContext) -> Curves | None:
+def selected_curves(context: PanelContext) -> DrawnCurves | None:
     """The curve that is selected; of a layer without a chosen curve the first; None when nothing is selected."""
     selection = context.selected_layer
     if selection is None:
@@ -69,7 +69,7 @@ def selected_curves(context: PanelContext) -> Curves | None:
         return None
     state = context.document.object(selection.object)
     editable = state.editable and not context.document.is_frozen(selection.key)
-    return Curves(selection.key, factor, layer, layer.generated(factor), layer.operators(factor), editable)
+    return DrawnCurves(selection.key, factor, layer, layer.generated(factor), layer.operators(factor), editable)
 
 
 def _draw_empty(context: PanelContext) -> None:
@@ -87,7 +87,7 @@ def _draw_empty(context: PanelContext) -> None:
     imgui.pop_text_wrap_pos()
 
 
-def _toolbar(context: PanelContext, curves: Curves) -> list[Action]:
+def _toolbar(context: PanelContext, curves: DrawnCurves) -> list[Action]:
     actions: list[Action] = []
     factors = all_factors(curves.layer.model)
     symbols = [widgets.angle_symbol(factor.name) for factor in factors]
@@ -145,7 +145,7 @@ def _channel_buttons(context: PanelContext, hand: Hand, least: float) -> list[Ac
     return [] if pressed is None else [SetView.of(channel=CHANNELS[pressed], operator=None)]
 
 
-def _plot(context: PanelContext, curves: Curves) -> list[Action]:
+def _plot(context: PanelContext, curves: DrawnCurves) -> list[Action]:
     corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
     frame = _frame(context, curves, corner, room)
     hand = hand_of(curves.operators, context.view)
@@ -160,7 +160,7 @@ def _plot(context: PanelContext, curves: Curves) -> list[Action]:
     return actions + curve_keys.move(context, curves, frame, hand)
 
 
-def _notes(context: PanelContext, curves: Curves, hand: Hand) -> dict[str, str]:
+def _notes(context: PanelContext, curves: DrawnCurves, hand: Hand) -> dict[str, str]:
     """What there is to be said about the curve in its plot: what holds it, and whether it makes light of nothing."""
     notes = {"limit": limit_text(hand)} if curves.editable and hand.index is not None else {}
     if curves.layer.edits and not curves.layer.model.needs_file:
@@ -170,7 +170,7 @@ def _notes(context: PanelContext, curves: Curves, hand: Hand) -> dict[str, str]:
     return {name: note for name, note in notes.items() if note}
 
 
-def _frame(context: PanelContext, curves: Curves, corner: ImVec2, room: ImVec2) -> plot.Frame:
+def _frame(context: PanelContext, curves: DrawnCurves, corner: ImVec2, room: ImVec2) -> plot.Frame:
     grip, zoom = grip_of(context), context.view.curve_zoom
     if grip is not None:
         x_range, y_range = grip.x_range, grip.y_range
@@ -181,14 +181,14 @@ def _frame(context: PanelContext, curves: Curves, corner: ImVec2, room: ImVec2) 
     return plot.layout(context, corner, room, x_range, y_range, context.view.log_y)
 
 
-def fitted_range(curves: Curves, log_y: bool) -> tuple[float, float]:
+def fitted_range(curves: DrawnCurves, log_y: bool) -> tuple[float, float]:
     """Values that the axis must show: of the edited and the generated curve, everywhere."""
     gamma = np.concatenate([np.linspace(0.0, HALF_PI, 512), HALF_PI * 0.5 ** np.arange(2, 14)])
     edited = apply_operators(curves.operators, curves.generated)(gamma)
     return value_range(np.concatenate([edited, curves.generated(gamma)]), log_y)
 
 
-def _draw_curves(context: PanelContext, curves: Curves, frame: plot.Frame, hand: Hand, hot: str | None) -> None:
+def _draw_curves(context: PanelContext, curves: DrawnCurves, frame: plot.Frame, hand: Hand, hot: str | None) -> None:
     grip = grip_of(context)
     held = grip.handle if grip else None
     edited = apply_operators(curves.operators, curves.generated)

@@ -15,7 +15,7 @@ from ui.panels import curve_plot as plot
 from ui.panels.actions import Action, BeginDrag, EndDrag, Hold, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.curve_gestures import END_NAMES, Hand
-from ui.panels.curve_mouse import Curves, edited, grip_at, standing
+from ui.panels.curve_mouse import DrawnCurves, edited, grip_at, standing
 from ui.panels.fields import PIXELS_TO_DOUBLE
 from ui.panels.state import KeyGrip
 from ui.panels.travel import FINE
@@ -29,7 +29,7 @@ Key = imgui.Key
 ARROWS = {Key.left_arrow: (-1, 0), Key.right_arrow: (1, 0), Key.up_arrow: (0, -1), Key.down_arrow: (0, 1)}
 
 
-def move(context: PanelContext, curves: Curves, frame: plot.Frame, hand: Hand) -> list[Action]:
+def move(context: PanelContext, curves: DrawnCurves, frame: plot.Frame, hand: Hand) -> list[Action]:
     """What the keys pressed or held in this pass do to the handles."""
     grip = context.state.grip
     if isinstance(grip, KeyGrip):
@@ -87,7 +87,7 @@ def _steps(repeated: imgui.Key | None = None) -> tuple[int, int]:
 
 
 def _moved(
-    context: PanelContext, curves: Curves, frame: plot.Frame, hand: Hand, grip: KeyGrip, steps: tuple[int, int]
+    context: PanelContext, curves: DrawnCurves, frame: plot.Frame, hand: Hand, grip: KeyGrip, steps: tuple[int, int]
 ) -> list[Action]:
     """The gesture gone on by so many steps, and what it does now."""
     if steps == (0, 0):

@@ -47,7 +47,7 @@ SMALLEST_X_SPAN = 0.002
 
 
 @dataclass(frozen=True)
-class Curves:
+class DrawnCurves:
     """The selected curve: what generates it, its operators, and the samples drawn (angles (N,), values (N, 3))."""
 
     key: str
@@ -64,13 +64,15 @@ def grip_of(context: PanelContext) -> CurveGrip | None:
     return grip if isinstance(grip, CurveGrip) else None
 
 
-def knob(curves: Curves, hand: Hand) -> Knob:
+def knob(curves: DrawnCurves, hand: Hand) -> Knob:
     """Where the magnitude handle stands on the curve as it is."""
     below = curves.operators if hand.index is None else curves.operators[: hand.index]
     return knob_of(hand, apply_operators(below, curves.generated))
 
 
-def interact(context: PanelContext, curves: Curves, frame: plot.Frame, hand: Hand) -> tuple[str | None, list[Action]]:
+def interact(
+    context: PanelContext, curves: DrawnCurves, frame: plot.Frame, hand: Hand
+) -> tuple[str | None, list[Action]]:
     """The mouse on the plot: which handle is under it, and what its drag does."""
     corner = ImVec2(frame.x.start - context.px(10), frame.y.end - context.px(plot.FLAG_STRIP))
     size = ImVec2(frame.x.end + context.px(10) - corner.x, frame.y.start - corner.y)
@@ -100,7 +102,7 @@ def interact(context: PanelContext, curves: Curves, frame: plot.Frame, hand: Han
     return hot, actions
 
 
-def _on_the_line(curves: Curves, frame: plot.Frame) -> tuple[float, float]:
+def _on_the_line(curves: DrawnCurves, frame: plot.Frame) -> tuple[float, float]:
     """A place on the curve, a twentieth of the visible angle from the left, where a script can pull it."""
     gamma = frame.x.low + 0.05 * (frame.x.high - frame.x.low)
     value = float(apply_operators(curves.operators, curves.generated)(np.array([gamma])).max())
@@ -108,7 +110,7 @@ def _on_the_line(curves: Curves, frame: plot.Frame) -> tuple[float, float]:
 
 
 def _handle_places(
-    context: PanelContext, curves: Curves, frame: plot.Frame, hand: Hand
+    context: PanelContext, curves: DrawnCurves, frame: plot.Frame, hand: Hand
 ) -> dict[str, tuple[float, float]]:
     """Where each handle is grasped, by name, those drawn on top first."""
     flags = plot.flag_places(frame, hand.regions, context.px(plot.FLAG) + 1)
@@ -120,7 +122,7 @@ def _handle_places(
 
 def _under_mouse(
     context: PanelContext,
-    curves: Curves,
+    curves: DrawnCurves,
     frame: plot.Frame,
     hand: Hand,
     handles: dict[str, tuple[float, float]],
@@ -172,7 +174,7 @@ def _explain(hot: str | None, hand: Hand) -> None:
 
 def _take_hold(
     context: PanelContext,
-    curves: Curves,
+    curves: DrawnCurves,
     frame: plot.Frame,
     hand: Hand,
     hot: str | None,
@@ -202,7 +204,7 @@ AnyGrip = TypeVar("AnyGrip", bound=CurveGrip)
 
 
 def grip_at(
-    kind: type[AnyGrip], curves: Curves, frame: plot.Frame, hand: Hand, handle: str, offset: tuple[float, float]
+    kind: type[AnyGrip], curves: DrawnCurves, frame: plot.Frame, hand: Hand, handle: str, offset: tuple[float, float]
 ) -> AnyGrip:
     """A gesture that begins now, on a handle of the operators in hand."""
     return kind(
@@ -217,7 +219,7 @@ def grip_at(
     )
 
 
-def standing(curves: Curves, frame: plot.Frame, hand: Hand, handle: str) -> tuple[float, float]:
+def standing(curves: DrawnCurves, frame: plot.Frame, hand: Hand, handle: str) -> tuple[float, float]:
     """Where a handle truly stands, pixels, also off the plot, so that nothing jumps; of the region its left end."""
     if handle == "magnitude":
         feature = knob(curves, hand)
@@ -227,7 +229,7 @@ def standing(curves: Curves, frame: plot.Frame, hand: Hand, handle: str) -> tupl
 
 
 def _drag(
-    context: PanelContext, curves: Curves, frame: plot.Frame, hand: Hand, grip: CurveGrip, mouse: ImVec2
+    context: PanelContext, curves: DrawnCurves, frame: plot.Frame, hand: Hand, grip: CurveGrip, mouse: ImVec2
 ) -> list[Action]:
     if grip.handle == "pan":
         return _pan(frame, grip, mouse)
@@ -240,7 +242,12 @@ def _drag(
 
 
 def edited(
-    context: PanelContext, curves: Curves, frame: plot.Frame, hand: Hand, grip: CurveGrip, moved: tuple[float, float]
+    context: PanelContext,
+    curves: DrawnCurves,
+    frame: plot.Frame,
+    hand: Hand,
+    grip: CurveGrip,
+    moved: tuple[float, float],
 ) -> list[Action]:
     """What it does to move the handle in the grip by so many pixels right and down."""
     if grip.handle == "magnitude":
@@ -251,7 +258,7 @@ def edited(
     return edited_ends(curves, grip, start + shift)
 
 
-def edited_ends(curves: Curves, grip: CurveGrip, to: float) -> list[Action]:
+def edited_ends(curves: DrawnCurves, grip: CurveGrip, to: float) -> list[Action]:
     """The handle in the grip, an end or the region, moved to angle `to` (the region: by it, from its start)."""
     regions = drag_region(grip, to)
     actions: list[Action] = [SetView.of(regions=regions)]
@@ -261,7 +268,12 @@ def edited_ends(curves: Curves, grip: CurveGrip, to: float) -> list[Action]:
 
 
 def edited_knob(
-    context: PanelContext, curves: Curves, frame: plot.Frame, hand: Hand, grip: CurveGrip, moved: tuple[float, float]
+    context: PanelContext,
+    curves: DrawnCurves,
+    frame: plot.Frame,
+    hand: Hand,
+    grip: CurveGrip,
+    moved: tuple[float, float],
 ) -> list[Action]:
     """The ring pulled by so many pixels right and down."""
     if grip.index is None:

@@ -44,7 +44,7 @@ class _Active:
 
 
 @dataclass(frozen=True)
-class Progress:
+class Update:
     """What an update did: terms added, the most that still differ in a layer, whether nothing is left to do."""
 
     applied: int = 0
@@ -153,7 +153,7 @@ class EditedLayers:
             else:
                 self._stop(key)
 
-    def update(self, layers: LayerStack, max_coefficients: int | None, budget_s: float | None) -> Progress:
+    def update(self, layers: LayerStack, max_coefficients: int | None, budget_s: float | None) -> Update:
         """Move each layer towards what is wanted: at most so many terms each, all of them within `budget_s`."""
         works = list(self._at_work())
         share = None if budget_s is None or not works else budget_s / len(works)
@@ -168,7 +168,7 @@ class EditedLayers:
                 layer.mean = refiner.mean_radiance()
             applied += done.applied
         remaining = max((len(active.refiner.state.pending()) for _, active in works), default=0)
-        return Progress(applied, remaining, all(active.refiner.is_exact for _, active in works))
+        return Update(applied, remaining, all(active.refiner.is_exact for _, active in works))
 
     def missing(self, layers: LayerStack, object_size: int) -> float:
         """sqrt(Σ_k |Δc_k|²‖T_k‖²) with f_q, of pixels, over all the layers; `object_size` is that of their object."""
