@@ -102,6 +102,26 @@ def test_every_panel_has_its_place_in_a_window_of_any_size(context: moderngl.Con
                 assert 0 <= x <= size[0], name
 
 
+def test_what_is_chosen_from_a_list_is_not_cut_off(context: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
+    begin, seen = imgui.begin_combo, {}
+
+    def begun(name: str, text: str, flags: int = 0) -> bool:
+        arrow = 0.0 if flags & imgui.ComboFlags_.no_arrow_button else imgui.get_frame_height()
+        room = imgui.calc_item_width() - 2.0 * imgui.get_style().frame_padding.x - arrow
+        seen[name] = text, imgui.calc_text_size(text).x <= room
+        return begin(name, text, flags)
+
+    monkeypatch.setattr(imgui, "begin_combo", begun)
+    for window in opened(context, (800, 600), 1.0):
+        window.shell.editor.do(SetView.of(n_bounces=4))
+        window.shell.do(ShowPanel("accuracy"))
+        window.frames(4)
+    shown = {name: text for name, (text, _) in seen.items() if name.startswith("##accuracy")}
+    assert shown == {"##accuracy.lights": "4k", "##accuracy.patches": "768", "##accuracy.first": "Auto",
+                     "##accuracy.second": "All"}  # fmt: skip
+    assert all(fits for name, (_, fits) in seen.items() if name in shown)
+
+
 def test_panels_fold_away_together_and_come_back_from_the_strip(window: HeadlessWindow) -> None:
     before = rectangles(window)
     window.click_handle("button.fold.curve")

@@ -133,8 +133,11 @@ def _combo(
     """A list of numbers; what was picked of it, if anything."""
     picked = []
     shown = next((text for text, bands in choices.items() if bands == chosen), str(chosen))
+    spare = width - 2.0 * imgui.get_style().frame_padding.x
+    fits = imgui.calc_text_size(shown).x <= spare - imgui.get_frame_height()
+    seen = _short_of(shown, spare)
     imgui.set_next_item_width(width)
-    if imgui.begin_combo(f"##{name}", shown):
+    if imgui.begin_combo(f"##{name}", seen, 0 if fits else imgui.ComboFlags_.no_arrow_button):
         for text, bands in choices.items():
             pressed, _ = imgui.selectable(text, bands == chosen)
             context.handles.note_item(f"{name}.{text}")
@@ -145,6 +148,11 @@ def _combo(
         context.handles.note_item(name)
     widgets.tooltip(hint)
     return picked
+
+
+def _short_of(shown: str, room: float) -> str:
+    """What is chosen, or where that is wider than the room, its number alone: "768 patches"."""
+    return shown if imgui.calc_text_size(shown).x <= room else shown.partition(" ")[0]
 
 
 def _share(context: PanelContext, count: int) -> float:
