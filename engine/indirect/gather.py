@@ -25,6 +25,7 @@ from engine.transport._projection_kernels import Surface
 
 # Metres: no ray is taken for shorter.
 _TOUCHING = np.float32(1e-6)
+_OPEN = 1e18  # farther than anything, and its square is a float32
 
 
 @dataclass(frozen=True)
@@ -96,11 +97,10 @@ def gather(
 
 
 def _clearance(distances: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The harmonic mean (p,) of the distances (p, R) of rays by the cosine, infinite where they hit nothing [Ward88]:
+    """The harmonic mean (p,) of the distances (p, R) of rays by the cosine, `_OPEN` where they hit nothing [Ward88]:
     over so much of its surface a point's irradiance changes by about itself."""
     nearness = np.mean(1.0 / np.maximum(distances, _TOUCHING), axis=1, dtype=np.float64)
-    with np.errstate(divide="ignore"):
-        return np.asarray(1.0 / nearness, np.float32)
+    return np.asarray(1.0 / np.maximum(nearness, 1.0 / _OPEN), np.float32)
 
 
 def object_of_rows(hits: PrimaryHits, rows: NDArray[np.integer]) -> NDArray[np.int64]:

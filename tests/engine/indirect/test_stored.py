@@ -33,3 +33,13 @@ def test_stored_light_is_the_light():
     evening = SkyState(constant_environment((0.5, 0.4, 0.3)))
     one, two = (relit(each, placement, evening, fineness, 4).picture(layers) for each in (light, restored))
     np.testing.assert_array_equal(one, two)
+
+
+def test_light_of_points_that_see_nothing_but_sky_is_stored_too():
+    """Nothing is around them: an infinite clearance was taken for damage, and all was found again at every start."""
+    fineness = replace(QUICK, n_samples=64)
+    placement, sky = placement_of(CORNER[:1], **CORNER_VIEW), SkyState(constant_environment((1.0, 0.8, 0.6)))
+    solver = Solver(placement, {0: ["lambert"]}, sky, 2, fineness)
+    light = finish(solver.solve([matt(0, 0.5)]), lambda progress: None)
+    restored = solver.restored(arrays_of(light))
+    np.testing.assert_array_equal(restored.picture([matt(0, 0.5)]), light.picture([matt(0, 0.5)]))
