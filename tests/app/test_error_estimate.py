@@ -69,11 +69,11 @@ def test_too_few_patches_are_told(tmp_path: Path, capsys: Captured) -> None:
     out = tmp_path / "poor.exr"
     arguments = ["render", "stairwell", "-o", str(out), "--resolution", "48", "36", "--bounces", "1"]
     assert run([*arguments, "--patches", "20"], Desktop()) == 0
-    line, note = capsys.readouterr().out.splitlines()
+    line, *notes = capsys.readouterr().out.splitlines()
     assert "s, error about " in line
-    assert note == "note: most of the error is in direct light: more lights, patches or bands help"
+    assert "note: most of the error is in direct light: more lights, patches or bands help" in notes
     assert run(arguments, Desktop()) == 0
-    assert "note" not in capsys.readouterr().out
+    assert "most of the error" not in capsys.readouterr().out
 
 
 def test_too_few_lights_are_told() -> None:
