@@ -316,7 +316,7 @@ def test_precompute_fills_the_cache_that_the_editor_reads(
     assert run("precompute", scene) == 0
     assert "of transport" in capsys.readouterr().out
     entries = {file.name for file in (tmp_path / "cache").rglob("*.arrays")}
-    assert len(entries) == 2  # visibility, and the one layer's transport
+    assert len(entries) == 3  # visibility, the one layer's transport, and the unit it is in
     assert run("precompute", scene) == 0
     # The second time nothing is added: all was found.
     assert {file.name for file in (tmp_path / "cache").rglob("*.arrays")} == entries
