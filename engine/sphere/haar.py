@@ -1,0 +1,150 @@
+"""Spherical Haar wavelets on the geodesic sphere, and the integral of a product of three functions [Ma06, 3.1].
+
+A triangle of level l has three wavelets. Wavelet i is +1 on the children i and 3 (the middle one) and −1 on the two
+others, so that all three multiplied give +1, and a symmetry of the sphere that carries triangles to triangles carries
+wavelets to wavelets, without a change of sign.
+
+**Measure.** The basis is orthogonal if the four children of a triangle are equal, as they are not on the sphere (areas
+of one level differ by up to 1.3). Here they are by definition: level l's triangles have the measure 4^−l. The true
+solid angles go into one of the factors, the light, as the power L ΔΩ of each triangle; then Σ over triangles of power ×
+visibility × BRDF is the integral over the true sphere, constant light is exact, and the sums below need no areas.
+
+Coefficients are means and differences, not normalised [Ma06]: number t < 20 is the mean over triangle t of level 0;
+number 20·4^l + 3 t + i is wavelet i of triangle t of level l. So the first 20·4^L are those of level L.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.sphere.geodesic import MAX_LEVEL
+
+Array = NDArray[Any]
+Indices = NDArray[np.int32]
+Rule = Literal["size", "energy", "top"]
+
+N_ROOTS = 20
+# Rows: the mean and the three wavelets over the children; its own inverse up to the factor 4.
+_SIGNS = np.array([[1, 1, 1, 1], [1, -1, -1, 1], [-1, 1, -1, 1], [-1, -1, 1, 1]], np.float64)
+
+
+def level_of(n_values: int) -> int:
+    """The level with so many triangles. Raises ValueError where there is none up to `MAX_LEVEL`."""
+    for level in range(MAX_LEVEL + 1):
+        if n_values == N_ROOTS * 4**level:
+            return level
+    raise ValueError(f"{n_values} values, expected 20, 80, 320, 1280, ... of one level")
+
+
+def forward(values: Array) -> Array:
+    """Values on the triangles of a level (20·4^L, ...) to as many coefficients; keeps float32."""
+    level, means = level_of(len(values)), np.asarray(values)
+    signs = (_SIGNS / 4.0).astype(means.dtype)
+    coefficients = np.empty_like(means)
+    for coarse in reversed(range(level)):
+        n = N_ROOTS * 4**coarse
+        split = np.einsum("ab,tb...->ta...", signs, means.reshape(n, 4, *means.shape[1:]))
+        coefficients[n : 4 * n] = split[:, 1:].reshape(3 * n, *means.shape[1:])
+        means = split[:, 0]
+    coefficients[:N_ROOTS] = means
+    return coefficients
+
+
+def inverse(coefficients: Array) -> Array:
+    """Coefficients (20·4^L, ...) to the values on the triangles of their level."""
+    level, coefficients = level_of(len(coefficients)), np.asarray(coefficients)
+    signs = _SIGNS.astype(coefficients.dtype)
+    values, rest = coefficients[:N_ROOTS], coefficients.shape[1:]
+    for coarse in range(level):
+        n = N_ROOTS * 4**coarse
+        split = np.concatenate([values[:, None], coefficients[n : 4 * n].reshape(n, 3, *rest)], axis=1)
+        values = np.einsum("ab,ta...->tb...", signs, split).reshape(4 * n, *rest)
+    return values
+
+
+def levels_of_coefficients(level: int) -> Indices:
+    """The level of the triangle that carries each coefficient (20·4^level,): 0 for the means."""
+    levels = np.zeros(N_ROOTS * 4**level, np.int32)
+    for coarse in range(1, level):
+        levels[N_ROOTS * 4**coarse :] += 1
+    return levels
+
+
+def images_of_coefficients(images: list[Indices]) -> Indices:
+    """To which number a symmetry carries each coefficient (20·4^L,).
+
+    images: for each level from 0 to L the triangles onto which it carries the triangles
+    (`symmetry.images_of_triangles`).
+    """
+    found = [images[0]]
+    for finer in images[1:]:
+        corners = finer.reshape(-1, 4)[:, :3]  # the children at the corners go to children at corners
+        found.append((len(corners) + 3 * (corners // 4) + corners % 4).ravel())
+    return np.concatenate(found).astype(np.int32)
+
+
+def kept(coefficients: Array, n: int, rule: Rule = "size") -> NDArray[np.bool_]:
+    """Which n of the coefficients (C, ...) stay, (C,): the 20 means always, then the largest differences.
+
+    rule: "size", |c| times the triangle's measure; "energy", |c|² times the measure; "top", the coarsest. Of colours
+    the largest counts. Equal ones stay in their order. n below 20 keeps the means all the same.
+    """
+    n_all = len(coefficients)
+    keep = np.zeros(n_all, bool)
+    if rule == "top":
+        keep[: max(n, N_ROOTS)] = True
+        return keep
+    size = np.abs(coefficients).reshape(n_all, -1).max(axis=1).astype(np.float64)
+    fall = 1.0 if rule == "size" else 0.5
+    size *= 4.0 ** (-fall * levels_of_coefficients(level_of(n_all)))
+    size[:N_ROOTS] = np.inf
+    keep[np.argsort(-size, kind="stable")[: max(n, N_ROOTS)]] = True
+    return keep
+
+
+def truncated(values: Array, n: int, rule: Rule = "size") -> Array:
+    """Values (20·4^L, ...) rebuilt from the n coefficients that `kept` keeps."""
+    coefficients = forward(values)
+    coefficients[~kept(coefficients, n, rule)] = 0.0
+    return inverse(coefficients)
+
+
+def tripling_coefficient(i: int, j: int, k: int) -> float:
+    """The integral of the product of basis functions i, j, k, each by its number [Ma06, the theorem of 3.1].
+
+    Not 0 in three cases: the same mean three times, 1; the three wavelets of one triangle, its measure; one wavelet
+    twice and a coarser function, which is ±1 all over it: the measure with that sign. A mean over the triangle that
+    holds a wavelet counts as coarser.
+    """
+    coarse, fine, finest = sorted((i, j, k))
+    if finest < N_ROOTS:
+        return float(coarse == finest)
+    level, triangle, child = place_of(finest)
+    if fine < N_ROOTS or place_of(fine)[:2] != (level, triangle):
+        return 0.0
+    if fine == finest:
+        return _sign_over(coarse, level, triangle) * 4.0**-level
+    same = coarse >= N_ROOTS and place_of(coarse)[:2] == (level, triangle)
+    return 4.0**-level if same and place_of(coarse)[2] != place_of(fine)[2] else 0.0
+
+
+def place_of(number: int) -> tuple[int, int, int]:
+    """(level, triangle, i) of the wavelet with a number ≥ 20."""
+    level, n = 0, N_ROOTS
+    while number >= 4 * n:
+        level, n = level + 1, 4 * n
+    return level, (number - n) // 3, (number - n) % 3
+
+
+def _sign_over(number: int, level: int, triangle: int) -> float:
+    """The constant value of basis function `number` on a triangle of `level`, if it is constant there; else 0."""
+    if number < N_ROOTS:
+        return float(triangle >> (2 * level) == number)
+    own_level, own, i = place_of(number)
+    if own_level >= level or triangle >> (2 * (level - own_level)) != own:
+        return 0.0
+    child = (triangle >> (2 * (level - own_level - 1))) & 3
+    return float(_SIGNS[1 + i, child])

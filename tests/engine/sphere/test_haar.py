@@ -1,0 +1,89 @@
+import itertools
+
+import numpy as np
+import pytest
+
+from engine.sphere import haar
+from engine.sphere.geodesic import geodesic
+
+
+def basis(level: int) -> np.ndarray:
+    """(C, T): every basis function's value on the triangles of a level."""
+    return haar.inverse(np.eye(20 * 4**level)).T
+
+
+@pytest.mark.parametrize("level", range(5))
+def test_forward_and_inverse_undo_each_other(level: int) -> None:
+    values = np.random.default_rng(level).normal(size=(20 * 4**level, 3))
+    np.testing.assert_allclose(haar.inverse(haar.forward(values)), values, atol=1e-14)
+    np.testing.assert_allclose(haar.forward(haar.inverse(values)), values, atol=1e-14)
+    assert haar.forward(values.astype(np.float32)).dtype == np.float32
+
+
+def test_the_basis_is_orthogonal_with_the_measure_of_its_triangles() -> None:
+    functions = basis(2)
+    inner = functions @ functions.T / 4.0**2
+    np.testing.assert_allclose(inner, np.diag(4.0 ** -haar.levels_of_coefficients(2)), atol=1e-14)
+
+
+def test_every_triple_to_level_two_equals_the_brute_force_integral() -> None:
+    # All triples of the 320 functions, by the closed form where it is not 0 and by its count where it is.
+    functions = basis(2)
+    for i in range(0, 320):
+        integrals = (functions[i] * functions) @ functions.T / 16.0
+        for j, k in itertools.combinations_with_replacement(range(i, 320), 2):
+            if integrals[j, k] != 0.0 or (i + j + k) % 97 == 0:
+                assert haar.tripling_coefficient(i, j, k) == pytest.approx(integrals[j, k], abs=1e-15)
+    nonzero = sum(np.count_nonzero((functions[i] * functions) @ functions.T) for i in range(320))
+    # 20 means; six orders of the three wavelets of each of 100 triangles; three orders of each of 300 wavelets twice
+    # with the mean above it, and of the 240 finer ones with three coarser wavelets.
+    assert nonzero == 20 + 6 * 100 + 3 * (300 + 240 * 3)
+
+
+def test_random_triples_at_level_four() -> None:
+    random = np.random.default_rng(1)
+    unit = np.zeros(5120)
+
+    def function(number: int) -> np.ndarray:
+        unit[:] = 0.0
+        unit[number] = 1.0
+        return haar.inverse(unit)
+
+    nonzero = 0
+    for _ in range(300):
+        i = int(random.integers(20, 5120))
+        level, triangle, _ = haar.place_of(i)
+        ancestor = int(random.integers(0, level + 1))
+        above = 20 * 4**ancestor + 3 * (triangle >> 2 * (level - ancestor)) + int(random.integers(0, 3))
+        j = i if random.random() < 0.7 else int(random.integers(0, 5120))
+        brute = float((function(i) * function(j) * function(above)).sum()) / 4.0**4
+        assert haar.tripling_coefficient(i, j, above) == pytest.approx(brute, abs=1e-15)
+        nonzero += brute != 0.0
+    assert nonzero > 100
+
+
+def test_constant_light_is_exact_however_few_coefficients_are_kept() -> None:
+    # Powers L ΔΩ against constants: every mean is kept, so the solid angles sum to 4π.
+    powers = geodesic(4).solid_angles
+    for rule in ("size", "energy", "top"):
+        for n in (1, 20, 80, 5120):
+            assert haar.truncated(powers, n, rule).sum() == pytest.approx(4.0 * np.pi, rel=1e-12)
+
+
+def test_what_is_kept_is_the_largest_by_the_rule() -> None:
+    random = np.random.default_rng(3)
+    coefficients = random.normal(size=(320, 3)).astype(np.float32)
+    size = np.abs(coefficients).max(axis=1)
+    area = 4.0 ** -haar.levels_of_coefficients(2)
+    for rule, weight in (("size", size * area), ("energy", size**2 * area)):
+        keep = haar.kept(coefficients, 60, rule)
+        assert keep.sum() == 60 and keep[:20].all()
+        assert weight[keep][20:].min() >= weight[~keep].max()
+    np.testing.assert_array_equal(np.flatnonzero(haar.kept(coefficients, 60, "top")), np.arange(60))
+    assert haar.kept(coefficients, 10_000).all() and haar.kept(coefficients, 1).sum() == 20
+    np.testing.assert_allclose(haar.truncated(coefficients, 320), coefficients, atol=2e-6)
+
+
+def test_other_counts_are_refused() -> None:
+    with pytest.raises(ValueError, match="81 values"):
+        haar.forward(np.zeros(81))
