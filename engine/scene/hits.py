@@ -129,7 +129,7 @@ def shading_frames(
         "offset_position": caster.offset_origins(position, geometric),
         "normal": shading,
         "geometric_normal": geometric,
-        "tangent": _tangents(scene, ids, shading),
+        "tangent": object_tangents(scene, ids, shading),
         "wo": wo,
     }
     return {name: np.ascontiguousarray(vector, dtype=np.float32) for name, vector in vectors.items()}
@@ -151,7 +151,7 @@ def _towards(normals: npt.NDArray[np.float64], wo: Floats) -> npt.NDArray[np.flo
     return np.where(along < LEAST_COSINE, bent / np.linalg.norm(bent, axis=1, keepdims=True), normals)
 
 
-def _tangents(scene: Scene, ids: Integers, normals: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def object_tangents(scene: Scene, ids: Integers, normals: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """normalize(Y × n) with the object's Y axis in the world; its X axis, made perpendicular to n, where Y ∥ n."""
     axes = np.array([np.reshape(o.transform, (4, 4))[:3, :3].T for o in scene.description.objects])
     axes /= np.linalg.norm(axes, axis=2, keepdims=True)

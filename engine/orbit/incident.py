@@ -1,0 +1,121 @@
+"""Light times visibility at the shading points, in wavelets: what changes with the light, but not with camera or curve.
+
+The triple product of light, visibility and BRDF [Ma06, eq. 3] is taken in two steps, as its factors change at different
+times: L·V here, exactly, triangle by triangle, when the light turns; the product with the BRDF's slices in every frame.
+Of L·V the n largest coefficients stay. Truncating the product loses less than truncating its factors (measured in
+docs/orbit.md), and a frame costs n multiplications a channel instead of a walk through three trees.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.light.emitters import EmitterPatches
+from engine.orbit import _incident_kernels as kernels
+from engine.orbit.shading_points import ShadingPoints
+from engine.orbit.sky import Sky
+from engine.orbit.visibility import LEVEL, Bits, upper
+from engine.sphere.geodesic import descent_tables, geodesic, triangle_first_moments
+from engine.sphere.haar import N_ROOTS
+from engine.threads import on_threads
+
+Floats = NDArray[np.float32]
+# Points a batch, and points between two reports.
+_BATCH, _PART = 64, 4096
+
+
+@dataclass(frozen=True, eq=False)
+class Incident:
+    """number (S, n) int16 and value (S, n, 3) float32: coefficients of visible power, as `haar` numbers them.
+
+    irradiance (S, 3) float32, W/m² where the light has W/m²/sr: Σ power × cosine, before coefficients were dropped.
+    """
+
+    number: NDArray[np.int16]
+    value: Floats
+    irradiance: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Lamps:
+    """Emitters inside the scene: M patches, which of them each point sees (S, ⌈M / 8⌉), as `visibility.see_patches`."""
+
+    patches: EmitterPatches
+    bits: Bits
+
+    @property
+    def tables(self) -> tuple[NDArray[Any], ...]:
+        """Bits, centres, normals and radiance × area, as the kernels take them."""
+        return self.bits, self.patches.centre, self.patches.normal, self.patches.radiance * self.patches.area[:, None]
+
+
+def light(
+    points: ShadingPoints, bits: Bits, sky: Sky, n: int, lamps: Lamps | None = None
+) -> Iterator[tuple[int, Incident]]:
+    """The light at all points, part by part: how many are done, and the arrays that fill up.
+
+    bits: as `visibility.see` gives them; n: coefficients a point, 20 to 5,120. Lamps are not distant: their directions
+    and distances are each point's own.
+    """
+    n_all, n_points = geodesic(LEVEL).n_triangles, len(points)
+    n = min(max(n, N_ROOTS), n_all)
+    found = Incident(
+        np.zeros((n_points, n), np.int16),
+        np.zeros((n_points, n, 3), np.float32),
+        np.zeros((n_points, 3), np.float32),
+    )
+    none = np.zeros((0, 3), np.float32)
+    tables, near = _tables(sky), lamps.tables if lamps else (np.zeros((n_points, 0), np.uint8), none, none, none)
+    for start in range(0, n_points, _PART):
+        stop = min(start + _PART, n_points)
+
+        def fill(first: int, stop: int = stop) -> None:
+            kernels.light_range(
+                first, min(first + _BATCH, stop), n, points.frames, bits, *tables, LEVEL, points.position, *near,
+                cosines(), found.number, found.value, found.irradiance,
+            )  # fmt: skip
+
+        on_threads(fill, range(start, stop, _BATCH))
+        yield stop, found
+
+
+def visible_powers(frame: Floats, bits: Bits, sky: Sky) -> Floats:
+    """Radiance × solid angle of each triangle (5120, 3) of a point's frame (3, 3), as its bits (1280,) see it."""
+    powers = np.empty((geodesic(LEVEL).n_triangles, 3), np.float32)
+    kernels.powers_at(frame, bits, *_tables(sky), LEVEL, powers)
+    return powers
+
+
+def _tables(sky: Sky) -> tuple[NDArray[Any], ...]:
+    """What `_incident_kernels.powers_at` takes between bits and level."""
+    sphere, above = geodesic(LEVEL), upper()
+    places = np.full(sphere.n_triangles, -1, np.int32)
+    places[above] = np.arange(len(above))
+    directions = sphere.centres[above].astype(np.float32)
+    solid_angles = sphere.solid_angles[above].astype(np.float32)
+    return (
+        above,
+        places,
+        directions,
+        solid_angles,
+        sky.map,
+        sky.sun_direction,
+        sky.sun_power,
+        *descent_tables(LEVEL + 1),
+    )
+
+
+@lru_cache(maxsize=1)
+def cosines() -> Floats:
+    """The mean of max(cos θ, 0) over each triangle (5120,). Read-only."""
+    sphere = geodesic(LEVEL)
+    heights = triangle_first_moments(sphere.vertices[sphere.triangles])[:, 1] / sphere.solid_angles
+    means = np.maximum(heights, 0.0).astype(np.float32)
+    means.flags.writeable = False
+    return means

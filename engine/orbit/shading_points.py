@@ -1,0 +1,202 @@
+"""Where Orbit sums light: the vertices of the scene's meshes, and between them where a mesh is coarse for its shadows.
+
+A triangle that is large beside its distance to what may shade it is cut in four, again and again. So a floor of two
+triangles gets its texels, most of them where shadows are sharp: what visibility textures over an atlas are for
+[Ma06, 3.4], without an atlas. Nothing is stretched, and there are neither seams nor meshes that cannot be unwrapped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from engine.scene.hits import object_tangents
+from engine.scene.load import Scene
+from engine.scene.raycaster import RayCaster
+
+Floats = NDArray[np.float32]
+Vectors = NDArray[np.float64]
+# Corners and normals (T, 3, 3), and the scene's triangle (T,) that each is a part of.
+Parts = tuple[Vectors, Vectors, NDArray[np.intp]]
+Indices = NDArray[np.int32]
+
+# What is finer than a 32nd of the distance to a caster, near visibility's own 1.4 degrees, shows nothing more.
+_HALVINGS = 5
+# By which the bound falls above which parts are cut.
+_STEP = 0.7
+# Cosine between two normals of a triangle: what is rounder is cut.
+_MOST_BEND = np.cos(np.radians(15.0))
+# Samples of casters by area, and as many by object.
+_SAMPLES = 20_000
+# Corners of one object that agree to this share of the scene's size, and normals to this, are one point.
+_SAME_PLACE, _SAME_NORMAL = 1e-6, 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class ShadingPoints:
+    """S points and the T triangles between them, that cover the surfaces of all objects that reflect.
+
+    position (S, 3) on the surface, lifted (S, 3) off it for shadow rays, normal (S, 3) and tangent (S, 3), unit, on the
+    side that they are for; i_object (S,). triangles (T, 2, 3) into the points: those on the side that the winding
+    faces, and those on the other, −1 where light is not asked for; corners (T, 3, 3) float64 in space; source (T,): the
+    scene's triangle that each is a part of.
+    """
+
+    position: Floats
+    lifted: Floats
+    normal: Floats
+    tangent: Floats
+    i_object: Indices
+    triangles: Indices
+    source: Indices
+    corners: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    @cached_property
+    def frames(self) -> Floats:
+        """(S, 3, 3): rows tangent, normal, and across; world direction · row is its x, y, z on the geodesic sphere.
+
+        The sphere's +Y is the normal: a triangle of it then is either above the surface or below.
+        """
+        return np.stack([self.tangent, self.normal, np.cross(self.tangent, self.normal)], axis=1)
+
+    def caster(self) -> RayCaster:
+        """Rays against the triangles (T, 3)."""
+        return RayCaster(self.corners.reshape(-1, 3), np.arange(3 * len(self.corners)).reshape(-1, 3))
+
+
+def shading_points(scene: Scene, caster: RayCaster, n_points: int, behind: Collection[int] = ()) -> ShadingPoints:
+    """About `n_points` points besides the meshes' own vertices, spread evenly over what is coarse.
+
+    caster: of the scene's triangles; behind: objects whose backs have points as well. Raises ValueError unless
+    n_points ≥ 0.
+    """
+    if n_points < 0:
+        raise ValueError(f"n_points = {n_points}, expected 0 or more")
+    reflects = ~scene.emitters[scene.object_of_triangle]
+    corners, normals, source = _cut_where_coarse(scene, reflects, n_points)
+    i_object = scene.object_of_triangle[source]
+    from_behind = reflects[source] & np.isin(i_object, list(behind))
+    mine, side = np.concatenate([np.stack([np.flatnonzero(asked), np.full(asked.sum(), i)], axis=1)
+                                 for i, asked in enumerate((reflects[source], from_behind))]).T  # fmt: skip
+    facing = normals[mine] * (1.0 - 2.0 * side)[:, None, None]
+    kept, number = _joined(corners[mine], facing, np.repeat(i_object[mine], 3))
+    triangles = np.full((len(source), 2, 3), -1, np.int32)
+    triangles[mine, side] = number.reshape(-1, 3)
+    position, normal = corners[mine].reshape(-1, 3)[kept], facing.reshape(-1, 3)[kept]
+    ids = np.repeat(i_object[mine], 3)[kept]
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    return ShadingPoints(
+        position.astype(np.float32),
+        caster.offset_origins(position, normal),
+        normal.astype(np.float32),
+        object_tangents(scene, ids, normal).astype(np.float32),
+        ids.astype(np.int32),
+        triangles,
+        source.astype(np.int32),
+        corners,
+    )
+
+
+def _quarters(corners: NDArray, middles: NDArray) -> NDArray:
+    """(T, 4, 3, 3): the corners of the four parts of triangles with corners and middles of edges (T, 3, 3)."""
+    (a, b, c), (ab, bc, ca) = np.moveaxis(corners, 1, 0), np.moveaxis(middles, 1, 0)
+    return np.stack([np.stack(part, axis=1) for part in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))], axis=1)
+
+
+def _cut_where_coarse(scene: Scene, reflects: NDArray[np.bool_], n_points: int) -> Parts:
+    """The scene's triangles, those of them quartered that are large beside their distance to what may shade them.
+
+    A shadow varies over lengths in proportion to the distance to its caster. So the error of a part is taken for its
+    area times its longest edge over that distance, and the largest is cut, until there are n_points more.
+    """
+    casters = cKDTree(_samples(scene))
+    parts = scene.vertices[scene.triangles].astype(np.float64), _corner_normals(scene), np.arange(len(scene.triangles))
+    errors = np.where(reflects[parts[2]], _errors(casters, *parts[:2]), 0.0)
+    most, bound = len(parts[2]) + 2 * n_points, errors.max(initial=0.0)
+    while bound > 0.0:
+        cut = errors > bound
+        if not cut.any():
+            bound = _STEP * bound if bound > 1e-9 * errors.max() else 0.0
+            continue
+        if len(cut) + 3 * cut.sum() > most:
+            break
+        corners, normals = (_quarters(a[cut], _middles(a[cut])).reshape(-1, 3, 3) for a in parts[:2])
+        new = corners, normals, np.repeat(parts[2][cut], 4)
+        errors = np.concatenate([errors[~cut], _errors(casters, corners, normals)])
+        corners, normals, source = (np.concatenate([a[~cut], b]) for a, b in zip(parts, new, strict=True))
+        parts = corners, normals, source
+    return parts
+
+
+def _errors(casters: cKDTree, corners: Vectors, normals: Vectors) -> NDArray[np.float64]:
+    """What parts (T, 3, 3) are off by if they are not cut: area × longest edge / distance to casters, at most the area,
+    and that where they bend; 0 for what is fine enough."""
+    sides = corners - np.roll(corners, 1, axis=1)
+    twice = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    longest = np.linalg.norm(sides, axis=2).max(axis=1)
+    up = normals.mean(axis=1)
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    bend = np.einsum("tki,tki->tk", normals, np.roll(normals, 1, axis=1)).min(axis=1)
+    return twice / 2.0 * np.where(bend < _MOST_BEND, 1.0, _nearness(casters, corners.mean(axis=1), up, longest))
+
+
+def _nearness(casters: cKDTree, places: Vectors, normals: Vectors, lengths: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Lengths (N,) over the distance to what may shade places (N, 3): 1, ½, ¼, ... or 0.
+
+    A ball that touches the surface from above and has the distance for its radius then holds a sample of something; of
+    the surface itself, flat or bulging, it cannot.
+    """
+    found = np.zeros(len(places))
+    for k in range(_HALVINGS + 1):
+        open_ = np.flatnonzero(found == 0.0)
+        radius = lengths[open_] * 2.0**k
+        distance, _ = casters.query(places[open_] + radius[:, None] * normals[open_], workers=-1)
+        found[open_[distance < radius - 1e-3 * lengths[open_]]] = 2.0**-k
+    return found
+
+
+def _samples(scene: Scene) -> Vectors:
+    """Places all over the surfaces, in a fixed order of chance."""
+    random = np.random.default_rng(1)
+    corners = scene.vertices[scene.triangles].astype(np.float64)
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    by_area = random.choice(len(area), _SAMPLES, p=area / area.sum())
+    by_object = random.integers(*scene.triangle_ranges[random.integers(len(scene.smooth), size=_SAMPLES)].T)
+    weights = random.dirichlet((1.0, 1.0, 1.0), 2 * _SAMPLES)
+    return np.einsum("nk,nki->ni", weights, corners[np.concatenate([by_area, by_object])])
+
+
+def _middles(corners: Vectors) -> Vectors:
+    return (corners + np.roll(corners, -1, axis=1)) / 2.0
+
+
+def _corner_normals(scene: Scene) -> NDArray[np.float64]:
+    """(T, 3, 3): the vertices' normals where an object is smooth and they are of use, else the face's."""
+    faces = np.repeat(scene.geometric_normals[:, None].astype(np.float64), 3, axis=1)
+    own = scene.normals[scene.triangles].astype(np.float64)
+    usable = scene.smooth[scene.object_of_triangle][:, None] & (np.einsum("tki,tki->tk", own, faces) > 1e-3)
+    return np.where(usable[..., None], own, faces)
+
+
+def _joined(
+    corners: NDArray[np.float64], normals: NDArray[np.float64], i_object: NDArray[np.integer]
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Which corners stand for all that share place, normal and object, and of which of these each corner is one."""
+    flat = corners.reshape(-1, 3)
+    size = float(np.abs(flat).max(initial=0.0)) or 1.0
+    keys = np.concatenate([
+        np.round(flat / (size * _SAME_PLACE)),
+        np.round(normals.reshape(-1, 3) / _SAME_NORMAL),
+        i_object[:, None],
+    ], axis=1).astype(np.int64)  # fmt: skip
+    packed = np.ascontiguousarray(keys).view(np.dtype((np.void, keys.dtype.itemsize * keys.shape[1]))).ravel()
+    _, places, points = np.unique(packed, return_index=True, return_inverse=True)
+    return places, points.ravel()
