@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -126,6 +127,13 @@ def edit(context: typer.Context, scene: Scene = DEFAULT_SCENE) -> int:
     return frontend.open_window(find_source(scene))
 
 
+class StillMode(Enum):
+    """Whose engine draws a still."""
+
+    PLACEMENT = "placement"
+    ORBIT = "orbit"
+
+
 @cli.command()
 def render(
     output: Annotated[Path, typer.Option("-o", "--output", help="OUT.exr (linear) or OUT.png (as on screen).")],
@@ -142,8 +150,13 @@ def render(
     ] = False,
     samples: Samples = None,
     view: ViewName = None,
+    mode: Annotated[
+        StillMode, typer.Option("--mode", help="The way to look whose engine draws it.")
+    ] = StillMode.PLACEMENT,
 ) -> int:
     """Render a picture with the editor's engine, without a window."""
+    if reference and mode is not StillMode.PLACEMENT:
+        raise InsituError(f"--mode {mode.value} --reference: brute force is the judge of both, expected one of them")
     chosen = None if series is None else parse_series(series)
     if bounces is not None:
         if chosen is not None and chosen.n_bounces != bounces:
@@ -170,7 +183,7 @@ def render(
 
         still = render_project(
             project, follow, n_lights=lights, n_patches=patches, reference=reference, series=chosen, n_samples=samples,
-            judges=True,
+            judges=True, mode=mode.value,
         )  # fmt: skip
     _tell_notes(project)
     picture, error = still.picture, still.error

@@ -16,6 +16,7 @@ from engine.errors import InsituError
 from engine.indirect.beyond import BRIGHTEST, held
 from engine.indirect.series import BounceSeries
 from engine.material.layer import Layer, object_of
+from engine.orbit.still import render_orbit
 from engine.plan import N_LIGHTS, N_PATCHES, Plan, plan_scene
 from engine.render.bounces import planned_bounces
 from engine.render.error_estimate import estimate_error
@@ -40,6 +41,7 @@ REFERENCE_PATCHES = 1024
 ENDINGS = (".exr", ".png")
 
 Report = Callable[[StillProgress], None]
+_DIRECT_ALONE = "Orbit shows direct light alone: what bounces on is missing from this picture"
 Steps = Generator[StillProgress, None, NDArray[np.float32]]
 
 
@@ -76,9 +78,9 @@ def render_picture(
 
 def render_project(
     project: Project, report: Report, *, n_lights: int = N_LIGHTS, n_patches: int = N_PATCHES, reference: bool = False,
-    series: BounceSeries | None = None, n_samples: int | None = None, judges: bool = False,
+    series: BounceSeries | None = None, n_samples: int | None = None, judges: bool = False, mode: str = "placement",
 ) -> Still:  # fmt: skip
-    """A still of a project, with the editor's transport or by brute force.
+    """A still of a project, with the editor's transport, in Orbit's way (mode "orbit") or by brute force.
 
     series: None for as many bounces as the scene says, or requires; of the first bounce the document may say how many
     bands; by brute force bands do not matter. n_samples: paths a pixel, by brute force; without them direct light alone
@@ -97,6 +99,9 @@ def render_project(
         steps = _reference(placement, project, series.n_bounces, n_samples)
         return Still(held(finish(steps, report) * intensity, BRIGHTEST), warning=bounces.warning)
     layers = _at_most(layers, series.first or project.document.first_bands)
+    if mode == "orbit":
+        drawn = finish(render_orbit(placement, _layers_by_object(project), sky, n_patches), report)
+        return Still(held(drawn * intensity, BRIGHTEST), warning=_DIRECT_ALONE if series.n_bounces > 1 else "")
     if series.n_bounces > 1:
         indirect = finish(indirect_radiance(placement, layers, sky, series), report)
     quality = still_quality(plan)

@@ -50,49 +50,49 @@ class Lamps:
     bits: Bits
 
     @property
-    def tables(self) -> tuple[NDArray[Any], ...]:
+    def tables(self) -> Any:
         """Bits, centres, normals and radiance × area, as the kernels take them."""
         return self.bits, self.patches.centre, self.patches.normal, self.patches.radiance * self.patches.area[:, None]
 
 
-def light(
-    points: ShadingPoints, bits: Bits, sky: Sky, n: int, lamps: Lamps | None = None
-) -> Iterator[tuple[int, Incident]]:
-    """The light at all points, part by part: how many are done, and the arrays that fill up.
+def no_light(points: ShadingPoints, n: int) -> Incident:
+    """Room for n coefficients a point, 20 to 5,120, all 0."""
+    size = len(points), min(max(n, N_ROOTS), geodesic(LEVEL).n_triangles)
+    return Incident(np.zeros(size, np.int16), np.zeros((*size, 3), np.float32), np.zeros((len(points), 3), np.float32))
 
-    bits: as `visibility.see` gives them; n: coefficients a point, 20 to 5,120. Lamps are not distant: their directions
-    and distances are each point's own.
+
+def light(points: ShadingPoints, bits: Bits, sky: Sky, incident: Incident, lamps: Lamps | None = None) -> Iterator[int]:
+    """Fill `incident` point by point: yields how many are done.
+
+    bits: as `visibility.see` gives them. Lamps are not distant: their directions and distances are each point's own.
     """
-    n_all, n_points = geodesic(LEVEL).n_triangles, len(points)
-    n = min(max(n, N_ROOTS), n_all)
-    found = Incident(
-        np.zeros((n_points, n), np.int16),
-        np.zeros((n_points, n, 3), np.float32),
-        np.zeros((n_points, 3), np.float32),
-    )
+    n_points, n = len(points), incident.number.shape[1]
     none = np.zeros((0, 3), np.float32)
-    tables, near = _tables(sky), lamps.tables if lamps else (np.zeros((n_points, 0), np.uint8), none, none, none)
+    tables: Any = _tables(sky)
+    near: Any = lamps.tables if lamps else (np.zeros((n_points, 0), np.uint8), none, none, none)
+    fill_range: Any = kernels.light_range
     for start in range(0, n_points, _PART):
         stop = min(start + _PART, n_points)
 
         def fill(first: int, stop: int = stop) -> None:
-            kernels.light_range(
+            fill_range(
                 first, min(first + _BATCH, stop), n, points.frames, bits, *tables, LEVEL, points.position, *near,
-                cosines(), found.number, found.value, found.irradiance,
+                cosines(), incident.number, incident.value, incident.irradiance,
             )  # fmt: skip
 
         on_threads(fill, range(start, stop, _BATCH))
-        yield stop, found
+        yield stop
 
 
 def visible_powers(frame: Floats, bits: Bits, sky: Sky) -> Floats:
     """Radiance × solid angle of each triangle (5120, 3) of a point's frame (3, 3), as its bits (1280,) see it."""
     powers = np.empty((geodesic(LEVEL).n_triangles, 3), np.float32)
-    kernels.powers_at(frame, bits, *_tables(sky), LEVEL, powers)
+    fill: Any = kernels.powers_at
+    fill(frame, bits, *_tables(sky), LEVEL, powers)
     return powers
 
 
-def _tables(sky: Sky) -> tuple[NDArray[Any], ...]:
+def _tables(sky: Sky) -> Any:
     """What `_incident_kernels.powers_at` takes between bits and level."""
     sphere, above = geodesic(LEVEL), upper()
     places = np.full(sphere.n_triangles, -1, np.int32)

@@ -44,11 +44,11 @@ class Slices:
     def shade(self, incident: Incident, points: NDArray[np.integer], wo: Floats) -> Floats:
         """Radiance (N, 3) that shading points (N,) send along wo (N, 3), unit, in their own frames."""
         radiance = np.empty((len(points), 3), np.float32)
-        number, value = incident.number, incident.value
+        number, value, at = incident.number, incident.value, points.astype(np.int64, copy=False)
         images = inverse_images() if self.is_isotropic else inverse_images()[:1]
 
         def part(start: int, stop: int) -> None:
-            kernels.shade_range(start, stop, points, wo, number, value, self.table, images, _STEEPEST, radiance)
+            kernels.shade_range(start, stop, at, wo, number, value, self.table, images, _STEEPEST, radiance)
 
         on_threads(part, *even_parts(len(points)))
         return radiance

@@ -1,0 +1,64 @@
+"""`insitu render --mode orbit`: whole pictures against brute force."""
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app import stills
+from app.project import open_project
+from app.stills import render_project
+from engine.indirect.series import BounceSeries
+from engine.material.layer import Layer
+from engine.orbit.still import render_orbit
+from engine.render.still import finish
+from engine.transport.pipeline import Placement
+from tests.app.test_brdf_files import insitu
+from tests.engine.orbit.conftest import SCENE
+
+
+def off(found: np.ndarray, truth: np.ndarray) -> tuple[float, float]:
+    """relRMSE and the difference of means, both of light clamped at the truth's 99.9 percentile."""
+    top = np.percentile(truth, 99.9)
+    a, b = np.minimum(found, top), np.minimum(truth, top)
+    return float(np.sqrt(((a - b) ** 2).mean()) / b.mean()), float(a.mean() / b.mean() - 1)
+
+
+def inner(placement: Placement) -> np.ndarray:
+    """Pixels whose neighbours show the same object, and one that reflects."""
+    ids = placement.hits.object_image
+    same = np.ones(ids.shape, bool)
+    for axis in (0, 1):
+        for step in (1, -1):
+            same &= np.roll(ids, step, axis) == ids
+    same.ravel()[np.setdiff1d(np.arange(ids.size), placement.hits.pixel)] = False
+    return same
+
+
+@pytest.mark.parametrize(("name", "points", "most"), [("cornell", 12_000, 0.06), ("ball", 3_000, 0.04)])
+def test_a_still_of_orbit_is_the_brute_force_picture(name: str, points: int, most: float, tmp_path: Path) -> None:
+    # A lamp near by over walls of two triangles, and a metal ball under a sky.
+    if name == "ball":
+        (tmp_path / "ball.toml").write_text(SCENE)
+    project = open_project(str(tmp_path / "ball.toml") if name == "ball" else name, (24, 18))
+    truth = render_project(project, lambda _: None, reference=True, series=BounceSeries(1)).picture
+    layers_of: dict[int, list[Layer]] = {}
+    for i_object, layer in project.indexed_layers:
+        layers_of.setdefault(i_object, []).append(layer)
+    placement = Placement(project.scene)
+    found = finish(render_orbit(placement, layers_of, project.sky, 256, n_points=points), lambda _: None)
+    assert found.shape == (18, 24, 3) and np.isfinite(found).all()
+    where = inner(placement)
+    error, difference = off(found[where] * project.document.light.intensity, truth[where])
+    assert error < most and abs(difference) < 0.015
+
+
+def test_the_command_writes_it_and_says_that_bounces_are_missing(tmp_path, capsys, monkeypatch) -> None:
+    monkeypatch.setattr(stills, "render_orbit", partial(render_orbit, n_points=500))
+    out = tmp_path / "orbit.png"
+    assert insitu("render", "cornell", "-o", out, "--mode", "orbit", "--resolution", 24, 24) == 0
+    assert out.stat().st_size > 500
+    assert "Orbit shows direct light alone" in capsys.readouterr().out
+    assert insitu("render", "cornell", "-o", out, "--mode", "orbit", "--reference") != 0
+    assert "--mode orbit --reference" in capsys.readouterr().err
