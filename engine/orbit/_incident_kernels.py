@@ -57,18 +57,54 @@ def powers_at(
             for i in range(3):
                 powers[m, i] = sky[row, column, i] * share
     for s in range(len(sun_power)):
-        x = y = z = 0.0
-        for i in range(3):
-            x += frame[0, i] * sun_direction[s, i]
-            y += frame[1, i] * sun_direction[s, i]
-            z += frame[2, i] * sun_direction[s, i]
-        if y > 0.0:
-            child = locate_one(x, y, z, level + 1, roots, planes)
-            m = child >> 2
-            k = places[m]
-            if k >= 0 and bits[k >> 1] >> (4 * (k & 1) + (child & 3)) & 1:
-                for i in range(3):
-                    powers[m, i] += sun_power[s, i]
+        m = triangle_seen(frame, bits, places, sun_direction[s], roots, planes, level)
+        if m >= 0:
+            for i in range(3):
+                powers[m, i] += sun_power[s, i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def triangle_seen(
+    frame: Floats,
+    bits: NDArray[np.uint8],
+    places: NDArray[np.int32],
+    direction: Floats,
+    roots: NDArray[np.float64],
+    planes: NDArray[np.float64],
+    level: int,
+) -> int:
+    """The triangle of a point's sphere that holds a direction (3,) of the world if the point sees it there; else −1."""
+    x = y = z = 0.0
+    for i in range(3):
+        x += frame[0, i] * direction[i]
+        y += frame[1, i] * direction[i]
+        z += frame[2, i] * direction[i]
+    if y <= 0.0:
+        return -1
+    child = locate_one(x, y, z, level + 1, roots, planes)
+    k = places[child >> 2]
+    return child >> 2 if k >= 0 and bits[k >> 1] >> (4 * (k & 1) + (child & 3)) & 1 else -1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def suns_seen_range(
+    start: int,
+    stop: int,
+    points: NDArray[np.int64],
+    frames: Floats,
+    bits: NDArray[np.uint8],
+    places: NDArray[np.int32],
+    sun_direction: Floats,
+    roots: NDArray[np.float64],
+    planes: NDArray[np.float64],
+    level: int,
+    seen: NDArray[np.bool_],
+) -> None:
+    """Fill seen[start:stop] (N, M): whether points (N,) see each of M suns."""
+    for j in range(start, stop):
+        p = points[j]
+        for s in range(len(sun_direction)):
+            seen[j, s] = triangle_seen(frames[p], bits[p], places, sun_direction[s], roots, planes, level) >= 0
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)

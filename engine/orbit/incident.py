@@ -23,7 +23,7 @@ from engine.orbit.sky import Sky
 from engine.orbit.visibility import LEVEL, Bits, upper
 from engine.sphere.geodesic import descent_tables, geodesic, triangle_first_moments
 from engine.sphere.haar import N_ROOTS
-from engine.threads import on_threads
+from engine.threads import even_parts, on_threads
 
 Floats = NDArray[np.float32]
 # Points a batch, and points between two reports.
@@ -92,11 +92,32 @@ def visible_powers(frame: Floats, bits: Bits, sky: Sky) -> Floats:
     return powers
 
 
+def suns_seen(points: ShadingPoints, bits: Bits, sky: Sky, which: NDArray[np.integer]) -> NDArray[np.bool_]:
+    """Whether some of the points (N,) see each of the sky's suns, (N, M)."""
+    seen = np.empty((len(which), len(sky.sun_power)), bool)
+    at, tables = which.astype(np.int64), descent_tables(LEVEL + 1)
+
+    def part(start: int, stop: int) -> None:
+        kernels.suns_seen_range(
+            start, stop, at, points.frames, bits, _places(), sky.sun_direction, *tables, LEVEL, seen
+        )  # fmt: skip
+
+    on_threads(part, *even_parts(len(which)))
+    return seen
+
+
+@lru_cache(maxsize=1)
+def _places() -> NDArray[np.int32]:
+    """Where each triangle (5120,) stands among the upper ones, −1 if it is none."""
+    places = np.full(geodesic(LEVEL).n_triangles, -1, np.int32)
+    places[upper()] = np.arange(len(upper()))
+    places.flags.writeable = False
+    return places
+
+
 def _tables(sky: Sky) -> Any:
     """What `_incident_kernels.powers_at` takes between bits and level."""
-    sphere, above = geodesic(LEVEL), upper()
-    places = np.full(sphere.n_triangles, -1, np.int32)
-    places[above] = np.arange(len(above))
+    sphere, above, places = geodesic(LEVEL), upper(), _places()
     directions = sphere.centres[above].astype(np.float32)
     solid_angles = sphere.solid_angles[above].astype(np.float32)
     return (

@@ -40,6 +40,11 @@ class Sky:
     sun_direction: Floats
     sun_power: Floats
 
+    @property
+    def sunless(self) -> Sky:
+        """The sky without its suns."""
+        return Sky(self.map, self.sun_direction[:0], self.sun_power[:0])
+
 
 def make_sky(environment: Environment | None, rotation: float) -> Sky:
     """The sky of an environment turned by `rotation` degrees; black without one."""

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine.material.layer import Layer
-from engine.orbit.incident import Incident, Lamps, light, no_light
-from engine.orbit.picture import Seen, look, picture, reflected
+from engine.orbit.incident import Lamps, light, no_light
+from engine.orbit.picture import Seen, look, picture, reflected, sunlit
 from engine.orbit.shading_points import ShadingPoints, shading_points
 from engine.orbit.sky import make_sky
 from engine.orbit.slices import make_slices
@@ -53,13 +53,17 @@ def render_orbit(
     environment = None
     if sky.environment is not None:
         environment = replace(sky.environment, radiance=sky.environment.radiance * np.float32(sky.scale))
-    incident = no_light(points, n_coefficients)
-    for done in light(points, bits, make_sky(environment, sky.rotation), incident, lamps):
+    incident, lit_sky = no_light(points, n_coefficients), make_sky(environment, sky.rotation)
+    for done in light(points, bits, lit_sky.sunless, incident, lamps):
         share = done / max(len(points), 1)
         yield StillProgress(_SEEING + (_LIGHTING - _SEEING) * share, "light at the shading points")
     yield StillProgress(_LIGHTING, "reflection")
-    radiance = _with_maps(placement, points, seen, incident, layers_of)
-    return picture(seen, radiance, environment, sky.rotation)
+
+    def reflect(layers: LayersOf) -> Floats:
+        slices = {i: make_slices(own) for i, own in layers.items()}
+        return reflected(points, seen, incident, slices) + sunlit(points, bits, seen, lit_sky, layers)
+
+    return picture(seen, _with_maps(placement, seen, layers_of, reflect), environment, sky.rotation)
 
 
 def _visibility(points: ShadingPoints, placement: Placement) -> Generator[StillProgress, None, Bits]:
@@ -70,25 +74,18 @@ def _visibility(points: ShadingPoints, placement: Placement) -> Generator[StillP
     return np.concatenate(parts)
 
 
-def _with_maps(
-    placement: Placement, points: ShadingPoints, seen: Seen, incident: Incident, layers_of: LayersOf
-) -> Floats:
+def _with_maps(placement: Placement, seen: Seen, layers_of: LayersOf, reflect: Callable[[LayersOf], Floats]) -> Floats:
     """What is reflected at the pixels that see a point (P, 3), textures and weight maps multiplied in.
 
-    Layers without maps that lie on one another are one reflection; each of the others has slices of its own.
+    Layers without maps that lie on one another are one reflection; each of the others is one of its own.
     """
     visible = {i: [layer for layer in layers if layer.visible] for i, layers in layers_of.items()}
     factors = MapFactors(placement.scene, layers_of).of_eye(placement)
-    n_maps = factors.shape[1]
-    of_pixel = np.ones((len(placement.hits.object_image.ravel()), n_maps, 3), np.float32)
+    of_pixel = np.ones((placement.hits.object_image.size, *factors.shape[1:]), np.float32)
     of_pixel[placement.hits.pixel] = factors
-    plain = {i: make_slices(own) for i, layers in visible.items() if (own := [k for k in layers if k.maps.is_plain])}
-    total = reflected(points, seen, incident, plain)
-    for k in range(n_maps):
-        mapped = {
-            i: make_slices([layers[k]])
-            for i, layers in visible.items()
-            if k < len(layers) and not layers[k].maps.is_plain
-        }
-        total += of_pixel[seen.pixel, k] * reflected(points, seen, incident, mapped)
+    plain = {i: [layer for layer in layers if layer.maps.is_plain] for i, layers in visible.items()}
+    total = reflect({i: layers for i, layers in plain.items() if layers})
+    for k in range(factors.shape[1]):
+        mapped = {i: [own[k]] for i, own in visible.items() if k < len(own) and not own[k].maps.is_plain}
+        total += of_pixel[seen.pixel, k] * reflect(mapped)
     return total

@@ -5,6 +5,7 @@ from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.orbit.incident import Lamps, cosines, light, no_light, visible_powers
+from engine.orbit.picture import look, reflected, sunlit
 from engine.orbit.sky import MAP_SIDE, make_sky, texel_directions
 from engine.orbit.slices import Slices, looks_isotropic, make_slices, spherical, to_shading
 from engine.orbit.visibility import see_patches, upper
@@ -172,3 +173,32 @@ def test_matt_slices_reflect_the_irradiance(ball, uneven) -> None:
     expected = incident.irradiance[at] * np.array([0.5, 0.25, 1.0]) / np.pi
     found = slices.shade(incident, at, wo)
     assert np.abs(found - expected).max() < 0.01 * expected.max()
+
+
+def test_what_moves_shows_the_colours_of_rest_interpolated(ball_scene, ball, uneven) -> None:
+    points, _, _ = ball
+    incident = lit(ball, make_sky(uneven, 0.0), 320)
+    seen = look(ball_scene, points, points.caster(), ball_scene.description.camera, (48, 36))
+    slices = {0: make_slices([MATT]), 1: make_slices([GOLD])}
+    resting, moving = (reflected(points, seen, incident, slices, at_rest) for at_rest in (True, False))
+    matt = points.i_object[seen.corners[:, 0]] == 0
+    np.testing.assert_allclose(moving[matt], resting[matt], rtol=0.02)
+    assert np.sqrt(((moving - resting) ** 2).mean()) < 0.03 * resting.mean()
+
+
+def test_a_sun_is_reflected_in_its_own_direction(ball_scene, ball) -> None:
+    # A mirror-like ball shows its highlight where the half vector is the normal, narrower than a triangle.
+    points, _, bits = ball
+    image = np.zeros((256, 512, 3), np.float32)
+    image[60, 300] = 1e5
+    sky = make_sky(Environment(image, "test"), 0.0)
+    sharp = make_layer(MODELS["rough_conductor"], {"alpha": 0.05})
+    seen = look(ball_scene, points, points.caster(), ball_scene.description.camera, (240, 180))
+    found = sunlit(points, bits, seen, sky, {1: [sharp]})
+    on_ball = np.flatnonzero(points.i_object[seen.corners[:, 0]] == 1)
+    normal = np.einsum("pk,pki->pi", seen.weights[on_ball], points.normal[seen.corners[on_ball]])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    half = sky.sun_direction.mean(axis=0) / np.linalg.norm(sky.sun_direction.mean(axis=0)) + seen.wo[on_ball]
+    half /= np.linalg.norm(half, axis=1, keepdims=True)
+    assert (normal * half).sum(axis=1)[found[on_ball, 0].argmax()] > np.cos(np.radians(2.0))
+    assert not found[points.i_object[seen.corners[:, 0]] == 0].any()
