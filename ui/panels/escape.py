@@ -41,13 +41,21 @@ def answer(context: PanelContext, is_imguis: bool, is_dragging: bool) -> list[Ac
     if is_dragging:
         return [CancelDrag()]
     if context.state.question is not None:
+        _leave_no_frame()
         return [SetPanel({"question": None})]
     if is_imguis:
         imgui.internal.clear_drag_drop()
         if not imgui.get_current_context().open_popup_stack.size():
-            imgui.set_nav_cursor_visible(False)  # imgui would frame a control of the panel that was last in use
+            _leave_no_frame()
         return []
     return next((actions for way_out in WAYS_OUT if (actions := way_out(context))), [])
+
+
+def _leave_no_frame() -> None:
+    """Let go of what was typed into. Imgui would frame a control of the panel that was last in use, and the next Esc
+    would only take that away."""
+    imgui.internal.clear_active_id()
+    imgui.set_nav_cursor_visible(False)
 
 
 def _leaving(context: PanelContext) -> list[Action]:
