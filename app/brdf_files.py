@@ -16,6 +16,7 @@ from engine.measured.measurement import Measurement
 from engine.measured.merl import SUFFIX, merl_bytes
 from engine.measured.tables import read_measurement
 from engine.measured.tabulate import tabulate_layers
+from engine.steps import finish
 
 Report = Callable[[float, str], None]
 
@@ -24,13 +25,7 @@ def import_file(file: Path, output: Path, smoothing: float, cloth: bool, report:
     """Read and fit a measured file, and write the material that it becomes. Raises InsituError."""
     if output.suffix != ".toml":
         raise InsituError(f"{output}: the name of a material ends in .toml")
-    steps = read_measurement(file.resolve(), Store())
-    while True:
-        try:
-            report(*next(steps))
-        except StopIteration as end:
-            measurement: Measurement = end.value
-            break
+    measurement = finish(read_measurement(file.resolve(), Store()), lambda step: report(*step))
     layers = with_read(measured_layers(file, cloth), {str(file.resolve()): measurement})
     smooth = tuple(layer.with_parameter("smoothing", smoothing) for layer in layers)
     text = dump_material(Material(file.stem[:64], smooth, "Measured"), output.resolve().parent)

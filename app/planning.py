@@ -10,7 +10,8 @@ from app.project import Project
 from engine.plan import N_LIGHTS, Plan, plan_scene
 from engine.render.bounces import planned_bounces
 from engine.render.pilot import estimate_cost
-from engine.render.still import StillProgress, finish, still_layers, with_maps
+from engine.render.still import StillProgress, still_layers, with_maps
+from engine.steps import finish
 from engine.transport.pipeline import Placement
 
 

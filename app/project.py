@@ -109,15 +109,14 @@ def _read(document: Document, folder: Path | None = None, scene: Path | None = N
         return document
     from app.jobs.cache import Store
     from app.jobs.measured import described_paths
-    from engine.measured.tables import finish_reading, read_measurement
+    from engine.measured.tables import read_measurement
+    from engine.steps import finish
 
     paths = {name: Path(name) for name in names}
     if folder is not None and scene is not None:
         paths = described_paths(names, folder, scene)
     store = Store()
-    return document_with_read(
-        document, {name: finish_reading(read_measurement(path, store)) for name, path in paths.items()}
-    )
+    return document_with_read(document, {name: finish(read_measurement(path, store)) for name, path in paths.items()})
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:

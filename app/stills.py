@@ -28,13 +28,13 @@ from engine.render.still import (
     REFERENCE_LEVEL,
     StillLayer,
     StillProgress,
-    finish,
     render_reference,
     render_still,
     still_layers,
     still_quality,
     with_maps,
 )
+from engine.steps import finish
 from engine.transport.pipeline import Placement
 
 REFERENCE_PATCHES = 1024

@@ -27,6 +27,7 @@ from app.export.xml_parts import add, add_numbers
 from app.project import Project
 from engine.material.layer import Layer, object_of
 from engine.render.image_files import exr_bytes
+from engine.steps import finish
 from engine.texture.surface import mean_factor
 
 RENDER = Path(__file__).with_name("render.py")
@@ -46,12 +47,7 @@ def export_steps(project: Project, folder: Path, n_bounces: int) -> Steps:
 
 def export_scene(project: Project, folder: Path, n_bounces: int, report: Report) -> list[str]:
     """All of `export_steps`, told to `report`; the notes."""
-    steps = export_steps(project, folder, n_bounces)
-    while True:
-        try:
-            report(*next(steps))
-        except StopIteration as end:
-            return list(end.value)
+    return finish(export_steps(project, folder, n_bounces), lambda step: report(*step))
 
 
 def _write(project: Project, folder: Path, n_bounces: int) -> Steps:

@@ -12,6 +12,7 @@ from app.jobs.messages import FilesWritten, Progress, Response, WriteFiles
 from app.project import Project
 from engine.measured.tables import ArrayStore
 from engine.scene.load import Scene
+from engine.steps import told_as
 
 STAGE = "export"
 
@@ -22,10 +23,5 @@ def write_scene(
     """Write the folder for Mitsuba 3. Raises InsituError."""
     yield from ensure_tables(request.measured, store)
     steps = export_steps(Project(scene, document), Path(request.path), request.n_bounces)
-    while True:
-        try:
-            fraction, name = next(steps)
-        except StopIteration as end:
-            yield FilesWritten(request.path, tuple(end.value))
-            return
-        yield Progress(STAGE, fraction, text=f"writing {name}")
+    notes = yield from told_as(steps, lambda step: Progress(STAGE, step[0], text=f"writing {step[1]}"))
+    yield FilesWritten(request.path, tuple(notes))

@@ -32,6 +32,7 @@ from engine.indirect.stored import NAMES, arrays_of
 from engine.material import MODELS
 from engine.material.layer import Layer, object_of
 from engine.render.bounces import planned_bounces
+from engine.steps import told_as
 from engine.stored_arrays import Arrays
 from engine.transport.pipeline import Placement, SkyState
 
@@ -242,10 +243,10 @@ def _same_look(one: LayerReflection, two: LayerReflection) -> bool:
 def _told(steps: Generator[tuple[float, str], None, IndirectLight]) -> Generator[Response | None, None, IndirectLight]:
     """The steps of a solver as progress, which goes on where it begins anew."""
     most = 0.0
-    while True:
-        try:
-            fraction, text = next(steps)
-        except StopIteration as end:
-            return end.value  # type: ignore[no-any-return]
-        most = max(most, FOUND_AT * fraction)
-        yield Progress("indirect light", most, text=text)
+
+    def progress(step: tuple[float, str]) -> Progress:
+        nonlocal most
+        most = max(most, FOUND_AT * step[0])
+        return Progress("indirect light", most, text=step[1])
+
+    return told_as(steps, progress)

@@ -5,7 +5,7 @@ What the window shows is the same sums: transport under the curves as they are, 
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -18,8 +18,8 @@ from engine.indirect.light import IndirectLight
 from engine.material.layer import Layer, object_of
 from engine.render.error_estimate import estimate_error
 from engine.render.indirect import reflected_light
-from engine.render.picture_error import ErrorEstimate
-from engine.render.still import StillLayer, StillProgress, seen_as, with_maps
+from engine.render.still import StillLayer, seen_as, with_maps
+from engine.steps import told_as
 from engine.transport.pipeline import FINAL, Placement, Quality
 
 
@@ -49,7 +49,8 @@ def judged(
         indirect = yield from reflected_light(found, layers, request.second_bands, placement.hits)
         radiance += indirect
     sky = bench.sky(held[keys[0]].lit_by.light)
-    estimate = yield from _in_silence(estimate_error(placement, layers, sky, quality, n_bounces, radiance, indirect))
+    judging = estimate_error(placement, layers, sky, quality, n_bounces, radiance, indirect)
+    estimate = yield from told_as(judging, lambda step: None)  # without a word: nobody waits for it
     yield ErrorEstimated(estimate)
 
 
@@ -74,14 +75,3 @@ def _layers(request: EstimateError, placement: Placement, held: Mapping[str, Lay
         for key, layer in request.layers
     )
     return with_maps(placement, found)
-
-
-def _in_silence(steps: Generator[StillProgress, None, ErrorEstimate]) -> Generator[None, None, ErrorEstimate]:
-    """Its steps without a word: nobody waits for it."""
-    while True:
-        try:
-            next(steps)
-        except StopIteration as end:
-            estimate: ErrorEstimate = end.value
-            return estimate
-        yield None

@@ -25,6 +25,7 @@ from engine.measured.tables import ArrayStore, is_known, read_measurement, table
 from engine.measured.tabulate import left_out
 from engine.plan import band_counts
 from engine.scene.files import resolve_inside
+from engine.steps import told_as
 
 STAGE = "measured BRDF"
 
@@ -35,14 +36,10 @@ def read_files(files: Mapping[str, Path], store: ArrayStore | None) -> Reading:
     """The measurements of files, by the names they are asked for by. Raises LoadError."""
     found: dict[str, Measurement] = {}
     for name, path in files.items():
-        steps = read_measurement(path, store)
-        while True:
-            try:
-                fraction, text = next(steps)
-            except StopIteration as end:
-                found[name] = end.value
-                break
-            yield Progress(STAGE, (len(found) + fraction) / len(files), text=text)
+        found[name] = yield from told_as(
+            read_measurement(path, store),
+            lambda step: Progress(STAGE, (len(found) + step[0]) / len(files), text=step[1]),
+        )
     return found
 
 

@@ -44,6 +44,7 @@ from engine.light.environment import downsampled
 from engine.material.layer import Layer, object_of
 from engine.plan import Precision, band_counts
 from engine.scene.load import Scene
+from engine.steps import told_as
 from engine.stored_arrays import ArrayReader, Arrays, n_bytes_of
 from engine.transport.bandstore import BandStore
 from engine.transport.fixed import FixedPicture
@@ -266,15 +267,12 @@ class PlacementWork(ModeWork):
         self, placement: Placement, sky: SkyState, quality: Quality, clock: _Clock
     ) -> Generator[Response | None, None, VisibleLight]:
         was_done = bool(placement.sphere.done.all())
-        steps = placement.light(sky, quality)
-        while True:
-            try:
-                fraction = next(steps)
-            except StopIteration as end:
-                if not was_done and placement.sphere.done.all():
-                    self._cache.put(content_key("visibility", self._bench.view_key), {"bits": placement.sphere.bits})
-                return end.value  # type: ignore[no-any-return]
-            yield clock.progress(0.3 * fraction, "shadows")
+        light = yield from told_as(
+            placement.light(sky, quality), lambda fraction: clock.progress(0.3 * fraction, "shadows")
+        )
+        if not was_done and placement.sphere.done.all():
+            self._cache.put(content_key("visibility", self._bench.view_key), {"bits": placement.sphere.bits})
+        return light
 
     def _project(
         self, placement: Placement, rows: np.ndarray, work: LayerWork, light: VisibleLight, light_key: str,

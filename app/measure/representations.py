@@ -29,8 +29,8 @@ from engine.indirect.representation import FrozenLight, GatherPolynomial, Repres
 from engine.indirect.solver import ROUGH, Fineness, Solver
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.render.still import finish
 from engine.scene.load import Scene
+from engine.steps import finish
 from engine.transport.pipeline import Placement
 
 CSV = "indirect_representations.csv"
@@ -69,7 +69,7 @@ def compare(scene: Scene, n_objects: int, n_bounces: int, fineness: Fineness = F
     sky = sky_of(scene, document_from_description(SOURCE, scene.description).light)
     models = {layer.i_object: [MODEL] for layer in layers}
     solver = Solver(Placement(scene), models, sky, n_bounces, fineness, glossy=False)
-    light = finish(solver.solve(layers), lambda step: None)
+    light = finish(solver.solve(layers))
     traced = light.points.gathered.n_bytes + light.light.n_bytes
 
     def row(name: str, made: Representation, made_s: float, read: int) -> Row:
@@ -108,5 +108,5 @@ def write_rows(file: Path, rows: Sequence[Row]) -> None:
 def _timed(made: Representation, layers: Sequence[IndirectLayer], i_layer: int) -> tuple[float, FrozenLight]:
     """Seconds of a freezing for a layer's object, and what it gave."""
     started = time.process_time()
-    frozen = finish(made.freeze(layers, layers[i_layer].i_object, Selected(i_layer, 0)), lambda step: None)
+    frozen = finish(made.freeze(layers, layers[i_layer].i_object, Selected(i_layer, 0)))
     return time.process_time() - started, frozen

@@ -12,15 +12,15 @@ A ratio of two times of one run says the same on a slow and on a fast machine. K
 from __future__ import annotations
 
 import time
-from collections.abc import Generator, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 
 from app.measure.subject import Subject, layer_bands, layer_shape
 from engine.material.layer import Layer
 from engine.scene.hits import PrimaryHits
+from engine.steps import finish
 from engine.transport.bandstore import BandStore, join_tiles
 from engine.transport.pipeline import Placement, Quality
 from engine.transport.projection import VisibleLight, project_layer
@@ -28,7 +28,6 @@ from engine.visibility.grid import coherent_visibility
 from engine.visibility.points import brute_force_visibility, empty_visibility, evaluate_rows
 from engine.visibility.targets import VISIBILITY_LEVEL, sphere_targets
 
-Result = TypeVar("Result")
 RAW_RAYS = 2_000_000
 POINTS_AT_ONCE = 1024
 
@@ -78,16 +77,6 @@ class Ratio:
     @property
     def value(self) -> float:
         return self.seconds / self.brute_force
-
-
-def result_of(steps: Generator[float, None, Result]) -> Result:
-    """Drive a generator to its end; what it returns."""
-    while True:
-        try:
-            next(steps)
-        except StopIteration as end:
-            result: Result = end.value
-            return result
 
 
 # ------------------------------------------------------------------------------------------------------ the yardstick
@@ -155,7 +144,7 @@ def precompute_on(
 ) -> Precomputed:
     """One stage on a placement; visibility that it holds already is used. most_bands: see `layer_bands`."""
     started = time.perf_counter()
-    light = result_of(placement.light(subject.sky, quality))
+    light = finish(placement.light(subject.sky, quality))
     lit = time.perf_counter()
     transports = tuple(
         _project(placement, light, i_object, layer, layer_bands(layer, most_bands))

@@ -130,16 +130,6 @@ def _made_of(data: bytes, path: Path) -> Generator[tuple[float, str], None, tupl
     raise AssertionError("a fit ends with its factors")
 
 
-def finish_reading(steps: Steps) -> Measurement:
-    """The measurement, whatever is told on the way."""
-    while True:
-        try:
-            next(steps)
-        except StopIteration as end:
-            found: Measurement = end.value
-            return found
-
-
 def _read(path: Path) -> bytes:
     suffix = path.suffix.lower()
     if suffix not in ENDINGS:

@@ -12,8 +12,9 @@ from engine.indirect.light import IndirectLight
 from engine.indirect.reflection import SentLight
 from engine.indirect.series import BounceSeries
 from engine.indirect.solver import STILL, Fineness, Solver
-from engine.render.still import StillLayer, StillProgress, finish
+from engine.render.still import StillLayer, StillProgress
 from engine.scene.hits import PrimaryHits
+from engine.steps import finish, told_as
 from engine.transport.pipeline import Placement, SkyState
 
 
@@ -26,12 +27,8 @@ def indirect_radiance(
         models.setdefault(each.i_object, []).append(each.layer.model.name)
     reflecting = _reflecting(layers, series.second)
     steps = Solver(placement, models, sky, series.n_bounces, fineness, glossy=series.second != 1).solve(reflecting)
-    while True:
-        try:
-            fraction, text = next(steps)
-            yield StillProgress(fraction, text)
-        except StopIteration as end:
-            return finish(reflected_light(end.value, layers, series.second, placement.hits), lambda _: None)
+    found = yield from told_as(steps, lambda step: StillProgress(*step))
+    return finish(reflected_light(found, layers, series.second, placement.hits))
 
 
 def reflected_light(

@@ -12,7 +12,6 @@ place of transport.
 
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,11 +22,12 @@ from engine.plan import Plan
 from engine.render.integrator import integrate_direct
 from engine.render.maps import MapFactors
 from engine.scene.hits import PrimaryHits
+from engine.steps import told_as
 from engine.texture.surface import MapSampler, SeenMaps
 from engine.threads import n_threads, pool
 from engine.transport.bandstore import BandStore, BandTile
 from engine.transport.pipeline import FINAL, Placement, Quality, SkyState
-from engine.transport.projection import LayerShape, VisibleLight, project_layer
+from engine.transport.projection import LayerShape, project_layer
 
 # What the shadows take of the time, for a progress bar that moves evenly.
 SHADOWS = 0.3
@@ -35,8 +35,6 @@ REFERENCE_POINTS = 32
 REFERENCE_LEVEL = 6
 
 Picture = NDArray[np.float32]
-Step = TypeVar("Step")
-Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -101,7 +99,9 @@ def render_still(
     if quality.stride != 1:
         raise ValueError(f"stride = {quality.stride}, expected 1: a still has every pixel")
     radiance = np.zeros((len(placement.hits.pixel), 3)) if indirect is None else indirect.astype(np.float64)
-    light = yield from _see(placement, sky, quality)
+    light = yield from told_as(
+        placement.light(sky, quality), lambda fraction: StillProgress(SHADOWS * min(fraction, 1.0), "shadows")
+    )
     total = sum(len(placement.rows_of(each.i_object)) for each in layers) or 1
     done = 0
     for each in layers:
@@ -142,26 +142,6 @@ def compose(placement: Placement, radiance: NDArray[np.floating], sky: SkyState)
         image[behind] = seen * np.float32(sky.scale)
     image.reshape(-1, 3)[hits.pixel] += np.asarray(radiance, np.float32)
     return image
-
-
-def finish(steps: Generator[Step, None, Result], report: Callable[[Step], None]) -> Result:
-    """Drive a long computation to its end, telling `report` of every step."""
-    while True:
-        try:
-            report(next(steps))
-        except StopIteration as end:
-            result: Result = end.value
-            return result
-
-
-def _see(placement: Placement, sky: SkyState, quality: Quality) -> Generator[StillProgress, None, VisibleLight]:
-    steps = placement.light(sky, quality)
-    while True:
-        try:
-            yield StillProgress(SHADOWS * min(next(steps), 1.0), "shadows")
-        except StopIteration as end:
-            light: VisibleLight = end.value
-            return light
 
 
 def shape_of(each: StillLayer) -> LayerShape:

@@ -12,7 +12,7 @@ from app.stills import render_project
 from engine.indirect.series import BounceSeries
 from engine.material.layer import Layer
 from engine.orbit.still import render_orbit
-from engine.render.still import finish
+from engine.steps import finish
 from engine.transport.pipeline import Placement
 from tests.app.test_brdf_files import insitu
 from tests.engine.orbit.conftest import SCENE

@@ -196,7 +196,8 @@ def test_what_cannot_be_is_refused(
 def test_the_pilot_estimates_what_the_work_takes(scene: Scene, layers: dict[str, Layer]) -> None:
     from engine.light.environment import constant_environment
     from engine.render.pilot import estimate_cost
-    from engine.render.still import finish, still_layers
+    from engine.render.still import still_layers
+    from engine.steps import finish
     from engine.transport.bandstore import join_tiles
     from engine.transport.pipeline import FINAL, Placement, SkyState
     from engine.transport.projection import LayerShape, project_layer
@@ -209,13 +210,7 @@ def test_the_pilot_estimates_what_the_work_takes(scene: Scene, layers: dict[str,
     assert cost is not None and np.array_equal(placement.sphere.done, before)
     assert cost.seconds > cost.visibility_seconds > 0.0
     # All points are sampled in so small a picture: bytes are those of the real transport, plus the sphere's bits.
-    steps = placement.light(sky, FINAL)
-    while True:
-        try:
-            next(steps)
-        except StopIteration as end:
-            light = end.value
-            break
+    light = finish(placement.light(sky, FINAL))
     n_bytes = placement.sphere.bits.nbytes
     for each in works:
         shape = LayerShape(each.layer.model.name, tuple(each.layer.quotient_parameters().tolist()), each.bands)

@@ -12,8 +12,9 @@ from engine.indirect.layers import indirect_layer
 from engine.light.environment import Environment, _angular_to_latlong, triangle_integrals
 from engine.material import MODELS, make_layer
 from engine.render.path_tracer import trace_paths
-from engine.render.still import StillLayer, finish, render_reference, render_still
+from engine.render.still import StillLayer, render_reference, render_still
 from engine.sphere.geodesic import locate
+from engine.steps import finish
 from engine.transport.pipeline import PREVIEW, SkyState
 from tests.engine.indirect.small_scenes import QUICK, matt, placed, placement_of, solve
 

@@ -13,9 +13,9 @@ from engine.indirect.solver import FINE, Fineness, Solver
 from engine.light.environment import Environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.render.still import finish
 from engine.scene.description import parse_description
 from engine.scene.load import build_scene
+from engine.steps import finish
 from engine.transport.pipeline import Placement, SkyState
 
 QUICK = replace(FINE, n_rays=256, n_cells=600, n_cell_rays=64, n_samples=512)

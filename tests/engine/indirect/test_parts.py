@@ -18,7 +18,7 @@ from engine.indirect.stored import Arrays, arrays_of
 from engine.indirect.turns import Turn, by_turns
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.render.still import finish
+from engine.steps import finish
 from engine.stored_arrays import UnsoundArrays
 from engine.transport.pipeline import SkyState
 from tests.engine.forging import forged_numbers, forged_shapes

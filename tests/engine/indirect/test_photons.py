@@ -11,7 +11,7 @@ from engine.light.environment import constant_environment
 from engine.material import MODELS, make_layer
 from engine.render.integrator import evaluate_layer
 from engine.render.path_tracer import trace_paths
-from engine.render.still import finish
+from engine.steps import finish
 from engine.transport.pipeline import Placement, SkyState
 from tests.engine.indirect.small_scenes import QUICK, matt, placed, placement_of, solve
 

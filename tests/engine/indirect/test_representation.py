@@ -17,7 +17,7 @@ from engine.indirect.representation import GatherPolynomial, Representation, Sel
 from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.render.still import finish
+from engine.steps import finish
 from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of, solve
 
 LAYERS = [

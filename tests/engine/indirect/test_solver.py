@@ -12,7 +12,7 @@ from engine.indirect.solver import ROUGH, Solver
 from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.render.still import finish
+from engine.steps import finish
 from engine.transport.pipeline import SkyState
 from tests.engine.indirect.small_scenes import (
     CORNER,

@@ -10,7 +10,7 @@ from engine.indirect.stored import NAMES, arrays_of
 from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.render.still import finish
+from engine.steps import finish
 from engine.transport.pipeline import SkyState
 from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of
 

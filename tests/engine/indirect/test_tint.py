@@ -13,8 +13,8 @@ from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
 from engine.measured.measurement import Measurement
 from engine.measured.merl import merl_bytes
-from engine.measured.tables import finish_reading, read_measurement
-from engine.render.still import finish
+from engine.measured.tables import read_measurement
+from engine.steps import finish
 from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of, solve
 
 BANDS = 64, 16
@@ -31,7 +31,7 @@ def measurement(measured_samples: np.ndarray, tmp_path_factory: pytest.TempPathF
     samples[..., 0] *= np.where(squares, 1.8, 1.0 / 1.8)
     path = tmp_path_factory.mktemp("measured") / "squares.binary"
     path.write_bytes(merl_bytes(samples))
-    return finish_reading(read_measurement(path))
+    return finish(read_measurement(path))
 
 
 def albedo_of_the_data(layer: Layer) -> np.ndarray:

@@ -19,11 +19,12 @@ from engine.measured.coordinates import above_horizon, node_angles
 from engine.measured.evaluate import evaluate_table
 from engine.measured.fit import fit_factors
 from engine.measured.measurement import Measurement
-from engine.measured.tables import finish_reading, read_measurement, table_of
+from engine.measured.tables import read_measurement, table_of
 from engine.plan import plan_scene
 from engine.render.integrator import evaluate_by_curves
-from engine.render.still import finish, render_reference, render_still, still_layers, still_quality
+from engine.render.still import render_reference, render_still, still_layers, still_quality
 from engine.scene.load import load_scene
+from engine.steps import finish
 from engine.stored_arrays import UnsoundArrays
 from engine.transport._angle_kernels import tint
 from engine.transport.pipeline import Placement, SkyState
@@ -59,8 +60,8 @@ def kept() -> Kept:
 def measurement(merl_file: Path, kept: Kept) -> Measurement:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(tables, "_tables", {})
-        finish_reading(read_measurement(merl_file, kept))
-    return finish_reading(read_measurement(merl_file, kept))
+        finish(read_measurement(merl_file, kept))
+    return finish(read_measurement(merl_file, kept))
 
 
 def both_parts(measurement: Measurement, **parameters: object) -> list[Layer]:
@@ -97,9 +98,9 @@ def test_nothing_measured_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "x.binary"
     path.write_bytes(merl_bytes(np.full((90, 90, 180, 3), -1.0, np.float32)))
     with pytest.raises(LoadError, match="samples = all negative, expected some that are not"):
-        finish_reading(read_measurement(path))
+        finish(read_measurement(path))
     with pytest.raises(LoadError, match=r"name = \.txt, expected a measured BRDF"):
-        finish_reading(read_measurement(tmp_path / "x.txt"))
+        finish(read_measurement(tmp_path / "x.txt"))
 
 
 def test_factors_of_a_product_are_found() -> None:
@@ -166,7 +167,7 @@ def test_what_was_made_of_a_file_is_kept(
     # The store is asked by the file's content; what comes from it is the same measurement, and nothing is fitted.
     monkeypatch.setattr(tables, "_tables", {})
     monkeypatch.delattr(tables, "fit_factors")
-    assert finish_reading(read_measurement(merl_file, kept)) == measurement and len(kept.arrays) == 1
+    assert finish(read_measurement(merl_file, kept)) == measurement and len(kept.arrays) == 1
 
 
 def test_what_was_forged_is_made_again(
@@ -184,7 +185,7 @@ def test_what_was_forged_is_made_again(
             store = Kept()
             store.put(key, {**arrays, **forged} if "[" in what else forged)
             with pytest.raises(LookupError, match="made again"):
-                finish_reading(read_measurement(merl_file, store))
+                finish(read_measurement(merl_file, store))
             assert store.n_refused == 1, what
 
 

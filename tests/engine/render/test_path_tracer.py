@@ -17,8 +17,8 @@ from engine.render.integrator import integrate_direct
 from engine.render.path_lights import EmitterLight, SkyLight
 from engine.render.path_lobes import Scattering
 from engine.render.path_tracer import PathEstimate, noise_of_halves, render_paths, trace_paths
-from engine.render.still import finish
 from engine.scene.load import load_scene
+from engine.steps import finish
 from engine.transport.pipeline import Placement, SkyState
 
 CAMERA = """

@@ -16,13 +16,13 @@ from engine.material.layer import Layer
 from engine.plan import plan_scene
 from engine.render.still import (
     StillProgress,
-    finish,
     render_reference,
     render_still,
     still_layers,
     still_quality,
 )
 from engine.scene.load import Scene, load_scene
+from engine.steps import finish
 from engine.transport.pipeline import COARSE, Placement, SkyState
 
 BALL = """

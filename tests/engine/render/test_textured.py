@@ -17,9 +17,10 @@ from engine.plan import plan_scene
 from engine.render.indirect import indirect_radiance
 from engine.render.maps import MapFactors
 from engine.render.path_tracer import trace_paths
-from engine.render.still import finish, render_reference, render_still, still_layers, still_quality, with_maps
+from engine.render.still import render_reference, render_still, still_layers, still_quality, with_maps
 from engine.scene.hits import object_ids
 from engine.scene.load import Scene, load_scene
+from engine.steps import finish
 from engine.transport.pipeline import Placement, SkyState
 
 # A card of two units, nearly filling 24 pixels,  that it throws light on.

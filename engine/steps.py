@@ -1,0 +1,32 @@
+"""Long computations are generators: each step yields how far it is, the end returns the result. How they are driven."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from typing import TypeVar
+
+Step = TypeVar("Step")
+Told = TypeVar("Told")
+Result = TypeVar("Result")
+
+
+def finish(steps: Generator[Step, None, Result], report: Callable[[Step], object] = lambda step: None) -> Result:
+    """Drive a computation to its end, telling `report` of every step; what it returns."""
+    while True:
+        try:
+            step = next(steps)
+        except StopIteration as end:
+            result: Result = end.value
+            return result
+        report(step)
+
+
+def told_as(steps: Generator[Step, None, Result], word: Callable[[Step], Told]) -> Generator[Told, None, Result]:
+    """The same computation, each of its steps told in the caller's words."""
+    while True:
+        try:
+            step = next(steps)
+        except StopIteration as end:
+            result: Result = end.value
+            return result
+        yield word(step)
