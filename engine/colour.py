@@ -1,4 +1,4 @@
-"""Views: by what name linear radiance becomes the colour of a screen, and those that OpenColorIO makes.
+"""Views: by what name linear radiance becomes the colour of a screen, and those that OpenColorIO makes; and sRGB.
 
 ACES comes with the library, built in. AgX does not: it is put together here of the
 library's transforms, by its published figures [Sobotka22]: an inset of the primaries, 16.5 stops in log2, of which 10
@@ -16,7 +16,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from engine.errors import LoadError
 if TYPE_CHECKING:
     import PyOpenColorIO as ocio
 
+Real = TypeVar("Real", np.float32, np.float64)
 ToneMapping = Literal["filmic", "agx", "aces_2", "aces_1", "linear", "false_colour"]
 
 
@@ -76,6 +77,19 @@ def view_named(name: str, file: str | Path = "view", what: str = "name") -> Tone
         if wanted in (view, known.label.casefold()):
             return view
     raise LoadError(file, what, name, ", ".join(known.label for known in VIEWS.values()))
+
+
+def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Linear values in [0, 1] as a screen takes them (IEC 61966-2-1; shaders/common/srgb.glsl does the same)."""
+    linear = np.asarray(linear, np.float64)
+    power = 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055
+    return np.where(linear <= 0.0031308, 12.92 * linear, power)
+
+
+def decode_srgb(encoded: NDArray[Real]) -> NDArray[Real]:
+    """What stands for such values in [0, 1], linear, in the same precision; above 1 the curve goes on."""
+    x = np.maximum(encoded, 0.0)
+    return np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4)
 
 
 def displayed(radiance: NDArray[np.floating], view: ToneMapping) -> NDArray[np.float32]:

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from app.jobs.messages import Response
 from app.placement.messages import MapsRefused, MapsSampled, SampleMaps
+from engine.colour import encode_srgb
 from engine.errors import LoadError
 from engine.material.layer import object_of
 from engine.material.maps import Images
 from engine.material.strokes import Strokes
-from engine.render.display import encode_srgb
 from engine.scene.hits import PrimaryHits
 from engine.scene.load import PROJECTED
 from engine.texture.canvas import Canvas

@@ -8,6 +8,8 @@ out so. The table is a primitive with its own texture coordinates, the oak repea
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.colour import encode_srgb
+
 from .mesh import Floats, Mesh, moved, with_coordinates
 from .surfaces import carried, circle, rounded_profile
 
@@ -62,7 +64,7 @@ def painting() -> NDArray[np.uint8]:
     depth = np.maximum(depth, 1.2 * _within(radius - 0.028))
     depth *= 1.0 + 0.17 * _finer(_noise(SIDE, 6.0, 11))  # a brush lays unevenly
     light = np.exp(-np.clip(depth, 0.0, 2.0)[..., None] * COBALT)
-    return _codes(_encode(_shrunk(light)))
+    return _codes(encode_srgb(_shrunk(light)))
 
 
 def gilding() -> NDArray[np.uint8]:
@@ -87,7 +89,7 @@ def oak() -> NDArray[np.uint8]:
     depth = 0.78 + 0.16 * rings**3 + 0.055 * fibres + 0.30 * pores + 0.06 * tone + 0.04 * bend
     joint = np.minimum((4 * v) % 1.0, 1.0 - (4 * v) % 1.0)
     depth = depth + 1.1 * np.exp(-((joint / 0.010) ** 2))
-    return _codes(_encode(np.exp(-np.clip(depth, 0.0, 4.0)[..., None] * np.array([0.72, 1.12, 1.85]))))
+    return _codes(encode_srgb(np.exp(-np.clip(depth, 0.0, 4.0)[..., None] * np.array([0.72, 1.12, 1.85]))))
 
 
 def _polar() -> tuple[Floats, Floats]:
@@ -142,11 +144,6 @@ def _shrunk(samples: Floats) -> Floats:
     """The mean of each texel's samples."""
     n, channels = SIDE, samples.shape[-1]
     return samples.reshape(n, FINER, n, FINER, channels).mean(axis=(1, 3))
-
-
-def _encode(linear: Floats) -> Floats:
-    """sRGB of linear values in [0, 1]."""
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055)
 
 
 def _codes(shares: Floats) -> NDArray[np.uint8]:

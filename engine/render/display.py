@@ -8,7 +8,7 @@ does the same, and slow twins test both.
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.colour import TABLED, ToneMapping, displayed
+from engine.colour import TABLED, ToneMapping, displayed, encode_srgb
 from engine.light.environment import LUMINANCE
 
 BRIGHTEST = 1e4
@@ -67,10 +67,3 @@ def false_colour(radiance: NDArray[np.floating]) -> NDArray[np.float64]:
     for coefficients in _VIRIDIS[::-1]:
         colour = colour * t + coefficients
     return np.clip(colour, 0.0, 1.0) * np.where(stops % 1.0 < 0.5, 0.85, 1.0)[..., None]
-
-
-def encode_srgb(linear: NDArray[np.floating]) -> NDArray[np.float64]:
-    """IEC 61966-2-1 of values in [0, 1]."""
-    linear = np.asarray(linear, np.float64)
-    power = 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055
-    return np.where(linear <= 0.0031308, 12.92 * linear, power)

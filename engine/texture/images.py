@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.colour import decode_srgb
 from engine.errors import LoadError
 from engine.light.image_files import read_radiance_image
 from engine.material.maps import Space
@@ -59,17 +60,11 @@ def image_size(data: bytes, file: Path | str) -> tuple[int, int] | None:
         return width, height
 
 
-def decode_srgb(values: NDArray[np.floating]) -> Image:
-    """IEC 61966-2-1: what stands for values in [0, 1] of a file; above 1 the curve goes on."""
-    x = np.maximum(values, 0.0)
-    return np.asarray(np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4), np.float32)
-
-
 def _shares(values: NDArray[np.generic], as_srgb: bool) -> Image:
     """Numbers of a file, integers as shares of the largest, decoded where they are sRGB."""
     if values.dtype == np.uint8:
         codes = np.arange(256, dtype=np.float32) / np.float32(255.0)
-        return np.asarray((decode_srgb(codes) if as_srgb else codes)[values], np.float32)
+        return (decode_srgb(codes) if as_srgb else codes)[values]
     shares = np.asarray(values, np.float32) / np.float32(65535.0 if values.dtype == np.uint16 else 1.0)
     return decode_srgb(shares) if as_srgb else shares
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
 from imgui_bundle import ImVec2, ImVec4, imgui
 
+from engine.colour import decode_srgb, encode_srgb
 from ui import theme as look
 from ui.panels import fields, widgets
 from ui.panels.context import PanelContext
@@ -58,7 +60,7 @@ def _mark(context: PanelContext, corner: ImVec2, width: float, height: float, in
 
 def swatch(context: PanelContext, numbers: Numbers, value: RGB, hint: str) -> tuple[fields.Touch, RGB]:
     """A square of a colour, 0 to 1, and the wheel that a click on it opens: what a hand did there, what it picked."""
-    shown = [encode_srgb(v) for v in value]
+    shown = encode_srgb(np.clip(value, 0.0, 1.0)).tolist()
     if imgui.color_button("##swatch", ImVec4(shown[0], shown[1], shown[2], 1.0), imgui.ColorEditFlags_.no_tooltip):
         imgui.open_popup("picker")
     context.handles.note_item(f"{numbers.handle}.swatch")
@@ -70,16 +72,5 @@ def swatch(context: PanelContext, numbers: Numbers, value: RGB, hint: str) -> tu
     changed, picked = imgui.color_picker3("##wheel", shown, flags)
     hand = fields.touch(changed)
     imgui.end_popup()
-    return hand, decode_srgb(picked)
-
-
-def encode_srgb(value: float) -> float:
-    """Linear [0, 1] as the screen shows it (IEC 61966-2-1)."""
-    value = min(max(value, 0.0), 1.0)
-    return 12.92 * value if value <= 0.0031308 else 1.055 * value ** (1 / 2.4) - 0.055
-
-
-def decode_srgb(colour: Sequence[float]) -> RGB:
-    """A colour off the screen, linear."""
-    red, green, blue = (v / 12.92 if v <= 0.04045 else ((v + 0.055) / 1.055) ** 2.4 for v in colour)
-    return red, green, blue
+    red, green, blue = decode_srgb(np.array(picked, np.float64)).tolist()
+    return hand, (red, green, blue)

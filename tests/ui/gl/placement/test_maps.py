@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from engine.render.display import encode_srgb
+from engine.colour import encode_srgb
 from tests.ui.gl.pictures import frame_of
 from ui.gl.context import GraphicsError
 from ui.gl.placement.layers import Look
