@@ -27,6 +27,7 @@ from app.export.xml_parts import add, add_numbers
 from app.project import Project
 from engine.material.layer import Layer, object_of
 from engine.render.image_files import exr_bytes
+from engine.scene.frames import object_axes
 from engine.steps import finish
 from engine.texture.surface import mean_factor
 
@@ -114,12 +115,5 @@ def _add_object(root: ElementTree.Element, project: Project, folder: Path, index
         return []
     layers: list[Layer] = [layer for key, layer in project.layers.items() if object_of(key) == name]
     factors = np.array([mean_factor(scene, index, layer.maps) for layer in layers]).reshape(-1, 3)
-    written: Written = write_material(shape, layers, folder, stem, _own_up(project, index), factors)
+    written: Written = write_material(shape, layers, folder, stem, object_axes(scene)[index, [1, 0]], factors)
     return [f"{name}: {note}" for note in written.notes]
-
-
-def _own_up(project: Project, index: int) -> np.ndarray:
-    """The object's own Y axis and X axis in the world, (2, 3): brushed surfaces are brushed across the first."""
-    place = np.reshape(project.scene.description.objects[index].transform, (4, 4))[:3, :3]
-    axes = place[:, [1, 0]].T
-    return np.asarray(axes / np.linalg.norm(axes, axis=1, keepdims=True))

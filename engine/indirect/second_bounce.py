@@ -24,7 +24,6 @@ from engine.indirect.rays import pole_tables
 from engine.light.emitters import EmitterPatches
 from engine.light.lights import TriangleLights
 from engine.material import kinds
-from engine.scene.load import Scene
 from engine.scene.raycaster import Intersections
 from engine.sphere.geodesic import locate
 
@@ -182,13 +181,6 @@ def _raster(cut: TriangleLights) -> NDArray[np.int32]:
     order = np.argsort(first)
     found = np.searchsorted(first[order], locate(directions, finest), "right") - 1
     return order[found].astype(np.int32).reshape(_RASTER)
-
-
-def axes_of(scene: Scene) -> NDArray[np.float32]:
-    """Each object's Y and X axis in the world, unit, (M, 2, 3)."""
-    columns = np.array([np.reshape(o.transform, (4, 4))[:3, :3].T for o in scene.description.objects])
-    columns /= np.linalg.norm(columns, axis=2, keepdims=True)
-    return np.ascontiguousarray(columns[:, [1, 0]], np.float32)
 
 
 def glossy_tables(

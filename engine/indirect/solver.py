@@ -26,7 +26,7 @@ from engine.indirect.light import Footprint, GatherPoints, IndirectLight
 from engine.indirect.parts import Keeper, Parts
 from engine.indirect.photons import PhotonMap, PhotonSource, no_photons, nothing_landed
 from engine.indirect.reflection import SentLight
-from engine.indirect.second_bounce import SecondRays, axes_of, no_records
+from engine.indirect.second_bounce import SecondRays, no_records
 from engine.indirect.shining import shining_on
 from engine.indirect.stored import (
     arrays_of_gathered,
@@ -38,6 +38,7 @@ from engine.indirect.stored import (
     read_smoothing,
     read_table,
 )
+from engine.scene.frames import object_axes
 from engine.scene.hits import PrimaryHits
 from engine.stored_arrays import ArrayReader, Arrays
 from engine.transport.footprint import footprint, lattice_rows
@@ -98,7 +99,7 @@ class Solver:
         self._sizes = tuple(_fan_size(fineness.n_rays, int(pole)) for pole in self._poles)
         self._shining = shining_on(placement, sky)
         glossy_objects = np.array([any_glossy(models.get(i, ())) for i in range(n_objects)], bool)
-        self._axes = axes_of(placement.scene)
+        self._axes = np.ascontiguousarray(object_axes(placement.scene)[:, [1, 0]], np.float32)
         second = SecondRays(glossy_objects, self._poles, self._axes, self._shining.lamps, fineness.n_records)
         self._second = second if glossy else None
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from engine.scene.hits import object_tangents
+from engine.scene.frames import object_tangents
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
 

@@ -15,15 +15,10 @@ from engine.light.environment import Environment, triangle_integrals
 from engine.material import kinds
 from engine.material.layer import Layer
 from engine.render import _kernels as kernels
+from engine.scene.frames import local_frames
 from engine.scene.hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.sphere.geodesic import geodesic
-
-
-def local_frames(hits: PrimaryHits, rows: np.ndarray) -> np.ndarray:
-    """(p, 3, 3) float64 matrices whose rows are tangent, bitangent, normal: world to local."""
-    tangent, normal = hits.tangent[rows].astype(np.float64), hits.normal[rows].astype(np.float64)
-    return np.stack([tangent, np.cross(normal, tangent), normal], axis=1)
 
 
 def evaluate_layers(
@@ -91,7 +86,7 @@ def integrate_direct(
     objects = hits.object_image.ravel()[hits.pixel]
     sky_directions = geodesic(level).centres
     sky_power = triangle_integrals(environment, rotation, level) if environment is not None else None
-    frames = local_frames(hits, rows)
+    frames = local_frames(hits.tangent[rows], hits.normal[rows])
     for i, row in enumerate(rows):
         layers = layers_of(int(objects[row]))
         own = None if factors is None else factors[row : row + 1]

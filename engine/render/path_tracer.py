@@ -25,6 +25,7 @@ from engine.render.maps import MapFactors
 from engine.render.path_lights import EmitterLight, LightSamples, PathLight, SkyLight
 from engine.render.path_lobes import N_NUMBERS, Scattering
 from engine.render.still import Picture, StillProgress, compose
+from engine.scene.frames import local_frames
 from engine.scene.hits import PrimaryHits, emission_towards, object_ids, shading_frames
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
@@ -312,13 +313,12 @@ def _pass_work(
 
 def _vertices(objects: Rows, fields: Mapping[str, NDArray[np.float32]], factors: NDArray[np.float32]) -> _Vertices:
     exact = {name: field.astype(np.float64) for name, field in fields.items()}
-    tangent, normal = exact["tangent"], exact["normal"]
     return _Vertices(
         objects=objects,
         position=exact["position"],
         lift=exact["offset_position"] - exact["position"],
         geometric_normal=exact["geometric_normal"],
-        frame=np.stack([tangent, np.cross(normal, tangent), normal], axis=1),
+        frame=local_frames(exact["tangent"], exact["normal"]),
         wo=exact["wo"],
         factors=factors,
     )

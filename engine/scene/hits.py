@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.scene.camera import centre_directions, pixel_directions
+from engine.scene.frames import object_tangents
 from engine.scene.load import Scene
 from engine.scene.raycaster import Intersections, RayCaster
 from engine.scene.surface_points import SurfacePoints
@@ -149,18 +150,6 @@ def _towards(normals: npt.NDArray[np.float64], wo: Floats) -> npt.NDArray[np.flo
     along = np.einsum("pk,pk->p", normals, wo)[:, None]
     bent = normals + np.maximum(LEAST_COSINE - along, 0.0) * wo
     return np.where(along < LEAST_COSINE, bent / np.linalg.norm(bent, axis=1, keepdims=True), normals)
-
-
-def object_tangents(scene: Scene, ids: Integers, normals: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """normalize(Y × n) with the object's Y axis in the world; its X axis, made perpendicular to n, where Y ∥ n."""
-    axes = np.array([np.reshape(o.transform, (4, 4))[:3, :3].T for o in scene.description.objects])
-    axes /= np.linalg.norm(axes, axis=2, keepdims=True)
-    across = np.cross(axes[ids, 1], normals)
-    x = axes[ids, 0]
-    along = x - np.einsum("pk,pk->p", x, normals)[:, None] * normals
-    length = np.linalg.norm(across, axis=1, keepdims=True)
-    tangent = np.where(length > 1e-4, across, along)
-    return tangent / np.linalg.norm(tangent, axis=1, keepdims=True)
 
 
 def _edge_coverage(scene: Scene, caster: RayCaster, ids: Integers) -> tuple[Integers, Floats, Integers]:

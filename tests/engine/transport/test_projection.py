@@ -26,7 +26,8 @@ from engine.material.kinds import (
     THETA_R,
 )
 from engine.material.layer import make_layer
-from engine.render.integrator import evaluate_layers, local_frames
+from engine.render.integrator import evaluate_layers
+from engine.scene.frames import local_frames
 from engine.scene.primitives import sphere
 from engine.sphere.geodesic import geodesic
 from engine.transport._angle_kernels import fill_gammas, weigh
@@ -233,7 +234,7 @@ def test_a_narrow_lobe_mirrors_the_sky_finer_than_its_lights_are() -> None:
     hits = points_at(np.zeros((24, 3)), np.repeat(UP, 24, axis=0), eyes)
     layer = make_layer(MODELS["rough_conductor"], {"alpha": 0.045})
     wi, power = geodesic(6).centres, triangle_integrals(sky, 0.0, 6)
-    frames = local_frames(hits, np.arange(24))
+    frames = local_frames(hits.tangent, hits.normal)
     expected = np.stack([
         (evaluate_layers([layer], wi @ frame.T, np.tile(frame @ wo, (len(wi), 1))) * power).sum(axis=0)
         for frame, wo in zip(frames, hits.wo.astype(float), strict=True)
@@ -268,7 +269,7 @@ def test_a_sharp_highlight_shows_a_lamp_with_its_edges(hides_from, limit, n_band
     wi, solid_angle = middles / distance, area * middles[:, 1] / distance[:, 0] ** 3
     expected = np.stack([
         (evaluate_layers([layer], wi @ frame.T, np.tile(frame @ wo, (len(wi), 1))) * solid_angle[:, None]).sum(axis=0)
-        for frame, wo in zip(local_frames(hits, np.arange(36)), hits.wo.astype(float), strict=True)
+        for frame, wo in zip(local_frames(hits.tangent, hits.normal), hits.wo.astype(float), strict=True)
     ])  # fmt: skip
     light = light_of(hits, emitters=lamp, blockers=lamp if board is None else np.concatenate([lamp, board]))
     curves = [layer.coefficients(name, n) for name, n in (("theta_h", n_bands), ("theta_d", 16))]
@@ -294,7 +295,7 @@ def test_a_sharp_highlight_amid_lamps_is_as_bright_as_its_albedo() -> None:
     expected = np.stack([
         (evaluate_layers([layer], sky.centres @ frame.T, np.tile(frame @ wo, (len(sky.centres), 1)))
          * sky.solid_angles[:, None]).sum(axis=0)
-        for frame, wo in zip(local_frames(hits, np.arange(3)), hits.wo.astype(float), strict=True)
+        for frame, wo in zip(local_frames(hits.tangent, hits.normal), hits.wo.astype(float), strict=True)
     ])  # fmt: skip
     np.testing.assert_allclose(picture, expected, rtol=0.02)
 

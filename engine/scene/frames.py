@@ -1,0 +1,40 @@
+"""Frames: the axes of objects in the world, and tangent, bitangent and normal at points of their surfaces.
+
+Kernels that frame a point on their own (`indirect._second_kernels`, `transport._seen_kernels`) and the exported
+script do as here.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.scene.load import Scene
+
+Floats = npt.NDArray[np.float64]
+
+
+def object_axes(scene: Scene) -> Floats:
+    """Each object's axes in the world, unit, (M, 3, 3): rows X, Y, Z."""
+    axes = np.array([np.reshape(o.transform, (4, 4))[:3, :3].T for o in scene.description.objects])
+    return axes / np.linalg.norm(axes, axis=2, keepdims=True)
+
+
+def object_tangents(scene: Scene, ids: npt.NDArray[np.integer], normals: Floats) -> Floats:
+    """normalize(Y × n) with the object's Y axis in the world; its X axis, made perpendicular to n, where Y ∥ n.
+
+    ids (P,) of the objects, normals (P, 3) unit.
+    """
+    axes = object_axes(scene)
+    across = np.cross(axes[ids, 1], normals)
+    x = axes[ids, 0]
+    along = x - np.einsum("pk,pk->p", x, normals)[:, None] * normals
+    length = np.linalg.norm(across, axis=1, keepdims=True)
+    tangent = np.where(length > 1e-4, across, along)
+    return tangent / np.linalg.norm(tangent, axis=1, keepdims=True)
+
+
+def local_frames(tangent: npt.NDArray[np.floating], normal: npt.NDArray[np.floating]) -> Floats:
+    """Matrices (P, 3, 3) whose rows are tangent, bitangent, normal: world to local; tangents and normals (P, 3)."""
+    tangent, normal = tangent.astype(np.float64), normal.astype(np.float64)
+    return np.stack([tangent, np.cross(normal, tangent), normal], axis=1)
