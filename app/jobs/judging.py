@@ -30,7 +30,10 @@ def judged(
     where there is none."""
     placement = bench.open_placement
     keys = [key for key, _ in request.layers]
-    if not keys or not all(key in held and STAGES[held[key].stage].stride == 1 for key in keys):
+    if not keys:
+        yield ErrorEstimated(ErrorEstimate(0.0))  # nothing reflects: there is nothing to be off
+        return
+    if not all(key in held and STAGES[held[key].stage].stride == 1 for key in keys):
         return
     quality = _quality(held[keys[0]])
     yield None

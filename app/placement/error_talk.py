@@ -1,8 +1,7 @@
 """How far off the picture is, asked of the worker when nothing else is left to do.
 
 It is asked once the picture has all that was asked for and the hand has rested for a while, and what was asked for is
-given up as soon as the picture is to be another: an edit has the processors to itself. Being a comparison of states, an
-undo that brings the same picture back needs no answer twice.
+given up as soon as the picture is to be another: an edit has the processors to itself.
 """
 
 from __future__ import annotations
@@ -34,11 +33,6 @@ class ErrorTalk:
     def estimate_of(self, document: Document) -> ErrorEstimate | None:
         """What was told of the picture of this document; None while that is not known."""
         return self._estimate if document is self._document else None
-
-    @property
-    def is_under_way(self) -> bool:
-        """Whether the worker has been asked, and has not answered."""
-        return self._asked is not None
 
     def update(self, now: float, document: Document, view: ViewState, revision: int, rests: bool) -> None:
         """Ask where it is time to. revision: of the transport that the picture is made with; rests: whether nothing of

@@ -78,7 +78,7 @@ class TransportTalk:
         self._exact = False
         self._complete = False
         self._released = self._stopped = False
-        self._made_for: tuple[Document, int, int] | None = None
+        self._made_for: tuple[Document, int, int, int] | None = None
         self._light_gain = np.ones(3)
         self.emitters_are_all = False
         self._edited = EditedCurves()
@@ -268,7 +268,7 @@ class TransportTalk:
         if not self.is_open:
             return
         self._precision = precision
-        made_for = (document, n_lights, n_patches)
+        made_for = (document, n_lights, n_patches, n_bounces)
         self._stopped = self._stopped and made_for == self._made_for
         self._made_for = made_for
         wish = self._transport_wish(document, n_lights, n_bounces, n_patches)
@@ -423,6 +423,8 @@ class TransportTalk:
         """The worker goes on with as many bounces as it found that the scene requires."""
         if self._asked is not None:
             self._asked = replace(self._asked, n_bounces=n_bounces)
+        if self._made_for is not None:
+            self._made_for = (*self._made_for[:-1], n_bounces)  # chosen by no hand: what was stopped stays so
 
     def took_picture(self, response: LayerPicture) -> Coefficients:
         """Note a layer's radiance; the coefficients it was made with, by factor."""

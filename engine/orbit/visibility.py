@@ -1,6 +1,6 @@
 """What each shading point sees of its hemisphere: four bits a triangle of the sphere in the point's own frame.
 
-It hangs on geometry alone, so it is computed once and stays on disk. A ray goes through the middle of each of the 2,560
+It hangs on geometry alone, neither on light nor on camera. A ray goes through the middle of each of the 2,560
 triangles above the surface; where a triangle and one of its neighbours differ, four more go through its children, so
 that a shadow's edge is found to 1.4 degrees for a third more rays (one ray alone shifts a sun's shadow by up to half a
 triangle: 9 % of error on the bunny's floor).

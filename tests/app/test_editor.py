@@ -527,6 +527,15 @@ def test_another_light_goes_on_where_work_was_stopped(editor: Editor, client: Fa
     assert not editor.status.stopped and len(computed(client)) == 2
 
 
+def test_more_bounces_go_on_where_work_was_stopped(editor: Editor, client: FakeClient) -> None:
+    editor.cancel_work()
+    editor.tick(0.1)
+    editor.do(SetView.of(n_bounces=4))
+    editor.tick(1.0)
+    editor.tick(2.0)
+    assert not editor.status.stopped and computed(client)[-1].n_bounces == 4
+
+
 def test_stopping_what_the_picture_does_not_need_leaves_nothing_to_resume(settled: Editor, client: FakeClient) -> None:
     settled.talk.rendered(EXACT)
     settled.cancel_work()

@@ -1,11 +1,13 @@
 """Filling the cache: the bytes that an editor keeps, in memory that the size of the transport does not decide."""
 
 import tracemalloc
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import app.precompute as filling
+from app.commands import SetVisible
 from app.jobs.cache import Store
 from app.jobs.messages import Progress
 from app.jobs.tasks import Tasks
@@ -71,3 +73,11 @@ def test_what_is_on_disk_is_not_held(scene: str, tmp_path: Path) -> None:
         tracemalloc.stop()
     assert done.n_bytes > 12e6
     assert peaks[0] - begun[0] < 0.35 * done.n_bytes
+
+
+def test_what_is_hidden_leaves_an_empty_picture(scene: str, tmp_path: Path) -> None:
+    project = open_project(scene, (8, 6))
+    for key, _ in project.document.layers():
+        project = replace(project, document=SetVisible(key, False).apply(project.document))
+    done = precompute(project, lambda progress: None, N_LIGHTS, Store(tmp_path / "cache"))
+    assert done.error.is_none

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from app.commands import AddOperator, SetIntensity, SetRotation
+from app.commands import AddOperator, SetIntensity, SetRotation, SetVisible
 from app.editor import Editor
 from app.jobs import indirect
 from app.jobs.cache import Store
@@ -136,6 +136,16 @@ def test_light_between_surfaces_is_judged_as_it_is_shown(tmp_path: Path, monkeyp
     desk.until_judged()
     without = desk.editor.status.estimate
     assert without is not None and without.indirect is None
+
+
+def test_a_picture_in_which_nothing_reflects_is_not_off(desk: Desk) -> None:
+    """Nothing was answered: a script that waits for it waited for half an hour, and `precompute` failed."""
+    for key, _ in desk.editor.document.layers():
+        desk.editor.do(SetVisible(key, False))
+    desk.until_finished()
+    desk.frames(20)
+    found = desk.editor.status.estimate
+    assert found is not None and found.is_none
 
 
 def test_an_edit_gives_it_up_and_undo_brings_it_back(desk: Desk) -> None:
