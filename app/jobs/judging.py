@@ -18,6 +18,7 @@ from engine.indirect.light import IndirectLight
 from engine.material.layer import Layer, object_of
 from engine.render.error_estimate import estimate_error
 from engine.render.indirect import reflected_light
+from engine.render.picture_error import ErrorEstimate
 from engine.render.still import StillLayer, seen_as, with_maps
 from engine.steps import told_as
 from engine.transport.pipeline import FINAL, Placement, Quality
