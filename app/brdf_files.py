@@ -15,7 +15,7 @@ from engine.material.layer import Layer
 from engine.measured.measurement import Measurement
 from engine.measured.merl import SUFFIX, merl_bytes
 from engine.measured.tables import read_measurement
-from engine.measured.tabulate import tabulate_layers
+from engine.render.tabulate import tabulate_layers
 from engine.steps import finish
 
 Report = Callable[[float, str], None]

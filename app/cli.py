@@ -317,7 +317,7 @@ def export_brdf(
     from app.brdf_files import check_merl_name, export_steps
     from app.map_commands import with_full_names
     from app.material_file import SUFFIX, Material, save_material
-    from engine.measured.tabulate import left_out
+    from engine.render.tabulate import left_out
 
     as_it_is = output.suffix == SUFFIX
     if not as_it_is:

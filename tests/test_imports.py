@@ -1,6 +1,7 @@
 """The direction of imports (engine <- app <- ui), and what the window's process may load."""
 
 import ast
+import graphlib
 import subprocess
 import sys
 from pathlib import Path
@@ -54,13 +55,45 @@ def imported_modules(path: Path) -> list[tuple[int, str]]:
     return found
 
 
+def imported_at_once(path: Path) -> list[str]:
+    """The modules that a file imports as soon as it is imported itself: outside functions and `if TYPE_CHECKING`."""
+    found: list[str] = []
+
+    def walk(statements: list[ast.stmt]) -> None:
+        for node in statements:
+            if isinstance(node, ast.Import):
+                found.extend(alias.name for alias in node.names)
+            elif isinstance(node, ast.ImportFrom) and node.module:
+                found.extend(f"{node.module}.{alias.name}" for alias in node.names)
+            elif isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+                walk(node.orelse)
+            elif isinstance(node, (ast.If, ast.Try, ast.With, ast.ClassDef)):
+                walk([each for each in ast.iter_child_nodes(node) if isinstance(each, ast.stmt)])
+
+    walk(ast.parse(path.read_text(encoding="utf-8")).body)
+    return found
+
+
+def package_graph(root: str) -> dict[str, set[str]]:
+    """Which of a package's parts, folders or single files, each of them imports."""
+    parts = {path.stem for path in (ROOT / root).iterdir() if path.suffix == ".py" or (path / "__init__.py").exists()}
+    graph: dict[str, set[str]] = {part: set() for part in parts - {"__init__"}}
+    for path in (ROOT / root).rglob("*.py"):
+        part = path.relative_to(ROOT / root).with_suffix("").parts[0]
+        for name in imported_at_once(path):
+            package, _, rest = name.partition(".")
+            if package == root and part in graph:
+                graph[part] |= {rest.split(".")[0]} & graph.keys() - {part}
+    return graph
+
+
 def module_name(path: Path) -> str:
     parts = path.relative_to(ROOT).with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
 def window_side_modules() -> list[str]:
-    paths = {path for pattern in WINDOW_SIDE for path in ROOT.glob(pattern) if path.name != "_kernels.py"}
+    paths = {path for pattern in WINDOW_SIDE for path in ROOT.glob(pattern) if not path.name.endswith("_kernels.py")}
     return sorted(module_name(path) for path in paths)
 
 
@@ -83,6 +116,15 @@ def test_relative_imports_are_resolved(tmp_path: Path, monkeypatch: pytest.Monke
     file.write_text("from ...ui import window\nfrom . import b\nfrom ..light.lights import cut\nimport app.cli\n")
     # Three dots climb out of engine.curve to the top, one dot stays in it, two dots reach engine.
     assert imported_modules(file) == [(1, "ui"), (2, "engine.curve"), (3, "engine.light.lights"), (4, "app.cli")]
+
+
+def test_the_engines_packages_import_each_other_in_no_circle() -> None:
+    graph = package_graph("engine")
+    assert "scene" in graph["transport"] and "errors" in graph["scene"]  # folders and files are both seen
+    try:
+        graphlib.TopologicalSorter(graph).prepare()
+    except graphlib.CycleError as error:
+        pytest.fail(f"a circle, each imported by the next: {', '.join(error.args[1])}")
 
 
 def test_window_process_loads_no_slow_library() -> None:

@@ -16,8 +16,8 @@ from app.atomic import write_atomically
 from app.export.xml_parts import add, add_numbers
 from engine.material.layer import Layer
 from engine.material.model import channels
-from engine.measured.tabulate import is_anisotropic
 from engine.render.integrator import evaluate_layers
+from engine.render.tabulate import is_anisotropic
 
 Floats = NDArray[np.float64]
 

@@ -27,9 +27,9 @@ from app.export.xml_parts import add, add_numbers
 from app.project import Project
 from engine.material.layer import Layer, object_of
 from engine.render.image_files import exr_bytes
+from engine.render.surface_maps import mean_factor
 from engine.scene.frames import object_axes
 from engine.steps import finish
-from engine.texture.surface import mean_factor
 
 RENDER = Path(__file__).with_name("render.py")
 MITSUBA = "3.5.0"

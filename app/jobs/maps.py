@@ -16,11 +16,11 @@ from engine.errors import LoadError
 from engine.material.layer import object_of
 from engine.material.maps import Images
 from engine.material.strokes import Strokes
+from engine.render.canvas import Canvas
+from engine.render.surface_maps import MapSampler
 from engine.scene.hits import PrimaryHits
 from engine.scene.load import PROJECTED
-from engine.texture.canvas import Canvas
 from engine.texture.pyramid import Pyramid
-from engine.texture.surface import MapSampler
 from engine.transport.pipeline import Placement
 
 THUMBNAIL_SIDE = 64

@@ -20,11 +20,11 @@ from app.jobs.messages import (
 )
 from app.measurements import with_read
 from engine.errors import InsituError
+from engine.files import resolve_inside
 from engine.measured.measurement import Measurement
 from engine.measured.tables import ArrayStore, is_known, read_measurement, table_of
-from engine.measured.tabulate import left_out
 from engine.plan import band_counts
-from engine.scene.files import resolve_inside
+from engine.render.tabulate import left_out
 from engine.steps import told_as
 
 STAGE = "measured BRDF"

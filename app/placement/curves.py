@@ -16,8 +16,8 @@ from engine.curve.operators import HALF_PI
 from engine.material import MODELS
 from engine.material.layer import Layer, object_of
 from engine.material.maps import Images, MapMeans
+from engine.material.measured_model import MeasuredModel
 from engine.material.model import Model
-from engine.measured.material import MeasuredModel
 from engine.plan import MOST_BANDS, bands_by_hand
 
 Array = NDArray[np.float64]

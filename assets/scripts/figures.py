@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from app.library import Library
 from engine.measured.merl import merl_bytes
-from engine.measured.tabulate import tabulate_layers
+from engine.render.tabulate import tabulate_layers
 
 SCRIPTS = Path(__file__).with_name("figures")
 SCENES = {

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from engine.material.measured_model import MeasuredModel, parameters
 from engine.material.model import THETA_D, THETA_H
-from engine.measured.material import MeasuredModel, parameters
 
 
 class Measured(MeasuredModel):

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from engine.material.homomorphic import P, Q
+from engine.material.measured_model import MeasuredModel, parameters
 from engine.material.model import THETA_O
-from engine.measured.material import MeasuredModel, parameters
 
 
 class MeasuredCloth(MeasuredModel):

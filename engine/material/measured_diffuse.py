@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from engine.material.measured_model import MeasuredModel, parameters
 from engine.material.model import THETA_I, THETA_O
-from engine.measured.material import MeasuredModel, parameters
 
 
 class MeasuredDiffuse(MeasuredModel):

@@ -21,9 +21,9 @@ from engine.material.layer import Layer, object_of
 from engine.plan import Plan
 from engine.render.integrator import integrate_direct
 from engine.render.maps import MapFactors
+from engine.render.surface_maps import MapSampler, SeenMaps
 from engine.scene.hits import PrimaryHits
 from engine.steps import told_as
-from engine.texture.surface import MapSampler, SeenMaps
 from engine.threads import n_threads, pool
 from engine.transport.bandstore import BandStore, BandTile
 from engine.transport.pipeline import FINAL, Placement, Quality, SkyState

@@ -15,9 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.errors import LoadError
+from engine.files import read_regular_file, resolve_inside
 from engine.material.maps import LayerMaps
 from engine.scene.description import LayerDescription
-from engine.scene.files import read_regular_file, resolve_inside
 from engine.scene.glb import Fields, parse_glb
 from engine.scene.gltf_materials import PartMaterial, read_material
 from engine.scene.gltf_textures import Images

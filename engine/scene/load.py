@@ -15,10 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.errors import LoadError
+from engine.files import resolve_inside
 from engine.scene.box_projection import box_frame
 from engine.scene.defects import count_defects
 from engine.scene.description import Camera, SceneDescription, load_description
-from engine.scene.files import resolve_inside
 from engine.scene.mesh import MESH_ENDINGS, Mesh, face_normals, join_meshes, join_uvs, place_mesh
 from engine.scene.parts import ObjectMesh, object_meshes
 from engine.scene.stage import DEFAULT_ENVIRONMENT, stage_mesh

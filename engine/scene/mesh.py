@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.errors import LoadError
-from engine.scene.files import read_regular_file
+from engine.files import read_regular_file
 
 MESH_ENDINGS = (".ply", ".obj", ".glb")
 MAX_MESH_BYTES = 512 * 2**20

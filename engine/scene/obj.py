@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.errors import LoadError
-from engine.scene.files import resolve_inside
+from engine.files import resolve_inside
 from engine.scene.mesh import Mesh, fan_triangles
 
 _IGNORED = frozenset("vp o g s usemtl l p mg usemap maplib lod shadow_obj trace_obj bevel c_interp d_interp".split())

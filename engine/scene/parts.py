@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from engine.errors import LoadError
+from engine.files import resolve_inside
 from engine.scene.description import MAX_OBJECTS, LayerDescription, ObjectDescription, SceneDescription
-from engine.scene.files import resolve_inside
 from engine.scene.gltf import GlbModel, GlbPart, read_glb
 from engine.scene.gltf_materials import GREY
 from engine.scene.mesh import Mesh, join_meshes, read_mesh

@@ -12,8 +12,8 @@ from pathlib import Path
 from threading import Lock
 
 from engine.errors import LoadError
+from engine.files import read_regular_file, resolve_inside
 from engine.material.maps import Images, Space
-from engine.scene.files import read_regular_file, resolve_inside
 from engine.texture.images import MAX_IMAGE_BYTES, read_texture, read_weight
 from engine.texture.pyramid import Pyramid, make_pyramid
 

@@ -1,5 +1,5 @@
 // Provides: samples of a measurement between its grid's points, and what of them a layer's quotient is, per channel
-// (engine/measured/_kernels.py). `table`: 1/sr over phi_d (across, 0 to pi, which wraps round), theta_d (up) and theta_h
+// (material._measured_kernels). `table`: 1/sr over phi_d (across, 0 to pi, which wraps round), theta_d (up) and theta_h
 // (layers, spaced by its square root), both from 0 to pi/2. Filtering is done here: a sampler's own has weights of
 // eight bits.
 

@@ -17,7 +17,7 @@ from engine.measured.coordinates import above_horizon, grid_directions
 from engine.measured.evaluate import evaluate_table
 from engine.measured.merl import merl_samples, read_merl
 from engine.measured.tables import read_measurement, table_of
-from engine.measured.tabulate import left_out, tabulate_layers
+from engine.render.tabulate import left_out, tabulate_layers
 from engine.steps import finish
 
 SCENE = """
@@ -103,8 +103,8 @@ def test_what_a_table_cannot_hold_is_averaged_and_told(monkeypatch: pytest.Monke
     assert note.startswith("ward_anisotropic: averaged around the normal")
     assert left_out([layer.replace(visible=False)]) == ()
     wi, wo = grid_directions()
-    monkeypatch.setattr("engine.measured.tabulate.grid_directions", lambda: (wi[:, 30:31, :8], wo[:, 30:31, :8]))
-    monkeypatch.setattr("engine.measured.tabulate.SHAPE", (90, 1, 8))
+    monkeypatch.setattr("engine.render.tabulate.grid_directions", lambda: (wi[:, 30:31, :8], wo[:, 30:31, :8]))
+    monkeypatch.setattr("engine.render.tabulate.SHAPE", (90, 1, 8))
     *_, table = tabulate_layers([layer])
     turn: Callable[[np.ndarray, float], np.ndarray] = lambda v, a: np.array(  # noqa: E731
         [v[0] * np.cos(a) - v[1] * np.sin(a), v[0] * np.sin(a) + v[1] * np.cos(a), v[2]]

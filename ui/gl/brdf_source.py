@@ -14,8 +14,8 @@ from functools import lru_cache
 from pathlib import Path
 
 from engine.material import kinds
+from engine.material.measured_model import MeasuredModel
 from engine.material.model import Factor, Model
-from engine.measured.material import MeasuredModel
 from ui.gl.measured_source import ANGLES, n_factor_rows, quotient_text, value_text
 from ui.gl.python_source import PythonSource
 from ui.gl.python_to_glsl import Foreign, Translation

@@ -1,7 +1,7 @@
 """The GLSL of a measured layer's quotient: formed where it is looked up, of the measurement and its factors.
 
     table of samples ─► shaders/brdf/measured.glsl ─┐
-    factors as fitted ─► rows of the curves' texture ┴─► quotient per channel, as in engine/measured/_kernels.py
+    factors as fitted ─► rows of the curves' texture ┴─► quotient per channel, as material._measured_kernels has it
 
 Both parts of a measurement share one look-up. The factors are sampled as the layer's own curves are, so that an
 unedited layer is the measurement to the last digits of single precision, at the factors' bends as well.
@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from engine.material import kinds
 from engine.material.layer import Layer
+from engine.material.measured_model import MeasuredModel, measurement_of
 from engine.material.model import number
-from engine.measured.material import MeasuredModel, measurement_of
 from engine.measured.measurement import Measurement, Part
 
 Array = NDArray[np.float64]

@@ -13,9 +13,9 @@ from PIL import Image
 
 from engine.errors import LoadError
 from engine.material.maps import LayerMaps
+from engine.render.surface_maps import look_up, uvs_at
 from engine.scene.gltf import GlbModel, read_glb
 from engine.scene.load import load_scene
-from engine.texture.surface import look_up, uvs_at
 
 Glb = tuple[dict[str, Any], bytes]
 

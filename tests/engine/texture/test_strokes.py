@@ -10,10 +10,10 @@ import pytest
 from engine.material.maps import Images, LayerMaps, map_values, maps_from
 from engine.material.parameters import ParameterError
 from engine.material.strokes import MAX_DABS, Stroke, Strokes, pack_dabs
+from engine.render.surface_maps import MapSampler
 from engine.scene.description import parse_description
 from engine.scene.load import build_scene
 from engine.texture.strokes import MOST_BACK, PaintedPoints
-from engine.texture.surface import MapSampler
 from engine.transport.pipeline import Placement
 
 CAMERA = {"position": [0, 0, 3], "target": [0, 0, 0], "fov_y": 25, "resolution": [32, 32]}

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.material.maps import Images, LayerMaps
+from engine.render.canvas import Canvas, SeenMaps, mean_maps, spread_points, uvs_at
 from engine.scene.camera import pixel_directions
 from engine.scene.hits import PrimaryHits
 from engine.scene.load import Scene
 from engine.scene.raycaster import Intersections, RayCaster
-from engine.texture.canvas import Canvas, SeenMaps, mean_maps, spread_points, uvs_at
 from engine.texture.pyramid import Pyramid
 from engine.texture.store import TextureStore
 

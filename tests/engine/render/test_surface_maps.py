@@ -13,11 +13,11 @@ from engine.material import MODELS
 from engine.material.layer import Layer
 from engine.material.maps import Images, LayerMaps, MapMeans
 from engine.render.maps import MapFactors
+from engine.render.surface_maps import MapSampler, look_up, uvs_at
 from engine.scene.description import dump_description, load_description, parse_description
 from engine.scene.load import Scene, load_scene
 from engine.scene.mesh import place_mesh, read_mesh
 from engine.scene.primitives import PRIMITIVES
-from engine.texture.surface import MapSampler, look_up, uvs_at
 from engine.transport.pipeline import Placement
 
 HEAD = """
@@ -146,7 +146,7 @@ def test_layers_of_an_object_share_what_they_have_in_common(tmp_path: Path, monk
     placement = Placement(scene)
     sampler = MapSampler(scene, placement.caster, placement.hits)
     first = sampler.see(0, Images(weight="ramp.png"))
-    monkeypatch.setattr("engine.texture.surface._footprints", None)  # not asked for again
+    monkeypatch.setattr("engine.render.surface_maps._footprints", None)  # not asked for again
     again = sampler.see(0, Images("ramp.png", "linear", (2.0, 1.0), "ramp.png"))
     assert np.shares_memory(first.weight, again.weight)
     twice = sampler.see(0, Images("ramp.png", "linear", (1.0, 1.0)))

@@ -33,14 +33,14 @@ class MeasuredModel(Model):
     @property
     def number(self) -> int:
         from engine.material._kernels import quotient_number
-        from engine.measured._kernels import quotient
+        from engine.material._measured_kernels import quotient
 
         return quotient_number(quotient)
 
     @property
     def colours_number(self) -> int:
         from engine.material._kernels import colours_number
-        from engine.measured._kernels import quotients
+        from engine.material._measured_kernels import quotients
 
         return colours_number(quotients)
 
