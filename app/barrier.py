@@ -67,10 +67,6 @@ class Barrier:
             self._faults.pop(part, None)
         return result
 
-    def is_down(self, part: str) -> bool:
-        """Whether that part failed when it was tried last."""
-        return part in self._faults
-
     def _rests(self, part: str, made_of: tuple[object, ...]) -> bool:
         fault = self._faults.get(part)
         return fault is not None and fault.made_of == made_of and self._clock() < fault.until

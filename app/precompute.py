@@ -26,8 +26,6 @@ from engine.plan import N_LIGHTS, N_PATCHES
 from engine.render.error_estimate import WHAT
 from engine.render.picture_error import ErrorEstimate
 
-STEP_SECONDS = 0.1
-
 Report = Callable[[Progress], None]
 Answer = TypeVar("Answer", bound=Response)
 

@@ -70,14 +70,6 @@ class Geodesic:
         """(T, 3) int32: entry k is the triangle across the edge from corner k to corner k+1 (mod 3)."""
         return _readonly(_edge_neighbours(self.triangles, len(self.vertices)))
 
-    @cached_property
-    def vertex_neighbours(self) -> Indices:
-        """(T, 12) int32: every triangle sharing at least one vertex, ascending, padded with -1 at the end.
-
-        There are 12 of them, 11 beside one of the twelve vertices of the icosahedron, 9 at level 0.
-        """
-        return _readonly(_corner_neighbours(self.triangles, len(self.vertices)))
-
 
 @lru_cache(maxsize=MAX_LEVEL + 1)
 def geodesic(level: int) -> Geodesic:
@@ -237,21 +229,3 @@ def _edge_neighbours(triangles: Indices, n_vertices: int) -> Indices:
     order = np.argsort(forward)
     partner = order[np.searchsorted(forward[order], backward)]
     return (partner // 3).astype(np.int32).reshape(-1, 3)
-
-
-def _corner_neighbours(triangles: Indices, n_vertices: int) -> Indices:
-    """All triangles around the three corners, each once, without the triangle itself."""
-    n_triangles = len(triangles)
-    around = np.full((n_vertices, 6), n_triangles, np.int32)
-    by_vertex = np.argsort(triangles.ravel(), kind="stable")
-    owner = triangles.ravel()[by_vertex]
-    slot = np.arange(len(owner)) - np.searchsorted(owner, owner)
-    around[owner, slot] = by_vertex // 3
-    found = np.sort(around[triangles].reshape(n_triangles, 18), axis=1)
-    repeated = np.zeros(found.shape, bool)
-    repeated[:, 1:] = found[:, 1:] == found[:, :-1]
-    itself = found == np.arange(n_triangles)[:, None]
-    found[repeated | itself] = n_triangles
-    kept = np.sort(found, axis=1)[:, :12]
-    kept[kept == n_triangles] = -1
-    return kept

@@ -16,6 +16,16 @@ def holds(directions: NDArray[np.float64], corners: NDArray[np.float64], slack: 
     return inside
 
 
+def vertex_neighbours(triangles: NDArray[np.integer]) -> NDArray[np.int32]:
+    """(T, 12): every other triangle that shares a vertex, ascending, padded with -1 at the end."""
+    around = np.full((len(triangles), 12), -1, np.int32)
+    for i, corners in enumerate(triangles):
+        there = np.flatnonzero(np.isin(triangles, corners).any(axis=1))
+        there = there[there != i]
+        around[i, : len(there)] = there
+    return around
+
+
 def directions_of_texels(height: int, width: int) -> NDArray[np.float64]:
     """(H, W, 3): the direction of every texel's centre, by the formula of docs/conventions.md."""
     theta = np.pi * (np.arange(height) + 0.5) / height

@@ -33,7 +33,6 @@ SECOND_HINT = (
 LIGHTS_HINT = "Triangle lights that stand for the environment in the finished picture: more are truer and take longer."
 PATCHES_HINT = "Parts that lamps are cut into in the finished picture: more give truer shadows and take longer."
 GAP = 4.0
-VALUE_COLUMN = 112.0
 
 
 def draw(context: PanelContext) -> list[Action]:

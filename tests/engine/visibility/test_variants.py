@@ -12,6 +12,7 @@ from engine.transport.lighting import prepare_lighting
 from engine.transport.pipeline import Placement
 from engine.visibility.points import brute_force_visibility
 from engine.visibility.targets import Targets
+from tests.naive.sphere import vertex_neighbours
 from tests.naive.visibility_variants import VARIANTS, trace_variant
 
 # Most answers that may be wrong, of those above the horizon. The thesis gives 0.1 % for the five that it trusts and
@@ -27,7 +28,8 @@ def shapes() -> Shapes:
     placement = Placement(load_scene(builtin_scenes()["shapes"], (40, 40)))
     sphere = geodesic(2)
     centres = np.ascontiguousarray(sphere.centres, np.float32)
-    return placement.hits, placement.caster, Targets(centres, np.zeros_like(centres), sphere.vertex_neighbours)
+    targets = Targets(centres, np.zeros_like(centres), vertex_neighbours(sphere.triangles))
+    return placement.hits, placement.caster, targets
 
 
 @pytest.fixture(scope="module")

@@ -237,10 +237,6 @@ class PlacementRenderer:
         """Whether the active transport is of half or single floats; None where none is active."""
         return self._edited.precision
 
-    def cancel_transport(self) -> None:
-        """Give up an upload under way; the active transport stays."""
-        self._edited.cancel()
-
     def transport_curve(self, key: str) -> str | None:
         """The curve of a layer's active transport; None where there is none."""
         return self._edited.curve(key)
