@@ -17,26 +17,11 @@ from engine.indirect.series import BounceSeries
 from engine.light.image_files import read_radiance_image
 from engine.render.picture_error import ErrorEstimate
 from engine.transport.pipeline import Placement
+from tests.app.ground import ground
 
 JUDGES = Path(__file__).resolve().parents[1] / "golden" / "rooms"
 ROOMS = ("cornell", "room", "stairwell", "ajar", "storeroom", "teatray")
 Captured = pytest.CaptureFixture[str]
-
-DARK = """version = 1
-bounces = {bounces}
-[camera]
-position = [0.4, 1.6, 2.6]
-target = [0, 0.3, 0]
-fov_y = 45
-resolution = [16, 12]
-[environment]
-radiance = [0, 0, 0]
-[[object]]
-name = "ground"
-primitive = "quad"
-transform = [9,0,0,0, 0,0,9,0, 0,-9,0,0, 0,0,0,1]
-layer = [{{ model = "lambert" }}]
-"""
 
 
 def judged(scene: str, n_bounces: int, size: tuple[int, int] = (48, 36), **effort: int) -> tuple[Still, ErrorEstimate]:
@@ -85,7 +70,7 @@ def test_too_few_lights_are_told() -> None:
 @pytest.mark.parametrize("bounces", [1, 2])
 def test_the_dark_has_no_error(tmp_path: Path, bounces: int) -> None:
     path = tmp_path / "scene.toml"
-    path.write_text(DARK.format(bounces=bounces))
+    path.write_text(ground((16, 12), "[0, 0, 0]", bounces=bounces))
     still, estimate = judged(str(path), bounces, n_lights=400)
     assert not still.picture.any() and estimate.total == 0.0 and not estimate.is_poor
 

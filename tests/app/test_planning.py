@@ -26,6 +26,7 @@ from app.project import open_project
 from app.session import save_session
 from app.view_state import ViewState
 from engine.scene.builtin import builtin_scenes
+from tests.app.ground import ground
 
 # Within a ball whose texture takes four fifths of the light: by its albedo alone it would need four bounces.
 SCENE = """
@@ -105,26 +106,12 @@ def test_precompute_finds_the_indirect_light_that_the_editor_will_want(scene: st
     assert "indirect light" in stages
 
 
-BALL = """version = 1
-bounces = 1
-[camera]
-position = [0.4, 1.6, 2.6]
-target = [0, 0.3, 0]
-fov_y = 45
-resolution = [160, 120]
-[environment]
-radiance = [0.4, 0.5, 0.7]
-[[object]]
-name = "ground"
-primitive = "quad"
-transform = [9,0,0,0, 0,0,9,0, 0,-9,0,0, 0,0,0,1]
-layer = [{ model = "lambert" }]
-"""
+GROUND = ground((160, 120))
 
 
 def test_main_memory_is_told_within_a_third(tmp_path: Path) -> None:
     file = tmp_path / "scene.toml"
-    file.write_text(BALL)
+    file.write_text(GROUND)
     plan = plan_project(open_project(str(file)), lambda step: None)
     peak = 0
     # What the system keeps as a process's peak begins with what its parent had.

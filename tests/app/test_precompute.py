@@ -14,24 +14,11 @@ from app.jobs.tasks import Tasks
 from app.precompute import precompute
 from app.project import open_project
 from engine.render.error_estimate import WHAT
+from tests.app.ground import ground
 
 N_LIGHTS = 401  # more than a preview has, so that it is kept
 
-SCENE = """version = 1
-bounces = 1
-[camera]
-position = [0.4, 1.6, 2.6]
-target = [0, 0.3, 0]
-fov_y = 45
-resolution = [160, 120]
-[environment]
-radiance = [0.4, 0.5, 0.7]
-[[object]]
-name = "ground"
-primitive = "quad"
-transform = [9,0,0,0, 0,0,9,0, 0,-9,0,0, 0,0,0,1]
-layer = [{ model = "lambert" }, { model = "rough_conductor" }]
-"""
+SCENE = ground((160, 120), gloss=True)
 
 
 @pytest.fixture

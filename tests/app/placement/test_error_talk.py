@@ -24,28 +24,18 @@ from app.view_state import SetView
 from engine.curve.operators import Operator
 from engine.indirect.series import BounceSeries
 from engine.indirect.solver import ROUGH
+from tests.app.ground import ground
 
 LIFT = Operator("translate", "y", 0.1, 0.2, 0.3, 0.4, magnitude=1.0)
-SCENE = """version = 1
-bounces = 1
-[camera]
-position = [0.4, 1.6, 2.6]
-target = [0, 0.3, 0]
-fov_y = 45
-resolution = [16, 12]
-[environment]
-radiance = [0.4, 0.5, 0.7]
-[[object]]
-name = "ground"
-primitive = "quad"
-transform = [9,0,0,0, 0,0,9,0, 0,-9,0,0, 0,0,0,1]
-layer = [{ model = "lambert" }]
-[[object]]
+SCENE = (
+    ground((16, 12))
+    + """[[object]]
 name = "ball"
 primitive = "sphere"
 transform = [1,0,0,0, 0,1,0,0.5, 0,0,1,0, 0,0,0,1]
 layer = [{ model = "rough_conductor", alpha = 0.3 }]
 """
+)
 
 
 class WatchedClient(InProcessClient):
