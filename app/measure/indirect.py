@@ -23,6 +23,7 @@ from app.measure.subject import at_most, open_subject
 from app.project import open_project
 from app.stills import render_picture
 from engine.indirect.series import parse_series
+from engine.transport.pipeline import Placement
 
 CSV = "indirect_memory.csv"
 OF_CORNELL = ("gi_edit_ms", "gi_memory_mb_cornell", "gi_first_s", "gi_first_error")
@@ -163,7 +164,8 @@ def _reference_figures(name: str) -> Sequence[Figure]:
         absent = "../shared/reference is not beside this checkout"
         return [not_measured(f"gi_{kind}_{name}", absent) for kind in KINDS]
     found, glossy = (series_errors(folder, name, series) for series in (SERIES, GLOSSY_SERIES))
-    how = "`insitu render --series {}` against ../shared/reference/{}_4.exr within its mask".format
+    where = "within its mask, but for normals seen edge on"
+    how = f"`insitu render --series {{}}` against ../shared/reference/{{}}_4.exr {where}".format
     return [
         Figure(f"gi_error_{name}", (found.rmse,), how(SERIES, name)),
         Figure(f"gi_mean_{name}", (abs(found.mean),), how(SERIES, name), {"signed": found.mean}),
@@ -174,8 +176,9 @@ def _reference_figures(name: str) -> Sequence[Figure]:
 def series_errors(folder: Path, name: str, text: str) -> Errors:
     """A reference scene with four bounces against the path-traced picture of as many."""
     series = parse_series(text)
-    ours = render_picture(open_project(str(folder / f"{name}.toml")), lambda step: None, series=series)
-    truth, mask = masked_reference(folder, name, series.n_bounces)
+    project = open_project(str(folder / f"{name}.toml"))
+    ours = render_picture(project, lambda step: None, series=series)
+    truth, mask = masked_reference(folder, name, series.n_bounces, Placement(project.scene).hits)
     if ours.shape != truth.shape:
         raise ValueError(f"{name}: picture {ours.shape} and reference {truth.shape}, expected equal shapes")
     return errors(ours[mask], truth[mask])

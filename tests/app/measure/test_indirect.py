@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import app.measure.indirect as indirect
+from app.measure.accuracy import masked_reference
 from app.measure.figures import Figure, NotMeasured
 from app.measure.growth import Row
 from app.measure.indirect import IndirectEffort, indirect_figures
 from app.measure.peer import FIGURE as PEER
 from app.measure.representations import Row as Compared
+from app.project import open_project
+from engine.render.image_files import write_exr
+from engine.transport.pipeline import Placement
 
 FOUND: dict[str, Any] = {
     "renderer": "a renderer",
@@ -86,3 +92,17 @@ def test_the_sign_of_a_mean_is_told_beside_its_size(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(indirect, "series_errors", lambda folder, name, series: indirect.Errors(0.02, -0.004))
     error, mean, _ = indirect._reference_figures("cornell")
     assert (error.value, mean.value, mean.parts["signed"]) == (0.02, 0.004, -0.004)
+
+
+def test_normals_seen_edge_on_do_not_count(tmp_path: Path, tiny_scene: str) -> None:
+    # Where they would lean away from the eye, the references are dark dots.
+    hits = Placement(open_project(tiny_scene).scene).hits
+    across = np.cross(hits.wo[7], hits.geometric_normal[7])
+    normals = hits.normal.copy()
+    normals[7] = across / np.linalg.norm(across)
+    height, width = hits.object_image.shape
+    write_exr(tmp_path / "tiny_1.exr", np.ones((height, width, 3), np.float32))
+    Image.fromarray(np.full((height, width), 255, np.uint8)).save(tmp_path / "tiny_mask.png")
+    assert masked_reference(tmp_path, "tiny", 1, hits)[1].all()
+    mask = masked_reference(tmp_path, "tiny", 1, replace(hits, normal=normals))[1]
+    assert np.flatnonzero(~mask).tolist() == [hits.pixel[7]]
