@@ -14,7 +14,7 @@ from engine.orbit.picture import Seen, look, picture, reflected, sunlit
 from engine.orbit.shading_points import ShadingPoints, shading_points
 from engine.orbit.sky import make_sky
 from engine.orbit.slices import make_slices
-from engine.orbit.visibility import Bits, see, see_patches
+from engine.orbit.visibility import N_UPPER, Bits, see, see_patches
 from engine.render.maps import MapFactors
 from engine.render.still import StillProgress
 from engine.transport.pipeline import Placement, SkyState
@@ -67,11 +67,11 @@ def render_orbit(
 
 
 def _visibility(points: ShadingPoints, placement: Placement) -> Generator[StillProgress, None, Bits]:
-    parts = []
-    for _, stop, bits in see(points, placement.caster):
-        parts.append(bits)
+    bits = np.empty((len(points), N_UPPER // 2), np.uint8)
+    for start, stop, part in see(points, placement.caster):
+        bits[start:stop] = part
         yield StillProgress(_SEEING * stop / len(points), "visibility")
-    return np.concatenate(parts)
+    return bits
 
 
 def _with_maps(placement: Placement, seen: Seen, layers_of: LayersOf, reflect: Callable[[LayersOf], Floats]) -> Floats:

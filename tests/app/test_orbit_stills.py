@@ -62,3 +62,11 @@ def test_the_command_writes_it_and_says_that_bounces_are_missing(tmp_path, capsy
     assert "Orbit shows direct light alone" in capsys.readouterr().out
     assert insitu("render", "cornell", "-o", out, "--mode", "orbit", "--reference") != 0
     assert "--mode orbit --reference" in capsys.readouterr().err
+
+
+def test_lamps_alone_are_drawn(tmp_path: Path) -> None:
+    """There is no point to be lit."""
+    lamp = 'version = 1\n[camera]\nposition = [0, 0, 3]\ntarget = [0, 0, 0]\n[[object]]\nname = "lamp"\n'
+    (tmp_path / "lamp.toml").write_text(lamp + 'primitive = "quad"\nemission = [1, 2, 3]\n')
+    found = render_project(open_project(str(tmp_path / "lamp.toml"), (8, 6)), lambda _: None, mode="orbit").picture
+    np.testing.assert_array_equal(found[3, 4], [1.0, 2.0, 3.0])
