@@ -27,6 +27,15 @@ def broken(*arguments, **named):
     raise KeyError("theta_i")
 editor.talk._transport.update = broken
 """
+RECORD = """
+editor.brightness, inner = [], window._frame
+editor.unrecorded = inner
+def watched(inner=inner, window=window, editor=editor):
+    result = inner()
+    editor.brightness.append(float(window._feed.source.renderer.display_image()[..., :3].mean()))
+    return result
+window._frame = watched
+"""
 
 
 def test_one_material_of_the_library_after_another(real: RealWindow) -> None:
@@ -94,3 +103,17 @@ def test_exact_is_said_of_nothing_that_is_not(small: RealWindow) -> None:
     assert 0.0 < small.ask("editor.talk._noise") < small.ask("editor.status.indirect_noise")  # part of it is direct
     small.wait_until("editor.status.estimate is not None")
     assert small.ask("editor.status.image_error == editor.status.estimate.total > editor.status.estimate.indirect > 0")
+
+
+def test_a_measured_import_flashes_in_no_frame(small: RealWindow, merl_file: Path) -> None:
+    small.fresh(select="ball.1.theta_h")
+    small.wait_until("editor.status.is_finished")
+    small.do(RECORD)
+    made = f"ImportMeasured(pathlib.Path({str(merl_file)!r}))"
+    small.do(f"import pathlib; from ui.panels.actions import ImportMeasured; shell.do({made})")
+    small.wait_until("'measured' in editor.document.object('ball').layers[0].model.name")
+    small.wait_until("editor.status.is_finished")
+    small.do("window._frame = editor.unrecorded")
+    found = np.array(small.ask("editor.brightness"))
+    low, high = sorted((found[0], found[-1]))
+    assert len(found) > 5 and found.max() < 1.1 * high and found.min() > 0.9 * low
