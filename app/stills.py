@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,10 +39,11 @@ from engine.steps import finish
 from engine.transport.pipeline import Placement
 
 REFERENCE_PATCHES = 1024
+_DIRECT_ALONE = "Orbit shows direct light alone: what bounces on is missing from this picture"
 ENDINGS = (".exr", ".png")
 
 Report = Callable[[StillProgress], None]
-_DIRECT_ALONE = "Orbit shows direct light alone: what bounces on is missing from this picture"
+Mode = Literal["placement", "orbit"]
 Steps = Generator[StillProgress, None, NDArray[np.float32]]
 
 
@@ -58,7 +60,7 @@ def check_output(path: Path, endings: tuple[str, ...] = ENDINGS) -> Path:
 @dataclass(frozen=True, eq=False)
 class Still:
     """Linear radiance (H, W, 3), and how far off it is by its own judgement, None where nobody asked. warning: what is
-    to be said of light that so many bounces leave out, else ""."""
+    to be said of light that is left out, else ""."""
 
     picture: NDArray[np.float32]
     error: ErrorEstimate | None = None
@@ -78,7 +80,7 @@ def render_picture(
 
 def render_project(
     project: Project, report: Report, *, n_lights: int = N_LIGHTS, n_patches: int = N_PATCHES, reference: bool = False,
-    series: BounceSeries | None = None, n_samples: int | None = None, judges: bool = False, mode: str = "placement",
+    series: BounceSeries | None = None, n_samples: int | None = None, judges: bool = False, mode: Mode = "placement",
 ) -> Still:  # fmt: skip
     """A still of a project, with the editor's transport, in Orbit's way (mode "orbit") or by brute force.
 

@@ -87,9 +87,7 @@ def triangle_seen(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def suns_seen_range(
-    start: int,
-    stop: int,
+def suns_seen(
     points: NDArray[np.int64],
     frames: Floats,
     bits: NDArray[np.uint8],
@@ -100,8 +98,8 @@ def suns_seen_range(
     level: int,
     seen: NDArray[np.bool_],
 ) -> None:
-    """Fill seen[start:stop] (N, M): whether points (N,) see each of M suns."""
-    for j in range(start, stop):
+    """Fill seen (N, M): whether points (N,) see each of M suns."""
+    for j in range(len(points)):
         p = points[j]
         for s in range(len(sun_direction)):
             seen[j, s] = triangle_seen(frames[p], bits[p], places, sun_direction[s], roots, planes, level) >= 0

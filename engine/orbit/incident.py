@@ -23,7 +23,7 @@ from engine.orbit.sky import Sky
 from engine.orbit.visibility import LEVEL, Bits, upper
 from engine.sphere.geodesic import descent_tables, geodesic, triangle_first_moments
 from engine.sphere.haar import N_ROOTS
-from engine.threads import even_parts, on_threads
+from engine.threads import on_threads
 
 Floats = NDArray[np.float32]
 # Points a batch, and points between two reports.
@@ -95,14 +95,8 @@ def visible_powers(frame: Floats, bits: Bits, sky: Sky) -> Floats:
 def suns_seen(points: ShadingPoints, bits: Bits, sky: Sky, which: NDArray[np.integer]) -> NDArray[np.bool_]:
     """Whether some of the points (N,) see each of the sky's suns, (N, M)."""
     seen = np.empty((len(which), len(sky.sun_power)), bool)
-    at, tables = which.astype(np.int64), descent_tables(LEVEL + 1)
-
-    def part(start: int, stop: int) -> None:
-        kernels.suns_seen_range(
-            start, stop, at, points.frames, bits, _places(), sky.sun_direction, *tables, LEVEL, seen
-        )  # fmt: skip
-
-    on_threads(part, *even_parts(len(which)))
+    tables = descent_tables(LEVEL + 1)
+    kernels.suns_seen(which.astype(np.int64), points.frames, bits, _places(), sky.sun_direction, *tables, LEVEL, seen)
     return seen
 
 
