@@ -297,7 +297,8 @@ def test_what_bounces_leave_out_stands_in_the_plan(tmp_path: Path, capsys: Captu
     said = "all light is reflected on and on: no number of bounces holds it, 3 are shown"
     assert line.endswith(f"as the scene says; {said}")
     for how in ((), ("--reference", "--samples", 1)):
-        assert run("render", closed, "-o", tmp_path / "a.png", "--lights", 20, *how) == 0
+        small = ("--lights", 20, "--resolution", 12, 9)
+        assert run("render", closed, "-o", tmp_path / "a.png", *small, *how) == 0
         assert f"note: {said}" in capsys.readouterr().out.splitlines()
 
 

@@ -50,7 +50,9 @@ def test_killed_within_a_step(client: Client) -> None:
     collect(client, seen(Progress))
     kill(client)
     answers = collect(client, seen(WorkerRestarted))
-    assert answers == [WorkerRestarted("it was ended by SIGKILL")]
+    (restarted,) = of(WorkerRestarted, answers)
+    # The system may close what a process held before it tells how that ended, and the window does not wait for it.
+    assert restarted.reason in ("it was ended by SIGKILL", "it closed its connection")
     answers += collect(client, seen(Progress))
     assert [type(answer) for answer in answers] == [WorkerRestarted, SceneOpened, SceneSeen, Progress]
     assert answers[-1].id == light

@@ -32,6 +32,7 @@ EFFORT = Effort(
     Grid((50, 400), (16, 64), (1, 64), side=24, n_points=6, level=4),
     IndirectEffort(2, 1, (2, 4), 24, 32, ((2, 2), (3, 3)), 24, warm_up=False, room=False),
     rooms=None,
+    gloss=None,
 )
 pytestmark = pytest.mark.slow
 WINDOW = ("window_s", "first_picture_s", "worst_stall_ms")
