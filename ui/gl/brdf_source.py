@@ -21,7 +21,7 @@ from ui.gl.python_source import PythonSource
 from ui.gl.python_to_glsl import Foreign, Translation
 
 KERNELS = Path(inspect.getfile(kinds)).with_name("_kernels.py")
-MEASURED_KERNELS = Path(inspect.getfile(MeasuredModel)).with_name("_kernels.py")
+MEASURED_KERNELS = Path(inspect.getfile(MeasuredModel)).with_name("_measured_kernels.py")
 INCLUDES = '#include "brdf/arithmetic.glsl"\n#include "brdf/curves.glsl"\n'
 MEASURED_INCLUDE = '#include "brdf/measured.glsl"\n'
 PAIR = "wi.x, wi.y, wi.z, wo.x, wo.y, wo.z"
