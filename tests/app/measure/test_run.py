@@ -30,7 +30,7 @@ EFFORT = Effort(
     False,
     600.0,
     Grid((50, 400), (16, 64), (1, 64), side=24, n_points=6, level=4),
-    IndirectEffort(2, 1, (2, 4), 24, 32, ((2, 2), (3, 3)), 24, warm_up=False, room=False),
+    IndirectEffort(2, 1, (2, 4), 12, 12, ((2, 2), (3, 3)), 12, warm_up=False, room=False),
     rooms=None,
     gloss=None,
 )
