@@ -35,7 +35,8 @@ _PIXELS = 1024  # at a time: up to 130,000 pairs of pixel and sun
 class Seen:
     """What the pixels (H·W) of a picture see: the shading points `corners` (P, 3) around what the pixels `pixel` (P,)
     hit, and their weights (P, 3); wo (P, 3) to the eye; directions (H, W, 3); emitted (H, W, 3); covered (H, W): where
-    there is any surface; from_behind: objects that are seen where they have no points."""
+    there is any surface; found: where on the scene's triangles all pixels' rays end, objects (H·W,): of which object,
+    −1 for none; from_behind: objects that are seen where they have no points."""
 
     pixel: NDArray[np.intp]
     corners: NDArray[np.int32]
@@ -44,6 +45,8 @@ class Seen:
     directions: Floats
     emitted: Floats
     covered: NDArray[np.bool_]
+    found: Intersections
+    objects: NDArray[np.int32]
     from_behind: tuple[int, ...]
 
 
@@ -67,7 +70,7 @@ def look(
     u, v = found.u[pixel], found.v[pixel]
     return Seen(
         pixel, corners[pixel], np.stack([1.0 - u - v, u, v], axis=1), -flat[pixel], directions, emitted,
-        hit.reshape(directions.shape[:2]),
+        hit.reshape(directions.shape[:2]), of_scene, ids,
         tuple(int(i) for i in np.unique(ids[hit & back & ~has_points]) if not scene.emitters[i]),
     )  # fmt: skip
 

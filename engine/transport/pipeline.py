@@ -129,12 +129,7 @@ class Placement:
 
     def patches(self, n_patches: int) -> EmitterPatches | None:
         """The scene's emitters cut into about n_patches, or None where nothing shines."""
-        scene = self.scene
-        shining = (scene.emitters & scene.emission.any(axis=1))[scene.object_of_triangle]
-        if not shining.any():
-            return None
-        triangles = self.scene.vertices[self.scene.triangles[shining]]
-        return emitter_patches(triangles, self.scene.emission[self.scene.object_of_triangle[shining]], n_patches)
+        return patches_of(self.scene, n_patches)
 
     def emitters(self, n_patches: int) -> EmitterTree | None:
         """The tree of emitters with about n_patches leaves, for the picture's points; None where nothing shines."""
@@ -145,3 +140,12 @@ class Placement:
     def _see(self, visibility: Visibility, stride: int, sphere: Visibility | None = None) -> Iterator[float]:
         yield from coherent_visibility(self.hits, self.caster, visibility, stride, sphere)
         evaluate_rows(self.hits, self.caster, visibility, self.rows(stride))
+
+
+def patches_of(scene: Scene, n_patches: int) -> EmitterPatches | None:
+    """A scene's emitters cut into about n_patches, or None where nothing shines."""
+    shining = (scene.emitters & scene.emission.any(axis=1))[scene.object_of_triangle]
+    if not shining.any():
+        return None
+    triangles = scene.vertices[scene.triangles[shining]]
+    return emitter_patches(triangles, scene.emission[scene.object_of_triangle[shining]], n_patches)

@@ -1,0 +1,51 @@
+import numpy as np
+import pytest
+
+from engine.light.environment import constant_environment
+from engine.material import MODELS
+from engine.material.layer import make_layer
+from engine.orbit.live import Orbit
+from engine.transport.pipeline import SkyState
+
+GOLD = make_layer(MODELS["rough_conductor"], {"alpha": 0.3})
+MATT = make_layer(MODELS["lambert"], {"albedo": [0.5, 0.25, 1.0]})
+WHITE = make_layer(MODELS["lambert"], {"albedo": [1.0, 1.0, 1.0]})
+SIZE = 32, 24
+
+
+@pytest.fixture
+def orbit(ball_scene) -> Orbit:
+    made = Orbit(ball_scene, n_points=300, n_coefficients=64)
+    made.set_light(SkyState(constant_environment((2.0, 1.0, 0.5))))
+    made.set_layers({0: [MATT], 1: [GOLD]})
+    return made
+
+
+def test_light_and_layers_may_be_set_between_any_two_pieces(ball_scene, orbit) -> None:
+    camera = ball_scene.description.camera
+    with pytest.raises(ValueError, match="nothing is ready"):
+        orbit.draw(camera, SIZE)
+    work = orbit.work()
+    for k, progress in enumerate(work):
+        assert 0.0 <= progress.fraction <= 1.0
+        if orbit.is_ready:
+            assert np.isfinite(orbit.draw(camera, SIZE, "moving")).all()
+        if k == 3:
+            orbit.set_light(SkyState(constant_environment((1.0, 1.0, 1.0)), 20.0))
+            orbit.set_layers({0: [WHITE], 1: [GOLD]})
+    assert orbit.is_done
+    once = orbit.draw(camera, SIZE)
+    whole = Orbit(ball_scene, n_points=300, n_coefficients=64)
+    whole.set_light(SkyState(constant_environment((1.0, 1.0, 1.0)), 20.0))
+    whole.set_layers({0: [WHITE], 1: [GOLD]})
+    assert [*whole.work()]
+    np.testing.assert_allclose(once, whole.draw(camera, SIZE), rtol=1e-5)
+    assert not [*orbit.work()]
+
+
+def test_the_version_rises_with_what_changes_pictures_alone(orbit) -> None:
+    assert [*orbit.work()]
+    before = orbit.version
+    assert not [*orbit.work()] and orbit.version == before
+    orbit.set_layers({0: [WHITE], 1: [GOLD]})
+    assert orbit.version > before and not orbit.is_done
