@@ -9,19 +9,32 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import os
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 from numba.core import caching
+
+from app.kernel_cache import NUMBA_VARIABLE, kernel_folder
 
 _log = logging.getLogger("insitu.kernels")
 
 
 class KernelFiles(caching.UserProvidedCacheLocator):  # type: ignore[misc]
-    """The folder in NUMBA_CACHE_DIR, whether or not it can be written."""
+    """The folder in NUMBA_CACHE_DIR that is named after the sources, whether or not it can be written."""
+
+    def __init__(self, function: Callable[..., object], source: str) -> None:
+        super().__init__(function, source)
+        self._folder = kernel_folder(Path(source).resolve())
+        self._cache_path = str(Path(os.environ[NUMBA_VARIABLE], self._folder))
 
     @classmethod
     def from_function(cls, function: Callable[..., object], source: str) -> KernelFiles:
         return cls(function, source)
+
+    def get_source_stamp(self) -> str:
+        """The folder is of these very sources: a file's own age says nothing more."""
+        return self._folder
 
 
 @contextlib.contextmanager

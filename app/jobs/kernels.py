@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import contextlib
 import gc
-import hashlib
 import importlib.metadata
 import logging
 import os
@@ -26,7 +25,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from app.jobs.background import step_back
-from app.kernel_cache import NUMBA_VARIABLE, kernel_digest, use_kernel_cache
+from app.kernel_cache import NUMBA_VARIABLE, kernel_digest, kernel_folders, use_kernel_cache
 from app.system import end_with_parent
 
 if TYPE_CHECKING:
@@ -64,7 +63,7 @@ class Kernels:
     def fraction(self) -> float:
         """How much of it is compiled, by the files that are there; below 1 until all is."""
         folder = os.environ.get(NUMBA_VARIABLE)
-        n_files = sum(1 for _ in Path(folder).rglob("*.nbc")) if folder else 0
+        n_files = sum(1 for name in kernel_folders() for _ in Path(folder, name).glob("*.nbc")) if folder else 0
         return min(n_files / N_FILES, 0.99)
 
     def wait(self, timeout_s: float) -> bool:
@@ -122,12 +121,11 @@ def note_compiled(what: str = "") -> None:
 
 
 def _mark(what: str) -> Path | None:
-    """The file that says so: by these sources in this place, which numba goes by, these compilers, this machine."""
+    """The file that says so: by these sources, these compilers, this machine."""
     if NUMBA_VARIABLE not in os.environ:
         return None
-    place = hashlib.blake2b(os.fsencode(Path(__file__).parent), digest_size=4).hexdigest()
     versions = (importlib.metadata.version("numba"), platform.python_version(), platform.node())
-    return Path(os.environ[NUMBA_VARIABLE]) / "-".join((f"ready{what}", kernel_digest(), place, *versions))
+    return Path(os.environ[NUMBA_VARIABLE]) / "-".join((f"ready{what}", kernel_digest(), *versions))
 
 
 def _start_compiler(part: str) -> subprocess.Popen[bytes] | None:

@@ -1,13 +1,15 @@
 """Kernels are compiled wherever their files cannot be kept or read, and what is damaged is kept anew."""
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from app.kernel_cache import use_kernel_cache
+from app import kernel_cache
+from app.kernel_cache import kernel_folders, use_kernel_cache
 
 SWEPT = [("nbi", b""), ("nbc", b""), ("nbi", b"\x80\x05junk")]
 ROOT = Path(__file__).resolve().parents[2]
@@ -72,3 +74,27 @@ def test_what_is_run_is_read_from_a_folder_of_ones_own(tmp_path: Path, monkeypat
     monkeypatch.setattr("platformdirs.user_cache_dir", lambda *_, **__: str(tmp_path / "cache" / "insitu"))
     use_kernel_cache()
     assert (tmp_path / "cache" / "insitu").stat().st_mode & 0o777 == 0o700
+
+
+def test_only_what_a_change_reaches_is_compiled_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A copy of the sources elsewhere shares what they are compiled to; an edit moves the files that import it."""
+    before = folders_now()
+    copy = tmp_path / "copy"
+    shutil.copytree(ROOT / "engine", copy / "engine", ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(kernel_cache, "_ROOT", copy)
+    monkeypatch.setattr(kernel_cache, "_ENGINE", copy / "engine")
+    assert folders_now() == before
+    with (copy / "engine/transport/_emitter_kernels.py").open("a") as file:
+        file.write("# edited\n")
+    moved = {folder.partition("-")[0] for folder in before - folders_now()}
+    assert moved == {"transport_emitter_kernels", "transport_near_kernels", "transport_projection_kernels"}
+    with (copy / "engine/material/kinds.py").open("a") as file:
+        file.write("# edited\n")
+    assert not any(folder.startswith("material_kernels-") for folder in before & folders_now())
+
+
+def folders_now() -> set[str]:
+    """Those of the sources as they are, whatever was read before."""
+    for read in (kernel_cache.kernel_folders, kernel_cache.with_imported, kernel_cache.read):
+        read.cache_clear()
+    return set(kernel_folders())

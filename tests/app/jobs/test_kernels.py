@@ -17,6 +17,7 @@ from app.jobs.in_process import InProcessClient
 from app.jobs.kernels import PARTS, Kernels
 from app.jobs.messages import Progress, Response
 from app.jobs.placement import _telling_first_time
+from app.kernel_cache import kernel_folders
 from app.placement.messages import StageDone
 from tests.app.jobs.test_tasks import compute, opened, source
 
@@ -98,12 +99,10 @@ def test_a_failure_holds_nobody_up_and_is_tried_again(
     assert Kernels().first_time
 
 
-def test_what_another_copy_of_the_sources_compiled_is_not_there(
-    log: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_other_sources_were_compiled_to_is_not_there(log: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     kernels.note_compiled()
     assert kernels.are_compiled() and not kernels.are_compiled(kernels.INDIRECT)
-    monkeypatch.setattr(kernels, "__file__", "/elsewhere/app/jobs/kernels.py")  # numba goes by a file's place
+    monkeypatch.setattr(kernels, "kernel_digest", lambda: "of others")
     assert not kernels.are_compiled()
 
 
@@ -182,12 +181,14 @@ def test_compiling_is_told_by_the_files_that_are_there(tmp_path: Path, monkeypat
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     waiting = Waiting(first_time=True)
     assert waiting.fraction == 0.0
-    (tmp_path / "transport").mkdir()
-    for i in range(kernels.N_FILES // 2):
-        (tmp_path / "transport" / f"kernel-{i}.nbc").touch()
+    of_these_sources, of_others = tmp_path / kernel_folders()[0], tmp_path / "of_others"
+    for folder in (of_these_sources, of_others):
+        folder.mkdir()
+        for i in range(kernels.N_FILES // 2):
+            (folder / f"kernel-{i}.nbc").touch()
     assert waiting.fraction == 0.5
     for i in range(2 * kernels.N_FILES):
-        (tmp_path / f"kernel-{i}.nbc").touch()
+        (of_these_sources / f"kernel-{i}.nbc").touch()
     assert waiting.fraction == 0.99  # all but what is compiled last
 
 
