@@ -1,0 +1,87 @@
+"""Orbit in the worker: one scene made ready to be drawn from anywhere, and pictures of it between the steps of that.
+
+Making ready is a long job that begins where the last one left off, whoever ended that: another camera, another
+material, a person. A picture is a quick one; it never waits for more than a step.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from app.jobs.bench import Bench
+from app.jobs.measured import ensure_tables
+from app.jobs.messages import Progress
+from app.jobs.schedule import Handlers, Steps
+from app.mode import ModeWork
+from app.orbit.messages import DrawOrbit, OrbitAdvanced, OrbitDrawn, PrepareOrbit
+from engine.material.layer import Layer, object_of
+from engine.scene.load import Scene
+from engine.scene.raycaster import RayCaster
+from engine.steps import told_as
+
+if TYPE_CHECKING:
+    from engine.orbit.live import Orbit
+
+STAGE = "orbit"
+
+
+class OrbitWork(ModeWork):
+    """What pictures of the open scene are drawn of, and by which request that is to be changed last."""
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+        self._orbit: Orbit | None = None
+        self._caster: RayCaster | None = None
+        self._prepared = 0
+
+    @property
+    def handlers(self) -> Handlers:
+        return {PrepareOrbit: self._prepare, DrawOrbit: self._draw}
+
+    def scene_seen(self) -> None:
+        caster = self._bench.open_placement.caster
+        if caster is not self._caster:  # another scene, not the same from another camera
+            self._orbit, self._caster = None, caster
+
+    def _prepare(self, request: PrepareOrbit) -> Steps:
+        yield from ensure_tables(request.measured, self._bench.store)
+        sky = self._bench.sky(request.light)
+        if (image := self._bench.sky_image(sky, request.light)) is not None:
+            yield image
+        orbit = self._made()
+        orbit.shine(dict(request.emission))
+        orbit.set_light(sky)
+        orbit.set_layers(_by_object(orbit.scene, request.layers))
+        self._prepared, told = request.id, None
+        for step in orbit.work():
+            if orbit.is_ready and orbit.version != told:
+                told = orbit.version
+                yield OrbitAdvanced(orbit.version, orbit.is_done)
+            yield Progress(STAGE, step.fraction, text=step.text)
+        yield OrbitAdvanced(orbit.version, orbit.is_done)
+
+    def _draw(self, request: DrawOrbit) -> Steps:
+        orbit = self._orbit
+        if orbit is None or not orbit.is_ready:  # another worker than the one that said there was something
+            return
+        started, state = time.monotonic(), (self._prepared, orbit.version, orbit.is_done)
+        camera = orbit.scene.seen_from(request.camera).description.camera
+        picture = yield from told_as(orbit.drawing(camera, request.resolution, request.quality), lambda step: None)
+        yield OrbitDrawn(picture, *state, time.monotonic() - started)
+
+    def _made(self) -> Orbit:
+        if self._orbit is None:
+            from engine.orbit.live import Orbit
+
+            self._orbit = Orbit(self._bench.open_placement.scene, self._caster)
+        return self._orbit
+
+
+def _by_object(scene: Scene, layers: Sequence[tuple[str, Layer]]) -> dict[int, tuple[Layer, ...]]:
+    """The layers of each object, by its index."""
+    return {
+        index: tuple(layer for key, layer in layers if object_of(key) == described.name)
+        for index, described in enumerate(scene.description.objects)
+    }

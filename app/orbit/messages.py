@@ -1,0 +1,70 @@
+"""What Orbit asks of the worker, and what it is answered (see `app.jobs.messages`)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.jobs.messages import LookFrom, OpenScene, Request, Response
+
+if TYPE_CHECKING:
+    from app.document import RGB, LightState
+    from engine.material.layer import Layer
+    from engine.scene.description import Camera
+
+Quality = Literal["moving", "rest"]
+
+
+@dataclass(frozen=True)
+class PrepareOrbit(Request):
+    """From now on draw under this light, with these visible layers by key; and make ready all that pictures are drawn
+    of, coarse first. Answered by `OrbitAdvanced` as often as pictures change by it.
+
+    Another camera cancels it, for a camera is traced before anything slow goes on; what it has made ready stays.
+    measured, emission: see `app.placement.messages.ComputeTransport`.
+    """
+
+    built_on = (LookFrom,)
+
+    light: LightState
+    layers: tuple[tuple[str, Layer], ...]
+    measured: tuple[tuple[str, int], ...] = ()
+    emission: tuple[tuple[str, RGB], ...] = ()
+
+
+@dataclass(frozen=True)
+class DrawOrbit(Request):
+    """Draw the scene from a camera (None: that of its file), in so many pixels (width, height), of what is ready;
+    answered by `OrbitDrawn`. Built on the scene alone: a camera is drawn long before what it sees has been traced."""
+
+    built_on = (OpenScene,)
+    quick = 0
+    once = True
+    stops = False
+
+    camera: Camera | None
+    resolution: tuple[int, int]
+    quality: Quality
+
+
+@dataclass(frozen=True)
+class OrbitAdvanced(Response):
+    """Pictures drawn now are others than under a lower `version`; is_done: they are the last."""
+
+    version: int
+    is_done: bool
+
+
+@dataclass(frozen=True, eq=False)
+class OrbitDrawn(Response):
+    """Linear radiance (H, W, 3) without the light's intensity, drawn in so many seconds of what was ready; `prepared`
+    is the number of the `PrepareOrbit` that was heard last, version and is_done are as in `OrbitAdvanced`."""
+
+    radiance: NDArray[np.float32]
+    prepared: int
+    version: int
+    is_done: bool
+    seconds: float

@@ -1,0 +1,338 @@
+"""Orbit's talk with the worker: pictures while something moves, Placement's once nothing does.
+
+    document, view ─► PrepareOrbit ─► OrbitAdvanced ─► DrawOrbit ─► OrbitDrawn ─► OrbitPicture     a new one each frame
+    the view rests, its picture is whole ─► PlacementTalk ─► Placement's events                    fades in over that
+
+As in Placement, states are compared and not events followed: what the document and the view want, what was asked for,
+what has come. One picture is under way at a time; the next has the camera, light and materials of then, so that nothing
+piles up behind a hand. One that is drawn at rest, which takes longer, gives way to a hand at once.
+
+Placement's talk is a part of this one, held back until Orbit's picture of a resting view is whole, and again as soon as
+it could not follow: so either mode's files know nothing of what the other asks. Rejected: to change the mode at rest,
+which would change the session with every pause of a hand.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+from app.commands import EditCommand
+from app.document import Document
+from app.jobs.messages import Cancel, Failed, Response
+from app.mode import Desk, ModeTalk, OpenedScene
+from app.orbit.events import OrbitPicture
+from app.orbit.messages import DrawOrbit, OrbitAdvanced, OrbitDrawn, PrepareOrbit, Quality
+from app.orbit.wishes import Drawing, Known, OrbitWish, Pace
+from app.picture import PictureEvent
+from app.placement.known_light import KnownLight
+from app.placement.messages import ComputeTransport
+from app.placement.talk import PlacementTalk
+from app.status import PictureState, Status
+from app.view_state import Viewpoint, ViewState
+from engine.material.layer import Layer
+
+# A hand that was still for so long rests.
+REST_SECONDS = 0.2
+# While pictures become better by themselves, how much longer than drawing one the worker has for that.
+_WORK_SHARE = 4.0
+PLACEMENT_FOLLOWS = "Placement computes this view, and fades in when it is there."
+
+
+class OrbitTalk(ModeTalk):
+    """The talk of Orbit; `placement` is that of the view at rest."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        self.placement = PlacementTalk(desk)
+        self._is_open = False
+        self._forget()
+
+    def _forget(self) -> None:
+        """Nothing is known of the scene."""
+        self._own_resolution = (1, 1)
+        self.is_away = False
+        self._wish: OrbitWish | None = None
+        self._wish_made_of: tuple[object, ...] = ()
+        self._moved_at = -math.inf
+        self._look: Viewpoint | None = None
+        self._prepare_id = 0
+        self._is_stopped = False
+        self._known_light = KnownLight()
+        self._pace = Pace()
+        self._hands_over = self._placement_follows = self._shows_placement = False
+        self._forget_worker()
+
+    def _forget_worker(self) -> None:
+        """The worker knows nothing, and what it was asked will not be answered."""
+        self._asked: OrbitWish | None = None
+        self._known = Known()
+        self._drawing: Drawing | None = None
+        self._drawing_id = 0
+        self._refused: Drawing | None = None
+        self._shown: Drawing | None = None
+        self._seconds = 0.0
+        self._drawn_at = -math.inf
+
+    # ----------------------------------------------------------------------------------------- what the editor tells
+
+    def scene_closed(self) -> None:
+        self._hold_placement_back()
+        self._is_open = False
+
+    def scene_stays(self) -> None:
+        self._is_open = True
+        self._asked = self._drawing = None
+
+    def scene_opened(self, scene: OpenedScene) -> None:
+        self._forget()
+        self._is_open = True
+        self._own_resolution = scene.description.camera.resolution
+        self._known_light.worked(scene.described.light)
+        self.placement.scene_opened(scene)
+        self.placement.looked_away()
+
+    def looked_away(self) -> None:
+        self.is_away = True
+        self._hold_placement_back()
+
+    def looked_back(self) -> None:
+        self.is_away = False
+        self._go_on()
+
+    def scene_seen(self, scene: OpenedScene) -> None:
+        self.is_away = False
+        self._go_on()
+        self._hands_over = self._placement_follows = self._shows_placement = False
+        self.placement.scene_seen(scene)
+        self.placement.looked_away()
+
+    def _go_on(self) -> None:
+        """A look has cancelled what was being made ready."""
+        if not self._is_known_to_be_done:
+            self._asked = None
+
+    def left(self) -> None:
+        self._desk.send(Cancel(of=(PrepareOrbit, DrawOrbit)))
+        self.placement.left()
+
+    def edited(self, command: EditCommand | None = None) -> None:
+        self.placement.edited(command)
+
+    def hand_released(self) -> None:
+        self._moved_at = -math.inf
+        self.placement.hand_released()
+
+    def learn(self, planned: Iterable[tuple[Layer, Mapping[str, int]]]) -> None:
+        self.placement.learn(planned)
+
+    def reload_images(self, key: str) -> None:
+        self._asked = None
+        self.placement.reload_images(key)
+
+    def cancelled(self) -> None:
+        self._is_stopped = True
+        self.placement.cancelled()
+
+    def resume(self) -> None:
+        self._is_stopped, self._asked = False, None
+        self.placement.resume()
+
+    def worker_restarted(self) -> None:
+        shown = self._shown
+        self._forget_worker()
+        self._shown = shown and replace(shown, made_of=Known())
+        self.placement.worker_restarted()
+
+    # --------------------------------------------------------------------------------------------- what is to be told
+
+    @property
+    def hands_over(self) -> bool:
+        """Whether Placement is at work on the view, or has it."""
+        return self._hands_over
+
+    @property
+    def shows_placement(self) -> bool:
+        """Whether Placement's picture is the one to be seen."""
+        return self._shows_placement
+
+    @property
+    def awaits_answer(self) -> bool:
+        return self._drawing is not None or self._hands_over and self.placement.awaits_answer
+
+    @property
+    def is_running(self) -> bool:
+        asked = self._asked is not None and not self._is_known_to_be_done
+        return asked or self._hands_over and self.placement.is_running
+
+    def status(self, status: Status) -> Status:
+        if self._shows_placement:
+            return replace(self.placement.status(status), shown_by="Placement")
+        note = PLACEMENT_FOLLOWS if self._picture == "refining" else ""
+        return replace(status, picture=self._picture, missing_note=note, shown_by="Orbit")
+
+    @property
+    def _picture(self) -> PictureState:
+        if self._shown is None:
+            return "waiting"
+        return "refining" if self._is_whole else "preview"
+
+    @property
+    def _is_known_to_be_done(self) -> bool:
+        """Whether all is ready that the wish asked last needs."""
+        return self._known.is_done and self._known.prepared == self._prepare_id
+
+    @property
+    def _is_whole(self) -> bool:
+        """Whether Orbit shows all it can of the document and the view."""
+        shown = self._shown
+        return (
+            shown is not None and shown.quality == "rest" and shown.look == self._look
+            and shown.made_of == self._known and self._is_known_to_be_done and self._asked == self._wish
+        )  # fmt: skip
+
+    # --------------------------------------------------------------------------------------------------------- asking
+
+    def update(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
+        if not self._is_open:
+            return []
+        self._follow(now, document, view)
+        events = self._update_placement(now, document, view)
+        if not self._placement_follows:
+            self._prepare()
+            self._draw(now)
+            if self._is_whole and not (self._hands_over or self.is_away or self._is_stopped):
+                self._hands_over = True
+                self.placement.looked_back()
+        elif not (self.placement.is_running or self._desk.history.dragging):
+            self._prepare()  # so that the view can move at once
+        return events
+
+    def _follow(self, now: float, document: Document, view: ViewState) -> None:
+        """What is wanted now, and since when."""
+        made_of = document, view.solo
+        wish = self._wish
+        if wish is None or self._wish_made_of != made_of:
+            wish, self._wish_made_of = OrbitWish.of(document, view), made_of
+        if (wish, view.look) != (self._wish, self._look):
+            self._moved_at = -math.inf if self._wish is None else now
+            self._is_stopped = self._is_stopped and wish == self._wish
+            self._wish, self._look = wish, view.look
+
+    def _update_placement(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
+        """Placement's part, where it has one; it loses that as soon as its picture is not the document's. That stays on
+        screen until Orbit has another."""
+        if not self._hands_over:
+            return []
+        events = self.placement.update(now, document, view)
+        picture = self.placement.status(Status()).picture
+        followed, is_finished = self._placement_follows, picture in ("finished", "exact")
+        self._placement_follows = is_finished or followed and picture == "refining"
+        self._shows_placement |= self._placement_follows
+        if not self._placement_follows and (followed or self._asked != self._wish):
+            self._hold_placement_back()
+        return events
+
+    def _hold_placement_back(self) -> None:
+        """Placement asks for nothing until Orbit's picture is whole again."""
+        if self._hands_over:
+            self._hands_over = self._placement_follows = False
+            self.placement.looked_away()
+            self._desk.send(Cancel(of=(ComputeTransport,)))
+
+    def _prepare(self) -> None:
+        """Ask for what the document wants. In mid-drag only once the wish before is in a picture: each takes a while
+        until it shows, and would be given up for the next."""
+        wish = self._wish
+        if wish is None or wish == self._asked or self._is_stopped:
+            return
+        shown = self._shown
+        if self._desk.history.dragging and shown is not None and shown.made_of.prepared != self._prepare_id:
+            return
+        self._asked = wish
+        self._prepare_id = self._desk.send(wish.request())
+
+    def _draw(self, now: float) -> None:
+        """Ask for a picture, where there is another one than is shown or under way."""
+        wanted = self._wanted(now)
+        if wanted is None or wanted in (self._shown, self._drawing, self._refused):
+            return
+        if self._drawing is not None and self._drawing.quality == "moving":
+            return
+        if self._only_better(wanted) and now - self._drawn_at < _WORK_SHARE * self._seconds:
+            return
+        self._drawing, self._drawn_at = wanted, now
+        self._drawing_id = self._desk.send(DrawOrbit(wanted.look.camera, wanted.resolution, wanted.quality))
+
+    def _wanted(self, now: float) -> Drawing | None:
+        """The best picture that there could be now; None before there could be any."""
+        if self._look is None or not self._known.version:
+            return None
+        whole = self._whole
+        rests = now - self._moved_at >= REST_SECONDS
+        quality: Quality = "rest" if rests and self._is_known_to_be_done else "moving"
+        return Drawing(self._look, whole if rests else self._pace.resolution(whole), quality, self._known)
+
+    @property
+    def _whole(self) -> tuple[int, int]:
+        """The resolution of a picture at rest."""
+        return (self._look and self._look.resolution) or self._own_resolution
+
+    def _only_better(self, wanted: Drawing) -> bool:
+        """Whether it shows the same as is seen, a little further computed."""
+        shown = self._shown
+        if shown is None or wanted.look != shown.look or wanted.made_of.is_done:
+            return False
+        return shown.made_of.prepared == wanted.made_of.prepared
+
+    # -------------------------------------------------------------------------------------------------------- answers
+
+    def take(self, response: Response) -> list[PictureEvent]:
+        match response:
+            case OrbitAdvanced():
+                self._take_advance(response)
+            case OrbitDrawn():
+                return self._take_picture(response)
+            case Failed():
+                self._take_failure(response)
+                return self.placement.take(response)
+            case _:
+                return self.placement.take(response)
+        return []
+
+    def _take_advance(self, response: OrbitAdvanced) -> None:
+        if response.id != self._prepare_id:
+            return
+        self._known = Known(response.id, response.version, response.is_done)
+        if self._asked is not None:
+            self._known_light.worked(self._asked.light)
+        if response.is_done:
+            self._desk.gauges.progress = None
+
+    def _take_picture(self, response: OrbitDrawn) -> list[PictureEvent]:
+        drawing = self._drawing
+        if drawing is None or response.id != self._drawing_id:
+            return []
+        made_of = Known(response.prepared, response.version, response.is_done)
+        self._shown, self._drawing, self._refused = replace(drawing, made_of=made_of), None, None
+        if made_of.prepared == self._prepare_id and made_of.version > self._known.version:
+            self._known = made_of
+        self._seconds = response.seconds
+        self._shows_placement = self._placement_follows
+        if drawing.quality == "moving":
+            self._pace.took(response.seconds * self._share_of_moving(drawing.resolution))
+        return [OrbitPicture(response.radiance)]
+
+    def _share_of_moving(self, resolution: tuple[int, int]) -> float:
+        """How many of so many pixels a moving picture has now."""
+        width, height = self._pace.resolution(self._whole)
+        return width * height / (resolution[0] * resolution[1])
+
+    def _take_failure(self, response: Failed) -> None:
+        if response.id == self._drawing_id:
+            self._refused, self._drawing = self._drawing, None
+        if response.id == self._prepare_id and self._asked is not None:
+            self._is_stopped = True
+            if self._known_light.go_back(self._desk.history, self._asked.light):
+                self._desk.document_changed()

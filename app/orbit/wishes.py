@@ -1,0 +1,83 @@
+"""What Orbit wants of the worker, and what it has: the values that `talk` compares."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from app.document import RGB, Document, LightState
+from app.light_commands import emission_of
+from app.measurements import measured_files
+from app.orbit.messages import PrepareOrbit, Quality
+from app.solo import is_seen
+from app.view_state import Viewpoint, ViewState
+from engine.material.layer import Layer, object_of
+
+# Seconds that a picture may take while something moves; fewer pixels are drawn where it takes longer.
+MOVING_SECONDS = 0.04
+# Shares of the picture's sides.
+SCALES = (1.0, 0.75, 0.5, 0.375, 0.25)
+_TOO_LONG, _SHORT_ENOUGH = 1.3, 0.8
+
+
+@dataclass(frozen=True)
+class OrbitWish:
+    """All that pictures are drawn of, but for the camera: equal wishes have equal pictures."""
+
+    light: LightState
+    layers: tuple[tuple[str, Layer], ...]
+    measured: tuple[tuple[str, int], ...]
+    emission: tuple[tuple[str, RGB], ...]
+
+    @classmethod
+    def of(cls, document: Document, view: ViewState) -> OrbitWish:
+        """The document's light at intensity 1, and the layers that are seen."""
+        emitters = {state.name for state in document.objects if state.emits}
+        layers = tuple(
+            (key, layer if layer.visible else replace(layer, visible=True)) for key, layer in document.layers()
+            if object_of(key) not in emitters and is_seen(document, view, key)
+        )  # fmt: skip
+        light = replace(document.light, intensity=1.0)
+        return cls(light, layers, measured_files(document), emission_of(document))
+
+    def request(self) -> PrepareOrbit:
+        return PrepareOrbit(self.light, self.layers, self.measured, self.emission)
+
+
+@dataclass(frozen=True)
+class Known:
+    """How far the worker has made ready what the request `prepared` asked for: see `OrbitAdvanced`."""
+
+    prepared: int = 0
+    version: int = 0
+    is_done: bool = False
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A picture that was asked for, or has come: from where, in how many pixels (width, height), how well, and of
+    what."""
+
+    look: Viewpoint
+    resolution: tuple[int, int]
+    quality: Quality
+    made_of: Known = Known()
+
+
+class Pace:
+    """How many pixels a moving picture has: as many as are drawn in time."""
+
+    def __init__(self) -> None:
+        self._i_scale = SCALES.index(0.5)
+
+    def resolution(self, whole: tuple[int, int]) -> tuple[int, int]:
+        """Of a picture whose whole resolution (width, height) is given."""
+        scale = SCALES[self._i_scale]
+        return max(round(scale * whole[0]), 1), max(round(scale * whole[1]), 1)
+
+    def took(self, seconds: float) -> None:
+        """A moving picture took so long."""
+        if seconds > _TOO_LONG * MOVING_SECONDS:
+            self._i_scale = min(self._i_scale + 1, len(SCALES) - 1)
+        elif self._i_scale > 0:
+            larger = (SCALES[self._i_scale - 1] / SCALES[self._i_scale]) ** 2
+            self._i_scale -= seconds * larger < _SHORT_ENOUGH * MOVING_SECONDS
