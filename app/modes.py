@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from app.mode import Mode
+from app.orbit.talk import OrbitTalk
 from app.placement.talk import PlacementTalk
 
 PLACEMENT = Mode(
@@ -13,4 +14,12 @@ PLACEMENT = Mode(
     picture="ui.placement_feed:PlacementFeed",
     accuracy="ui.panels.accuracy_placement:draw",
 )
-MODES = (PLACEMENT,)
+ORBIT = Mode(
+    "orbit",
+    "Orbit",
+    OrbitTalk,
+    work="app.jobs.orbit:OrbitWork",
+    picture="ui.orbit_feed:OrbitFeed",
+    accuracy="ui.panels.accuracy_orbit:draw",
+)
+MODES = (PLACEMENT, ORBIT)

@@ -31,7 +31,7 @@ MAX_STEPS = 10_000
 MAX_PIXELS = 100_000.0
 
 Point = tuple[float, float]
-Awaited = Literal["first", "exact", "judged"]
+Awaited = Literal["first", "orbit", "exact", "judged"]
 
 
 @dataclass(frozen=True)
@@ -76,6 +76,13 @@ class ChooseView:
     """Show light as one of the views of `engine.colour` does."""
 
     view: ToneMapping
+
+
+@dataclass(frozen=True)
+class ChooseMode:
+    """Let the mode of this name make the picture."""
+
+    mode: str
 
 
 @dataclass(frozen=True)
@@ -128,8 +135,8 @@ class RedoSteps:
 
 @dataclass(frozen=True)
 class WaitFor:
-    """Draw frames until the first shaded picture is shown, the one after which nothing more comes, or, judged, how far
-    off that one is."""
+    """Draw frames until the first shaded picture is shown, Orbit's own of a view at rest, the one after which nothing
+    more comes, or, judged, how far off that one is."""
 
     picture: Awaited
 
@@ -155,6 +162,7 @@ Step = (
     | DragPoints
     | Show
     | ChooseView
+    | ChooseMode
     | PickLobe
     | PaintStroke
     | Rotate
@@ -221,6 +229,7 @@ class StepRecord(_Record):
     drag: DragRecord | None = None
     show: Text | None = None
     view: Text | None = None
+    mode: Text | None = None
     lobe: tuple[PictureIndex, PictureIndex] | None = None
     paint: PaintRecord | None = None
     rotate: Annotated[Number, Field(ge=-1e9, le=1e9)] | None = None
@@ -249,6 +258,7 @@ _STEPS: dict[str, Callable[[Any, Path], Step]] = {
     "drag": lambda drag, folder: drag.step(),
     "show": lambda panel, folder: Show(panel),
     "view": lambda name, folder: ChooseView(view_named(name)),
+    "mode": lambda name, folder: ChooseMode(name),
     "lobe": lambda pixel, folder: PickLobe(pixel),
     "paint": lambda stroke, folder: PaintStroke(**dict(stroke)),
     "rotate": lambda degrees, folder: Rotate(degrees),

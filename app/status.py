@@ -29,6 +29,7 @@ class Status:
     ``light_note``, ``material_note`` and ``emitter_note`` say what is shown for light, roughness, and what emitters
     throw on the scene, empty when there is nothing to say; ``missing_note`` what a picture that is being refined lacks.
     ``precomputed_mb`` is what the worker keeps for the picture, ``gpu_mb`` what the picture takes there.
+    ``shown_by``: which mode's picture is seen, where a mode shows those of two; else empty.
     ``compared_exact``: whether side A of a comparison is. ``stopped``: whether a person stopped what is missing.
     ``message`` is the last thing that happened, ``is_error`` whether it went wrong; ``message_number`` counts them.
     """
@@ -49,6 +50,7 @@ class Status:
     material_note: str = ""
     emitter_note: str = ""
     missing_note: str = ""
+    shown_by: str = ""
     compared_exact: bool = True
     message: str = ""
     is_error: bool = False

@@ -259,8 +259,8 @@ class PlacementFeed(PictureSource):
         """Exposure takes the light's intensity along: it multiplies the finished picture."""
         view, compared = editor.view, editor.view.compare
         return DisplayView(
-            exposure=view.exposure + _stops(editor.document.light),
-            compare_exposure=None if compared is None else view.exposure + _stops(compared.light),
+            exposure=view.exposure + stops(editor.document.light),
+            compare_exposure=None if compared is None else view.exposure + stops(compared.light),
             tone_mapping=self._view.follow(view.tone_mapping),
             selected=self._index(view.selected.object if view.selected else None),
             hovered=self._index(view.hovered),
@@ -272,16 +272,17 @@ class PlacementFeed(PictureSource):
 
 
 def _talk(editor: Editor) -> PlacementTalk:
-    """Whose picture it is."""
-    assert isinstance(editor.talk, PlacementTalk)
-    return editor.talk
+    """Whose picture it is: the mode's own talk, or the part of it that is Placement's."""
+    talk = getattr(editor.talk, "placement", editor.talk)
+    assert isinstance(talk, PlacementTalk)
+    return talk
 
 
 def _both(footprint: Footprint | None) -> tuple[NDArray[np.integer] | None, NDArray[np.floating] | None]:
     return (None, None) if footprint is None else (footprint.rows, footprint.weights)
 
 
-def _stops(light: LightState) -> float:
+def stops(light: LightState) -> float:
     """The light's intensity as exposure."""
     return math.log2(max(light.intensity, LEAST_INTENSITY))
 

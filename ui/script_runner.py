@@ -20,6 +20,7 @@ from app.script import (
     AssertErrorBelow,
     Awaited,
     Capture,
+    ChooseMode,
     ChooseView,
     DragItem,
     DragPoints,
@@ -107,12 +108,14 @@ def wait_for_scene(window: HeadlessWindow, editor: Editor, timeout: float = WAIT
 
 
 def wait_for_picture(window: HeadlessWindow, editor: Editor, picture: Awaited, timeout: float = WAIT_SECONDS) -> None:
-    """Until the first shaded, or the exact, picture is shown, or how far off that is."""
+    """Until the first shaded, Orbit's own, or the exact picture is shown, or how far off that is."""
 
     def there() -> bool:
         status = editor.status
         if picture == "judged":
             return status.estimate is not None
+        if picture == "orbit":
+            return status.shown_by == "Orbit" and status.picture == "refining" or status.is_finished
         return status.is_finished if picture == "exact" else status.picture != "waiting"
 
     window.frames(2)
@@ -143,6 +146,8 @@ def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
         case ChooseView():
             _refused(editor.do(SetView.of(tone_mapping=step.view)))
             window.run_until(lambda: is_at_hand(step.view), WAIT_SECONDS)
+        case ChooseMode():
+            _choose_mode(editor, step.mode)
         case PickLobe():
             _refused(editor.do(SetView.of(lobe_pixel=step.pixel)))
         case PaintStroke():
@@ -164,6 +169,13 @@ def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
         case AssertErrorBelow():
             _assert_error(editor, step.bound)
     window.frames(2)
+
+
+def _choose_mode(editor: Editor, name: str) -> None:
+    names = [mode.name for mode in editor.modes]
+    if name not in names:
+        raise ScriptError(f"mode: there is no {name!r}; there is: {', '.join(names)}")
+    _refused(editor.do(SetView.of(mode=name)))
 
 
 def _paint(window: HeadlessWindow, editor: Editor, step: PaintStroke) -> None:

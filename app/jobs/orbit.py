@@ -10,6 +10,7 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from app.document import RGB
 from app.jobs.bench import Bench
 from app.jobs.measured import ensure_tables
 from app.jobs.messages import Progress
@@ -30,11 +31,14 @@ STAGE = "orbit"
 class OrbitWork(ModeWork):
     """What pictures of the open scene are drawn of, and by which request that is to be changed last."""
 
+    n_points = 40_000
+
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
         self._orbit: Orbit | None = None
         self._caster: RayCaster | None = None
         self._prepared = 0
+        self._emission: tuple[tuple[str, RGB], ...] = ()
 
     @property
     def handlers(self) -> Handlers:
@@ -43,7 +47,7 @@ class OrbitWork(ModeWork):
     def scene_seen(self) -> None:
         caster = self._bench.open_placement.caster
         if caster is not self._caster:  # another scene, not the same from another camera
-            self._orbit, self._caster = None, caster
+            self._orbit, self._caster, self._emission = None, caster, ()
 
     def _prepare(self, request: PrepareOrbit) -> Steps:
         yield from ensure_tables(request.measured, self._bench.store)
@@ -51,7 +55,9 @@ class OrbitWork(ModeWork):
         if (image := self._bench.sky_image(sky, request.light)) is not None:
             yield image
         orbit = self._made()
-        orbit.shine(dict(request.emission))
+        if request.emission != self._emission:
+            orbit.shine(dict(request.emission))
+            self._emission = request.emission
         orbit.set_light(sky)
         orbit.set_layers(_by_object(orbit.scene, request.layers))
         self._prepared, told = request.id, None
@@ -75,7 +81,7 @@ class OrbitWork(ModeWork):
         if self._orbit is None:
             from engine.orbit.live import Orbit
 
-            self._orbit = Orbit(self._bench.open_placement.scene, self._caster)
+            self._orbit = Orbit(self._bench.open_placement.scene, self._caster, self.n_points)
         return self._orbit
 
 

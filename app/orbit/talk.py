@@ -24,6 +24,7 @@ from app.jobs.messages import Cancel, Failed, Response
 from app.mode import Desk, ModeTalk, OpenedScene
 from app.orbit.events import OrbitPicture
 from app.orbit.messages import DrawOrbit, OrbitAdvanced, OrbitDrawn, PrepareOrbit, Quality
+from app.orbit.status import OrbitStatus
 from app.orbit.wishes import Drawing, Known, OrbitWish, Pace
 from app.picture import PictureEvent
 from app.placement.known_light import KnownLight
@@ -170,7 +171,9 @@ class OrbitTalk(ModeTalk):
         if self._shows_placement:
             return replace(self.placement.status(status), shown_by="Placement")
         note = PLACEMENT_FOLLOWS if self._picture == "refining" else ""
-        return replace(status, picture=self._picture, missing_note=note, shown_by="Orbit")
+        resolution = (0, 0) if self._shown is None else self._shown.resolution
+        said = {"picture": self._picture, "missing_note": note, "shown_by": "Orbit"}
+        return OrbitStatus(**(vars(status) | said), drawn_resolution=resolution, drawn_seconds=self._seconds)
 
     @property
     def _picture(self) -> PictureState:

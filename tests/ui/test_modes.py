@@ -20,7 +20,7 @@ from app.jobs.in_process import InProcessClient
 from app.jobs.messages import LookFrom, Request, Response
 from app.jobs.tasks import Tasks
 from app.mode import Desk, Mode, ModeTalk, ModeWork
-from app.modes import MODES
+from app.modes import PLACEMENT
 from app.picture import PictureEvent
 from app.session import load_session
 from app.status import Status
@@ -97,7 +97,7 @@ FLAT = Mode("flat", "Flat", FlatTalk, f"{__name__}:FlatWork", f"{__name__}:FlatS
 @pytest.fixture
 def window(context: moderngl.Context, tmp_path: Path) -> Iterator[HeadlessWindow]:
     """The small scene in a program of two modes, its picture exact in the first."""
-    modes = (*MODES, FLAT)
+    modes = (PLACEMENT, FLAT)
     client = InProcessClient(Tasks(Store(tmp_path / "cache"), modes=modes))
     editor = Editor(client, str(write_small_scene(tmp_path)), resolution=(24, 16), modes=modes)
     editor.do(SetView.of(n_lights=40))
@@ -152,6 +152,6 @@ def test_a_mode_that_the_program_does_not_have_leaves_the_one_there_is(window: H
 
 def test_with_one_mode_there_is_nothing_to_choose(window: HeadlessWindow) -> None:
     assert "mode.1" in window.shell.handles.names()
-    window.shell.editor.modes = MODES
+    window.shell.editor.modes = (PLACEMENT,)
     window.frames(2)
     assert "mode.0" not in window.shell.handles.names()

@@ -44,7 +44,7 @@ def draw(context: PanelContext) -> list[Action]:
     imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(imgui.get_style().item_spacing.x, context.px(1)))
     selected = context.view.selected
     for name, value, hint in figures(status, None if selected is None else selected.key):
-        _figure(context, name, value, spoken(context.document, hint))
+        figure(context, name, value, spoken(context.document, hint))
     imgui.pop_style_var()
     return actions
 
@@ -206,7 +206,7 @@ def _bands(counts: tuple[int, ...]) -> str:
     return "bands " + " × ".join(map(str, counts)) if counts else "no bands: fixed"
 
 
-def _figure(context: PanelContext, name: str, value: str, hint: str) -> None:
+def figure(context: PanelContext, name: str, value: str, hint: str) -> None:
     start, room = imgui.get_cursor_pos_x(), imgui.get_content_region_avail().x
     imgui.push_style_color(imgui.Col_.text, look.pack(look.TEXT_SOFT))
     imgui.text_unformatted(name)

@@ -67,6 +67,7 @@ SHORTCUTS = (
     Shortcut("Picture", "Drop", "A material of the library onto an object"),
     Shortcut("Picture", "Alt click", "Show the lobe there; drag moves it; beside: none"),
     Shortcut("Picture", "Shift drag", "Turn the light around the scene (also the wheel over its dial)"),
+    Shortcut("Picture", "O", "Placement, or Orbit, where the camera moves freely", "mode", int(Key.o)),
     Shortcut("Picture", "C", "Compare: remember this picture as A, show A | B", "compare", int(Key.c)),
     Shortcut("Picture", "Space", "The picture alone, or with all panels", "alone", int(Key.space)),
     Shortcut("Picture", "Wheel", "Zoom about the mouse (also with Ctrl)"),
@@ -149,6 +150,7 @@ def perform(context: PanelContext, name: str) -> list[Action]:
         "undo": [Undo()],
         "redo": [Redo()],
         "compare": [SetView.of(compare=None if view.compare is not None else context.document)],
+        "mode": [SetView.of(mode=_next_mode(context))],
         "alone": [SetPanel({"alone": not context.state.alone})],
         "fit": [SetView.of(fit=not view.fit, zoom=1.0, centre=(0.5, 0.5))],
         "whole": [SetView.of(fit=True)],
@@ -171,6 +173,11 @@ def perform(context: PanelContext, name: str) -> list[Action]:
     if name in ("copy_material", "copy_curve"):
         return _copy(context, name)
     return _on_operator(context, name)
+
+
+def _next_mode(context: PanelContext) -> str:
+    """The mode after the one that makes the picture."""
+    return context.modes[(context.modes.index(context.mode) + 1) % len(context.modes)].name
 
 
 def _copy(context: PanelContext, name: str) -> list[Action]:

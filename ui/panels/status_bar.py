@@ -67,6 +67,7 @@ def _contents(context: PanelContext) -> tuple[list[Words], list[Action]]:
     """The line; what it had no room for, and what was asked for by a click."""
     status = context.status
     ink, text, hint = picture_state(status)
+    text = " · ".join(filter(None, (status.shown_by, text)))
     _dot(context, ink)
     imgui.text_unformatted(text)
     context.handles.note_item("status.picture")

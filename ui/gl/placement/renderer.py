@@ -317,6 +317,11 @@ class PlacementRenderer:
         picture.display.drop_snapshot()
         picture.display_box = picture.compositor.picture_box
 
+    @property
+    def linear_texture(self) -> moderngl.Texture:
+        """The linear picture as it was drawn last, alpha 0 where it was no number."""
+        return self._shown().compositor.linear
+
     def linear_image(self) -> NDArray[np.float32]:
         """The linear picture (H,W,3), without silhouette smoothing; waits for the GPU."""
         self._draw_linear()

@@ -1,0 +1,16 @@
+"""What is to be said of Orbit's own picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from app.status import Status
+
+
+@dataclass(frozen=True)
+class OrbitStatus(Status):
+    """The status while Orbit's picture is seen: in how many pixels (width, height) it was drawn, and how long that took
+    in the worker; (0, 0) before there is one."""
+
+    drawn_resolution: tuple[int, int] = (0, 0)
+    drawn_seconds: float = 0.0

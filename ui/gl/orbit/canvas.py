@@ -1,0 +1,112 @@
+"""Shows pictures that come whole, of any number of pixels, and fades another mode's in over them."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.scene.picture_frame import PictureFrame
+from ui.gl.context import GraphicsError
+from ui.gl.passes import Passes
+from ui.gl.textures import TextureMemory, read_texture
+from ui.gl.tonemap import Display, DisplayView
+
+
+class Canvas:
+    """The linear picture at the size of a frame, made of the picture that came last, and its display."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._memory = TextureMemory(context)
+        self._passes = Passes(context)
+        self._picture = self._picture_texture(np.zeros((1, 1, 3), np.float32))
+        self._linear: moderngl.Texture | None = None
+        self._target: moderngl.Framebuffer | None = None
+        self._display: Display | None = None
+        self.frame: PictureFrame | None = None
+
+    def set_frame(self, frame: PictureFrame) -> None:
+        """From now on at this size, with its silhouettes; the picture that came last stays, the snapshot does not."""
+        linear = self._memory.texture((frame.width, frame.height), 4, "f4")
+        display = Display(self._passes, self._memory, frame)
+        self._release_frame()
+        self._linear, self._display, self.frame = linear, display, frame
+        self._target = self._memory.framebuffer([linear])
+
+    def set_picture(self, radiance: NDArray[np.floating]) -> None:
+        """Another picture: linear radiance (h, w, 3)."""
+        if radiance.ndim != 3 or radiance.shape[2] != 3:
+            raise GraphicsError(f"a picture of shape {radiance.shape}, expected (h, w, 3)")
+        height, width = radiance.shape[:2]
+        if self._picture.size == (width, height):
+            self._picture.write(np.ascontiguousarray(radiance, np.float32), alignment=1)
+            return
+        picture = self._picture_texture(radiance)
+        self._memory.release(self._picture)
+        self._picture = picture
+
+    def clear(self) -> None:
+        """Show black until another picture comes."""
+        self.set_picture(np.zeros((1, 1, 3), np.float32))
+
+    def draw(self, view: DisplayView, other: moderngl.Texture | None = None, share: float = 0.0) -> moderngl.Texture:
+        """The display picture, with a share of another linear picture of the same size in it."""
+        self._blend(other, share)
+        display = self._shown()
+        display.draw(self._linear_texture(), view, (0, 0, *self._linear_texture().size))
+        return display.texture
+
+    def take_snapshot(self, other: moderngl.Texture | None = None) -> None:
+        """Keep what came last, or another linear picture, as A of a comparison."""
+        self._blend(other, 0.0 if other is None else 1.0)
+        assert self._target is not None
+        self._shown().take_snapshot(self._target)
+
+    def drop_snapshot(self) -> None:
+        self._shown().drop_snapshot()
+
+    def finished_image(self, view: DisplayView) -> NDArray[np.float32]:
+        """The picture (H, W, 3) that came last in the screen's values, for files; waits for the GPU."""
+        self._blend(None, 0.0)
+        return self._shown().finished(self._linear_texture(), view.exposure, view.tone_mapping)
+
+    def linear_image(self) -> NDArray[np.float32]:
+        """The picture (H, W, 3) that came last, at the frame's size; waits for the GPU."""
+        self._blend(None, 0.0)
+        return read_texture(self._linear_texture(), np.float32)[..., :3].astype(np.float32)
+
+    def release(self) -> None:
+        self._release_frame()
+        self._memory.release(self._picture)
+        self._passes.release()
+
+    def _blend(self, other: moderngl.Texture | None, share: float) -> None:
+        linear = self._linear_texture()
+        program = self._passes.full_screen("orbit/blend.frag.glsl")
+        textures = {"picture": self._picture, "other": self._picture if other is None else other}
+        assert self._target is not None
+        box = (0, 0, *linear.size)
+        self._passes.draw(program, self._target, box, textures, size=linear.size, share=share if other else 0.0)
+
+    def _picture_texture(self, radiance: NDArray[np.floating]) -> moderngl.Texture:
+        height, width = radiance.shape[:2]
+        made = self._memory.texture((width, height), 3, "f4", np.ascontiguousarray(radiance, np.float32))
+        made.filter = (moderngl.LINEAR, moderngl.LINEAR)
+        return made
+
+    def _shown(self) -> Display:
+        if self._display is None:
+            raise GraphicsError("no scene is open; wait for the worker's first answer")
+        return self._display
+
+    def _linear_texture(self) -> moderngl.Texture:
+        if self._linear is None:
+            raise GraphicsError("no scene is open; wait for the worker's first answer")
+        return self._linear
+
+    def _release_frame(self) -> None:
+        if self._display is not None:
+            self._display.release()
+        self._memory.release_framebuffer(self._target)
+        self._memory.release(self._linear)
+        self._linear = self._target = self._display = self.frame = None

@@ -1,0 +1,151 @@
+"""Orbit's picture: the worker draws it, the window shows it; at rest Placement's fades in over it.
+
+take: OrbitPicture ─► canvas;  all other events ─► PlacementFeed, which draws as soon as it has a part
+draw: the one or the other, or for a quarter of a second both ─► display texture
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator, Mapping
+
+import moderngl
+import numpy as np
+
+from app.editor import Editor
+from app.orbit.events import OrbitPicture
+from app.orbit.talk import OrbitTalk
+from app.picture import PictureEvent, SceneFrame
+from ui.gl.orbit.canvas import Canvas
+from ui.gl.tonemap import DisplayView
+from ui.picture_feed import PictureSource
+from ui.placement_feed import PlacementFeed, stops
+from ui.shown_view import ShownView
+from ui.still import Still
+
+FADE_SECONDS = 0.25
+
+
+class OrbitFeed(PictureSource):
+    """Feeds a canvas, and Placement's renderer beside it."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self.placement = PlacementFeed(context)
+        self.canvas = Canvas(context)
+        self._scene: object = None
+        self._names: list[str] = []
+        self._view = ShownView()
+        self._texture: moderngl.Texture | None = None
+        self._compared: object = None
+        self._placement_since = math.inf
+        self._drawn: object = None
+
+    @property
+    def picture(self) -> moderngl.Texture | None:
+        return self._texture
+
+    def rehearse(self) -> Iterator[None]:
+        return self.placement.rehearse()
+
+    def take(self, editor: Editor, event: PictureEvent) -> None:
+        if isinstance(event, OrbitPicture):
+            self.canvas.set_picture(event.radiance)
+            self._drawn = None
+            return
+        if isinstance(event, SceneFrame):
+            self._take_scene(event)
+        self.placement.take(editor, event)
+
+    def _take_scene(self, event: SceneFrame) -> None:
+        """Another scene, or the same seen in another way: then what is shown stays until there is another picture."""
+        scene = event.source, event.description.objects
+        if scene != self._scene:
+            self.canvas.clear()
+        self.canvas.set_frame(event.frame)
+        self._scene, self._names = scene, [described.name for described in event.description.objects]
+        self._compared, self._drawn = None, None
+
+    def draw(self, editor: Editor, last_frame_ms: float, all_taken: bool) -> bool:
+        talk = _talk(editor)
+        busy = talk.hands_over and self.placement.draw(editor, last_frame_ms, all_taken)
+        share = self._share_of_placement(talk)
+        self._follow_comparison(editor, share)
+        if share == 1.0:
+            self._texture = self.placement.picture
+            self._drawn = None
+        else:
+            self._draw_canvas(editor, talk, share)
+        return busy or 0.0 < share < 1.0 or self._view.waits
+
+    def _share_of_placement(self, talk: OrbitTalk) -> float:
+        """How much of Placement's picture is seen, 0 to 1."""
+        now = time.monotonic()
+        if not talk.shows_placement:
+            self._placement_since = math.inf
+            return 0.0
+        self._placement_since = min(self._placement_since, now)
+        return min((now - self._placement_since) / FADE_SECONDS, 1.0)
+
+    def _draw_canvas(self, editor: Editor, talk: OrbitTalk, share: float) -> None:
+        """Draw, where it would be another picture than was drawn last."""
+        view = self._display_view(editor, talk)
+        if (view, share) != self._drawn:
+            other = self.placement.renderer.linear_texture if share > 0.0 else None
+            self._texture = self.canvas.draw(view, other, share)
+            self._drawn = view, share
+
+    def _follow_comparison(self, editor: Editor, share: float) -> None:
+        compared = editor.view.compare
+        if compared is self._compared:
+            return
+        if compared is None:
+            self.canvas.drop_snapshot()
+        else:
+            self.canvas.take_snapshot(self.placement.renderer.linear_texture if share > 0.0 else None)
+        self._compared, self._drawn = compared, None
+
+    def _display_view(self, editor: Editor, talk: OrbitTalk) -> DisplayView:
+        """Silhouettes, outlines and the divider belong to the view that was traced last."""
+        view, compared = editor.view, editor.view.compare
+        rests = not talk.is_away
+        return DisplayView(
+            exposure=view.exposure + stops(editor.document.light),
+            compare_exposure=None if compared is None else view.exposure + stops(compared.light),
+            tone_mapping=self._view.follow(view.tone_mapping),
+            selected=self._index(view.selected.object if view.selected and rests else None),
+            hovered=self._index(view.hovered if rests else None),
+            compare_divider=view.compare_divider if compared is not None and rests else None,
+            antialias=rests,
+        )
+
+    def _index(self, name: str | None) -> int | None:
+        return self._names.index(name) if name in self._names else None
+
+    def still(self, editor: Editor) -> Still | None:
+        talk, frame = _talk(editor), self.canvas.frame
+        if talk.shows_placement:
+            return self.placement.still(editor)
+        if frame is None or self._texture is None:
+            return None
+        return Still(
+            self.canvas.finished_image(self._display_view(editor, talk)),
+            self.canvas.linear_image() * np.float32(editor.document.light.intensity),
+            (frame.edge_pixels, frame.edge_neighbours, frame.edge_weights),
+        )
+
+    def map_thumbnails(self, key: str) -> Mapping[str, moderngl.Texture]:
+        return self.placement.map_thumbnails(key)
+
+    def map_refusal(self, editor: Editor, key: str) -> str | None:
+        return self.placement.map_refusal(editor, key)
+
+    def close(self) -> None:
+        self.placement.close()
+        self.canvas.release()
+
+
+def _talk(editor: Editor) -> OrbitTalk:
+    """Whose picture it is."""
+    assert isinstance(editor.talk, OrbitTalk)
+    return editor.talk
