@@ -20,7 +20,6 @@ Tool = Literal["translate_x", "translate_y", "translate_xy", "amplify_x", "ampli
 Channel = Literal["rgb", "r", "g", "b"]
 BrdfPlot = Literal["lobe", "slice", "albedo"]
 
-TOOLS: tuple[Tool, ...] = ("translate_x", "translate_y", "translate_xy", "amplify_x", "amplify_y", "amplify_xy")
 CHANNELS: tuple[Channel, ...] = ("rgb", "r", "g", "b")
 BRDF_PLOTS: tuple[BrdfPlot, ...] = ("lobe", "slice", "albedo")
 AS_PLANNED = 0

@@ -1,4 +1,4 @@
-"""How many cores are used, decided in one place: all that this process may run on, unless somebody chooses otherwise.
+"""How many cores are used, decided in one place: all that this process may run on.
 
 Work is cut into parts whose results do not depend on how many threads share them: what comes out is the same to the
 last bit on any number of cores.
@@ -6,15 +6,12 @@ last bit on any number of cores.
 
 from __future__ import annotations
 
-import contextlib
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
 
 Result = TypeVar("Result")
-
-_chosen: int | None = None
 
 
 def n_cores() -> int:
@@ -23,19 +20,8 @@ def n_cores() -> int:
 
 
 def n_threads() -> int:
-    """On how many threads work is to be shared: one a core, or as many as were chosen."""
-    return _chosen or n_cores()
-
-
-@contextlib.contextmanager
-def using(n: int) -> Iterator[None]:
-    """Share work among `n` threads while the block lasts, in this whole process; what is open already keeps its own."""
-    global _chosen
-    before, _chosen = _chosen, n
-    try:
-        yield
-    finally:
-        _chosen = before
+    """On how many threads work is to be shared: one a core."""
+    return n_cores()
 
 
 def pool() -> ThreadPoolExecutor:

@@ -1,10 +1,10 @@
-"""Opening a scene as the editor does: load it, and look at it."""
+"""Requests served in this process; opening a scene as the editor does: load it, and look at it."""
 
 from __future__ import annotations
 
 from app.editor import WorkerClient
 from app.jobs.in_process import InProcessClient
-from app.jobs.messages import LookFrom, OpenScene, Response
+from app.jobs.messages import LookFrom, OpenScene, Request, Response
 from app.jobs.schedule import RequestHandler
 from engine.scene.description import Camera
 
@@ -22,4 +22,11 @@ def open_in_process(
     """All answers to both."""
     client = InProcessClient(handler)
     ask_for_scene(client, source, camera, resolution)
+    return client.poll(budget_s=float("inf"))
+
+
+def run_in_process(handler: RequestHandler, request: Request) -> list[Response]:
+    """All answers to one request, computed here and now, as the worker would give them."""
+    client = InProcessClient(handler)
+    client.send(request)
     return client.poll(budget_s=float("inf"))

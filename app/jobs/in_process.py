@@ -50,10 +50,3 @@ class InProcessClient:
 
     def close(self) -> None:
         """Nothing to end."""
-
-
-def run_in_process(handler: RequestHandler, request: Request) -> list[Response]:
-    """All answers to one request, computed here and now, as the worker would give them."""
-    client = InProcessClient(handler)
-    client.send(request)
-    return client.poll(budget_s=float("inf"))

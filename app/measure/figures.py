@@ -73,7 +73,6 @@ SPECS |= {
     for kind, limit in _OF_A_ROOM.items()
 }
 SPECS |= {name: Spec("relRMSE", 0.05) for name in ("room_gloss_direct_error", "room_gloss_error")}
-PROMISED = tuple(SPECS)[:24]
 
 
 class NotMeasured(InsituError):

@@ -19,10 +19,10 @@ import numpy as np
 
 from app.atomic import save_file
 from app.document import document_from_description
+from app.measure.dense import DenseTensor
 from app.measure.growth import SOURCE, cut
 from app.measure.subject import at_most, open_subject
 from app.sky import sky_of
-from engine.indirect.dense import DenseTensor
 from engine.indirect.layers import IndirectLayer, indirect_layer
 from engine.indirect.light import IndirectLight
 from engine.indirect.representation import FrozenLight, GatherPolynomial, Representation, Selected

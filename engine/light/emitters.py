@@ -196,16 +196,11 @@ def seen_importance(triangles: Floats, radiance: Floats, points: Floats, normals
     return importance
 
 
-def patch_solid_angles(patches: EmitterPatches, points: ArrayLike) -> NDArray[np.float32]:
-    """Solid angle of every patch from every point (P, 3): (P, M) float32, steradians, 0 to 2 pi.
-
-    Exact for flat triangles at any distance [VanOosterom83]; 0 from behind a patch and from within its plane.
-    """
-    return solid_angles(patches.corners.astype(np.float64), points)
-
-
 def solid_angles(corners: Floats, points: ArrayLike) -> NDArray[np.float32]:
-    """The same of triangles (M, 3, 3)."""
+    """Solid angle of every triangle (M, 3, 3) from every point (P, 3): (P, M) float32, steradians, 0 to 2 pi.
+
+    Exact at any distance [VanOosterom83]; 0 from behind a triangle and from within its plane.
+    """
     from engine.light import _kernels  # late: patches themselves need no compiler
 
     places = np.ascontiguousarray(points, dtype=np.float64)

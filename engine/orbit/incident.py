@@ -84,14 +84,6 @@ def light(points: ShadingPoints, bits: Bits, sky: Sky, incident: Incident, lamps
         yield stop
 
 
-def visible_powers(frame: Floats, bits: Bits, sky: Sky) -> Floats:
-    """Radiance × solid angle of each triangle (5120, 3) of a point's frame (3, 3), as its bits (1280,) see it."""
-    powers = np.empty((geodesic(LEVEL).n_triangles, 3), np.float32)
-    fill: Any = kernels.powers_at
-    fill(frame, bits, *_tables(sky), LEVEL, powers)
-    return powers
-
-
 def suns_seen(points: ShadingPoints, bits: Bits, sky: Sky, which: NDArray[np.integer]) -> NDArray[np.bool_]:
     """Whether some of the points (N,) see each of the sky's suns, (N, M)."""
     seen = np.empty((len(which), len(sky.sun_power)), bool)

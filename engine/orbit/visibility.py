@@ -62,16 +62,8 @@ def see(points: ShadingPoints, caster: RayCaster) -> Iterator[tuple[int, int, Bi
         yield start, stop, found[:, 0::2] | found[:, 1::2] << 4
 
 
-def all_bits(points: ShadingPoints, caster: RayCaster) -> Bits:
-    """The bits (S, 1280) of all points."""
-    bits = np.empty((len(points), N_UPPER // 2), np.uint8)
-    for start, stop, part in see(points, caster):
-        bits[start:stop] = part
-    return bits
-
-
 def see_patches(points: ShadingPoints, caster: RayCaster, patches: EmitterPatches) -> Bits:
-    """Which patches of emitters each point sees, (S, ⌈M / 8⌉): a ray to a place on each, as in `all_bits`."""
+    """Which patches of emitters each point sees, (S, ⌈M / 8⌉): a ray to a place on each."""
     bits = np.empty((len(points), (len(patches) + 7) // 8), np.uint8)
     for start in range(0, len(points), _CHUNK):
         stop = min(start + _CHUNK, len(points))

@@ -7,7 +7,6 @@ others do.
 import io
 import struct
 import zlib
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,11 +29,6 @@ def exr_bytes(radiance: NDArray[np.float32], comment: str = "") -> bytes:
     buffer = io.BytesIO()
     OpenEXR.File(header, {"RGB": np.ascontiguousarray(radiance, np.float32)}).write(buffer)
     return buffer.getvalue()
-
-
-def write_exr(path: Path, radiance: NDArray[np.float32]) -> None:
-    """The bytes of `exr_bytes` in a file that matters to nobody, such as a test's."""
-    path.write_bytes(exr_bytes(radiance))
 
 
 def png_bytes(radiance: NDArray[np.float32], exposure: float = 0.0, tone_mapping: ToneMapping = "filmic") -> bytes:

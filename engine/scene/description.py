@@ -26,7 +26,7 @@ from pydantic import (
 from engine.material.maps import LayerMaps, map_fields, map_values, maps_from
 from engine.material.parameters import ParameterError
 from engine.scene.complaints import first_complaint
-from engine.scene.toml_text import check_version, load_toml, toml_lines, toml_value
+from engine.scene.toml_text import check_version, load_toml
 from engine.scene.transform import check_transform
 
 SCENE_VERSION = 1
@@ -241,28 +241,3 @@ def parse_description(tree: dict[str, Any], file: str | Path) -> SceneDescriptio
         return SceneDescription.model_validate(tree)
     except ValidationError as error:
         raise first_complaint(error, tree, file, SceneDescription) from None
-
-
-def dump_description(description: SceneDescription) -> str:
-    """The TOML text that reads back as an equal description."""
-    lines = [f"version = {description.version}", f"name = {toml_value(description.name)}"]
-    lines += [] if description.bounces is None else [f"bounces = {description.bounces}"]
-    lines += ["[camera]", *_table(description.camera)]
-    if description.environment is not None:
-        lines += ["[environment]", *_table(description.environment)]
-    for item in description.objects:
-        lines += ["[[object]]", *_table(item, skip="layers")]
-        if item.layers:
-            lines += ["layer = [", *(f"  {_layer(layer)}," for layer in item.layers), "]"]
-    return "\n".join(lines) + "\n"
-
-
-def _table(model: BaseModel, skip: str = "") -> list[str]:
-    """`key = value` lines of a model's fields, those at None left out."""
-    return toml_lines({key: getattr(model, key) for key in type(model).model_fields if key != skip})
-
-
-def _layer(layer: LayerDescription) -> str:
-    """A layer as a TOML inline table."""
-    named = {"model": layer.model, "name": layer.name, "follows": layer.follows}
-    return toml_value(named | layer.parameters | map_values(layer.maps))

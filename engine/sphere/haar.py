@@ -103,10 +103,3 @@ def kept(coefficients: Array, n: int, rule: Rule = "size") -> NDArray[np.bool_]:
     size[:N_ROOTS] = np.inf
     keep[np.argsort(-size, kind="stable")[: max(n, N_ROOTS)]] = True
     return keep
-
-
-def truncated(values: Array, n: int, rule: Rule = "size") -> Array:
-    """Values (20·4^L, ...) rebuilt from the n coefficients that `kept` keeps."""
-    coefficients = forward(values)
-    coefficients[~kept(coefficients, n, rule)] = 0.0
-    return inverse(coefficients)

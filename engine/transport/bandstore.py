@@ -81,22 +81,14 @@ class BandStore:
         values = {id(tile.values): tile.values.nbytes for tile in self.tiles}
         return sum(values.values()) + sum(tile.n_bytes - tile.values.nbytes for tile in self.tiles)
 
-    def contract(self, factor: int, dormant: np.ndarray, wavelet: bool) -> np.ndarray:
-        """Transport of one factor with the other at rest: T = c_Bᵀ U or U c_A [BenArtzi07, eq. 4.16].
-
-        factor 0 keeps A (dormant is c_B, (K, 3)), 1 keeps B (dormant is c_A, (J, 3)).
-        Returns (J or K, P, 3) float32, coefficients first: Daubechies-4 when `wavelet`, else bands.
-        """
-        kept = np.zeros((self.bands[factor], 3))
-        coefficients = (kept, dormant) if factor == 0 else (dormant, kept)
-        return self.fill(factor, coefficients, np.ones(len(kept)), np.float32, wavelet).numbers
-
     def fill(
         self, factor: int, coefficients: tuple[np.ndarray, np.ndarray], inverse: np.ndarray,
         dtype: type[np.floating], wavelet: bool = True,
     ) -> Planes:  # fmt: skip
-        """`contract` with all that one pass can give; coefficients are those of both factors, (J, 3) and (K, 3).
+        """Transport of one factor with the other at rest, T = c_Bᵀ U or U c_A [BenArtzi07, eq. 4.16], with all else
+        that one pass can give; coefficients are those of both factors, (J, 3) and (K, 3).
 
+        factor 0 keeps A, 1 keeps B. `numbers` come coefficients first: Daubechies-4 when `wavelet`, else bands.
         inverse (J or K,): what each plane is multiplied by; dtype: float16 or float32.
         """
         found, expected = [c.shape for c in coefficients], [(n, 3) for n in self.bands]

@@ -28,10 +28,10 @@ from engine.curve.operators import Operator
 from engine.errors import InsituError
 from engine.light.image_files import read_radiance_image
 from engine.material import MODELS, make_layer
-from engine.render.image_files import write_exr
 from engine.render.integrator import evaluate_layers
 from engine.scene.ply import parse_ply
 from engine.transport.pipeline import Placement
+from tests.pictures import write_exr
 from tests.ui.small_scene import coloured_sky, write_small_scene
 
 BUMP = Operator("amplify", "y", 0.1, 0.2, 0.4, 0.6, 0.8)

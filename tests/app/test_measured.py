@@ -11,7 +11,7 @@ from app.commands import SetFrozen, SetParameter
 from app.document import Document, LightState, document_from_description
 from app.editor import Editor
 from app.jobs.cache import Store
-from app.jobs.in_process import InProcessClient, run_in_process
+from app.jobs.in_process import InProcessClient
 from app.jobs.messages import (
     Failed,
     FilesWritten,
@@ -41,7 +41,7 @@ from engine.plan import band_counts
 from engine.scene.description import SceneDescription
 from tests.app.fake_worker import FakeClient
 from tests.naive.measured import drawn_measurement
-from tests.opened import open_in_process
+from tests.opened import open_in_process, run_in_process
 
 SCENE = """version = 1
 bounces = 1

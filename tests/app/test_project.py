@@ -17,9 +17,9 @@ from app.sky import sky_of
 from app.sources import find_source
 from app.view_state import ViewState
 from engine.errors import InsituError, LoadError
-from engine.render.image_files import write_exr
 from engine.scene.builtin import builtin_environments
 from tests.app.test_cli import SCENE
+from tests.pictures import write_exr
 
 
 @pytest.fixture

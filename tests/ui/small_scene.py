@@ -11,7 +11,7 @@ import numpy as np
 
 from app.editor import Editor, WorkerClient
 from app.view_state import SetView
-from engine.render.image_files import write_exr
+from tests.pictures import write_exr
 from ui.headless import HeadlessWindow
 from ui.picture_feed import PictureFeed
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import get_args
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.view_state import TOOLS, ViewState
+from app.view_state import Tool, ViewState
 from engine.curve.operators import Operator, apply_operators, diagonal
 from engine.curve.pairs import is_pair
 from ui.panels.curve_gestures import (
@@ -43,7 +44,7 @@ def grip(operators: tuple[Operator, ...] = (), index: int | None = None, **chang
     return dataclasses.replace(start, **changes)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("tool", TOOLS)
+@pytest.mark.parametrize("tool", get_args(Tool))
 def test_each_tool_makes_neutral_operators_and_is_recognised(tool: str) -> None:
     made = fresh(tool, REGIONS, (True, True, True))  # type: ignore[arg-type]
     gamma = np.linspace(0.0, HALF_PI, 200)
@@ -67,7 +68,7 @@ def test_a_diagonal_drag_is_the_engines_diagonal() -> None:
 PULLED = st.floats(0.1, 2.0) | st.floats(-2.0, -0.1)
 
 
-@given(st.sampled_from(TOOLS), st.floats(0.35, 0.65), st.floats(0.1, 1.5), PULLED)
+@given(st.sampled_from(get_args(Tool)), st.floats(0.35, 0.65), st.floats(0.1, 1.5), PULLED)
 def test_the_ring_stands_where_it_was_dragged_and_amplifies_evenly(tool: str, x: float, y: float, power: float) -> None:
     hand = Hand(fresh(tool, REGIONS, (True, True, True)), None)  # type: ignore[arg-type]
     made = drag_knob(grip(), hand, lobe, Pull((x, y), (2.0**power, 2.0**power)))

@@ -50,7 +50,7 @@ def test_both_terms_follow_every_frame(window: HeadlessWindow) -> None:
     window.click_handle("material.fresnel_term.0")
     window.frames(2)
     assert window.run_until(lambda: editor.status.picture == "exact", 30.0)
-    assert renderer.transport_keys == ("teapot.1", "teapot.2")
+    assert renderer._edited.keys == ("teapot.1", "teapot.2")
     client, before = editor._client, renderer.layer_radiance("teapot.2")
     assert isinstance(client, StandInClient)
     n_requests = len(client.requests)

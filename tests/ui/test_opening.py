@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.render.image_files import write_exr
 from tests.app.test_project import TETRAHEDRON
+from tests.pictures import write_exr
 from tests.ui.real_window import opened
 
 pytestmark = pytest.mark.window

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.render.image_files import write_exr
+from tests.pictures import write_exr
 from tests.ui.real_window import RealWindow, real_window_fixture
 
 pytestmark = pytest.mark.window

@@ -7,7 +7,6 @@ import pytest
 from PIL import Image
 
 from app.jobs.cache import Store
-from app.jobs.in_process import run_in_process
 from app.jobs.maps import thumbnail
 from app.jobs.messages import SceneSeen
 from app.jobs.tasks import Tasks
@@ -15,7 +14,7 @@ from app.placement.messages import MapsRefused, MapsSampled, SampleMaps
 from engine.material.maps import Images
 from engine.material.strokes import Stroke, Strokes, pack_dabs
 from engine.texture.pyramid import make_pyramid
-from tests.opened import open_in_process
+from tests.opened import open_in_process, run_in_process
 
 SCENE = """
 version = 1

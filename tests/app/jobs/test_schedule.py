@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.jobs.in_process import InProcessClient, run_in_process
+from app.jobs.in_process import InProcessClient
 from app.jobs.messages import Cancel, Failed, OpenScene, Progress, Response
 from app.jobs.schedule import Schedule
 from app.placement.messages import Contract, LayerPicture, LayerTransport, StageDone
 from tests.app.jobs.faulty_tasks import FaultyTasks, compute
+from tests.opened import run_in_process
 
 
 def contract(value: float, **numbers: int) -> Contract:

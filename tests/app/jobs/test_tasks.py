@@ -15,7 +15,7 @@ from app.jobs import placement as placement_module
 from app.jobs.array_record import read_record, write_record
 from app.jobs.cache import Store
 from app.jobs.client import Client
-from app.jobs.in_process import InProcessClient, run_in_process
+from app.jobs.in_process import InProcessClient
 from app.jobs.messages import Failed, Progress, Response, SceneOpened, SceneSeen, SkyImage, WorkerRestarted
 from app.jobs.placement import _stages
 from app.jobs.tasks import Tasks
@@ -33,11 +33,11 @@ from engine.light.environment import load_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.plan import N_PATCHES
-from engine.render.image_files import write_exr
 from engine.transport.bandstore import BandTile
 from engine.transport.pipeline import COARSE, PREVIEW
 from engine.transport.projection import project_layer
-from tests.opened import ask_for_scene, open_in_process
+from tests.opened import ask_for_scene, open_in_process, run_in_process
+from tests.pictures import write_exr
 
 SCENE = """version = 1
 bounces = 1

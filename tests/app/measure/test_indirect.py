@@ -18,8 +18,8 @@ from app.measure.indirect import IndirectEffort, indirect_figures
 from app.measure.peer import FIGURE as PEER
 from app.measure.representations import Row as Compared
 from app.project import open_project
-from engine.render.image_files import write_exr
 from engine.transport.pipeline import Placement
+from tests.pictures import write_exr
 
 FOUND: dict[str, Any] = {
     "renderer": "a renderer",

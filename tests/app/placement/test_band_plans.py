@@ -7,7 +7,6 @@ import pytest
 from app.commands import AddLayers, EditCommand, SetMaterial, SetModel, SetParameter
 from app.document import Document
 from app.editor import Editor
-from app.jobs.in_process import run_in_process
 from app.jobs.messages import Failed
 from app.jobs.tasks import Tasks
 from app.library import Library
@@ -16,6 +15,7 @@ from app.placement.messages import BandsPlanned, ComputeTransport, PlanBands
 from app.placement.status import RenderReport
 from engine.plan import band_counts, usual_bands
 from tests.app.fake_worker import FakeClient
+from tests.opened import run_in_process
 
 BASE, GLOSS = new_layer("lambert").with_parameter("albedo", 0.1), new_layer("cook_torrance")
 MOVED = {"lambert": "albedo", "cook_torrance": "sigma", "rough_conductor": "alpha"}

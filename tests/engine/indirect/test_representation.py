@@ -7,12 +7,12 @@ from math import comb
 import numpy as np
 import pytest
 
+from app.measure.dense import DenseTensor
+from app.measure.multisets import NONE, Multisets
 from engine.errors import InsituError
-from engine.indirect.dense import DenseTensor
 from engine.indirect.irradiance import NOBODY
 from engine.indirect.layers import indirect_layer
 from engine.indirect.light import IndirectLight
-from engine.indirect.multisets import NONE, Multisets
 from engine.indirect.representation import GatherPolynomial, Representation, Selected
 from engine.light.environment import constant_environment
 from engine.material import MODELS

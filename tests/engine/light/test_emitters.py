@@ -4,10 +4,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from engine.light.emitters import (
+    EmitterPatches,
     emitter_patches,
     emitter_tree,
     merged_triangles,
-    patch_solid_angles,
     seen_importance,
     solid_angles,
 )
@@ -18,6 +18,11 @@ SQUARE = np.array(
 )
 """A unit square at height 1, shining down on the origin (counter-clockwise seen from below)."""
 WHITE = np.ones((2, 3))
+
+
+def patch_solid_angles(patches: EmitterPatches, points: np.ndarray) -> np.ndarray:
+    """Solid angle of every patch from every point (P, 3): (P, M), steradians; 0 from behind and within its plane."""
+    return solid_angles(patches.corners.astype(np.float64), points)
 
 
 def irradiance(triangles: np.ndarray, n_patches: int, point: np.ndarray, normal: np.ndarray) -> float:

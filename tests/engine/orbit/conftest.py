@@ -3,10 +3,11 @@
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from engine.orbit.shading_points import ShadingPoints, shading_points
-from engine.orbit.visibility import Bits, all_bits
+from engine.orbit.visibility import Bits, see
 from engine.scene.description import parse_description
 from engine.scene.load import Scene, build_scene
 from engine.scene.raycaster import RayCaster
@@ -47,4 +48,4 @@ def ball(ball_scene: Scene) -> tuple[ShadingPoints, RayCaster, Bits]:
     """Its shading points, rays against it, and what the points see."""
     caster = RayCaster(ball_scene.vertices, ball_scene.triangles)
     points = shading_points(ball_scene, caster, 1500)
-    return points, caster, all_bits(points, caster)
+    return points, caster, np.concatenate([part for _, _, part in see(points, caster)])

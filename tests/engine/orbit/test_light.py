@@ -4,9 +4,10 @@ import pytest
 from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.orbit.incident import Lamps, cosines, light, no_light, visible_powers
+from engine.orbit import _incident_kernels as kernels
+from engine.orbit.incident import LEVEL, Lamps, _tables, cosines, light, no_light
 from engine.orbit.picture import look, reflected, sunlit
-from engine.orbit.sky import MAP_SIDE, make_sky, texel_directions
+from engine.orbit.sky import MAP_SIDE, Sky, make_sky, texel_directions
 from engine.orbit.slices import Slices, looks_isotropic, make_slices, spherical, to_shading
 from engine.orbit.visibility import see_patches, upper
 from engine.render.integrator import evaluate_layers
@@ -15,6 +16,13 @@ from engine.sphere.geodesic import geodesic
 from tests.engine.transport.by_hand import square
 
 FLOOR = 0
+
+
+def visible_powers(frame: np.ndarray, bits: np.ndarray, sky: Sky) -> np.ndarray:
+    """Radiance × solid angle of each triangle (5120, 3) of a point's frame (3, 3), as its bits (1280,) see it."""
+    powers = np.empty((5120, 3), np.float32)
+    kernels.powers_at(frame, bits, *_tables(sky), LEVEL, powers)
+    return powers
 
 
 def lit(ball, sky, n: int = 5120, lamps=None):

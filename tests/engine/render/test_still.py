@@ -103,7 +103,7 @@ def test_scale_and_rotation_of_the_sky_reach_the_background(tmp_path: Path) -> N
 
 
 def write_gradient(folder: Path) -> Path:
-    from engine.render.image_files import write_exr
+    from tests.pictures import write_exr
 
     rows, columns = np.mgrid[0:16, 0:32]
     write_exr(folder / "sky.exr", np.stack([rows / 16, columns / 32, 0 * rows], axis=2).astype(np.float32))

@@ -10,8 +10,8 @@ import pytest
 from PIL import Image
 
 from engine.errors import LoadError
-from engine.render.image_files import write_exr
 from engine.texture.images import read_texture, read_weight
+from tests.pictures import write_exr
 
 CODES = np.arange(256, dtype=np.uint8)
 

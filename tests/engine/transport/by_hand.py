@@ -110,8 +110,15 @@ def irradiance(hits: PrimaryHits, light: VisibleLight, n_bands: int = 32) -> np.
     return np.pi * light.lighting.unit * store.radiance(np.ones((n_bands, 3)), np.ones((1, 3)))
 
 
+def contract(store: BandStore, factor: int, dormant: np.ndarray, wavelet: bool) -> np.ndarray:
+    """Transport (J or K, P, 3) of one factor with the other at rest: c_B (K, 3) for factor 0, c_A (J, 3) for 1."""
+    kept = np.zeros((store.bands[factor], 3))
+    coefficients = (kept, dormant) if factor == 0 else (dormant, kept)
+    return store.fill(factor, coefficients, np.ones(len(kept)), np.float32, wavelet).numbers
+
+
 def bands_of(store: BandStore) -> np.ndarray:
     """U (P, J, K, 3), read off the store one band at a time."""
     n_a, n_b = store.bands
-    rows = [store.contract(0, np.eye(n_b)[k][:, None] * np.ones(3), wavelet=False) for k in range(n_b)]
+    rows = [contract(store, 0, np.eye(n_b)[k][:, None] * np.ones(3), wavelet=False) for k in range(n_b)]
     return np.stack(rows, axis=1).transpose(2, 0, 1, 3).reshape(store.n_points, n_a, n_b, 3)

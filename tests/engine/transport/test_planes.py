@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from engine.transport import _plane_kernels as kernels
 from engine.transport.bandstore import BandStore
 from engine.transport.planes import GUESSED_FROM, LEAST, MOST, curve_planes
+from tests.engine.transport.by_hand import contract
 from tests.engine.transport.test_bandstore import dense_of, sparse_bands, store_of
 
 
@@ -72,7 +73,7 @@ def test_planes_are_the_contraction(bands, factor, precision) -> None:
     # 37 points in tiles of 3: blocks of 16 that end early.
     store = store_of(sparse_bands(37, *bands, seed=2))
     found = curve_planes(store, factor, curves(store), 3.0, precision)
-    expected = 3.0 * store.contract(factor, curves(store)[1 - factor], wavelet=True).astype(float)
+    expected = 3.0 * contract(store, factor, curves(store)[1 - factor], wavelet=True).astype(float)
     true = found.numbers * found.scale[:, None, None]
     assert found.numbers.dtype == (np.float16 if precision == "half" else np.float32)
     largest = np.abs(expected).max(axis=(1, 2), keepdims=True)

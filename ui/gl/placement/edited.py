@@ -179,20 +179,10 @@ class EditedLayers:
             total += (active.refiner.state.remaining_effect() * gain) ** 2 * pixels_per_sample
         return float(total**0.5)
 
-    def rebase(self) -> bool:
-        """Let the coming updates sum from zero; False when a transport is stale, or there is none."""
-        may_rebuild = [active.refiner.request_rebuild() for active in self._active.values()]
-        return bool(may_rebuild) and all(may_rebuild)
-
     def drop(self, key: str) -> None:
         """A layer's transport is void, at work or under way."""
         self._stop(key)
         self.cancel(keep=[each.key for each in self._arriving if each.key != key])
-
-    def forget(self, key: str) -> None:
-        """There is no such layer any more."""
-        self.drop(key)
-        self._wanted.pop(key, None)
 
     def clear(self) -> None:
         """Drop everything."""

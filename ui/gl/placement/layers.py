@@ -104,14 +104,6 @@ class LayerStack:
         self._layers[key] = layer
         self.dirty.add(i_object)
 
-    def remove(self, key: str) -> None:
-        layer = self[key]
-        del self._layers[key]
-        _release(layer)
-        self._memory.release(layer.view_curve)
-        self._compositor.release_maps(layer.maps)
-        self.dirty.add(layer.i_object)
-
     def set_radiance(self, key: str, radiance: NDArray[np.floating]) -> None:
         """Replace a layer's picture by radiance (p,3) at the samples of the current footprint."""
         layer = self[key]
@@ -284,8 +276,11 @@ class LayerStack:
         return total / max(1, self._compositor.frame.n_pixels)
 
     def release(self) -> None:
-        for key in self.keys:
-            self.remove(key)
+        for layer in self._layers.values():
+            _release(layer)
+            self._memory.release(layer.view_curve)
+            self._compositor.release_maps(layer.maps)
+        self._layers.clear()
         self.footprint = self.indirect_footprint = None
         self.release_unused_footprints()
 

@@ -94,12 +94,6 @@ class Refiner:
             self._rebuild = self._started(step)
         return self._go_on_rebuilding(accumulator, limit)
 
-    def request_rebuild(self) -> bool:
-        """Sum from zero at the next steps even if nothing is due; False where the transport is not the picture's."""
-        if self.state.may_rebuild:
-            self.state.shown = None
-        return self.state.may_rebuild
-
     def term_limit(self, max_terms: int | None, budget_s: float | None) -> int | None:
         """How many terms a step may add; None is all."""
         limits = [] if max_terms is None else [max(0, max_terms)]

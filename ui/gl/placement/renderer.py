@@ -164,12 +164,6 @@ class PlacementRenderer:
         self._shown().layers.set_indirect(key, radiance)
         self._release_unused_footprints()
 
-    def remove_layer(self, key: str) -> None:
-        """Take a layer out of the picture."""
-        self._shown().layers.remove(key)
-        self._edited.forget(key)
-        self._release_unused_footprints()
-
     @property
     def layer_keys(self) -> tuple[str, ...]:
         return () if self._picture is None else self._picture.layers.keys
@@ -228,11 +222,6 @@ class PlacementRenderer:
         return self._edited.upload_fraction
 
     @property
-    def transport_keys(self) -> tuple[str, ...]:
-        """The layers whose transport is active."""
-        return self._edited.keys
-
-    @property
     def transport_precision(self) -> Precision | None:
         """Whether the active transport is of half or single floats; None where none is active."""
         return self._edited.precision
@@ -259,10 +248,6 @@ class PlacementRenderer:
         done = self._edited.update(self._shown().layers, max_coefficients, budget_s)
         self._release_unused_footprints()
         return UpdateReport(done.applied, done.remaining, self.image_error(), done.exact)
-
-    def rebase(self) -> bool:
-        """Let the coming updates sum the edited layers from zero; False when a transport is stale or missing."""
-        return self._edited.rebase()
 
     @property
     def mean_radiance(self) -> float:

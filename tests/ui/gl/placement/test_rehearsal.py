@@ -54,7 +54,7 @@ def test_no_program_is_left_for_the_first_picture(renderer: PlacementRenderer) -
 def test_a_rehearsal_leaves_no_picture_and_changes_none(context: moderngl.Context, renderer: PlacementRenderer) -> None:
     for _ in rehearse(renderer):
         pass
-    assert renderer.frame is None and renderer.layer_keys == () and renderer.transport_keys == ()
+    assert renderer.frame is None and renderer.layer_keys == () and renderer._edited.keys == ()
     unrehearsed = PlacementRenderer(context)
     np.testing.assert_array_equal(draw_everything(renderer), draw_everything(unrehearsed))
     unrehearsed.release()

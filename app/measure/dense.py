@@ -12,11 +12,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from app.measure.multisets import NONE, Multisets
 from engine.errors import InsituError
 from engine.indirect.irradiance import NOBODY, CellLight, bounced
 from engine.indirect.layers import IndirectLayer, albedos_of
 from engine.indirect.light import IndirectLight
-from engine.indirect.multisets import NONE, Multisets
 from engine.indirect.reflection import SentLight
 from engine.indirect.representation import Freezing, FrozenLight, Selected
 

@@ -1,0 +1,13 @@
+"""Pictures that tests put in files."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.render.image_files import exr_bytes
+
+
+def write_exr(path: Path, radiance: NDArray[np.float32]) -> None:
+    """Linear radiance (H, W, 3) as an OpenEXR file."""
+    path.write_bytes(exr_bytes(radiance))
