@@ -16,6 +16,9 @@ from functools import partial
 from pathlib import Path
 from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from app.barrier import Barrier
 from app.commands import EditCommand
 from app.document import Document, Selection
@@ -51,15 +54,16 @@ from app.session import Session
 from app.session_keeper import SessionKeeper
 from app.status import Gauges, Status
 from app.table_talk import TableTalk
-from app.view_state import OpenPanel, SetView, ViewCommand, ViewState
+from app.view_state import Look, OpenPanel, SetView, ViewCommand, Viewpoint, ViewState
 from app.writing import written_material, written_scene
 from engine.errors import InsituError
 from engine.scene.builtin import DEFAULT_SCENE
-from engine.scene.description import SceneDescription
+from engine.scene.description import Camera, SceneDescription
 
 __all__ = ["Editor", "Status", "WorkerClient"]
 
 POLL_SECONDS = 0.004
+NO_CAMERA = Camera(position=(0.0, 0.0, 1.0), target=(0.0, 0.0, 0.0))
 STOPPED = "stopped; Resume in the Accuracy panel goes on, and so does another light or roughness"
 
 
@@ -106,6 +110,9 @@ class Editor:
         self.view = self._view_before_drag = ViewState()
         self.resolution = resolution
         self.own_resolution = (0, 0)
+        self.own_camera = NO_CAMERA
+        self.look_history = History(self.view.look)
+        self._boxes: dict[str, NDArray[np.float64]] = {}
         self.gauges = Gauges()
         self._client = client
         self._keeper = SessionKeeper(journal)
@@ -153,6 +160,69 @@ class Editor:
             return self._refuse(str(error))
         return None
 
+    # ------------------------------------------------------------------------------------------------------------ looks
+
+    @property
+    def look(self) -> Camera:
+        """The camera that the scene is looked at from, or is about to be."""
+        return self.view.camera or self.own_camera
+
+    @property
+    def aspect(self) -> float:
+        """How many times as wide as high the picture is."""
+        width, height = self.view.resolution or self.own_resolution
+        return width / max(height, 1)
+
+    def look_from(self, look: Viewpoint, label: str, gesture: str | None = None) -> None:
+        """See the scene from there: a step of the view's own history, one with those before it of the same gesture."""
+        camera, resolution = look
+        camera = None if camera == self.own_camera else camera
+        look = Viewpoint(camera, None if resolution == self.own_resolution else resolution)
+        if self._looks_now().do(Look(look, label), gesture):
+            self.view = replace(self.view, **look._asdict())
+
+    def begin_look(self, label: str) -> None:
+        """A hand took hold of the camera: all until ``end_look`` is one step of the view's history."""
+        self._looks_now().begin_drag(label)
+
+    def end_look(self) -> None:
+        """The hand let go: the view need not rest any longer to be traced."""
+        if self.look_history.dragging:
+            self._looks_now().end_drag()
+            self._looks.hand_released()
+
+    def undo_look(self) -> str | None:
+        """One step back in the view's history, the document stays; its label, None when there was nothing."""
+        return self._look_stepped(self._looks_now().undo, "view undone")
+
+    def redo_look(self) -> str | None:
+        """One step forward in the view's history; its label, None when there was nothing."""
+        return self._look_stepped(self._looks_now().redo, "view redone")
+
+    def box_of(self, name: str | None) -> NDArray[np.float64]:
+        """The least and the largest corner (2, 3) of an object, in metres; None: of all that is not hidden."""
+        if name is not None and name not in self._boxes:
+            raise InsituError(f"there is no object {name!r} to be framed; there is: {', '.join(self._boxes)}")
+        hidden = {state.name for state in self.document.objects if not state.visible}
+        names = [name] if name is not None else [each for each in self._boxes if each not in hidden]
+        boxes = np.array([self._boxes[each] for each in names or self._boxes])
+        if not len(boxes):
+            raise InsituError("there is nothing to be framed")
+        return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+
+    def _looks_now(self) -> History[Viewpoint]:
+        """The view's history, where the view is."""
+        self.look_history.document = self.view.look
+        return self.look_history
+
+    def _look_stepped(self, step: Callable[[], str | None], what: str) -> str | None:
+        label = step()
+        if label is not None:
+            self.view = replace(self.view, **self.look_history.document._asdict())
+            self._looks.hand_released()
+            self.notify(f"{what}: {label}")
+        return label
+
     def begin_drag(self, label: str | None = None) -> None:
         """A hand took hold: all edits until ``end_drag`` are one step of the history."""
         if not self.history.dragging:
@@ -167,7 +237,12 @@ class Editor:
             self.talk.hand_released()
 
     def cancel_drag(self) -> None:
-        """Take back the drag under way; the curve's handles stand for the operator that they stood for before it."""
+        """Take back the drag under way, the camera's, too; the curve's handles stand for the operator that they stood
+        for before it."""
+        if self.look_history.dragging:
+            self._looks_now().cancel_drag()
+            self.view = replace(self.view, **self.look_history.document._asdict())
+            self._looks.hand_released()
         if self.history.dragging:
             self.history.cancel_drag()
             before = self._view_before_drag
@@ -263,7 +338,7 @@ class Editor:
                 require_memory_for(resolution, "choose fewer")
         except InsituError as error:
             return self._refuse(str(error))
-        self.view = replace(self.view, resolution=None if resolution == self.own_resolution else resolution)
+        self.look_from(self.view.look._replace(resolution=resolution), "the picture's size")
         self._looks.hand_released()
         return None
 
@@ -368,7 +443,8 @@ class Editor:
     @property
     def status(self) -> Status:
         """The truth about what is on screen."""
-        return self.talk.status(self.gauges.status(self._client.alive))
+        status = self.gauges.status(self._client.alive)
+        return self.talk.status(replace(status, is_away=self._looks.is_away))
 
     # -------------------------------------------------------------------------------------------------------- answers
 
@@ -437,6 +513,10 @@ class Editor:
         left_unsaved = self._keeper.leave(self.document, self.view)
         self._forget_picture(opened.notes)
         self._opening, self.own_resolution = None, description.camera.resolution
+        self.own_camera = Camera(**{name: getattr(description.camera, name) for name in Camera.model_fields})
+        names = (described.name for described in description.objects)
+        boxes = zip(names, opened.boxes, strict=False)
+        self._boxes = {name: box for name, box in boxes if np.all(np.isfinite(box))}
         self.view = self.view.of_scene(description)
         self.history = History(described)
         self._keeper.opened(described)
@@ -446,6 +526,7 @@ class Editor:
         if opening.session is not None:
             self._restore(opening, opening.session, opened)
         self.view = self.view.seen_from(self._looks.adopted(self.own_resolution))
+        self.look_history = History(self.view.look)
         scene = OpenedScene(0, opened.planned, description, described, self.document, opened.notes)
         self.talk.scene_opened(self._shown(scene, response))
         if self.view.selected is None:
@@ -534,10 +615,16 @@ class Editor:
         self.gauges.progress = None
 
     def _give_up_look(self, opening: Opening | None) -> None:
-        """What was asked to be traced will not come: the view is again the one there is a picture of."""
-        if self._looks.gave_up() and self.scene_is_open:
+        """What was asked to be traced will not come: the view is again the one there is a picture of, where a hand has
+        not moved it on."""
+        asked = self._looks.gave_up()
+        if asked is None or not self.scene_is_open:
+            return
+        stays = opening is None and asked == self.view.look and not self.look_history.dragging
+        if stays:  # else the hand has moved it on, and it will be traced from there
             self.view = replace(self.view, **self._looks.seen._asdict())
-            (self.talk.looked_back if opening is None else self.talk.scene_stays)()
+            self.look_history.retract(lambda before: before == self.view.look)
+        (self.talk.looked_back if opening is None else self.talk.scene_stays)()
 
     def _open_default(self, why: str) -> None:
         """Where nothing is open, so that the window is of use: the built-in scene, and why it is that one."""

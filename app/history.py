@@ -1,7 +1,7 @@
-"""Undo and redo over document values.
+"""Undo and redo over values: the document, and from where it is seen, each with a history of its own.
 
-A step holds the whole document before it; documents share what an edit did not touch, so a step costs little more
-than the edit. Undo therefore restores bit by bit. One drag is one step, however many commands it took, and a drag
+A step holds the whole value before it; documents share what an edit did not touch, so a step costs little more than
+the edit. Undo therefore restores bit by bit. One drag is one step, however many commands it took, and a drag
 that ends where it began is no step at all. Rejected: inverse commands, which restore only up to rounding.
 """
 
@@ -9,38 +9,38 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol
-
-from app.document import Document
+from typing import Generic, Protocol, TypeVar
 
 MAX_STEPS = 1000
+Kept = TypeVar("Kept")
 
 
-class DocumentCommand(Protocol):
-    """An edit: makes a new document, or raises InsituError and leaves all as it was."""
+class Command(Protocol[Kept]):
+    """An edit: makes a new value, or raises InsituError and leaves all as it was."""
 
     @property
     def label(self) -> str: ...
 
-    def apply(self, document: Document) -> Document: ...
+    def apply(self, document: Kept, /) -> Kept: ...
 
 
-class Step(NamedTuple):
-    """The document to go back (or forward) to, and what the person calls the edit between."""
+@dataclass(frozen=True)
+class Step(Generic[Kept]):
+    """The value to go back (or forward) to, and what the person calls the edit between."""
 
-    document: Document
+    document: Kept
     label: str
 
 
 @dataclass
-class History:
-    """The present document and the steps around it."""
+class History(Generic[Kept]):
+    """The present document (or view) and the steps around it."""
 
-    document: Document
-    undo_steps: list[Step] = field(default_factory=list)
-    redo_steps: list[Step] = field(default_factory=list)
+    document: Kept
+    undo_steps: list[Step[Kept]] = field(default_factory=list)
+    redo_steps: list[Step[Kept]] = field(default_factory=list)
     _merge_key: str | None = None
-    _drag: Drag | None = None
+    _drag: Drag[Kept] | None = None
 
     @property
     def dragging(self) -> bool:
@@ -55,7 +55,7 @@ class History:
     def redo_label(self) -> str | None:
         return self.redo_steps[-1].label if self.redo_steps else None
 
-    def do(self, command: DocumentCommand, merge_key: str | None = None) -> bool:
+    def do(self, command: Command[Kept], merge_key: str | None = None) -> bool:
         """Apply a command; whether the document changed.
 
         Within a drag, and among consecutive commands with the same ``merge_key``, only the first makes a step.
@@ -97,14 +97,14 @@ class History:
         """Go one step forward again; its label, or None."""
         return self._move(self.redo_steps, self.undo_steps)
 
-    def retract(self, is_harmless: Callable[[Document], bool]) -> bool:
+    def retract(self, is_harmless: Callable[[Kept], bool]) -> bool:
         """Make the last step as if it had never been, where the document before it is one to go back to."""
         if self._drag is not None or not self.undo_steps or not is_harmless(self.undo_steps[-1].document):
             return False
         self.document, self._merge_key = self.undo_steps.pop().document, None
         return True
 
-    def _move(self, source: list[Step], destination: list[Step]) -> str | None:
+    def _move(self, source: list[Step[Kept]], destination: list[Step[Kept]]) -> str | None:
         self.end_drag()
         if not source:
             return None
@@ -113,15 +113,15 @@ class History:
         self.document = step.document
         return step.label
 
-    def _push(self, before: Document, label: str) -> None:
+    def _push(self, before: Kept, label: str) -> None:
         self.undo_steps.append(Step(before, label))
         del self.undo_steps[:-MAX_STEPS]
         self.redo_steps.clear()
 
 
 @dataclass
-class Drag:
-    """A drag under way: the document it began from, and its name (the first command's unless given)."""
+class Drag(Generic[Kept]):
+    """A drag under way: the value it began from, and its name (the first command's unless given)."""
 
-    start: Document
+    start: Kept
     label: str | None = None

@@ -71,7 +71,7 @@ class LookTalk:
         """Whether the request of that number is to be answered yet."""
         return self._asked is not None and id == self._asked_id
 
-    def gave_up(self) -> bool:
-        """What was asked for will not come; whether there was something."""
+    def gave_up(self) -> Viewpoint | None:
+        """What was asked for will not come; the look that it was, None where there was nothing."""
         asked, self._asked, self.is_away = self._asked, None, False
-        return asked is not None
+        return asked

@@ -35,7 +35,7 @@ class Desk(Protocol):
 
     barrier: Barrier
     gauges: Gauges
-    history: History
+    history: History[Document]
     view: ViewState
 
     def send(self, request: Request) -> int:

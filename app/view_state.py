@@ -47,6 +47,26 @@ class Viewpoint(NamedTuple):
 
 
 @dataclass(frozen=True)
+class Look:
+    """A command of the view's own history: see the scene from there."""
+
+    look: Viewpoint
+    label: str
+
+    def apply(self, before: Viewpoint) -> Viewpoint:
+        return self.look
+
+
+@dataclass(frozen=True)
+class Bookmark:
+    """A view that is kept by a name, with a small picture of it as a JPEG file, empty while there is none."""
+
+    name: str
+    look: Viewpoint
+    thumbnail: bytes = b""
+
+
+@dataclass(frozen=True)
 class ViewState:
     """Selection and display. Angles in radians, exposure in stops, frame budget in milliseconds.
 
@@ -58,7 +78,8 @@ class ViewState:
     ``compare`` is the document that A/B shows left of ``compare_divider`` (0 the left edge, 1 the right).
     Unless it is shown to ``fit``, the picture has ``zoom`` screen pixels for each of its own, and the point at the
     shares ``centre`` (across, down) of it stands in the panel's middle.
-    ``camera`` and ``resolution``, (width, height) of the picture, stand in for the scene's own, None for those.
+    ``camera`` and ``resolution``, (width, height) of the picture, stand in for the scene's own, None for those;
+    ``bookmarks`` are views that are kept by name.
     ``regions`` are a ≤ b ≤ c ≤ d of the operator being shown or about to be made; ``operator`` is its index in the
     selected curve's list, None for one about to be made. ``curve_zoom`` is (γ low, γ high, y low, y high); None fits.
     The BRDF panel shows ``brdf_plot`` of the selected layer, or with ``brdf_whole`` of all layers of its object, in the
@@ -100,6 +121,7 @@ class ViewState:
     show_shortcuts: bool = False
     camera: Camera | None = None
     resolution: tuple[int, int] | None = None
+    bookmarks: tuple[Bookmark, ...] = ()
 
     @property
     def look(self) -> Viewpoint:
@@ -115,7 +137,7 @@ class ViewState:
         """A scene that was just opened, looked at in the same way: nothing in it is chosen yet."""
         return replace(
             self, selected=None, hovered=None, compare=None, operator=None, curve_zoom=None, solo=None,
-            lobe_pixel=None, camera=None, resolution=None, n_bounces=description.bounces or AS_PLANNED,
+            lobe_pixel=None, camera=None, resolution=None, bookmarks=(), n_bounces=description.bounces or AS_PLANNED,
         )  # fmt: skip
 
     def seen_from(self, look: Viewpoint) -> ViewState:

@@ -168,13 +168,15 @@ class SceneOpened(Response):
 
     `measurements`: what was read, by the names that asked for it. `planned`: what each of the scene's own layers needs,
     and of a session's those that are others, with what was read for them: of each curve, by factor, how many bands;
-    planned here because it takes longer than the window may be blocked.
+    planned here because it takes longer than the window may be blocked. `boxes` (M, 2, 3): the least and the largest
+    corner of each object in the world, not a number where it has no surface.
     """
 
     description: str
     notes: tuple[str, ...] = ()
     measurements: dict[str, Measurement] = field(default_factory=dict)
     planned: tuple[tuple[Layer, dict[str, int]], ...] = ()
+    boxes: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 2, 3)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,7 @@ class KnownLight:
         """A picture came under this light."""
         self._light = light
 
-    def go_back(self, history: History, refused: LightState) -> bool:
+    def go_back(self, history: History[Document], refused: LightState) -> bool:
         """Take the environment that was refused out of the document; whether it was there and could be.
 
         Where choosing it was the last step, that step is gone as if it had never been; else it is replaced.

@@ -105,7 +105,7 @@ class MapTalk:
             if place == surface[0] and surface[1].strokes.are_in_hand(images.strokes):
                 del self._curves.map_means[place, images]
 
-    def refuse(self, response: MapsRefused, history: History) -> bool:
+    def refuse(self, response: MapsRefused, history: History[Document]) -> bool:
         """Images cannot be used. Where choosing them was the last step, that step is gone as if it had never been;
         whether it was. Else they stay in the document, and the layer is shown without."""
         self._refused[object_of(response.key), response.images] = response.line

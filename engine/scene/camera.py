@@ -16,11 +16,15 @@ from engine.scene.description import Camera
 
 def camera_frame(camera: Camera) -> npt.NDArray[np.float64]:
     """Rows right, up, forward of the camera, orthonormal (3, 3)."""
-    forward = np.subtract(camera.target, camera.position)
-    forward = forward / np.linalg.norm(forward)
-    right = np.cross(forward, np.divide(camera.up, np.linalg.norm(camera.up)))
-    right /= np.linalg.norm(right)
+    forward = unit(np.subtract(camera.target, camera.position))
+    right = unit(np.cross(forward, unit(np.array(camera.up))))
     return np.stack([right, np.cross(right, forward), forward])
+
+
+def unit(vector: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """A vector (3,) made 1 long, however short it is: the square of 1e-170 would be zero."""
+    vector = vector / np.abs(vector).max()
+    return np.asarray(vector / np.linalg.norm(vector))
 
 
 def pixel_directions(

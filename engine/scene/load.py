@@ -63,6 +63,16 @@ class Scene:
     notes: tuple[str, ...] = field(default=())
 
     @property
+    def bounds(self) -> npt.NDArray[np.float64]:
+        """The least and the largest corner of each object in the world (M, 2, 3); not a number where it has none."""
+        bounds = np.full((len(self.triangle_ranges), 2, 3), np.nan)
+        for box, (start, stop) in zip(bounds, self.triangle_ranges, strict=True):
+            if stop > start:
+                corners = self.vertices[self.triangles[start:stop]].reshape(-1, 3)
+                box[:] = self.origin + np.stack([corners.min(axis=0), corners.max(axis=0)])
+        return bounds
+
+    @property
     def emitters(self) -> npt.NDArray[np.bool_]:
         """Which objects are emitters (M,): those that the file has shine, however dark they have been made since."""
         return np.array([described.emits for described in self.description.objects], bool)

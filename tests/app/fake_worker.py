@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from app.document import document_from_description
 from app.jobs.bands import plan_bands
@@ -96,15 +97,17 @@ class FakeClient:
     def open_scene(
         self, scene: dict[str, Any] = SCENE, bands: dict[str, dict[str, int]] | None = None,
         measurements: dict[str, Measurement] | None = None, planned: tuple[tuple[Layer, dict[str, int]], ...] = (),
+        boxes: NDArray[np.float64] | None = None,
     ) -> None:  # fmt: skip
-        """Answer the newest OpenScene; bands: those planned, None for all."""
+        """Answer the newest OpenScene; bands: those planned, None for all; boxes: of the objects, None for none."""
         description = parse_description(scene, "scene.toml")
         document = document_with_read(document_from_description("scene.toml", description), measurements or {})
         if bands is None:
             bands = {key: band_counts(layer) for key, layer in document.layers() if not unread_files([layer])}
         text = description.model_dump_json(by_alias=True)
         planned = (*((document.layer(key), counts) for key, counts in bands.items()), *planned)
-        opened = SceneOpened(text, ("a note",), measurements=measurements or {}, planned=planned)
+        boxes = np.zeros((0, 2, 3)) if boxes is None else boxes
+        opened = SceneOpened(text, ("a note",), measurements=measurements or {}, planned=planned, boxes=boxes)
         self.answer(self.sent(OpenScene)[-1], opened)
         self.see_scene()
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from app.commands import SetParameter
+from app.bookmarks import kept
+from app.commands import SetParameter, SetVisible
 from app.editor import Editor
 from app.jobs.messages import Cancel, Failed, LookFrom, OpenScene
 from app.looking import REST_SECONDS
@@ -14,7 +16,8 @@ from app.picture import SceneFrame
 from app.placement.messages import ComputeTransport
 from app.project import open_project
 from app.session import load_session, save_session
-from app.view_state import SetView
+from app.view_state import SetView, Viewpoint
+from engine.errors import InsituError
 from engine.scene.description import Camera
 from tests.app.fake_worker import FakeClient
 
@@ -131,3 +134,83 @@ def test_commands_take_the_camera_from_a_session(tmp_path: Path) -> None:
     path = save_session(tmp_path / "a.insitu", project.document, view)
     seen = open_project(str(path), (16, 12)).scene
     assert seen.description.camera.position == ASIDE.position and seen.description.camera.fov_y == 30.0
+
+
+def looking(editor: Editor, camera: Camera | None, label: str = "orbit") -> None:
+    editor.look_from(Viewpoint(camera), label)
+
+
+def test_the_view_has_an_undo_of_its_own(editor: Editor) -> None:
+    editor.do(SetParameter("pot.1", "alpha", 0.5))
+    edited = editor.document
+    looking(editor, ASIDE)
+    editor.begin_look("pan")
+    for step in range(4):
+        looking(editor, ABOVE.model_copy(update={"fov_y": 30.0 + step}))
+    editor.end_look()
+    for notch in (0.9, 0.8):  # one turn of the wheel
+        editor.look_from(Viewpoint(ABOVE.model_copy(update={"fov_y": 30.0 * notch})), "dolly", "wheel 1")
+    assert [editor.undo_look(), editor.view.look] == ["dolly", (ABOVE.model_copy(update={"fov_y": 33.0}), None)]
+    assert [editor.undo_look(), editor.view.look] == ["pan", (ASIDE, None)]
+    assert [editor.undo_look(), editor.undo_look(), editor.view.look] == ["orbit", None, (None, None)]
+    assert editor.document is edited and editor.history.undo_label is not None
+    assert editor.redo_look() == "orbit" and editor.view.camera == ASIDE
+    editor.undo()
+    assert editor.view.camera == ASIDE and editor.redo_look() == "pan"  # the document's undo leaves it alone
+
+
+def test_a_drag_of_the_camera_that_is_cancelled_leaves_no_step(editor: Editor, client: FakeClient) -> None:
+    editor.begin_look("orbit")
+    looking(editor, ASIDE)
+    editor.cancel_drag()
+    editor.tick(2.0)
+    assert editor.view.camera is None and editor.undo_look() is None and client.sent(LookFrom) == []
+
+
+def test_the_scenes_own_camera_is_no_other_one(editor: Editor) -> None:
+    looking(editor, editor.own_camera)
+    assert editor.view.camera is None and editor.undo_look() is None
+    looking(editor, ASIDE)
+    editor.look_from(Viewpoint(editor.own_camera, (8, 6)), "reset")
+    assert editor.view.look == (None, None)
+
+
+def test_a_refused_look_leaves_no_step_and_a_hand_that_moved_on_its_view(editor: Editor, client: FakeClient) -> None:
+    looking(editor, ASIDE)
+    editor.tick(2.0)
+    editor.tick(3.0)
+    assert editor.status.is_away
+    client.answer(client.sent(LookFrom)[-1], Failed("shelf: camera = sees no surface"))
+    editor.tick(3.1)
+    assert editor.view.camera is None and editor.undo_look() is None and not editor.status.is_away
+    looking(editor, ASIDE)
+    editor.tick(4.0)
+    editor.tick(5.0)
+    looking(editor, ABOVE)  # before the answer comes
+    client.answer(client.sent(LookFrom)[-1], Failed("shelf: camera = sees no surface"))
+    editor.tick(5.1)
+    assert editor.view.camera == ABOVE
+    editor.tick(6.0)
+    assert client.sent(LookFrom)[-1].camera == ABOVE
+
+
+def test_another_scene_begins_with_no_steps(editor: Editor, client: FakeClient) -> None:
+    looking(editor, ASIDE)
+    editor.do(SetView.of(bookmarks=kept((), editor.view.look)))
+    editor.open("shelf")
+    client.open_scene()
+    editor.tick(4.0)
+    assert editor.undo_look() is None and editor.view.bookmarks == ()
+
+
+def test_boxes_of_objects_are_framed(editor: Editor, client: FakeClient) -> None:
+    boxes = np.array([[[-1, -1, -1], [1, 1, 1]], [[-5, -1, -5], [5, -1, 5]], [[np.nan] * 3] * 2])
+    editor.open("shelf")
+    client.open_scene(boxes=boxes)
+    editor.tick(2.0)
+    assert editor.box_of("pot").tolist() == boxes[0].tolist()
+    assert editor.box_of(None).tolist() == [[-5, -1, -5], [5, 1, 5]]
+    editor.do(SetVisible("floor", False))
+    assert editor.box_of(None).tolist() == boxes[0].tolist()
+    with pytest.raises(InsituError, match="'lamp'.*pot, floor"):  # it has no surface
+        editor.box_of("lamp")

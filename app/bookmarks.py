@@ -1,0 +1,88 @@
+"""Views that a person keeps by name: part of how a scene is looked at, saved with a session.
+
+Lists of them are values: each function returns another one. A thumbnail is a small JPEG, empty until there is a picture
+of the view; it is no part of what a person would miss.
+"""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+
+from app.view_state import Bookmark, Viewpoint
+from engine.errors import InsituError
+
+MAX_BOOKMARKS = 256
+MAX_NAME = 64
+THUMBNAIL_SIZE = (128, 96)
+MAX_THUMBNAIL_BYTES = 32 * 1024
+
+Bookmarks = tuple[Bookmark, ...]
+
+
+def is_name(name: str) -> bool:
+    """Whether a view can be called so."""
+    return 0 < len(name) <= MAX_NAME and name.isprintable() and name == name.strip()
+
+
+def named(bookmarks: Bookmarks, name: str) -> Bookmark:
+    """The view of that name; InsituError lists those there are."""
+    found = next((each for each in bookmarks if each.name == name), None)
+    if found is None:
+        there = ", ".join(each.name for each in bookmarks) or "none yet"
+        raise InsituError(f"there is no view {name!r}; kept views: {there}")
+    return found
+
+
+def kept(bookmarks: Bookmarks, look: Viewpoint, name: str | None = None) -> Bookmarks:
+    """With a view under a name, in the place of the one that has it; None: under a name of its own, at the end."""
+    new = Bookmark(_free_name(bookmarks) if name is None else name, look)
+    if not is_name(new.name):
+        raise InsituError(f"view {name!r}: expected a name of 1 to {MAX_NAME} characters")
+    if any(each.name == new.name for each in bookmarks):
+        return tuple(new if each.name == new.name else each for each in bookmarks)
+    if len(bookmarks) >= MAX_BOOKMARKS:
+        raise InsituError(f"there are {MAX_BOOKMARKS} kept views; delete one to keep another")
+    return (*bookmarks, new)
+
+
+def without(bookmarks: Bookmarks, name: str) -> Bookmarks:
+    """Without the view of that name."""
+    return tuple(each for each in bookmarks if each.name != name)
+
+
+def renamed(bookmarks: Bookmarks, old: str, new: str) -> Bookmarks:
+    """With another name for a view; InsituError where it is none, or another view's."""
+    if not is_name(new):
+        raise InsituError(f"view {new!r}: expected a name of 1 to {MAX_NAME} characters")
+    if new != old and any(each.name == new for each in bookmarks):
+        raise InsituError(f"there is a view {new!r} already")
+    return tuple(replace(each, name=new) if each.name == old else each for each in bookmarks)
+
+
+def with_thumbnail(bookmarks: Bookmarks, name: str, thumbnail: bytes) -> Bookmarks:
+    """With a picture of a view."""
+    return tuple(replace(each, thumbnail=thumbnail) if each.name == name else each for each in bookmarks)
+
+
+def looks_of(bookmarks: Bookmarks) -> tuple[tuple[str, Viewpoint], ...]:
+    """What a person would miss."""
+    return tuple((each.name, each.look) for each in bookmarks)
+
+
+def check_thumbnail(data: bytes) -> None:
+    """Raises ValueError where it is not a picture as we make them."""
+    from PIL import Image
+
+    try:
+        with Image.open(io.BytesIO(data), formats=["JPEG"]) as picture:
+            if picture.width > THUMBNAIL_SIZE[0] or picture.height > THUMBNAIL_SIZE[1]:
+                raise ValueError(f"at most {THUMBNAIL_SIZE[0]} x {THUMBNAIL_SIZE[1]} pixels")
+            picture.load()
+    except (OSError, SyntaxError) as error:
+        raise ValueError(f"a JPEG picture ({error})") from None
+
+
+def _free_name(bookmarks: Bookmarks) -> str:
+    taken = {each.name for each in bookmarks}
+    return next(name for n in range(1, len(taken) + 2) if (name := f"View {n}") not in taken)
