@@ -74,13 +74,16 @@ def check_thumbnail(data: bytes) -> None:
     """Raises ValueError where it is not a picture as we make them."""
     from PIL import Image
 
+    width, height = THUMBNAIL_SIZE
     try:
         with Image.open(io.BytesIO(data), formats=["JPEG"]) as picture:
-            if picture.width > THUMBNAIL_SIZE[0] or picture.height > THUMBNAIL_SIZE[1]:
-                raise ValueError(f"at most {THUMBNAIL_SIZE[0]} x {THUMBNAIL_SIZE[1]} pixels")
-            picture.load()
-    except (OSError, SyntaxError) as error:
-        raise ValueError(f"a JPEG picture ({error})") from None
+            is_small = picture.width <= width and picture.height <= height
+            if is_small:
+                picture.load()
+    except (OSError, SyntaxError):
+        is_small = False
+    if not is_small:
+        raise ValueError(f"a JPEG file in base 64 of at most {width} x {height} pixels")
 
 
 def _free_name(bookmarks: Bookmarks) -> str:

@@ -287,7 +287,7 @@ class Editor:
     @property
     def unsaved(self) -> bool:
         """Whether there are edits that no session file has."""
-        return self.scene_is_open and self._keeper.unsaved(self.document)
+        return self.scene_is_open and self._keeper.unsaved(self.document, self.view)
 
     @property
     def session_path(self) -> Path | None:
@@ -329,7 +329,7 @@ class Editor:
 
     def give_up_unsaved(self) -> None:
         """Keep what is unsaved neither in a session nor in the journal; undo still has it."""
-        self._keeper.give_up(self.document)
+        self._keeper.give_up(self.document, self.view)
 
     def resize(self, resolution: tuple[int, int] | None) -> str | None:
         """Show the scene that is open at another resolution (None: its own), with all edits; None, or why not."""
@@ -519,7 +519,7 @@ class Editor:
         self._boxes = {name: box for name, box in boxes if np.all(np.isfinite(box))}
         self.view = self.view.of_scene(description)
         self.history = History(described)
-        self._keeper.opened(described)
+        self._keeper.opened(described, self.view)
         kept = "; the unsaved edits before it can be recovered at the next start" if left_unsaved else ""
         said = opening.instead_of or f"opened {description.name}{kept}"
         self.notify("; ".join((said, *opened.notes)), bool(opening.instead_of))
@@ -576,7 +576,7 @@ class Editor:
             return
         self.history = History(document)
         self.view = replace(session.view, panels=self.view.panels)
-        self._keeper.opened(document, opening.session_path, opening.recovery)
+        self._keeper.opened(document, self.view, opening.session_path, opening.recovery)
         self.notify("recovered what was not saved" if opening.recovery else f"opened {opening.file}")
 
     def _take_measurements(self, response: MeasurementsRead) -> None:

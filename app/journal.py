@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import operator
 import os
 import queue
 import threading
@@ -19,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from app.atomic import PRIVATE_FILE, make_private_folder, write_atomically
+from app.bookmarks import Bookmarks
 from app.document import Document
 from app.paths import journal_directory
 from app.session import SUFFIX, JournalRecord, Session, dump_session, load_session
@@ -76,7 +78,7 @@ class Journal:
         self.problem = self.notice = ""
         self.written: Document | None = None
         self._lock: FileLock | None = None
-        self._noted: Document | None = None
+        self._noted: tuple[Document, Bookmarks] | None = None
         self._noted_at = float("-inf")
         self._entries: queue.SimpleQueue[_Entry | None] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._write_all, name="journal", daemon=True)
@@ -85,14 +87,15 @@ class Journal:
     def note(
         self, now: float, document: Document, view: ViewState, unsaved: bool, session_path: Path | None = None
     ) -> None:
-        """Once a frame: have the document written when it has changed, twice a second at most. Returns at once."""
-        wanted = document if unsaved else None
+        """Once a frame: have the document written when it, or a kept view, has changed, twice a second at most. Returns
+        at once."""
+        wanted = (document, view.bookmarks) if unsaved else None
         since = now - self._noted_at
-        again = wanted is self._noted and not (self.problem and since >= RETRY_SECONDS)
+        again = _is_same(wanted, self._noted) and not (self.problem and since >= RETRY_SECONDS)
         if again or (wanted is not None and since < WRITE_SECONDS):
             return
         self._noted, self._noted_at = wanted, now
-        self._entries.put(_Entry(wanted, view, session_path))
+        self._entries.put(_Entry(document if unsaved else None, view, session_path))
 
     def close(self, keep: bool = False) -> None:
         """End the thread after its last write; delete the journal unless ``keep``."""
@@ -149,6 +152,11 @@ class Journal:
         session_path = None if entry.session_path is None else str(entry.session_path)
         record = JournalRecord(written_at=time.time(), session_path=session_path)
         write_atomically(self.path, dump_session(entry.document, entry.view, journal=record).encode(), private=True)
+
+
+def _is_same(one: tuple[object, ...] | None, other: tuple[object, ...] | None) -> bool:
+    """Whether they hold the same values, not only equal ones: comparing whole documents would take too long."""
+    return all(map(operator.is_, one or (), other or ())) and (one is None) == (other is None)
 
 
 def recoverable_sessions(folder: Path | None = None) -> list[Recovery]:

@@ -7,14 +7,17 @@ opened is equal to the last bit (see `app.layer_records`).
 
 from __future__ import annotations
 
+import base64
+import binascii
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from app.atomic import save_file
+from app.bookmarks import MAX_BOOKMARKS, MAX_NAME, MAX_THUMBNAIL_BYTES, check_thumbnail, is_name
 from app.document import Document, LightState, ObjectState, Selection, all_factors
 from app.layer_records import MAX_LAYERS, Flag, LayerRecord, Record, layer_lines, layers_of
 from app.light_commands import MAX_INTENSITY, check_light
@@ -22,7 +25,7 @@ from app.measurements import with_full_paths
 from app.paths import full_path, written_path
 from app.series_commands import FirstBands
 from app.sources import SESSION_ENDING
-from app.view_state import AS_PLANNED, SetView, ViewState
+from app.view_state import AS_PLANNED, Bookmark, SetView, Viewpoint, ViewState
 from engine.colour import ToneMapping
 from engine.errors import InsituError, LoadError
 from engine.plan import N_PATCHES
@@ -69,6 +72,41 @@ class ViewRecord(Record):
     resolution: tuple[Pixels, Pixels] | None = None
 
 
+class BookmarkRecord(Record):
+    """A view that is kept; camera and resolution None: the scene's own. thumbnail: a JPEG file in base 64."""
+
+    name: Annotated[str, Field(strict=True)]
+    camera: Camera | None = None
+    resolution: tuple[Pixels, Pixels] | None = None
+    thumbnail: Annotated[str, Field(strict=True, max_length=4 * MAX_THUMBNAIL_BYTES // 3 + 4)] = ""
+
+    @field_validator("name")
+    @classmethod
+    def _is_a_name(cls, name: str) -> str:
+        if not is_name(name):
+            raise ValueError(f"a name of 1 to {MAX_NAME} characters")
+        return name
+
+    @field_validator("thumbnail")
+    @classmethod
+    def _is_a_picture(cls, text: str) -> str:
+        if text:
+            check_thumbnail(_decoded(text))
+        return text
+
+    @property
+    def bookmark(self) -> Bookmark:
+        """The view itself."""
+        return Bookmark(self.name, Viewpoint(self.camera, self.resolution), _decoded(self.thumbnail))
+
+
+def _decoded(text: str) -> bytes:
+    try:
+        return base64.b64decode(text, validate=True)
+    except (binascii.Error, ValueError):
+        return b"?"  # no picture
+
+
 class JournalRecord(Record):
     """In a journal only: when it was written (seconds since 1970), and as what the session was saved last."""
 
@@ -91,6 +129,7 @@ class SessionRecord(Record):
     view: ViewRecord = ViewRecord()
     journal: JournalRecord | None = None
     objects: tuple[ObjectRecord, ...] = Field(alias="object", min_length=1, max_length=MAX_OBJECTS)
+    bookmarks: tuple[BookmarkRecord, ...] = Field(default=(), alias="bookmark", max_length=MAX_BOOKMARKS)
     end: EndRecord | None = None
 
     @model_validator(mode="after")
@@ -105,6 +144,9 @@ class SessionRecord(Record):
         twice = next((name for name in names if names.count(name) > 1), None)
         if twice is not None:
             raise ValueError(f"object {twice!r}: names that differ")
+        views = [record.name for record in self.bookmarks]
+        if len(set(views)) < len(views):
+            raise ValueError("bookmark: names that differ")
         return self
 
 
@@ -141,7 +183,8 @@ def load_session(path: Path) -> Session:
     objects = tuple(_object(str(path), each) for each in record.objects)
     light = LightState(**{**record.light.model_dump(), "environment": full_path(record.light.environment, folder)})
     document = Document(full_path(record.scene, folder), objects, check_light(light, str(path)), record.first_bands)
-    return Session(document, _view(record.view, document), record.journal)
+    view = replace(_view(record.view, document), bookmarks=tuple(each.bookmark for each in record.bookmarks))
+    return Session(document, view, record.journal)
 
 
 def fit_session(session: Session, scene: Document, file: str) -> Document:
@@ -180,6 +223,8 @@ def dump_session(
     lines += ["[light]", *toml_lines(light), "[view]", *toml_lines(_view_values(view))]
     for state in document.objects:
         lines += _object_lines(state, folder)
+    for bookmark in view.bookmarks:
+        lines += ["[[bookmark]]", *toml_lines(_bookmark_values(bookmark))]
     return "\n".join([*lines, "[end]"]) + "\n"
 
 
@@ -192,8 +237,20 @@ def _object_lines(state: ObjectState, folder: Path | None) -> Iterator[str]:
 
 def _view_values(view: ViewState) -> dict[str, Any]:
     values = {name: getattr(view, name) for name in ViewRecord.model_fields if name != "selected"}
-    camera = None if view.camera is None else dict(view.camera)
-    return {"selected": None if view.selected is None else view.selected.path, **values, "camera": camera}
+    selected = None if view.selected is None else view.selected.path
+    return {"selected": selected, **values, "camera": _camera_values(view.camera)}
+
+
+def _camera_values(camera: Camera | None) -> dict[str, Any] | None:
+    return None if camera is None else dict(camera)
+
+
+def _bookmark_values(bookmark: Bookmark) -> dict[str, Any]:
+    camera, resolution = bookmark.look
+    thumbnail = base64.b64encode(bookmark.thumbnail).decode() or None
+    return {
+        "name": bookmark.name, "camera": _camera_values(camera), "resolution": resolution, "thumbnail": thumbnail
+    }  # fmt: skip
 
 
 def _object(file: str, record: ObjectRecord) -> ObjectState:

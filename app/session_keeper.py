@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from app.bookmarks import looks_of
 from app.document import Document
 from app.journal import Journal, Recovery
 from app.session import SUFFIX, save_session
@@ -19,12 +20,13 @@ class SessionKeeper:
         self.path: Path | None = None
         self._journal = journal
         self._saved: Document | None = None
+        self._saved_looks = looks_of(())
         self._recovery: Recovery | None = None
         self._told: set[str] = set()
 
     def leave(self, document: Document, view: ViewState) -> bool:
         """Another scene takes the document's place: unsaved edits stay in a journal to recover; whether there were."""
-        if self._journal is None or not document.objects or not self.unsaved(document):
+        if self._journal is None or not document.objects or not self.unsaved(document, view):
             return False
         self._journal.note(math.inf, document, view, True, self.path)
         self._journal.close(keep=True)
@@ -32,18 +34,21 @@ class SessionKeeper:
         self._journal = Journal(self._journal.path.parent)
         return True
 
-    def opened(self, document: Document, path: Path | None = None, recovery: Recovery | None = None) -> None:
+    def opened(
+        self, document: Document, view: ViewState, path: Path | None = None, recovery: Recovery | None = None
+    ) -> None:
         """Another document was opened: a scene's, a session's (``path``), or a recovered one, which no file has."""
         self.path, self._recovery = path, recovery
-        self._saved = document if recovery is None else None
+        self._saved, self._saved_looks = document if recovery is None else None, looks_of(view.bookmarks)
 
-    def unsaved(self, document: Document) -> bool:
-        """Whether the document has edits that no session file has."""
-        return document is not self._saved and document != self._saved
+    def unsaved(self, document: Document, view: ViewState) -> bool:
+        """Whether there are edits, or kept views, that no session file has."""
+        is_edited = document is not self._saved and document != self._saved
+        return is_edited or looks_of(view.bookmarks) != self._saved_looks
 
-    def give_up(self, document: Document) -> None:
+    def give_up(self, document: Document, view: ViewState) -> None:
         """The person does not want what is unsaved: no journal keeps it."""
-        self._saved = document
+        self._saved, self._saved_looks = document, looks_of(view.bookmarks)
 
     def save(self, path: Path | None, document: Document, view: ViewState) -> Path:
         """Save to ``path``, or where it was saved last; the path. Raises InsituError that says why not."""
@@ -51,7 +56,7 @@ class SessionKeeper:
         if path is None:
             raise InsituError(f"a session needs a name that ends in {SUFFIX}")
         self.path = save_session(path, document, view)
-        self._saved = document
+        self._saved, self._saved_looks = document, looks_of(view.bookmarks)
         return self.path
 
     def keep(self, now: float, document: Document, view: ViewState) -> str:
@@ -61,7 +66,7 @@ class SessionKeeper:
         """
         if self._journal is None:
             return ""
-        self._journal.note(now, document, view, self.unsaved(document), self.path)
+        self._journal.note(now, document, view, self.unsaved(document, view), self.path)
         self._drop_recovered(self._journal)
         lines = {self._journal.notice, self._journal.problem}
         news = next(iter(lines - self._told - {""}), "")
@@ -71,7 +76,7 @@ class SessionKeeper:
     def close(self, document: Document, view: ViewState) -> None:
         """Write what is unsaved a last time; it is offered at the next start. Without such edits the journal goes."""
         if self._journal is not None:
-            unsaved = bool(document.objects) and self.unsaved(document)
+            unsaved = bool(document.objects) and self.unsaved(document, view)
             self._journal.note(math.inf, document, view, unsaved, self.path)
             self._journal.close(keep=unsaved)
             self._drop_recovered(self._journal)

@@ -11,6 +11,7 @@ from app.bookmarks import kept
 from app.commands import SetParameter, SetVisible
 from app.editor import Editor
 from app.jobs.messages import Cancel, Failed, LookFrom, OpenScene
+from app.journal import Journal
 from app.looking import REST_SECONDS
 from app.picture import SceneFrame
 from app.placement.messages import ComputeTransport
@@ -201,6 +202,24 @@ def test_another_scene_begins_with_no_steps(editor: Editor, client: FakeClient) 
     client.open_scene()
     editor.tick(4.0)
     assert editor.undo_look() is None and editor.view.bookmarks == ()
+
+
+def test_a_kept_view_is_worth_a_question_and_a_journal(client: FakeClient, tmp_path: Path) -> None:
+    journal = Journal(tmp_path)
+    editor = Editor(client, "shelf", journal=journal)
+    client.open_scene()
+    editor.tick(0.0)
+    assert not editor.unsaved
+    looking(editor, ASIDE)
+    assert not editor.unsaved  # to look around is no edit
+    editor.do(SetView.of(bookmarks=kept((), editor.view.look)))
+    assert editor.unsaved
+    editor.tick(1.0)
+    assert editor.save(tmp_path / "a.insitu") is None and not editor.unsaved
+    editor.do(SetView.of(bookmarks=kept(editor.view.bookmarks, editor.view.look, "Two")))
+    editor.tick(2.0)
+    editor.close()
+    assert [each.name for each in load_session(journal.path).view.bookmarks] == ["View 1", "Two"]
 
 
 def test_boxes_of_objects_are_framed(editor: Editor, client: FakeClient) -> None:

@@ -1,5 +1,6 @@
 """Sessions come back equal to the last bit; what is wrong in a file is named, and nothing half is ever left."""
 
+import io
 import os
 import subprocess
 import sys
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from PIL import Image
 
 from app.commands import (
     AddOperator,
@@ -24,10 +26,10 @@ from app.commands import (
 from app.document import Document, Selection, document_from_description
 from app.series_commands import SetFirstBands
 from app.session import fit_session, load_session, save_session
-from app.view_state import ViewState
+from app.view_state import Bookmark, Viewpoint, ViewState
 from engine.curve.operators import Operator, diagonal
 from engine.errors import InsituError, LoadError
-from engine.scene.description import parse_description
+from engine.scene.description import Camera, parse_description
 from tests.app.fake_worker import SCENE
 from tests.app.limits import largest_file
 
@@ -90,6 +92,34 @@ def test_any_number_comes_back_to_the_last_bit(
     document = replace(document, light=replace(document.light, rotation=rotation))
     path = save_session(tmp_path_factory.mktemp("s") / "s.insitu", document, ViewState())
     assert load_session(path).document == document
+
+
+def test_kept_views_come_back_equal(document: Document, tmp_path: Path) -> None:
+    look = Viewpoint(Camera(position=(1 / 3, 1.0, 4.0), target=(0.0, 0.1, 0.0), fov_y=1 / 7), (20, 10))
+    picture = io.BytesIO()
+    Image.new("RGB", (128, 96), (200, 100, 50)).save(picture, "JPEG")
+    bookmarks = (Bookmark("From above", look, picture.getvalue()), Bookmark('Größe 1.5 "x"', Viewpoint()))
+    path = save_session(tmp_path / "s.insitu", document, ViewState(bookmarks=bookmarks))
+    assert load_session(path).view.bookmarks == bookmarks
+
+
+@pytest.mark.parametrize(
+    ("line", "what"),
+    [
+        ('name = ""', r"bookmark 0 '': name = .*, expected a name of 1 to 64 characters"),
+        ('name = "a"\nthumbnail = "%%%"', r"bookmark 0 'a': thumbnail = %%%, expected a JPEG file"),
+        ('name = "a"\nthumbnail = "AAAA"', r"bookmark 0 'a': thumbnail = AAAA, expected a JPEG file"),
+        ('name = "a"\nresolution = [0, 5]', r"resolution 0 = 0, expected"),
+        ('name = "a"\ncamera = {position = [0, 0, 0], target = [0, 0, 0]}', r"camera: target = .*other than the pos"),
+        ('name = "a"\n[[bookmark]]\nname = "a"', r"bookmark = .*, expected names that differ"),
+    ],
+)
+def test_a_damaged_view_is_named_in_one_line(document: Document, tmp_path: Path, line: str, what: str) -> None:
+    path = save_session(tmp_path / "s.insitu", document, ViewState())
+    path.write_text(path.read_text().replace("[end]", f"[[bookmark]]\n{line}\n[end]"))
+    with pytest.raises(LoadError, match=what) as found:
+        load_session(path)
+    assert "\n" not in str(found.value)
 
 
 def test_a_diagonal_edit_stays_one_and_others_become_none(tmp_path: Path) -> None:
