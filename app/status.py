@@ -30,7 +30,7 @@ class Status:
     throw on the scene, empty when there is nothing to say; ``missing_note`` what a picture that is being refined lacks.
     ``precomputed_mb`` is what the worker keeps for the picture, ``gpu_mb`` what the picture takes there.
     ``shown_by``: which mode's picture is seen, where a mode shows those of two; else empty.
-    ``is_away``: whether the view has moved on from the one in the picture.
+    ``is_away``: whether the view has moved on from the one that was traced last.
     ``compared_exact``: whether side A of a comparison is. ``stopped``: whether a person stopped what is missing.
     ``message`` is the last thing that happened, ``is_error`` whether it went wrong; ``message_number`` counts them.
     """
