@@ -35,9 +35,9 @@ def layers_of_document(document: Document) -> list[Layer]:
     return [layer for _, layer in document.layers()]
 
 
-def measured_files(document: Document) -> tuple[tuple[str, int], ...]:
+def measured_files(layers: Iterable[Layer]) -> tuple[tuple[str, int], ...]:
     """(file, number) of all measurements that were read, each once."""
-    found = (measurement_in(layer) for layer in layers_of_document(document))
+    found = (measurement_in(layer) for layer in layers)
     return tuple(dict.fromkeys((each.file, each.number) for each in found if each is not None and each.is_read))
 
 

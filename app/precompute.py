@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
-from app.document import reflecting_layers
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.messages import Failed, LookFrom, OpenScene, Progress, Response, SceneOpened, SceneSeen
@@ -47,7 +46,8 @@ def precompute(project: Project, report: Report, n_lights: int | None = None, st
     store = store or Store()
     store.require()
     client = InProcessClient(Tasks(store, fills=True))
-    talk = TransportTalk(client.send, Curves())
+    curves = Curves()
+    talk = TransportTalk(client.send, curves)
     scene = client.send(OpenScene(project.document.source))
     _until(client, SceneOpened, report)
     client.send(LookFrom(scene, project.scene.description.camera, project.scene.resolution))
@@ -68,7 +68,7 @@ def precompute(project: Project, report: Report, n_lights: int | None = None, st
         pass
     store.require_kept()
     report(Progress(WHAT, 0.0))
-    client.send(EstimateError(reflecting_layers(project.document), revision=talk.revision))
+    client.send(EstimateError(curves.scene_state(project.document), revision=talk.revision))
     return Filled(stage.transport_bytes, _until(client, ErrorEstimated, report).estimate)
 
 

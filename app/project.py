@@ -64,7 +64,7 @@ class Project:
 
     @property
     def object_names(self) -> tuple[str, ...]:
-        return tuple(described.name for described in self.scene.description.objects)
+        return self.scene.object_names
 
 
 def open_project(

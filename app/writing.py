@@ -6,15 +6,14 @@ from pathlib import Path
 
 from app.document import Document
 from app.jobs.messages import WriteFiles
-from app.measurements import measured_files
 from app.view_state import ViewState
 
 
 def written_material(path: Path, document: Document, object_name: str) -> WriteFiles:
     """An object's material as a MERL file."""
-    return WriteFiles(str(path.resolve()), document.object(object_name).layers, measured_files(document))
+    return WriteFiles(str(path.resolve()), document.object(object_name).layers)
 
 
 def written_scene(folder: Path, document: Document, view: ViewState) -> WriteFiles:
     """The scene for Mitsuba 3, as it is now and by as many bounces as are seen."""
-    return WriteFiles(str(folder.resolve()), (), measured_files(document), document, max(view.n_bounces, 1))
+    return WriteFiles(str(folder.resolve()), (), document, max(view.n_bounces, 1))

@@ -9,6 +9,7 @@ from app.document import Document
 from app.export.mitsuba import export_steps
 from app.jobs.measured import ensure_tables
 from app.jobs.messages import FilesWritten, Progress, Response, WriteFiles
+from app.measurements import layers_of_document
 from app.project import Project
 from engine.measured.tables import ArrayStore
 from engine.scene.load import Scene
@@ -21,7 +22,7 @@ def write_scene(
     request: WriteFiles, document: Document, scene: Scene, store: ArrayStore | None
 ) -> Generator[Response | None, None, None]:
     """Write the folder for Mitsuba 3. Raises InsituError."""
-    yield from ensure_tables(request.measured, store)
+    yield from ensure_tables(layers_of_document(document), store)
     steps = export_steps(Project(scene, document), Path(request.path), request.n_bounces)
     notes = yield from told_as(steps, lambda step: Progress(STAGE, step[0], text=f"writing {step[1]}"))
     yield FilesWritten(request.path, tuple(notes))

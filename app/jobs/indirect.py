@@ -20,17 +20,16 @@ import numpy as np
 from app.jobs.cache import Store, content_key
 from app.jobs.messages import Progress, Response
 from app.jobs.tiles import Tiles
-from app.placement.messages import BouncesPlanned, Freeze, Frozen, IndirectFound, IndirectNoise, LayerReflection
-from engine.indirect.albedo import albedo_bands, albedo_of, tint_of
-from engine.indirect.curves import LayerCurves
+from app.placement.messages import BouncesPlanned, Freeze, Frozen, IndirectFound, IndirectNoise
+from app.scene_state import LayerState
+from engine.indirect.albedo import albedo_bands
 from engine.indirect.irradiance import NOBODY
-from engine.indirect.layers import IndirectLayer
+from engine.indirect.layers import IndirectLayer, indirect_layer
 from engine.indirect.light import IndirectLight
 from engine.indirect.representation import GatherPolynomial, Selected
 from engine.indirect.solver import FINE, ROUGH, Fineness, Solver, relit
 from engine.indirect.stored import NAMES, arrays_of
-from engine.material import MODELS
-from engine.material.layer import Layer, object_of
+from engine.material.layer import object_of
 from engine.render.bounces import planned_bounces
 from engine.steps import told_as
 from engine.stored_arrays import Arrays
@@ -79,7 +78,6 @@ class IndirectTasks:
         """store: where fine light is kept for the next time, under keys of the scene, None for nowhere; scene_id: the
         number of the request that opened it."""
         self._placement, self._store, self._scene_key = placement, store, scene_key
-        self._names = [described.name for described in placement.scene.description.objects]
         self._found: _Found | None = None
         self._wish: Freeze | None = None
         self._scene_id = scene_id
@@ -105,21 +103,19 @@ class IndirectTasks:
         many as will be planned."""
         self._wish, self._asked, self._told = None, (lit_by, n_bounces), 0
 
-    def planned(self, layers: Sequence[tuple[str, Layer]], n_bounces: int = 0) -> BouncesPlanned:
-        """How many bounces the scene requires with these layers, by key; or what of the light `n_bounces` leave out."""
-        indexed = [(self._object(key), layer) for key, layer in layers]
+    def planned(self, layers: Sequence[LayerState], n_bounces: int = 0) -> BouncesPlanned:
+        """How many bounces the scene requires with these layers; or what of the light `n_bounces` leave out."""
+        indexed = [(self._object(each), each.layer) for each in layers]
         plan = planned_bounces(self._placement, indexed, n_bounces or None)
         return BouncesPlanned(plan.n_bounces, plan.reason, plan.warning)
 
-    def find(
-        self, looks: Sequence[LayerReflection], sky: SkyState, lit_by: str, n_bounces: int, is_last: bool
-    ) -> Steps:
+    def find(self, layers: Sequence[LayerState], sky: SkyState, lit_by: str, n_bounces: int, is_last: bool) -> Steps:
         """What a stage of the direct light calls for: `is_last` all that can be had, else what can be had at once.
 
         lit_by: a key of the light.
         """
         self._asked = lit_by, n_bounces
-        models = tuple((look.key, look.model) for look in looks)
+        models = tuple((each.key, each.model) for each in layers)
         found = self._found
         same_rays = found is not None and found.models == models and found.depth >= n_bounces
         finest = found is not None and found.fineness is FINE and found.light.points.glossy
@@ -132,8 +128,8 @@ class IndirectTasks:
             yield from self._hold(replace(found, light=light, lit_by=lit_by))
             return
         of_object: dict[int, list[str]] = {}
-        for look in looks:
-            of_object.setdefault(self._object(look.key), []).append(look.model)
+        for each in layers:
+            of_object.setdefault(self._object(each), []).append(each.model)
         solver = partial(Solver, self._placement, of_object, sky, n_bounces)
         # The curves that decided where light is finest do not count: within a session they do not either.
         key = content_key("indirect", STORED_VERSION, NAMES, self._scene_key, models, lit_by, n_bounces, repr(FINE))
@@ -141,14 +137,14 @@ class IndirectTasks:
         if kept is not None:
             yield from self._hold(_Found(kept, FINE, models, lit_by, n_bounces, 0))
             return
-        layers = [self._layer(look) for look in looks]
+        reflecting = [self._reflecting(each) for each in layers]
         fineness = FINE if is_last else ROUGH
         if self._store is None or fineness is not FINE:
-            light = yield from _told(solver(fineness).solve(layers))
+            light = yield from _told(solver(fineness).solve(reflecting))
             yield from self._hold(_Found(light, fineness, models, lit_by, n_bounces, 0))
             return
         with self._store.open_tiles(key, MOST_PARTS) as tiles:
-            light = yield from _told(solver(FINE).solve(layers, _KeptParts(tiles)))
+            light = yield from _told(solver(FINE).solve(reflecting, _KeptParts(tiles)))
             yield from self._hold(_Found(light, FINE, models, lit_by, n_bounces, 0))
             if self._store.put(key, arrays_of(light)):
                 tiles.finish()
@@ -182,9 +178,9 @@ class IndirectTasks:
         return IndirectFound(found.number, found.fineness.name, rows, weights, id=self._scene_id)
 
     def _frozen(self, found: _Found, wish: Freeze) -> Steps:
-        edited = NOBODY if wish.key is None else self._object(wish.key)
-        layers = {look.key: self._layer(look) for look in wish.looks}
-        seen = found.light.by_albedo() if wish.by_albedo else found.light
+        layers = {each.key: self._reflecting(each, wish.second_bands) for each in wish.scene.visible}
+        edited = NOBODY if wish.key is None else self._placement.scene.object_index(object_of(wish.key))
+        seen = _seen_by(found, wish)
         self._kept = GatherPolynomial(seen) if self._kept is None else self._kept.under(seen)
         selected = None
         if wish.key in layers and wish.factor is not None:
@@ -193,8 +189,8 @@ class IndirectTasks:
         keys = list(layers)
         reflected = {keys[i]: np.ascontiguousarray(part.transpose(1, 0, 2)) for i, part in frozen.reflected.items()}
         albedos = {
-            look.key: albedo_bands(look.model, look.quotient_parameters, tuple(map(len, look.coefficients)))
-            for look in wish.looks if self._object(look.key) == edited
+            each.key: albedo_bands(*each.quotient, each.bands)
+            for each in wish.scene.visible if self._object(each) == edited
         }  # fmt: skip
         unit = found.light.unit
         yield Frozen(found.number, wish.serial, wish.key, wish.factor, reflected, frozen.bands, albedos, unit)
@@ -203,41 +199,25 @@ class IndirectTasks:
         """Of the light as its layers look: a curve that is lifted may show what was lost in the rest."""
         known = self._noise_found
         if known is None or known[0] is not found or not _look_alike(known[1], wish):
-            light = found.light.by_albedo() if wish.by_albedo else found.light
-            noise = yield from light.noise([self._layer(look) for look in wish.looks])
+            layers = [self._reflecting(each, wish.second_bands) for each in wish.scene.visible]
+            noise = yield from _seen_by(found, wish).noise(layers)
             self._noise_found = known = found, wish, noise
         yield IndirectNoise(found.number, wish.serial, *known[2], id=self._scene_id)
 
-    def _layer(self, look: LayerReflection) -> IndirectLayer:
-        curves, sent = (
-            tuple(np.asarray(values, np.float64) for values in all_values)
-            for all_values in (look.coefficients, look.sent)
-        )
-        e = albedo_bands(look.model, look.quotient_parameters, tuple(map(len, curves)))
-        gain, view = np.asarray(look.gain, np.float64), np.asarray(look.view_curve, np.float64)
-        tint = tint_of(look.model, look.quotient_parameters, curves, view)
-        seen_as, sent_as = (
-            LayerCurves(MODELS[look.model], np.array(look.quotient_parameters), each, tint) for each in (curves, sent)
-        )
-        albedo = albedo_of(e, curves, gain, view)
-        return IndirectLayer(self._object(look.key), seen_as, sent_as, gain, view, albedo)
+    def _reflecting(self, state: LayerState, second: int | None = None) -> IndirectLayer:
+        return indirect_layer(self._object(state), state.layer, state.bands, second, state.mean_factor)
 
-    def _object(self, key: str) -> int:
-        return self._names.index(object_of(key))
+    def _object(self, state: LayerState) -> int:
+        return self._placement.scene.object_index(state.object)
+
+
+def _seen_by(found: _Found, wish: Freeze) -> IndirectLight:
+    return found.light.by_albedo() if wish.second_bands == 1 else found.light
 
 
 def _look_alike(one: Freeze, two: Freeze) -> bool:
     """Whether all layers look the same in both."""
-    if one.by_albedo != two.by_albedo or [each.key for each in one.looks] != [each.key for each in two.looks]:
-        return False
-    return all(_same_look(*pair) for pair in zip(one.looks, two.looks, strict=True))
-
-
-def _same_look(one: LayerReflection, two: LayerReflection) -> bool:
-    if (one.model, one.quotient_parameters) != (two.model, two.quotient_parameters):
-        return False
-    mine, theirs = ((*look.coefficients, *look.sent, look.gain, look.view_curve) for look in (one, two))
-    return all(map(np.array_equal, mine, theirs))
+    return (one.second_bands, one.scene.visible) == (two.second_bands, two.scene.visible)
 
 
 def _told(steps: Generator[tuple[float, str], None, IndirectLight]) -> Generator[Response | None, None, IndirectLight]:

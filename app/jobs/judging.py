@@ -5,7 +5,7 @@ What the window shows is the same sums: transport under the curves as they are, 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -14,8 +14,8 @@ from app.jobs.bench import Bench
 from app.jobs.layer_data import STAGES, LayerData, shape_of
 from app.jobs.messages import Response
 from app.placement.messages import ErrorEstimated, EstimateError
+from app.scene_state import LayerState
 from engine.indirect.light import IndirectLight
-from engine.material.layer import Layer, object_of
 from engine.render.error_estimate import estimate_error
 from engine.render.indirect import reflected_light
 from engine.render.picture_error import ErrorEstimate
@@ -29,21 +29,21 @@ def judged(
 ) -> Iterator[Response | None]:
     """The answer; none where not every pixel has been computed. held: transport by layer; found: indirect light, None
     where there is none."""
-    placement = bench.open_placement
-    keys = [key for key, _ in request.layers]
-    if not keys:
+    placement, states = bench.open_placement, request.scene.visible
+    if not states:
         yield ErrorEstimated(ErrorEstimate(0.0))  # nothing reflects: there is nothing to be off
         return
-    if not all(key in held and STAGES[held[key].stage].stride == 1 for key in keys):
+    if not all(state.key in held and STAGES[held[state.key].stage].stride == 1 for state in states):
         return
-    quality = _quality(held[keys[0]])
+    first = held[states[0].key]
+    quality = _quality(first)
     yield None
-    layers = _layers(request, placement, held)
+    layers = _layers(states, placement, held)
     yield None
     radiance = np.zeros((len(placement.hits.pixel), 3))
-    for each, key in zip(layers, keys, strict=True):
+    for each, state in zip(layers, states, strict=True):
         begin, end = placement.hits.object_ranges[each.i_object]
-        radiance[begin:end] += _as_edited(held[key], each.layer).radiance * seen_as(
+        radiance[begin:end] += _as_edited(held[state.key], state).radiance * seen_as(
             placement.hits, np.arange(begin, end), each
         )
         yield None
@@ -52,7 +52,7 @@ def judged(
         n_bounces = found.n_bounces
         indirect = yield from reflected_light(found, layers, request.second_bands, placement.hits)
         radiance += indirect
-    sky = bench.sky(held[keys[0]].lit_by.light)
+    sky = bench.sky(first.lit_by.light)
     judging = estimate_error(placement, layers, sky, quality, n_bounces, radiance, indirect)
     estimate = yield from told_as(judging, lambda step: None)  # without a word: nobody waits for it
     yield ErrorEstimated(estimate)
@@ -64,18 +64,19 @@ def _quality(data: LayerData) -> Quality:
     return replace(stage, n_lights=lit_by.n_lights, n_patches=lit_by.n_patches if stage is FINAL else stage.n_patches)
 
 
-def _as_edited(data: LayerData, layer: Layer) -> LayerData:
+def _as_edited(data: LayerData, state: LayerState) -> LayerData:
     """What is held of a layer, under its curves as they are by now: the window edits them without asking anybody."""
-    if data.is_fixed:
-        return data
-    bands = zip(data.work.factors, data.work.bands, strict=True)
-    return data.under({name: layer.coefficients(name, n) for name, n in bands})
+    return data if data.is_fixed else data.under(replace(state, bands=data.work.bands))
 
 
-def _layers(request: EstimateError, placement: Placement, held: Mapping[str, LayerData]) -> tuple[StillLayer, ...]:
-    names = [described.name for described in placement.scene.description.objects]
+def _layers(
+    states: Iterable[LayerState], placement: Placement, held: Mapping[str, LayerData]
+) -> tuple[StillLayer, ...]:
     found = (
-        StillLayer(names.index(object_of(key)), layer, shape_of(held[key].work).bands, not held[key].is_fixed)
-        for key, layer in request.layers
-    )
+        StillLayer(
+            placement.scene.object_index(state.object), state.layer, shape_of(held[state.key].work).bands,
+            not held[state.key].is_fixed,
+        )
+        for state in states
+    )  # fmt: skip
     return with_maps(placement, found)

@@ -14,7 +14,8 @@ import numpy as np
 
 from app.document import LightState
 from app.jobs.messages import Response
-from app.placement.messages import LayerPicture, LayerTransport, LayerWork
+from app.placement.messages import LayerPicture, LayerTransport
+from app.scene_state import LayerState
 from engine.plan import Precision
 from engine.stored_arrays import Arrays
 from engine.transport.bandstore import BandStore, BandTile, arrays_of_file, join_tiles, store_from_arrays
@@ -41,13 +42,17 @@ class LitBy:
 
 @dataclass(frozen=True, eq=False)
 class LayerData:
-    """The newest transport of a layer: what it was asked with, its stage, what is kept, and its radiance's unit."""
+    """The newest transport of a layer: what it was asked with, its stage, what is kept, and its radiance's unit.
 
-    work: LayerWork
+    bent: the layer whose curves it is contracted with, where those were edited since.
+    """
+
+    work: LayerState
     lit_by: LitBy
     stage: str
     store: BandStore | FixedPicture
     unit: float
+    bent: LayerState | None = None
 
     @property
     def is_fixed(self) -> bool:
@@ -56,95 +61,97 @@ class LayerData:
     @property
     def radiance(self) -> np.ndarray:
         """What it reflects (p, 3) under its coefficients, without f_q and f_o."""
-        return np.asarray(self.store.radiance(*both_curves(self.work)) * np.float32(self.unit))
+        return np.asarray(self.store.radiance(*both_curves(self._curves_of)) * np.float32(self.unit))
 
-    def is_picture_of(self, work: LayerWork, lit_by: LitBy) -> bool:
+    @property
+    def _curves_of(self) -> LayerState:
+        return self.bent or self.work
+
+    def is_picture_of(self, work: LayerState, lit_by: LitBy) -> bool:
         """Whether the picture of this work in this light can be had from it, in the stage it has."""
-        mine = (self.work.model, self.work.quotient_parameters, self.lit_by)
-        if mine != (work.model, work.quotient_parameters, lit_by):
+        if (self.work.quotient, self.lit_by) != (work.quotient, lit_by):
             return False
         if self.is_fixed:
             return all(map(np.array_equal, self.work.coefficients, work.coefficients))
         return self.work.bands == work.bands
 
-    def spares(self, work: LayerWork, stage: str, is_last: bool) -> bool:
+    def spares(self, work: LayerState, stage: str, is_last: bool) -> bool:
         """Whether that stage of the work, whose picture this is, need not be made."""
         as_fine = _RANK[self.stage] >= _RANK[stage]
         return as_fine and (work.fixed or not (is_last and self.is_fixed))
 
-    def taken_over_by(self, work: LayerWork) -> LayerData:
+    def taken_over_by(self, work: LayerState) -> LayerData:
         """The same for the work that asks for its picture; without bands where that is fixed."""
-        data = replace(self, work=work)
+        data = replace(self, work=work, bent=None)
         if work.fixed and not self.is_fixed:
             return replace(data, store=FixedPicture(self.store.radiance(*both_curves(work))))
         return data
 
-    def takes(self, coefficients: Mapping[str, np.ndarray]) -> bool:
-        """Whether it can be contracted with these."""
-        found = {name: len(values) for name, values in coefficients.items()}
-        return not self.is_fixed and found == dict(zip(self.work.factors, self.work.bands, strict=True))
+    def takes(self, layer: LayerState) -> bool:
+        """Whether it can be contracted with the curves of this one."""
+        return not self.is_fixed and (self.work.factors, self.work.bands) == (layer.factors, layer.bands)
 
-    def under(self, coefficients: Mapping[str, np.ndarray]) -> LayerData:
+    def under(self, layer: LayerState) -> LayerData:
         """The same transport under other curves."""
-        ordered = tuple(np.asarray(coefficients[name]) for name in self.work.factors)
-        return replace(self, work=replace(self.work, coefficients=ordered))
+        return replace(self, bent=layer)
 
     def answers(self, factor: str | None, precision: Precision, picture: bool = True) -> Iterator[Response]:
         """The layer's picture, if that is wanted, and its transport along a curve where one is named.
 
         Both come from one contraction.
         """
-        work, store, curves = self.work, self.store, both_curves(self.work)
+        work, store, coefficients = self.work, self.store, self._curves_of.coefficients
         if factor is None or isinstance(store, FixedPicture):
-            yield LayerPicture(work.key, self.stage, self.radiance, work.coefficients)
+            yield LayerPicture(work.key, self.stage, self.radiance, coefficients)
             return
+        curves = both_curves(self._curves_of)
         planes = curve_planes(store, work.factors.index(factor), curves, self.unit, precision)
         if picture:
-            yield LayerPicture(work.key, self.stage, planes.radiance, work.coefficients)
+            yield LayerPicture(work.key, self.stage, planes.radiance, coefficients)
         yield LayerTransport(work.key, factor, self.stage, planes.numbers, planes.norms, planes.scale)
 
 
-def both_curves(work: LayerWork) -> tuple[np.ndarray, np.ndarray]:
+def both_curves(work: LayerState) -> tuple[np.ndarray, np.ndarray]:
     """The layer's coefficients, (J, 3) and (K, 3): one of 1 in place of the second curve where there is none."""
     first, *second = work.coefficients
     return np.asarray(first), np.asarray(second[0]) if second else np.ones((1, 3))
 
 
-def shape_of(work: LayerWork) -> LayerShape:
+def shape_of(work: LayerState) -> LayerShape:
     """What the projection needs to know of the work."""
     bands = (work.bands[0], work.bands[1] if len(work.bands) > 1 else 1)
     return LayerShape(work.model, work.quotient_parameters, bands)
 
 
-def kept_of_tile(work: LayerWork, tile: BandTile) -> Part:
+def kept_of_tile(work: LayerState, tile: BandTile) -> Part:
     """What of a tile is kept: its bands, or of a fixed layer its picture."""
     if work.fixed:
         return {"picture": picture_of_tile(tile, shape_of(work).bands, both_curves(work))}
     return tile.arrays()
 
 
-def picture_of_part(work: LayerWork, part: Part) -> np.ndarray:
+def picture_of_part(work: LayerState, part: Part) -> np.ndarray:
     """A tile's picture (p, 3) under the layer's coefficients, of what is kept of it."""
     return (
         part["picture"] if work.fixed else picture_of_tile(BandTile(0, **part), shape_of(work).bands, both_curves(work))
     )
 
 
-def joined(work: LayerWork, parts: Mapping[int, Arrays]) -> BandStore | FixedPicture:
+def joined(work: LayerState, parts: Mapping[int, Arrays]) -> BandStore | FixedPicture:
     """The whole of what is kept of the tiles, by their first point."""
     if work.fixed:
         return join_pictures({begin: np.asarray(part["picture"]) for begin, part in parts.items()})
     return join_tiles(shape_of(work).bands, (BandTile(begin, **part) for begin, part in parts.items()))
 
 
-def part_of_file(work: LayerWork, n_points: int, arrays: Arrays) -> Part:
+def part_of_file(work: LayerState, n_points: int, arrays: Arrays) -> Part:
     """What was kept of a tile, or of all of the layer, of so many points. Raises UnsoundArrays."""
     if work.fixed:
         return {"picture": picture_of_file(n_points, arrays)}
     return arrays_of_file(shape_of(work).bands, n_points, arrays)
 
 
-def store_of(work: LayerWork, n_points: int, arrays: Arrays) -> BandStore | FixedPicture:
+def store_of(work: LayerState, n_points: int, arrays: Arrays) -> BandStore | FixedPicture:
     """All of a layer, as it comes from a file. Raises UnsoundArrays."""
     part = part_of_file(work, n_points, arrays)
     return FixedPicture(part["picture"]) if work.fixed else store_from_arrays(shape_of(work).bands, part)

@@ -12,7 +12,7 @@ import numpy as np
 
 from app.jobs.layer_data import Part, joined, kept_of_tile, part_of_file, picture_of_part, shape_of
 from app.jobs.tiles import Tiles
-from app.placement.messages import LayerWork
+from app.scene_state import LayerState
 from engine.stored_arrays import Writable
 from engine.transport.bandstore import BandStore, BandTile, in_pieces
 from engine.transport.fixed import FixedPicture, join_pictures
@@ -22,7 +22,7 @@ from engine.transport.projection import TILE
 class LayerParts:
     """What is kept of a layer's P points, in tiles of 256; of a run that was interrupted it has what that one kept."""
 
-    def __init__(self, work: LayerWork, n_points: int, file: Tiles, held: bool) -> None:
+    def __init__(self, work: LayerState, n_points: int, file: Tiles, held: bool) -> None:
         """held: whether all parts stay in memory; what the file does not take does in any case."""
         self._work, self._n_points, self._file, self._holds = work, n_points, file, held
         self._held: dict[int, Part] = {}

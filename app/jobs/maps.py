@@ -33,7 +33,6 @@ class MapTasks:
 
     def __init__(self, placement: Placement) -> None:
         self._placement = placement
-        self._names = [described.name for described in placement.scene.description.objects]
         self._begun: dict[tuple[int, Images], _Begun] = {}
 
     def answers(self, request: SampleMaps) -> Iterator[Response | None]:
@@ -45,7 +44,8 @@ class MapTasks:
             yield self._answer(sampler, key, images)
 
     def _answer(self, sampler: MapSampler, key: str, images: Images) -> MapsSampled | MapsRefused:
-        i_object, textures = self._names.index(object_of(key)), self._placement.scene.textures
+        scene = self._placement.scene
+        i_object, textures = scene.object_index(object_of(key)), scene.textures
         try:
             begun = self._work(sampler, i_object, images)
             seen = begun.canvas.see(images.strokes)
@@ -57,8 +57,8 @@ class MapTasks:
         thumbnails = {what: thumbnail(pyramid) for what, pyramid in pyramids.items() if pyramid is not None}
         if images.strokes:
             thumbnails["weight"] = begun.thumbnail.of(seen.weight)
-        by_box = images.is_of_files and not self._placement.scene.has_uvs[i_object]
-        note = f"{self._names[i_object]}: {PROJECTED}" if by_box else ""
+        by_box = images.is_of_files and not scene.has_uvs[i_object]
+        note = f"{object_of(key)}: {PROJECTED}" if by_box else ""
         return MapsSampled(key, images, samples, seen.means, thumbnails, note)
 
     def _work(self, sampler: MapSampler, i_object: int, images: Images) -> _Begun:

@@ -18,9 +18,10 @@ from app.jobs.messages import (
     TableHandedOut,
     WriteFiles,
 )
-from app.measurements import with_read
+from app.measurements import measured_files, with_read
 from engine.errors import InsituError
 from engine.files import resolve_inside
+from engine.material.layer import Layer
 from engine.measured.measurement import Measurement
 from engine.measured.tables import ArrayStore, is_known, read_measurement, table_of
 from engine.plan import band_counts
@@ -58,11 +59,10 @@ def described_paths(names: Iterable[str], folder: Path, scene: Path) -> dict[str
     return {name: resolve_inside(folder, name, scene, "layer: file") for name in names}
 
 
-def ensure_tables(
-    wanted: Iterable[tuple[str, int]], store: ArrayStore | None
-) -> Generator[Response | None, None, None]:
-    """Read the files whose tables this process does not have. Raises InsituError where one has changed since."""
-    missing = [(file, number) for file, number in wanted if not is_known(number)]
+def ensure_tables(layers: Iterable[Layer], store: ArrayStore | None) -> Generator[Response | None, None, None]:
+    """Read what these layers were measured as where this process has no table of it, as one that has just been started.
+    Raises InsituError where a file has changed since."""
+    missing = [(file, number) for file, number in measured_files(layers) if not is_known(number)]
     found = yield from read_files({file: Path(file) for file, _ in missing}, store)
     for file, number in missing:
         _check_unchanged(file, number, found[file])
@@ -85,7 +85,7 @@ def _check_unchanged(file: str, number: int, found: Measurement) -> None:
 
 def write_file(request: WriteFiles, store: ArrayStore | None) -> Generator[Response | None, None, None]:
     """Write a MERL file, whole or not at all. Raises InsituError."""
-    yield from ensure_tables(request.measured, store)
+    yield from ensure_tables(request.layers, store)
     for fraction in export_steps(request.layers, Path(request.path)):
         yield Progress(STAGE, fraction, text=f"writing {Path(request.path).name}")
     yield FilesWritten(request.path, left_out(request.layers))

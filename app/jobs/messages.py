@@ -126,7 +126,7 @@ class HandOutTable(Request):
 @dataclass(frozen=True)
 class WriteFiles(Request):
     """Write for other programs: what layers reflect as a MERL file; or, of a `document`, the scene that is open as a
-    folder for Mitsuba 3, by so many bounces. Answered by `FilesWritten`. measured: see `ComputeTransport`."""
+    folder for Mitsuba 3, by so many bounces. Answered by `FilesWritten`."""
 
     built_on = (OpenScene,)
     quick = 7
@@ -134,7 +134,6 @@ class WriteFiles(Request):
 
     path: str
     layers: tuple[Layer, ...]
-    measured: tuple[tuple[str, int], ...] = ()
     document: Document | None = None
     n_bounces: int = 1
 

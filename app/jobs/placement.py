@@ -34,14 +34,14 @@ from app.placement.messages import (
     Contract,
     EstimateError,
     Freeze,
-    LayerWork,
     PlanBands,
     SampleMaps,
     StageDone,
     StageFootprint,
 )
+from app.scene_state import LayerState
 from engine.light.environment import downsampled
-from engine.material.layer import Layer, object_of
+from engine.material.layer import Layer
 from engine.plan import Precision, band_counts
 from engine.scene.load import Scene
 from engine.steps import told_as
@@ -68,7 +68,7 @@ class PlacementWork(ModeWork):
         self._layers: dict[str, LayerData] = {}
         self._light: tuple[str, VisibleLight] | None = None
         self._indirect: IndirectTasks | None = None
-        self._contracted: dict[str, dict[str, np.ndarray]] = {}
+        self._contracted: dict[str, LayerState] = {}
         self._selected: dict[str, str] = {}
         self._precision: Precision = "half"
         self._current: dict[str, LayerData] = {}
@@ -103,10 +103,10 @@ class PlacementWork(ModeWork):
         While a transport is under way that is not far enough yet, the wish is noted, and it answers later."""
         if request.factor is not None:
             others = self._selected if request.beside else {}
-            self._selected, self._precision = {**others, request.key: request.factor}, request.precision
-        self._contracted[request.key] = dict(request.coefficients)
-        data = self._current.get(request.key)
-        if data is not None and data.takes(self._contracted[request.key]):
+            self._selected, self._precision = {**others, request.layer.key: request.factor}, request.precision
+        self._contracted[request.layer.key] = request.layer
+        data = self._current.get(request.layer.key)
+        if data is not None and data.takes(request.layer):
             yield from self._answers(self._hold(data), request.factor, request.precision, request.picture)
 
     def _freeze(self, request: Freeze) -> Steps:
@@ -141,20 +141,20 @@ class PlacementWork(ModeWork):
             placement.sphere.done[:] = True
 
     def _compute(self, request: ComputeTransport) -> Steps:
-        placement = self._bench.open_placement
-        yield from ensure_tables(request.measured, self._cache)
+        placement, scene = self._bench.open_placement, request.scene
+        yield from ensure_tables((work.layer for work in scene.layers), self._cache)
         self._contracted, self._current, self._told = {}, {}, set()
-        self._layers = {work.key: self._layers[work.key] for work in request.layers if work.key in self._layers}
+        self._layers = {work.key: self._layers[work.key] for work in scene.layers if work.key in self._layers}
         if request.selected and request.factor:
             self._selected = dict.fromkeys((request.selected, *request.followers), request.factor)
         self._precision = request.precision
-        placement.shine(dict(request.emission))
-        sky = self._bench.sky(request.light)
+        placement.shine(dict(scene.emission))
+        sky = self._bench.sky(scene.light)
         if self._indirect is not None:
             self._indirect.asked_anew(_lit_key(sky, placement.scene), request.n_bounces)
-        if (image := self._bench.sky_image(sky, request.light)) is not None:
+        if (image := self._bench.sky_image(sky, scene.light)) is not None:
             yield image
-        lit_by = LitBy(request.light, request.n_lights_final, request.n_patches, request.emission)
+        lit_by = LitBy(scene.light, request.n_lights_final, request.n_patches, scene.emission)
         yield from self._tell_held(placement, request, lit_by)
         yield from self._kernels_ready()
         yield from self._tell_kept(placement, request, sky, lit_by)
@@ -166,12 +166,12 @@ class PlacementWork(ModeWork):
             if due:
                 yield from self._stage(placement, due, sky, lit_by, quality)
             if not bounces_told and quality is not DRAG:
-                planned = self._indirect_tasks().planned(request.reflecting, n_bounces)
+                planned = self._indirect_tasks().planned(scene.visible, n_bounces)
                 n_bounces, bounces_told = planned.n_bounces, True
                 yield planned
             if n_bounces > 1 and quality is not DRAG and (exact or quality.name == COARSE.name):
                 tasks = self._indirect_tasks()
-                found = tasks.find(request.looks, sky, _lit_key(sky, placement.scene), n_bounces, exact)
+                found = tasks.find(scene.visible, sky, _lit_key(sky, placement.scene), n_bounces, exact)
                 yield from _telling_first_time(found, exact)
             if due or exact:
                 n_bytes = sum(data.store.n_bytes for data in self._layers.values()) + sum(self._filled.values())
@@ -188,8 +188,8 @@ class PlacementWork(ModeWork):
             self._indirect = IndirectTasks(bench.open_placement, self._cache, bench.view_key, bench.view_id)
         return self._indirect
 
-    def _selected_first(self, request: ComputeTransport) -> list[LayerWork]:
-        return sorted(request.layers, key=lambda work: self._selected_factor(work.key) is None)
+    def _selected_first(self, request: ComputeTransport) -> list[LayerState]:
+        return sorted(request.scene.layers, key=lambda work: self._selected_factor(work.key) is None)
 
     def _tell_held(self, placement: Placement, request: ComputeTransport, lit_by: LitBy) -> Steps:
         """Answer with what is there already."""
@@ -209,13 +209,13 @@ class PlacementWork(ModeWork):
         for work in self._selected_first(request):
             if self._is_spared(work, lit_by, quality.name, True):
                 continue
-            rows = placement.rows_of(_object_index(placement, work), quality.stride)
+            rows = _rows_of(placement, work, quality)
             kept = self._cache.get(_transport_key(light_key, work), partial(store_of, work, len(rows)))
             if kept is not None:
                 data = self._hold(LayerData(work, lit_by, quality.name, kept, unit))
                 yield from self._answers(data, self._selected_factor(work.key), self._precision)
 
-    def _is_spared(self, work: LayerWork, lit_by: LitBy, stage: str, is_last: bool) -> bool:
+    def _is_spared(self, work: LayerState, lit_by: LitBy, stage: str, is_last: bool) -> bool:
         data = self._layers.get(work.key)
         return data is not None and data.is_picture_of(work, lit_by) and data.spares(work, stage, is_last)
 
@@ -230,17 +230,20 @@ class PlacementWork(ModeWork):
         self._bench.kernels = None
 
     def _stage(
-        self, placement: Placement, works: list[LayerWork], sky: SkyState, lit_by: LitBy, quality: Quality
+        self, placement: Placement, works: list[LayerState], sky: SkyState, lit_by: LitBy, quality: Quality
     ) -> Steps:
         clock = _Clock(quality.name)
         if quality is DRAG and sky.environment is not None:
             sky = replace(sky, environment=downsampled(sky.environment, DRAG_ENVIRONMENT_HEIGHT))
         key = self._light_key(sky, placement.scene, quality) if quality.name == FINAL.name else ""
         light = yield from self._final_light(placement, sky, quality, key, clock)
-        total = sum(len(placement.rows_of(_object_index(placement, work), quality.stride)) for work in works) or 1
+        total = (
+            sum(len(placement.rows_of(placement.scene.object_index(work.object), quality.stride)) for work in works)
+            or 1
+        )
         done = 0
         for work in works:
-            rows = placement.rows_of(_object_index(placement, work), quality.stride)
+            rows = _rows_of(placement, work, quality)
             store = yield from self._project(placement, rows, work, light, key, clock, done, total)
             done += len(rows)
             data = LayerData(work, lit_by, quality.name, store, light.lighting.unit)
@@ -275,7 +278,7 @@ class PlacementWork(ModeWork):
         return light
 
     def _project(
-        self, placement: Placement, rows: np.ndarray, work: LayerWork, light: VisibleLight, light_key: str,
+        self, placement: Placement, rows: np.ndarray, work: LayerState, light: VisibleLight, light_key: str,
         clock: _Clock, done: int, total: int,
     ) -> Generator[Response | None, None, BandStore | FixedPicture]:  # fmt: skip
         """The layer's transport; or its picture, where nobody asks for it but the cache."""
@@ -379,7 +382,7 @@ def _telling_first_time(steps: Iterator[Response | None], is_last: bool) -> Step
         note_compiled(INDIRECT)
 
 
-def _transport_key(light_key: str, work: LayerWork) -> str:
+def _transport_key(light_key: str, work: LayerState) -> str:
     baked = work.coefficients if work.fixed else ()
     return content_key("transport", light_key, work.key, work.model, work.quotient_parameters, work.bands, *baked)
 
@@ -399,6 +402,6 @@ def _lit_key(sky: SkyState, scene: Scene) -> str:
     return content_key(radiance, sky.rotation, sky.scale, scene.emission)
 
 
-def _object_index(placement: Placement, work: LayerWork) -> int:
-    name = object_of(work.key)
-    return [described.name for described in placement.scene.description.objects].index(name)
+def _rows_of(placement: Placement, work: LayerState, quality: Quality) -> np.ndarray:
+    """The points of a layer in a stage."""
+    return placement.rows_of(placement.scene.object_index(work.object), quality.stride)

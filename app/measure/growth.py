@@ -20,7 +20,6 @@ from app.jobs.indirect import IndirectTasks
 from app.measure.figures import Figure
 from app.measure.subject import at_most, open_subject
 from app.placement.curves import Curves
-from app.placement.indirect_talk import reflections
 from app.placement.messages import Freeze, Frozen
 from app.sky import sky_of
 from engine.scene.load import Scene
@@ -75,10 +74,12 @@ def memory_of(scene: Scene, n_objects: int) -> Row:
     """What the indirect light of a cut scene takes, with the first of its objects frozen."""
     document = document_from_description(SOURCE, scene.description)
     tasks = IndirectTasks(Placement(scene))
-    looks = reflections(document, Curves())
-    for _ in tasks.find(looks, sky_of(scene, document.light), "its own light", N_BOUNCES, is_last=True):
+    wanted = Curves().scene_state(document)
+    for _ in tasks.find(wanted.visible, sky_of(scene, document.light), "its own light", N_BOUNCES, is_last=True):
         pass
-    frozen = next(answer for answer in tasks.freeze(Freeze(looks, looks[0].key, 0)) if isinstance(answer, Frozen))
+    frozen = next(
+        answer for answer in tasks.freeze(Freeze(wanted, wanted.visible[0].key, 0)) if isinstance(answer, Frozen)
+    )
     handed_out = frozen.bands.nbytes + sum(array.nbytes for array in frozen.reflected.values())
     return Row(n_objects, tasks.n_bytes / 1e6, handed_out / 1e6)
 

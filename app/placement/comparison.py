@@ -32,6 +32,7 @@ from app.placement.events import ComparedRefined, LayerLook
 from app.placement.messages import Contract, LayerPicture
 from app.placement.transport_talk import CONTRACT_PATIENCE, TransportTalk
 from app.placement.wishes import same_coefficients
+from app.scene_state import LayerState, layer_state
 from engine.material.layer import Layer, object_of
 from engine.material.maps import LayerMaps
 
@@ -145,7 +146,8 @@ class Comparison:
         missing = [key for key in differing if key not in self._pictures]
         if missing:
             if self._asked is None or now - self._asked.at > CONTRACT_PATIENCE:
-                self._ask(missing[0], talk.revision, now)
+                bands = talk.asked_bands(missing[0]) or {}
+                self._ask(layer_state(compared, missing[0], tuple(bands.values())), talk.revision, now)
             return []
         if any(self._lacks_images(key, layer) for key, layer in compared.layers()):
             return []
@@ -169,9 +171,8 @@ class Comparison:
                 found.append(key)
         return found
 
-    def _ask(self, key: str, revision: int, now: float) -> None:
-        wanted = tuple(self._coefficients[key].items())
-        self._asked = Asked(self._send(Contract(key, None, wanted, revision=revision)), key, now)
+    def _ask(self, layer: LayerState, revision: int, now: float) -> None:
+        self._asked = Asked(self._send(Contract(layer, None, revision=revision)), layer.key, now)
         self._ids.add(self._asked.id)
 
     def _looks(self, compared: Document, differing: list[str], light_gain: Array) -> Mapping[str, LayerLook]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from app.document import Document
 from app.placement.band_plans import BandPlans
+from app.scene_state import LayerState, SceneState, layer_state, scene_state
 from engine.curve.operators import HALF_PI
 from engine.material import MODELS
 from engine.material.layer import Layer, object_of
@@ -54,6 +55,16 @@ class Curves:
         counts = self.bands(key, layer, document.first_bands)
         return {name: self._band_values(key, layer, name, min(n, most or n)) for name, n in counts.items()}
 
+    def scene_state(self, document: Document) -> SceneState:
+        """What the worker is told of a document."""
+        return scene_state(document, self.layer_state)
+
+    def layer_state(self, document: Document, key: str) -> LayerState:
+        """What it is told of a layer: with its bands, and the means of its images as far as they are known."""
+        layer = document.layer(key)
+        bands = self.bands(key, layer, document.first_bands)
+        return layer_state(document, key, tuple(bands.values()), self._means(key, layer))
+
     def view_curve(self, document: Document, key: str) -> Array:
         """f_o at 256 angles from 0 to π/2, (256,3); ones for a layer whose model has no view factor."""
         layer = document.layer(key)
@@ -69,8 +80,11 @@ class Curves:
     def sent_gain(self, document: Document, key: str) -> Array:
         """f_q of a layer for all but the eye, (3,): with the mean of its texture and weight map, once that is known."""
         layer = document.layer(key)
-        means = None if layer.maps.is_plain else self.map_means.get((object_of(key), layer.maps.images))
+        means = self._means(key, layer)
         return layer.scale() if means is None else layer.scale() * means.factor(layer.maps)
+
+    def _means(self, key: str, layer: Layer) -> MapMeans | None:
+        return None if layer.maps.is_plain else self.map_means.get((object_of(key), layer.maps.images))
 
     def _band_values(self, key: str, layer: Layer, factor: str, n_bands: int) -> Array:
         known = self._known(key, layer, factor, n_bands)

@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from app.document import Document, reflecting_layers
+from app.document import Document
 from app.jobs.messages import Cancel, Request
+from app.placement.curves import Curves
 from app.placement.messages import ErrorEstimated, EstimateError
 from app.view_state import ViewState
 from engine.render.picture_error import ErrorEstimate
@@ -21,8 +22,8 @@ REST_SECONDS = 0.5
 class ErrorTalk:
     """The talk with the worker about the error of the picture that is shown. ``send`` hands a request over."""
 
-    def __init__(self, send: Callable[[Request], int]) -> None:
-        self._send = send
+    def __init__(self, send: Callable[[Request], int], curves: Curves) -> None:
+        self._send, self._curves = send, curves
         self._document: Document | None = None
         self._made_with: tuple[int | None, int] = None, 0
         self._rests_since = math.inf
@@ -46,7 +47,7 @@ class ErrorTalk:
             return
         self._rests_since = min(self._rests_since, now)
         if now - self._rests_since >= REST_SECONDS:
-            wanted = EstimateError(reflecting_layers(document), view.second_bands, revision=revision)
+            wanted = EstimateError(self._curves.scene_state(document), view.second_bands, revision=revision)
             self._asked = self._send(wanted)
 
     def forget(self) -> None:

@@ -20,13 +20,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from app.document import Document, Selection, reflecting_layers
+from app.document import Document, Selection
 from app.jobs.messages import Request
 from app.picture import PictureEvent
 from app.placement.curves import Array, Curves, drawn_as
 from app.placement.edited_curves import edited_layers
 from app.placement.events import Footprint, IndirectRadiance
-from app.placement.messages import Freeze, Frozen, IndirectFound, IndirectNoise, LayerReflection
+from app.placement.messages import Freeze, Frozen, IndirectFound, IndirectNoise
+from app.scene_state import LayerState, SceneState
 from engine.indirect.beyond import in_full, is_beyond
 from engine.indirect.equivalence import albedo_of
 from engine.material.layer import object_of
@@ -36,17 +37,28 @@ REST_SECONDS = 0.25
 FINE_STAGE = "fine"
 
 
-def reflections(document: Document, curves: Curves, second: int | None = None) -> tuple[LayerReflection, ...]:
-    """The visible layers of all objects that reflect, as they are now; of no more than `second` bands at the second
-    bounce."""
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What a visible layer reflects by, to be compared: its curves, f_q (3,) and f_o (N,3), as `Curves` keeps them."""
+
+    layer: LayerState
+    coefficients: tuple[Array, ...]
+    gain: Array
+    view_curve: Array
+
+    @property
+    def key(self) -> str:
+        return self.layer.key
+
+
+def looks_of(scene: SceneState, document: Document, curves: Curves) -> tuple[Look, ...]:
+    """Those of all visible layers of a document, of which the worker is told this."""
     return tuple(
-        LayerReflection(
-            key, layer.model.name, tuple(layer.quotient_parameters().tolist()),
-            tuple(curves.coefficients(document, key).values()),
-            tuple(curves.coefficients(document, key, second).values()),
-            curves.sent_gain(document, key), curves.view_curve(document, key),
+        Look(
+            layer, tuple(curves.coefficients(document, layer.key).values()),
+            curves.sent_gain(document, layer.key), curves.view_curve(document, layer.key),
         )
-        for key, layer in reflecting_layers(document)
+        for layer in scene.visible
     )  # fmt: skip
 
 
@@ -58,7 +70,8 @@ class FreezeWish:
     have a shape, and are frozen anew once the hand rests.
     """
 
-    looks: tuple[LayerReflection, ...]
+    scene: SceneState
+    looks: tuple[Look, ...]
     key: str | None
     factor: int | None
     second: int | None
@@ -82,8 +95,8 @@ class FreezeWish:
             _equal(*pair) for pair in zip(self.looks, other.looks, strict=True)
         )
 
-    def _alike(self, mine: LayerReflection, theirs: LayerReflection) -> bool:
-        if (mine.key, mine.model, mine.quotient_parameters) != (theirs.key, theirs.model, theirs.quotient_parameters):
+    def _alike(self, mine: Look, theirs: Look) -> bool:
+        if mine.key != theirs.key or mine.layer.quotient != theirs.layer.quotient:
             return False
         for i, (one, two) in enumerate(zip(mine.coefficients, theirs.coefficients, strict=True)):
             if (mine.key, i) == (self.key, self.factor) or self.edited.get(mine.key) == i or one is two:
@@ -249,7 +262,8 @@ class IndirectTalk:
                 for other in edited_layers(document, selected)[1:]:
                     theirs = list(self._curves.coefficients(document, other))
                     edited |= {other: theirs.index(selected.factor)} if selected.factor in theirs else {}
-        return FreezeWish(reflections(document, self._curves, second), key, factor, second, edited)
+        scene = self._curves.scene_state(document)
+        return FreezeWish(scene, looks_of(scene, document, self._curves), key, factor, second, edited)
 
     def _ask(self, now: float, wish: FreezeWish, revision: int) -> None:
         if self._last is None or not (self._last.serves(wish) and self._last.same(wish)):
@@ -264,7 +278,7 @@ class IndirectTalk:
                 return
         self._asked, self._asked_at = (wish, revision), now
         self._serial += 1
-        self._send(Freeze(wish.looks, wish.key, wish.factor, wish.second == 1, self._serial, revision=revision))
+        self._send(Freeze(wish.scene, wish.key, wish.factor, wish.second, self._serial, revision=revision))
 
     def _radiances(
         self, document: Document, made_for: FreezeWish, frozen: Frozen, footprint: Footprint
@@ -281,7 +295,7 @@ class IndirectTalk:
                 self._shown[look.key] = state
                 radiance = _radiance(frozen, look.key, albedo, curve)
                 (self._beyond.add if is_beyond(radiance) else self._beyond.discard)(look.key)
-                look_as = drawn_as(look.model, look.quotient_parameters)
+                look_as = drawn_as(*look.layer.quotient)
                 events.append(IndirectRadiance(look.key, radiance, footprint, look_as))
         return events
 
@@ -312,7 +326,7 @@ def _radiance(frozen: Frozen, key: str, albedo: Array, curve: Array | None) -> N
     return in_full(np.stack(channels, axis=1), frozen.unit)
 
 
-def _equal(one: LayerReflection, two: LayerReflection) -> bool:
+def _equal(one: Look, two: Look) -> bool:
     """Whether two looks of one layer reflect alike."""
     mine, theirs = ((*look.coefficients, look.gain, look.view_curve) for look in (one, two))
     return all(a is b or _close(a, b) for a, b in zip(mine, theirs, strict=True))

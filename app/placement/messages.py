@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from app.jobs.messages import LookFrom, Request, Response
 
 if TYPE_CHECKING:
-    from app.document import LightState
+    from app.scene_state import LayerState, SceneState
     from engine.material.layer import Layer
     from engine.material.maps import Images, MapMeans
     from engine.plan import Precision
@@ -36,53 +36,18 @@ class PlanBands(Request):
 
 
 @dataclass(frozen=True, eq=False)
-class LayerWork:
-    """One visible layer, as the worker needs to know it; `coefficients` has one (J,3) array a factor.
-
-    `fixed`: nobody means to edit it, so its picture under these coefficients will do, and no bands are kept.
-    """
-
-    key: str
-    model: str
-    quotient_parameters: tuple[float, ...]
-    factors: tuple[str, ...]
-    bands: tuple[int, ...]
-    coefficients: tuple[NDArray[np.floating], ...]
-    fixed: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class LayerReflection:
-    """One visible layer with all that it reflects by: `coefficients` one (J,3) array a factor, f_q (3,), f_o (N,3).
-
-    `sent`: the same curves on the bands that the second bounce has.
-    """
-
-    key: str
-    model: str
-    quotient_parameters: tuple[float, ...]
-    coefficients: tuple[NDArray[np.floating], ...]
-    sent: tuple[NDArray[np.floating], ...]
-    gain: NDArray[np.floating]
-    view_curve: NDArray[np.floating]
-
-
-@dataclass(frozen=True, eq=False)
 class ComputeTransport(Request):
-    """Compute the transport of all layers under one light, coarse to fine; earlier contractions are cancelled.
+    """Compute the transport of a scene's layers, coarse to fine; earlier contractions are cancelled.
 
     selected, factor: the curve whose transport is handed out as well, in the layer of that key and in `followers`.
-    With n_bounces > 1 the indirect light is found as well; `looks` say where the picture of it bends. 0 asks for as
-    many bounces as the scene requires. Both are answered by `BouncesPlanned`, of the `reflecting` layers by key.
-    measured: (file, number) of the tables that layers need, which a worker that has just been started reads first.
-    emission: (name, radiance) of emitters, where it is not as the scene has it. n_lights_preview, n_lights_final and
-    n_patches: what cuts the sky, at first and at last, and emitters at last.
+    n_lights_preview, n_lights_final and n_patches: what cuts the sky, at first and at last, and emitters at last.
+    With n_bounces > 1 the indirect light is found as well. 0 asks for as many bounces as the scene requires. Both are
+    answered by `BouncesPlanned`. Tables of measured layers are read first where a worker does not have them.
     """
 
     built_on = (LookFrom,)
 
-    light: LightState
-    layers: tuple[LayerWork, ...]
+    scene: SceneState
     selected: str | None
     factor: str | None
     n_lights_preview: int
@@ -90,16 +55,12 @@ class ComputeTransport(Request):
     n_patches: int
     precision: Precision = "half"
     n_bounces: int = 1
-    looks: tuple[LayerReflection, ...] = ()
     followers: tuple[str, ...] = ()
-    measured: tuple[tuple[str, int], ...] = ()
-    reflecting: tuple[tuple[str, Layer], ...] = ()
-    emission: tuple[tuple[str, tuple[float, float, float]], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class Contract(Request):
-    """Hand out one layer's transport over the bands of `factor`, its other factors contracted with these curves.
+    """Hand out one layer's transport over the bands of `factor`, its other factors contracted with the layer's curves.
 
     `factor` None asks for the layer's picture alone, `picture` False for the transport alone. `beside`: what was handed
     out before stays of interest, for the layers follow one curve; coming stages bring all of it.
@@ -108,9 +69,8 @@ class Contract(Request):
     built_on = (ComputeTransport,)
     quick = 3
 
-    key: str
+    layer: LayerState
     factor: str | None
-    coefficients: tuple[tuple[str, NDArray[np.floating]], ...]
     precision: Precision = "half"
     picture: bool = True
     beside: bool = False
@@ -122,29 +82,29 @@ class Freeze(Request):
     [BenArtzi07, sect. 6.1]); answered again whenever it becomes finer.
 
     key, factor: the layer and the curve whose bands are wanted; None: only what every layer reflects. The object that
-    is edited is that of `key`. by_albedo: whether the second bounce goes by albedo alone, as all later ones do. serial
-    comes back with the answers.
+    is edited is that of `key`. second_bands: the most that the second bounce has, None for as many as a curve has; with
+    one it goes by albedo alone, as all later bounces do. serial comes back with the answers.
     """
 
     built_on = (ComputeTransport,)
     quick = 4
 
-    looks: tuple[LayerReflection, ...]
+    scene: SceneState
     key: str | None = None
     factor: int | None = None
-    by_albedo: bool = False
+    second_bands: int | None = None
     serial: int = 0
 
 
 @dataclass(frozen=True, eq=False)
 class EstimateError(Request):
-    """Say how far off the picture is as these visible layers, by key, make it under the transport asked last, with so
-    many bands at the second bounce (None: all of them); answered by `ErrorEstimated`, once that picture is there."""
+    """Say how far off the picture of this scene is under the transport asked last, `second_bands` as in `Freeze`;
+    answered by `ErrorEstimated`, once that picture is there."""
 
     built_on = (ComputeTransport,)
     once = True
 
-    layers: tuple[tuple[str, Layer], ...]
+    scene: SceneState
     second_bands: int | None = None
 
 

@@ -73,7 +73,7 @@ class PlacementTalk(ModeTalk):
         self.indirect = IndirectTalk(desk.send, self.curves)
         self.maps = MapTalk(desk.send, self.curves)
         self._comparison = Comparison(desk.send, self.curves, self.maps.samples)
-        self._error = ErrorTalk(desk.send)
+        self._error = ErrorTalk(desk.send, self.curves)
         self._told_beyond = False
         self._forget()
 

@@ -25,13 +25,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.document import SCENE_ENVIRONMENT, Document, LightState, Selection, reflecting_layers
+from app.document import SCENE_ENVIRONMENT, Document, LightState, Selection
 from app.jobs.messages import Failed, Request
 from app.light_commands import emission_of
-from app.measurements import measured_files
 from app.placement.curves import Array, Coefficients, Curves, drawn_as
 from app.placement.edited_curves import EditedCurves, curve_wishes, edited_layers
-from app.placement.indirect_talk import reflections
 from app.placement.messages import ComputeTransport, Contract, LayerPicture, LayerTransport, StageDone
 from app.placement.wishes import (
     Contraction,
@@ -41,7 +39,6 @@ from app.placement.wishes import (
     TransportShape,
     TransportWish,
     brightened,
-    layer_work,
     same_coefficients,
     transport_wish,
 )
@@ -297,7 +294,6 @@ class TransportTalk:
 
     def _compute(self, wish: TransportWish, document: Document, selected: Selection | None, n_lights: int) -> None:
         self._edited.wished = curves = curve_wishes(document, selected, self._curves, self._precision)
-        work = tuple(layer_work(shape, self._curves.coefficients(document, shape.key)) for shape in wish.layers)
         staying = self._staying(wish, n_lights)
         was_fixed = [shape.key for shape in self.layers_asked if shape.is_fixed and shape.key in staying]
         self.revision += 1
@@ -307,8 +303,7 @@ class TransportTalk:
         self._layers = staying
         self._becoming_editable = tuple(s.key for s in wish.layers if s.key in was_fixed and not s.is_fixed)
         request = ComputeTransport(
-            wish.light,
-            work,
+            replace(self._curves.scene_state(document), emission=wish.emission),
             curves[0].key if curves else None,
             curves[0].factor if curves else None,
             min(N_LIGHTS_PREVIEW, wish.n_lights),
@@ -316,11 +311,7 @@ class TransportTalk:
             wish.n_patches,
             self._precision,
             wish.n_bounces,
-            reflections(document, self._curves) if wish.n_bounces != 1 else (),
             tuple(curve.key for curve in curves[1:]),
-            measured_files(document),
-            reflecting_layers(document) if wish.n_bounces != 1 else (),
-            wish.emission,
             revision=self.revision,
         )
         self._transport_id = self._send(request)
@@ -387,10 +378,8 @@ class TransportTalk:
         is_follower = curve.factor is not None and curve.key != self._edited.wished[0].key
         shown = self._layers.get(curve.key)
         new_picture = curve.factor is None or shown is None or not same_coefficients(shown.coefficients, wanted)
-        given = tuple(wanted.items())
-        request = Contract(
-            curve.key, curve.factor, given, curve.precision, new_picture, is_follower, revision=self.revision
-        )
+        state = self._curves.layer_state(document, curve.key)
+        request = Contract(state, curve.factor, curve.precision, new_picture, is_follower, revision=self.revision)
         self._contraction = Contraction(self._send(request), curve, now)
 
     def _asked_shape(self, key: str) -> TransportShape | None:

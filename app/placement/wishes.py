@@ -8,10 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.document import RGB, Document, LightState
-from app.light_commands import emission_of
 from app.placement.curves import Array, Coefficients, Curves
-from app.placement.messages import LayerWork
-from engine.material.layer import Layer, object_of
+from app.scene_state import LayerState
 from engine.plan import N_PATCHES, Precision
 
 Emission = tuple[tuple[str, RGB], ...]
@@ -55,21 +53,11 @@ class TransportShape:
         return self.baked == other.baked or not (self.is_fixed and other.is_fixed)
 
 
-def layer_shape(document: Document, key: str, layer: Layer, curves: Curves) -> TransportShape:
-    """The shape of one of the document's layers."""
-    baked = None
-    if not document.object(object_of(key)).editable:
-        baked = b"".join(values.tobytes() for values in curves.coefficients(document, key).values())
-    quotient = tuple(layer.quotient_parameters().tolist())
-    bands = tuple(curves.bands(key, layer, document.first_bands).items())
-    return TransportShape(key, layer.model.name, quotient, bands, baked)
-
-
-def layer_work(shape: TransportShape, coefficients: Coefficients) -> LayerWork:
-    """The layer as the worker needs to know it, with its present coefficients by factor."""
-    factors, bands = zip(*shape.bands, strict=True)
-    ordered = tuple(coefficients[factor] for factor in factors)
-    return LayerWork(shape.key, shape.model, shape.quotient_parameters, factors, bands, ordered, shape.is_fixed)
+def transport_shape(state: LayerState, coefficients: Coefficients) -> TransportShape:
+    """That of a layer, which has these curves."""
+    baked = b"".join(values.tobytes() for values in coefficients.values()) if state.fixed else None
+    bands = tuple(zip(state.factors, state.bands, strict=True))
+    return TransportShape(state.key, state.model, state.quotient_parameters, bands, baked)
 
 
 @dataclass(frozen=True)
@@ -152,13 +140,10 @@ class Contraction:
 
 
 def transport_wish(document: Document, n_lights: int, n_bounces: int, n_patches: int, curves: Curves) -> TransportWish:
-    """The transport of a document's layers, but for those of emitters, in its light at intensity 1."""
-    emitters = {state.name for state in document.objects if state.emits}
-    shapes = tuple(
-        layer_shape(document, key, layer, curves) for key, layer in document.layers() if object_of(key) not in emitters
-    )
-    light = replace(document.light, intensity=1.0)
-    return TransportWish(light, shapes, n_lights, n_bounces, emission_of(document), n_patches)
+    """The transport of a document's layers in its light."""
+    scene = curves.scene_state(document)
+    shapes = tuple(transport_shape(state, curves.coefficients(document, state.key)) for state in scene.layers)
+    return TransportWish(scene.light, shapes, n_lights, n_bounces, scene.emission, n_patches)
 
 
 def brightened(wanted: Emission, known: Emission) -> Array | None:

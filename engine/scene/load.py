@@ -73,6 +73,15 @@ class Scene:
         return bounds
 
     @property
+    def object_names(self) -> tuple[str, ...]:
+        """The names of the objects, in their order."""
+        return tuple(described.name for described in self.description.objects)
+
+    def object_index(self, name: str) -> int:
+        """The place of an object among them."""
+        return self.object_names.index(name)
+
+    @property
     def emitters(self) -> npt.NDArray[np.bool_]:
         """Which objects are emitters (M,): those that the file has shine, however dark they have been made since."""
         return np.array([described.emits for described in self.description.objects], bool)

@@ -118,7 +118,7 @@ class FakeClient:
     def finish_stage(self, stage: str, exact: bool) -> None:
         """Answer the newest ComputeTransport with one stage: all layers' pictures, then the selected's transport."""
         request: ComputeTransport = self.sent(ComputeTransport)[-1]
-        for layer in request.layers:
+        for layer in request.scene.layers:
             self.answer(request, LayerPicture(layer.key, stage, np.zeros((4, 3)), layer.coefficients))
             if layer.key in (request.selected, *request.followers) and request.factor is not None:
                 self.answer(request, transport(layer.key, request.factor, stage, request.precision))
@@ -127,11 +127,11 @@ class FakeClient:
     def contract(self, stage: str) -> None:
         """Answer the newest Contract."""
         request: Contract = self.sent(Contract)[-1]
-        values = tuple(values for _, values in request.coefficients)
+        layer = request.layer
         if request.picture:
-            self.answer(request, LayerPicture(request.key, stage, np.zeros((4, 3)), values))
+            self.answer(request, LayerPicture(layer.key, stage, np.zeros((4, 3)), layer.coefficients))
         if request.factor is not None:
-            self.answer(request, transport(request.key, request.factor, stage, request.precision))
+            self.answer(request, transport(layer.key, request.factor, stage, request.precision))
 
 
 def transport(key: str, factor: str, stage: str, precision: Precision = "half") -> LayerTransport:
@@ -173,7 +173,7 @@ class ServingClient(FakeClient):
         elif isinstance(sent, Contract):
             if sent.factor is not None:
                 others = self._selected if sent.beside else {}
-                self._selected, self._precision = {**others, sent.key: sent.factor}, sent.precision
+                self._selected, self._precision = {**others, sent.layer.key: sent.factor}, sent.precision
             self._answers[Contract] = self._contraction(sent)
         elif isinstance(sent, EstimateError):
             # The error of each request is another one, so that a test can tell which of them was answered.
@@ -201,7 +201,7 @@ class ServingClient(FakeClient):
 
     def _stage(self, request: ComputeTransport, stage: str, last: str) -> list[Response]:
         answers: list[Response] = []
-        for layer in request.layers:
+        for layer in request.scene.layers:
             answers.append(LayerPicture(layer.key, stage, np.zeros((4, 3)), layer.coefficients))
             if self._selected.get(layer.key) in layer.factors and not layer.fixed:
                 answers.append(transport(layer.key, self._selected[layer.key], stage, self._precision))
@@ -209,15 +209,14 @@ class ServingClient(FakeClient):
         return [stamped(answer, request.id, request.revision) for answer in answers]
 
     def _contraction(self, request: Contract) -> list[Response]:
-        if request.key not in self._made:
+        layer = request.layer
+        if layer.key not in self._made:
             return []
-        (work,) = (layer for layer in self.sent(ComputeTransport)[-1].layers if layer.key == request.key)
+        (work,) = (each for each in self.sent(ComputeTransport)[-1].scene.layers if each.key == layer.key)
         assert not work.fixed  # it has no bands
-        assert work.factors == tuple(name for name, _ in request.coefficients)
-        assert work.bands == tuple(len(values) for _, values in request.coefficients)
-        values = tuple(values for _, values in request.coefficients)
-        picture = LayerPicture(request.key, self._made[request.key].stage, np.zeros((4, 3)), values)
+        assert (work.factors, work.bands) == (layer.factors, layer.bands)
+        picture = LayerPicture(layer.key, self._made[layer.key].stage, np.zeros((4, 3)), layer.coefficients)
         answers: list[Response] = [picture] if request.picture else []
         if request.factor is not None:
-            answers.append(transport(request.key, request.factor, picture.stage, request.precision))
+            answers.append(transport(layer.key, request.factor, picture.stage, request.precision))
         return [stamped(answer, request.id, request.revision) for answer in answers]

@@ -56,13 +56,13 @@ def test_opening_asks_for_all_layers_at_once(client: FakeClient) -> None:
     assert [type(event) for event in events] == [SceneFrame]
     assert editor.view.selected == ("pot", 1, "theta_h")  # the topmost layer of the first editable object
     (work,) = computed(client)
-    assert [layer.key for layer in work.layers] == ["pot.0", "pot.1", "floor.0"]  # the lamp shines: no layers
+    assert [layer.key for layer in work.scene.layers] == ["pot.0", "pot.1", "floor.0"]  # the lamp shines: no layers
     assert (work.selected, work.factor) == ("pot.1", "theta_h")
     assert (work.n_lights_preview, work.n_lights_final) == (N_LIGHTS_PREVIEW, 4000)
-    assert work.light.rotation == 30.0
+    assert work.scene.light.rotation == 30.0
     counts = tuple(band_counts(editor.document.layer("pot.1")).values())
-    assert work.layers[1].bands == counts
-    assert [c.shape for c in work.layers[1].coefficients] == [(n, 3) for n in counts]
+    assert work.scene.layers[1].bands == counts
+    assert [c.shape for c in work.scene.layers[1].coefficients] == [(n, 3) for n in counts]
 
 
 def test_the_workers_plan_of_a_scene_is_taken_over(client: FakeClient) -> None:
@@ -71,9 +71,9 @@ def test_the_workers_plan_of_a_scene_is_taken_over(client: FakeClient) -> None:
     for now in (0.0, 0.1):
         editor.tick(now)
     (work,) = computed(client)
-    assert [layer.bands for layer in work.layers][1] == (16, 4)
+    assert [layer.bands for layer in work.scene.layers][1] == (16, 4)
     # Nobody planned it, and it was asked for apart.
-    assert work.layers[0].bands == tuple(band_counts(editor.document.layer("pot.0")).values())
+    assert work.scene.layers[0].bands == tuple(band_counts(editor.document.layer("pot.0")).values())
 
 
 def test_each_scene_is_planned_anew(client: FakeClient) -> None:
@@ -83,7 +83,7 @@ def test_each_scene_is_planned_anew(client: FakeClient) -> None:
     editor.open("shelf")  # with the same objects and models
     client.open_scene()
     editor.tick(1.0)
-    assert computed(client)[-1].layers[1].bands == tuple(band_counts(editor.document.layer("pot.1")).values())
+    assert computed(client)[-1].scene.layers[1].bands == tuple(band_counts(editor.document.layer("pot.1")).values())
 
 
 def test_stages_go_from_preview_to_exact(editor: Editor, client: FakeClient) -> None:
@@ -129,8 +129,8 @@ def test_switching_the_curve_contracts_the_other(settled: Editor, client: FakeCl
     settled.select("pot.1.theta_d")
     settled.tick(1.1)
     (request,) = client.sent(Contract)
-    assert (request.key, request.factor) == ("pot.1", "theta_d")
-    assert [name for name, _ in request.coefficients] == ["theta_h", "theta_d"]
+    assert (request.layer.key, request.factor) == ("pot.1", "theta_d")
+    assert request.layer.factors == ("theta_h", "theta_d")
     settled.talk.rendered(EXACT)
     assert settled.status.picture == "refining"
     client.contract("final")
@@ -148,7 +148,7 @@ def test_another_precision_is_asked_for_at_once(settled: Editor, client: FakeCli
     settled.do(SetView.of(precision="float"))
     settled.tick(1.1)
     (request,) = client.sent(Contract)
-    assert (request.key, request.factor, request.precision) == ("pot.1", "theta_h", "float")
+    assert (request.layer.key, request.factor, request.precision) == ("pot.1", "theta_h", "float")
     settled.talk.rendered(replace(EXACT, precision="half"))  # the picture stays as it is meanwhile
     assert settled.status.picture == "refining"
     assert settled.status.transport_note == "made with half floats until full floats are here"
@@ -186,7 +186,7 @@ def test_the_other_curve_is_contracted_again_one_at_a_time(settled: Editor, clie
     assert len(requests) == 2 and computed(client) == []
     assert requests[0].picture and requests[1].picture  # another curve makes another picture
     wanted = settled.talk.wanted_coefficients("pot.1")["theta_d"]
-    assert np.array_equal(dict(requests[1].coefficients)["theta_d"], wanted)
+    assert np.array_equal(requests[1].layer.coefficients[1], wanted)
 
 
 def test_answers_for_what_is_no_longer_selected_are_not_shown(settled: Editor, client: FakeClient) -> None:
@@ -196,7 +196,7 @@ def test_answers_for_what_is_no_longer_selected_are_not_shown(settled: Editor, c
     settled.select("floor.0")
     events = settled.tick(1.2)
     assert TransportReady not in [type(event) for event in events]
-    assert [(r.key, r.factor) for r in client.sent(Contract)] == [("pot.1", "theta_d"), ("floor.0", "theta_i")]
+    assert [(r.layer.key, r.factor) for r in client.sent(Contract)] == [("pot.1", "theta_d"), ("floor.0", "theta_i")]
 
 
 def test_roughness_is_asked_for_when_the_hand_rests(settled: Editor, client: FakeClient) -> None:
@@ -215,7 +215,7 @@ def test_roughness_is_asked_for_when_the_hand_rests(settled: Editor, client: Fak
     settled.tick(2.31)  # let go
     assert len(computed(client)) == 2
     assert settled.status.material_note == ""
-    assert computed(client)[-1].layers[1].quotient_parameters[1] == 0.4
+    assert computed(client)[-1].scene.layers[1].quotient_parameters[1] == 0.4
 
 
 def test_turning_asks_for_quick_pictures_one_at_a_time(settled: Editor, client: FakeClient) -> None:
@@ -224,16 +224,16 @@ def test_turning_asks_for_quick_pictures_one_at_a_time(settled: Editor, client: 
         settled.do(SetRotation(degrees))
         settled.tick(2.0 + 0.01 * degrees)
     (quick,) = computed(client)
-    assert quick.n_lights_final == DRAG_QUALITY and quick.light.rotation == 31.0
+    assert quick.n_lights_final == DRAG_QUALITY and quick.scene.light.rotation == 31.0
     assert settled.status.light_note == "quick picture for 31.0°; the final one follows when you let go"
     client.finish_stage("drag", exact=True)
     settled.tick(2.4)
-    assert [request.light.rotation for request in computed(client)] == [31.0, 33.0]
+    assert [request.scene.light.rotation for request in computed(client)] == [31.0, 33.0]
     assert settled.status.picture == "preview"
     client.finish_stage("drag", exact=True)
     settled.end_drag()
     settled.tick(2.5)
-    assert computed(client)[-1].n_lights_final == 4000 and computed(client)[-1].light.rotation == 33.0
+    assert computed(client)[-1].n_lights_final == 4000 and computed(client)[-1].scene.light.rotation == 33.0
     client.finish_stage("final", exact=True)
     settled.tick(3.0)
     settled.talk.rendered(EXACT)
@@ -293,8 +293,8 @@ def test_undo_of_another_layer_asks_for_its_picture_alone(settled: Editor, clien
     assert settled.undo() == "pot.1 theta_h Translate Y"
     settled.tick(1.3)
     (request,) = client.sent(Contract)
-    assert (request.key, request.factor) == ("pot.1", None)  # no transport: nobody selects it
-    assert np.array_equal(dict(request.coefficients)["theta_h"], settled.talk.wanted_coefficients("pot.1")["theta_h"])
+    assert (request.layer.key, request.factor) == ("pot.1", None)  # no transport: nobody selects it
+    assert np.array_equal(request.layer.coefficients[0], settled.talk.wanted_coefficients("pot.1")["theta_h"])
     client.contract("final")
     events = settled.tick(1.4)
     assert [type(event) for event in events] == [LayerRadiance]
@@ -312,7 +312,7 @@ def test_a_layer_rendered_exactly_is_not_asked_for_when_left(settled: Editor, cl
     client.contract("final")
     settled.tick(1.2)
     settled.tick(1.3)
-    assert [request.key for request in client.sent(Contract)] == ["floor.0"]
+    assert [request.layer.key for request in client.sent(Contract)] == ["floor.0"]
 
 
 def test_a_layer_left_in_mid_refinement_is_asked_for(settled: Editor, client: FakeClient) -> None:
@@ -321,7 +321,7 @@ def test_a_layer_left_in_mid_refinement_is_asked_for(settled: Editor, client: Fa
     settled.tick(1.1)
     client.contract("final")
     settled.tick(1.2)
-    assert [request.key for request in client.sent(Contract)] == ["floor.0", "pot.1"]
+    assert [request.layer.key for request in client.sent(Contract)] == ["floor.0", "pot.1"]
 
 
 def test_visibility_and_intensity_cost_nothing(settled: Editor, client: FakeClient) -> None:
@@ -365,7 +365,7 @@ def test_a_stage_that_comes_in_pieces_is_not_asked_for(editor: Editor, client: F
     client.finish_stage("coarse", exact=False)
     editor.tick(0.1)
     (work,) = computed(client)
-    layer = work.layers[1]
+    layer = work.scene.layers[1]
     client.answer(work, LayerPicture("pot.1", "final", np.zeros((4, 3)), layer.coefficients))
     editor.tick(0.2)  # the transport is still on its way
     client.answer(work, transport("pot.1", "theta_h", "final"))
@@ -381,7 +381,7 @@ def test_a_stage_made_with_older_curves_is_put_right(editor: Editor, client: Fak
     editor.tick(0.2)
     assert editor.status.picture == "refining"
     (_, request) = client.sent(Contract)
-    assert request.key == "pot.1"
+    assert request.layer.key == "pot.1"
     client.contract("final")
     editor.tick(0.3)
     editor.talk.rendered(EXACT)
@@ -408,7 +408,7 @@ def test_a_fixed_object_is_asked_for_without_bands(client: FakeClient) -> None:
     client.open_scene(scene)
     editor.tick(0.0)
     (work,) = computed(client)
-    assert [layer.key for layer in work.layers if layer.fixed] == ["floor.0"]
+    assert [layer.key for layer in work.scene.layers if layer.fixed] == ["floor.0"]
     editor.select("floor.0")
     client.finish_stage("final", exact=True)
     editor.tick(0.1)
@@ -431,7 +431,7 @@ def test_making_an_object_editable_keeps_the_picture_and_asks_for_its_bands(
     settled.do(SetEditable("floor", True))
     settled.tick(1.6)
     settled.tick(1.9)
-    assert [layer.fixed for layer in computed(client)[-1].layers] == [False, False, False]
+    assert [layer.fixed for layer in computed(client)[-1].scene.layers] == [False, False, False]
     settled.talk.rendered(EXACT)
     # All on screen is final and stays; only the floor's curves cannot be bent yet.
     assert settled.status.picture == "refining" and settled.status.material_note == ""
@@ -454,7 +454,7 @@ def test_a_fixed_curve_that_changes_is_part_of_its_transport(settled: Editor, cl
     assert settled.status.material_note == "the curve of a fixed object follows when the hand rests"
     settled.tick(1.9)
     (work,) = computed(client)[n_before:]
-    assert np.array_equal(work.layers[2].coefficients[0], settled.talk.wanted_coefficients("floor.0")["theta_i"])
+    assert np.array_equal(work.scene.layers[2].coefficients[0], settled.talk.wanted_coefficients("floor.0")["theta_i"])
     assert settled.status.picture == "preview" and client.sent(Contract) == []
 
 
@@ -512,7 +512,7 @@ def test_work_can_be_stopped_and_resumed(editor: Editor, client: FakeClient) -> 
     editor.tick(1.05)
     assert editor.status.stopped and not editor.status.stage  # it was on its way
     editor.resume_work()
-    client.answer(stopped, LayerPicture("floor.0", "coarse", np.zeros((4, 3)), stopped.layers[2].coefficients))
+    client.answer(stopped, LayerPicture("floor.0", "coarse", np.zeros((4, 3)), stopped.scene.layers[2].coefficients))
     assert editor.tick(1.1) == []  # it was on its way when the work was stopped
     assert isinstance(client.requests[-1], ComputeTransport) and not editor.status.stopped
 
@@ -616,7 +616,7 @@ def test_light_is_opened_with_the_default_scene(client: FakeClient, tmp_path: Pa
     client.open_scene()
     editor.tick(0.0)
     (asked,) = computed(client)  # the scene's own light is never computed
-    assert asked.light.environment == str(tmp_path / "sky.exr")
+    assert asked.scene.light.environment == str(tmp_path / "sky.exr")
     client.answer(asked, Failed("sky.exr: first bytes = nothing"))
     editor.tick(0.1)
     assert editor.document.light.environment == "scene" and not editor.history.undo_steps
@@ -636,7 +636,7 @@ def test_light_that_bounces_leave_out_is_said(editor: Editor, client: FakeClient
         editor.tick(now)
     request: ComputeTransport = computed(client)[-1]
     said = "4 bounces keep 34 % of the light, the rest is missing"
-    assert [key for key, _ in request.reflecting] == ["pot.0", "pot.1", "floor.0"]
+    assert [layer.key for layer in request.scene.visible] == ["pot.0", "pot.1", "floor.0"]
     client.answer(request, BouncesPlanned(4, "", said))
     editor.tick(3.1)
     assert editor.status.bounces_note == editor.status.message == said

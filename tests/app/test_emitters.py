@@ -101,14 +101,14 @@ def test_beside_a_sky_light_is_computed_quickly_and_then_exactly(client: FakeCli
         editor.do(SetEmission("lamp", strength))
         editor.tick(2.0 + 0.01 * strength)
     (quick,) = client.sent(ComputeTransport)
-    assert quick.n_lights_final == DRAG_QUALITY and dict(quick.emission) == {"lamp": (6.0, 6.0, 6.0)}
+    assert quick.n_lights_final == DRAG_QUALITY and dict(quick.scene.emission) == {"lamp": (6.0, 6.0, 6.0)}
     assert editor.status.emitter_note.startswith("a quick picture")
     assert gain(editor) == [1.0, 1.0, 1.0]
     client.finish_stage("drag", exact=True)
     editor.end_drag()
     editor.tick(2.5)
     last = client.sent(ComputeTransport)[-1]
-    assert last.n_lights_final == 4000 and dict(last.emission) == {"lamp": (7.0, 7.0, 7.0)}
+    assert last.n_lights_final == 4000 and dict(last.scene.emission) == {"lamp": (7.0, 7.0, 7.0)}
     client.finish_stage("final", exact=True)
     editor.tick(3.0)
     assert editor.status.emitter_note == ""
@@ -141,7 +141,7 @@ def test_one_of_two_lights_is_computed_anew_and_both_alike_are_not(client: FakeC
     editor.tick(4.0)
     editor.tick(5.0)
     (asked,) = client.sent(ComputeTransport)
-    assert dict(asked.emission) == {"lamp": (10.0, 10.0, 10.0), "strip": (1.0, 1.0, 1.0)}
+    assert dict(asked.scene.emission) == {"lamp": (10.0, 10.0, 10.0), "strip": (1.0, 1.0, 1.0)}
     assert gain(editor) == [1.0, 1.0, 1.0]
 
 

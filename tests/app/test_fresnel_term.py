@@ -132,7 +132,7 @@ def test_the_editor_computes_it_and_forgets_it(client: FakeClient) -> None:
     assert editor.do(SetFresnelTerm("pot.1", True)) is None
     editor.tick(2.0)
     editor.tick(2.3)
-    asked = client.sent(ComputeTransport)[-1].layers
+    asked = client.sent(ComputeTransport)[-1].scene.layers
     assert [work.key for work in asked] == ["pot.0", "pot.1", "pot.2", "floor.0"]
     assert [work.quotient_parameters[7] for work in asked] == [0.0, 0.0, 1.0, 0.0]
     client.finish_stage("final", exact=True)
@@ -143,4 +143,4 @@ def test_the_editor_computes_it_and_forgets_it(client: FakeClient) -> None:
     editor.tick(3.1)  # the worker still has it, the document has not
     assert editor.view.selected.layer == 1
     editor.tick(3.4)
-    assert [work.key for work in client.sent(ComputeTransport)[-1].layers] == ["pot.0", "pot.1", "floor.0"]
+    assert [work.key for work in client.sent(ComputeTransport)[-1].scene.layers] == ["pot.0", "pot.1", "floor.0"]

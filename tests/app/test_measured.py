@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from app.commands import SetFrozen, SetParameter
-from app.document import Document, LightState, document_from_description
+from app.document import Document, document_from_description
 from app.editor import Editor
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
@@ -29,7 +29,6 @@ from app.material_file import Material, dump_material, load_material, parse_mate
 from app.measurements import layers_of_document, measured_files, measurement_in, unread_files, with_read
 from app.placement.curves import Curves
 from app.placement.messages import ComputeTransport, LayerPicture, PlanBands
-from app.placement.wishes import layer_work, transport_wish
 from app.project import open_project
 from app.reading import import_measured, measured_layers
 from app.session import load_session
@@ -73,10 +72,7 @@ def document_of(opened: SceneOpened, source: Path) -> Document:
 
 
 def compute(document: Document) -> ComputeTransport:
-    curves = Curves(16)
-    wish = transport_wish(document, 80, 1, 20, curves)
-    works = tuple(layer_work(shape, curves.coefficients(document, shape.key)) for shape in wish.layers)
-    return ComputeTransport(LightState(), works, None, None, 80, 80, 20, measured=measured_files(document))
+    return ComputeTransport(Curves(16).scene_state(document), None, None, 80, 80, 20)
 
 
 def test_a_worker_reads_what_a_scene_names(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -87,7 +83,7 @@ def test_a_worker_reads_what_a_scene_names(scene: Path, tmp_path: Path, monkeypa
     assert opened.measurements["gloss.binary"].is_read
     document = document_of(opened, scene)
     number = opened.measurements["gloss.binary"].number
-    assert measured_files(document) == ((str(scene.parent / "gloss.binary"), number),)
+    assert measured_files(layers_of_document(document)) == ((str(scene.parent / "gloss.binary"), number),)
     request = compute(document)
     before = {a.key: a.radiance for a in run_in_process(tasks, request) if isinstance(a, LayerPicture)}
     assert set(before) == {"ball.0", "ball.1"} and all(picture.max() > 0.0 for picture in before.values())
@@ -96,8 +92,9 @@ def test_a_worker_reads_what_a_scene_names(scene: Path, tmp_path: Path, monkeypa
     monkeypatch.delattr(tables, "fit_factors")
     after = {a.key: a.radiance for a in run_in_process(tasks, request) if isinstance(a, LayerPicture)}
     assert all(np.array_equal(after[key], before[key]) for key in before)
-    changed = replace(request, measured=tuple((file, number + 1) for file, number in request.measured))
-    *_, failed = run_in_process(tasks, changed)
+    another = replace(opened.measurements["gloss.binary"], file=str(scene.parent / "gloss.binary"), number=number + 1)
+    layers = tuple(replace(each, layer=each.layer.with_parameter("file", another)) for each in request.scene.layers)
+    *_, failed = run_in_process(tasks, replace(request, scene=replace(request.scene, layers=layers)))
     assert isinstance(failed, Failed) and "has changed since it was imported" in failed.line
 
 
@@ -131,7 +128,8 @@ def test_an_import_is_one_step(client: FakeClient, tmp_path: Path) -> None:
     assert [layer.name for layer in layers] == ["diffuse", "highlight"] and not editor.is_reading
     assert unread_files(layers) == () and editor.history.undo_label == "drawn on pot"
     editor.tick(5.0)
-    assert client.sent(ComputeTransport)[-1].measured == ((str(file), 5),)
+    asked = client.sent(ComputeTransport)[-1]
+    assert measured_files(each.layer for each in asked.scene.layers) == ((str(file), 5),)
     assert "is what was imported" in str(editor.do(SetParameter("pot.0", "file", "x.binary")))
     editor.undo()
     assert editor.document.objects == before.objects
@@ -168,7 +166,7 @@ def test_the_window_plans_no_bands_of_an_import(
     client.answer(asked, MeasurementsRead(found, bands))
     for now in (0.1, 5.0):
         editor.tick(now)
-    works = client.sent(ComputeTransport)[-1].layers
+    works = client.sent(ComputeTransport)[-1].scene.layers
     assert [work.bands for work in works if work.key.startswith("pot")] == [(32,), (128, 8)]
     editor.undo()
     editor.redo()
@@ -182,7 +180,7 @@ def test_the_window_plans_no_bands_of_an_import(
     client.open_scene(measurements=found, planned=tuple(zip(pot, bands, strict=True)))
     for now in (0.0, 5.0):
         other.tick(now)
-    works = client.sent(ComputeTransport)[-1].layers
+    works = client.sent(ComputeTransport)[-1].scene.layers
     assert [work.bands for work in works if work.key.startswith("pot")] == [(32,), (128, 8)]
     assert not client.sent(PlanBands)
 

@@ -161,7 +161,7 @@ class StandInClient:
         yield Progress("transport", 0.5, 1.0)
         rows = np.repeat(rows[:, None], 4, axis=1).astype(np.int32)
         yield StageFootprint(rows, weights, "final", id=self._view_id)
-        for layer in request.layers:
+        for layer in request.scene.layers:
             contracted = transport_of(layer.key, layer.bands[0])
             radiance = np.einsum("jpc,jc->pc", contracted, layer.coefficients[0]).astype(np.float32)
             yield LayerPicture(layer.key, "final", radiance, layer.coefficients)
@@ -171,13 +171,13 @@ class StandInClient:
         yield StageDone("final", True, 0.1, 1_000_000)
 
     def _contract(self, request: Contract) -> Iterator[Response]:
-        coefficients = dict(request.coefficients)
-        first = next(iter(coefficients.values()))
-        radiance = np.einsum("jpc,jc->pc", transport_of(request.key, len(first)), first).astype(np.float32)
+        layer, first = request.layer, request.layer.coefficients[0]
+        coefficients = dict(zip(layer.factors, layer.coefficients, strict=True))
+        radiance = np.einsum("jpc,jc->pc", transport_of(layer.key, len(first)), first).astype(np.float32)
         if request.picture:
-            yield LayerPicture(request.key, "final", radiance, tuple(coefficients.values()))
+            yield LayerPicture(layer.key, "final", radiance, layer.coefficients)
         if request.factor is not None:
-            yield self._transport(request.key, request.factor, coefficients, request.precision)
+            yield self._transport(layer.key, request.factor, coefficients, request.precision)
 
     def _transport(
         self, key: str, factor: str, coefficients: dict[str, np.ndarray], precision: Precision

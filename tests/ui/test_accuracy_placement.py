@@ -79,7 +79,7 @@ def test_the_plan_follows_what_is_editable(window: HeadlessWindow) -> None:
     assert window.run_until(lambda: len(editor._client.requests) > asked and editor.status.picture == "exact", 90.0)
     assert dict(editor.status.bands) == before | {"tray.0": ()}
     request = [r for r in editor._client.requests if isinstance(r, ComputeTransport)][-1]
-    assert {layer.key for layer in request.layers if layer.fixed} == {"tray.0", "wall.0"}
+    assert {layer.key for layer in request.scene.layers if layer.fixed} == {"tray.0", "wall.0"}
     editor.select("tray.0.theta_h")
     window.frames(3)
     assert editor.status.picture == "exact" and editor.status.wanted_coefficients == 0

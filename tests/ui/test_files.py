@@ -174,4 +174,4 @@ def _asked_light(editor: Editor) -> LightState:
     """The light in the newest transport that was asked for."""
     client = editor._client
     assert isinstance(client, StandInClient)
-    return next(request.light for request in reversed(client.requests) if isinstance(request, ComputeTransport))
+    return next(request.scene.light for request in reversed(client.requests) if isinstance(request, ComputeTransport))

@@ -25,7 +25,7 @@ def picture(index: int, n_pixels: int = 4096) -> np.ndarray:
 
 def compute(text: str, **numbers: int) -> ComputeTransport:
     """A request whose `selected` tells FaultyTasks what to do."""
-    return ComputeTransport(None, (), text, None, 8, 64, 20, **numbers)
+    return ComputeTransport(None, text, None, 8, 64, 20, **numbers)
 
 
 # Stands for a frame: 40 KiB of it.
@@ -40,7 +40,9 @@ class Unimportable:
 
 
 class FaultyTasks:
-    """OpenScene.source and ComputeTransport.selected are `verb` or `verb argument`: a method of this class."""
+    """OpenScene.source and ComputeTransport.selected are `verb` or `verb argument`: a method of this class.
+
+    A contraction has an array for a layer."""
 
     def handle(self, request: Request) -> Iterator[Response | None]:
         if isinstance(request, Contract):
@@ -53,10 +55,8 @@ class FaultyTasks:
         return action(argument)
 
     def _contract(self, request: Contract) -> Iterator[Response | None]:
-        for _, coefficients in request.coefficients:
-            yield LayerTransport(
-                request.key, request.factor, "exact", coefficients, np.ones((1, 3)), np.float64(coefficients.sum())
-            )
+        values = request.layer
+        yield LayerTransport("ball.0", request.factor, "exact", values, np.ones((1, 3)), np.float64(values.sum()))
 
     def open(self, argument: str) -> Iterator[Response | None]:
         yield None

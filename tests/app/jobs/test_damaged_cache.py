@@ -17,11 +17,10 @@ from app.jobs.in_process import InProcessClient
 from app.jobs.messages import Failed, Response
 from app.jobs.tasks import Tasks
 from app.placement.curves import Curves
-from app.placement.indirect_talk import reflections
 from app.placement.messages import ComputeTransport, Contract, Freeze, Frozen, LayerPicture
 from engine.indirect.solver import ROUGH
 from engine.scene.load import load_scene
-from tests.app.jobs.test_tasks import GLOSS, SCENE, compute
+from tests.app.jobs.test_tasks import GLOSS, SCENE, compute, twice
 from tests.opened import ask_for_scene
 
 RESOLUTION = (32, 24)
@@ -42,10 +41,8 @@ class Cached:
 
     def bend(self, client: InProcessClient) -> np.ndarray:
         """The ball's gloss with another curve, from the transport that is there."""
-        work = next(layer for layer in self.request.layers if layer.key == GLOSS)
-        first, second = work.coefficients
-        curves = tuple(zip(work.factors, (2.0 * first[::-1], second), strict=True))
-        client.send(Contract(GLOSS, work.factors[0], curves, revision=self.request.revision))
+        work = next(layer for layer in self.request.scene.layers if layer.key == GLOSS)
+        client.send(Contract(twice(work, "theta_h"), "theta_h", revision=self.request.revision))
         (picture,) = (a for a in client.poll(float("inf")) if isinstance(a, LayerPicture))
         return np.asarray(picture.radiance)
 
@@ -66,11 +63,10 @@ def cached(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cached]:
     source = base / "scene.toml"
     source.write_text(SCENE)
     document = document_from_description("scene", load_scene(source, RESOLUTION).description)
-    looks = reflections(document, Curves())
-    request = compute(n_bounces=3, looks=looks)
+    request = compute(n_bounces=3)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(indirect_module, "FINE", ROUGH)  # quicker, and as good for this
-        made = Cached(str(source), request, Freeze(looks, GLOSS, 0), [], {}, np.zeros(0))
+        made = Cached(str(source), request, Freeze(Curves().scene_state(document), GLOSS, 0), [], {}, np.zeros(0))
         whole = made.client(base / "whole")
         n_steps, answers = steps_of(whole)
         made.expected, made.bent = shown(answers), made.bend(whole)

@@ -16,7 +16,6 @@ from app.jobs.cache import Store
 from app.jobs.indirect import IndirectTasks
 from app.jobs.messages import Response
 from app.placement.curves import Curves
-from app.placement.indirect_talk import reflections
 from app.placement.messages import Freeze, Frozen, IndirectFound
 from app.sky import sky_of
 from engine.indirect import solver as solver_module
@@ -41,9 +40,9 @@ def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Scene:
 def found_by(tasks: IndirectTasks, scene: Scene, lit_by: str = "noon", is_last: bool = True) -> list[Response]:
     """What the worker tells of the scene's light, a freezing for the ball's gloss having been asked for before."""
     document = document_from_description("scene", scene.description)
-    looks = reflections(document, Curves())
-    list(tasks.freeze(Freeze(looks, "ball.1", 0)))
-    steps = tasks.find(looks, sky_of(scene, document.light), lit_by, N_BOUNCES, is_last)
+    wanted = Curves().scene_state(document)
+    list(tasks.freeze(Freeze(wanted, "ball.1", 0)))
+    steps = tasks.find(wanted.visible, sky_of(scene, document.light), lit_by, N_BOUNCES, is_last)
     return [answer for answer in steps if isinstance(answer, IndirectFound | Frozen)]
 
 

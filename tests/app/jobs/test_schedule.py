@@ -15,7 +15,7 @@ from tests.opened import run_in_process
 
 
 def contract(value: float, **numbers: int) -> Contract:
-    return Contract("ball.0", "A", (("B", np.full((8, 3), value)),), **numbers)
+    return Contract(np.full((8, 3), value), "A", **numbers)
 
 
 def names(responses: list[Response]) -> list[str]:
@@ -124,7 +124,7 @@ def test_failed_contraction_leaves_the_transport_running(caplog: pytest.LogCaptu
     client = InProcessClient(FaultyTasks())
     client.send(compute("pictures 2"))
     client.poll(0)
-    client.send(Contract("ball.0", "A", (("B", None),)))  # type: ignore[arg-type]
+    client.send(Contract(None, "A"))  # type: ignore[arg-type]
     assert names(client.poll(10)) == ["Failed", "LayerPicture", "StageDone"]
 
 

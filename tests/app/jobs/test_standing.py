@@ -20,7 +20,7 @@ from tests.app.jobs.faulty_tasks import compute
 
 
 def contract(id: int) -> Contract:
-    return Contract("ball.0", "A", (), id=id)
+    return Contract(None, "A", id=id)
 
 
 def ids(standing: Standing) -> list[int]:

@@ -24,11 +24,12 @@ from app.placement.messages import (
     Contract,
     LayerPicture,
     LayerTransport,
-    LayerWork,
     StageDone,
     StageFootprint,
 )
+from app.scene_state import LayerState, SceneState
 from engine.curve import wavelet
+from engine.curve.operators import Operator
 from engine.light.environment import load_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
@@ -67,19 +68,30 @@ emission = [6, 5, 4]
 PREVIEW_LIGHTS, FINAL_LIGHTS = 80, 480
 BANDS = {"lambert": (8,), "rough_conductor": (16, 4)}
 GLOSS = "ball.1"
+TWICE = Operator("amplify", "y", 0.0, 0.0, np.pi / 2, np.pi / 2, magnitude=2.0)
 
 
-def work(key: str, model: str, **parameters: object) -> LayerWork:
-    layer = make_layer(MODELS[model], parameters)
-    names = tuple(factor.name for factor in layer.model.factors)
-    curves = tuple(layer.coefficients(name, n) for name, n in zip(names, BANDS[model], strict=True))
-    return LayerWork(key, model, tuple(layer.quotient_parameters().tolist()), names, BANDS[model], curves)
+def work(key: str, model: str, **parameters: object) -> LayerState:
+    return LayerState(key, make_layer(MODELS[model], parameters), BANDS[model])
 
 
 def compute(selected: str | None = GLOSS, factor: str | None = "theta_h", **changes: object) -> ComputeTransport:
     layers = (work("ground.0", "lambert"), work("ball.0", "lambert"), work(GLOSS, "rough_conductor", alpha=0.3))
-    request = ComputeTransport(LightState(), layers, selected, factor, PREVIEW_LIGHTS, FINAL_LIGHTS, N_PATCHES)
+    scene = SceneState(LightState(), layers)
+    request = ComputeTransport(scene, selected, factor, PREVIEW_LIGHTS, FINAL_LIGHTS, N_PATCHES)
     return replace(request, **changes)
+
+
+def lit(request: ComputeTransport, light: LightState) -> ComputeTransport:
+    """The request under another light."""
+    return replace(request, scene=replace(request.scene, light=light))
+
+
+def twice(state: LayerState, *factors: str) -> LayerState:
+    """The layer with some of its curves twice as high."""
+    for factor in factors:
+        state = replace(state, layer=state.layer.with_operators(factor, [TWICE]))
+    return state
 
 
 @pytest.fixture
@@ -162,7 +174,7 @@ def test_a_file_is_read_by_the_mapping_of_the_light(source: str, store: Store, t
     write_exr(probe, np.random.default_rng(3).uniform(0.0, 2.0, (32, 32, 3)).astype(np.float32))
     found = {}
     for mapping in ("latlong", "angular"):
-        answers = run_in_process(tasks, compute(light=LightState(str(probe), mapping)))  # type: ignore[arg-type]
+        answers = run_in_process(tasks, lit(compute(), LightState(str(probe), mapping)))  # type: ignore[arg-type]
         (sky,) = (a.radiance for a in answers if isinstance(a, SkyImage))
         np.testing.assert_array_equal(sky, load_environment(probe, mapping).radiance)  # type: ignore[arg-type]
         found[mapping] = pictures(answers)[GLOSS]
@@ -227,15 +239,15 @@ def test_transport_times_the_curve_is_the_picture(source: str, store: Store) -> 
 # ------------------------------------------------------------------------------------------------------- contractions
 
 
-def contraction(factor: str | None, brighter: float = 1.0) -> Contract:
+def contraction(factor: str | None, brighter: bool = False) -> Contract:
     asked = work(GLOSS, "rough_conductor", alpha=0.3)
-    return Contract(GLOSS, factor, tuple(zip(asked.factors, (brighter * c for c in asked.coefficients), strict=True)))
+    return Contract(twice(asked, *asked.factors) if brighter else asked, factor)
 
 
 def test_a_curve_is_switched_after_the_transport(source: str, store: Store) -> None:
     tasks = opened(source, store)
     before = pictures(run_in_process(tasks, compute()))[GLOSS]
-    picture, transport = run_in_process(tasks, contraction("theta_d", 2.0))
+    picture, transport = run_in_process(tasks, contraction("theta_d", brighter=True))
     # Both curves twice as high: four times the light.
     np.testing.assert_allclose(picture.radiance, 4 * before, rtol=1e-6)
     assert (transport.factor, len(transport.coefficients_first)) == ("theta_d", 4)
@@ -259,7 +271,7 @@ def test_the_same_transport_comes_in_either_precision(source: str, store: Store)
 def test_a_picture_alone_leaves_the_selection(source: str, store: Store) -> None:
     tasks = opened(source, store)
     before = pictures(run_in_process(tasks, compute(selected="ground.0", factor="theta_i")))[GLOSS]
-    (picture,) = run_in_process(tasks, contraction(None, 2.0))
+    (picture,) = run_in_process(tasks, contraction(None, brighter=True))
     np.testing.assert_allclose(picture.radiance, 4 * before, rtol=1e-6)
     later = run_in_process(tasks, compute(selected=None, factor=None, n_lights_final=PREVIEW_LIGHTS))
     assert {a.key for a in later if isinstance(a, LayerTransport)} == {"ground.0"}
@@ -268,8 +280,8 @@ def test_a_picture_alone_leaves_the_selection(source: str, store: Store) -> None
 def test_a_curve_of_the_model_before_is_selected_no_longer(source: str, store: Store) -> None:
     tasks = opened(source, store)
     run_in_process(tasks, compute(n_lights_final=PREVIEW_LIGHTS))
-    other = tuple(work(GLOSS, "lambert") if layer.key == GLOSS else layer for layer in compute().layers)
-    answers = run_in_process(tasks, compute(layers=other, selected=None, factor=None, n_lights_final=PREVIEW_LIGHTS))
+    other = with_layer(compute(), GLOSS, layer=make_layer(MODELS["lambert"]), bands=BANDS["lambert"]).scene
+    answers = run_in_process(tasks, compute(scene=other, selected=None, factor=None, n_lights_final=PREVIEW_LIGHTS))
     assert isinstance(answers[-1], StageDone) and not any(isinstance(a, LayerTransport) for a in answers)
 
 
@@ -286,8 +298,7 @@ def test_layers_that_share_a_curve_get_their_transport_as_well(source: str, stor
 
     run_in_process(tasks, contraction("theta_h"))
     assert coming() == {(GLOSS, "theta_h")}
-    ground = tuple(zip(("theta_i",), work("ground.0", "lambert").coefficients, strict=True))
-    run_in_process(tasks, Contract("ground.0", "theta_i", ground, beside=True))
+    run_in_process(tasks, Contract(work("ground.0", "lambert"), "theta_i", beside=True))
     assert coming() == {(GLOSS, "theta_h"), ("ground.0", "theta_i")}
 
 
@@ -304,7 +315,7 @@ def test_a_contraction_is_served_while_the_transport_is_computed(source: str, st
     answers: list[Response] = []
     while not any(isinstance(a, StageDone) for a in answers):
         answers += client.poll(0.0)
-    number = client.send(contraction("theta_d", 2.0))
+    number = client.send(contraction("theta_d", brighter=True))
     rest = client.poll(float("inf"))
     own = [a for a in rest if a.id == number]
     assert [(type(a), a.stage) for a in own] == [(LayerPicture, "coarse"), (LayerTransport, "coarse")]
@@ -312,7 +323,7 @@ def test_a_contraction_is_served_while_the_transport_is_computed(source: str, st
     # The stages that follow use the new curves, and hand out the transport of the curve that is now selected.
     later = [a for a in rest if isinstance(a, LayerTransport) and a.id != number]
     assert [(a.stage, a.factor) for a in later] == [("preview", "theta_d"), ("final", "theta_d")]
-    expected = contraction("theta_d", 2.0).coefficients[0][1]
+    expected = contraction("theta_d", brighter=True).layer.coefficients[0]
     np.testing.assert_array_equal([a for a in rest if isinstance(a, LayerPicture)][-3].coefficients[0], expected)
 
 
@@ -332,7 +343,8 @@ def test_a_contraction_before_its_transport_is_answered_by_it(source: str, store
 
 def with_layer(request: ComputeTransport, key: str, **changes: object) -> ComputeTransport:
     """The request with one of its layers changed."""
-    return replace(request, layers=tuple(replace(w, **changes) if w.key == key else w for w in request.layers))
+    layers = tuple(replace(w, **changes) if w.key == key else w for w in request.scene.layers)
+    return replace(request, scene=replace(request.scene, layers=layers))
 
 
 def done(answers: list[Response]) -> dict[str, int]:
@@ -398,8 +410,8 @@ def test_a_layer_that_becomes_fixed_is_not_made_again(
 def test_another_curve_of_a_fixed_layer_is_another_picture(source: str, store: Store) -> None:
     tasks = opened(source, store)
     before = pictures(run_in_process(tasks, FIXED))
-    first, second = work(GLOSS, "rough_conductor", alpha=0.3).coefficients
-    after = run_in_process(tasks, with_layer(FIXED, GLOSS, coefficients=(2 * first, second)))
+    brighter = twice(work(GLOSS, "rough_conductor", alpha=0.3), "theta_h").layer
+    after = run_in_process(tasks, with_layer(FIXED, GLOSS, layer=brighter))
     assert set(pictures(after)) == set(before) and set(pictures(after, "coarse")) == {GLOSS}
     np.testing.assert_allclose(pictures(after)[GLOSS], 2 * before[GLOSS], rtol=1e-5)
     np.testing.assert_array_equal(pictures(after)["ground.0"], before["ground.0"])
@@ -410,14 +422,14 @@ def test_a_quotient_is_made_again_coarse_to_fine_and_for_its_layer_alone(
 ) -> None:
     tasks = opened(source, store)
     run_in_process(tasks, FREE)
-    rough = work(GLOSS, "rough_conductor", alpha=0.5)
+    rough = work(GLOSS, "rough_conductor", alpha=0.5).layer
     recorder = Recorder()
     monkeypatch.setattr(placement_module, "project_layer", recorder)
-    answers = run_in_process(tasks, with_layer(FREE, GLOSS, quotient_parameters=rough.quotient_parameters))
+    answers = run_in_process(tasks, with_layer(FREE, GLOSS, layer=rough))
     shown = [pictures(answers, stage) for stage in ("coarse", "preview", "final")]
     assert [set(stage) for stage in shown] == [{GLOSS}, {GLOSS}, {GLOSS, "ball.0", "ground.0"}]
     assert recorder.n_tiles == tiles_of(*(stage[GLOSS] for stage in shown))
-    expected = with_layer(FREE, GLOSS, quotient_parameters=rough.quotient_parameters)
+    expected = with_layer(FREE, GLOSS, layer=rough)
     for key, picture in pictures(run_in_process(opened(source, store), expected)).items():
         np.testing.assert_allclose(shown[-1][key], picture, rtol=1e-6)
 
@@ -449,11 +461,9 @@ def test_only_what_was_made_under_the_newest_light_is_handed_out(source: str, st
     client = InProcessClient(opened(source, store))
     client.send(FREE)
     client.poll(float("inf"))
-    client.send(replace(FREE, light=LightState(rotation=90.0), revision=1))
+    client.send(replace(lit(FREE, LightState(rotation=90.0)), revision=1))
     client.poll(0.0)  # it has begun
-    work = next(layer for layer in FREE.layers if layer.key == GLOSS)
-    given = tuple(zip(work.factors, work.coefficients, strict=True))
-    client.send(Contract(GLOSS, work.factors[0], given, revision=1))
+    client.send(replace(contraction("theta_h"), revision=1))
     answers = client.poll(float("inf"))
     first = next(a for a in answers if isinstance(a, LayerPicture))
     assert first.stage == "coarse"
@@ -464,7 +474,7 @@ def test_only_what_was_made_under_the_newest_light_is_handed_out(source: str, st
 def test_another_light_makes_all_of_it_again(source: str, store: Store) -> None:
     tasks = opened(source, store)
     run_in_process(tasks, FREE)
-    turned = run_in_process(tasks, replace(FREE, light=LightState(rotation=90.0)))
+    turned = run_in_process(tasks, lit(FREE, LightState(rotation=90.0)))
     assert [len(pictures(turned, stage)) for stage in ("coarse", "preview", "final")] == [3, 3, 3]
 
 
@@ -549,7 +559,7 @@ def failure(answers: list[Response]) -> str:
 
 def test_a_missing_environment_is_named(source: str, store: Store) -> None:
     tasks = opened(source, store)
-    line = failure(run_in_process(tasks, compute(light=LightState("/nowhere/sky.exr"))))
+    line = failure(run_in_process(tasks, lit(compute(), LightState("/nowhere/sky.exr"))))
     assert "/nowhere/sky.exr" in line and "internal" not in line
     # And the scene still stands.
     assert isinstance(run_in_process(tasks, compute(n_lights_final=0))[-1], StageDone)
@@ -558,7 +568,7 @@ def test_a_missing_environment_is_named(source: str, store: Store) -> None:
 def test_a_broken_environment_is_named(source: str, store: Store, tmp_path: Path) -> None:
     path = tmp_path / "sky.exr"
     path.write_bytes(b"not a picture")
-    line = failure(run_in_process(opened(source, store), compute(light=LightState(str(path)))))
+    line = failure(run_in_process(opened(source, store), lit(compute(), LightState(str(path)))))
     assert "sky.exr" in line and "nothing was changed" in line
 
 
@@ -588,7 +598,7 @@ def test_transport_without_a_scene_is_refused(store: Store) -> None:
 def test_a_constant_sky_of_the_document_replaces_the_scenes(source: str, store: Store) -> None:
     tasks = opened(source, store)
     dark, bright = (
-        pictures(run_in_process(tasks, compute(light=LightState("constant", radiance=(v, v, v)))))["ground.0"]
+        pictures(run_in_process(tasks, lit(compute(), LightState("constant", radiance=(v, v, v)))))["ground.0"]
         for v in (0.0, 2.0)
     )
     assert (bright >= dark).all() and bright.mean() > dark.mean() + 0.5

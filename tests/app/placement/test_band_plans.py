@@ -38,7 +38,7 @@ def editor(client: FakeClient, monkeypatch: pytest.MonkeyPatch) -> Editor:
 
 
 def bands_asked(client: FakeClient, key: str) -> tuple[int, ...]:
-    (work,) = (work for work in client.sent(ComputeTransport)[-1].layers if work.key == key)
+    (work,) = (work for work in client.sent(ComputeTransport)[-1].scene.layers if work.key == key)
     assert tuple(len(values) for values in work.coefficients) == work.bands
     return work.bands
 

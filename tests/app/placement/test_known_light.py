@@ -41,7 +41,7 @@ def test_a_refused_environment_was_never_there(editor: Editor, client: FakeClien
     assert editor.status.message == LINE and editor.status.is_error
     # The old light is asked for again, and comes.
     editor.tick(3.0)
-    assert client.sent(ComputeTransport)[-1].light.environment == "scene"
+    assert client.sent(ComputeTransport)[-1].scene.light.environment == "scene"
     client.finish_stage("final", exact=True)
     editor.tick(3.1)
     assert editor.status.picture != "preview"

@@ -117,7 +117,9 @@ def assert_estimate_is_of_the_picture(editor: Editor, client: ServingClient) -> 
     if (estimate := editor.status.estimate) is None:
         return
     (asked,) = (request for request in client.sent(EstimateError) if request.id == estimate.direct)
-    assert editor.status.is_finished and asked.layers == reflecting_layers(editor.document)
+    assert editor.status.is_finished and [(layer.key, layer.layer) for layer in asked.scene.visible] == list(
+        reflecting_layers(editor.document)
+    )
     assert asked.revision == client.sent(ComputeTransport)[-1].revision
 
 
@@ -153,9 +155,9 @@ def test_the_picture_comes_right(seed: int, actions: list[str], step: float) -> 
         renderer.frame(now)
     assert client.idle and len(client.requests) == n_requests  # and then it is quiet
     last = client.sent(ComputeTransport)[-1]
-    fixed = {layer.key for layer in last.layers if layer.fixed}
+    fixed = {layer.key for layer in last.scene.layers if layer.fixed}
     assert fixed == {key for key, _ in editor.document.layers() if not editor.document.object(key[:-2]).editable}
-    assert last.light.rotation == editor.document.light.rotation and last.n_lights_final > 0
+    assert last.scene.light.rotation == editor.document.light.rotation and last.n_lights_final > 0
 
 
 def test_a_long_drag_does_not_flood_the_worker() -> None:
