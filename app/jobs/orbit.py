@@ -17,7 +17,8 @@ from app.jobs.messages import Progress
 from app.jobs.schedule import Handlers, Steps
 from app.mode import ModeWork
 from app.orbit.messages import DrawOrbit, OrbitAdvanced, OrbitDrawn, PrepareOrbit
-from engine.material.layer import Layer, object_of
+from app.scene_state import LayerState
+from engine.material.layer import Layer
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
 from engine.steps import told_as
@@ -50,16 +51,17 @@ class OrbitWork(ModeWork):
             self._orbit, self._caster, self._emission = None, caster, ()
 
     def _prepare(self, request: PrepareOrbit) -> Steps:
-        yield from ensure_tables(request.measured, self._bench.store)
-        sky = self._bench.sky(request.light)
-        if (image := self._bench.sky_image(sky, request.light)) is not None:
+        scene = request.scene
+        yield from ensure_tables((state.layer for state in scene.layers), self._bench.store)
+        sky = self._bench.sky(scene.light)
+        if (image := self._bench.sky_image(sky, scene.light)) is not None:
             yield image
         orbit = self._made()
-        if request.emission != self._emission:
-            orbit.shine(dict(request.emission))
-            self._emission = request.emission
+        if scene.emission != self._emission:
+            orbit.shine(dict(scene.emission))
+            self._emission = scene.emission
         orbit.set_light(sky)
-        orbit.set_layers(_by_object(orbit.scene, request.layers))
+        orbit.set_layers(_by_object(orbit.scene, scene.layers))
         self._prepared, told = request.id, None
         for step in orbit.work():
             if orbit.is_ready and orbit.version != told:
@@ -85,9 +87,9 @@ class OrbitWork(ModeWork):
         return self._orbit
 
 
-def _by_object(scene: Scene, layers: Sequence[tuple[str, Layer]]) -> dict[int, tuple[Layer, ...]]:
+def _by_object(scene: Scene, layers: Sequence[LayerState]) -> dict[int, tuple[Layer, ...]]:
     """The layers of each object, by its index."""
     return {
-        index: tuple(layer for key, layer in layers if object_of(key) == described.name)
-        for index, described in enumerate(scene.description.objects)
+        index: tuple(state.layer for state in layers if state.object == name)
+        for index, name in enumerate(scene.object_names)
     }

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from app.jobs.messages import LookFrom, OpenScene, Request, Response
 
 if TYPE_CHECKING:
-    from app.document import RGB, LightState
-    from engine.material.layer import Layer
+    from app.scene_state import SceneState
     from engine.scene.description import Camera
 
 Quality = Literal["moving", "rest"]
@@ -20,19 +19,15 @@ Quality = Literal["moving", "rest"]
 
 @dataclass(frozen=True)
 class PrepareOrbit(Request):
-    """From now on draw under this light, with these visible layers by key; and make ready all that pictures are drawn
-    of, coarse first. Answered by `OrbitAdvanced` as often as pictures change by it.
+    """From now on draw this scene, whose layers are those that are seen; and make ready all that pictures are drawn of,
+    coarse first. Answered by `OrbitAdvanced` as often as pictures change by it.
 
     Another camera cancels it, for a camera is traced before anything slow goes on; what it has made ready stays.
-    measured, emission: see `app.placement.messages.ComputeTransport`.
     """
 
     built_on = (LookFrom,)
 
-    light: LightState
-    layers: tuple[tuple[str, Layer], ...]
-    measured: tuple[tuple[str, int], ...] = ()
-    emission: tuple[tuple[str, RGB], ...] = ()
+    scene: SceneState
 
 
 @dataclass(frozen=True)

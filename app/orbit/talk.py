@@ -25,11 +25,12 @@ from app.mode import Desk, ModeTalk, OpenedScene
 from app.orbit.events import OrbitPicture
 from app.orbit.messages import DrawOrbit, OrbitAdvanced, OrbitDrawn, PrepareOrbit, Quality
 from app.orbit.status import OrbitStatus
-from app.orbit.wishes import Drawing, Known, OrbitWish, Pace
+from app.orbit.wishes import Drawing, Known, Pace, wanted_scene
 from app.picture import PictureEvent
 from app.placement.known_light import KnownLight
 from app.placement.messages import ComputeTransport
 from app.placement.talk import PlacementTalk
+from app.scene_state import SceneState
 from app.status import PictureState, Status
 from app.view_state import Viewpoint, ViewState
 from engine.material.layer import Layer
@@ -54,7 +55,7 @@ class OrbitTalk(ModeTalk):
         """Nothing is known of the scene."""
         self._own_resolution = (1, 1)
         self.is_away = False
-        self._wish: OrbitWish | None = None
+        self._wish: SceneState | None = None
         self._wish_made_of: tuple[object, ...] = ()
         self._moved_at = -math.inf
         self._look: Viewpoint | None = None
@@ -67,7 +68,7 @@ class OrbitTalk(ModeTalk):
 
     def _forget_worker(self) -> None:
         """The worker knows nothing, and what it was asked will not be answered."""
-        self._asked: OrbitWish | None = None
+        self._asked: SceneState | None = None
         self._known = Known()
         self._drawing: Drawing | None = None
         self._drawing_id = 0
@@ -217,7 +218,7 @@ class OrbitTalk(ModeTalk):
         made_of = document, view.solo
         wish = self._wish
         if wish is None or self._wish_made_of != made_of:
-            wish, self._wish_made_of = OrbitWish.of(document, view), made_of
+            wish, self._wish_made_of = wanted_scene(document, view), made_of
         if (wish, view.look) != (self._wish, self._look):
             self._moved_at = -math.inf if self._wish is None else now
             self._is_stopped = self._is_stopped and wish == self._wish
@@ -254,7 +255,7 @@ class OrbitTalk(ModeTalk):
         if self._desk.history.dragging and shown is not None and shown.made_of.prepared != self._prepare_id:
             return
         self._asked = wish
-        self._prepare_id = self._desk.send(wish.request())
+        self._prepare_id = self._desk.send(PrepareOrbit(wish))
 
     def _draw(self, now: float) -> None:
         """Ask for a picture, where there is another one than is shown or under way."""

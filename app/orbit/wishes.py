@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from app.document import RGB, Document, LightState
-from app.light_commands import emission_of
-from app.measurements import measured_files
-from app.orbit.messages import PrepareOrbit, Quality
+from app.document import Document
+from app.orbit.messages import Quality
+from app.scene_state import LayerState, SceneState, scene_state
 from app.solo import is_seen
 from app.view_state import Viewpoint, ViewState
-from engine.material.layer import Layer, object_of
 
 # Seconds that a picture may take while something moves; fewer pixels are drawn where it takes longer.
 MOVING_SECONDS = 0.04
@@ -19,28 +17,11 @@ SCALES = (1.0, 0.75, 0.5, 0.375, 0.25)
 _TOO_LONG, _SHORT_ENOUGH = 1.3, 0.8
 
 
-@dataclass(frozen=True)
-class OrbitWish:
-    """All that pictures are drawn of, but for the camera: equal wishes have equal pictures."""
-
-    light: LightState
-    layers: tuple[tuple[str, Layer], ...]
-    measured: tuple[tuple[str, int], ...]
-    emission: tuple[tuple[str, RGB], ...]
-
-    @classmethod
-    def of(cls, document: Document, view: ViewState) -> OrbitWish:
-        """The document's light at intensity 1, and the layers that are seen."""
-        emitters = {state.name for state in document.objects if state.emits}
-        layers = tuple(
-            (key, layer if layer.visible else replace(layer, visible=True)) for key, layer in document.layers()
-            if object_of(key) not in emitters and is_seen(document, view, key)
-        )  # fmt: skip
-        light = replace(document.light, intensity=1.0)
-        return cls(light, layers, measured_files(document), emission_of(document))
-
-    def request(self) -> PrepareOrbit:
-        return PrepareOrbit(self.light, self.layers, self.measured, self.emission)
+def wanted_scene(document: Document, view: ViewState) -> SceneState:
+    """All that pictures are drawn of, but for the camera: equal ones have equal pictures. Only layers that are seen."""
+    scene = scene_state(document)
+    seen = (each for each in scene.layers if is_seen(document, view, each.key))
+    return replace(scene, layers=tuple(LayerState(each.key, each.layer.replace(visible=True)) for each in seen))
 
 
 @dataclass(frozen=True)
