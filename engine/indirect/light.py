@@ -20,6 +20,7 @@ from engine.indirect.second_bounce import SecondLight, glossy_tables, inverse_al
 from engine.indirect.smoothing import Smoothing, smoothing_for
 from engine.scene.hits import PrimaryHits
 from engine.scene.load import Scene
+from engine.scene.raycaster import RayCaster
 
 Footprint = tuple[NDArray[np.int32], NDArray[np.float32]]
 
@@ -52,11 +53,11 @@ class GatherPoints:
         pole, size = int(self.poles[i_object]), self.sizes[i_object]
         return Fans(self.hits, self.gathered, i_object, pole, size, half, keeps, self.landed, self.smoothing)
 
-    def reached_by(self, photon_map: PhotonMap, scene: Scene) -> "GatherPoints":
+    def reached_by(self, photon_map: PhotonMap, scene: Scene, caster: RayCaster) -> "GatherPoints":
         """The same with photons about them."""
         farthest = farthest_of(scene, self.hits, self.gathered.rows)
         objects = object_of_rows(self.hits, self.gathered.rows)
-        parts = [self.fans(i).landing(photon_map, i, farthest[objects == i]) for i in range(len(self.poles))]
+        parts = [self.fans(i).landing(photon_map, i, farthest[objects == i], caster) for i in range(len(self.poles))]
         return replace(self, landed=joined_landed(parts))
 
     def thrown(self, layers: Sequence[IndirectLayer], edited: int = NOBODY) -> Sent:

@@ -22,9 +22,10 @@ from engine.indirect._reflection_kernels import Fans
 from engine.indirect._second_kernels import Glossy, Lamps
 from engine.indirect.cells import CHUNK, Cells
 from engine.indirect.rays import pole_vectors
-from engine.scene.camera import camera_frame
+from engine.scene.camera import camera_frame, project
 from engine.scene.hits import PrimaryHits
 from engine.scene.load import Scene
+from engine.scene.raycaster import RayCaster
 from engine.threads import even_parts, n_threads, on_threads
 
 _SEED = 20260812
@@ -32,16 +33,21 @@ _N_NEAREST = 128
 # Of the picture's height: a gather point takes photons from no farther than this.
 _FARTHEST = 1.0 / 24.0
 _PILOT, _LEAST_SHARE = 2048, 0.125
+# Where photons come from farther than this share of what is clear about a point, a wall may stand between.
+_NEAR = 0.1
+_ALL_BUT = 0.999
 
 
 class Photons(NamedTuple):
     """n photons: positions (n, 3) and objects (n,) where they land, directions (n, 3) of flight; of the places they
-    come from sources (n,), objects, normals (n, 3) and to_light (n, 3); power (n, 3) without the material; ahead (n,),
-    see `_photon_kernels.emit`. per_area (M,): how many started on a square metre of each object."""
+    come from starts (n, 3), off the surface, sources (n,), objects, normals (n, 3) and to_light (n, 3); power (n, 3)
+    without the material; ahead (n,), see `_photon_kernels.emit`. per_area (M,): how many started on a square metre of
+    each object."""
 
     positions: NDArray[np.float32]
     objects: NDArray[np.int32]
     directions: NDArray[np.float32]
+    starts: NDArray[np.float32]
     sources: NDArray[np.int32]
     normals: NDArray[np.float32]
     to_light: NDArray[np.float32]
@@ -139,7 +145,7 @@ class PhotonSource:
         seen = (ends >= 0) & self._is_seen(hits, ends, positions, faces, onward[kept])
         rows = kept[seen]
         return Photons(
-            positions[seen], ends[seen].astype(np.int32), onward[rows],
+            positions[seen], ends[seen].astype(np.int32), onward[rows], starts[rows],
             mesh.objects[triangles[rows]].astype(np.int32), normals[rows], to_light[rows], power[rows], ahead[rows],
             per_area,
         )  # fmt: skip
@@ -152,9 +158,8 @@ class PhotonSource:
         to_place = positions - self.scene.eye.astype(np.float32)
         facing = np.einsum("ni,ni->n", to_place, faces) * np.einsum("ni,ni->n", directions, faces) > 0.0
         camera, (width, height) = self.scene.description.camera, hits.resolution
-        right, up, forward = (to_place @ camera_frame(camera).astype(np.float32).T).T
-        depth = np.maximum(forward, 1e-12) * math.tan(math.radians(camera.fov_y) / 2) * 2.0 / height
-        x, y = width / 2 + right / depth, height / 2 - up / depth
+        before = to_place @ camera_frame(camera)[2] > 0.0
+        x, y = project(camera, hits.resolution, to_place).T
         near = np.zeros(len(x), bool)
         far = _FARTHEST * height
         for dx in (-far, 0.0, far):
@@ -163,7 +168,7 @@ class PhotonSource:
                 inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
                 shown = hits.object_image[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
                 near |= inside & (shown == objects)
-        return near & facing & (forward > 0.0)
+        return near & facing & before
 
 
 def _areas(scene: Scene) -> NDArray[np.float64]:
@@ -183,7 +188,7 @@ def _numbers(n: int, seed: int) -> NDArray[np.float64]:
 
 def _joined(parts: Sequence[Photons], per_area: NDArray[np.float32]) -> Photons:
     vectors, numbers, integers = np.zeros((0, 3), np.float32), np.zeros(0, np.float32), np.zeros(0, np.int32)
-    none = Photons(vectors, integers, vectors, integers, vectors, vectors, vectors, numbers, per_area)
+    none = Photons(vectors, integers, vectors, vectors, integers, vectors, vectors, vectors, numbers, per_area)
     fields = zip(none, *parts, strict=True)
     return Photons(*(np.concatenate(arrays) for arrays in fields))._replace(per_area=per_area)
 
@@ -232,9 +237,10 @@ def farthest_of(scene: Scene, hits: PrimaryHits, rows: NDArray[np.integer]) -> N
 
 def land(
     photon_map: PhotonMap, i_object: int, hits: PrimaryHits, fans: Fans, times: NDArray[np.float32],
-    farthest: NDArray[np.float32],
+    farthest: NDArray[np.float32], clearance: NDArray[np.float32], caster: RayCaster,
 ) -> Landed:  # fmt: skip
-    """The photons about the gather points of one object; times (p,): what each of their recorded rays stands for."""
+    """The photons about the gather points of one object; times (p,): what each of their recorded rays stands for;
+    clearance (p,) of what is around."""
     found, distances2, radii2 = photon_map.nearest(i_object, hits.position[fans.rows], farthest)
     weights = np.empty(found.shape, np.float32)
 
@@ -246,8 +252,18 @@ def land(
 
     on_threads(weigh, *even_parts(len(found)))
     kept = weights > 0.0
+    doubted = kept & (radii2 > (_NEAR * clearance) ** 2)[:, None]
+    kept[doubted] = ~_hidden(photon_map.photons, hits, caster, fans.rows[np.nonzero(doubted)[0]], found[doubted])
     start = np.concatenate([[0], np.cumsum(kept.sum(axis=1))])
     return Landed(start, found[kept], weights[kept], np.asarray(np.pi / 2 * radii2, np.float32))
+
+
+def _hidden(
+    photons: Photons, hits: PrimaryHits, caster: RayCaster, rows: NDArray[np.int32], numbers: NDArray[np.int32]
+) -> NDArray[np.bool_]:
+    """Whether each of some points (n,) does not see the place that one of the photons (n,) comes from."""
+    origins = hits.offset_position[rows]
+    return caster.occluded(origins, photons.starts[numbers] - origins, np.full(len(rows), _ALL_BUT, np.float32))
 
 
 def nothing_landed(n_points: int) -> Landed:

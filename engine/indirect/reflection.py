@@ -24,6 +24,7 @@ from engine.indirect.rays import cosine_tables, pole_tables
 from engine.indirect.second_bounce import SecondLight
 from engine.indirect.smoothing import Smoothing
 from engine.scene.hits import PrimaryHits
+from engine.scene.raycaster import RayCaster
 from engine.threads import even_parts, on_threads
 
 _PART = 128
@@ -70,7 +71,7 @@ class Fans:
         self._landed = nothing_landed(len(rows)) if landed is None else landed_of(landed, int(begin), int(end))
         self._second = SecondAim(self._fans, hits.position, records, self._landed.area, keeps)
         self._smoothing = None if smoothing is None else smoothing.part(int(begin), int(end))
-        self._hits, self._times = hits, records.times
+        self._hits, self._times, self._clearance = hits, records.times, gathered.clearance[begin:end]
 
     def __len__(self) -> int:
         return len(self._fans.rows)
@@ -80,9 +81,9 @@ class Fans:
         """Memory of what is kept."""
         return self._second.n_bytes + sum(aim.n_bytes for aim in self._aims.values())
 
-    def landing(self, photon_map: PhotonMap, i_object: int, farthest: NDArray[np.float32]) -> Landed:
+    def landing(self, photon_map: PhotonMap, i_object: int, farthest: NDArray[np.float32], caster: RayCaster) -> Landed:
         """The photons about the points, no farther than (p,)."""
-        return land(photon_map, i_object, self._hits, self._fans, self._times, farthest)
+        return land(photon_map, i_object, self._hits, self._fans, self._times, farthest, self._clearance, caster)
 
     def reflected(self, layers: Sequence[LayerCurves], light: SentLight) -> list[NDArray[np.float32]]:
         """Radiance (p, D, 3) of each layer towards the eye, without f_q and f_o."""

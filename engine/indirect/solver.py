@@ -226,7 +226,7 @@ class Solver:
             self._placement.hits, gathered, self._poles, self._sizes, self._axes, self._second is not None,
             photons.photons, nothing_landed(len(gathered.rows)),
         )  # fmt: skip
-        return points.reached_by(photons, self._placement.scene)
+        return points.reached_by(photons, self._placement.scene, self._placement.caster)
 
     def _gather(
         self, cells: Cells, before: Gathered, rows: NDArray[np.int32], parts: Parts, span: tuple[float, float]
