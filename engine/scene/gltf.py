@@ -1,8 +1,9 @@
 """Geometry and materials of a GLB file: every triangle under its node's transform, sorted by material.
 
-The accessors are checked and read here, not by a library that reads what is not there: counts, offsets and strides are
-held against the binary chunk, indices against the vertices. Nodes must form a forest of bounded depth. Skins, morph
-targets and animations are stepped over with a note: what is shown is the bind pose. Materials are `gltf_materials`'.
+The accessors are checked and read here, not by trimesh or pygltflib, which read what is not there (see `mesh`): counts,
+offsets and strides are held against the binary chunk, indices against the vertices. Nodes must form a forest of bounded
+depth. Skins, morph targets and animations are stepped over with a note: what is shown is the bind pose. Materials are
+`gltf_materials`'.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 Materials, groups, lines and points say nothing that a scene file does not say itself and are stepped over; a material
 library is never opened, but one outside the folder is refused, so that a file that reaches out is noticed. Corners with
 the same position and normal become one vertex, whatever their texture coordinates; those count where all corners of the
-file have them.
+file have them. trimesh reads such files otherwise: see `mesh`.
 """
 
 from __future__ import annotations

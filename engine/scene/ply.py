@@ -3,7 +3,7 @@
 Every count in the header is held against the bytes that are there before anything is allocated, so a truncated file,
 a negative count and a header that claims 10⁹ vertices all end in one line that says which. Polygons become fans of
 triangles; properties other than x y z, nx ny nz, texture coordinates (s t, u v or texture_u texture_v) and the face's
-vertex indices are stepped over.
+vertex indices are stepped over. trimesh reads such files otherwise: see `mesh`.
 """
 
 from __future__ import annotations

@@ -77,6 +77,21 @@ def test_a_material_library_is_never_opened(tmp_path, mesh_file):
         read_mesh(mesh_file("a.obj", "mtllib out.mtl\n" + SQUARE + "f 1 2 3\n"))
 
 
+def test_random_damage_ends_in_a_mesh_or_one_error(mesh_file):
+    rng = np.random.default_rng(3)
+    whole = (SQUARE + "vn 0 0 1\nvt 0 0\nf 1/1/1 2//1 3 4 # all\nf -4 -2 \\\n-1\n").encode()
+    outcomes = set()
+    for _ in range(500):
+        data = bytearray(whole)
+        for at in rng.integers(0, len(data), 2):
+            data[at] = rng.integers(0, 256)
+        try:
+            outcomes.add(type(read_mesh(mesh_file("a.obj", bytes(data)))).__name__)
+        except LoadError as error:
+            outcomes.add(type(error).__name__)
+    assert outcomes == {"Mesh", "LoadError"}  # never another exception
+
+
 def test_agrees_with_an_independent_reader(shared_data):
     trimesh = pytest.importorskip("trimesh")
     path = shared_data / "meshes" / "teapot.obj"
