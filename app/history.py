@@ -25,7 +25,7 @@ class Command(Protocol[Kept]):
 
 
 @dataclass(frozen=True)
-class Step(Generic[Kept]):
+class HistoryStep(Generic[Kept]):
     """The value to go back (or forward) to, and what the person calls the edit between."""
 
     document: Kept
@@ -37,8 +37,8 @@ class History(Generic[Kept]):
     """The present document (or view) and the steps around it."""
 
     document: Kept
-    undo_steps: list[Step[Kept]] = field(default_factory=list)
-    redo_steps: list[Step[Kept]] = field(default_factory=list)
+    undo_steps: list[HistoryStep[Kept]] = field(default_factory=list)
+    redo_steps: list[HistoryStep[Kept]] = field(default_factory=list)
     _merge_key: str | None = None
     _drag: Drag[Kept] | None = None
 
@@ -104,17 +104,17 @@ class History(Generic[Kept]):
         self.document, self._merge_key = self.undo_steps.pop().document, None
         return True
 
-    def _move(self, source: list[Step[Kept]], destination: list[Step[Kept]]) -> str | None:
+    def _move(self, source: list[HistoryStep[Kept]], destination: list[HistoryStep[Kept]]) -> str | None:
         self.end_drag()
         if not source:
             return None
         step = source.pop()
-        destination.append(Step(self.document, step.label))
+        destination.append(HistoryStep(self.document, step.label))
         self.document = step.document
         return step.label
 
     def _push(self, before: Kept, label: str) -> None:
-        self.undo_steps.append(Step(before, label))
+        self.undo_steps.append(HistoryStep(before, label))
         del self.undo_steps[:-MAX_STEPS]
         self.redo_steps.clear()
 

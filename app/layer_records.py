@@ -33,13 +33,13 @@ Flag = Annotated[bool, Field(strict=True)]
 Triple = tuple[Number, Number, Number]
 
 
-class Record(BaseModel):
+class StrictModel(BaseModel):
     """Frozen, without unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-class OperatorRecord(Record):
+class OperatorRecord(StrictModel):
     """An operator, or (kind "curve") the table that a collapsed curve became."""
 
     kind: Literal["translate", "amplify", "curve"]
@@ -72,14 +72,14 @@ class OperatorRecord(Record):
         )
 
 
-class CurveRecord(Record):
+class CurveRecord(StrictModel):
     """The operators on one curve, in the order in which they apply."""
 
     factor: Text
     operators: Annotated[tuple[OperatorRecord, ...], Field(alias="operator", max_length=MAX_OPERATORS)]
 
 
-class LayerRecord(Record):
+class LayerRecord(StrictModel):
     model: Text
     name: Name
     follows: Name | None = None

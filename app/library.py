@@ -22,7 +22,7 @@ MOST_FILES = 2000
 
 
 @dataclass(frozen=True)
-class Entry:
+class LibraryEntry:
     """One material of the library. `problem`: the line that says why its file cannot be used; it has no layers then."""
 
     path: Path
@@ -50,11 +50,11 @@ class Library:
     """What there is, built-in materials first, then by category and name. `folder`: where a person's own are kept."""
 
     folder: Path | None = None
-    _entries: tuple[Entry, ...] = ()
+    _entries: tuple[LibraryEntry, ...] = ()
     _unread: list[Path] | None = field(default=None)
 
     @property
-    def entries(self) -> tuple[Entry, ...]:
+    def entries(self) -> tuple[LibraryEntry, ...]:
         """Those read so far."""
         return self._entries
 
@@ -71,7 +71,7 @@ class Library:
         while self.read_next():
             pass
 
-    def entry(self, name: str) -> Entry:
+    def entry(self, name: str) -> LibraryEntry:
         """The material of that name; InsituError when there is none, or its file is wrong."""
         self.read_all()
         found = next((entry for entry in reversed(self._entries) if entry.name == name), None)
@@ -81,7 +81,7 @@ class Library:
             raise InsituError(found.problem)
         return found
 
-    def save(self, name: str, layers: Layers) -> Entry:
+    def save(self, name: str, layers: Layers) -> LibraryEntry:
         """Keep a material under a name among a person's own, in the place of one of the same name."""
         name = name.strip()
         if not 0 < len(name) <= MAX_NAME or not name.isprintable():
@@ -89,7 +89,7 @@ class Library:
         path = self._path_for(name)
         material = Material(name, layers, OWN)
         save_material(path, material, private=True)
-        entry = Entry(path, material, is_own=True)
+        entry = LibraryEntry(path, material, is_own=True)
         self._put(entry)
         return entry
 
@@ -118,12 +118,12 @@ class Library:
         names = (self._own_folder() / f"{stem}{suffix}{SUFFIX}" for suffix in ("", *(f"_{n}" for n in range(2, 1000))))
         return next(path for path in names if not path.exists())
 
-    def _put(self, entry: Entry) -> None:
+    def _put(self, entry: LibraryEntry) -> None:
         others = [other for other in self._entries if other.path != entry.path]
         self._entries = tuple(sorted([*others, entry], key=lambda e: (e.is_own, e.category, e.name.lower())))
 
 
-def categories(entries: Iterable[Entry]) -> list[str]:
+def categories(entries: Iterable[LibraryEntry]) -> list[str]:
     """The categories in the order of the entries."""
     return list(dict.fromkeys(entry.category for entry in entries))
 
@@ -132,9 +132,9 @@ def _own_files(folder: Path) -> list[Path]:
     return sorted(path for path in folder.glob(f"*{SUFFIX}") if not path.name.startswith("."))[:MOST_FILES]
 
 
-def _read(path: Path, own: Path) -> Entry:
+def _read(path: Path, own: Path) -> LibraryEntry:
     is_own = path.parent == own
     try:
-        return Entry(path, load_material(path), is_own)
+        return LibraryEntry(path, load_material(path), is_own)
     except InsituError as error:
-        return Entry(path, Material(path.stem, (), "Cannot be read"), is_own, str(error))
+        return LibraryEntry(path, Material(path.stem, (), "Cannot be read"), is_own, str(error))

@@ -25,7 +25,7 @@ from pydantic import Field, ValidationError
 
 from app.atomic import save_file
 from app.described_layers import layers_from_descriptions
-from app.layer_records import MAX_LAYERS, CurveRecord, Record, description_of, operator_lines, with_curves
+from app.layer_records import MAX_LAYERS, CurveRecord, StrictModel, description_of, operator_lines, with_curves
 from app.linked_layers import Layers, alike
 from app.measurements import with_full_paths
 from engine.errors import LoadError
@@ -59,7 +59,7 @@ class MaterialCurveRecord(CurveRecord):
     layer: Index
 
 
-class MaterialRecord(Record):
+class MaterialRecord(StrictModel):
     """A whole material file."""
 
     version: Annotated[int, Field(strict=True)]

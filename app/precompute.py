@@ -30,14 +30,16 @@ Answer = TypeVar("Answer", bound=Response)
 
 
 @dataclass(frozen=True)
-class Filled:
+class CacheContents:
     """What is in the cache: bytes of transport and indirect light, and how far off the picture is that they make."""
 
     n_bytes: int
     error: ErrorEstimate
 
 
-def precompute(project: Project, report: Report, n_lights: int | None = None, store: Store | None = None) -> Filled:
+def precompute(
+    project: Project, report: Report, n_lights: int | None = None, store: Store | None = None
+) -> CacheContents:
     """Compute all transport of a project into the cache, and its indirect light.
 
     n_lights: None for as many as the editor would take; store: None for the editor's. Raises InsituError when it cannot
@@ -69,7 +71,7 @@ def precompute(project: Project, report: Report, n_lights: int | None = None, st
     store.require_kept()
     report(Progress(WHAT, 0.0))
     client.send(EstimateError(curves.scene_state(project.document), revision=talk.revision))
-    return Filled(stage.transport_bytes, _until(client, ErrorEstimated, report).estimate)
+    return CacheContents(stage.transport_bytes, _until(client, ErrorEstimated, report).estimate)
 
 
 def _until(client: InProcessClient, kind: type[Answer], report: Report) -> Answer:

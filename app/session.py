@@ -19,7 +19,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from app.atomic import save_file
 from app.bookmarks import MAX_BOOKMARKS, MAX_NAME, MAX_THUMBNAIL_BYTES, check_thumbnail, is_name
 from app.document import Document, LightState, ObjectState, Selection, all_factors
-from app.layer_records import MAX_LAYERS, Flag, LayerRecord, Record, layer_lines, layers_of
+from app.layer_records import MAX_LAYERS, Flag, LayerRecord, StrictModel, layer_lines, layers_of
 from app.light_commands import MAX_INTENSITY, check_light
 from app.measurements import with_full_paths
 from app.paths import full_path, written_path
@@ -38,7 +38,7 @@ SESSION_VERSION = 1
 MAX_SESSION_BYTES = 64 * 2**20
 
 
-class ObjectRecord(Record):
+class ObjectRecord(StrictModel):
     name: Name
     visible: Flag = True
     frozen: Flag = False
@@ -47,7 +47,7 @@ class ObjectRecord(Record):
     layers: tuple[LayerRecord, ...] = Field(default=(), alias="layer", max_length=MAX_LAYERS)
 
 
-class LightRecord(Record):
+class LightRecord(StrictModel):
     environment: Text
     mapping: Literal["latlong", "angular"] = "latlong"
     rotation: Number = 0.0
@@ -55,7 +55,7 @@ class LightRecord(Record):
     radiance: Radiance | None = None
 
 
-class ViewRecord(Record):
+class ViewRecord(StrictModel):
     mode: Text = "placement"
     selected: Text | None = None
     exposure: Annotated[Number, Field(ge=-20.0, le=20.0)] = 0.0
@@ -72,7 +72,7 @@ class ViewRecord(Record):
     resolution: tuple[Pixels, Pixels] | None = None
 
 
-class BookmarkRecord(Record):
+class BookmarkRecord(StrictModel):
     """A view that is kept; camera and resolution None: the scene's own. thumbnail: a JPEG file in base 64."""
 
     name: Annotated[str, Field(strict=True)]
@@ -107,18 +107,18 @@ def _decoded(text: str) -> bytes:
         return b"?"  # no picture
 
 
-class JournalRecord(Record):
+class JournalRecord(StrictModel):
     """In a journal only: when it was written (seconds since 1970), and as what the session was saved last."""
 
     written_at: Number
     session_path: Text | None = None
 
 
-class EndRecord(Record):
+class EndRecord(StrictModel):
     """The last line: without it a file that was cut between two lines would be taken for a smaller one."""
 
 
-class SessionRecord(Record):
+class SessionRecord(StrictModel):
     """A whole session file; `ends`: its last line says so."""
 
     version: Annotated[int, Field(strict=True)]

@@ -50,7 +50,7 @@ WIDE = 128
 WARM_UP = 5
 
 
-class Bench:
+class EditorRig:
     """An editor on a scene, its worker, and a renderer that follows, until the picture is exact."""
 
     def __init__(
@@ -177,7 +177,7 @@ class WideCurves(Curves):
         return counts | {next(iter(counts)): WIDE} if key == self.wide_key else counts
 
 
-def measure_planned(bench: Bench, repetitions: int) -> dict[str, Any]:
+def measure_planned(bench: EditorRig, repetitions: int) -> dict[str, Any]:
     """Figures with the bands that the editor plans.
 
     Edits are of the curve with the most coefficients, of these of the one with the most samples.
@@ -197,7 +197,7 @@ def measure_planned(bench: Bench, repetitions: int) -> dict[str, Any]:
     }
 
 
-def measure_wide(bench: Bench, widest: str, repetitions: int) -> dict[str, Any]:
+def measure_wide(bench: EditorRig, widest: str, repetitions: int) -> dict[str, Any]:
     """Figures of that curve with 128 coefficients."""
     bench.switch(widest)
     found: dict[str, Any] = {
@@ -212,14 +212,14 @@ def measure_wide(bench: Bench, widest: str, repetitions: int) -> dict[str, Any]:
 
 def measure(source: str, resolution: tuple[int, int] | None, n_lights: int | None, repetitions: int) -> dict[str, Any]:
     """All figures of the renderer."""
-    with contextlib.closing(Bench(source, resolution, n_lights)) as bench:
+    with contextlib.closing(EditorRig(source, resolution, n_lights)) as bench:
         found = measure_planned(bench, repetitions)
     wide = WideCurves(found["curve"].rpartition(".")[0])
-    with contextlib.closing(Bench(source, resolution, n_lights, wide)) as bench:
+    with contextlib.closing(EditorRig(source, resolution, n_lights, wide)) as bench:
         return found | measure_wide(bench, found["curve"], repetitions)
 
 
-def measure_edits(bench: Bench, terms: int | None, repetitions: int) -> list[float]:
+def measure_edits(bench: EditorRig, terms: int | None, repetitions: int) -> list[float]:
     """Milliseconds from a curve's change to the finished frame."""
     edits = random_edits()
     for _ in range(WARM_UP):
@@ -227,7 +227,7 @@ def measure_edits(bench: Bench, terms: int | None, repetitions: int) -> list[flo
     return [1e3 * _timed(lambda: bench.edit(next(edits), terms)) for _ in range(repetitions)]
 
 
-def measure_exact(bench: Bench, repetitions: int) -> list[float]:
+def measure_exact(bench: EditorRig, repetitions: int) -> list[float]:
     """Milliseconds from an edit of everything to the exact picture, 30 coefficients a frame, all frames drawn."""
     edits = random_edits(6)
 
@@ -240,7 +240,7 @@ def measure_exact(bench: Bench, repetitions: int) -> list[float]:
     return [1e3 * _timed(refine) for _ in range(repetitions)]
 
 
-def measure_switches(bench: Bench, paths: list[str], rounds: int) -> dict[str, list[float]]:
+def measure_switches(bench: EditorRig, paths: list[str], rounds: int) -> dict[str, list[float]]:
     """Seconds of switching to each curve from the one before it."""
     seconds: dict[str, list[float]] = {path: [] for path in paths}
     if len(paths) < 2:
@@ -253,13 +253,13 @@ def measure_switches(bench: Bench, paths: list[str], rounds: int) -> dict[str, l
     return seconds
 
 
-def measure_terms(bench: Bench, repetitions: int) -> dict[str, float]:
+def measure_terms(bench: EditorRig, repetitions: int) -> dict[str, float]:
     """Seconds of a frame by the number of coefficients, medians."""
     counts = [k for k in ALL_TERMS if k <= bench.n_coefficients]
     return {str(k): float(np.median(measure_edits(bench, k, max(5, repetitions // 3)))) / 1e3 for k in counts}
 
 
-def measure_float(bench: Bench, widest: str, repetitions: int) -> dict[str, float]:
+def measure_float(bench: EditorRig, widest: str, repetitions: int) -> dict[str, float]:
     """The same with transport in single precision on the GPU."""
     precision: Precision = "float"
     bench.editor.do(SetView.of(precision=precision))

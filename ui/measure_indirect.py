@@ -21,7 +21,7 @@ from engine.curve.operators import Operator
 from engine.errors import InsituError
 from engine.material.layer import object_of
 from ui.gl.context import describe_context
-from ui.measure_gl import Bench, random_edits
+from ui.measure_gl import EditorRig, random_edits
 
 WARM_UP = 2
 
@@ -30,7 +30,7 @@ def measure(
     source: str, resolution: tuple[int, int] | None, repetitions: int, rounds: int
 ) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """All figures, and the pictures (H,W,3) `first`, `fine` and which pixels see a reflecting object, `seen`."""
-    with contextlib.closing(Bench(source, resolution, wait=False)) as bench:
+    with contextlib.closing(EditorRig(source, resolution, wait=False)) as bench:
         first_seconds = measure_first(bench)
         first = bench.renderer.linear_image()
         bench.wait_until_exact()
@@ -50,7 +50,7 @@ def measure(
         }, pictures
 
 
-def measure_first(bench: Bench) -> float:
+def measure_first(bench: EditorRig) -> float:
     """Seconds from the frame that asks for the opened scene's light to the first picture with indirect light."""
     asked = time.perf_counter()
     while not bench.editor.scene_is_open:
@@ -64,7 +64,7 @@ def measure_first(bench: Bench) -> float:
     return time.perf_counter() - asked
 
 
-def measure_freezing(bench: Bench, rounds: int) -> dict[str, list[float]]:
+def measure_freezing(bench: EditorRig, rounds: int) -> dict[str, list[float]]:
     """Seconds from selecting each object, another being selected, until its frozen light is in the picture.
 
     The curve's transport, which is asked for as well, comes in the meantime or afterwards.
@@ -84,7 +84,7 @@ def measure_freezing(bench: Bench, rounds: int) -> dict[str, list[float]]:
     return seconds
 
 
-def measure_edits(bench: Bench, name: str, repetitions: int) -> tuple[list[float], list[float]]:
+def measure_edits(bench: EditorRig, name: str, repetitions: int) -> tuple[list[float], list[float]]:
     """Milliseconds from a change of an object's curve to the frame with all its indirect light, and to the exact one.
 
     The frame holds as many increments of direct light as its budget allows, like every frame of the window.
@@ -97,7 +97,7 @@ def measure_edits(bench: Bench, name: str, repetitions: int) -> tuple[list[float
     return [1e3 * framed for framed, _ in found], [1e3 * exact for _, exact in found]
 
 
-def edit(bench: Bench, operators: tuple[Operator, ...]) -> tuple[float, float]:
+def edit(bench: EditorRig, operators: tuple[Operator, ...]) -> tuple[float, float]:
     """One edit of the selected curve: seconds to the frame and to the exact picture."""
     started = time.perf_counter()
     refused = bench.editor.do(SetOperators(*bench.selected, operators))
@@ -110,7 +110,7 @@ def edit(bench: Bench, operators: tuple[Operator, ...]) -> tuple[float, float]:
     return framed, time.perf_counter() - started
 
 
-def reflecting(bench: Bench, editable: bool = False) -> list[str]:
+def reflecting(bench: EditorRig, editable: bool = False) -> list[str]:
     """The objects that are seen and reflect; of these those that may be edited."""
     seen = {object_of(key) for key in bench.renderer.layer_keys}
     return [
@@ -120,7 +120,7 @@ def reflecting(bench: Bench, editable: bool = False) -> list[str]:
     ]
 
 
-def seen_pixels(bench: Bench) -> np.ndarray:
+def seen_pixels(bench: EditorRig) -> np.ndarray:
     """Which pixels see an object that does not shine, (H,W)."""
     frame = bench.renderer.frame
     assert frame is not None

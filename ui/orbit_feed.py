@@ -22,7 +22,7 @@ from ui.gl.tonemap import DisplayView
 from ui.picture_feed import PictureSource
 from ui.placement_feed import PlacementFeed, stops
 from ui.shown_view import ShownView
-from ui.still import Still
+from ui.still import ShownStill
 
 FADE_SECONDS = 0.25
 
@@ -122,13 +122,13 @@ class OrbitFeed(PictureSource):
     def _index(self, name: str | None) -> int | None:
         return self._names.index(name) if name in self._names else None
 
-    def still(self, editor: Editor) -> Still | None:
+    def still(self, editor: Editor) -> ShownStill | None:
         talk, frame = _talk(editor), self.canvas.frame
         if talk.shows_placement:
             return self.placement.still(editor)
         if frame is None or self._texture is None:
             return None
-        return Still(
+        return ShownStill(
             self.canvas.finished_image(self._display_view(editor, talk)),
             self.canvas.linear_image() * np.float32(editor.document.light.intensity),
             (frame.edge_pixels, frame.edge_neighbours, frame.edge_weights),

@@ -24,7 +24,7 @@ from app.picture import PictureEvent, SceneFrame, SkyChanged
 from ui.brush import Spot
 from ui.gl.context import GraphicsError
 from ui.scene_view import SceneView
-from ui.still import Still
+from ui.still import ShownStill
 from ui.surface_lobe import SurfacePoint
 
 # Between two looks at what the worker has sent, while a curve that was selected is waited for.
@@ -55,7 +55,7 @@ class PictureSource(Protocol):
         `last_frame_ms` is what the last frame took in all; all_taken: whether no event waits to be taken.
         """
 
-    def still(self, editor: Editor) -> Still | None:
+    def still(self, editor: Editor) -> ShownStill | None:
         """The picture as it is now, for a file; None before there is one."""
         return None
 
@@ -169,7 +169,7 @@ class PictureFeed:
         self._stepped = busy or took
         return busy
 
-    def still(self, editor: Editor) -> Still | None:
+    def still(self, editor: Editor) -> ShownStill | None:
         """The picture as it is now, for a file; None before there is one. Waits for the GPU."""
         return self.source.still(editor)
 

@@ -42,7 +42,7 @@ from ui.gl.tonemap import DisplayView
 from ui.map_feed import MapFeed
 from ui.picture_feed import PictureSource
 from ui.shown_view import ShownView
-from ui.still import Still
+from ui.still import ShownStill
 
 UPLOAD_SHARE = 0.5
 # Of the frame's time, what refinement gets however long the rest takes.
@@ -83,11 +83,11 @@ class PlacementFeed(PictureSource):
     def map_refusal(self, editor: Editor, key: str) -> str | None:
         return _talk(editor).maps.refusal(key, editor.document.layer(key).maps)
 
-    def still(self, editor: Editor) -> Still | None:
+    def still(self, editor: Editor) -> ShownStill | None:
         frame = self.renderer.frame
         if frame is None or self._texture is None:
             return None
-        return Still(
+        return ShownStill(
             self.renderer.finished_image(self._display_view(editor)),
             self.renderer.linear_image() * np.float32(editor.document.light.intensity),
             (frame.edge_pixels, frame.edge_neighbours, frame.edge_weights),

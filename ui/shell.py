@@ -25,7 +25,7 @@ from imgui_bundle import ImVec2, imgui
 
 from app.document import Selection
 from app.editor import Editor
-from app.library import Entry
+from app.library import LibraryEntry
 from app.recent import RecentFiles
 from app.selecting import seen_layer
 from app.status import Status
@@ -409,7 +409,7 @@ class Shell:
         follows = self._library_unread or self._thumbnails_follow or not self.events.is_empty
         return FrameResult(busy or settling or follows, redraw_in, screenshot, quit)
 
-    def _thumbnail(self, entry: Entry) -> Picture | None:
+    def _thumbnail(self, entry: LibraryEntry) -> Picture | None:
         return self._picture(self._thumbnails.texture(entry))
 
     @property

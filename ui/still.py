@@ -20,7 +20,7 @@ Edges = tuple[NDArray[np.integer], NDArray[np.integer], NDArray[np.floating]]
 
 
 @dataclass(frozen=True)
-class Still:
+class ShownStill:
     """One picture at the scene's resolution.
 
     shown: (H,W,3) in the screen's values, sRGB; radiance: (H,W,3) linear, the light's intensity in it, without
@@ -55,7 +55,7 @@ class StillSaver:
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="still")
         self._under_way: list[Future[tuple[str, bool]]] = []
 
-    def save(self, still: Still, path: Path, deep: bool, remark: str = "") -> None:
+    def save(self, still: ShownStill, path: Path, deep: bool, remark: str = "") -> None:
         """Begin to write a picture; a remark is said along with its name when it is there."""
         self._under_way.append(self._thread.submit(_save, still, path, deep, remark))
 
@@ -70,7 +70,7 @@ class StillSaver:
         self._thread.shutdown(wait=True)
 
 
-def _save(still: Still, path: Path, deep: bool, remark: str) -> tuple[str, bool]:
+def _save(still: ShownStill, path: Path, deep: bool, remark: str) -> tuple[str, bool]:
     try:
         save_file(path, still.encoded(path.suffix.lower(), deep))
     except (InsituError, ValueError, MemoryError) as error:

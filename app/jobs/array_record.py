@@ -37,7 +37,7 @@ class RecordError(Exception):
 
 
 @dataclass(frozen=True)
-class Entry:
+class ArrayEntry:
     """Where in a record an array lies."""
 
     name: str
@@ -85,7 +85,7 @@ def write_record(file: BinaryIO, label: str, arrays: Writable) -> int:
     return end - begin
 
 
-def _write_array(file: BinaryIO, array: NDArray[np.generic] | InPieces, entry: Entry) -> int:
+def _write_array(file: BinaryIO, array: NDArray[np.generic] | InPieces, entry: ArrayEntry) -> int:
     """Write it and what aligns the next; its checksum."""
     crc = n_bytes = 0
     for piece in _pieces(array):
@@ -113,23 +113,23 @@ def read_record(buffer: memoryview) -> Record:
     return Record(label, arrays, size)
 
 
-def _lay_out(arrays: Writable) -> list[Entry]:
+def _lay_out(arrays: Writable) -> list[ArrayEntry]:
     """Entries with offsets from the end of the header and no checksums yet, on which its size does not depend."""
     entries, offset = [], 0
     for name, array in arrays.items():
         if array.dtype.kind not in _KINDS:
             raise TypeError(f"array {name!r} has dtype {array.dtype}, expected numbers or booleans")
-        entries.append(Entry(name, array.dtype, array.shape, offset, crc=0))
+        entries.append(ArrayEntry(name, array.dtype, array.shape, offset, crc=0))
         offset += _aligned(array.nbytes)
     return entries
 
 
-def _json_header(label: str, entries: list[Entry]) -> bytes:
+def _json_header(label: str, entries: list[ArrayEntry]) -> bytes:
     rows = [[e.name, e.dtype.str, list(e.shape), e.offset, f"{e.crc:08x}"] for e in entries]
     return json.dumps({"label": label, "arrays": rows}).encode()
 
 
-def _read_header(buffer: memoryview) -> tuple[str, list[Entry], int]:
+def _read_header(buffer: memoryview) -> tuple[str, list[ArrayEntry], int]:
     """The label, the entries with offsets from the start of the record, and its size."""
     if len(buffer) < _FIXED.size:
         raise RecordError("truncated in its header")
@@ -144,7 +144,7 @@ def _read_header(buffer: memoryview) -> tuple[str, list[Entry], int]:
     return *_content(header, _aligned(_FIXED.size + json_size), size), size
 
 
-def _content(header: bytes, start: int, end: int) -> tuple[str, list[Entry]]:
+def _content(header: bytes, start: int, end: int) -> tuple[str, list[ArrayEntry]]:
     """What the JSON says, if it is as we write it: arrays that follow each other from byte `start` to `end`."""
     try:
         content = json.loads(header)
@@ -153,7 +153,7 @@ def _content(header: bytes, start: int, end: int) -> tuple[str, list[Entry]]:
     label, rows = (content.get(key) if isinstance(content, dict) else None for key in ("label", "arrays"))
     if not isinstance(label, str) or not isinstance(rows, list):
         raise RecordError("its header has no label or no arrays")
-    entries: list[Entry] = []
+    entries: list[ArrayEntry] = []
     offset = start
     for row in rows:
         entry = _entry(row, start)
@@ -166,7 +166,7 @@ def _content(header: bytes, start: int, end: int) -> tuple[str, list[Entry]]:
     return label, entries
 
 
-def _entry(row: Any, start: int) -> Entry:
+def _entry(row: Any, start: int) -> ArrayEntry:
     """One array's row of the header."""
     match row:
         case [str(name), str(dtype), [*shape], int(offset), str(crc)] if (
@@ -177,7 +177,7 @@ def _entry(row: Any, start: int) -> Entry:
             and _CHECKSUM.fullmatch(crc)
         ):
             try:
-                return Entry(name, np.dtype(dtype), tuple(shape), start + offset, int(crc, 16))
+                return ArrayEntry(name, np.dtype(dtype), tuple(shape), start + offset, int(crc, 16))
             except TypeError:  # such as a complex number of one byte
                 pass
     raise RecordError("its header does not say what its arrays are")

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from app.measure.speed import LayerTransport, Precomputed
+from app.measure.speed import ComputedLayer, Precomputed
 from app.measure.subject import Subject
 from engine.light.environment import Environment
 from engine.light.image_files import read_radiance_image
@@ -59,7 +59,7 @@ def seen_scale(placement: Placement, rows: NDArray[np.integer], layer: Layer) ->
     return layer.scale() * layer.curve(view.name)(np.arccos(np.clip(cosine, 0.0, 1.0)))
 
 
-def layer_coefficients(transport: LayerTransport, layer: Layer | None = None) -> tuple[NDArray, NDArray]:
+def layer_coefficients(transport: ComputedLayer, layer: Layer | None = None) -> tuple[NDArray, NDArray]:
     """Band values (J, 3) and (K, 3) of a layer's curves; (1, 3) ones where there is no second curve."""
     layer = layer or transport.layer
     curves = [layer.coefficients(name, n) for name, n in transport.bands.items()]

@@ -30,7 +30,7 @@ SOURCE, N_BOUNCES = "cornell", 4
 
 
 @dataclass(frozen=True)
-class Row:
+class GrowthRow:
     """One number of objects and its memory (MB, 10⁶ bytes): what is kept, and what a freezing hands out."""
 
     objects: int
@@ -70,7 +70,7 @@ def cut(scene: Scene, n_objects: int) -> Scene:
     )
 
 
-def memory_of(scene: Scene, n_objects: int) -> Row:
+def memory_of(scene: Scene, n_objects: int) -> GrowthRow:
     """What the indirect light of a cut scene takes, with the first of its objects frozen."""
     document = document_from_description(SOURCE, scene.description)
     tasks = IndirectTasks(Placement(scene))
@@ -81,10 +81,10 @@ def memory_of(scene: Scene, n_objects: int) -> Row:
         answer for answer in tasks.freeze(Freeze(wanted, wanted.visible[0].key, 0)) if isinstance(answer, Frozen)
     )
     handed_out = frozen.bands.nbytes + sum(array.nbytes for array in frozen.reflected.values())
-    return Row(n_objects, tasks.n_bytes / 1e6, handed_out / 1e6)
+    return GrowthRow(n_objects, tasks.n_bytes / 1e6, handed_out / 1e6)
 
 
-def memory_rows(counts: Sequence[int], side: int) -> Iterator[Row]:
+def memory_rows(counts: Sequence[int], side: int) -> Iterator[GrowthRow]:
     """One row for each number of objects."""
     scene = open_subject(SOURCE).scene
     scene = replace(scene, resolution=at_most(scene.resolution, side))
@@ -92,7 +92,7 @@ def memory_rows(counts: Sequence[int], side: int) -> Iterator[Row]:
         yield memory_of(cut(scene, n_objects), n_objects)
 
 
-def growth_figure(rows: Sequence[Row], side: int) -> Figure:
+def growth_figure(rows: Sequence[GrowthRow], side: int) -> Figure:
     """Each row's memory over what linear growth from the first row on would give."""
     first = rows[0]
     return Figure(
@@ -105,10 +105,10 @@ def growth_figure(rows: Sequence[Row], side: int) -> Figure:
     )
 
 
-def write_rows(file: Path, rows: Sequence[Row]) -> None:
+def write_rows(file: Path, rows: Sequence[GrowthRow]) -> None:
     """One line a number of objects under a line of names."""
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(field.name for field in fields(Row))
+    writer.writerow(field.name for field in fields(GrowthRow))
     writer.writerows([n, f"{kept:.6g}", f"{frozen:.6g}"] for n, kept, frozen in map(astuple, rows))
     save_file(file, text.getvalue().encode())

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
 from app.atomic import save_file
-from app.measure.sweep import Row, pareto_front
+from app.measure.sweep import SweepRow, pareto_front
 
 SIZE = (8.0, 5.0)
 DPI = 150
@@ -26,7 +26,7 @@ COLOURS = ("#8aa7bf", "#5f8fb4", "#2f6690", "#123a5c", "#0b2239")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 
 
-def write_plots(folder: Path, rows: Sequence[Row], title: str) -> list[Path]:
+def write_plots(folder: Path, rows: Sequence[SweepRow], title: str) -> list[Path]:
     """Write the plots as PNG; the files."""
     precomputed = [row for row in rows if row.study == "precompute" and row.precision == "half"]
     coherent = [row for row in precomputed if row.visibility == "coherent"]
@@ -40,7 +40,7 @@ def write_plots(folder: Path, rows: Sequence[Row], title: str) -> list[Path]:
     return files
 
 
-def _precompute_figure(rows: Sequence[Row], cost: str, title: str) -> Figure:
+def _precompute_figure(rows: Sequence[SweepRow], cost: str, title: str) -> Figure:
     """Colour says lights, the marker bands; hollow: shadows by brute force or of the cut alone."""
     figure, axes = _axes(title, "seconds" if cost == "time" else "transport, MiB")
     lights, bands = sorted({row.lights for row in rows}), sorted({row.bands for row in rows})
@@ -61,7 +61,7 @@ def _precompute_figure(rows: Sequence[Row], cost: str, title: str) -> Figure:
     return figure
 
 
-def _edit_figure(rows: Sequence[Row], title: str) -> Figure:
+def _edit_figure(rows: Sequence[SweepRow], title: str) -> Figure:
     """K coefficients a frame, half and float."""
     figure, axes = _axes(title, "milliseconds a frame")
     for precision, marker, colour, shift in (("half", "o", COLOURS[2], 6), ("float", "s", COLOURS[0], -11)):

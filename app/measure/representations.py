@@ -41,7 +41,7 @@ REPETITIONS = 3
 
 
 @dataclass(frozen=True)
-class Row:
+class RepresentationRow:
     """One representation with M objects and N bounces: memory (MB, 10⁶ bytes) of what a freezing reads, seconds to make
     it from what was traced, seconds of a freezing, and how far its picture is from the plain sum (relative RMS)."""
 
@@ -55,7 +55,7 @@ class Row:
     error: float
 
 
-def representation_rows(settings: Sequence[tuple[int, int]], side: int) -> Iterator[Row]:
+def representation_rows(settings: Sequence[tuple[int, int]], side: int) -> Iterator[RepresentationRow]:
     """Two rows for each (objects, bounces)."""
     scene = open_subject(SOURCE).scene
     scene = replace(scene, resolution=at_most(scene.resolution, side))
@@ -63,7 +63,9 @@ def representation_rows(settings: Sequence[tuple[int, int]], side: int) -> Itera
         yield from compare(cut(scene, n_objects), n_objects, n_bounces)
 
 
-def compare(scene: Scene, n_objects: int, n_bounces: int, fineness: Fineness = FINENESS) -> tuple[Row, Row]:
+def compare(
+    scene: Scene, n_objects: int, n_bounces: int, fineness: Fineness = FINENESS
+) -> tuple[RepresentationRow, RepresentationRow]:
     """Both representations of a cut scene."""
     layers = [indirect_layer(i, make_layer(MODELS[MODEL]), (N_BANDS,)) for i in range(n_objects)]
     sky = sky_of(scene, document_from_description(SOURCE, scene.description).light)
@@ -72,10 +74,10 @@ def compare(scene: Scene, n_objects: int, n_bounces: int, fineness: Fineness = F
     light = finish(solver.solve(layers))
     traced = light.points.gathered.n_bytes + light.light.n_bytes
 
-    def row(name: str, made: Representation, made_s: float, read: int) -> Row:
+    def row(name: str, made: Representation, made_s: float, read: int) -> RepresentationRow:
         times, frozen = zip(*(_timed(made, layers, 0) for _ in range(REPETITIONS)), strict=True)
         counts, error = (n_objects, n_bounces, len(light.points.gathered.rows)), edit_error(light, layers, frozen[0])
-        return Row(name, *counts, (made.n_bytes + read) / 1e6, made_s, statistics.median(times), error)
+        return RepresentationRow(name, *counts, (made.n_bytes + read) / 1e6, made_s, statistics.median(times), error)
 
     gather = GatherPolynomial(light)
     # What the first freezing keeps, for another object than the one that is timed, is what making it takes.
@@ -96,11 +98,11 @@ def edit_error(light: IndirectLight, layers: Sequence[IndirectLayer], frozen: Fr
     return float(np.sqrt(np.mean((found - plain[:, 0]) ** 2)) / plain.mean())
 
 
-def write_rows(file: Path, rows: Sequence[Row]) -> None:
+def write_rows(file: Path, rows: Sequence[RepresentationRow]) -> None:
     """One line a row under a line of names."""
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(field.name for field in fields(Row))
+    writer.writerow(field.name for field in fields(RepresentationRow))
     writer.writerows([f"{x:.4g}" if isinstance(x, float) else x for x in astuple(row)] for row in rows)
     save_file(file, text.getvalue().encode())
 

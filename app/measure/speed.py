@@ -33,7 +33,7 @@ POINTS_AT_ONCE = 1024
 
 
 @dataclass(frozen=True, eq=False)
-class LayerTransport:
+class ComputedLayer:
     """The transport of one layer and what it was computed for."""
 
     i_object: int
@@ -48,7 +48,7 @@ class Precomputed:
 
     placement: Placement
     light: VisibleLight
-    transports: tuple[LayerTransport, ...]
+    transports: tuple[ComputedLayer, ...]
     light_seconds: float
     projection_seconds: float
 
@@ -155,10 +155,10 @@ def precompute_on(
 
 def _project(
     placement: Placement, light: VisibleLight, i_object: int, layer: Layer, bands: dict[str, int]
-) -> LayerTransport:
+) -> ComputedLayer:
     rows, shape = placement.rows_of(i_object), layer_shape(layer, bands)
     store = join_tiles(shape.bands, project_layer(placement.hits, rows, light, shape))
-    return LayerTransport(i_object, layer, bands, store)
+    return ComputedLayer(i_object, layer, bands, store)
 
 
 def visibility_seconds(placement: Placement) -> float:

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from app.atomic import save_file
 from app.measure.accuracy import Errors, errors, layer_coefficients, oracle, random_rows, reflected, seen_scale
-from app.measure.speed import LayerTransport, Precomputed, precompute_on, visibility_seconds
+from app.measure.speed import ComputedLayer, Precomputed, precompute_on, visibility_seconds
 from app.measure.subject import Subject
 from engine.curve.operators import HALF_PI, Operator
 from engine.curve.wavelet import forward
@@ -77,7 +77,7 @@ QUICK = Grid((100, 400), (16, 128), (1, 8, 128), side=48, n_points=24, level=5, 
 
 
 @dataclass(frozen=True)
-class Row:
+class SweepRow:
     """One setting and what it gave. wavelets: a frame's K, 0 for the whole curve; seconds may be unknown (None)."""
 
     study: Literal["precompute", "edit"]
@@ -97,7 +97,7 @@ class Row:
 class SweepResult:
     """All rows, and how far the pictures with the planned bands are from the oracle, by their number of lights."""
 
-    rows: tuple[Row, ...]
+    rows: tuple[SweepRow, ...]
     against_oracle: dict[int, Errors]
 
 
@@ -120,7 +120,7 @@ def run_sweep(
     placement = Placement(subject.scene)
     rows = random_rows(placement, grid.n_points)
     truth = oracle(subject, placement, rows, grid.level)
-    precomputed: list[Row] = []
+    precomputed: list[SweepRow] = []
     finest: dict[int, Precomputed] = {}
     for done, row in _precompute_rows(subject, grid, rows, truth):
         precomputed.append(row)
@@ -138,11 +138,11 @@ def run_sweep(
     return SweepResult((*_marked(precomputed), *_marked(edits)), against)
 
 
-def write_csv(file: Path, rows: Sequence[Row]) -> None:
+def write_csv(file: Path, rows: Sequence[SweepRow]) -> None:
     """One line a setting under a line of names; unknown seconds are empty."""
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(field.name for field in fields(Row))
+    writer.writerow(field.name for field in fields(SweepRow))
     writer.writerows([_cell(value) for value in astuple(row)] for row in rows)
     save_file(file, text.getvalue().encode())
 
@@ -153,7 +153,7 @@ def _cell(value: object) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _marked(rows: Sequence[Row]) -> list[Row]:
+def _marked(rows: Sequence[SweepRow]) -> list[SweepRow]:
     """The rows with the Pareto front of error against time marked."""
     seconds = [math.nan if row.seconds is None else row.seconds for row in rows]
     front = pareto_front(seconds, [row.error for row in rows])
@@ -165,7 +165,7 @@ def _marked(rows: Sequence[Row]) -> list[Row]:
 
 def _precompute_rows(
     subject: Subject, grid: Grid, rows: NDArray[np.integer], truth: NDArray[np.float64]
-) -> Iterator[tuple[Precomputed, Row]]:
+) -> Iterator[tuple[Precomputed, SweepRow]]:
     for shadows in ("coherent", "brute", "cut"):
         sphere = _sphere(subject, shadows)
         for n_lights in grid.lights:
@@ -201,13 +201,13 @@ def _sphere(subject: Subject, shadows: Shadows) -> _Sphere:
 def _setting(
     subject: Subject, shadows: Shadows, sphere: _Sphere, n_lights: int, most_bands: int, rows: NDArray[np.integer],
     truth: NDArray[np.float64],
-) -> Iterator[tuple[Precomputed, Row]]:  # fmt: skip
+) -> Iterator[tuple[Precomputed, SweepRow]]:  # fmt: skip
     """The rows of one setting, in half and in float precision."""
     quality = replace(FINAL, n_lights=n_lights, own_rays=shadows == "cut")
     done = precompute_on(sphere.placement, subject, quality, most_bands)
     for precision in PRECISIONS if shadows == "coherent" else PRECISIONS[:1]:
         picture = precision_picture(done, precision, rows)
-        row = Row(
+        row = SweepRow(
             "precompute",
             n_lights,
             most_bands,
@@ -245,7 +245,7 @@ def precision_picture(done: Precomputed, precision: Precision, rows: NDArray[np.
     return total[rows]
 
 
-def gpu_planes(done: Precomputed, transport: LayerTransport, precision: Precision) -> NDArray[np.float32]:
+def gpu_planes(done: Precomputed, transport: ComputedLayer, precision: Precision) -> NDArray[np.float32]:
     """Transport along a layer's first curve as the GPU reads it: (J, P, 3), Daub4 domain, true radiance."""
     unit = done.light.lighting.unit
     planes = curve_planes(transport.store, 0, layer_coefficients(transport), unit, precision)
@@ -267,7 +267,7 @@ def edit_rows(
     grid: Grid,
     rows: NDArray[np.integer],
     frame_seconds: Mapping[Precision, Mapping[int, float]],
-) -> Iterator[Row]:
+) -> Iterator[SweepRow]:
     """What one frame shows after an edit of a whole curve, for every K [BenArtzi07, ch. 7].
 
     B = B_before + Σ_K Δc_k T_k over the K terms with the largest |Δc_k|·‖T_k‖.
@@ -290,7 +290,7 @@ def edit_rows(
             picked = order[:k]
             change = np.zeros((len(done.placement.hits.pixel), 3))
             change[own] = np.einsum("kc,kpc->pc", delta[picked], planes[picked], dtype=np.float64) * scale
-            yield Row(
+            yield SweepRow(
                 "edit",
                 max(grid.lights),
                 len(delta),

@@ -33,7 +33,7 @@ _ASIDE, _LOW, _HIGH, _LIFT = np.float32(0.3), np.float32(1 / 8), np.float32(1 / 
 _SHEET = np.float32(1 / 4)
 
 
-class Mesh(NamedTuple):
+class MeshArrays(NamedTuple):
     """vertices, normals (V, 3); triangles, face_normals (T, 3); objects (T,) int32; smooth, reflects (M,) bool."""
 
     vertices: np.ndarray
@@ -54,7 +54,7 @@ class Hits(NamedTuple):
     distance: np.ndarray
 
 
-class Table(NamedTuple):
+class CellTable(NamedTuple):
     """Cells by key, open addressing: keys (S,) uint64, 0 where free; cells (S,) int32. n_cells (1,): how many.
 
     Of each cell: objects (C,) int32, seeds (C,) uint64, n_places (C,) int64, and up to 32 places: triangle (C, 32)

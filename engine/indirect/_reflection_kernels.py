@@ -17,7 +17,7 @@ ZERO, ONE, HALF_BAND = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 CODES = np.float32(65535.0)
 
 
-class Optics(NamedTuple):
+class ReflectingLayer(NamedTuple):
     """A layer: model and angle numbers, quotient parameters q (8,), values at the nodes of its two curves (J, 3) and
     (K, 3); kind_b < 0: there is no second one."""
 
@@ -53,7 +53,7 @@ class Second(NamedTuple):
     base: int
 
 
-class Fans(NamedTuple):
+class FanArrays(NamedTuple):
     """p gather points: rows (p,) of the hits, poles (p,), the cells their rays see (p, R) uint16; which half of the
     rays counts (of each table the first, 0, or the second, 1; −1 for all); tables (64, R_c, 3), (64, R_p, 3); the hits'
     tangent, normal, wo (P, 3)."""

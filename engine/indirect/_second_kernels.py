@@ -25,7 +25,7 @@ PI = np.float32(math.pi)
 TINY = np.float32(1e-30)
 
 
-class Lamps(NamedTuple):
+class SampledLights(NamedTuple):
     """All lights to sample: the sky's triangles first, then patches. corners (M, 3, 3); cumulative (M,) shares;
     power (M, 3) over share; normals (M, 3) of patches; of the sky density (n_sky,) samples a steradian and radiance
     (n_sky, 3); raster (H, W): which triangle of the sky a lat-long direction falls in."""

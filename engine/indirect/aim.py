@@ -19,7 +19,7 @@ from engine.indirect.rays import pole_tables
 from engine.indirect.second_bounce import N_POLE_RAYS, SecondLight
 
 
-def n_angles_of(optics: kernels.Optics) -> int:
+def n_angles_of(optics: kernels.ReflectingLayer) -> int:
     """How many angles the curves take: none where the only one is the same at all of them."""
     return 0 if optics.kind_a == kernels.CONSTANT else 1 + (optics.kind_b >= 0)
 
@@ -27,7 +27,7 @@ def n_angles_of(optics: kernels.Optics) -> int:
 class Aim:
     """How one layer weighs the rays of one object's fans, found part by part; parts may be found by several threads."""
 
-    def __init__(self, fans: kernels.Fans, optics: kernels.Optics, keeps: bool) -> None:
+    def __init__(self, fans: kernels.FanArrays, optics: kernels.ReflectingLayer, keeps: bool) -> None:
         """keeps: so that every part has to be found once; call `complete` then."""
         self._fans, self._optics = fans, optics
         self.n_angles = n_angles_of(optics)
@@ -59,14 +59,14 @@ class SecondAim:
     """The light along the remembered rays of one object's fans; what glossy surfaces send along them may be kept."""
 
     def __init__(
-        self, fans: kernels.Fans, position: NDArray[np.float32], records: second_kernels.Records,
+        self, fans: kernels.FanArrays, position: NDArray[np.float32], records: second_kernels.Records,
         area: NDArray[np.float32], keeps: bool,
     ) -> None:  # fmt: skip
         """area (p,): see `photons.Landed`."""
         self._fans, self._position, self._records, self._area = fans, position, records, area
         self._first = int(records.start[0])
         self._kept = np.empty((int(records.start[-1]) - self._first, 2, 3), np.float32) if keeps else None
-        self._known: tuple[tuple[bytes, ...], second_kernels.Lamps] | None = None
+        self._known: tuple[tuple[bytes, ...], second_kernels.SampledLights] | None = None
 
     def wanted(self, light: SecondLight) -> NDArray[np.bool_]:
         """The objects (M,) whose surfaces send what is not known yet."""

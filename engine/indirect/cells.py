@@ -53,13 +53,13 @@ class Cells:
         self.size = size
         self.caster = caster
         reflects = ~scene.emitters
-        self.mesh = kernels.Mesh(
+        self.mesh = kernels.MeshArrays(
             scene.vertices, scene.normals, scene.triangles, scene.geometric_normals, scene.object_of_triangle,
             scene.smooth, reflects,
         )  # fmt: skip
         self._low = scene.vertices[np.unique(scene.triangles)].min(axis=0) - np.float32(0.37 * size)
         places = (MOST_CELLS, kernels.N_PLACES)
-        self._table = kernels.Table(
+        self._table = kernels.CellTable(
             np.zeros(N_SLOTS, np.uint64), np.zeros(N_SLOTS, np.int32), np.zeros(1, np.int64),
             np.zeros(MOST_CELLS, np.int32), np.zeros(MOST_CELLS, np.uint64), np.zeros(MOST_CELLS, np.int64),
             np.zeros(places, np.uint32), np.zeros(places, np.int32), np.zeros(places, np.float32),
@@ -75,12 +75,12 @@ class Cells:
         """Memory of what rays have found; the mesh is the scene's."""
         return sum(array.nbytes for array in self._table)
 
-    def table(self) -> kernels.Table:
+    def table(self) -> kernels.CellTable:
         """All that is known of them, to be stored: no longer than there are cells."""
         n = len(self)
-        return kernels.Table(*self._table[:3], *(array[:n] for array in self._table[3:]))
+        return kernels.CellTable(*self._table[:3], *(array[:n] for array in self._table[3:]))
 
-    def restore(self, table: kernels.Table) -> None:
+    def restore(self, table: kernels.CellTable) -> None:
         """Become what `table` gave."""
         for mine, stored in zip(self._table, table, strict=True):
             mine[: len(stored)] = stored

@@ -31,7 +31,7 @@ class LayerCurves:
         """The quotient parameters as kernels of this process take them."""
         return self.model.bound(np.asarray(self.quotient_parameters, np.float64))
 
-    def optics(self, folded: bool = False) -> kernels.Optics:
+    def optics(self, folded: bool = False) -> kernels.ReflectingLayer:
         """For the kernels; folded: no angle need be found where the only curve is the same at all of them."""
         first, *second = (np.ascontiguousarray(curve, np.float32) for curve in self.curves)
         factors = self.model.factors
@@ -39,7 +39,7 @@ class LayerCurves:
         other = second[0] if second else np.ones((1, 3), np.float32)
         q = self.bound_parameters
         kind_a = kernels.CONSTANT if folded and kind_b < 0 and bool((first == first[0]).all()) else factors[0].gamma
-        return kernels.Optics(self.model.number, q, kind_a, kind_b, first, other)
+        return kernels.ReflectingLayer(self.model.number, q, kind_a, kind_b, first, other)
 
 
 def any_glossy(model_names: Iterable[str]) -> bool:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.indirect._ray_kernels import NORMAL
-from engine.indirect._second_kernels import Lamps
+from engine.indirect._second_kernels import SampledLights
 from engine.indirect.beyond import SQUARED, held, in_full
 from engine.indirect.cells import Cells
 from engine.indirect.gather import FanSize, Gathered, object_of_rows
@@ -67,7 +67,7 @@ class GatherPoints:
 
     def sent(
         self, radiosities: tuple[NDArray[np.float32], NDArray[np.float32]], objects: NDArray[np.int32],
-        layers: Sequence[IndirectLayer], lamps: Lamps, edited: int = NOBODY,
+        layers: Sequence[IndirectLayer], lamps: SampledLights, edited: int = NOBODY,
     ) -> SentLight:  # fmt: skip
         """What surfaces with radiosities (C, D, 3) as `irradiance.radiosity` gives them, of these objects (C,), send on
         under these layers."""
@@ -123,7 +123,7 @@ class IndirectLight:
     footprint: Footprint
     cells: Cells
     light: CellLight
-    lamps: Lamps
+    lamps: SampledLights
     n_bounces: int
     unit: float = 1.0
 

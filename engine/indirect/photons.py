@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.indirect import _photon_kernels as kernels
-from engine.indirect._reflection_kernels import Fans
-from engine.indirect._second_kernels import Glossy, Lamps
+from engine.indirect._reflection_kernels import FanArrays
+from engine.indirect._second_kernels import Glossy, SampledLights
 from engine.indirect.cells import CHUNK, Cells
 from engine.indirect.rays import pole_vectors
 from engine.scene.camera import camera_frame, project
@@ -85,7 +85,7 @@ class PhotonSource:
     glossy: NDArray[np.bool_]
     poles: NDArray[np.int64]
     axes: NDArray[np.float32]
-    lamps: Lamps
+    lamps: SampledLights
 
     def send(self, hits: PrimaryHits, n_photons: int) -> Photons:
         """Those of n photons that land where the picture shows it; more start where more of them do."""
@@ -236,7 +236,7 @@ def farthest_of(scene: Scene, hits: PrimaryHits, rows: NDArray[np.integer]) -> N
 
 
 def land(
-    photon_map: PhotonMap, i_object: int, hits: PrimaryHits, fans: Fans, times: NDArray[np.float32],
+    photon_map: PhotonMap, i_object: int, hits: PrimaryHits, fans: FanArrays, times: NDArray[np.float32],
     farthest: NDArray[np.float32], clearance: NDArray[np.float32], caster: RayCaster,
 ) -> Landed:  # fmt: skip
     """The photons about the gather points of one object; times (p,): what each of their recorded rays stands for;

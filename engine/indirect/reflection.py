@@ -62,7 +62,7 @@ class Fans:
         rows = gathered.rows[begin:end]
         records = gathered.records
         records = records._replace(start=records.start[begin : end + 1], times=records.times[begin:end])
-        self._fans = kernels.Fans(
+        self._fans = kernels.FanArrays(
             rows, np.full(len(rows), pole, np.int64), gathered.seen[begin:end], -1 if half is None else half,
             cosine_tables(size.n_cosine), pole_tables(size.n_pole), hits.tangent, hits.normal, hits.wo,
         )  # fmt: skip
@@ -123,7 +123,7 @@ class Fans:
         out = held(out)
         return out if self._smoothing is None else _smooth_planes(self._smoothing, out)
 
-    def _aim(self, optics: kernels.Optics) -> Aim:
+    def _aim(self, optics: kernels.ReflectingLayer) -> Aim:
         """What is kept for such a layer, or new."""
         key = optics.model, optics.q.tobytes()
         kept = self._aims.get(key)

@@ -74,7 +74,7 @@ class SecondRays:
     glossy: NDArray[np.bool_]
     poles: NDArray[np.int64]
     axes: NDArray[np.float32]
-    lamps: kernels.Lamps
+    lamps: kernels.SampledLights
     most: int
 
     def trace(
@@ -119,18 +119,18 @@ class SecondLight:
     per_area: NDArray[np.float32]
     looks: tuple[bytes, ...]
     layers: kernels.Glossy
-    lamps: kernels.Lamps
+    lamps: kernels.SampledLights
     edited: int
     inverse: NDArray[np.float32]
 
 
-def lamps_of(cut: TriangleLights | None, patches: EmitterPatches | None) -> kernels.Lamps:
+def lamps_of(cut: TriangleLights | None, patches: EmitterPatches | None) -> kernels.SampledLights:
     """Sky and emitters for sampling by power; half of the samples each where there are both."""
     parts = [part for part in (_sky(cut), _patches(patches)) if part is not None and part[1].max() > 0.0]
     if not parts:
         none = np.zeros((0, 3), np.float32)
         empty = np.zeros(0, np.float32)
-        return kernels.Lamps(none[:, None], empty, none, none, empty, none, np.zeros((0, 0), np.int32))
+        return kernels.SampledLights(none[:, None], empty, none, none, empty, none, np.zeros((0, 0), np.int32))
     shares = [strength / strength.sum() / len(parts) for _, strength, _, _ in parts]
     corners = np.concatenate([part[0] for part in parts]).astype(np.float32)
     share = np.concatenate(shares)
@@ -143,7 +143,7 @@ def lamps_of(cut: TriangleLights | None, patches: EmitterPatches | None) -> kern
         density = (shares[0] / cut.solid_angle).astype(np.float32)
         radiance, raster = (cut.power / cut.solid_angle[:, None]).astype(np.float32), _raster(cut)
     normals = np.concatenate([part[3] for part in parts]).astype(np.float32)
-    return kernels.Lamps(
+    return kernels.SampledLights(
         corners, cumulative.astype(np.float32), power.astype(np.float32), normals, density, radiance, raster
     )
 

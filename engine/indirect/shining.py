@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from engine.indirect._cell_kernels import Lights
-from engine.indirect._second_kernels import Lamps
+from engine.indirect._second_kernels import SampledLights
 from engine.indirect.cells import patch_lights, sky_lights
 from engine.indirect.second_bounce import lamps_of
 from engine.light.emitters import EmitterPatches
@@ -29,7 +29,7 @@ class Shining:
     """lights: sky and emitters, each to be sampled by power; lamps: both together; in units of `unit` (radiance)."""
 
     lights: tuple[Lights, ...]
-    lamps: Lamps
+    lamps: SampledLights
     unit: float
 
 

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.indirect._cell_kernels import NO_CELL, Table
+from engine.indirect._cell_kernels import NO_CELL, CellTable
 from engine.indirect._ray_kernels import HALF, NORMAL
 from engine.indirect.beyond import SQUARED, held
 from engine.indirect.cells import Cells, TooManyCells
@@ -274,11 +274,11 @@ class Solver:
         parts.keep({"cell_seen": light.seen, "direct": direct, **arrays_of_table(cells.table())})
         return light
 
-    def _kept_fans(self, arrays: Arrays) -> tuple[Table, Gathered]:
+    def _kept_fans(self, arrays: Arrays) -> tuple[CellTable, Gathered]:
         reader = self._reader(arrays)
         return read_table(reader), read_gathered(reader)
 
-    def _kept_light(self, fineness: Fineness, arrays: Arrays) -> tuple[Table, CellLight]:
+    def _kept_light(self, fineness: Fineness, arrays: Arrays) -> tuple[CellTable, CellLight]:
         reader = self._reader(arrays)
         table = read_table(reader)
         return table, read_cell_light(reader, fineness.n_cell_rays, table.objects.copy())

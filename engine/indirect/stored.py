@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.indirect._cell_kernels import MOST_CELLS, N_PLACES, NO_CELL, Table
+from engine.indirect._cell_kernels import MOST_CELLS, N_PLACES, NO_CELL, CellTable
 from engine.indirect._second_kernels import N_BY_POLE, N_BY_POWER, NO_LIGHT, Records
 from engine.indirect.cells import N_SLOTS
 from engine.indirect.gather import Gathered
@@ -24,7 +24,7 @@ N_CANDIDATES = N_BY_POWER + N_BY_POLE
 _RECORDS, _CELLS, _SMOOTHING = "records.", "cells.", "smoothing."
 _OWN = ("rows", "seen", "clearance", "footprint", "footprint_weights", "cell_seen", "direct", "cell_size")
 NAMES = (
-    *_OWN, *(_RECORDS + name for name in Records._fields), *(_CELLS + name for name in Table._fields),
+    *_OWN, *(_RECORDS + name for name in Records._fields), *(_CELLS + name for name in CellTable._fields),
     *(_SMOOTHING + name for name in Smoothing._fields),
 )  # fmt: skip
 
@@ -46,12 +46,12 @@ def arrays_of_gathered(gathered: Gathered) -> Arrays:
     return {"rows": gathered.rows, "seen": gathered.seen, "clearance": gathered.clearance, **records}
 
 
-def arrays_of_table(table: Table) -> Arrays:
+def arrays_of_table(table: CellTable) -> Arrays:
     """What `read_table` reads."""
-    return {_CELLS + name: array for name, array in zip(Table._fields, table, strict=True)}
+    return {_CELLS + name: array for name, array in zip(CellTable._fields, table, strict=True)}
 
 
-def read_table(reader: ArrayReader) -> Table:
+def read_table(reader: ArrayReader) -> CellTable:
     """The cells as `Cells.table` gave them. The reader knows the sizes M and T of objects and triangles, and learns C.
 
     Raises UnsoundArrays, as all that follow.
@@ -72,7 +72,7 @@ def read_table(reader: ArrayReader) -> Table:
     triangle = reader.take(_CELLS + "triangle", np.int32, "C", N_PLACES, below=known["T"])
     u, v = (reader.take(_CELLS + name, np.float32, "C", N_PLACES) for name in "uv")
     side = reader.take(_CELLS + "side", np.uint8, "C", N_PLACES)
-    return Table(keys, cells, n_cells, objects, seeds, n_places, hashes, triangle, u, v, side)
+    return CellTable(keys, cells, n_cells, objects, seeds, n_places, hashes, triangle, u, v, side)
 
 
 def read_gathered(reader: ArrayReader) -> Gathered:

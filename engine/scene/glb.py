@@ -1,7 +1,7 @@
 """The GLB 2 container: header, JSON chunk, binary chunk; and typed access to the JSON of a file nobody vouches for.
 
-Every length is held against the bytes that are there before it is used. The JSON is decoded once; `Fields` then hands
-out its integers, numbers and lists only if they are what glTF 2.0 (Khronos) says, and names the place where not.
+Every length is held against the bytes that are there before it is used. The JSON is decoded once; `JsonObject` then
+hands out its integers, numbers and lists only if they are what glTF 2.0 (Khronos) says, and names the place where not.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _JSON, _BIN = 0x4E4F534A, 0x004E4942
 
 
 @dataclass(frozen=True)
-class Fields:
+class JsonObject:
     """A JSON object of a file and its place in it ("meshes 3: primitives 0")."""
 
     values: dict[str, Any]
@@ -64,14 +64,14 @@ class Fields:
             raise self.error(key, value, "a string")
         return value
 
-    def child(self, key: str) -> Fields:
+    def child(self, key: str) -> JsonObject:
         """The object under a key, empty if it is not there."""
         value = self.values.get(key, {})
         if not isinstance(value, dict):
             raise self.error(key, value, "an object")
-        return Fields(value, f"{self.place}: {key}" if self.place else key, self.file)
+        return JsonObject(value, f"{self.place}: {key}" if self.place else key, self.file)
 
-    def children(self, key: str) -> list[Fields]:
+    def children(self, key: str) -> list[JsonObject]:
         """The list of objects under a key, empty if it is not there."""
         value = self.values.get(key, [])
         if not isinstance(value, list) or len(value) > MAX_ITEMS:
@@ -80,15 +80,15 @@ class Fields:
         for i, item in enumerate(value):
             if not isinstance(item, dict):
                 raise LoadError(self.file, f"{place} {i}", item, "an object")
-        return [Fields(item, f"{place} {i}", self.file) for i, item in enumerate(value)]
+        return [JsonObject(item, f"{place} {i}", self.file) for i, item in enumerate(value)]
 
-    def item(self, key: str, index: int) -> Fields | None:
+    def item(self, key: str, index: int) -> JsonObject | None:
         """One object of a list, without a look at the others; None past its end."""
         value = self.values.get(key, [])
         if not isinstance(value, list) or not all(isinstance(item, dict) for item in value[index : index + 1]):
             raise self.error(f"{key} {index}", value, "an object")
         place = f"{self.place}: {key} {index}" if self.place else f"{key} {index}"
-        return Fields(value[index], place, self.file) if index < len(value) else None
+        return JsonObject(value[index], place, self.file) if index < len(value) else None
 
     def indices(self, key: str, count: int) -> list[int]:
         """A list of indices below count."""
@@ -109,7 +109,7 @@ def _is_number(value: object) -> bool:
         return False
 
 
-def parse_glb(data: bytes, file: Path) -> tuple[Fields, bytes]:
+def parse_glb(data: bytes, file: Path) -> tuple[JsonObject, bytes]:
     """The root object and the binary chunk (empty if there is none); raises LoadError."""
     if len(data) < 12:
         raise LoadError(file, "size", f"truncated at byte {len(data)}", "a header of 12 bytes")
@@ -143,7 +143,7 @@ def _chunk(data: bytes, start: int, file: Path) -> tuple[int, bytes, int]:
     return kind, data[start + 8 : end], end
 
 
-def _decode(text: bytes, file: Path) -> Fields:
+def _decode(text: bytes, file: Path) -> JsonObject:
     """The root object of a glTF 2 JSON text."""
     try:
         root = json.loads(text.decode("utf-8"))
@@ -153,7 +153,7 @@ def _decode(text: bytes, file: Path) -> Fields:
         raise LoadError(file, "JSON", str(error), "valid JSON") from None
     if not isinstance(root, dict):
         raise LoadError(file, "JSON root", type(root).__name__, "an object")
-    fields = Fields(root, "", file)
+    fields = JsonObject(root, "", file)
     if not (fields.child("asset").text("version") or "").startswith("2."):
         raise fields.error("asset: version", fields.child("asset").values.get("version", "nothing"), "2.0")
     return fields

@@ -19,9 +19,9 @@ from engine.errors import LoadError
 from engine.files import read_regular_file, resolve_inside
 from engine.material.maps import LayerMaps
 from engine.scene.description import LayerDescription
-from engine.scene.glb import Fields, parse_glb
+from engine.scene.glb import JsonObject, parse_glb
 from engine.scene.gltf_materials import PartMaterial, read_material
-from engine.scene.gltf_textures import Images
+from engine.scene.gltf_textures import GltfImages
 from engine.scene.mesh import MAX_MESH_BYTES, Mesh, join_meshes, place_copies, validate_mesh
 from engine.scene.transform import check_transform
 
@@ -59,10 +59,10 @@ class _File:
 
     path: Path
     binary: bytes
-    views: list[Fields]
-    accessors: list[Fields]
-    meshes: list[Fields]
-    nodes: list[Fields]
+    views: list[JsonObject]
+    accessors: list[JsonObject]
+    meshes: list[JsonObject]
+    nodes: list[JsonObject]
     n_materials: int
 
 
@@ -87,7 +87,7 @@ def read_glb(path: Path) -> GlbModel:
     by_material = copies.by_material()
     if not by_material:
         raise LoadError(path, "faces", 0, "at least one mesh of triangles in the scene")
-    images = Images(root, binary)
+    images = GltfImages(root, binary)
     described = root.children("materials")
     used = {k: PartMaterial() if k < 0 else read_material(described[k], images) for k in by_material}
     parts = [_part(by_material[k], material) for k, material in used.items()]
@@ -102,7 +102,7 @@ def _part(meshes: list[Mesh], material: PartMaterial) -> GlbPart:
     return GlbPart(mesh, layers, material.emission)
 
 
-def _check_extensions(root: Fields) -> None:
+def _check_extensions(root: JsonObject) -> None:
     """Refuses files that cannot be read without an extension that changes geometry, or the format of images."""
     required = root.values.get("extensionsRequired", [])
     if not isinstance(required, list):
@@ -113,7 +113,7 @@ def _check_extensions(root: Fields) -> None:
             raise root.error("extensionsRequired", name, expected)
 
 
-def _check_uris(root: Fields, binary: bytes) -> None:
+def _check_uris(root: JsonObject, binary: bytes) -> None:
     """The one buffer is the file's own binary chunk; pictures may be files, but none outside the file's folder."""
     for i, buffer in enumerate(root.children("buffers")):
         uri = buffer.text("uri")
@@ -134,7 +134,7 @@ def _check_uris(root: Fields, binary: bytes) -> None:
             resolve_inside(root.file.parent, unquote(uri), root.file, f"{image.place}: uri")
 
 
-def _placed_meshes(file: _File, root: Fields) -> dict[int, list[npt.NDArray[np.float64]]]:
+def _placed_meshes(file: _File, root: JsonObject) -> dict[int, list[npt.NDArray[np.float64]]]:
     """Of every mesh in the scene the matrices to the file's frame of the nodes that have it."""
     children = [node.indices("children", len(file.nodes)) for node in file.nodes]
     parents: dict[int, int] = {}
@@ -169,7 +169,7 @@ def _placed_meshes(file: _File, root: Fields) -> dict[int, list[npt.NDArray[np.f
     return placed
 
 
-def _roots(file: _File, root: Fields, parents: dict[int, int]) -> list[int]:
+def _roots(file: _File, root: JsonObject, parents: dict[int, int]) -> list[int]:
     """The nodes at the top of the scene that is to be shown."""
     scenes = root.children("scenes")
     if scenes:
@@ -184,7 +184,7 @@ def _roots(file: _File, root: Fields, parents: dict[int, int]) -> list[int]:
     return roots
 
 
-def _node_matrix(node: Fields) -> npt.NDArray[np.float64]:
+def _node_matrix(node: JsonObject) -> npt.NDArray[np.float64]:
     """A node's own transform: `matrix` (column-major) or translation · rotation · scale."""
     if node.has("matrix"):
         return np.reshape(node.numbers("matrix", 16, ()), (4, 4)).T
@@ -204,7 +204,7 @@ def _node_matrix(node: Fields) -> npt.NDArray[np.float64]:
     return matrix
 
 
-def _finite(matrix: npt.NDArray[np.float64], node: Fields) -> npt.NDArray[np.float64]:
+def _finite(matrix: npt.NDArray[np.float64], node: JsonObject) -> npt.NDArray[np.float64]:
     """The matrix if its entries are of a usable size and it is affine."""
     if not (np.abs(matrix) <= 1e9).all() or np.abs(matrix[3] - (0, 0, 0, 1)).max() > 1e-6:
         raise node.error("transform", matrix.reshape(-1).tolist(), "an affine matrix with entries up to 1e+09")
@@ -223,7 +223,7 @@ class _Copies:
         self._matrices: dict[tuple[int, str], list[npt.NDArray[np.float64]]] = {}
         self._most, self._n = MOST_COPIED + len(file.binary), 0
 
-    def take(self, primitive: Fields, matrices: list[npt.NDArray[np.float64]]) -> bool:
+    def take(self, primitive: JsonObject, matrices: list[npt.NDArray[np.float64]]) -> bool:
         """Read a primitive and note where copies of it stand; False for points and lines, which are left out."""
         mode = primitive.integer("mode", 0, 6, _TRIANGLES)
         if mode < _TRIANGLES:
@@ -248,7 +248,7 @@ class _Copies:
         return dict(sorted(found.items()))
 
 
-def _read_primitive(file: _File, primitive: Fields) -> Mesh:
+def _read_primitive(file: _File, primitive: JsonObject) -> Mesh:
     """One list of triangles."""
     attributes = primitive.child("attributes")
     if not attributes.has("POSITION"):
@@ -274,7 +274,7 @@ def _read_primitive(file: _File, primitive: Fields) -> Mesh:
 
 
 def _read_uvs(
-    file: _File, attributes: Fields, n_vertices: int, triangles: npt.NDArray[np.int32]
+    file: _File, attributes: JsonObject, n_vertices: int, triangles: npt.NDArray[np.int32]
 ) -> npt.NDArray[np.float32] | None:
     """Texture coordinates of the corners, (T, 3, 2), v turned upwards: in glTF it grows downwards."""
     if not attributes.has("TEXCOORD_0"):
@@ -289,7 +289,7 @@ def _read_uvs(
     return uvs[triangles]
 
 
-def _read_accessor(file: _File, owner: Fields, key: str, kind: str, components: tuple[int, ...]) -> npt.NDArray:
+def _read_accessor(file: _File, owner: JsonObject, key: str, kind: str, components: tuple[int, ...]) -> npt.NDArray:
     """The rows (count, width) of the accessor that `owner` names under `key`."""
     accessor = file.accessors[owner.integer(key, 0, len(file.accessors) - 1)]
     if accessor.text("type") != kind:
@@ -313,7 +313,7 @@ def _read_accessor(file: _File, owner: Fields, key: str, kind: str, components: 
     return np.ascontiguousarray(rows).view(layout)
 
 
-def _notes(root: Fields, materials: list[PartMaterial], skipped: int) -> list[str]:
+def _notes(root: JsonObject, materials: list[PartMaterial], skipped: int) -> list[str]:
     """What the file holds that is not shown."""
     lines = []
     if skipped:

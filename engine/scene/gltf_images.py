@@ -10,7 +10,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from engine.files import read_regular_file, resolve_inside
-from engine.scene.glb import MAX_ITEMS, Fields, parse_glb
+from engine.scene.glb import MAX_ITEMS, JsonObject, parse_glb
 from engine.scene.mesh import MAX_MESH_BYTES
 
 MAX_IMAGE_BYTES = 256 * 2**20
@@ -22,7 +22,7 @@ def image_reader(path: Path) -> Callable[[int], bytes]:
     return partial(image_bytes, *parse_glb(read_regular_file(path, MAX_MESH_BYTES), path))
 
 
-def image_bytes(root: Fields, binary: bytes, index: int) -> bytes:
+def image_bytes(root: JsonObject, binary: bytes, index: int) -> bytes:
     """The same of a file that has been read: its root and its binary chunk."""
     image = root.item("images", index)
     if image is None:
@@ -37,7 +37,7 @@ def image_bytes(root: Fields, binary: bytes, index: int) -> bytes:
     return read_regular_file(place, MAX_IMAGE_BYTES)
 
 
-def _from_chunk(root: Fields, image: Fields, binary: bytes) -> bytes:
+def _from_chunk(root: JsonObject, image: JsonObject, binary: bytes) -> bytes:
     """The bytes of a buffer view."""
     index = image.integer("bufferView", 0, MAX_ITEMS)
     view = root.item("bufferViews", index)
@@ -48,7 +48,7 @@ def _from_chunk(root: Fields, image: Fields, binary: bytes) -> bytes:
     return binary[start : start + view.integer("byteLength", 1, len(binary) - start)]
 
 
-def _from_data(image: Fields, uri: str) -> bytes:
+def _from_data(image: JsonObject, uri: str) -> bytes:
     """The bytes of a `data:` URI in base64."""
     kind, comma, text = uri.partition(",")
     try:

@@ -22,8 +22,8 @@ from dataclasses import dataclass
 
 from engine.material.maps import LayerMaps
 from engine.scene.description import LayerDescription
-from engine.scene.glb import Fields
-from engine.scene.gltf_textures import Images, TextureUse
+from engine.scene.glb import JsonObject
+from engine.scene.gltf_textures import GltfImages, TextureUse
 
 _DIELECTRIC = 0.04
 _SMOOTHEST = 0.01
@@ -44,7 +44,7 @@ class PartMaterial:
     notes: tuple[str, ...] = ()
 
 
-def read_material(fields: Fields, images: Images) -> PartMaterial:
+def read_material(fields: JsonObject, images: GltfImages) -> PartMaterial:
     """A material as layers; raises LoadError for values outside their range."""
     notes: list[str] = []
     pbr = fields.child("pbrMetallicRoughness")
@@ -111,7 +111,7 @@ def _maps(texture: TextureUse | None) -> LayerMaps:
     return LayerMaps() if texture is None else LayerMaps(f"#{texture.image}", "srgb", texture.scale)
 
 
-def _facing_reflectance(extensions: Fields) -> RGB:
+def _facing_reflectance(extensions: JsonObject) -> RGB:
     """F0 of what is no metal: ((n − 1)/(n + 1))² times the colour and the strength of its reflection."""
     ior, specular = extensions.child("KHR_materials_ior"), extensions.child("KHR_materials_specular")
     index = ior.number("ior", 1.5)
@@ -138,7 +138,7 @@ def _rgb(values: tuple[float, ...]) -> RGB:
     return values[0], values[1], values[2]
 
 
-def _unit(value: float, fields: Fields, key: str) -> float:
+def _unit(value: float, fields: JsonObject, key: str) -> float:
     """The value if it is in [0, 1]."""
     if not 0.0 <= value <= 1.0:
         raise fields.error(key, value, "numbers from 0 to 1")

@@ -14,7 +14,7 @@ import numpy as np
 
 from engine.errors import LoadError
 from engine.material.maps import MAX_REPEATS
-from engine.scene.glb import Fields
+from engine.scene.glb import JsonObject
 from engine.scene.gltf_images import image_bytes
 from engine.texture.images import image_size, read_texture
 
@@ -32,10 +32,10 @@ class TextureUse:
     scale: tuple[float, float]
 
 
-class Images:
+class GltfImages:
     """The images of one file."""
 
-    def __init__(self, root: Fields, binary: bytes) -> None:
+    def __init__(self, root: JsonObject, binary: bytes) -> None:
         self._root, self._binary = root, binary
         self._textures, self._images = root.children("textures"), root.children("images")
         self._means: dict[int, tuple[float, float, float]] = {}
@@ -43,14 +43,14 @@ class Images:
         self._usable: dict[int, tuple[int | None, str]] = {}
         self._pixels_left = MOST_PIXELS + PIXELS_A_BYTE * len(binary)
 
-    def use(self, info: Fields, notes: list[str]) -> TextureUse | None:
+    def use(self, info: JsonObject, notes: list[str]) -> TextureUse | None:
         """What a material's texture says, None where it cannot be shown; notes tell why."""
         image = self._image(info, notes)
         if image is None:
             return None
         return TextureUse(image, _repeats(info.child("extensions").child("KHR_texture_transform"), notes))
 
-    def mean(self, info: Fields, notes: list[str]) -> tuple[float, float, float]:
+    def mean(self, info: JsonObject, notes: list[str]) -> tuple[float, float, float]:
         """Of an image of numbers, not of colours; 1 where it cannot be had."""
         image = self._image(info, notes)
         if image is None:
@@ -63,7 +63,7 @@ class Images:
         notes.append("of a metallic-roughness texture the means are shown")
         return self._means[image]
 
-    def _image(self, info: Fields, notes: list[str]) -> int | None:
+    def _image(self, info: JsonObject, notes: list[str]) -> int | None:
         """The number of an image that can be read."""
         texture = self._textures[info.integer("index", 0, len(self._textures) - 1)]
         transform = info.child("extensions").child("KHR_texture_transform")
@@ -100,7 +100,7 @@ class Images:
         return image, ""
 
 
-def _repeats(transform: Fields, notes: list[str]) -> tuple[float, float]:
+def _repeats(transform: JsonObject, notes: list[str]) -> tuple[float, float]:
     """The repeats of a transform. In glTF v grows downwards: scaled by s and moved by o, what is 1 − v here becomes
     s (1 − v) + o, the same as s v but for a shift by 1 − s − o."""
     across, down = transform.numbers("scale", 2, (1.0, 1.0))

@@ -26,7 +26,7 @@ _ROOM = 4096
 SHARPER = np.float32(0.2)
 
 
-class Sky(NamedTuple):
+class SkyLights(NamedTuple):
     """M triangle lights over N corner directions: directions (3, N), corners (M, 3), sizes (M,) longest edge, radians,
     centres (3, M), colours (M, 3) radiance times solid angle; first, n_bits, fine (M,): see `list_visible`; rows (M,)
     in the tree (N, 6) that they were cut from: colour and centre of each triangle, 4 r + 20 to 4 r + 23 in row r."""

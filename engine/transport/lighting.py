@@ -18,7 +18,7 @@ from engine.light.emitters import EmitterPatches, EmitterTree
 from engine.light.environment import LUMINANCE
 from engine.light.lights import TriangleLights
 from engine.transport._emitter_kernels import Emitters, Leaves
-from engine.transport._projection_kernels import Sky
+from engine.transport._projection_kernels import SkyLights
 from engine.visibility.targets import VISIBILITY_LEVEL, Targets
 
 FLOOD_NEIGHBOURS = 6
@@ -38,7 +38,7 @@ class Lighting:
     tolerance: how many bands γ may bend over a light before the light is split.
     """
 
-    sky: Sky
+    sky: SkyLights
     emitters: Emitters
     unit: float
     tolerance: float
@@ -70,7 +70,7 @@ def mean_radiance(sky: TriangleLights | None, patches: EmitterPatches | None, sc
     return total if total > 0.0 else 1.0
 
 
-def _sky(sky: TriangleLights | None, unit: float, own_rays: bool) -> tuple[Sky, Targets]:
+def _sky(sky: TriangleLights | None, unit: float, own_rays: bool) -> tuple[SkyLights, Targets]:
     if sky is None:
         sky_power, sky_centre = np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32)
         corners, vertices = np.zeros((0, 3), np.int32), np.zeros((0, 3), np.float32)
@@ -87,7 +87,7 @@ def _sky(sky: TriangleLights | None, unit: float, own_rays: bool) -> tuple[Sky, 
     first = (index << (2 * coarse)) >> (2 * finer)
     is_fine = (light_level > VISIBILITY_LEVEL) | own_rays
     fine = np.where(is_fine, np.cumsum(is_fine) - 1, -1)
-    lights = Sky(
+    lights = SkyLights(
         np.ascontiguousarray(vertices.T, np.float32),
         np.ascontiguousarray(corners, np.int32),
         longest_edges(vertices[corners]),

@@ -7,7 +7,7 @@ import pytest
 
 from app.commands import SetModel
 from app.editor import Editor
-from app.library import Entry, Library
+from app.library import Library, LibraryEntry
 from app.material_commands import SetMaterial
 from app.placement.wishes import same_coefficients
 from engine.material import MODELS
@@ -26,7 +26,7 @@ def all_pairs(names: list[str]) -> Iterator[str]:
 
 
 @pytest.fixture(scope="module")
-def shipped() -> dict[str, Entry]:
+def shipped() -> dict[str, LibraryEntry]:
     library = Library()
     library.read_all()
     return {entry.name: entry for entry in library.entries if not entry.is_own}
@@ -37,7 +37,7 @@ def test_the_walk_takes_every_pair() -> None:
     assert len({(a, b) for a, b in pairwise(all_pairs(names)) if a != b}) == 5 * 4
 
 
-def test_any_material_of_the_library_follows_any_other(shipped: dict[str, Entry]) -> None:
+def test_any_material_of_the_library_follows_any_other(shipped: dict[str, LibraryEntry]) -> None:
     names = sorted(shipped)
     assert len(names) == 32
     editor = Editor(ServingClient(3), "shelf")

@@ -16,7 +16,7 @@ from app.document import Document, LightState
 from app.export.mitsuba import export_scene
 from app.material_file import Material, save_material
 from app.measure.plots import write_plots
-from app.measure.sweep import Row, write_csv
+from app.measure.sweep import SweepRow, write_csv
 from app.project import open_project
 from app.session import save_session
 from app.stills import check_output, write_picture
@@ -28,7 +28,9 @@ from tests.ui.small_scene import write_small_scene
 
 NOISE = np.random.default_rng(5).uniform(0.0, 2.0, (37, 53, 3)).astype(np.float32)
 LAYERS = tuple(make_layer(MODELS["rough_conductor"], {"alpha": 0.2}, f"coat {i}") for i in range(8))
-ROWS = [Row("precompute", lights, 16, 0, "half", "coherent", 1.0 / lights, 0.1, 10**6, 2.0) for lights in (400, 4000)]
+ROWS = [
+    SweepRow("precompute", lights, 16, 0, "half", "coherent", 1.0 / lights, 0.1, 10**6, 2.0) for lights in (400, 4000)
+]
 WRITERS: dict[str, Callable[[Path], Any]] = {
     "picture.exr": lambda path: write_picture(path, NOISE),
     "picture.png": lambda path: write_picture(path, NOISE),

@@ -4,12 +4,12 @@ import numpy as np
 
 from engine.indirect import _ray_kernels as rays
 from engine.indirect._cell_kernels import NO_CELL
-from engine.indirect._reflection_kernels import Fans
+from engine.indirect._reflection_kernels import FanArrays
 from engine.indirect.curves import LayerCurves
 from engine.material._kernels import gamma, quotient_cosine
 
 
-def reflected(fans: Fans, i: int, layer: LayerCurves, radiosity: np.ndarray) -> np.ndarray:
+def reflected(fans: FanArrays, i: int, layer: LayerCurves, radiosity: np.ndarray) -> np.ndarray:
     """Radiance (D, 3) of point i under radiosity (C, D, 3), without f_q and f_o: Σ ρ_q f_A f_B cos θ L / density."""
     row, q = fans.rows[i], np.asarray(layer.quotient_parameters, float)
     eye = rays.local_eye(fans.tangent[row], fans.normal[row], fans.wo[row])

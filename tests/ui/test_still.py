@@ -22,7 +22,7 @@ from tests.ui.stand_in import HEIGHT, WIDTH
 from ui.headless import HeadlessWindow
 from ui.panels.actions import SavePicture
 from ui.picture_feed import PictureFeed
-from ui.still import Still, StillSaver
+from ui.still import ShownStill, StillSaver
 
 real = real_window_fixture()
 
@@ -65,7 +65,7 @@ def test_sixteen_bits_are_kept_and_others_read_them() -> None:
 def test_silhouettes_are_smooth_in_linear_light_too() -> None:
     radiance = np.array([[[1.0, 1.0, 1.0], [9.0, 5.0, 1.0], [np.nan, np.inf, 2.0]]], np.float32)
     edges = np.array([0]), np.array([1]), np.array([0.25])
-    still = Still(np.zeros((1, 3, 3), np.float32), radiance, edges)
+    still = ShownStill(np.zeros((1, 3, 3), np.float32), radiance, edges)
     # A quarter of the first pixel shows what the second sees; what is no number is black.
     np.testing.assert_allclose(still._smooth_radiance()[0], [[3.0, 2.0, 1.0], [9.0, 5.0, 1.0], [0.0, 0.0, 2.0]])
 
@@ -117,13 +117,13 @@ def test_exr_is_linear_light_whatever_the_view(window: HeadlessWindow, tmp_path:
 def test_frames_go_on_while_a_picture_is_written(
     window: HeadlessWindow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    held, encoded = threading.Event(), Still.encoded
+    held, encoded = threading.Event(), ShownStill.encoded
 
-    def slow(still: Still, ending: str, deep: bool) -> bytes:
+    def slow(still: ShownStill, ending: str, deep: bool) -> bytes:
         assert held.wait(60.0)
         return encoded(still, ending, deep)
 
-    monkeypatch.setattr(Still, "encoded", slow)
+    monkeypatch.setattr(ShownStill, "encoded", slow)
     window.shell.request(SavePicture(tmp_path / "a.png"))
     window.frames(5)
     # An edit after it was asked for is not in it, and nothing is there by half.
@@ -150,7 +150,7 @@ def test_what_cannot_be_written_is_said(window: HeadlessWindow, tmp_path: Path) 
 
 
 def test_closing_waits_for_what_is_being_written(tmp_path: Path) -> None:
-    still = Still(
+    still = ShownStill(
         np.full((600, 600, 3), 0.5, np.float32), np.zeros((600, 600, 3), np.float32), (np.array([], int),) * 3
     )
     saver = StillSaver()

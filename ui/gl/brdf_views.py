@@ -26,7 +26,7 @@ NEAREST = 1e-4
 
 
 @dataclass(frozen=True)
-class Lobe:
+class BrdfSlice:
     """BRDF values (N, 3), 1/sr, at angles (N,) of the eye from the normal, radians, those on the light's side negative.
 
     `theta_i` is the light's; both lie in the plane that is `azimuth` from the tangent.
@@ -52,7 +52,7 @@ class Albedo:
         return np.asarray(self.values.max(axis=0))
 
 
-def lobe(stack: BrdfStack, theta_i: float, azimuth: float = 0.0) -> Lobe:
+def lobe(stack: BrdfStack, theta_i: float, azimuth: float = 0.0) -> BrdfSlice:
     """The lobe about light from `theta_i`, with more angles where its highlight may be narrow."""
     near = np.geomspace(NEAREST, 0.5, NEAR_ANGLES)
     angles = np.concatenate([np.linspace(-1.0, 1.0, EVEN_ANGLES) * (0.5 * math.pi - 1e-3), theta_i + near,
@@ -60,7 +60,7 @@ def lobe(stack: BrdfStack, theta_i: float, azimuth: float = 0.0) -> Lobe:
     angles = np.unique(angles[np.abs(angles) < 0.5 * math.pi])
     wo = _in_plane(angles, azimuth)
     wi = np.broadcast_to(_in_plane(np.array([-theta_i]), azimuth), wo.shape)
-    return Lobe(theta_i, azimuth, angles, stack.evaluate(wi, wo))
+    return BrdfSlice(theta_i, azimuth, angles, stack.evaluate(wi, wo))
 
 
 def _in_plane(angles: Array, azimuth: float) -> Array:

@@ -14,7 +14,7 @@ import moderngl
 import numpy as np
 from PIL import Image
 
-from app.library import Entry, Library
+from app.library import Library, LibraryEntry
 from app.linked_layers import Layers
 from ui.gl.brdf_stack import BrdfStack
 from ui.gl.context import GraphicsError, create_headless_context
@@ -43,10 +43,10 @@ class Thumbnails:
         self._passes, self._memory = Passes(context), TextureMemory(context)
         self._stack, self._complete = BrdfStack(self._passes, self._memory, tables), complete
         self._sphere: LitSphere | None = None
-        self._done: dict[Path, tuple[Entry, moderngl.Texture | None]] = {}
-        self._wanted: dict[Path, Entry] = {}
+        self._done: dict[Path, tuple[LibraryEntry, moderngl.Texture | None]] = {}
+        self._wanted: dict[Path, LibraryEntry] = {}
 
-    def texture(self, entry: Entry) -> moderngl.Texture | None:
+    def texture(self, entry: LibraryEntry) -> moderngl.Texture | None:
         """The picture, RGBA8 with row 0 at the top; None while there is none, or where it cannot be drawn."""
         known, texture = self._done.get(entry.path, (None, None))
         if known is None or known.material is not entry.material:
@@ -94,7 +94,7 @@ class Thumbnails:
         pixels = np.asarray(Image.open(file).convert("RGBA"))
         return self._memory.texture((pixels.shape[1], pixels.shape[0]), 4, "f1", pixels)
 
-    def _layers(self, entry: Entry) -> Layers | None:
+    def _layers(self, entry: LibraryEntry) -> Layers | None:
         return self._complete(tuple(layer for layer in entry.material.layers if layer.visible))
 
     def _drawn(self, layers: Layers) -> moderngl.Texture | None:
@@ -110,7 +110,7 @@ class Thumbnails:
         return self._memory.texture((SIDE, SIDE), 4, "f1", pixels)
 
 
-def entry_picture(entry: Entry) -> Path | None:
+def entry_picture(entry: LibraryEntry) -> Path | None:
     """The file with the picture of a material that comes with the program."""
     file = entry.path.with_suffix(".png")
     return None if entry.is_own or not file.is_file() else file

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Literal
 
-from ui.gl.brdf_views import Albedo, Lobe
+from ui.gl.brdf_views import Albedo, BrdfSlice
 from ui.panels.picture import Picture
 from ui.surface_lobe import SurfaceLobe
 
@@ -33,7 +33,7 @@ class BrdfBoard:
         self.sphere: Picture | None = None
         self.slice: Picture | None = None
         self.slice_value: Callable[[float, float], tuple[float, float, float]] = _nothing
-        self.lobe: Lobe | None = None
+        self.lobe: BrdfSlice | None = None
         self.albedo: Albedo | None = None
         self.surface: SurfaceLobe | None = None
         self.problem = ""

@@ -13,7 +13,7 @@ from imgui_bundle import ImVec2, imgui
 
 from app.view_state import SetView
 from ui import theme as look
-from ui.gl.brdf_views import Lobe
+from ui.gl.brdf_views import BrdfSlice
 from ui.panels import widgets
 from ui.panels.actions import Action
 from ui.panels.context import PanelContext
@@ -77,7 +77,9 @@ def radii(values: np.ndarray, top: float, logarithmic: bool) -> np.ndarray:
     return np.asarray(np.maximum(1.0 + np.log10(np.maximum(share, 1e-12)) / LOG_DECADES, 0.0))
 
 
-def _lobe_lines(context: PanelContext, draw: imgui.ImDrawList, found: Lobe, centre: ImVec2, radius: float) -> float:
+def _lobe_lines(
+    context: PanelContext, draw: imgui.ImDrawList, found: BrdfSlice, centre: ImVec2, radius: float
+) -> float:
     """The lobe of each channel, and what the mouse points at; the value at the outermost ring."""
     top = nice_ceiling(max(float(found.values.max()), 1e-6))
     shown = distinct_channels(found.values)

@@ -13,7 +13,7 @@ from imgui_bundle import imgui
 
 from app.document import Document, Selection
 from app.journal import Recovery
-from app.library import Entry
+from app.library import LibraryEntry
 from app.mode import Mode
 from app.recent import Recent
 from app.selecting import seen_layer
@@ -83,7 +83,7 @@ class Fields:
         return self.held is not None and self.held.item == item
 
 
-def no_thumbnail(entry: Entry) -> Picture | None:
+def no_thumbnail(entry: LibraryEntry) -> Picture | None:
     """Before there is anything that draws them."""
     return None
 
@@ -134,8 +134,8 @@ class PanelContext:
     spot_at: Callable[[int, int], Spot | None] = no_spot
     heading: float = 0.0
     environments: tuple[str, ...] = ()
-    library: tuple[Entry, ...] = ()
-    thumbnail: Callable[[Entry], Picture | None] = no_thumbnail
+    library: tuple[LibraryEntry, ...] = ()
+    thumbnail: Callable[[LibraryEntry], Picture | None] = no_thumbnail
     scenes: tuple[str, ...] = ()
     name: str = ""
     own_resolution: tuple[int, int] = (0, 0)

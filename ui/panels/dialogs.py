@@ -67,17 +67,19 @@ WIDTH, HEIGHT = 560.0, 420.0
 
 
 @dataclass(frozen=True)
-class Entry:
+class DirectoryEntry:
     """A line of the browser."""
 
     path: Path
     is_folder: bool
 
 
-def entries(folder: Path, endings: tuple[str, ...]) -> list[Entry]:
+def entries(folder: Path, endings: tuple[str, ...]) -> list[DirectoryEntry]:
     """Folders, then files with one of the endings, by name; hidden ones left out. Empty where not readable."""
     try:
-        found = [Entry(p, p.is_dir()) for p in sorted(folder.iterdir())[:MOST_ENTRIES] if not p.name.startswith(".")]
+        found = [
+            DirectoryEntry(p, p.is_dir()) for p in sorted(folder.iterdir())[:MOST_ENTRIES] if not p.name.startswith(".")
+        ]
     except OSError:
         return []
     shown = [e for e in found if e.is_folder or e.path.suffix.lower() in endings]
@@ -161,7 +163,7 @@ def _folder_line(context: PanelContext, question: FileQuestion) -> list[Action]:
     return actions
 
 
-def _entry(context: PanelContext, question: FileQuestion, entry: Entry) -> list[Action]:
+def _entry(context: PanelContext, question: FileQuestion, entry: DirectoryEntry) -> list[Action]:
     text = f"  {entry.path.name}/" if entry.is_folder else f"  {entry.path.name}"
     pressed, _ = imgui.selectable(text, entry.path.name == question.name, imgui.SelectableFlags_.allow_double_click)
     if not pressed:

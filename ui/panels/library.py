@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from imgui_bundle import ImVec2, ImVec4, imgui
 
-from app.library import Entry, categories
+from app.library import LibraryEntry, categories
 from app.material_commands import SetMaterial
 from engine.material.layer import Layer
 from ui import theme as look
@@ -32,7 +32,7 @@ def draw(context: PanelContext) -> list[Action]:
     return actions
 
 
-def dropped_material(context: PanelContext, deliver: bool = True) -> Entry | None:
+def dropped_material(context: PanelContext, deliver: bool = True) -> LibraryEntry | None:
     """Within a drag-and-drop target: the material that is let go here, or with `deliver` False held above."""
     flags = imgui.DragDropFlags_.accept_no_draw_default_rect
     if not deliver:
@@ -43,7 +43,7 @@ def dropped_material(context: PanelContext, deliver: bool = True) -> Entry | Non
     return context.library[payload.data_id]
 
 
-def apply(entry: Entry, object_name: str) -> SetMaterial:
+def apply(entry: LibraryEntry, object_name: str) -> SetMaterial:
     """The edit that gives an object this material."""
     return SetMaterial(object_name, entry.material.layers, entry.name)
 
@@ -90,7 +90,7 @@ def _keep_popup(context: PanelContext) -> list[Action]:
     return actions
 
 
-def _category(context: PanelContext, title: str, entries: list[Entry]) -> list[Action]:
+def _category(context: PanelContext, title: str, entries: list[LibraryEntry]) -> list[Action]:
     imgui.push_style_color(imgui.Col_.header, ImVec4(0, 0, 0, 0))
     is_open = imgui.collapsing_header(title, imgui.TreeNodeFlags_.default_open)
     imgui.pop_style_color()
@@ -110,7 +110,7 @@ def _category(context: PanelContext, title: str, entries: list[Entry]) -> list[A
     return actions
 
 
-def _cell(context: PanelContext, entry: Entry, side: float) -> list[Action]:
+def _cell(context: PanelContext, entry: LibraryEntry, side: float) -> list[Action]:
     """A thumbnail over its name: to drag, to double-click, and for the right button."""
     imgui.push_id(str(entry.path))
     imgui.begin_group()
@@ -140,7 +140,7 @@ def _cell(context: PanelContext, entry: Entry, side: float) -> list[Action]:
     return actions
 
 
-def _hint(context: PanelContext, entry: Entry) -> str:
+def _hint(context: PanelContext, entry: LibraryEntry) -> str:
     if entry.problem:
         return entry.problem
     layers = ", ".join(_described(layer) for layer in entry.material.layers)
@@ -149,7 +149,7 @@ def _hint(context: PanelContext, entry: Entry) -> str:
     return f"{entry.name}: {layers}. Drag it onto an object in the picture or in the list.{onto}"
 
 
-def _menu(context: PanelContext, entry: Entry) -> list[Action]:
+def _menu(context: PanelContext, entry: LibraryEntry) -> list[Action]:
     actions: list[Action] = []
     if not imgui.begin_popup_context_item("menu"):
         return actions
@@ -164,7 +164,7 @@ def _menu(context: PanelContext, entry: Entry) -> list[Action]:
     return actions
 
 
-def _thumbnail(context: PanelContext, entry: Entry, corner: ImVec2, side: float, hovered: bool = False) -> None:
+def _thumbnail(context: PanelContext, entry: LibraryEntry, corner: ImVec2, side: float, hovered: bool = False) -> None:
     draw_list, rounding = imgui.get_window_draw_list(), context.px(5)
     end = ImVec2(corner.x + side, corner.y + side)
     draw_list.add_rect_filled(corner, end, look.pack(look.WELL), rounding)
@@ -180,7 +180,7 @@ def _thumbnail(context: PanelContext, entry: Entry, corner: ImVec2, side: float,
         draw_list.add_rect(corner, end, look.pack(look.ACCENT), rounding, context.px(1.5))
 
 
-def _name(context: PanelContext, entry: Entry, place: ImVec2, width: float) -> None:
+def _name(context: PanelContext, entry: LibraryEntry, place: ImVec2, width: float) -> None:
     imgui.push_font(None, look.SMALL_SIZE)
     draw_list = imgui.get_window_draw_list()
     draw_list.push_clip_rect(place, ImVec2(place.x + width, place.y + context.px(18)), True)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.measure.growth import Row, cut, growth_figure, memory_of, write_rows
+from app.measure.growth import GrowthRow, cut, growth_figure, memory_of, write_rows
 from app.measure.subject import open_subject
 from engine.scene.load import Scene
 
@@ -40,7 +40,7 @@ def test_memory_is_counted_and_hardly_grows(room: Scene) -> None:
 
 
 def test_growth_is_told_against_linear_growth(tmp_path: Path) -> None:
-    rows = [Row(2, 10.0, 2.0), Row(4, 20.0, 4.0), Row(8, 80.0, 16.0), Row(12, 12.0, 0.0)]
+    rows = [GrowthRow(2, 10.0, 2.0), GrowthRow(4, 20.0, 4.0), GrowthRow(8, 80.0, 16.0), GrowthRow(12, 12.0, 0.0)]
     figure = growth_figure(rows, 24)
     # 24 MB for twice 2 objects that take 12 MB is linear, 96 for four times as many twice as much.
     np.testing.assert_allclose(figure.samples, [1.0, 2.0, 1.0 / 6.0])

@@ -13,10 +13,10 @@ from PIL import Image
 import app.measure.indirect as indirect
 from app.measure.accuracy import masked_reference
 from app.measure.figures import Figure, NotMeasured
-from app.measure.growth import Row
+from app.measure.growth import GrowthRow
 from app.measure.indirect import IndirectEffort, indirect_figures
 from app.measure.peer import FIGURE as PEER
-from app.measure.representations import Row as Compared
+from app.measure.representations import RepresentationRow as Compared
 from app.project import open_project
 from engine.transport.pipeline import Placement
 from tests.pictures import write_exr
@@ -49,7 +49,9 @@ def found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Figure]:
         return FOUND, file
 
     monkeypatch.setattr(indirect, "measure_indirect", answer)
-    monkeypatch.setattr(indirect, "memory_rows", lambda *arguments: iter([Row(2, 10.0, 0.0), Row(4, 15.0, 0.0)]))
+    monkeypatch.setattr(
+        indirect, "memory_rows", lambda *arguments: iter([GrowthRow(2, 10.0, 0.0), GrowthRow(4, 15.0, 0.0)])
+    )
     rows = [Compared("dense", 2, 4, 100, 10.0, 0.25, 0.5, 1e-7)]
     monkeypatch.setattr(indirect, "representation_rows", lambda *arguments: iter(rows))
     figures = indirect_figures(IndirectEffort(), 1, False, tmp_path, tmp_path, 10.0, lambda line: None)

@@ -12,7 +12,7 @@ import pytest
 from app.measure.accuracy import reflected
 from app.measure.speed import precompute
 from app.measure.subject import layer_bands, open_subject
-from app.measure.sweep import Grid, Row, pareto_front, precision_picture, run_sweep, terms_by_effect, write_csv
+from app.measure.sweep import Grid, SweepRow, pareto_front, precision_picture, run_sweep, terms_by_effect, write_csv
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.transport.pipeline import PREVIEW
@@ -95,7 +95,7 @@ def test_float_planes_give_the_picture_of_the_store_and_half_planes_nearly(tiny_
 
 
 def test_unknown_seconds_are_empty_cells(tmp_path: Path) -> None:
-    row = Row("edit", 400, 64, 8, "half", "coherent", 0.25, None, 12, 1.5)
+    row = SweepRow("edit", 400, 64, 8, "half", "coherent", 0.25, None, 12, 1.5)
     write_csv(tmp_path / "rows.csv", [row])
     assert (tmp_path / "rows.csv").read_text() == (
         "study,lights,bands,wavelets,precision,visibility,error,seconds,rays,mib,pareto\n"

@@ -31,7 +31,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class RefineStep:
     """What to do next: add `deltas` (K,3) of the terms `indices` (K,), or sum all terms of `indices` from zero."""
 
     kind: Literal["nothing", "increment", "rebuild", "tidy"]
@@ -58,14 +58,14 @@ class CoefficientState:
         self.shown = None if shown is None else np.array(shown, dtype=np.float64)
         self._drift_squared = 0.0
 
-    def next_step(self, limit: int | None = None) -> Step:
+    def next_step(self, limit: int | None = None) -> RefineStep:
         """The most effective `limit` terms (None: all that differ), or a rebuild where that is due."""
         if self.shown is None:
             return self._rebuild("rebuild") if self.may_rebuild else _NOTHING
         pending = self.pending()
         if pending.size == 0:
             return self._rebuild("tidy") if self.may_rebuild and self.drift() > TIDY_ABOVE else _NOTHING
-        step = Step("increment", pending[:limit], (self.wanted - self.shown)[pending[:limit]])
+        step = RefineStep("increment", pending[:limit], (self.wanted - self.shown)[pending[:limit]])
         return self._rebuild("rebuild") if self.may_rebuild and self._rebuild_is_due(step, limit) else step
 
     def pending(self) -> NDArray[np.intp]:
@@ -96,11 +96,11 @@ class CoefficientState:
         self.shown = np.array(coefficients, dtype=np.float64)
         self._drift_squared = 0.0
 
-    def _rebuild(self, kind: Literal["rebuild", "tidy"]) -> Step:
+    def _rebuild(self, kind: Literal["rebuild", "tidy"]) -> RefineStep:
         indices = np.flatnonzero(np.any(self.wanted != 0.0, axis=1))
-        return Step(kind, indices, self.wanted[indices])
+        return RefineStep(kind, indices, self.wanted[indices])
 
-    def _rebuild_is_due(self, step: Step, limit: int | None) -> bool:
+    def _rebuild_is_due(self, step: RefineStep, limit: int | None) -> bool:
         n_terms = int(np.count_nonzero(np.any(self.wanted != 0.0, axis=1)))
         if step.indices.size >= n_terms and (limit is None or limit >= n_terms):
             return True
@@ -131,4 +131,4 @@ def _relative(error: float, size: float) -> float:
     return error / size if size > error * 1e-6 else 1e6
 
 
-_NOTHING = Step("nothing", np.zeros(0, dtype=np.intp), np.zeros((0, 3)))
+_NOTHING = RefineStep("nothing", np.zeros(0, dtype=np.intp), np.zeros((0, 3)))

@@ -29,7 +29,7 @@ class Indirect:
 
 
 @dataclass(eq=False)
-class Layer:
+class DrawnLayer:
     """One layer as it is drawn; `mean` (3,) is its mean radiance before f_q and f_o, of direct light. map_numbers: the
     texture's strength, and whether the weight is inverted."""
 
@@ -67,13 +67,13 @@ class LayerStack:
         self.indirect_footprint: FootprintTextures | None = None
         self.dirty: set[int] = set()
         self._memory, self._compositor = memory, compositor
-        self._layers: dict[str, Layer] = {}
+        self._layers: dict[str, DrawnLayer] = {}
         self._footprints: list[tuple[NDArray[np.integer], FootprintTextures]] = []
 
     def __contains__(self, key: str) -> bool:
         return key in self._layers
 
-    def __getitem__(self, key: str) -> Layer:
+    def __getitem__(self, key: str) -> DrawnLayer:
         if key not in self._layers:
             raise GraphicsError(f"no layer {key}, there are {', '.join(self._layers) or 'none'}")
         return self._layers[key]
@@ -82,7 +82,7 @@ class LayerStack:
     def keys(self) -> tuple[str, ...]:
         return tuple(self._layers)
 
-    def of_object(self, i_object: int) -> list[Layer]:
+    def of_object(self, i_object: int) -> list[DrawnLayer]:
         """The object's layers as they are shaded one by one, each with its indirect light as another."""
         found = [layer for layer in self._layers.values() if layer.i_object == i_object]
         parts = [(layer, layer.indirect) for layer in found if layer.indirect is not None]
@@ -94,7 +94,7 @@ class LayerStack:
         if not 0 <= i_object < n_objects:
             raise GraphicsError(f"layer {key}: object {i_object}, expected 0 to {n_objects - 1}")
         self.check_sample_count(key, i_object, n_samples)
-        layer = Layer(i_object, Accumulator(self._memory, n_samples), self.footprint)
+        layer = DrawnLayer(i_object, Accumulator(self._memory, n_samples), self.footprint)
         old = self._layers.get(key)
         if old is not None:
             layer.gain, layer.view_curve, layer.visible = old.gain, old.view_curve, old.visible
@@ -211,7 +211,7 @@ class LayerStack:
                 self._layers[key] = layer
                 self.dirty.add(layer.i_object)
 
-    def _put_on(self, key: str, look: Look, own: Layer) -> None:
+    def _put_on(self, key: str, look: Look, own: DrawnLayer) -> None:
         worn = self._layers[key]
         worn.gain, worn.visible = look.gain, look.visible
         samples, strength, inverts = look.maps
@@ -285,7 +285,7 @@ class LayerStack:
         self.release_unused_footprints()
 
 
-def _release(layer: Layer) -> None:
+def _release(layer: DrawnLayer) -> None:
     layer.accumulator.release()
     if layer.indirect is not None:
         layer.indirect.accumulator.release()

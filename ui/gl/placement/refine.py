@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ui.gl.context import GraphicsError
 from ui.gl.placement.accumulate import TERMS_PER_PASS, Accumulator, TermSum
-from ui.gl.placement.coefficients import CoefficientState, Floats, Step
+from ui.gl.placement.coefficients import CoefficientState, Floats, RefineStep
 from ui.gl.placement.transport import TransportTexture
 from ui.gl.textures import TextureMemory
 
@@ -114,13 +114,13 @@ class Refiner:
         """Nothing is left to add or to tidy."""
         return self._rebuild is None and self.state.next_step().kind == "nothing" and self.state.shown is not None
 
-    def _increment(self, accumulator: Accumulator, step: Step) -> StepDone:
+    def _increment(self, accumulator: Accumulator, step: RefineStep) -> StepDone:
         exact, multipliers = self._rounded(step.indices, step.deltas)
         self._timed(step.indices, multipliers, accumulator, replace=False)
         self.state.record_increment(step.indices, exact)
         return StepDone(len(step.indices), shown_changed=len(step.indices) > 0)
 
-    def _started(self, step: Step) -> _Rebuild:
+    def _started(self, step: RefineStep) -> _Rebuild:
         exact = np.zeros_like(self.state.wanted)
         exact[step.indices], multipliers = self._rounded(step.indices, step.deltas)
         return _Rebuild(step.indices, exact, multipliers, step.kind == "tidy")
