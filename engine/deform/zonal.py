@@ -1,0 +1,98 @@
+"""Transfer as a few zonal lobes a point, which turn with the surface [Sloan05, 3 and 4.1].
+
+A lobe is a function about an axis s*: its harmonics are y_lm(s*) g*_l (eq. 6). Turning it turns the axis and leaves the
+n coefficients g* as they are, where turning harmonics costs n^3. The constant part of a transfer vector, and with three
+lobes or more its linear one, are kept as they are; lobes are fitted to what is left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from engine.deform import _zonal_kernels as kernels
+from engine.sphere.geodesic import geodesic
+from engine.sphere.harmonics import bands, basis, order_of
+from engine.threads import even_parts, on_threads
+
+Floats = NDArray[np.float64]
+
+MAX_LOBES = 6
+N_RESTARTS = 4
+ENOUGH = 0.02  # relative error of a point that is good enough for no restart
+_EXACT_LINEAR = 3  # as many axes span all linear functions
+_SCAN_LEVEL = 2
+_BLOCK = 2048
+
+
+@dataclass(frozen=True, eq=False)
+class Zonal:
+    """Functions on the sphere at P points, of order n: what is kept of bands 0 and 1, and N lobes.
+
+    low (P, 4): the harmonics that are kept. axes (P, N, 3), of length 1. coefficients (P, N, n): g*, 0 in the bands
+    that are kept. errors (P,): the length of what they leave of the vectors that they were fitted to.
+    """
+
+    low: Floats
+    axes: Floats
+    coefficients: Floats
+    errors: Floats
+
+    def harmonics(self) -> Floats:
+        """The vectors (P, n^2) that they stand for (eq. 11)."""
+        n = self.coefficients.shape[2]
+        of_lobes = np.einsum("pik,pik->pk", basis(self.axes, n), self.coefficients[:, :, bands(n)])
+        of_lobes[:, : min(4, n * n)] += self.low[:, : min(4, n * n)]
+        return of_lobes
+
+    def turned(self, rotations: ArrayLike) -> Zonal:
+        """With all points turned, by one rotation (3, 3) or one each (P, 3, 3) (eq. 10)."""
+        turns = np.broadcast_to(np.asarray(rotations, np.float64), (len(self.axes), 3, 3))
+        # The linear band is a vector: its coefficients for m = -1, 0, 1 go by -y, z and -x.
+        vectors = self.low[:, [3, 1, 2]] * (-1.0, -1.0, 1.0)
+        low = self.low.copy()
+        low[:, [3, 1, 2]] = np.einsum("pab,pb->pa", turns, vectors) * (-1.0, -1.0, 1.0)
+        return Zonal(low, np.einsum("pab,pib->pia", turns, self.axes), self.coefficients, self.errors)
+
+
+def fit(vectors: ArrayLike, n_lobes: int, n_restarts: int = N_RESTARTS) -> Generator[float, None, Zonal]:
+    """N lobes for each of the vectors (P, n^2): each greedily for what those before it leave, then all turned together,
+    and from random axes where the error is large; the same on any number of cores. Yields the share that is done.
+
+    Raises ValueError where there are not 1 to `MAX_LOBES` lobes, or a vector is not finite.
+    """
+    targets = np.ascontiguousarray(vectors, np.float64)
+    n, n_points = order_of(targets), len(targets)
+    if not 1 <= n_lobes <= MAX_LOBES:
+        raise ValueError(f"{n_lobes} lobes, expected 1 to {MAX_LOBES}")
+    if not np.isfinite(targets).all():
+        raise ValueError("transfer vectors with infinite coefficients, expected finite ones")
+    first = min(n, 2 if n_lobes >= _EXACT_LINEAR else 1)
+    low = np.zeros((n_points, 4))
+    low[:, : first * first] = targets[:, : first * first]
+    axes, coefficients = np.empty((n_points, n_lobes, 3)), np.empty((n_points, n_lobes, n))
+    errors = np.empty(n_points)
+    scan = _scan()
+    scanned = basis(scan, n)
+    for start in range(0, n_points, _BLOCK):
+        count = min(_BLOCK, n_points - start)
+
+        def part(low: int, high: int, start: int = start) -> None:
+            kernels.fit_range(
+                targets, first, n_restarts, ENOUGH, scan, scanned, start + low, start + high, axes, coefficients, errors
+            )
+
+        on_threads(part, *even_parts(count))
+        yield (start + count) / n_points
+    return Zonal(low, axes, coefficients, errors)
+
+
+@cache
+def _scan() -> Floats:
+    """Directions over half the sphere: the other half's give the same lobes."""
+    vertices = geodesic(_SCAN_LEVEL).vertices
+    return np.ascontiguousarray(vertices[vertices @ (0.01, 0.02, 1.0) > 0.0])

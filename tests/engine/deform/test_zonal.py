@@ -1,0 +1,121 @@
+"""Zonal lobes: fitted, turned and bounded; beside a twin that searches axes and coefficients at once with SciPy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+from scipy.spatial.transform import Rotation
+
+from engine import threads
+from engine.deform.zonal import MAX_LOBES, Zonal, fit
+from engine.sphere.harmonics import bands, basis, rotated
+from engine.steps import finish
+
+# [Sloan05, figure 2]: of a random vector of order 6, with 6 lobes.
+PAPERS_ERROR_6 = 0.00908
+
+
+def random_vectors(count: int, n: int = 6) -> np.ndarray:
+    vectors = np.random.default_rng(7).normal(size=(count, n * n))
+    return vectors / np.linalg.norm(vectors, axis=1)[:, None]
+
+
+def lobes(axes: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
+    """Vectors (P, n^2) of lobes about axes (P, N, 3) with coefficients (P, N, n)."""
+    return np.einsum("pik,pik->pk", basis(axes, 6), coefficients[:, :, bands(6)])
+
+
+def fitted(vectors: np.ndarray, n_lobes: int, n_restarts: int = 4) -> Zonal:
+    return finish(fit(vectors, n_lobes, n_restarts))
+
+
+@pytest.mark.parametrize("n_lobes", range(1, MAX_LOBES + 1))
+def test_what_the_error_says_is_what_is_left(n_lobes: int) -> None:
+    vectors = random_vectors(20)
+    zonal = fitted(vectors, n_lobes)
+    left = zonal.harmonics() - vectors
+    assert zonal.errors == pytest.approx(np.linalg.norm(left, axis=1), abs=1e-12)
+    assert np.linalg.norm(zonal.axes, axis=2) == pytest.approx(1.0, abs=1e-12)
+    assert np.abs(left[:, : 4 if n_lobes >= 3 else 1]).max() == 0.0  # kept as they are
+
+
+def test_six_lobes_are_no_worse_than_the_papers() -> None:
+    vectors = random_vectors(60)
+    errors = [np.sqrt((fitted(vectors, n).errors ** 2).mean()) for n in range(1, MAX_LOBES + 1)]
+    assert all(more < fewer for fewer, more in zip(errors, errors[1:], strict=False))
+    assert errors[-1] < PAPERS_ERROR_6
+
+
+@pytest.mark.parametrize("n_lobes", [1, 2, 3])
+def test_lobes_are_found_again(n_lobes: int) -> None:
+    rng = np.random.default_rng(3)
+    axes = rng.normal(size=(10, n_lobes, 3))
+    axes /= np.linalg.norm(axes, axis=2)[:, :, None]
+    vectors = lobes(axes, rng.uniform(0.5, 1.0, (10, n_lobes, 6)))
+    assert np.median(fitted(vectors, n_lobes, 20).errors) < 1e-4
+
+
+def test_a_joint_search_by_another_way_finds_nothing_better() -> None:
+    """[Sloan05]'s own variables, axes and coefficients, with eq. 19 and 20's gradients left to differences."""
+    vectors = random_vectors(3)
+    zonal = fitted(vectors, 2)
+
+    def error(x: np.ndarray, target: np.ndarray) -> float:
+        axes = x[:6].reshape(1, 2, 3)
+        axes = axes / np.linalg.norm(axes, axis=2)[:, :, None]
+        coefficients = np.pad(x[6:].reshape(1, 2, 5), ((0, 0), (0, 0), (1, 0)))
+        return float(((lobes(axes, coefficients)[0] - target)[1:] ** 2).sum())
+
+    for i, target in enumerate(vectors):
+        start = np.concatenate([zonal.axes[i].ravel(), zonal.coefficients[i, :, 1:].ravel()])
+        assert error(start, target) == pytest.approx(zonal.errors[i] ** 2)
+        assert minimize(error, start, (target,)).fun == pytest.approx(zonal.errors[i] ** 2, rel=1e-4)
+
+
+def test_turning_the_lobes_turns_the_function() -> None:
+    zonal, turn = fitted(random_vectors(4), 3), Rotation.from_euler("zyx", [0.3, 1.1, -2.0]).as_matrix()
+    assert zonal.turned(turn).harmonics() == pytest.approx(rotated(zonal.harmonics(), turn), abs=1e-12)
+    each = np.stack([turn, np.eye(3), turn, np.eye(3)])
+    assert zonal.turned(each).harmonics()[1::2] == pytest.approx(zonal.harmonics()[1::2], abs=1e-15)
+
+
+@pytest.mark.parametrize("n_lobes", [1, 3, 6])
+@pytest.mark.parametrize("kept", [0, 1])
+def test_nothing_and_constants_are_exact_about_any_axis(n_lobes: int, kept: int) -> None:
+    vectors = np.zeros((2, 36))
+    vectors[:, :kept] = 5.0
+    zonal = fitted(vectors, n_lobes)
+    assert (zonal.harmonics() == vectors).all() and (zonal.coefficients == 0.0).all() and (zonal.errors == 0.0).all()
+    assert np.linalg.norm(zonal.axes, axis=2) == pytest.approx(1.0)
+
+
+def test_more_lobes_than_there_are_keep_their_coefficients_bounded() -> None:
+    """All the lobes want the one axis: their columns are the same, and the system singular but for its ridge."""
+    axis = np.array([[[0.0, 0.6, 0.8]]])
+    vectors = lobes(axis, np.linspace(1.0, 0.2, 6).reshape(1, 1, 6))
+    zonal = fitted(vectors, MAX_LOBES)
+    assert np.abs(zonal.coefficients).max() < 10.0 and zonal.errors[0] < 1e-3
+
+
+@pytest.mark.parametrize("scale", [1e-30, 1e30])
+def test_the_scale_changes_nothing_else(scale: float) -> None:
+    vectors = random_vectors(3)
+    zonal, scaled = fitted(vectors, 3), fitted(scale * vectors, 3)
+    assert scaled.harmonics() / scale == pytest.approx(zonal.harmonics(), abs=1e-6)
+
+
+def test_it_is_the_same_on_any_number_of_cores() -> None:
+    vectors = random_vectors(7)
+    with threads.using(1):
+        one = fitted(vectors, 3)
+    with threads.using(3):
+        three = fitted(vectors, 3)
+    assert (one.axes == three.axes).all() and (one.coefficients == three.coefficients).all()
+
+
+def test_odd_requests_are_refused() -> None:
+    with pytest.raises(ValueError, match="7 lobes, expected 1 to 6"):
+        fitted(random_vectors(1), 7)
+    with pytest.raises(ValueError, match="expected finite ones"):
+        fitted(np.full((1, 36), np.nan), 2)
