@@ -5,7 +5,8 @@
 
 `draw` is part of a frame where the hand does something, else a step before it; `take` comes between two frames: so the
 hand is heard in the meantime. Everything slow is sliced: answers are taken for a few milliseconds and the rest the next
-time. Before there is a scene `take` rehearses, after which no shader is left to compile.
+time. Before there is a scene `take` rehearses, after which no shader is left to compile. Where another mode is chosen,
+the picture of the one before stays until that one has something to show of the same view.
 """
 
 from __future__ import annotations
@@ -81,6 +82,8 @@ class PictureFeed:
         self._frame_ms = 0.0
         self._stepped = False
         self._took = False
+        self._shown_scene: SceneFrame | None = None
+        self._left: PictureSource | None = None
         self._choose(mode, source or named(mode.picture)(context))
 
     def _choose(self, mode: Mode, source: PictureSource) -> None:
@@ -90,7 +93,7 @@ class PictureFeed:
     @property
     def picture(self) -> moderngl.Texture | None:
         """The display picture, row 0 at the top; None before there is a scene."""
-        return self.source.picture
+        return self.source.picture if self._left is None else self._left.picture
 
     @property
     def environment(self) -> moderngl.Texture | None:
@@ -129,7 +132,10 @@ class PictureFeed:
                 scene_came = True
             self._waiting.append(event)
         if editor.mode is not self._mode:
-            self.source.close()
+            if self._left is None and self.source.picture is not None:
+                self._left = self.source
+            else:
+                self.source.close()
             self._choose(editor.mode, named(editor.mode.picture)(self._context))
         self._took = self._took or bool(self._waiting)
         try:
@@ -163,6 +169,8 @@ class PictureFeed:
             thumbnail_came = self._scene.follow()
             editor.gauges.frame_ms = self._frame_ms
             busy = self.source.draw(editor, last_frame_ms, not self._waiting) or thumbnail_came
+            if self._left is not None and editor.status.picture != "waiting":
+                self._leave()
         except GraphicsError as error:
             editor.notify(str(error), True)
             return False
@@ -183,8 +191,15 @@ class PictureFeed:
 
     def close(self) -> None:
         """Free GL objects and let the loading thread end."""
+        self._leave()
         self._scene.close()
         self.source.close()
+
+    def _leave(self) -> None:
+        """The mode before has had its time."""
+        if self._left is not None:
+            self._left.close()
+        self._left = None
 
     @property
     def _scene_waits(self) -> bool:
@@ -201,6 +216,9 @@ class PictureFeed:
     def _take(self, editor: Editor, event: PictureEvent) -> None:
         self.source.take(editor, event)
         if isinstance(event, SceneFrame):
+            if event is not self._shown_scene:  # else it is told again, to another mode
+                self._leave()
+            self._shown_scene = event
             self._scene.take_scene(event)
         elif isinstance(event, SkyChanged):
             self._scene.take_sky(event.radiance)

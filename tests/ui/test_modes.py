@@ -155,3 +155,18 @@ def test_with_one_mode_there_is_nothing_to_choose(window: HeadlessWindow) -> Non
     window.shell.editor.modes = (PLACEMENT,)
     window.frames(2)
     assert "mode.0" not in window.shell.handles.names()
+
+
+def test_a_picture_stays_until_the_mode_that_was_chosen_has_one(
+    window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    editor, feed = window.shell.editor, window.shell.source
+    assert feed is not None and feed.picture is not None
+    before = feed.picture.read()
+    with monkeypatch.context() as patch:  # a mode that asks for nothing, and waits
+        patch.setattr(FlatTalk, "update", lambda *arguments: [])
+        patch.setattr(FlatTalk, "status", lambda self, status: status)
+        editor.do(SetView.of(mode="flat"))
+        window.frames(4)
+        assert isinstance(feed.source, FlatSource) and feed.picture.read() == before
+    assert shown(window) == [153, 128, 102]
