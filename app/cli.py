@@ -153,6 +153,12 @@ def render(
     mode: Annotated[
         StillMode, typer.Option("--mode", help="The way to look whose engine draws it.")
     ] = StillMode.PLACEMENT,
+    turntable: Annotated[
+        int | None,
+        typer.Option(
+            "--turntable", metavar="N", min=1, max=10_000, help="N frames around the scene, in a folder OUT/."
+        ),
+    ] = None,
 ) -> int:
     """Render a picture with the editor's engine, without a window."""
     if reference and mode is not StillMode.PLACEMENT:
@@ -164,6 +170,13 @@ def render(
         chosen = chosen or BounceSeries(bounces)
     if samples is not None and not reference:
         raise InsituError(f"--samples {samples}: transport takes no samples, expected --reference as well")
+    if turntable is not None:
+        if reference:
+            raise InsituError(f"--turntable {turntable} --reference: expected one of them")
+        return _turntable(
+            open_project(scene, resolution, _assignments(set_, rotation)), output, turntable, mode, lights, patches,
+            chosen, view,
+        )  # fmt: skip
     from app.stills import StillProgress, check_output, render_project, write_picture
     from engine.indirect.beyond import TOO_BRIGHT, is_beyond
 
@@ -198,6 +211,27 @@ def render(
         print(f"note: {error.advice}")
     if still.warning:
         print(f"note: {still.warning}")
+    return 0
+
+
+def _turntable(
+    project: Project, output: Path, count: int, mode: StillMode, lights: int, patches: int,
+    series: BounceSeries | None, view: str | None,
+) -> int:  # fmt: skip
+    """Frames all around a scene; those that are there already are kept."""
+    from app.turntable import Frames, turn
+
+    started, frames = time.monotonic(), Frames.of(output, count)
+    if view is not None and frames.ending == ".exr":
+        raise InsituError(f"--view {view}: {output} holds light itself, expected a name that ends in .png")
+    with _progress() as report:
+        drawn = turn(
+            project, frames, lambda step: report(step.fraction, step.text), mode=mode.value, n_lights=lights,
+            n_patches=patches, series=series, view=project.view if view is None else view_named(view),
+        )  # fmt: skip
+    _tell_notes(project)
+    kept = f", {count - drawn} were there" if drawn < count else ""
+    print(f"{frames.folder}: {drawn} frames{kept}, {time.monotonic() - started:.1f} s")
     return 0
 
 

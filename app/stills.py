@@ -17,6 +17,7 @@ from engine.errors import InsituError
 from engine.indirect.beyond import BRIGHTEST, held
 from engine.indirect.series import BounceSeries
 from engine.material.layer import Layer, object_of
+from engine.orbit.live import Orbit
 from engine.orbit.still import render_orbit
 from engine.plan import N_LIGHTS, N_PATCHES, Plan, plan_scene
 from engine.render.bounces import planned_bounces
@@ -113,6 +114,14 @@ def render_project(
         judging = estimate_error(placement, layers, sky, quality, series.n_bounces, reflected, indirect)
         error = finish(judging, report)
     return Still(held(picture * intensity, BRIGHTEST), error, bounces.warning)
+
+
+def prepared_orbit(project: Project, n_patches: int = N_PATCHES) -> Orbit:
+    """What pictures in Orbit's way are drawn of, from anywhere; all its work is to be done."""
+    orbit = Orbit(project.scene, n_patches=n_patches)
+    orbit.set_light(project.sky)
+    orbit.set_layers(_layers_by_object(project))
+    return orbit
 
 
 def _reference(placement: Placement, project: Project, n_bounces: int, n_samples: int | None) -> Steps:

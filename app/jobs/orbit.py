@@ -74,10 +74,11 @@ class OrbitWork(ModeWork):
         orbit = self._orbit
         if orbit is None or not orbit.is_ready:  # another worker than the one that said there was something
             return
-        started, state = time.monotonic(), (self._prepared, orbit.version, orbit.is_done)
+        started, prepared, version, was_done = time.monotonic(), self._prepared, orbit.version, orbit.is_done
         camera = orbit.scene.seen_from(request.camera).description.camera
         picture = yield from told_as(orbit.drawing(camera, request.resolution, request.quality), lambda step: None)
-        yield OrbitDrawn(picture, *state, time.monotonic() - started)
+        is_done = was_done and orbit.is_done  # it may have seen what nothing was made ready for, such as backs
+        yield OrbitDrawn(picture, prepared, version, is_done, time.monotonic() - started)
 
     def _made(self) -> Orbit:
         if self._orbit is None:

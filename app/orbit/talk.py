@@ -320,7 +320,9 @@ class OrbitTalk(ModeTalk):
             return []
         made_of = Known(response.prepared, response.version, response.is_done)
         self._shown, self._drawing, self._refused = replace(drawing, made_of=made_of), None, None
-        if made_of.prepared == self._prepare_id and made_of.version > self._known.version:
+        if made_of.prepared == self._prepare_id and made_of.version >= self._known.version:
+            if self._known.is_done and not made_of.is_done:
+                self._asked = None  # to be made ready yet: what no picture has seen before
             self._known = made_of
         self._seconds = response.seconds
         self._shows_placement = self._placement_follows

@@ -40,6 +40,11 @@ class TextureStore:
         """Shares of the weight map; None where there is none. Raises LoadError."""
         return self._pyramid("weight", images.weight, "linear") if images.weight else None
 
+    def stamps(self, images: Images) -> tuple[Stamp, ...]:
+        """What changes when the files of images are written, None of one that is not there. Raises LoadError."""
+        named = (("texture", images.texture), ("weight", images.weight))
+        return tuple(_stamp(self._place(what, name)[0]) for what, name in named if name)
+
     def load(self, wanted: Iterable[Images]) -> None:
         """Read what is named and not there yet, a file of several images once. Raises LoadError."""
         self._files = {}

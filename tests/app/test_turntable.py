@@ -1,0 +1,98 @@
+"""`insitu render --turntable`: frames all around a scene, each drawn once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from app import stills
+from app.project import open_project
+from app.stills import render_project
+from app.turntable import Frames, cameras
+from engine.indirect.series import BounceSeries
+from engine.light.image_files import read_radiance_image
+from engine.scene.description import Camera
+from tests.app.test_brdf_files import insitu
+from tests.engine.orbit.conftest import SCENE
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    """A ball on a floor under an even sky, in a folder of its own."""
+    folder = tmp_path / "scene"
+    folder.mkdir()
+    (folder / "ball.toml").write_text(SCENE)
+    return folder / "ball.toml"
+
+
+def turn(scene: Path, out: Path, *more: object) -> int:
+    return insitu(
+        "render", scene, "-o", out, "--resolution", 12, 9, "--lights", 40, "--patches", 20, "--bounces", 1, *more
+    )
+
+
+@pytest.fixture
+def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Orbit on few points."""
+    made = stills.Orbit
+    monkeypatch.setattr(stills, "Orbit", lambda scene, **rest: made(scene, n_points=100, **rest))
+
+
+def test_the_camera_goes_round_its_target_once() -> None:
+    camera = Camera(position=(0.0, 1.0, 2.0), target=(0.0, 1.0, 0.0))
+    found = [each.position for each in cameras(camera, 4)]
+    assert np.allclose(found, [(0, 1, 2), (2, 1, 0), (0, 1, -2), (-2, 1, 0)], atol=1e-12)
+
+
+def test_frames_are_named_by_the_folder_or_by_a_file_in_it(tmp_path: Path) -> None:
+    assert Frames.of(tmp_path / "a", 2).path(1) == tmp_path / "a" / "0001.png"
+    assert Frames.of(tmp_path / "a" / "turn.exr", 2).path(1) == tmp_path / "a" / "turn-0001.exr"
+
+
+@pytest.mark.usefixtures("coarse")
+@pytest.mark.parametrize("mode", ["orbit", "placement"])
+def test_frames_that_are_there_are_kept_and_others_drawn(scene: Path, tmp_path: Path, mode: str, capsys) -> None:
+    out, frames = tmp_path / "out", [tmp_path / "out" / f"000{i}.png" for i in range(3)]
+    assert turn(scene, out, "--mode", mode, "--turntable", 3) == 0
+    first = [frame.read_bytes() for frame in frames]
+    assert "3 frames" in capsys.readouterr().out
+    frames[1].unlink()
+    frames[2].write_bytes(first[2][:-40])  # a disk that was full
+    frames[0].touch()
+    stamp = frames[0].stat().st_mtime_ns
+    assert turn(scene, out, "--mode", mode, "--turntable", 3) == 0
+    assert "2 frames, 1 were there" in capsys.readouterr().out
+    assert [frame.read_bytes() for frame in frames] == first and frames[0].stat().st_mtime_ns == stamp
+    assert turn(scene, out, "--mode", mode, "--turntable", 3, "--set", "ball.0.alpha=0.35") == 0
+    assert "3 frames" in capsys.readouterr().out
+    assert frames[0].read_bytes() != first[0]
+
+
+def test_the_first_frame_is_the_still(scene: Path, tmp_path: Path) -> None:
+    assert turn(scene, tmp_path / "out" / "turn.exr", "--turntable", 1) == 0
+    project = open_project(str(scene), (12, 9))
+    still = render_project(project, lambda step: None, n_lights=40, n_patches=20, series=BounceSeries(1)).picture
+    np.testing.assert_array_equal(read_radiance_image(tmp_path / "out" / "turn-0000.exr"), still)
+
+
+@pytest.mark.usefixtures("coarse")
+def test_other_files_in_the_folder_stay(scene: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "0001.png").write_bytes(b"mine")
+    (out / "notes.png").write_bytes(b"mine")
+    assert turn(scene, out, "--mode", "orbit", "--turntable", 1) == 0
+    assert (out / "notes.png").read_bytes() == b"mine" and (out / "0001.png").read_bytes() == b"mine"
+    with Image.open(out / "0000.png") as frame:
+        assert frame.size == (12, 9)
+
+
+@pytest.mark.parametrize(
+    "wrong", [("--reference",), ("--view", "AgX")], ids=lambda words: words[0],
+)  # fmt: skip
+def test_what_does_not_go_together_is_said(scene: Path, tmp_path: Path, wrong: tuple[str, ...], capsys) -> None:
+    assert turn(scene, tmp_path / "out" / "turn.exr", "--turntable", 2, *wrong) == 1
+    assert wrong[0] in capsys.readouterr().err
