@@ -185,6 +185,11 @@ class Editor:
         """A hand took hold of the camera: all until ``end_look`` is one step of the view's history."""
         self._looks_now().begin_drag(label)
 
+    def drag_look(self, look: Viewpoint) -> None:
+        """See the scene from there while a hand holds the camera; one that took hold of another scene's holds none."""
+        if self.look_history.dragging:
+            self.look_from(look, "")
+
     def end_look(self) -> None:
         """The hand let go: the view need not rest any longer to be traced."""
         if self.look_history.dragging:

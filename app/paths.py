@@ -67,6 +67,11 @@ def recent_file() -> Path:
     return state_directory() / "recent.txt"
 
 
+def preference_file() -> Path:
+    """The file with what a person is used to."""
+    return state_directory() / "preferences.toml"
+
+
 def spoken_name(source: str) -> str:
     """What a person calls a scene or a session: its file's name without the ending, of a scene.toml its folder's."""
     path = Path(source)

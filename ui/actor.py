@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import cast
 
+from app.bookmarks import kept, renamed
 from app.commands import EditCommand
 from app.editor import Editor
 from app.journal import Recovery
@@ -22,10 +23,11 @@ from app.map_commands import IMAGE_SUFFIXES, SetMap, image_name, with_full_names
 from app.material_file import MAX_MATERIAL_BYTES, dump_material, parse_material
 from app.paint_commands import without_strokes
 from app.pasting import pasted
+from app.preferences import PreferenceFile
 from app.recent import RecentFiles
 from app.selecting import seen_layer
 from app.sources import EXPECTED, LIGHT_ENDINGS, PICTURE_ENDINGS, SCENE_ENDINGS, SESSION_ENDING
-from app.view_state import OpenPanel, ViewCommand
+from app.view_state import OpenPanel, SetView, ViewCommand, Viewpoint
 from engine.errors import InsituError
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 from engine.scene.builtin import builtin_scenes
@@ -34,24 +36,31 @@ from ui.panels.actions import (
     Action,
     AskFile,
     BeginDrag,
+    BeginLook,
     CancelDrag,
     CancelWork,
     Copy,
     DeleteMaterial,
+    DragLook,
     EndDrag,
+    EndLook,
     ExportMeasured,
     ExportScene,
     Hold,
     ImportMeasured,
     InOneStep,
+    KeepView,
     Leave,
+    LookFromThere,
     OpenFile,
     OpenImage,
     Paste,
     Quit,
     Recover,
     Redo,
+    RedoLook,
     ReloadImages,
+    RenameView,
     ResetLayout,
     Resize,
     ResumeWork,
@@ -61,8 +70,10 @@ from ui.panels.actions import (
     Screenshot,
     Select,
     SetPanel,
+    SetPreference,
     ShowPanel,
     Undo,
+    UndoLook,
 )
 from ui.panels.state import FileQuestion, PanelState
 
@@ -94,8 +105,10 @@ class Actor:
         library: Library | None = None,
         clipboard: Clipboard | None = None,
         recent: RecentFiles | None = None,
+        preferences: PreferenceFile | None = None,
     ) -> None:
         self._editor = editor
+        self.preferences = preferences or PreferenceFile()
         self.recent = recent or RecentFiles()
         self._noted: Path | None = None
         self.library = library or Library()
@@ -163,6 +176,20 @@ class Actor:
                 editor.begin_drag(action.label)
             case EndDrag():
                 editor.end_drag()
+            case BeginLook():
+                editor.begin_look(action.label)
+            case DragLook():
+                editor.drag_look(action.look)
+            case EndLook():
+                editor.end_look()
+            case LookFromThere():
+                editor.look_from(action.look, action.label, action.gesture)
+            case UndoLook():
+                editor.undo_look()
+            case RedoLook():
+                editor.redo_look()
+            case KeepView() | RenameView() | SetPreference():
+                self._choose(action)
             case InOneStep():
                 editor.do(action.command, action.gesture)
             case Undo():
@@ -202,6 +229,22 @@ class Actor:
                 self._paste(action.as_layers)
             case _:
                 editor.do(cast(EditCommand | ViewCommand, action))
+
+    def _choose(self, action: KeepView | RenameView | SetPreference) -> None:
+        editor = self._editor
+        bookmarks = editor.view.bookmarks
+        try:
+            if isinstance(action, SetPreference):
+                self.preferences.choose(**action.changes)
+                return
+            if isinstance(action, KeepView):
+                look = Viewpoint(editor.look, editor.view.resolution)
+                bookmarks = kept(bookmarks, look, action.name)
+            else:
+                bookmarks = renamed(bookmarks, action.old, action.new)
+            editor.do(SetView.of(bookmarks=bookmarks))
+        except InsituError as error:
+            editor.notify(str(error), True)
 
     def dropped(self, paths: Sequence[str], image: str | None = None) -> list[Action]:
         """Open the file that was dropped on the window; several at once are refused, for one would hide the other.

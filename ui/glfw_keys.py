@@ -33,6 +33,9 @@ _NAMED = {
     "EQUAL": Key.equal,
     "COMMA": Key.comma,
     "PERIOD": Key.period,
+    "KP_DECIMAL": Key.keypad_decimal,
+    "KP_ADD": Key.keypad_add,
+    "KP_SUBTRACT": Key.keypad_subtract,
     "F1": Key.f1,
     "F12": Key.f12,
 }

@@ -21,14 +21,19 @@ from functools import partial
 from pathlib import Path
 
 import moderngl
+import numpy as np
 from imgui_bundle import ImVec2, imgui
+from numpy.typing import NDArray
 
 from app.document import Selection
 from app.editor import Editor
 from app.library import LibraryEntry
+from app.preferences import PreferenceFile
 from app.recent import RecentFiles
 from app.selecting import seen_layer
 from app.status import Status
+from app.view_state import Bookmark
+from engine.errors import InsituError
 from ui import layout, theme
 from ui.actor import Actor, Outcome
 from ui.brdf_feed import BrdfFeed
@@ -39,6 +44,7 @@ from ui.gl.thumbnails import Thumbnails
 from ui.panels import (
     accuracy,
     brdf,
+    camera,
     curve_editor,
     dialogs,
     escape,
@@ -69,6 +75,7 @@ from ui.spoken_names import spoken
 from ui.still import StillSaver
 from ui.surface_lobe import SurfacePoint
 from ui.table_feed import TableFeed
+from ui.view_thumbnails import ViewThumbnails
 
 TITLE = "Insitu"
 SETTLE_SECONDS = 0.9
@@ -118,6 +125,7 @@ class Shell:
         scale: float = 1.0,
         layout_file: Path | None = None,
         recent: RecentFiles | None = None,
+        preferences: PreferenceFile | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.editor = editor
@@ -125,7 +133,7 @@ class Shell:
         self.state = PanelState()
         self.handles = Handles()
         self._fields = Fields()
-        self.actor = Actor(editor, recent=recent)
+        self.actor = Actor(editor, recent=recent, preferences=preferences)
         self._clock = clock
         self._imgui = imgui.create_context()
         imgui.set_current_context(self._imgui)
@@ -160,6 +168,7 @@ class Shell:
         self._stills = StillSaver()
         self._library_unread = True
         self._thumbnails = Thumbnails(context, self._tables.tables, partial(self._tables.complete, editor))
+        self._view_thumbnails = ViewThumbnails(context)
         self.environments: tuple[str, ...] = ()
         self.scenes: tuple[str, ...] = ()
 
@@ -272,6 +281,7 @@ class Shell:
         target.clear(*theme.BACKDROP)
         self._interface.render(target)
         self.editor.barrier.run("A thumbnail", self._thumbnails_go_on, None, ())
+        self.editor.barrier.run("A view's picture", self._view_thumbnails_go_on, None, ())
         self._docking.remember()
         return self._result(working or bool(actions) or self._docking.is_settling, outcome.screenshot, outcome.quit)
 
@@ -356,6 +366,7 @@ class Shell:
         self._tables.release()
         self._interface.release()
         self._thumbnails.release()
+        self._view_thumbnails.release()
         imgui.destroy_context(self._imgui)
 
     @property
@@ -412,6 +423,9 @@ class Shell:
     def _thumbnail(self, entry: LibraryEntry) -> Picture | None:
         return self._picture(self._thumbnails.texture(entry))
 
+    def _view_thumbnail(self, bookmark: Bookmark) -> Picture | None:
+        return self._picture(self._view_thumbnails.texture(bookmark))
+
     @property
     def _at_leisure(self) -> bool:
         """Whether nobody waits for a frame: neither a hand nor the picture."""
@@ -424,6 +438,12 @@ class Shell:
 
     def _thumbnails_go_on(self) -> None:
         self._thumbnails.step(may_draw=self._at_leisure)
+
+    def _view_thumbnails_go_on(self) -> None:
+        source, editor = self.source, self.editor
+        follow, still = self._view_thumbnails.follow, lambda: None if source is None else source.still(editor)
+        if self._at_leisure and follow(editor, still):
+            self.note_change()
 
     def _read_library(self) -> None:
         """A material a frame, once the window has its first ones behind it."""
@@ -460,7 +480,14 @@ class Shell:
             environments=self.environments,
             scenes=self.scenes,
             name=editor.name,
+            camera=editor.look,
+            own_camera=editor.own_camera,
             own_resolution=editor.own_resolution,
+            look_undo_label=editor.look_history.undo_label,
+            look_redo_label=editor.look_history.redo_label,
+            box_of=self._box_of,
+            view_thumbnail=self._view_thumbnail,
+            preferences=self.actor.preferences.chosen,
             unsaved=editor.unsaved,
             recent=self.actor.recent.entries,
             recoveries=self.actor.recoveries,
@@ -480,6 +507,12 @@ class Shell:
             object_at=source.object_at,
             spot_at=source.spot_at,
         )
+
+    def _box_of(self, name: str | None) -> NDArray[np.float64] | None:
+        try:
+            return self.editor.box_of(name)
+        except InsituError:
+            return None
 
     @property
     def _selected_layer(self) -> Selection | None:
@@ -575,4 +608,4 @@ def is_shown(context: PanelContext, panel: layout.Panel) -> bool:
 
 def _picture_and_brush(context: PanelContext) -> list[Action]:
     corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
-    return viewport.draw(context) + paint.draw_strip(context, corner, room)
+    return viewport.draw(context) + paint.draw_strip(context, corner, room) + camera.draw(context, corner, room)

@@ -26,7 +26,8 @@ from app.barrier import Barrier
 from app.editor import Editor, WorkerClient
 from app.jobs.client import Client
 from app.journal import Journal, Recovery, recoverable_sessions
-from app.paths import layout_file, recent_file
+from app.paths import layout_file, preference_file, recent_file
+from app.preferences import PreferenceFile
 from app.recent import RecentFiles
 from engine.errors import InsituError
 from engine.render.image_files import pixels_png
@@ -176,8 +177,11 @@ class Window:
         self.longest_frame = 0.0
         self._times = start_times()
         self._context = create_window_context(require)
-        recent = RecentFiles(recent_file())
-        self.shell = Shell(self._context, editor, scale=self._scale(), layout_file=layout_file(), recent=recent)
+        recent, preferences = RecentFiles(recent_file()), PreferenceFile(preference_file())
+        self.shell = Shell(
+            self._context, editor, scale=self._scale(), layout_file=layout_file(), recent=recent,
+            preferences=preferences,
+        )  # fmt: skip
         self.shell.environments = tuple(builtin_environments())
         self.shell.scenes = tuple(builtin_scenes())
         self.shell.actor.recoveries = tuple(recoveries)

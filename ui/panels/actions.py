@@ -14,7 +14,7 @@ from typing import Any
 from app.commands import EditCommand
 from app.journal import Recovery
 from app.material_file import Material
-from app.view_state import OpenPanel, SetView
+from app.view_state import OpenPanel, SetView, Viewpoint
 from ui.panels.state import Grip
 
 
@@ -58,6 +58,66 @@ class Undo:
 @dataclass(frozen=True)
 class Redo:
     """One step forward in the history."""
+
+
+@dataclass(frozen=True)
+class BeginLook:
+    """A hand took hold of the camera: all until `EndLook` is one step of the view's own history."""
+
+    label: str
+
+
+@dataclass(frozen=True)
+class DragLook:
+    """See the scene from there, while a hand holds the camera; nothing where it does so no more."""
+
+    look: Viewpoint
+
+
+@dataclass(frozen=True)
+class EndLook:
+    """The hand let go of the camera."""
+
+
+@dataclass(frozen=True)
+class LookFromThere:
+    """See the scene from there: a step of the view's history, one with those before it of the same gesture."""
+
+    look: Viewpoint
+    label: str
+    gesture: str | None = None
+
+
+@dataclass(frozen=True)
+class UndoLook:
+    """One step back in the view's history."""
+
+
+@dataclass(frozen=True)
+class RedoLook:
+    """One step forward in the view's history."""
+
+
+@dataclass(frozen=True)
+class KeepView:
+    """Keep the view by a name, in the place of the one that has it; None: as another one."""
+
+    name: str | None = None
+
+
+@dataclass(frozen=True)
+class RenameView:
+    """Give a kept view another name."""
+
+    old: str
+    new: str
+
+
+@dataclass(frozen=True)
+class SetPreference:
+    """Change what a person is used to (`app.preferences.Preferences`)."""
+
+    changes: Mapping[str, str]
 
 
 @dataclass(frozen=True)
@@ -232,7 +292,8 @@ class Quit:
 
 
 WindowAction = (
-    BeginDrag | EndDrag | CancelDrag | InOneStep
+    BeginDrag | EndDrag | CancelDrag | InOneStep | BeginLook | DragLook | EndLook | LookFromThere | UndoLook | RedoLook
+    | KeepView | RenameView | SetPreference
     | Hold | Undo | Redo | Select | SetPanel | OpenFile | OpenImage | AskFile
     | ReloadImages | SaveSession | SavePicture | ImportMeasured | ExportMeasured | ExportScene | Screenshot
     | SaveMaterial | DeleteMaterial | Copy | Paste | Recover | Leave | Resize | ShowPanel | ResetLayout | CancelWork

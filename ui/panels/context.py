@@ -9,16 +9,21 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
 from imgui_bundle import imgui
+from numpy.typing import NDArray
 
 from app.document import Document, Selection
+from app.editor import NO_CAMERA
 from app.journal import Recovery
 from app.library import LibraryEntry
 from app.mode import Mode
+from app.preferences import Preferences
 from app.recent import Recent
 from app.selecting import seen_layer
 from app.status import Status
-from app.view_state import ViewState
+from app.view_state import Bookmark, ViewState
+from engine.scene.description import Camera
 from ui.brush import Spot
 from ui.panels.brdf_board import BrdfBoard
 from ui.panels.picture import Picture
@@ -88,6 +93,16 @@ def no_thumbnail(entry: LibraryEntry) -> Picture | None:
     return None
 
 
+def no_view_thumbnail(bookmark: Bookmark) -> Picture | None:
+    """Likewise."""
+    return None
+
+
+def no_box(name: str | None) -> NDArray[np.float64] | None:
+    """Before there is a scene."""
+    return None
+
+
 def nothing_there(column: int, row: int) -> str | None:
     """What is at a pixel before there is a picture."""
     return None
@@ -107,7 +122,10 @@ class PanelContext:
     (column, row) of the picture, `spot_at` the point of the surface there. `heading` is where the camera looks, degrees
     clockwise from -Z seen from above. `library` are its materials, `thumbnail` a material's picture, None while there
     is none. `now` is seconds of the window's clock. `brdf` is what there is to see of the selected material by itself.
-    `own_resolution` is (width, height) as the scene has it. `mode` is the one of `modes` that makes the picture.
+    `camera` is from where the scene is seen, or about to be; `own_camera` and `own_resolution`, (width, height), are as
+    the scene has them; `look_undo_label` and `look_redo_label` name what the view's own history would undo or redo;
+    `box_of` tells the corners (2, 3) of an object, of None all that is seen; `view_thumbnail` is a kept view's picture.
+    `preferences` are the person's. `mode` is the one of `modes` that makes the picture.
     `name` is what a person calls what is open, `unsaved` whether there are edits that no session has. `recent` are the
     files opened last, `recoveries` edits that the program left behind when it ended.
     `keys_taken`: keys go into a text field, a list or a menu; `alt_tapped`: Alt was pressed and let go by itself;
@@ -138,7 +156,14 @@ class PanelContext:
     thumbnail: Callable[[LibraryEntry], Picture | None] = no_thumbnail
     scenes: tuple[str, ...] = ()
     name: str = ""
+    camera: Camera = NO_CAMERA
+    own_camera: Camera = NO_CAMERA
     own_resolution: tuple[int, int] = (0, 0)
+    look_undo_label: str | None = None
+    look_redo_label: str | None = None
+    box_of: Callable[[str | None], NDArray[np.float64] | None] = no_box
+    view_thumbnail: Callable[[Bookmark], Picture | None] = no_view_thumbnail
+    preferences: Preferences = Preferences()
     unsaved: bool = False
     recent: Callable[[], tuple[Recent, ...]] = tuple
     recoveries: tuple[Recovery, ...] = ()
@@ -151,6 +176,17 @@ class PanelContext:
     def selected_layer(self) -> Selection | None:
         """What is selected, where it has a material to show: None of an emitter."""
         return seen_layer(self.document, self.view.selected)
+
+    @property
+    def resolution(self) -> tuple[int, int]:
+        """Of the picture as it is wanted, (width, height)."""
+        return self.view.resolution or self.own_resolution
+
+    @property
+    def aspect(self) -> float:
+        """How many times as wide as high that is."""
+        width, height = self.resolution
+        return width / max(height, 1)
 
     def px(self, size: float) -> float:
         """A design size in framebuffer pixels."""

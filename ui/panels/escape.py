@@ -70,6 +70,10 @@ def _shortcuts(context: PanelContext) -> list[Action]:
     return [SetView.of(show_shortcuts=False)] if context.view.show_shortcuts else []
 
 
+def _camera(context: PanelContext) -> list[Action]:
+    return [SetPanel({"shows_camera": False, "renames": None})] if context.state.shows_camera else []
+
+
 def _alone(context: PanelContext) -> list[Action]:
     return [SetPanel({"alone": False})] if context.state.alone else []
 
@@ -100,5 +104,5 @@ def _selection(context: PanelContext) -> list[Action]:
 
 
 WAYS_OUT: tuple[Callable[[PanelContext], list[Action]], ...] = (
-    _leaving, _resolution, _shortcuts, _brush, _alone, _pick, _notice, _operator, _lobe, _selection,
+    _leaving, _resolution, _shortcuts, _brush, _camera, _alone, _pick, _notice, _operator, _lobe, _selection,
 )  # fmt: skip

@@ -12,6 +12,7 @@ from app.pasting import copied_curve, copied_material
 from app.solo import toggled
 from app.view_state import SetView, Tool
 from engine.scene.builtin import DEFAULT_SCENE
+from ui import orbit_camera
 from ui import theme as look
 from ui.panels import paint
 from ui.panels.actions import (
@@ -22,18 +23,27 @@ from ui.panels.actions import (
     Paste,
     Quit,
     Redo,
+    RedoLook,
     SaveSession,
     Screenshot,
     SetPanel,
     ShowPanel,
     Undo,
+    UndoLook,
 )
 from ui.panels.context import PanelContext
 from ui.panels.curve_gestures import Hand, hand_of, tool_of
 
-TWO_COLUMNS = 960.0
+TWO_COLUMNS, THREE_COLUMNS, KEYS_WIDTH = 840.0, 1200.0, 106.0
 CTRL, SHIFT, ALT = (int(key) for key in (imgui.Key.mod_ctrl, imgui.Key.mod_shift, imgui.Key.mod_alt))
 Key = imgui.Key
+
+
+# The groups of which one is chosen in the menu View > Camera, and what is chosen there.
+BLENDER, MAYA = "Camera: mouse as in Blender", "Camera: mouse as in Maya"
+WHEEL, TRACKPAD = "Camera: wheel", "Camera: trackpad"
+CHOICES = {BLENDER: ("mouse", "blender"), MAYA: ("mouse", "maya"), WHEEL: ("scroll", "dolly"),
+           TRACKPAD: ("scroll", "orbit")}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -58,31 +68,29 @@ SHORTCUTS = (
     Shortcut("Edit", "Ctrl Z", "Undo; one drag is one step", "undo", CTRL | int(Key.z)),
     Shortcut("Edit", "Ctrl Y", "Redo (also Ctrl Shift Z)", "redo", CTRL | int(Key.y)),
     Shortcut("", "", "", "redo", CTRL | SHIFT | int(Key.z)),
-    Shortcut("Edit", "Esc", "Leave the list, cancel the drag; else let go: one thing a press"),
+    Shortcut("Edit", "Alt Z", "Undo the view: where the camera was", "undo_look", ALT | int(Key.z)),
+    Shortcut("Edit", "Shift Alt Z", "Redo the view", "redo_look", SHIFT | ALT | int(Key.z)),
+    Shortcut("Edit", "Esc", "Leave, cancel or let go: one thing a press"),
     Shortcut("Edit", "Ctrl C", "Copy the object's material", "copy_material", CTRL | int(Key.c)),
     Shortcut("Edit", "Ctrl Shift C", "Copy the curve", "copy_curve", CTRL | SHIFT | int(Key.c)),
     Shortcut("Edit", "Ctrl V", "Paste: material, layer or curve", "paste", CTRL | int(Key.v)),
     Shortcut("Edit", "Ctrl Shift V", "Paste the material's layers on top", "paste_layers", CTRL | SHIFT | int(Key.v)),
     Shortcut("Picture", "Click", "Select the object"),
     Shortcut("Picture", "Drop", "A material of the library onto an object"),
-    Shortcut("Picture", "Alt click", "Show the lobe there; drag moves it; beside: none"),
-    Shortcut("Picture", "Shift drag", "Turn the light around the scene (also the wheel over its dial)"),
+    Shortcut("Picture", "Alt click", "Show the lobe there; Shift Alt drag moves it"),
+    Shortcut("Picture", "Shift drag", "Turn the light (also the wheel over its dial)"),
     Shortcut("Picture", "O", "Placement, or Orbit, where the camera moves freely", "mode", int(Key.o)),
     Shortcut("Picture", "C", "Compare: remember this picture as A, show A | B", "compare", int(Key.c)),
     Shortcut("Picture", "Space", "The picture alone, or with all panels", "alone", int(Key.space)),
-    Shortcut("Picture", "Wheel", "Zoom about the mouse (also with Ctrl)"),
-    Shortcut("Picture", "Middle drag", "Move the zoomed picture (also with Shift)"),
-    Shortcut("Picture", "F", "Fit the picture, or show it pixel for pixel", "fit", int(Key.f)),
-    Shortcut("Picture", "0", "Fit the picture (also Home)", "whole", int(Key._0)),
-    Shortcut("Picture", "1", "Show it pixel for pixel", "pixels", int(Key._1)),
-    Shortcut("", "", "", "pixels", int(Key.keypad1)),
-    Shortcut("", "", "", "whole", int(Key.keypad0)),
-    Shortcut("", "", "", "whole", int(Key.home)),
+    Shortcut("Picture", "Ctrl Alt wheel", "Magnify the picture about the mouse"),
+    Shortcut("Picture", "Ctrl Alt drag", "Move the magnified picture"),
+    Shortcut("Picture", "0   1", "Fit the picture, show it pixel for pixel", "whole", int(Key._0)),
+    Shortcut("", "", "", "pixels", int(Key._1)),
     Shortcut("Picture", "[  ]", "Exposure down, up; the brush smaller, larger", "darker", int(Key.left_bracket)),
     Shortcut("", "", "", "brighter", int(Key.right_bracket)),
     Shortcut("Picture", "S", "See the selected layer alone, or all again", "solo", int(Key.s)),
     Shortcut("Material", "Right click", "Put a parameter back to its default"),
-    Shortcut("Material", "Double click", "Type a number (also Ctrl click); a drag with Shift is fine"),
+    Shortcut("Material", "Double click", "Type a number; a drag with Shift is fine"),
     Shortcut("Curve", "Drag a b c d", "Where the edit begins, holds and ends"),
     Shortcut("Curve", "Drag the ring", "How strong the edit is"),
     Shortcut("Curve", "Drag the curve", "Pull it there: a new operator"),
@@ -99,14 +107,44 @@ SHORTCUTS = (
     Shortcut("Curve", "Wheel", "Zoom the angle; with Shift the height"),
     Shortcut("Curve", "Middle drag", "Pan; double click shows all"),
     Shortcut("Material", "B", "Show the BRDF: sphere, lobe, slice, albedo", "brdf", int(Key.b)),
+    Shortcut(BLENDER, "Middle drag", "Orbit about what the camera looks at"),
+    Shortcut(BLENDER, "Shift middle", "Pan"),
+    Shortcut(BLENDER, "Ctrl middle", "Nearer, farther"),
+    Shortcut(MAYA, "Alt drag", "Orbit about what the camera looks at"),
+    Shortcut(MAYA, "Alt middle", "Pan"),
+    Shortcut(MAYA, "Alt right", "Nearer, farther"),
+    Shortcut(WHEEL, "Wheel", "Nearer to what is under the mouse"),
+    Shortcut(TRACKPAD, "Two fingers", "Orbit; Shift pans, Ctrl goes nearer"),
+    Shortcut("Camera", "F   Home", "Frame the selection, frame all", "frame", int(Key.f)),
+    Shortcut("", "", "", "frame_all", int(Key.home)),
+    Shortcut("", "", "", "frame", int(Key.keypad_decimal)),
+    Shortcut("Camera", "N", "Lens, horizon, size, kept views", "camera", int(Key.n)),
+    Shortcut("Camera", "Keypad 1 3 7", "From the front, the right, the top", "view_front", int(Key.keypad1)),
+    Shortcut("", "", "", "view_right", int(Key.keypad3)),
+    Shortcut("", "", "", "view_top", int(Key.keypad7)),
+    Shortcut("Camera", "with Ctrl", "From the back, the left, the bottom", "view_back", CTRL | int(Key.keypad1)),
+    Shortcut("", "", "", "view_left", CTRL | int(Key.keypad3)),
+    Shortcut("", "", "", "view_bottom", CTRL | int(Key.keypad7)),
+    Shortcut("Camera", "Keypad 4 6 8 2", "Orbit by 15°", "turn_left", int(Key.keypad4)),
+    Shortcut("", "", "", "turn_right", int(Key.keypad6)),
+    Shortcut("", "", "", "turn_up", int(Key.keypad8)),
+    Shortcut("", "", "", "turn_down", int(Key.keypad2)),
+    Shortcut("Camera", "Keypad + -", "Nearer, farther", "nearer", int(Key.keypad_add)),
+    Shortcut("", "", "", "farther", int(Key.keypad_subtract)),
+    Shortcut("Camera", "Keypad 0", "The scene's own camera", "own_view", int(Key.keypad0)),
     Shortcut("Help", "Alt", "The menus; Alt F, E, V, H: one of them"),
     Shortcut("Help", "?", "This list", "help", SHIFT | int(Key.slash)),
     Shortcut("", "", "", "help", int(Key.f1)),
 )
 # Steps, of which a key that is held makes one after the other.
-REPEATED = frozenset({"undo", "redo", "darker", "brighter"})
-# What would change the document under a gesture's hand.
-EDITING = frozenset({"undo", "redo", "mute", "delete", "paste", "paste_layers"})
+REPEATED = frozenset(
+    {"undo", "redo", "undo_look", "redo_look", "darker", "brighter", "nearer", "farther", *orbit_camera.TURNS}
+)
+CAMERA_MOVES = frozenset(
+    {"frame", "frame_all", "nearer", "farther", "own_view", "level", *orbit_camera.SIDES, *orbit_camera.TURNS}
+)
+# What would change document or view under a gesture's hand.
+EDITING = CAMERA_MOVES | {"undo", "redo", "undo_look", "redo_look", "mute", "delete", "paste", "paste_layers"}
 
 
 def keyboard(context: PanelContext) -> list[Action]:
@@ -149,10 +187,12 @@ def perform(context: PanelContext, name: str) -> list[Action]:
         "quit": [Quit()],
         "undo": [Undo()],
         "redo": [Redo()],
+        "undo_look": [UndoLook()],
+        "redo_look": [RedoLook()],
+        "camera": [SetPanel({"shows_camera": not context.state.shows_camera, "renames": None})],
         "compare": [SetView.of(compare=None if view.compare is not None else context.document)],
         "mode": [SetView.of(mode=_next_mode(context))],
         "alone": [SetPanel({"alone": not context.state.alone})],
-        "fit": [SetView.of(fit=not view.fit, zoom=1.0, centre=(0.5, 0.5))],
         "whole": [SetView.of(fit=True)],
         "pixels": [SetView.of(fit=False, zoom=1.0, centre=(0.5, 0.5))],
         "darker": [SetView.of(exposure=view.exposure - 1.0 / 3.0)],
@@ -168,6 +208,8 @@ def perform(context: PanelContext, name: str) -> list[Action]:
         return [paint.resized(context.state.brush, -1 if name == "darker" else 1)]
     if name in simple:
         return simple[name]
+    if name in CAMERA_MOVES:
+        return orbit_camera.command(context, name)
     if name in ("translate", "amplify") or name.startswith("axis_"):
         return [SetView.of(active_tool=_tool(tool_of(_hand(context)), name), operator=None)]
     if name in ("copy_material", "copy_curve"):
@@ -257,21 +299,24 @@ def _columns(context: PanelContext) -> None:
     for group in ("File", "Edit", "Material", "Help"):
         _group(context, group)
     imgui.end_group()
-    if imgui.get_main_viewport().work_size.x >= context.px(TWO_COLUMNS):
-        imgui.same_line(0.0, context.px(40))
-    imgui.begin_group()
-    for group in ("Picture", "Curve"):
-        _group(context, group)
-    imgui.end_group()
+    for least, groups in ((TWO_COLUMNS, ("Picture", "Curve")), (THREE_COLUMNS, (*CHOICES, "Camera"))):
+        if imgui.get_main_viewport().work_size.x >= context.px(least):
+            imgui.same_line(0.0, context.px(32))
+        imgui.begin_group()
+        for group in groups:
+            _group(context, group)
+        imgui.end_group()
 
 
 def _group(context: PanelContext, group: str) -> None:
-    imgui.push_style_color(imgui.Col_.text, look.pack(look.ACCENT))
-    imgui.text_unformatted(group)
+    name, value = CHOICES.get(group, ("", ""))
+    is_chosen = not name or getattr(context.preferences, name) == value
+    imgui.push_style_color(imgui.Col_.text, look.pack(look.ACCENT if is_chosen else look.TEXT_FAINT))
+    imgui.text_unformatted(group if is_chosen else f"{group} (View > Camera)")
     imgui.pop_style_color()
     for shortcut in (s for s in SHORTCUTS if s.group == group):
         imgui.text_unformatted(shortcut.keys)
-        imgui.same_line(context.px(118))
+        imgui.same_line(context.px(KEYS_WIDTH))
         imgui.push_style_color(imgui.Col_.text, look.pack(look.TEXT_SOFT))
         imgui.text_unformatted(shortcut.text)
         imgui.pop_style_color()

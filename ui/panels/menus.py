@@ -15,7 +15,18 @@ from app.view_state import OpenPanel, SetView
 from engine.colour import VIEWS
 from ui.layout import PANELS, is_behind
 from ui.panels import fields, widgets
-from ui.panels.actions import Action, AskFile, OpenFile, Redo, ResetLayout, SetPanel, ShowPanel, Undo
+from ui.panels.actions import (
+    Action,
+    AskFile,
+    LookFromThere,
+    OpenFile,
+    Redo,
+    ResetLayout,
+    SetPanel,
+    SetPreference,
+    ShowPanel,
+    Undo,
+)
 from ui.panels.context import PanelContext
 from ui.panels.help import ALT, keys_of, perform
 from ui.theme import Icon
@@ -116,6 +127,9 @@ def _edit(context: PanelContext) -> list[Action]:
     redo = f"Redo {context.redo_label}" if context.redo_label else "Redo"
     actions = _entry(context, undo, "undo", context.undo_label is not None)
     actions += _entry(context, redo, "redo", context.redo_label is not None)
+    undo, redo = (f": {label}" if label else "" for label in (context.look_undo_label, context.look_redo_label))
+    actions += _entry(context, f"Undo the view{undo}", "undo_look", context.look_undo_label is not None)
+    actions += _entry(context, f"Redo the view{redo}", "redo_look", context.look_redo_label is not None)
     imgui.separator()
     selected = context.selected_layer
     curve = selected is not None and selected.factor is not None
@@ -138,6 +152,9 @@ def _view(context: PanelContext) -> list[Action]:
     actions = _entry(context, "The picture alone", "alone", on=context.state.alone)
     actions += _entry(context, "Fit the picture", "whole", on=context.view.fit)
     actions += _entry(context, "Pixel for pixel", "pixels", on=_is_pixel_for_pixel(context))
+    if _begin(context, "Camera"):
+        actions += _camera(context)
+        imgui.end_menu()
     if _begin(context, "Colours"):
         actions += _views(context, "menu.colours")
         imgui.end_menu()
@@ -154,6 +171,38 @@ def _view(context: PanelContext) -> list[Action]:
         actions.append(ResetLayout())
     imgui.separator()
     return actions + _entry(context, "Save a picture of the window", "screenshot")
+
+
+CAMERA_ENTRIES = (
+    ("Frame the selection", "frame"), ("Frame all", "frame_all"), ("", ""), ("Front", "view_front"),
+    ("Right", "view_right"), ("Top", "view_top"), ("Back", "view_back"), ("Left", "view_left"),
+    ("Bottom", "view_bottom"), ("", ""), ("Level horizon", "level"), ("The scene's own camera", "own_view"),
+)  # fmt: skip
+MOUSE = (("mouse", "blender", "Mouse as in Blender"), ("mouse", "maya", "Mouse as in Maya"))
+SCROLL = (("scroll", "dolly", "Wheel: nearer, farther"), ("scroll", "orbit", "Trackpad: two fingers orbit"))
+
+
+def _camera(context: PanelContext) -> list[Action]:
+    """Where it can go, and what hand and fingers do."""
+    actions = _entry(context, "Lens, size, kept views…", "camera", on=context.state.shows_camera)
+    for bookmark in context.view.bookmarks:
+        if imgui.menu_item_simple(f"{bookmark.name}###kept.{bookmark.name}"):
+            actions.append(LookFromThere(bookmark.look, bookmark.name))
+    imgui.separator()
+    is_open = bool(context.document.objects)
+    for text, name in CAMERA_ENTRIES:
+        if name:
+            enabled = is_open and (name != "frame" or context.view.selected is not None)
+            actions += _entry(context, text, name, enabled)
+        else:
+            imgui.separator()
+    for group in (MOUSE, SCROLL):
+        imgui.separator()
+        for name, value, text in group:
+            if imgui.menu_item_simple(text, None, getattr(context.preferences, name) == value):
+                actions.append(SetPreference({name: value}))
+            context.handles.note_item(f"menu.{name}.{value}")
+    return actions
 
 
 def _resolution(context: PanelContext) -> list[Action]:
@@ -308,8 +357,8 @@ def _views(context: PanelContext, handle: str) -> list[Action]:
 
 def _fit(context: PanelContext) -> list[Action]:
     choices = (
-        ("Fit", "The picture as large as the panel allows. (F)"),
-        ("1:1", "One pixel of the picture is one pixel of the screen. (F)"),
+        ("Fit", "The picture as large as the panel allows. (0)"),
+        ("1:1", "One pixel of the picture is one pixel of the screen. (1)"),
     )
     chosen = 0 if context.view.fit else 1 if _is_pixel_for_pixel(context) else -1
     pressed = widgets.segments(context, "view.fit", choices, chosen, least=FIT_WIDTH)

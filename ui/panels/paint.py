@@ -31,8 +31,8 @@ START = (
     ("Empty", "The map begins black: the layer is nowhere but where the brush brings it."),
 )
 TOWARDS = (
-    ("Add", "The brush brings the layer. With Alt held it takes it away."),
-    ("Remove", "The brush takes the layer away. With Alt held it brings it."),
+    ("Add", "The brush brings the layer. With Ctrl or Alt held it takes it away."),
+    ("Remove", "The brush takes the layer away. With Ctrl or Alt held it brings it."),
 )
 BLEND = "Another layer gets this map inverted: where one is, the other is not. They are painted together from then on."
 SLIDERS = (
@@ -148,9 +148,15 @@ def resized(brush: Brush, steps: int) -> Action:
 def begin(context: PanelContext, place: Point) -> list[Action]:
     """The button went down at a place of the picture, in its pixels."""
     brush = context.state.brush
-    erases = brush.erases != imgui.get_io().key_alt
+    erases = brush.erases != _is_inverted()
     grip = PaintGrip("paint", place, False, 0.0 if erases else 1.0)
     return [BeginDrag(), *_stroke(context, grip, [place], place)]
+
+
+def _is_inverted() -> bool:
+    """Whether a key turns the brush round: Ctrl, or Alt where that does not move the camera."""
+    io = imgui.get_io()
+    return bool(io.key_alt or io.key_ctrl)
 
 
 def go_on(context: PanelContext, grip: PaintGrip, place: Point) -> list[Action]:
@@ -180,7 +186,7 @@ def draw_circle(context: PanelContext, scale: float) -> None:
     draw_list = imgui.get_window_draw_list()
     radius, line = brush.radius * scale, context.px(1.5)
     held = context.state.grip
-    adds = held.value > 0.5 if isinstance(held, PaintGrip) else brush.erases == imgui.get_io().key_alt
+    adds = held.value > 0.5 if isinstance(held, PaintGrip) else brush.erases == _is_inverted()
     aside = 0.7071 * radius + context.px(8)
     beside = ImVec2(mouse.x + aside, mouse.y + aside)
     for ink, more in ((look.grey(0, 0.55), line), (look.grey(245), 0.0)):

@@ -1,7 +1,7 @@
 """Where the picture stands in its panel: fitted, or zoomed and shifted; and the gestures that change it.
 
-The wheel zooms about the mouse and the middle button drags the picture. Both also with Ctrl and Shift held, so that a
-camera that moves may take the plain gestures and these stay. Rejected: leaving empty room beside a picture that is
+With Ctrl and Alt held the wheel zooms about the mouse and a drag moves the picture: without them both move the camera
+(`ui.orbit_camera`). Rejected: leaving empty room beside a picture that is
 larger than its panel; it stops at its edges, so that it cannot be lost.
 """
 
@@ -102,19 +102,20 @@ def zoomed(room: Room, placed: Placed, steps: float, x: float, y: float) -> SetV
 
 def gestures(context: PanelContext, room: Room, placed: Placed) -> list[Action]:
     """Zoom and pan, over the item drawn last."""
-    mouse, grip = imgui.get_mouse_pos(), context.state.grip
+    io, grip = imgui.get_io(), context.state.grip
+    mouse = imgui.get_mouse_pos()
     if grip is not None:
         return _pan(room, placed, grip, mouse) if grip.handle == PAN else []
-    if not imgui.is_item_hovered():
+    if not (imgui.is_item_hovered() and io.key_ctrl and io.key_alt):
         return []
-    if imgui.is_mouse_clicked(2):
+    if imgui.is_mouse_clicked(0) or imgui.is_mouse_clicked(2):
         return [Hold(Grip(PAN, (mouse.x - placed.x, mouse.y - placed.y)))]
-    wheel = imgui.get_io().mouse_wheel
+    wheel = io.mouse_wheel
     return [zoomed(room, placed, wheel, mouse.x, mouse.y)] if wheel else []
 
 
 def _pan(room: Room, placed: Placed, grip: Grip, mouse: ImVec2) -> list[Action]:
-    if not imgui.is_mouse_down(2):
+    if not (imgui.is_mouse_down(0) or imgui.is_mouse_down(2)):
         return [Hold(None)]
     imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
     x, y = mouse.x - grip.offset[0], mouse.y - grip.offset[1]

@@ -70,6 +70,18 @@ class WheelTurn:
 
 
 @dataclass(frozen=True)
+class ScrollTurn:
+    """Turns of the wheel over the picture that move the camera as one gesture: which, when it began and last went on,
+    seconds; where the mouse was, pixels, and the point of the scene (3,) there."""
+
+    gesture: str
+    began: float
+    last: float
+    place: tuple[float, float]
+    about: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
 class Brush:
     """The brush that paints weight maps: its radius in pixels of the picture; `erases`: it takes the layer away."""
 
@@ -127,6 +139,8 @@ class PanelState:
     `shows_images`: the material panel has its rows for images, also where a layer has none.
     `handle` is the curve's handle that the keyboard moves: "magnitude", "a", "b", "c", "d", "region"; None: not chosen.
     `turn` is the last turning of the light by the mouse wheel.
+    `scroll` is the last moving of the camera by it; `shows_camera`: the camera's controls stand over the picture, where
+    the kept view `renames` is being given another name.
     `picks_lobe`: the next click on the picture says where it carries the lobe.
     `paints`: dragging over the selected object paints its layer's weight map, with `brush`.
     `alone`: the picture has the place of all panels.
@@ -136,6 +150,9 @@ class PanelState:
     grip: Grip | None = None
     handle: str | None = None
     turn: WheelTurn | None = None
+    scroll: ScrollTurn | None = None
+    shows_camera: bool = False
+    renames: str | None = None
     front: tuple[str, ...] = ()
     alone: bool = False
     picks_lobe: bool = False

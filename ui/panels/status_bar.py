@@ -29,6 +29,10 @@ FINISHED_HINT = (
 )
 
 
+VIEW_BEFORE = (
+    "The camera has moved on. The picture of the view before stays until this one is traced, once it rests; where it "
+    "was computed before, that is at once. In Orbit the picture goes with the hand. Esc in mid-drag goes back."
+)
 JUDGED_LATER = "Nothing more comes. How far off the picture is will be found out while the hand rests."
 JUDGED = (
     "How far off the picture is, relative to its mean, by its own judgement: some hundred points are held against more "
@@ -101,6 +105,8 @@ def picture_state(status: Status) -> tuple[look.Colour, str, str]:
     error = "" if status.image_error is None else f" (error {error_text(status.image_error)})"
     if not status.worker_alive:
         return look.BAD, "computing stopped", "What computes has ended and is being started again; edits are safe."
+    if status.is_away and status.shown_by != "Orbit":
+        return look.ACCENT, "the view before", VIEW_BEFORE
     if status.is_finished:
         return _finished_state(status)
     if status.picture == "refining":

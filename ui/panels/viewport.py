@@ -1,4 +1,4 @@
-"""The picture: click selects, hover names, Shift-drag turns the light, A/B divider."""
+"""The picture: click selects, hover names, Shift-drag turns the light, A/B divider; the camera moves over it."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ from imgui_bundle import ImVec2, imgui
 from app.light_commands import SetRotation
 from app.solo import alone
 from app.view_state import SetView
+from ui import orbit_camera
 from ui import theme as look
 from ui.panels import paint, surface_plot, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag, Hold, Select, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.library import apply, dropped_material
 from ui.panels.picture import Picture
-from ui.panels.picture_place import PAN, Placed, gestures, room_of
+from ui.panels.picture_place import PAN, Placed, Room, gestures, room_of
 from ui.panels.state import Grip, PaintGrip
 from ui.theme import Icon
 
@@ -42,7 +43,7 @@ def draw(context: PanelContext) -> list[Action]:
     upper, lower = picture.corners()
     far = ImVec2(placed.x + placed.width, placed.y + placed.height)
     draw_list.add_image(picture.reference, ImVec2(placed.x, placed.y), far, upper, lower)
-    actions = [*gestures(context, space, placed), *_interact(context, picture, placed)]
+    actions = _hand(context, picture, space, placed)
     if context.view.compare is not None:
         _draw_divider(context, placed, corner.y, end.y)
     surface_plot.draw(context, placed.x, placed.y, placed.scale)
@@ -52,6 +53,15 @@ def draw(context: PanelContext) -> list[Action]:
         _draw_waiting(context, corner, room)
     draw_list.pop_clip_rect()
     return actions
+
+
+def _hand(context: PanelContext, picture: Picture, space: Room, placed: Placed) -> list[Action]:
+    """What the hand does over the picture: it moves the camera, or the picture in its panel, or is at work in it."""
+    moved = orbit_camera.navigate(context, placed, picture)
+    if moved is not None:
+        clicked = orbit_camera.was_a_click(context, moved)
+        return [*moved, *_pick_lobe(context, picture, placed)] if clicked else moved
+    return gestures(context, space, placed) or _interact(context, picture, placed)
 
 
 def divider_x(context: PanelContext, placed: Placed) -> float:
@@ -103,7 +113,7 @@ def _hover(context: PanelContext, picture: Picture, placed: Placed, on_divider: 
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
         widgets.tooltip(_comparison_hint(context))
         return []
-    if imgui.get_io().key_shift:
+    if _turns_light():
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
         return []
     if paint.painted_key(context) is not None:
@@ -113,11 +123,16 @@ def _hover(context: PanelContext, picture: Picture, placed: Placed, on_divider: 
     if imgui.get_io().key_alt or context.state.picks_lobe:
         imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
     mouse = imgui.get_mouse_pos()
-    pixel = placed.pixel(mouse.x, mouse.y, picture)
-    name = context.object_at(*pixel) if pixel else None
+    name = _object_at(context, placed.pixel(mouse.x, mouse.y, picture))
     if name:
         _draw_name(context, name, mouse)
     return [SetView.of(hovered=name)] if name != context.view.hovered else []
+
+
+def _turns_light() -> bool:
+    """Whether a drag turns the environment; with Alt, too, it is the lobe's."""
+    io = imgui.get_io()
+    return bool(io.key_shift and not io.key_alt)
 
 
 def _comparison_hint(context: PanelContext) -> str:
@@ -137,7 +152,7 @@ def _take_hold(context: PanelContext, picture: Picture, placed: Placed, on_divid
     mouse = imgui.get_mouse_pos()
     if on_divider:
         return [Hold(Grip("divider", (mouse.x - divider_x(context, placed), 0.0)))]
-    if imgui.get_io().key_shift:
+    if _turns_light():
         grip = Grip("rotation", (mouse.x, context.document.light.rotation))
         return [BeginDrag("rotate the environment"), Hold(grip)]
     if paint.painted_key(context) is not None:
@@ -146,8 +161,13 @@ def _take_hold(context: PanelContext, picture: Picture, placed: Placed, on_divid
     if imgui.get_io().key_alt or context.state.picks_lobe:
         picked = _pick_lobe(context, picture, placed)
         return [*picked, SetPanel({"picks_lobe": False}), Hold(Grip("lobe", (0.0, 0.0)))]
-    pixel = placed.pixel(mouse.x, mouse.y, picture)
-    return [Select(context.object_at(*pixel) if pixel else None)]
+    return [Select(_object_at(context, placed.pixel(mouse.x, mouse.y, picture)))]
+
+
+def _object_at(context: PanelContext, pixel: tuple[int, int] | None) -> str | None:
+    """What a pixel shows; nothing where the picture has gone on from what was traced."""
+    has_moved_on = context.status.is_away and context.status.shown_by == "Orbit"
+    return None if pixel is None or has_moved_on else context.object_at(*pixel)
 
 
 def _pick_lobe(context: PanelContext, picture: Picture, placed: Placed) -> list[Action]:

@@ -1,0 +1,215 @@
+"""The hand that moves the camera: over the picture by mouse or trackpad, and by keys.
+
+    middle drag orbits, Shift pans, Ctrl goes nearer or farther         as in Blender
+    Alt left drag orbits, Alt middle pans, Alt right nearer or farther  as in Maya
+    the wheel goes nearer what is under the mouse; or two fingers orbit, Shift pan, Ctrl nearer or farther
+
+What the picture had on these before is held with Ctrl and Alt (`ui.panels.picture_place`). Drags are measured from
+where they began, so that a hand that returns is back to the last bit; the scene goes with the hand, at the depth of
+what it took hold of.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from imgui_bundle import imgui
+
+from app.preferences import Mouse, Scroll
+from app.view_state import SetView, Viewpoint
+from engine.scene.camera_moves import (
+    Side,
+    depth_of,
+    distance,
+    dollied,
+    framed,
+    levelled,
+    orbited,
+    panned,
+    point_at,
+    seen_from_side,
+)
+from engine.scene.description import Camera
+from ui.panels.actions import Action, BeginLook, DragLook, EndLook, Hold, LookFromThere, SetPanel
+from ui.panels.context import PanelContext
+from ui.panels.picture import Picture
+from ui.panels.picture_place import Placed
+from ui.panels.state import Grip, ScrollTurn
+
+Gesture = Literal["orbit", "pan", "dolly"]
+# Of mouse buttons (0 left, 1 right, 2 middle) with keys held.
+DRAGS: dict[Mouse, dict[tuple[int, str], Gesture]] = {
+    "blender": {(2, ""): "orbit", (2, "shift"): "pan", (2, "ctrl"): "dolly"},
+    "maya": {(0, "alt"): "orbit", (2, "alt"): "pan", (1, "alt"): "dolly"},
+}
+SCROLLS: dict[Scroll, dict[str, Gesture]] = {
+    "dolly": {"": "dolly"},
+    "orbit": {"": "orbit", "shift": "pan", "ctrl": "dolly"},
+}
+DEGREES_A_PIXEL, PIXELS_TO_HALVE = 0.4, 150.0
+# A notch of the wheel, of which a trackpad tells small parts.
+NOTCH_DEGREES, NOTCH_HEIGHTS, NOTCH_NEARER = 12.0, 0.06, 0.85
+# Turns with less than this between them are one step of the view's history, seconds.
+PAUSE_SECONDS = 1.0
+KEY_DEGREES, KEY_NEARER = 15.0, 0.8
+# Pixels at scale 1 after which a press is a drag.
+DRAG_DISTANCE = 3.0
+SIDES: dict[str, Side] = {
+    "view_front": "front", "view_back": "back", "view_right": "right", "view_left": "left", "view_top": "top",
+    "view_bottom": "bottom",
+}  # fmt: skip
+TURNS: dict[str, tuple[float, float]] = {
+    "turn_left": (-1.0, 0.0), "turn_right": (1.0, 0.0), "turn_up": (0.0, 1.0), "turn_down": (0.0, -1.0),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class CameraGrip(Grip):
+    """A hand on the camera. `offset` is where the mouse took hold, pixels, with this button; `camera` as it was then,
+    `depth` of what was under the mouse, metres; `begun`: the hand has moved since."""
+
+    gesture: Gesture
+    button: int
+    camera: Camera
+    depth: float
+    begun: bool = False
+
+
+def held_keys() -> str:
+    """The modifiers held, in a fixed order: "", "shift", "ctrl+alt"."""
+    io = imgui.get_io()
+    held = {"shift": io.key_shift, "ctrl": io.key_ctrl, "alt": io.key_alt}
+    return "+".join(name for name, is_held in held.items() if is_held)
+
+
+def navigate(context: PanelContext, placed: Placed, picture: Picture) -> list[Action] | None:
+    """What a hand over the picture, the item drawn last, does to the camera; None where it does something else."""
+    grip = context.state.grip
+    if isinstance(grip, CameraGrip):
+        return _drag(context, grip, placed)
+    if grip is not None or not imgui.is_item_hovered():
+        return None
+    for (button, held), gesture in DRAGS[context.preferences.mouse].items():
+        if imgui.is_mouse_clicked(button) and held_keys() == held:
+            return _take_hold(context, gesture, button, placed, picture)
+    return _scroll(context, placed, picture)
+
+
+def was_a_click(context: PanelContext, actions: list[Action]) -> bool:
+    """Whether a left button that could have moved the camera was let go where it was pressed."""
+    grip = context.state.grip
+    return isinstance(grip, CameraGrip) and grip.button == 0 and not grip.begun and Hold(None) in actions
+
+
+def command(context: PanelContext, name: str) -> list[Action]:
+    """What a named key or menu entry asks for; nothing where there is nothing to frame."""
+    camera = context.camera
+    if name in SIDES:
+        return _there(context, seen_from_side(camera, SIDES[name]), f"from the {SIDES[name]}")
+    if name in TURNS:
+        right, up = (math.radians(KEY_DEGREES * turn) for turn in TURNS[name])
+        return _there(context, orbited(camera, right, up), "orbit")
+    if name in ("nearer", "farther"):
+        factor = KEY_NEARER if name == "nearer" else 1.0 / KEY_NEARER
+        return _there(context, dollied(camera, factor), name)
+    if name in ("frame", "frame_all"):
+        return _frame(context, context.view.selected.object if name == "frame" and context.view.selected else None)
+    if name == "level":
+        return _there(context, levelled(camera), "level horizon")
+    if name == "own_view":
+        return _there(context, context.own_camera, "the scene's own camera")
+    return []
+
+
+def _frame(context: PanelContext, name: str | None) -> list[Action]:
+    """An object, or all."""
+    box = context.box_of(name)
+    if box is None:
+        return []
+    return _there(context, framed(context.camera, box, context.aspect), f"frame {name or 'all'}")
+
+
+def _there(context: PanelContext, camera: Camera, label: str) -> list[Action]:
+    return [LookFromThere(Viewpoint(camera, context.view.resolution), label)]
+
+
+# --------------------------------------------------------------------------------------------------------------- drags
+
+
+def _take_hold(context: PanelContext, gesture: Gesture, button: int, placed: Placed, picture: Picture) -> list[Action]:
+    mouse = imgui.get_mouse_pos()
+    depth = _depth_at(context, placed.pixel(mouse.x, mouse.y, picture))
+    grip = CameraGrip("camera", (mouse.x, mouse.y), gesture, button, context.camera, depth)
+    return [Hold(grip), SetView.of(hovered=None)]
+
+
+def _drag(context: PanelContext, grip: CameraGrip, placed: Placed) -> list[Action]:
+    imgui.set_mouse_cursor(imgui.MouseCursor_.resize_all)
+    mouse = imgui.get_mouse_pos()
+    across, down = mouse.x - grip.offset[0], mouse.y - grip.offset[1]
+    actions: list[Action] = []
+    if not grip.begun and math.hypot(across, down) >= context.px(DRAG_DISTANCE):
+        grip = replace(grip, begun=True)
+        actions += [Hold(grip), BeginLook(grip.gesture)]
+    if grip.begun:
+        camera = dragged(grip, across, down, context.theme.scale, placed.height)
+        actions.append(DragLook(Viewpoint(camera, context.view.resolution)))
+    if not imgui.is_mouse_down(grip.button):
+        actions += [EndLook(), Hold(None)]
+    return actions
+
+
+def dragged(grip: CameraGrip, across: float, down: float, scale: float, height: float) -> Camera:
+    """The camera when the mouse has gone so many pixels right and down; height: of the picture on screen."""
+    if grip.gesture == "orbit":
+        rate = math.radians(DEGREES_A_PIXEL / scale)
+        return orbited(grip.camera, -rate * across, rate * down)
+    if grip.gesture == "pan":
+        return panned(grip.camera, -across / height, down / height, grip.depth)
+    return dollied(grip.camera, 2.0 ** ((down - across) / (scale * PIXELS_TO_HALVE)))
+
+
+def _depth_at(context: PanelContext, pixel: tuple[int, int] | None) -> float:
+    """Of what a pixel of the picture shows, metres; the target's where that is not known."""
+    spot = None if pixel is None or context.status.is_away else context.spot_at(*pixel)
+    depth = 0.0 if spot is None else depth_of(context.camera, spot.place)
+    return depth if depth > 0.0 else distance(context.camera)
+
+
+# -------------------------------------------------------------------------------------------------------------- scroll
+
+
+def _scroll(context: PanelContext, placed: Placed, picture: Picture) -> list[Action] | None:
+    io = imgui.get_io()
+    x, y = io.mouse_wheel_h, io.mouse_wheel
+    gesture = SCROLLS[context.preferences.scroll].get(held_keys())
+    if gesture is None or not (x or y):
+        return None
+    turn = _turn(context, gesture, placed, picture)
+    camera = scrolled(context.camera, gesture, x, y, turn.about)
+    look = Viewpoint(camera, context.view.resolution)
+    return [LookFromThere(look, gesture, f"scroll from {turn.began}"), SetPanel({"scroll": turn})]
+
+
+def _turn(context: PanelContext, gesture: Gesture, placed: Placed, picture: Picture) -> ScrollTurn:
+    """The turn of the wheel that goes on, or a new one; it keeps to the point that it began about."""
+    mouse, turn = imgui.get_mouse_pos(), context.state.scroll
+    place = (mouse.x, mouse.y)
+    goes_on = turn is not None and (turn.gesture, turn.place) == (gesture, place)
+    if turn is not None and goes_on and context.now - turn.last <= PAUSE_SECONDS:
+        return replace(turn, last=context.now)
+    depth = _depth_at(context, placed.pixel(*place, picture))
+    about = point_at(context.camera, (picture.width, picture.height), *placed.point(*place), depth)
+    return ScrollTurn(gesture, context.now, context.now, place, (float(about[0]), float(about[1]), float(about[2])))
+
+
+def scrolled(camera: Camera, gesture: Gesture, x: float, y: float, about: tuple[float, float, float]) -> Camera:
+    """The camera after so many notches right and away from the hand, or as far with two fingers; about: the point that
+    a dolly leaves where it is in the picture."""
+    if gesture == "orbit":
+        return orbited(camera, -math.radians(NOTCH_DEGREES * x), math.radians(NOTCH_DEGREES * y))
+    if gesture == "pan":
+        return panned(camera, -NOTCH_HEIGHTS * x, NOTCH_HEIGHTS * y)
+    return dollied(camera, NOTCH_NEARER**y, about)

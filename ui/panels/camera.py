@@ -1,0 +1,204 @@
+"""The camera's controls over the picture: lens, horizon, the picture's size, and the views that are kept by name.
+
+They stand in the picture's upper right corner and are in nobody's way: the picture under them can be worked on.
+"""
+
+from __future__ import annotations
+
+from imgui_bundle import ImVec2, imgui
+
+from app.bookmarks import MAX_NAME, without
+from app.view_state import Bookmark, SetView, Viewpoint
+from engine.scene.camera_moves import focal_length, is_level, with_focal_length
+from engine.scene.description import MAX_RESOLUTION
+from ui import theme as look
+from ui.orbit_camera import command
+from ui.panels import fields, widgets
+from ui.panels.actions import (
+    Action,
+    BeginLook,
+    DragLook,
+    EndLook,
+    KeepView,
+    LookFromThere,
+    RenameView,
+    Resize,
+    SetPanel,
+)
+from ui.panels.context import PanelContext
+from ui.theme import Icon
+
+WIDTH, LABEL_WIDTH, GAP = 264.0, 58.0, 6.0
+THUMBNAIL, LEAST_LIST, MARGIN = (64.0, 48.0), 60.0, 10.0
+LEAST_FOCAL, LARGEST_FOCAL = 4.0, 1200.0
+LENS_HINT = (
+    "Focal length on film of 36 x 24 mm, whose 24 mm are the picture's height: here {angle:.1f}° upright. The camera "
+    "stays where it is. Right click for the scene's own."
+)
+
+
+def draw(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[Action]:
+    """The controls, where they are wanted and the picture's panel, from its corner, has room for them."""
+    if not context.state.shows_camera or not context.document.objects or room.x < context.px(WIDTH + 2 * MARGIN):
+        return []
+    actions: list[Action] = []
+    at = ImVec2(corner.x + room.x - context.px(MARGIN), corner.y + context.px(MARGIN))
+    with widgets.strip(context, "Camera###camera", at, ImVec2(1.0, 0.0), ImVec2(10, 8)) as is_seen:
+        if is_seen:
+            imgui.dummy(ImVec2(context.px(WIDTH - 20), 0))
+            actions += _title(context) + _lens(context) + _horizon(context) + _size(context, room)
+            actions += _views(context, corner.y + room.y - context.px(2 * MARGIN))
+    return actions
+
+
+def _title(context: PanelContext) -> list[Action]:
+    context.theme.push_bold()
+    imgui.align_text_to_frame_padding()
+    imgui.text_unformatted("Camera")
+    imgui.pop_font()
+    widgets.go_right(2 * imgui.get_frame_height() + context.px(GAP))
+    actions: list[Action] = []
+    hint = "Back to the scene's own camera. (Keypad 0)"
+    if widgets.icon_button(context, "camera.reset", Icon.RESET, hint, enabled=context.camera != context.own_camera):
+        actions += command(context, "own_view")
+    imgui.same_line(0.0, context.px(GAP))
+    if widgets.icon_button(context, "camera.close", Icon.CLOSE, "Put these away. (N)"):
+        actions.append(SetPanel({"shows_camera": False, "renames": None}))
+    return actions
+
+
+def _lens(context: PanelContext) -> list[Action]:
+    widgets.label(context, "Lens", LABEL_WIDTH)
+    camera = context.camera
+    focal = focal_length(camera.fov_y)
+    hand, moved = fields.slider(
+        context, "focal_length", focal, LEAST_FOCAL, LARGEST_FOCAL, "%.4g mm", True, handle="camera.focal",
+        origin=focal_length(context.own_camera.fov_y), pixels_to_double=fields.PIXELS_TO_DOUBLE,
+    )  # fmt: skip
+    widgets.tooltip(LENS_HINT.format(angle=camera.fov_y))
+    if imgui.is_item_clicked(1):
+        own = camera.model_copy(update={"fov_y": context.own_camera.fov_y})
+        return [LookFromThere(Viewpoint(own, context.view.resolution), "focal length")]
+    actions: list[Action] = [BeginLook("focal length")] if hand.began else []
+    if hand.changed:
+        actions.append(DragLook(Viewpoint(with_focal_length(camera, moved), context.view.resolution)))
+    return [*actions, EndLook()] if hand.ended else actions
+
+
+def _horizon(context: PanelContext) -> list[Action]:
+    widgets.label(context, "Horizon", LABEL_WIDTH)
+    level = is_level(context.camera)
+    hint = "Turn the camera about its line of sight until the horizon is level. Orbits keep it so."
+    if widgets.text_button(context, "camera.level", "Is level" if level else "Level it", hint, enabled=not level):
+        return command(context, "level")
+    return []
+
+
+def _size(context: PanelContext, room: ImVec2) -> list[Action]:
+    """The picture's pixels: the scene's own, those of its panel, or any."""
+    widgets.label(context, "Picture", LABEL_WIDTH)
+    panel = (min(max(round(room.x), 1), MAX_RESOLUTION), min(max(round(room.y), 1), MAX_RESOLUTION))
+    size, own = context.resolution, context.own_resolution
+    choices = (
+        ("Scene", f"As the scene has it: {own[0]} x {own[1]} pixels."),
+        ("Panel", f"As large as its panel here, and of its form: {panel[0]} x {panel[1]} pixels."),
+        (f"{size[0]} x {size[1]}…", "Any size, and what it costs."),
+    )
+    chosen = 0 if size == own else 1 if size == panel else 2
+    pressed = widgets.segments(context, "camera.size", choices, chosen)
+    if pressed == 2:
+        return [SetPanel({"resolution": size})]
+    return [] if pressed is None else [Resize((own, panel)[pressed])]
+
+
+# --------------------------------------------------------------------------------------------------------------- views
+
+
+def _views(context: PanelContext, foot: float) -> list[Action]:
+    """The list of kept views, as high as there is room above `foot`, and a button that keeps this one."""
+    imgui.spacing()
+    actions: list[Action] = []
+    bookmarks = context.view.bookmarks
+    if bookmarks:
+        row = context.px(THUMBNAIL[1]) + imgui.get_style().item_spacing.y
+        room = foot - imgui.get_cursor_screen_pos().y - imgui.get_frame_height() - context.px(2 * GAP)
+        height = min(len(bookmarks) * row, max(room, context.px(LEAST_LIST)))
+        if imgui.begin_child("views", ImVec2(context.px(WIDTH - 20), height)):
+            for bookmark in bookmarks:
+                actions += _view(context, bookmark)
+        imgui.end_child()
+    if widgets.text_button(context, "camera.keep", f"{Icon.ADD}  Keep this view", "Keep it by a name, in the session."):
+        actions.append(KeepView())
+    return actions
+
+
+def _view(context: PanelContext, bookmark: Bookmark) -> list[Action]:
+    """A row: the picture, which goes there, the name, and what can be done with it."""
+    name = bookmark.name
+    imgui.push_id(name)
+    actions: list[Action] = []
+    corner, size = imgui.get_cursor_screen_pos(), ImVec2(*map(context.px, THUMBNAIL))
+    if imgui.invisible_button("go", size):
+        actions.append(LookFromThere(bookmark.look, name))
+    context.handles.note_item(f"camera.view.{name}")
+    is_here = _is_here(context, bookmark)
+    _thumbnail(context, bookmark, corner, size, imgui.is_item_hovered() or is_here)
+    widgets.tooltip("The camera stands here." if is_here else "Go there: a view that was computed is there at once.")
+    imgui.same_line(0.0, context.px(GAP + 2))
+    imgui.begin_group()
+    actions += _name(context, name) if context.state.renames == name else _title_of(context, name)
+    if widgets.icon_button(context, f"camera.update.{name}", Icon.CAMERA, f"Let {name} be this view.", not is_here):
+        actions.append(KeepView(name))
+    imgui.same_line(0.0, 0.0)
+    if widgets.icon_button(context, f"camera.rename.{name}", Icon.EDITABLE, "Give it another name."):
+        actions.append(SetPanel({"renames": name}))
+    imgui.same_line(0.0, 0.0)
+    if widgets.icon_button(context, f"camera.delete.{name}", Icon.DELETE, f"Delete {name}."):
+        actions.append(SetView.of(bookmarks=without(context.view.bookmarks, name)))
+    imgui.end_group()
+    imgui.pop_id()
+    return actions
+
+
+def _is_here(context: PanelContext, bookmark: Bookmark) -> bool:
+    camera, resolution = bookmark.look
+    return (camera or context.own_camera, resolution or context.own_resolution) == (context.camera, context.resolution)
+
+
+def _title_of(context: PanelContext, name: str) -> list[Action]:
+    imgui.text_unformatted(widgets.fitting(name, imgui.get_content_region_avail().x))
+    double = imgui.is_item_hovered() and imgui.is_mouse_double_clicked(0)
+    return [SetPanel({"renames": name})] if double else []
+
+
+def _name(context: PanelContext, name: str) -> list[Action]:
+    """The name as text; Enter takes it, and so does a click elsewhere."""
+    imgui.set_next_item_width(-1.0)
+    if imgui.get_io().want_text_input is False:
+        imgui.set_keyboard_focus_here()
+    _, typed = imgui.input_text("##name", name, imgui.InputTextFlags_.auto_select_all)
+    context.handles.note_item("camera.name")
+    if not imgui.is_item_deactivated():
+        return []
+    new = typed.strip()[: MAX_NAME + 1]
+    named: list[Action] = [RenameView(name, new)] if imgui.is_item_deactivated_after_edit() and new != name else []
+    return [*named, SetPanel({"renames": None})]
+
+
+def _thumbnail(context: PanelContext, bookmark: Bookmark, corner: ImVec2, size: ImVec2, lit: bool) -> None:
+    draw_list, rounding = imgui.get_window_draw_list(), context.px(3)
+    end = ImVec2(corner.x + size.x, corner.y + size.y)
+    draw_list.add_rect_filled(corner, end, look.pack(look.WELL), rounding)
+    picture = context.view_thumbnail(bookmark)
+    if picture is not None:
+        scale = min(size.x / picture.width, size.y / picture.height)
+        width, height = scale * picture.width, scale * picture.height
+        start = ImVec2(corner.x + 0.5 * (size.x - width), corner.y + 0.5 * (size.y - height))
+        upper, lower = picture.corners()
+        draw_list.add_image(picture.reference, start, ImVec2(start.x + width, start.y + height), upper, lower)
+    else:
+        extent = imgui.calc_text_size(Icon.CAMERA)
+        place = ImVec2(0.5 * (corner.x + end.x - extent.x), 0.5 * (corner.y + end.y - extent.y))
+        draw_list.add_text(place, look.pack(look.TEXT_FAINT), Icon.CAMERA)
+    if lit:
+        draw_list.add_rect(corner, end, look.pack(look.ACCENT), rounding, context.px(1.5))
