@@ -163,6 +163,8 @@ def _drag(context: PanelContext, grip: CameraGrip, placed: Placed) -> list[Actio
 
 def dragged(grip: CameraGrip, across: float, down: float, scale: float, height: float) -> Camera:
     """The camera when the mouse has gone so many pixels right and down; height: of the picture on screen."""
+    if across == down == 0.0:
+        return grip.camera  # to the last bit
     if grip.gesture == "orbit":
         rate = math.radians(DEGREES_A_PIXEL / scale)
         return orbited(grip.camera, -rate * across, rate * down)

@@ -597,6 +597,7 @@ class Stage:
         start = ViewState()
         shell = self.window.shell
         shell.state = PanelState()
+        shell.actor.preferences.choose(mouse="blender", scroll="dolly")
         shell.editor.select(None)
         shell.editor.do(SetView.of(**{name: getattr(start, name) for name in VIEW_OF_THE_START}))
         shell.editor.select(select)

@@ -139,7 +139,8 @@ class StandInClient:
             description = SceneDescription.model_validate(SCENE)
             layers = document_from_description("stand-in", description).layers()
             planned = tuple((layer, band_counts(layer)) for _, layer in layers)
-            yield SceneOpened(description.model_dump_json(by_alias=True), planned=planned)
+            boxes = np.tile([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]], (len(STRIPES), 1, 1))
+            yield SceneOpened(description.model_dump_json(by_alias=True), planned=planned, boxes=boxes)
         elif isinstance(request, LookFrom):
             yield SceneSeen(scene_frame())
         elif isinstance(request, ComputeTransport):

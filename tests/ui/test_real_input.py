@@ -262,13 +262,16 @@ SPARED = ("button.screenshot", "button.library.keep", "button.recover", "button.
 CHORDS = (
     "ctrl+z", "ctrl+y", "ctrl+shift+z", "ctrl+c", "ctrl+shift+c", "ctrl+v", "escape", "tab", "up", "right", "delete",
     "a", "t", "x", "y", "d", "l", "m", "c", "f", "s", "b", "space", "alt", "alt+v", "f1", "enter", "[", "1", "5",
+    "home", "n", "alt+z", "shift+alt+z",
 )  # fmt: skip
 
 
 def something(real: RealWindow, random: Random) -> str:
     """One thing that a hand may do, and what it was."""
     handles = [name for name in real.handles() if not name.startswith(SPARED)]
-    what = random.choice(("keys", "click", "double", "right", "drag", "drag", "cancelled drag", "wheel", "resize"))
+    what = random.choice(
+        ("keys", "click", "double", "right", "middle", "drag", "drag", "cancelled drag", "wheel", "resize")
+    )
     handle, chords = random.choice(handles), random.choices(CHORDS, k=3)
     by = (random.uniform(-60.0, 60.0), random.uniform(-40.0, 40.0))
     match what:
@@ -280,6 +283,8 @@ def something(real: RealWindow, random: Random) -> str:
             real.quick_clicks(handle, random.choice((2, 3)))
         case "right":
             real.click(handle, button=1)
+        case "middle":
+            real.drag(handle, by=by, steps=2, button=2, held=random.choice(("", "shift", "ctrl", "ctrl+alt")))
         case "drag":
             real.drag(handle, by=by, steps=2, held=random.choice(("", "", "shift")))
         case "cancelled drag":

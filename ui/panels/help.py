@@ -70,7 +70,7 @@ SHORTCUTS = (
     Shortcut("", "", "", "redo", CTRL | SHIFT | int(Key.z)),
     Shortcut("Edit", "Alt Z", "Undo the view: where the camera was", "undo_look", ALT | int(Key.z)),
     Shortcut("Edit", "Shift Alt Z", "Redo the view", "redo_look", SHIFT | ALT | int(Key.z)),
-    Shortcut("Edit", "Esc", "Leave, cancel or let go: one thing a press"),
+    Shortcut("Edit", "Esc", "Leave, cancel the drag, let go: one a press"),
     Shortcut("Edit", "Ctrl C", "Copy the object's material", "copy_material", CTRL | int(Key.c)),
     Shortcut("Edit", "Ctrl Shift C", "Copy the curve", "copy_curve", CTRL | SHIFT | int(Key.c)),
     Shortcut("Edit", "Ctrl V", "Paste: material, layer or curve", "paste", CTRL | int(Key.v)),
