@@ -17,7 +17,7 @@ from app.bookmarks import THUMBNAIL_SIZE, with_thumbnail
 from app.editor import Editor
 from app.view_state import Bookmark, SetView
 from ui.gl.textures import TextureMemory
-from ui.still import Still
+from ui.still import ShownStill
 
 QUALITY = 85
 
@@ -37,7 +37,7 @@ class ViewThumbnails:
             self._textures[data] = self._memory.texture((pixels.shape[1], pixels.shape[0]), 4, "f1", pixels)
         return self._textures.get(data)
 
-    def follow(self, editor: Editor, still: Callable[[], Still | None]) -> bool:
+    def follow(self, editor: Editor, still: Callable[[], ShownStill | None]) -> bool:
         """Take the finished picture, where it is of a kept view that has none; whether there is a new one."""
         self._forget_unused(editor.view.bookmarks)
         if editor.status.is_away or all(bookmark.thumbnail for bookmark in editor.view.bookmarks):
@@ -64,7 +64,7 @@ class ViewThumbnails:
             self._memory.release(self._textures.pop(data))
 
 
-def jpeg_of(picture: Still) -> bytes:
+def jpeg_of(picture: ShownStill) -> bytes:
     """A picture as it is shown, small."""
     image = Image.fromarray(np.round(255.0 * np.clip(picture.shown, 0.0, 1.0)).astype(np.uint8))
     image.thumbnail(THUMBNAIL_SIZE)
