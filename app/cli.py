@@ -196,7 +196,7 @@ def render(
 
         still = render_project(
             project, follow, n_lights=lights, n_patches=patches, reference=reference, series=chosen, n_samples=samples,
-            judges=True, mode=mode.value,
+            estimates_error=True, mode=mode.value,
         )  # fmt: skip
     _tell_notes(project)
     picture, error = still.picture, still.error

@@ -81,14 +81,15 @@ def render_picture(
 
 def render_project(
     project: Project, report: Report, *, n_lights: int = N_LIGHTS, n_patches: int = N_PATCHES, reference: bool = False,
-    series: BounceSeries | None = None, n_samples: int | None = None, judges: bool = False, mode: Mode = "placement",
+    series: BounceSeries | None = None, n_samples: int | None = None, estimates_error: bool = False,
+    mode: Mode = "placement",
 ) -> Still:  # fmt: skip
     """A still of a project, with the editor's transport, in Orbit's way (mode "orbit") or by brute force.
 
     series: None for as many bounces as the scene says, or requires; of the first bounce the document may say how many
     bands; by brute force bands do not matter. n_samples: paths a pixel, by brute force; without them direct light alone
-    is integrated over all directions, without noise. judges: whether its error is estimated; not by brute force, which
-    knows its noise.
+    is integrated over all directions, without noise. estimates_error: whether its error is estimated; not by brute
+    force, which knows its noise.
     """
     sky = project.sky
     placement = Placement(project.scene)
@@ -109,10 +110,10 @@ def render_project(
         indirect = finish(indirect_radiance(placement, layers, sky, series), report)
     quality = still_quality(plan)
     picture = finish(render_still(placement, layers, sky, quality, indirect), report)
-    if judges:
+    if estimates_error:
         reflected = picture.reshape(-1, 3)[placement.hits.pixel]
-        judging = estimate_error(placement, layers, sky, quality, series.n_bounces, reflected, indirect)
-        error = finish(judging, report)
+        estimating = estimate_error(placement, layers, sky, quality, series.n_bounces, reflected, indirect)
+        error = finish(estimating, report)
     return Still(held(picture * intensity, BRIGHTEST), error, bounces.warning)
 
 

@@ -122,10 +122,10 @@ class PlacementWork(ModeWork):
     # ---------------------------------------------------------------------------------------------- at the very last
 
     def _estimate_error(self, request: EstimateError) -> Steps:
-        from app.jobs.judging import judged
+        from app.jobs.error_estimate import estimated
 
         found = None if self._indirect is None else self._indirect.light
-        yield from judged(request, self._bench, self._current, found)
+        yield from estimated(request, self._bench, self._current, found)
 
     # ------------------------------------------------------------------------------------------------------ transport
 

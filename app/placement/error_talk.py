@@ -63,7 +63,7 @@ class ErrorTalk:
         self._asked = None
 
     def stopped(self) -> None:
-        """A person stopped the work: this picture is judged no more."""
+        """A person stopped the work: the error of this picture is asked for no more."""
         self._stopped, self._asked = self._estimate is None, None
 
     def took(self, response: ErrorEstimated) -> None:

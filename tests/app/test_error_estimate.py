@@ -26,7 +26,7 @@ Captured = pytest.CaptureFixture[str]
 
 def judged(scene: str, n_bounces: int, size: tuple[int, int] = (48, 36), **effort: int) -> tuple[Still, ErrorEstimate]:
     still = render_project(
-        open_project(scene, size), lambda step: None, series=BounceSeries(n_bounces), judges=True, **effort
+        open_project(scene, size), lambda step: None, series=BounceSeries(n_bounces), estimates_error=True, **effort
     )  # fmt: skip
     assert still.error is not None
     return still, still.error

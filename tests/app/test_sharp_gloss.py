@@ -44,7 +44,7 @@ def test_a_lamp_is_mirrored_as_paths_find_it_or_it_is_said(tmp_path: Path, layer
     file = tmp_path / "scene.toml"
     file.write_text(SCENE.format(layer=layer))
     project, series = open_project(str(file)), BounceSeries(1)
-    still = render_project(project, lambda _: None, series=series, judges=True)
+    still = render_project(project, lambda _: None, series=series, estimates_error=True)
     truth = render_project(project, lambda _: None, reference=True, series=series, n_samples=8192).picture
     seen = Placement(project.scene).hits.pixel
     found = errors(*(picture.reshape(-1, 3)[seen] for picture in (still.picture, truth)))

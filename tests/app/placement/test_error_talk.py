@@ -98,7 +98,7 @@ def test_it_is_what_a_still_says_of_itself(desk: Desk) -> None:
     desk.until_judged()
     found = desk.editor.status.estimate
     project = open_project(str(desk.scene))
-    still = render_project(project, lambda _: None, n_lights=500, series=BounceSeries(1), judges=True)
+    still = render_project(project, lambda _: None, n_lights=500, series=BounceSeries(1), estimates_error=True)
     assert found is not None and still.error is not None
     assert 0.5 * still.error.total < found.total < 2.0 * still.error.total and found.indirect is None
     assert desk.editor.status.image_error == found.total

@@ -1,4 +1,4 @@
-"""The worker's judgement of the picture that it made: its radiance once more, and how far off that is.
+"""The worker's estimate of the error of the picture that it made: its radiance once more, and how far off that is.
 
 What the window shows is the same sums: transport under the curves as they are, and indirect light as it was found.
 """
@@ -24,7 +24,7 @@ from engine.steps import told_as
 from engine.transport.pipeline import FINAL, Placement, Quality
 
 
-def judged(
+def estimated(
     request: EstimateError, bench: Bench, held: Mapping[str, LayerData], found: IndirectLight | None
 ) -> Iterator[Response | None]:
     """The answer; none where not every pixel has been computed. held: transport by layer; found: indirect light, None
@@ -53,8 +53,8 @@ def judged(
         indirect = yield from reflected_light(found, layers, request.second_bands, placement.hits)
         radiance += indirect
     sky = bench.sky(first.lit_by.light)
-    judging = estimate_error(placement, layers, sky, quality, n_bounces, radiance, indirect)
-    estimate = yield from told_as(judging, lambda step: None)  # without a word: nobody waits for it
+    estimating = estimate_error(placement, layers, sky, quality, n_bounces, radiance, indirect)
+    estimate = yield from told_as(estimating, lambda step: None)  # without a word: nobody waits for it
     yield ErrorEstimated(estimate)
 
 
