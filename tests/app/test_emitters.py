@@ -21,6 +21,7 @@ from app.set_path import set_path
 from app.view_state import ViewState
 from engine.errors import InsituError
 from tests.app.fake_worker import SCENE, FakeClient
+from tests.scene_text import camera, placed
 
 DARK: dict[str, Any] = {key: value for key, value in SCENE.items() if key != "environment"}
 TWO: dict[str, Any] = {
@@ -168,23 +169,9 @@ def test_factors_are_those_of_all_emitters_or_none() -> None:
 
 def test_stills_and_the_reference_shine_as_the_document(tmp_path: Path) -> None:
     file = tmp_path / "dark.toml"
-    file.write_text("""version = 1
-name = "dark"
-[camera]
-position = [0, 1, 4]
-target = [0, 0, 0]
-fov_y = 40
-resolution = [8, 6]
-[[object]]
-name = "floor"
-primitive = "quad"
-layer = [{ model = "lambert", name = "paint" }]
-[[object]]
-name = "lamp"
-primitive = "quad"
-transform = [1,0,0,0, 0,0,1,2, 0,-1,0,0, 0,0,0,1]
-emission = [5, 5, 5]
-""")
+    floor = placed("floor", "quad", more='layer = [{ model = "lambert", name = "paint" }]\n')
+    lamp = placed("lamp", "quad", "1,0,0,0, 0,0,1,2, 0,-1,0,0, 0,0,0,1", "emission = [5, 5, 5]\n")
+    file.write_text(camera((0, 1, 4), 40, (8, 6), head='name = "dark"\n') + floor + lamp)
     scene = open_project(str(file), values=[("lamp.emission", [1, 2, 3])]).scene
     assert scene.emission.tolist() == [[0, 0, 0], [1, 2, 3]]
     off = open_project(str(file), values=[("lamp.emission", 0)]).scene

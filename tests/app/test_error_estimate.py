@@ -17,7 +17,7 @@ from engine.indirect.series import BounceSeries
 from engine.light.image_files import read_radiance_image
 from engine.render.picture_error import ErrorEstimate
 from engine.transport.pipeline import Placement
-from tests.app.ground import ground
+from tests.scene_text import ground
 
 JUDGES = Path(__file__).resolve().parents[1] / "golden" / "rooms"
 ROOMS = ("cornell", "room", "stairwell", "ajar", "storeroom", "teatray")

@@ -26,7 +26,7 @@ from app.project import open_project
 from app.session import save_session
 from app.view_state import ViewState
 from engine.scene.builtin import builtin_scenes
-from tests.app.ground import ground
+from tests.scene_text import ground
 
 # Within a ball whose texture takes four fifths of the light: by its albedo alone it would need four bounces.
 SCENE = """

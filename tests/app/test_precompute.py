@@ -14,7 +14,7 @@ from app.jobs.tasks import Tasks
 from app.precompute import precompute
 from app.project import open_project
 from engine.render.error_estimate import WHAT
-from tests.app.ground import ground
+from tests.scene_text import ground
 
 N_LIGHTS = 401  # more than a preview has, so that it is kept
 

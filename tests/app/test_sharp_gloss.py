@@ -13,23 +13,14 @@ from app.stills import render_project
 from engine.indirect.series import BounceSeries
 from engine.render.picture_error import POOR
 from engine.transport.pipeline import Placement
+from tests.scene_text import camera, placed
 
-SCENE = """version = 1
-[camera]
-position = [0.0, 0.3, 3.0]
-target = [0, 0, 0]
-fov_y = 26
-resolution = [24, 24]
-[[object]]
-name = "ball"
-primitive = "sphere"
-layer = [{{ {layer} }}]
-[[object]]
-name = "lamp"
-primitive = "quad"
-transform = [0.5,0,0,-0.8, 0,0.35,-0.35,1.05, 0,0.35,0.35,-0.6, 0,0,0,1]
-emission = [9, 7, 5]
-"""
+
+def scene(layer: str) -> str:
+    """A ball of this layer, and the lamp that it mirrors."""
+    lamp = "0.5,0,0,-0.8, 0,0.35,-0.35,1.05, 0,0.35,0.35,-0.6, 0,0,0,1"
+    ball = placed("ball", "sphere", more=f"layer = [{{ {layer} }}]\n")
+    return camera((0.0, 0.3, 3.0), 26, (24, 24)) + ball + placed("lamp", "quad", lamp, "emission = [9, 7, 5]\n")
 
 
 @pytest.mark.parametrize(
@@ -42,7 +33,7 @@ emission = [9, 7, 5]
 )
 def test_a_lamp_is_mirrored_as_paths_find_it_or_it_is_said(tmp_path: Path, layer: str, limit: float) -> None:
     file = tmp_path / "scene.toml"
-    file.write_text(SCENE.format(layer=layer))
+    file.write_text(scene(layer))
     project, series = open_project(str(file)), BounceSeries(1)
     still = render_project(project, lambda _: None, series=series, estimates_error=True)
     truth = render_project(project, lambda _: None, reference=True, series=series, n_samples=8192).picture

@@ -15,23 +15,11 @@ from engine.material.maps import Images
 from engine.material.strokes import Stroke, Strokes, pack_dabs
 from engine.texture.pyramid import make_pyramid
 from tests.opened import open_in_process, run_in_process
+from tests.scene_text import camera, placed
 
-SCENE = """
-version = 1
-[camera]
-position = [0, 0, 3]
-target = [0, 0, 0]
-fov_y = 20
-resolution = [12, 12]
-[[object]]
-name = "card"
-primitive = "quad"
-layer = [{ model = "lambert" }]
-[[object]]
-name = "bare"
-mesh = "bare.obj"
-layer = [{ model = "lambert" }]
-"""
+MATT = 'layer = [{ model = "lambert" }]\n'
+SCENE = camera((0, 0, 3), 20, (12, 12)) + placed("card", "quad", more=MATT)
+SCENE += '[[object]]\nname = "bare"\nmesh = "bare.obj"\n' + MATT
 
 
 @pytest.fixture

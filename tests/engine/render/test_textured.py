@@ -22,30 +22,17 @@ from engine.scene.hits import object_ids
 from engine.scene.load import Scene, load_scene
 from engine.steps import finish
 from engine.transport.pipeline import Placement, SkyState
+from tests.scene_text import camera, placed
 
 # A card of two units, nearly filling 24 pixels,  that it throws light on.
-ROOM = """
-version = 1
-[camera]
-position = [0, 0, 5]
-target = [0, 0, 0]
-fov_y = 24
-resolution = [24, 24]
-[[object]]
-name = "card"
-primitive = "quad"
-smooth = false
-transform = [2, 0, 0, 0,  0, 2, 0, 0,  0, 0, 1, 0,  0, 0, 0, 1]
-layer = [{ model = "lambert" }, { model = "phong" }]
-"""
-FLOOR = """
-[[object]]
-name = "floor"
-primitive = "quad"
-smooth = false
-transform = [2, 0, 0, 0,  0, 0, 1, -1,  0, -1.5, 0, 0.8,  0, 0, 0, 1]
-layer = [{ model = "lambert" }]
-"""
+ROOM = camera((0, 0, 5), 24, (24, 24)) + placed(
+    "card", "quad", "2, 0, 0, 0,  0, 2, 0, 0,  0, 0, 1, 0,  0, 0, 0, 1",
+    'smooth = false\nlayer = [{ model = "lambert" }, { model = "phong" }]\n',
+)  # fmt: skip
+FLOOR = placed(
+    "floor", "quad", "2, 0, 0, 0,  0, 0, 1, -1,  0, -1.5, 0, 0.8,  0, 0, 0, 1",
+    'smooth = false\nlayer = [{ model = "lambert" }]\n',
+)  # fmt: skip
 SKY = SkyState(constant_environment(1.0))
 RED, BLUE = np.array([1.0, 0.2, 0.2]), np.array([0.2, 0.2, 1.0])
 

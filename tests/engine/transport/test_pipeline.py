@@ -15,29 +15,11 @@ from engine.steps import finish
 from engine.transport.bandstore import BandStore
 from engine.transport.pipeline import COARSE, DRAG, FINAL, PREVIEW, Placement, SkyState
 from engine.transport.projection import LayerShape, VisibleLight, project_layer
+from tests.scene_text import camera, placed
 
-GROUND = """version = 1
-[camera]
-position = [0, 4, 0.01]
-target = [0, 0, 0]
-fov_y = 40
-resolution = [33, 33]
-[[object]]
-name = "ground"
-primitive = "quad"
-transform = [20,0,0,0, 0,0,20,0, 0,-20,0,0, 0,0,0,1]
-"""
-LAMP = """[[object]]
-name = "lamp"
-primitive = "quad"
-transform = [1,0,0,1.5, 0,0,-1,1, 0,1,0,0, 0,0,0,1]
-emission = [2, 2, 2]
-"""
-BALL = """[[object]]
-name = "ball"
-primitive = "sphere"
-transform = [1,0,0,0, 0,1,0,1, 0,0,1,0, 0,0,0,1]
-"""
+GROUND = camera((0, 4, 0.01), 40, (33, 33)) + placed("ground", "quad", "20,0,0,0, 0,0,20,0, 0,-20,0,0, 0,0,0,1")
+LAMP = placed("lamp", "quad", "1,0,0,1.5, 0,0,-1,1, 0,1,0,0, 0,0,0,1", "emission = [2, 2, 2]\n")
+BALL = placed("ball", "sphere", "1,0,0,0, 0,1,0,1, 0,0,1,0, 0,0,0,1")
 
 
 def placement_of(text: str, folder: Path) -> Placement:

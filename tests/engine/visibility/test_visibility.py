@@ -20,26 +20,14 @@ from engine.visibility.points import Visibility, brute_force_visibility, empty_v
 from engine.visibility.targets import Targets, sphere_targets
 from tests.engine.transport.by_hand import NOWHERE, caster_of, points_at, square
 from tests.naive.visibility import visible
+from tests.scene_text import camera, placed
 
-SCENE = """version = 1
-[camera]
-position = [0.3, 2.2, 3.1]
-target = [0, 0.3, 0]
-fov_y = 50
-resolution = [40, 33]
-[[object]]
-name = "ground"
-primitive = "quad"
-transform = [8,0,0,0, 0,0,8,0, 0,-8,0,0, 0,0,0,1]
-[[object]]
-name = "box"
-primitive = "cube"
-transform = [0.6,0,0.3,-0.4, 0,0.8,0,0.4, -0.3,0,0.6,0, 0,0,0,1]
-[[object]]
-name = "card"
-primitive = "quad"
-transform = [0.7,0,0,0.7, 0,0.7,0.1,0.5, 0,-0.1,0.7,0.3, 0,0,0,1]
-"""
+SCENE = (
+    camera((0.3, 2.2, 3.1), 50, (40, 33), (0, 0.3, 0))
+    + placed("ground", "quad", "8,0,0,0, 0,0,8,0, 0,-8,0,0, 0,0,0,1")
+    + placed("box", "cube", "0.6,0,0.3,-0.4, 0,0.8,0,0.4, -0.3,0,0.6,0, 0,0,0,1")
+    + placed("card", "quad", "0.7,0,0,0.7, 0,0.7,0.1,0.5, 0,-0.1,0.7,0.3, 0,0,0,1")
+)
 
 
 @pytest.fixture
