@@ -3,188 +3,284 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from engine.sphere._kernels import locate_one
-
 Floats = NDArray[np.float32]
+Bytes = NDArray[np.uint8]
+
+N_ROOTS = 20
+# Directions of suns that a point keeps apart while something moves.
+N_SUN_PLACES = 24
+
+
+class Hemisphere(NamedTuple):
+    """The upper triangles: number (U,) on the sphere, and place (5120,) back, −1 below; direction (U, 3) and solid
+    angle (U,); cosine (U,), its mean; the same of level 2 (U / 16,); children (side, side): 4 × place + child of the
+    finer triangle that holds a direction."""
+
+    number: NDArray[np.int32]
+    place: NDArray[np.int32]
+    direction: Floats
+    solid_angle: Floats
+    cosine: Floats
+    coarse_direction: Floats
+    coarse_solid_angle: Floats
+    coarse_cosine: Floats
+    children: NDArray[np.int16]
+
+
+class Light(NamedTuple):
+    """What shines: sky map (side, side, 4) and a coarse one, as `sky.Sky`, turned by the angle of this cosine and sine;
+    suns' direction and power (M, 3), brightest first; patches' centre, normal and flux (L, 3): radiance × area."""
+
+    sky: Floats
+    coarse_sky: Floats
+    cosine: float
+    sine: float
+    sun_direction: Floats
+    sun_power: Floats
+    centre: Floats
+    normal: Floats
+    flux: Floats
+
+
+class Places(NamedTuple):
+    """Points: position (S, 3), frame (S, 3, 3), visibility bits (S, 1280), bits of patches (S, ⌈L / 8⌉), and slot
+    (S,): the row of what is kept for gloss, −1 for irradiance alone."""
+
+    position: Floats
+    frame: Floats
+    bits: Bytes
+    patch_bits: Bytes
+    slot: NDArray[np.int32]
+
+
+class Kept(NamedTuple):
+    """What points keep: irradiance (S, 3), bits of the suns that they see (S, ⌈M / 8⌉); by slot the coefficients'
+    number (G, n) and value (G, n, 3), bfloat16, largest first, and the suns by place (G, 24), −1 for none, and power
+    (G, 24, 3)."""
+
+    irradiance: Floats
+    sun_bits: Bytes
+    number: NDArray[np.int16]
+    value: NDArray[np.uint16]
+    sun_place: NDArray[np.int16]
+    sun_power: Floats
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def powers_at(
-    frame: Floats,
-    bits: NDArray[np.uint8],
-    upper: NDArray[np.int32],
-    places: NDArray[np.int32],
-    directions: Floats,
-    solid_angles: Floats,
-    sky: Floats,
-    sun_direction: Floats,
-    sun_power: Floats,
-    roots: NDArray[np.float64],
-    planes: NDArray[np.float64],
-    level: int,
-    powers: Floats,
-) -> None:
-    """Fill powers (5120, 3): radiance × solid angle of each triangle that a point sees; 0 what it does not.
+def child_at(x: float, y: float, z: float, children: NDArray[np.int16]) -> int:
+    """The entry of `Hemisphere.children` for a direction above the surface."""
+    side = children.shape[0]
+    scale = 0.5 * side / (abs(x) + y + abs(z))
+    column = min(int((x + z) * scale + 0.5 * side), side - 1)
+    row = min(int((x - z) * scale + 0.5 * side), side - 1)
+    return int(children[max(row, 0), max(column, 0)])
 
-    frame (3, 3) and bits (1280,) of the point; directions, solid_angles: of the upper triangles; places (5120,): of a
-    triangle among these, or −1; level: of the triangles; roots, planes: what `locate_one` takes
-    one level finer.
-    """
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def _look_up(
+    sky: Floats, direction: Floats, frame: Floats, cosine: float, sine: float
+) -> tuple[np.float32, np.float32, np.float32]:
+    """Radiance from a direction (3,) of a frame, under a sky that was turned."""
+    a, b, c = direction[0], direction[1], direction[2]
+    tx = a * frame[0, 0] + b * frame[1, 0] + c * frame[2, 0]
+    y = a * frame[0, 1] + b * frame[1, 1] + c * frame[2, 1]
+    tz = a * frame[0, 2] + b * frame[1, 2] + c * frame[2, 2]
+    x, z = np.float32(cosine * tx - sine * tz), np.float32(sine * tx + cosine * tz)
     side = sky.shape[0]
     half = np.float32(0.5 * side)
-    powers[:] = 0.0
-    for k in range(len(upper)):
-        seen = bits[k >> 1] >> (4 * (k & 1)) & 15
-        if seen:
-            a, b, c = directions[k, 0], directions[k, 1], directions[k, 2]
-            x = a * frame[0, 0] + b * frame[1, 0] + c * frame[2, 0]
-            y = a * frame[0, 1] + b * frame[1, 1] + c * frame[2, 1]
-            z = a * frame[0, 2] + b * frame[1, 2] + c * frame[2, 2]
-            scale = half / (abs(x) + abs(y) + abs(z))
-            fold = max(-y, np.float32(0.0)) * scale
-            u, v = x * scale, z * scale
-            u = u - fold if u < 0.0 else u + fold
-            v = v - fold if v < 0.0 else v + fold
-            column = min(max(int(u + half), 0), side - 1)
-            row = min(max(int(v + half), 0), side - 1)
-            m = upper[k]
-            share = solid_angles[k] * np.float32(0.25 * ((seen & 1) + (seen >> 1 & 1) + (seen >> 2 & 1) + (seen >> 3)))
-            for i in range(3):
-                powers[m, i] = sky[row, column, i] * share
-    for s in range(len(sun_power)):
-        m = triangle_seen(frame, bits, places, sun_direction[s], roots, planes, level)
-        if m >= 0:
-            for i in range(3):
-                powers[m, i] += sun_power[s, i]
+    scale = half / (abs(x) + abs(y) + abs(z))
+    fold = max(-y, np.float32(0.0)) * scale
+    u, v = x * scale, z * scale
+    u = u - fold if u < 0.0 else u + fold
+    v = v - fold if v < 0.0 else v + fold
+    column = min(max(int(u + half), 0), side - 1)
+    row = min(max(int(v + half), 0), side - 1)
+    return sky[row, column, 0], sky[row, column, 1], sky[row, column, 2]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def triangle_seen(
-    frame: Floats,
-    bits: NDArray[np.uint8],
-    places: NDArray[np.int32],
-    direction: Floats,
-    roots: NDArray[np.float64],
-    planes: NDArray[np.float64],
-    level: int,
-) -> int:
-    """The triangle of a point's sphere that holds a direction (3,) of the world if the point sees it there; else −1."""
-    x = y = z = 0.0
-    for i in range(3):
-        x += frame[0, i] * direction[i]
-        y += frame[1, i] * direction[i]
-        z += frame[2, i] * direction[i]
-    if y <= 0.0:
-        return -1
-    child = locate_one(x, y, z, level + 1, roots, planes)
-    k = places[child >> 2]
-    return child >> 2 if k >= 0 and bits[k >> 1] >> (4 * (k & 1) + (child & 3)) & 1 else -1
+def add_sky(p: int, at: Places, half: Hemisphere, light: Light, powers: Floats, irradiance: Floats) -> None:
+    """Fill powers (5120, 3), radiance × solid angle of each triangle that point p sees, and their irradiance (3,)."""
+    powers[:] = 0.0
+    for k in range(len(half.number)):
+        seen = at.bits[p, k >> 1] >> (4 * (k & 1)) & 15
+        if seen:
+            red, green, blue = _look_up(light.sky, half.direction[k], at.frame[p], light.cosine, light.sine)
+            part = np.float32(0.25 * ((seen & 1) + (seen >> 1 & 1) + (seen >> 2 & 1) + (seen >> 3)))
+            share = half.solid_angle[k] * part
+            m = half.number[k]
+            powers[m, 0], powers[m, 1], powers[m, 2] = red * share, green * share, blue * share
+            share *= half.cosine[k]
+            irradiance[0] += red * share
+            irradiance[1] += green * share
+            irradiance[2] += blue * share
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def _add_coarse_sky(
+    p: int, coarse_bits: NDArray[np.uint64], at: Places, half: Hemisphere, light: Light, powers: Floats,
+    irradiance: Floats,
+) -> None:  # fmt: skip
+    """The same by triangles of level 2: fills the first 320 of powers with a sixteenth of what each of them has."""
+    powers[:320] = 0.0
+    for k in range(len(half.coarse_cosine)):
+        seen = _count(coarse_bits[p, k])
+        if seen:
+            red, green, blue = _look_up(
+                light.coarse_sky, half.coarse_direction[k], at.frame[p], light.cosine, light.sine
+            )
+            share = half.coarse_solid_angle[k] * np.float32(seen / 64.0)
+            m, part = half.number[16 * k] >> 4, share / np.float32(16.0)
+            powers[m, 0], powers[m, 1], powers[m, 2] = red * part, green * part, blue * part
+            share *= half.coarse_cosine[k]
+            irradiance[0] += red * share
+            irradiance[1] += green * share
+            irradiance[2] += blue * share
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def suns_seen(
-    points: NDArray[np.int64],
-    frames: Floats,
-    bits: NDArray[np.uint8],
-    places: NDArray[np.int32],
-    sun_direction: Floats,
-    roots: NDArray[np.float64],
-    planes: NDArray[np.float64],
-    level: int,
-    seen: NDArray[np.bool_],
-) -> None:
-    """Fill seen (N, M): whether points (N,) see each of M suns."""
-    for j in range(len(points)):
-        p = points[j]
-        for s in range(len(sun_direction)):
-            seen[j, s] = triangle_seen(frames[p], bits[p], places, sun_direction[s], roots, planes, level) >= 0
+def _count(word: np.uint64) -> int:
+    """The bits that are set."""
+    word = word - ((word >> np.uint64(1)) & np.uint64(0x5555555555555555))
+    word = (word & np.uint64(0x3333333333333333)) + ((word >> np.uint64(2)) & np.uint64(0x3333333333333333))
+    word = (word + (word >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
+    return int((word * np.uint64(0x0101010101010101)) >> np.uint64(56))
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def _nearest(places: NDArray[np.int16], directions: Floats, x: float, y: float, z: float) -> int:
+    """Which of the places looks most towards a direction."""
+    best, found = -math.inf, 0
+    for j in range(len(places)):
+        d = directions[places[j]]
+        along = x * d[0] + y * d[1] + z * d[2]
+        if along > best:
+            best, found = along, j
+    return found
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def _add_suns(p: int, at: Places, half: Hemisphere, light: Light, kept: Kept) -> None:
+    """What point p sees of the suns: bits, irradiance and, if it is glossy, where in its hemisphere they stand."""
+    frame, slot, n_found = at.frame[p], at.slot[p], 0
+    kept.sun_bits[p] = 0
+    if slot >= 0:
+        kept.sun_place[slot] = -1
+    for s in range(len(light.sun_power)):
+        d = light.sun_direction[s]
+        y = frame[1, 0] * d[0] + frame[1, 1] * d[1] + frame[1, 2] * d[2]
+        if y <= 0.0:
+            continue
+        x = frame[0, 0] * d[0] + frame[0, 1] * d[1] + frame[0, 2] * d[2]
+        z = frame[2, 0] * d[0] + frame[2, 1] * d[1] + frame[2, 2] * d[2]
+        child = child_at(x, y, z, half.children)
+        k = child >> 2
+        if not at.bits[p, k >> 1] >> (4 * (k & 1) + (child & 3)) & 1:
+            continue
+        kept.sun_bits[p, s >> 3] |= np.uint8(1 << (s & 7))
+        for i in range(3):
+            kept.irradiance[p, i] += light.sun_power[s, i] * y
+        if slot >= 0:
+            j = 0
+            while j < n_found and kept.sun_place[slot, j] != k:
+                j += 1
+            if j == N_SUN_PLACES:
+                j = _nearest(kept.sun_place[slot], half.direction, x, y, z)
+            elif j == n_found:
+                kept.sun_place[slot, j], n_found = k, n_found + 1
+                kept.sun_power[slot, j] = 0.0
+            for i in range(3):
+                kept.sun_power[slot, j, i] += light.sun_power[s, i]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def add_patches(
-    position: Floats,
-    frame: Floats,
-    bits: NDArray[np.uint8],
-    centre: Floats,
-    normal: Floats,
-    flux: Floats,
-    roots: NDArray[np.float64],
-    planes: NDArray[np.float64],
-    level: int,
-    powers: Floats,
+    p: int, at: Places, half: Hemisphere, light: Light, is_coarse: bool, powers: Floats, irradiance: Floats
 ) -> None:
-    """Add what a point sees of patches, each put whole into the triangle (5120,) that holds its centre's direction.
-
-    centre, normal (M, 3); flux (M, 3): radiance × area; bits (⌈M / 8⌉,) of those that are free.
-    """
-    for k in range(len(centre)):
-        if bits[k >> 3] >> (k & 7) & 1:
-            a, b = centre[k, 0] - position[0], centre[k, 1] - position[1]
-            c = centre[k, 2] - position[2]
-            facing = -(a * normal[k, 0] + b * normal[k, 1] + c * normal[k, 2])
-            y = frame[1, 0] * a + frame[1, 1] * b + frame[1, 2] * c
-            if facing > 0.0 and y > 0.0:
-                squared = a * a + b * b + c * c
-                x = frame[0, 0] * a + frame[0, 1] * b + frame[0, 2] * c
-                z = frame[2, 0] * a + frame[2, 1] * b + frame[2, 2] * c
-                m = locate_one(x, y, z, level, roots, planes)
-                solid = facing / (squared * math.sqrt(squared))
-                for i in range(3):
-                    powers[m, i] += flux[k, i] * solid
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def irradiance_of(powers: Floats, cosine: Floats, irradiance: Floats) -> None:
-    """Σ power × cosine (5120,), into irradiance (3,)."""
-    red = green = blue = np.float32(0.0)
-    for m in range(len(cosine)):
-        red += powers[m, 0] * cosine[m]
-        green += powers[m, 1] * cosine[m]
-        blue += powers[m, 2] * cosine[m]
-    irradiance[0], irradiance[1], irradiance[2] = red, green, blue
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def compress(powers: Floats, n: int, wavelets: Floats, sizes: Floats, number: NDArray[np.int16], value: Floats) -> None:
-    """Wavelets of powers (5120, 3), at most the n largest by size, 20 means among them: number ascending, value (n, 3).
-
-    What is left of both is 0. powers, wavelets (5120, 3) and sizes (5120,) are written over.
-    """
-    _transform(powers, wavelets, sizes)
-    least = _least_size(sizes, n)
-    found = 0
-    for k in range(len(sizes)):
-        if sizes[k] >= least:
-            number[found] = k
+    """Add what a point sees of patches, each put whole into the triangle that holds its centre's direction."""
+    position, frame = at.position[p], at.frame[p]
+    for j in range(len(light.centre)):
+        if not at.patch_bits[p, j >> 3] >> (j & 7) & 1:
+            continue
+        a, b = light.centre[j, 0] - position[0], light.centre[j, 1] - position[1]
+        c = light.centre[j, 2] - position[2]
+        facing = -(a * light.normal[j, 0] + b * light.normal[j, 1] + c * light.normal[j, 2])
+        y = frame[1, 0] * a + frame[1, 1] * b + frame[1, 2] * c
+        if facing > 0.0 and y > 0.0:
+            squared = a * a + b * b + c * c
+            distance = math.sqrt(squared)
+            x = frame[0, 0] * a + frame[0, 1] * b + frame[0, 2] * c
+            z = frame[2, 0] * a + frame[2, 1] * b + frame[2, 2] * c
+            m = half.number[child_at(x, y, z, half.children) >> 2]
+            solid = np.float32(facing / (squared * distance))
+            part = solid
+            if is_coarse:
+                m, part = m >> 4, solid * np.float32(1.0 / 16.0)
             for i in range(3):
-                value[found, i] = wavelets[k, i]
-            found += 1
-    for k in range(found, n):
-        number[k] = 0
-        for i in range(3):
-            value[k, i] = 0.0
+                powers[m, i] += light.flux[j, i] * part
+                irradiance[i] += light.flux[j, i] * solid * np.float32(y / distance)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _transform(means: Floats, wavelets: Floats, sizes: Floats) -> None:
+def compress(
+    powers: Floats, place: NDArray[np.int32], wavelets: Floats, sizes: Floats, number: NDArray[np.int16],
+    value: NDArray[np.uint16],
+) -> None:  # fmt: skip
+    """Wavelets of powers (20·4^L, 3), the n largest by size, the 20 means before all: number (n,), value (n, 3).
+
+    In descending order but for an eighth of an octave, so that any first few are the best few. Behind the last that is
+    not 0 stands 0. place (5120,): negative for triangles in which there is no power. powers, wavelets and sizes are
+    written over.
+    """
+    _transform(powers, place, wavelets, sizes)
+    n, bins = len(number), sizes.view(np.int32)
+    starts = np.zeros(1 << 11, np.int32)
+    for k in range(len(powers)):
+        if sizes[k] > 0.0:
+            starts[bins[k] >> 20] += 1
+    total = 0
+    for i in range(len(starts) - 1, -1, -1):
+        count = starts[i]
+        starts[i] = total
+        total += count
+    filled = min(total, n)
+    number[filled:], value[filled:] = 0, 0
+    for k in range(len(powers)):
+        if sizes[k] > 0.0:
+            at = starts[bins[k] >> 20]
+            starts[bins[k] >> 20] = at + 1
+            if at < n:
+                number[at] = k
+                words = wavelets[k].view(np.uint32)
+                for i in range(3):
+                    value[at, i] = (words[i] + np.uint32(0x8000)) >> np.uint32(16)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _transform(means: Floats, place: NDArray[np.int32], wavelets: Floats, sizes: Floats) -> None:
     """`engine.sphere.haar.forward`, and each coefficient's size by the measure of its triangle.
 
-    In place: parent t of a level reads its four children and leaves their mean in row t.
+    In place: parent t of a level reads its four children and leaves their mean in row t. Below the surface, which no
+    edge but those of the roots crosses, there is nothing to be done.
     """
-    parents, measure = len(means) // 4, np.float32(1.0)
+    parents, measure, below = len(means) // 4, np.float32(1.0), len(place) // (len(means) // 4)
     coarse = parents
-    while coarse > 20:
+    while coarse > N_ROOTS:
         coarse //= 4
         measure *= np.float32(0.25)
-    while parents >= 20:
+    while parents >= N_ROOTS:
         for t in range(parents):
             at = parents + 3 * t
             sizes[at] = sizes[at + 1] = sizes[at + 2] = 0.0
+            if parents > N_ROOTS and place[t * below] < 0:
+                means[t] = 0.0
+                continue
             for i in range(3):
                 a, b = np.float32(0.25) * means[4 * t, i], np.float32(0.25) * means[4 * t + 1, i]
                 c, d = np.float32(0.25) * means[4 * t + 2, i], np.float32(0.25) * means[4 * t + 3, i]
@@ -193,46 +289,36 @@ def _transform(means: Floats, wavelets: Floats, sizes: Floats) -> None:
                     wavelets[at + w, i] = difference
                     sizes[at + w] = max(sizes[at + w], measure * abs(difference))
         parents //= 4
+        below *= 4
         measure *= np.float32(4.0)
-    for t in range(20):
-        sizes[t] = np.inf
+    for t in range(N_ROOTS):
+        sizes[t] = 0.0
         for i in range(3):
             wavelets[t, i] = means[t, i]
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _least_size(sizes: Floats, n: int) -> np.float32:
-    """A size that at most n have or exceed, and few less: by counting, in bins an eighth of an octave wide."""
-    bits = sizes.view(np.int32)
-    counts = np.zeros(1 << 11, np.int32)
-    for k in range(len(bits)):
-        counts[bits[k] >> 20] += 1
-    total, bin_ = 0, len(counts) - 1
-    while bin_ > 0 and total + counts[bin_] <= n:
-        total += counts[bin_]
-        bin_ -= 1
-    edge = np.empty(1, np.int32)
-    edge[0] = (bin_ + 1) << 20
-    return edge.view(np.float32)[0]
+            if means[t, i] > 0.0:
+                sizes[t] = np.inf
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def light_range(
-    start: int, stop: int, n: int, frames: Floats, bits: NDArray[np.uint8], upper: NDArray[np.int32],
-    places: NDArray[np.int32], directions: Floats, solid_angles: Floats, sky: Floats, sun_direction: Floats,
-    sun_power: Floats, roots: NDArray[np.float64], planes: NDArray[np.float64], level: int,
-    positions: Floats, patch_bits: NDArray[np.uint8], centre: Floats, normal: Floats, flux: Floats, cosine: Floats,
-    number: NDArray[np.int16], value: Floats, irradiance: Floats,
+    start: int, stop: int, points: NDArray[np.int64], is_coarse: bool, at: Places, half: Hemisphere, light: Light,
+    kept: Kept,
 ) -> None:  # fmt: skip
-    """`powers_at`, `add_patches`, `irradiance_of` and `compress` for points start to stop.
-
-    number, value and irradiance are of all points.
-    """
-    powers, wavelets = np.empty((len(cosine), 3), np.float32), np.empty((len(cosine), 3), np.float32)
-    sizes = np.empty(len(cosine), np.float32)
-    for p in range(start, stop):
-        powers_at(frames[p], bits[p], upper, places, directions, solid_angles, sky, sun_direction, sun_power, roots,
-                  planes, level, powers)  # fmt: skip
-        add_patches(positions[p], frames[p], patch_bits[p], centre, normal, flux, roots, planes, level, powers)
-        irradiance_of(powers, cosine, irradiance[p])
-        compress(powers, n, wavelets, sizes, number[p], value[p])
+    """Light the points[start:stop], by triangles of level 4, or coarsely by those of level 2."""
+    n = len(half.place)
+    powers, wavelets, sizes = np.empty((n, 3), np.float32), np.empty((n, 3), np.float32), np.empty(n, np.float32)
+    coarse_bits = at.bits.view(np.uint64)
+    irradiance = np.empty(3, np.float32)
+    for j in range(start, stop):
+        p = points[j]
+        irradiance[:] = 0.0
+        if is_coarse:
+            _add_coarse_sky(p, coarse_bits, at, half, light, powers, irradiance)
+        else:
+            add_sky(p, at, half, light, powers, irradiance)
+        add_patches(p, at, half, light, is_coarse, powers, irradiance)
+        kept.irradiance[p] = irradiance
+        _add_suns(p, at, half, light, kept)
+        if at.slot[p] >= 0:
+            slot, size = at.slot[p], 320 if is_coarse else n
+            compress(powers[:size], half.place, wavelets[:size], sizes[:size], kept.number[slot], kept.value[slot])

@@ -4,11 +4,14 @@ The triple product of light, visibility and BRDF [Ma06, eq. 3] is taken in two s
 times: L·V here, exactly, triangle by triangle, when the light turns; the product with the BRDF's slices in every frame.
 Of L·V the n largest coefficients stay. Truncating the product loses less than truncating its factors (measured in
 docs/orbit.md), and a frame costs n multiplications a channel instead of a walk through three trees.
+
+What is matt asks for irradiance alone, and keeps nothing else. Suns are in the irradiance, but not in the coefficients:
+each reflects in its own direction.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -19,110 +22,143 @@ from numpy.typing import NDArray
 from engine.light.emitters import EmitterPatches
 from engine.orbit import _incident_kernels as kernels
 from engine.orbit.shading_points import ShadingPoints
-from engine.orbit.sky import Sky
+from engine.orbit.sky import MOST_SUNS, Sky
 from engine.orbit.visibility import LEVEL, Bits, upper
-from engine.sphere.geodesic import descent_tables, geodesic, triangle_first_moments
-from engine.sphere.haar import N_ROOTS
+from engine.sphere.geodesic import geodesic, locate, triangle_first_moments
 from engine.threads import on_threads
 
 Floats = NDArray[np.float32]
-# Points a batch, and points between two reports.
-_BATCH, _PART = 64, 4096
+_BATCH = 64
+_COARSE_LEVEL = 2
+_CHILDREN_SIDE = 384  # a quarter of a degree
 
 
 @dataclass(frozen=True, eq=False)
 class Incident:
-    """number (S, n) int16 and value (S, n, 3) float32: coefficients of visible power, as `haar` numbers them.
+    """What points keep of the light, see `_incident_kernels.Kept`; slot (S,): the row of those that reflect with gloss,
+    −1 of others."""
 
-    irradiance (S, 3) float32, W/m² where the light has W/m²/sr: Σ power × cosine, before coefficients were dropped.
-    """
+    slot: NDArray[np.int32]
+    kept: kernels.Kept
 
-    number: NDArray[np.int16]
-    value: Floats
-    irradiance: Floats
+    @property
+    def irradiance(self) -> Floats:
+        """(S, 3) float32, W/m² where the light has W/m²/sr: Σ power × cosine, suns and all."""
+        return self.kept.irradiance
+
+    @property
+    def n_bytes(self) -> int:
+        return self.slot.nbytes + sum(array.nbytes for array in self.kept)
+
+    def coefficients(self, p: int) -> tuple[NDArray[np.int16], Floats]:
+        """Numbers (n,) and values (n, 3) that point p keeps."""
+        words = self.kept.value[self.slot[p]].astype(np.uint32) << 16
+        return self.kept.number[self.slot[p]], words.view(np.float32)
+
+    def suns_seen(self, which: NDArray[np.integer], n_suns: int) -> NDArray[np.bool_]:
+        """Whether some of the points (N,) see each of M suns, (N, M)."""
+        return np.unpackbits(self.kept.sun_bits[which], axis=1, count=n_suns, bitorder="little").astype(bool)
 
 
 @dataclass(frozen=True, eq=False)
 class Lamps:
-    """Emitters inside the scene: M patches, which of them each point sees (S, ⌈M / 8⌉), as `visibility.see_patches`."""
+    """Emitters inside the scene: L patches, which of them each point sees (S, ⌈L / 8⌉), as `visibility.see_patches`."""
 
     patches: EmitterPatches
     bits: Bits
 
-    @property
-    def tables(self) -> Any:
-        """Bits, centres, normals and radiance × area, as the kernels take them."""
-        return self.bits, self.patches.centre, self.patches.normal, self.patches.radiance * self.patches.area[:, None]
+
+def no_light(is_glossy: NDArray[np.bool_], n: int) -> Incident:
+    """Room for the irradiance of S points, and for n coefficients, 20 to 5,120, of those that are glossy (S,)."""
+    n, n_glossy = min(max(n, kernels.N_ROOTS), geodesic(LEVEL).n_triangles), int(is_glossy.sum())
+    slot = np.where(is_glossy, np.cumsum(is_glossy) - 1, -1).astype(np.int32)
+    return Incident(slot, kernels.Kept(
+        np.zeros((len(slot), 3), np.float32), np.zeros((len(slot), MOST_SUNS // 8), np.uint8),
+        np.zeros((n_glossy, n), np.int16), np.zeros((n_glossy, n, 3), np.uint16),
+        np.full((n_glossy, kernels.N_SUN_PLACES), -1, np.int16),
+        np.zeros((n_glossy, kernels.N_SUN_PLACES, 3), np.float32),
+    ))  # fmt: skip
 
 
-def no_light(points: ShadingPoints, n: int) -> Incident:
-    """Room for n coefficients a point, 20 to 5,120, all 0."""
-    size = len(points), min(max(n, N_ROOTS), geodesic(LEVEL).n_triangles)
-    return Incident(np.zeros(size, np.int16), np.zeros((*size, 3), np.float32), np.zeros((len(points), 3), np.float32))
+def more_glossy(incident: Incident, new: NDArray[np.bool_], n_more: int = 0) -> Incident:
+    """The same with room for the coefficients of points that are new to gloss (S,), and for n_more matt points."""
+    slot, kept = incident.slot.copy(), incident.kept
+    slot[new] = len(kept.number) + np.arange(new.sum())
+
+    def grown(array: NDArray, n: int, value: int = 0) -> NDArray:
+        return np.concatenate([array, np.full((n, *array.shape[1:]), value, array.dtype)]) if n else array
+
+    n_new = int(new.sum())
+    return Incident(grown(slot, n_more, -1), kernels.Kept(
+        grown(kept.irradiance, n_more), grown(kept.sun_bits, n_more), grown(kept.number, n_new),
+        grown(kept.value, n_new), grown(kept.sun_place, n_new, -1), grown(kept.sun_power, n_new),
+    ))  # fmt: skip
 
 
-def light(points: ShadingPoints, bits: Bits, sky: Sky, incident: Incident, lamps: Lamps | None = None) -> Iterator[int]:
-    """Fill `incident` point by point: yields how many are done.
+def light(
+    points: ShadingPoints, bits: Bits, sky: Sky, incident: Incident, lamps: Lamps | None = None,
+    which: NDArray[np.integer] | None = None, is_coarse: bool = False,
+) -> None:  # fmt: skip
+    """Fill `incident` at all points, or at those which (N,) are named.
 
-    bits: as `visibility.see` gives them. Lamps are not distant: their directions and distances are each point's own.
+    bits: as `visibility.see` gives them; is_coarse: by triangles of level 2, in a sixth of the time. Lamps are not
+    distant: their directions and distances are each point's own.
     """
-    n_points, n = len(points), incident.number.shape[1]
-    none = np.zeros((0, 3), np.float32)
-    tables: Any = _tables(sky)
-    near: Any = lamps.tables if lamps else (np.zeros((n_points, 0), np.uint8), none, none, none)
+    asked = np.arange(len(points)) if which is None else np.asarray(which, np.int64)
+    tables: Any = places(points, bits, incident.slot, lamps), hemisphere(), lights(sky, lamps), incident.kept
     fill_range: Any = kernels.light_range
-    for start in range(0, n_points, _PART):
-        stop = min(start + _PART, n_points)
 
-        def fill(first: int, stop: int = stop) -> None:
-            fill_range(
-                first, min(first + _BATCH, stop), n, points.frames, bits, *tables, LEVEL, points.position, *near,
-                cosines(), incident.number, incident.value, incident.irradiance,
-            )  # fmt: skip
+    def fill(start: int) -> None:
+        fill_range(start, min(start + _BATCH, len(asked)), asked, is_coarse, *tables)
 
-        on_threads(fill, range(start, stop, _BATCH))
-        yield stop
+    on_threads(fill, range(0, len(asked), _BATCH))
 
 
-def suns_seen(points: ShadingPoints, bits: Bits, sky: Sky, which: NDArray[np.integer]) -> NDArray[np.bool_]:
-    """Whether some of the points (N,) see each of the sky's suns, (N, M)."""
-    seen = np.empty((len(which), len(sky.sun_power)), bool)
-    tables = descent_tables(LEVEL + 1)
-    kernels.suns_seen(which.astype(np.int64), points.frames, bits, _places(), sky.sun_direction, *tables, LEVEL, seen)
-    return seen
+def places(points: ShadingPoints, bits: Bits, slot: NDArray[np.int32], lamps: Lamps | None) -> kernels.Places:
+    """Points as the kernels take them."""
+    patch_bits = lamps.bits if lamps else np.zeros((len(points), 0), np.uint8)
+    return kernels.Places(points.position, points.frames, bits, patch_bits, slot)
 
 
-@lru_cache(maxsize=1)
-def _places() -> NDArray[np.int32]:
-    """Where each triangle (5120,) stands among the upper ones, −1 if it is none."""
-    places = np.full(geodesic(LEVEL).n_triangles, -1, np.int32)
-    places[upper()] = np.arange(len(upper()))
-    places.flags.writeable = False
-    return places
-
-
-def _tables(sky: Sky) -> Any:
-    """What `_incident_kernels.powers_at` takes between bits and level."""
-    sphere, above, places = geodesic(LEVEL), upper(), _places()
-    directions = sphere.centres[above].astype(np.float32)
-    solid_angles = sphere.solid_angles[above].astype(np.float32)
-    return (
-        above,
-        places,
-        directions,
-        solid_angles,
-        sky.map,
-        sky.sun_direction,
-        sky.sun_power,
-        *descent_tables(LEVEL + 1),
+def lights(sky: Sky, lamps: Lamps | None) -> kernels.Light:
+    """What shines as the kernels take it."""
+    none = np.zeros((0, 3), np.float32)
+    patches: Any = (none, none, none)
+    if lamps is not None:
+        own = lamps.patches
+        patches = own.centre, own.normal, own.radiance * own.area[:, None]
+    return kernels.Light(
+        sky.map, sky.coarse_map, math.cos(sky.turn), math.sin(sky.turn), sky.sun_direction, sky.sun_power, *patches
     )
 
 
 @lru_cache(maxsize=1)
-def cosines() -> Floats:
-    """The mean of max(cos θ, 0) over each triangle (5120,). Read-only."""
-    sphere = geodesic(LEVEL)
+def hemisphere() -> kernels.Hemisphere:
+    """The triangles above the surface, as the kernels take them."""
+    above, sphere = upper(), geodesic(LEVEL)
+    place = np.full(sphere.n_triangles, -1, np.int32)
+    place[above] = np.arange(len(above))
+    return kernels.Hemisphere(
+        above, place, *_upper_triangles(LEVEL), *_upper_triangles(_COARSE_LEVEL), _children(place),
+    )  # fmt: skip
+
+
+def _upper_triangles(level: int) -> tuple[Floats, Floats, Floats]:
+    """Directions (U, 3), solid angles (U,) and mean cosines (U,) of a level's triangles above the surface."""
+    sphere = geodesic(level)
+    above = sphere.centres[:, 1] > 0.0
     heights = triangle_first_moments(sphere.vertices[sphere.triangles])[:, 1] / sphere.solid_angles
-    means = np.maximum(heights, 0.0).astype(np.float32)
-    means.flags.writeable = False
-    return means
+    return tuple(  # type: ignore[return-value]
+        np.ascontiguousarray(values[above], np.float32) for values in (sphere.centres, sphere.solid_angles, heights)
+    )
+
+
+def _children(place: NDArray[np.int32]) -> NDArray[np.int16]:
+    """`Hemisphere.children`: over a square in which the hemisphere's octahedron lies on its corners."""
+    row, column = np.divmod(np.arange(_CHILDREN_SIDE**2), _CHILDREN_SIDE)
+    total, difference = ((i + 0.5) / _CHILDREN_SIDE * 2.0 - 1.0 for i in (column, row))
+    x, z = (total + difference) / 2.0, (total - difference) / 2.0
+    y = np.maximum(1.0 - np.abs(x) - np.abs(z), 1e-9)
+    child = locate(np.stack([x, y, z], axis=1), LEVEL + 1)
+    found = 4 * place[child >> 2] + (child & 3)
+    return found.reshape(_CHILDREN_SIDE, _CHILDREN_SIDE).astype(np.int16)

@@ -16,26 +16,31 @@ and may be dropped between any two pieces; so may its generators.
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.light.environment import Environment
+from engine.errors import InsituError
+from engine.light.emitters import EmitterPatches, emitter_patches
 from engine.material.layer import Layer
-from engine.orbit.incident import Incident, Lamps, light, no_light
-from engine.orbit.picture import Seen, look, picture, reflected, sunlit
-from engine.orbit.shading_points import ShadingPoints, shading_points
+from engine.orbit import _slice_kernels
+from engine.orbit.incident import Incident, Lamps, light, more_glossy, no_light
+from engine.orbit.picture import Canvas, Seen, interpolated, picture, reflected, shaded, sunlit
+from engine.orbit.shading_points import ShadingPoints, shading_points, with_backs
 from engine.orbit.sky import Sky, make_sky
-from engine.orbit.slices import Slices, make_slices
+from engine.orbit.slices import Slices, matt_reflectance, slicing
 from engine.orbit.visibility import N_UPPER, Bits, see, see_patches
 from engine.render.maps import MapFactors
 from engine.render.still import StillProgress
 from engine.scene.description import CameraDescription
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
-from engine.transport.pipeline import SkyState, patches_of
+from engine.steps import finish
+from engine.threads import n_threads
+from engine.transport.pipeline import SkyState
 
 Floats = NDArray[np.float32]
 LayersOf = Mapping[int, Sequence[Layer]]
@@ -44,17 +49,24 @@ Steps = Iterator[StillProgress]
 
 N_POINTS = 40_000  # besides the meshes' own vertices
 N_COEFFICIENTS = 320
+N_MOVING = 64  # of these, while something moves
 N_PATCHES = 64
-# How far the work is when its parts end.
-_POINTS, _SEEING, _LIGHTING = 0.05, 0.8, 0.95
+MOST_BYTES = 3 << 29
+_LEAST_COEFFICIENTS = 20
+_BYTES_A_COEFFICIENT = 8
+# Points a piece and thread: some 20 ms.
+_COARSE, _FINE, _TRACED = 2048, 384, 128
+_STALE, _COARSELY, _EXACTLY = 0, 1, 2
 
 
 @dataclass(frozen=True)
 class _Term:
-    """Layers of an object that are reflected together, and which of its visible layers' maps multiply them."""
+    """What an object reflects in one sum: layers that are matt, of reflectance ρ (3,), or layers with gloss; and which
+    of its visible layers' maps multiply it."""
 
     i_object: int
     layers: tuple[Layer, ...]
+    reflectance: tuple[float, float, float] | None
     factor: int | None = None
 
 
@@ -63,161 +75,337 @@ class Orbit:
 
     def __init__(
         self, scene: Scene, caster: RayCaster | None = None, n_points: int = N_POINTS,
-        n_coefficients: int = N_COEFFICIENTS, n_patches: int = N_PATCHES,
+        n_coefficients: int = N_COEFFICIENTS, n_patches: int = N_PATCHES, most_bytes: int = MOST_BYTES,
     ) -> None:  # fmt: skip
         """caster: of the scene's triangles, where there is one; n_points: besides the meshes' vertices; n_coefficients:
-        of light, 20 to 5,120 a point; n_patches: of all emitters."""
+        of light, 20 to 5,120 a point; n_patches: of all emitters; most_bytes: what points may keep, see `notes`."""
         self.scene = scene
         self.version = 0
+        self.notes: tuple[str, ...] = ()
         self._caster = caster or RayCaster(scene.vertices, scene.triangles)
         self._n_points, self._n_coefficients, self._n_patches = n_points, n_coefficients, n_patches
-        self._points: ShadingPoints | None = None
-        self._rays: RayCaster | None = None
-        self._bits: Bits = np.empty((0, N_UPPER // 2), np.uint8)
-        self._n_seen = 0
-        self._light: SkyState = SkyState(None)
-        self._sky: Sky | None = None
-        self._lamps: Lamps | None = None
-        self._incident: Incident | None = None
-        self._n_lit = 0
-        self._layers_of: LayersOf = {}
-        self._slices: dict[tuple[Layer, ...], Slices] = {}
+        self._most_bytes = most_bytes
+        self._lit: _Lit | None = None
+        self._patches = _emitters(scene, n_patches)
+        self._light, self._sky = SkyState(None), make_sky(None, 0.0)
+        self._layers_of: dict[int, tuple[Layer, ...]] = {}
+        self._terms: tuple[_Term, ...] = ()
+        self._slices: dict[Layer, Slices] = {}
+        self._fine: set[Layer] = set()
+        self._tables: dict[tuple[Layer, ...], _slice_kernels.Tables] = {}
+        self._slicing: tuple[Layer, Generator[float, None, Slices]] | None = None
 
     # ------------------------------------------------------------------------------------------------ what is wanted
 
     def set_light(self, sky: SkyState) -> None:
         """The distant light from now on."""
         if sky != self._light:
-            self._light, self._sky, self._n_lit = sky, None, 0
+            self._light, self._sky = sky, make_sky(sky.environment, sky.rotation, sky.scale)
+            self._stale()
 
     def shine(self, emission: Mapping[str, tuple[float, float, float]]) -> None:
         """Give emitters, by name, this radiance from now on, see `Scene.shining`."""
-        self.scene = self.scene.shining(emission)
-        self._lamps, self._n_lit = None, 0
+        scene = self.scene.shining(emission)
+        if not np.array_equal(scene.emission, self.scene.emission):
+            self.scene = scene
+            if self._lit is not None:
+                self._lit.canvas.shines(scene)
+            self._stale()
 
     def set_layers(self, layers_of: LayersOf) -> None:
         """The layers of each object, by its index, from now on; what did not change is not computed again."""
-        self._layers_of = {i: tuple(layers) for i, layers in layers_of.items()}
-        self.version += 1
+        layers = {i: tuple(own) for i, own in layers_of.items() if not self.scene.emitters[i]}
+        if layers != self._layers_of:
+            self._layers_of, self._terms = layers, tuple(_terms(layers))
+            wanted = {layer for term in self._glossy for layer in term.layers}
+            self._slices = {layer: slices for layer, slices in self._slices.items() if layer in wanted}
+            self._fine &= wanted
+            self._tables.clear()
+            if self._lit is not None:
+                self._lit.need_gloss(self._glossy_objects())
+            self.version += 1
 
     # ----------------------------------------------------------------------------------------------------- the work
 
     @property
     def is_ready(self) -> bool:
         """Whether anything can be drawn."""
-        return self._points is not None
+        return self._lit is not None
 
     @property
     def is_done(self) -> bool:
         """Whether there is no work left."""
-        return self.is_ready and all(layers in self._slices for layers in self._wanted()) and self._is_lit
+        return self._lit is not None and self._lit.is_done and all(layer in self._fine for layer in self._wanted())
+
+    @property
+    def fraction(self) -> float:
+        """How much of the work is done."""
+        return 0.0 if self._lit is None else self._lit.fraction
 
     def work(self) -> Steps:
-        """All that is missing, piece by piece; ends where nothing is. What is set meanwhile is taken up at once."""
-        while not self.is_done:
-            if self._points is None:
-                yield StillProgress(0.0, "shading points")
-                self._place(shading_points(self.scene, self._caster, self._n_points))
-            elif missing := [layers for layers in self._wanted() if layers not in self._slices]:
-                self._slices[missing[0]] = make_slices(missing[0])
-                self.version += 1
-                yield StillProgress(_POINTS, "reflection")
-            elif self._n_seen < len(self._points):
-                yield from self._see(self._points)
-            else:
-                yield from self._relight(self._points)
+        """All that is missing, piece by piece; ends where nothing is. What is set meanwhile is taken up at once.
+
+        Raises InsituError where the meshes have too many vertices.
+        """
+        if self._lit is None:
+            yield StillProgress(0.0, "shading points")
+            self._place()
+        while (told := self._piece()) is not None:
+            self.version += 1
+            yield StillProgress(self.fraction, told)
+
+    def _piece(self) -> str | None:
+        """Do what is most urgent; what that was, or None where nothing is left."""
+        lit = self._lit
+        assert lit is not None
+        if missing := [layer for layer in self._wanted() if layer not in self._slices]:
+            self._take(missing[0], finish(slicing(missing[0], -1)), False)
+            return "reflection"
+        if len(which := lit.first(lit.state == _STALE, _COARSE * n_threads())):
+            lit.light(which, self._sky, self._lamps(lit), is_coarse=True)
+            return "light"
+        if rough := [layer for layer in self._wanted() if layer not in self._fine]:
+            if self._slicing is None or self._slicing[0] not in rough:
+                self._slicing = rough[0], slicing(rough[0])
+            try:
+                next(self._slicing[1])
+            except StopIteration as end:
+                self._take(self._slicing[0], end.value, True)
+                self._slicing = None
+            return "reflection"
+        if len(which := lit.first(lit.traced & (lit.state != _EXACTLY), _FINE * n_threads())):
+            lit.light(which, self._sky, self._lamps(lit), is_coarse=False)
+            return "light"
+        if behind := [i for i in lit.behind if i not in lit.with_backs]:
+            lit.add_backs(behind, self._glossy_objects())
+            return "backs"
+        if len(which := lit.first(~lit.traced, _TRACED * n_threads())):
+            lit.trace(which, self._caster, self._patches)
+            return "visibility"
+        return None
 
     # ---------------------------------------------------------------------------------------------------- pictures
 
-    def draw(self, camera: CameraDescription, resolution: tuple[int, int], quality: Quality = "rest") -> Floats:
+    def draw(
+        self, camera: CameraDescription, resolution: tuple[int, int], quality: Quality = "rest",
+        n_moving: int = N_MOVING,
+    ) -> Floats:  # fmt: skip
         """Radiance (H, W, 3) as it is known by now; resolution (width, height).
 
-        quality: "moving", as quick as it gets; "rest", every pixel on its own. Raises ValueError before `is_ready`.
+        quality: "moving", as quick as it gets, by n_moving coefficients a point; "rest", every pixel on its own. Raises
+        ValueError before `is_ready`.
         """
-        drawing = self.drawing(camera, resolution, quality)
-        while True:
-            try:
-                next(drawing)
-            except StopIteration as end:
-                drawn: Floats = end.value
-                return drawn
+        return finish(self.drawing(camera, resolution, quality, n_moving))
 
     def drawing(
-        self, camera: CameraDescription, resolution: tuple[int, int], quality: Quality = "rest"
-    ) -> Generator[StillProgress, None, Floats]:
+        self, camera: CameraDescription, resolution: tuple[int, int], quality: Quality = "rest",
+        n_moving: int = N_MOVING,
+    ) -> Generator[StillProgress, None, Floats]:  # fmt: skip
         """The same, piece by piece."""
-        if self._points is None or self._rays is None or self._incident is None:
+        lit = self._lit
+        if lit is None:
             raise ValueError("nothing is ready to be drawn: expected some steps of work before")
-        points, incident = self._points, self._incident
-        seen = look(self.scene, points, self._rays, camera, resolution)
-        yield StillProgress(0.2, "rays")
+        seen = lit.canvas.look(camera, resolution, quality == "rest")
+        lit.seen, lit.behind = seen.points_seen(), lit.behind | set(seen.from_behind)
         radiance = np.zeros((len(seen.pixel), 3), np.float32)
-        terms = self._terms()
-        factors = self._factors(seen)
-        for done, term in enumerate(terms):
-            slices = self._slices.get(term.layers)
-            if slices is not None:
-                own = reflected(points, seen, incident, {term.i_object: slices}, quality == "rest")
-                if quality == "rest" and self._sky is not None:
-                    own += sunlit(points, self._bits, seen, self._sky, {term.i_object: term.layers})
-                radiance += own if term.factor is None else own * factors[:, term.factor]
-            yield StillProgress(0.2 + 0.8 * (done + 1) / len(terms), "reflection")
-        return picture(seen, radiance, self._environment, self._light.rotation)
+        for done, term in enumerate(self._terms):
+            which = seen.of(term.i_object)
+            if len(which):
+                yield StillProgress(done / len(self._terms), "reflection")
+                self._reflect(lit, seen, which, term, quality, n_moving, radiance)
+        sky = self._light
+        return picture(seen, radiance, sky.environment, sky.rotation, sky.scale)
+
+    def _reflect(
+        self, lit: _Lit, seen: Seen, which: NDArray[np.int64], term: _Term, quality: Quality, n: int, radiance: Floats
+    ) -> None:
+        """Add what a term reflects at samples (N,) of its object to radiance (R, 3)."""
+        factors = None
+        if term.factor is not None:
+            maps = MapFactors(self.scene, {term.i_object: self._layers_of[term.i_object]})
+            ids = np.full(len(which), term.i_object)
+            factors = maps.of_hits(seen.in_scene(which), ids, np.arange(len(which)))[:, term.factor]
+        own = radiance if factors is None else np.zeros_like(radiance)
+        ones = np.ones(3)
+        if term.reflectance is not None:
+            interpolated(seen, which, lit.incident.irradiance, own, np.array(term.reflectance))
+        elif (tables := self._tables_of(term.layers)) is not None:
+            if quality == "rest":
+                own[which] += reflected(seen, which, lit.incident, tables)
+                own[which] += sunlit(seen, which, lit.incident, self._sky, term.layers)
+            else:
+                points = np.flatnonzero(lit.seen & (lit.points.i_object == term.i_object))
+                shaded(seen, points, lit.incident, tables, n, lit.colours)
+                interpolated(seen, which, lit.colours, own, ones)
+        if factors is not None:
+            radiance[which] += own[which] * factors
 
     # ------------------------------------------------------------------------------------------------------ within
 
     @property
-    def _environment(self) -> Environment | None:
-        environment = self._light.environment
-        if environment is None or self._light.scale == 1.0:
-            return environment
-        return replace(environment, radiance=environment.radiance * np.float32(self._light.scale))
+    def _glossy(self) -> list[_Term]:
+        return [term for term in self._terms if term.reflectance is None]
 
-    @property
-    def _is_lit(self) -> bool:
-        return self._points is not None and self._n_lit == self._n_seen == len(self._points)
+    def _glossy_objects(self) -> NDArray[np.bool_]:
+        found = np.zeros(len(self.scene.smooth), bool)
+        found[[term.i_object for term in self._glossy]] = True
+        return found
 
-    def _place(self, points: ShadingPoints) -> None:
-        self._points, self._rays = points, points.caster()
-        self._bits = np.full((len(points), N_UPPER // 2), 255, np.uint8)
-        self._incident = no_light(points, self._n_coefficients)
+    def _wanted(self) -> list[Layer]:
+        """The layers that want slices."""
+        return list(dict.fromkeys(layer for term in self._glossy for layer in term.layers))
+
+    def _take(self, layer: Layer, slices: Slices, is_fine: bool) -> None:
+        self._slices[layer] = slices
+        if is_fine:
+            self._fine.add(layer)
+        self._tables = {layers: tables for layers, tables in self._tables.items() if layer not in layers}
+
+    def _tables_of(self, layers: tuple[Layer, ...]) -> _slice_kernels.Tables | None:
+        """The slices of layers that lie on one another; None while they are not known."""
+        if layers not in self._tables:
+            if any(layer not in self._slices for layer in layers):
+                return None
+            total = self._slices[layers[0]]
+            for layer in layers[1:]:
+                total = total + self._slices[layer]
+            self._tables[layers] = total.tables
+        return self._tables[layers]
+
+    def _stale(self) -> None:
+        if self._lit is not None:
+            self._lit.state[:] = _STALE
         self.version += 1
 
-    def _see(self, points: ShadingPoints) -> Steps:
-        for start, stop, part in see(points, self._caster):
-            self._bits[start:stop], self._n_seen = part, stop
-            yield StillProgress(_POINTS + (_SEEING - _POINTS) * stop / len(points), "visibility")
+    def _place(self) -> None:
+        points = shading_points(self.scene, self._caster, self._n_points)
+        n = self._within_memory(len(points))
+        if n < self._n_coefficients and self._n_points:
+            points = shading_points(self.scene, self._caster, 0)
+            n = self._within_memory(len(points))
+        if n < _LEAST_COEFFICIENTS:
+            raise InsituError(
+                f"{self.scene.file}: {len(points)} vertices, of which Orbit would keep more than "
+                f"{self._most_bytes / 2**20:.0f} MiB; expected fewer, or a simpler mesh"
+            )
+        if n < self._n_coefficients:
+            self.notes = (f"{n} coefficients of light a point instead of {self._n_coefficients}, for want of memory",)
+        n_patches = 0 if self._patches is None else len(self._patches[0])
+        self._lit = _Lit(self.scene, points, n, n_patches, self._glossy_objects())
+        self.version += 1
 
-    def _relight(self, points: ShadingPoints) -> Steps:
-        """Ends early where other light is wanted meanwhile."""
-        assert self._incident is not None
-        wanted = self._light
-        if self._sky is None:
-            self._sky = make_sky(self._environment, self._light.rotation)
-        patches = patches_of(self.scene, self._n_patches)
-        if patches is not None and self._lamps is None:
-            self._lamps = Lamps(patches, see_patches(points, self._caster, patches))
-        for done in light(points, self._bits, self._sky.sunless, self._incident, self._lamps):
-            self.version += 1
-            yield StillProgress(_SEEING + (1.0 - _SEEING) * done / max(len(points), 1), "light")
-            if self._light is not wanted:
-                return
-        self._n_lit = len(points)
+    def _within_memory(self, n_points: int) -> int:
+        """So many coefficients, at most those wanted, go into memory."""
+        rest = self._most_bytes - n_points * (N_UPPER // 2 + self._n_patches // 8 + 128)
+        return min(self._n_coefficients, rest // (n_points or 1) // _BYTES_A_COEFFICIENT)
 
-    def _terms(self) -> list[_Term]:
-        """What is reflected: of each object the layers without maps together, and each of the others."""
-        terms = []
-        for i, layers in self._layers_of.items():
-            visible = tuple(layer for layer in layers if layer.visible)
-            plain = tuple(layer for layer in visible if layer.maps.is_plain)
-            terms += [_Term(i, plain)] if plain else []
-            terms += [_Term(i, (layer,), k) for k, layer in enumerate(visible) if not layer.maps.is_plain]
-        return terms
+    def _lamps(self, lit: _Lit) -> Lamps | None:
+        if self._patches is None:
+            return None
+        patches, owner = self._patches
+        shining = EmitterPatches(
+            patches.corners, patches.centre, patches.normal, self.scene.emission[owner], patches.area
+        )
+        return Lamps(shining, lit.patch_bits)
 
-    def _wanted(self) -> set[tuple[Layer, ...]]:
-        return {term.layers for term in self._terms()}
 
-    def _factors(self, seen: Seen) -> Floats:
-        """By what maps multiply the visible layers at the pixels, (P, K, 3)."""
-        factors = MapFactors(self.scene, self._layers_of)
-        return factors.of_hits(seen.found, seen.objects, seen.pixel)
+class _Lit:
+    """The shading points of a scene, and what is known of the light there. state (S,): how the light that is wanted is
+    known; traced (S,): whether shadows are; seen (S,): what the last picture saw; behind: objects whose backs any saw.
+    """
+
+    def __init__(
+        self, scene: Scene, points: ShadingPoints, n_coefficients: int, n_patches: int, is_glossy: NDArray[np.bool_]
+    ) -> None:
+        """is_glossy (M,): objects that do not reflect evenly."""
+        self._scene, self._n = scene, len(points)
+        self.points, self.canvas = points, Canvas(scene, points)
+        self.bits: Bits = np.full((self._n, N_UPPER // 2), 255, np.uint8)
+        self.patch_bits: Bits = np.full((self._n, (n_patches + 7) // 8), 255, np.uint8)
+        self.incident: Incident = no_light(is_glossy[points.i_object], n_coefficients)
+        self.colours = np.zeros((self._n, 3), np.float32)
+        self.state = np.zeros(self._n, np.uint8)
+        self.traced, self.seen = np.zeros((2, self._n), bool)
+        self.behind: set[int] = set()
+        self.with_backs: set[int] = set()
+
+    @property
+    def is_done(self) -> bool:
+        return bool(self.traced.all() and (self.state == _EXACTLY).all()) and self.behind <= self.with_backs
+
+    @property
+    def fraction(self) -> float:
+        return float(0.75 * self.traced.mean() + 0.25 * (self.state / _EXACTLY).mean()) if self._n else 1.0
+
+    def first(self, wanted: NDArray[np.bool_], n: int) -> NDArray[np.int64]:
+        """n of the points that are wanted (S,), those that are seen before others."""
+        found = np.flatnonzero(wanted & self.seen)[:n]
+        return found if len(found) else np.flatnonzero(wanted)[:n]
+
+    def light(self, which: NDArray[np.int64], sky: Sky, lamps: Lamps | None, is_coarse: bool) -> None:
+        light(self.points, self.bits, sky, self.incident, lamps, which, is_coarse)
+        self.state[which] = _COARSELY if is_coarse else _EXACTLY
+
+    def trace(
+        self, which: NDArray[np.int64], caster: RayCaster, patches: tuple[EmitterPatches, NDArray[np.intp]] | None
+    ) -> None:
+        see(self.points, caster, which, self.bits)
+        if patches is not None:
+            see_patches(self.points, caster, patches[0], which, self.patch_bits)
+        self.traced[which], self.state[which] = True, np.minimum(self.state[which], _COARSELY)
+
+    def need_gloss(self, is_glossy: NDArray[np.bool_]) -> None:
+        """Keep coefficients of light for objects (M,) that reflect with gloss by now."""
+        new = is_glossy[self.points.i_object] & (self.incident.slot < 0)
+        if new.any():
+            self.incident = more_glossy(self.incident, new)
+            self.state[new] = _STALE
+
+    def add_backs(self, objects: Sequence[int], is_glossy: NDArray[np.bool_]) -> None:
+        behind = np.zeros(len(self._scene.smooth), bool)
+        behind[objects] = True
+        before, self.points = self._n, with_backs(self.points, behind)
+        self._n = len(self.points)
+        self.canvas, self.with_backs = Canvas(self._scene, self.points), self.with_backs | set(objects)
+        self.bits = _longer(self.bits, self._n, 255)
+        self.patch_bits = _longer(self.patch_bits, self._n, 255)
+        self.colours, self.state = _longer(self.colours, self._n, 0), _longer(self.state, self._n, _STALE)
+        self.traced, self.seen = _longer(self.traced, self._n, 0), _longer(self.seen, self._n, 0)
+        self.incident = more_glossy(self.incident, np.zeros(before, bool), self._n - before)
+        self.need_gloss(is_glossy)
+
+
+def _longer(array: NDArray, n: int, value: int) -> NDArray:
+    """The array with as many rows more, all of a value, as make it n."""
+    return np.concatenate([array, np.full((n - len(array), *array.shape[1:]), value, array.dtype)])
+
+
+def _emitters(scene: Scene, n_patches: int) -> tuple[EmitterPatches, NDArray[np.intp]] | None:
+    """About n_patches patches of all that may shine, now or later, and the object of each; None where nothing may."""
+    mine = scene.emitters[scene.object_of_triangle]
+    if not mine.any():
+        return None
+    number = np.repeat(scene.object_of_triangle[mine, None] + 1.0, 3, axis=1)  # where radiance stands in patches
+    patches = emitter_patches(scene.vertices[scene.triangles[mine]], number, n_patches)
+    return patches, np.rint(patches.radiance[:, 0]).astype(np.intp) - 1
+
+
+def _terms(layers_of: Mapping[int, Sequence[Layer]]) -> Iterator[_Term]:
+    """What is reflected: of each object all matt layers without maps together, all others without, and each with."""
+    for i, layers in layers_of.items():
+        visible = [layer for layer in layers if layer.visible]
+        plain = [layer for layer in visible if layer.maps.is_plain]
+        glossy = tuple(layer for layer in plain if _matt(layer) is None)
+        matt = [found for layer in plain if (found := _matt(layer)) is not None]
+        if matt:
+            red, green, blue = np.sum(matt, axis=0)
+            yield _Term(i, tuple(layer for layer in plain if layer not in glossy), (red, green, blue))
+        if glossy:
+            yield _Term(i, glossy, None)
+        yield from (_Term(i, (layer,), _matt(layer), k) for k, layer in enumerate(visible) if not layer.maps.is_plain)
+
+
+@lru_cache(maxsize=256)
+def _matt(layer: Layer) -> tuple[float, float, float] | None:
+    found = matt_reflectance(layer)
+    return None if found is None else (float(found[0]), float(found[1]), float(found[2]))

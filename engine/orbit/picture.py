@@ -1,12 +1,14 @@
-"""A picture from anywhere: rays to the surface, and light from the shading points around each hit.
+"""What a picture from anywhere sees, and the light of the shading points around it.
 
 While something moves, the points that are seen are shaded, each towards the eye, and colours are interpolated; at rest
-every pixel takes the light of its three points and reflects it towards its own eye [Ma06, 3.3: functions, not colours].
+every pixel takes the light of its three points and reflects it towards its own eye [Ma06, 3.3: functions, not colours],
+and edges of objects are seen by four rays a pixel.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,139 +16,230 @@ from numpy.typing import NDArray
 
 from engine.light.environment import Environment
 from engine.material.layer import Layer
-from engine.orbit.incident import Incident, suns_seen
+from engine.orbit import _picture_kernels as kernels
+from engine.orbit import _slice_kernels
+from engine.orbit.incident import Incident
 from engine.orbit.shading_points import ShadingPoints
 from engine.orbit.sky import Sky
-from engine.orbit.slices import Slices, to_shading
-from engine.orbit.visibility import Bits
+from engine.orbit.slices import to_shading
 from engine.render.integrator import evaluate_layers
-from engine.scene.camera import centre_directions
+from engine.scene.camera import camera_frame
 from engine.scene.description import CameraDescription
-from engine.scene.hits import LEAST_COSINE, emission_towards
+from engine.scene.hits import LEAST_COSINE
 from engine.scene.load import Scene
 from engine.scene.raycaster import Intersections, RayCaster
-from engine.threads import on_threads
+from engine.threads import even_parts, on_threads
 
 Floats = NDArray[np.float32]
-_PIXELS = 1024  # at a time: up to 130,000 pairs of pixel and sun
+Rows = NDArray[np.int64]
+_RAYS = 16384  # at a time
+_PIXELS = 1024
+# Four rays a pixel on a rotated grid, in pixels from its upper left corner.
+_SUB_RAYS = np.array([(0.125, 0.375), (0.625, 0.125), (0.875, 0.625), (0.375, 0.875)])
+
+
+class Canvas:
+    """The surface between shading points, ready for rays from any eye."""
+
+    def __init__(self, scene: Scene, points: ShadingPoints) -> None:
+        self._scene, self._points = scene, points
+        self._caster: RayCaster = points.caster()
+        self._surface = kernels.Surface(
+            points.triangles, np.ascontiguousarray(scene.geometric_normals[points.source]),
+            scene.object_of_triangle[points.source], scene.emission,
+        )  # fmt: skip
+
+    def look(self, camera: CameraDescription, resolution: tuple[int, int], has_soft_edges: bool = False) -> Seen:
+        """What the eye sees in a picture of resolution (width, height), one ray through each pixel's centre; where
+        edges are to be soft four through the pixels at them."""
+        width, height = resolution
+        pixel, share = np.arange(width * height), np.ones(width * height, np.float32)
+        samples, found = self._trace(camera, resolution, np.empty((0, 2)), len(pixel))
+        if has_soft_edges:
+            edges = np.zeros((height, width), bool)
+            kernels.silhouettes(samples.i_object.reshape(height, width), edges)
+            inner, outer = np.flatnonzero(~edges), np.flatnonzero(edges)
+            places = np.stack([outer % width, outer // width], axis=1)[:, None] + _SUB_RAYS
+            more, found_more = self._trace(camera, resolution, places.reshape(-1, 2), 4 * len(outer))
+            samples = kernels.Samples(*(np.concatenate([a[inner], b]) for a, b in zip(samples, more, strict=True)))
+            found = tuple(np.concatenate([a[inner], b]) for a, b in zip(found, found_more, strict=True))
+            pixel = np.concatenate([inner, np.repeat(outer, 4)])
+            share = np.concatenate([share[inner], np.full(4 * len(outer), 0.25, np.float32)])
+        i_object = samples.i_object
+        reflects = samples.corners[:, 0] >= 0
+        order = np.flatnonzero(reflects)
+        order = order[np.argsort(i_object[order], kind="stable")]
+        bounds = np.searchsorted(i_object[order], np.arange(len(self._scene.smooth) + 1))
+        eye = np.subtract(camera.position, self._scene.origin).astype(np.float32)
+        return Seen((width, height), eye, samples, pixel, share, order, bounds, found, self._points)
+
+    def shines(self, scene: Scene) -> None:
+        """Take over what objects emit."""
+        self._scene, self._surface = scene, self._surface._replace(emission=scene.emission)
+
+    def _trace(
+        self, camera: CameraDescription, resolution: tuple[int, int], places: NDArray[np.float64], n: int
+    ) -> tuple[kernels.Samples, tuple[NDArray, ...]]:
+        """Samples of n rays, and their triangle, u and v."""
+        axes, eye = _plane(camera, resolution), np.subtract(camera.position, self._scene.origin).astype(np.float32)
+        directions = np.empty((n, 3), np.float32)
+        out = kernels.Samples(
+            np.empty((n, 3), np.int32), np.zeros((n, 3), np.float32), np.empty((n, 3), np.float32),
+            np.empty((n, 3), np.float32), np.empty(n, np.int32), np.empty(n, bool),
+        )  # fmt: skip
+        found = np.empty(n, np.int32), np.empty(n, np.float32), np.empty(n, np.float32)
+
+        def part(start: int) -> None:
+            stop = min(start + _RAYS, n)
+            kernels.fill_rays(start, stop, places, resolution[0], axes, directions)
+            own = directions[start:stop]
+            hits = self._caster.intersect(np.broadcast_to(eye, own.shape), own)
+            kernels.resolve(start, hits.triangle, hits.u, hits.v, own, self._surface, out)
+            for mine, theirs in zip(found, (hits.triangle, hits.u, hits.v), strict=True):
+                mine[start:stop] = theirs
+
+        on_threads(part, range(0, n, _RAYS))
+        return out, found
 
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What the pixels (H·W) of a picture see: the shading points `corners` (P, 3) around what the pixels `pixel` (P,)
-    hit, and their weights (P, 3); wo (P, 3) to the eye; directions (H, W, 3); emitted (H, W, 3); covered (H, W): where
-    there is any surface; found: where on the scene's triangles all pixels' rays end, objects (H·W,): of which object,
-    −1 for none; from_behind: objects that are seen where they have no points."""
+    """Samples (R,) of a picture: resolution (width, height), eye (3,), what they meet, their pixel (R,) and share of it
+    (R,). order (N,): those that reflect, by object, whose ranges are bounds (M + 1,); found: triangle, u, v of the
+    points' triangles."""
 
-    pixel: NDArray[np.intp]
-    corners: NDArray[np.int32]
-    weights: Floats
-    wo: Floats
-    directions: Floats
-    emitted: Floats
-    covered: NDArray[np.bool_]
-    found: Intersections
-    objects: NDArray[np.int32]
-    from_behind: tuple[int, ...]
+    resolution: tuple[int, int]
+    eye: Floats
+    samples: kernels.Samples
+    pixel: Rows
+    share: Floats
+    order: Rows
+    bounds: Rows
+    found: tuple[NDArray, ...]
+    points: ShadingPoints
 
+    def of(self, i_object: int) -> Rows:
+        """The samples that see an object."""
+        return self.order[self.bounds[i_object] : self.bounds[i_object + 1]]
 
-def look(
-    scene: Scene, points: ShadingPoints, caster: RayCaster, camera: CameraDescription, resolution: tuple[int, int]
-) -> Seen:
-    """Trace a ray through each pixel's centre; caster: of the points' triangles; resolution (width, height)."""
-    directions = centre_directions(camera, resolution)
-    flat = directions.reshape(-1, 3)
-    eye = np.subtract(camera.position, scene.origin).astype(np.float32)
-    found = caster.intersect(np.tile(eye, (len(flat), 1)), flat)
-    hit = found.triangle >= 0
-    source = np.where(hit, points.source[found.triangle], -1)
-    of_scene = Intersections(source, found.u, found.v, found.distance)
-    ids = np.where(hit, scene.object_of_triangle[source], -1).astype(np.int32)
-    emitted = emission_towards(scene, of_scene, ids, flat).reshape(directions.shape)
-    back = (scene.geometric_normals[source] * flat).sum(axis=1) > 0.0
-    corners = points.triangles[found.triangle, back.astype(np.intp)]
-    has_points = corners[:, 0] >= 0
-    pixel = np.flatnonzero(hit & has_points)
-    u, v = found.u[pixel], found.v[pixel]
-    return Seen(
-        pixel, corners[pixel], np.stack([1.0 - u - v, u, v], axis=1), -flat[pixel], directions, emitted,
-        hit.reshape(directions.shape[:2]), of_scene, ids,
-        tuple(int(i) for i in np.unique(ids[hit & back & ~has_points]) if not scene.emitters[i]),
-    )  # fmt: skip
+    @property
+    def from_behind(self) -> tuple[int, ...]:
+        """Objects that are seen where they have no points."""
+        return tuple(np.unique(self.samples.i_object[self.samples.behind]).tolist())
+
+    def points_seen(self) -> NDArray[np.bool_]:
+        """Which shading points (S,) are corners of samples."""
+        seen = np.zeros(len(self.points), bool)
+        kernels.mark(0, len(self.pixel), self.samples.corners, seen)
+        return seen
+
+    def in_scene(self, which: Rows) -> Intersections:
+        """Where samples (N,) lie on the scene's own triangles; without distances."""
+        triangle, weights = self.found[0][which], self.samples.weights[which]
+        u, v = np.einsum("nk,nki->in", weights, self.points.within[triangle])
+        return Intersections(self.points.source[triangle], u, v, np.zeros(len(u), np.float32))
 
 
-def reflected(
-    points: ShadingPoints, seen: Seen, incident: Incident, slices: Mapping[int, Slices], at_rest: bool = True
-) -> Floats:
-    """Radiance (P, 3) towards the eye at what the pixels see, of objects that have slices; others are black."""
-    corners = seen.corners
-    radiance = np.zeros((len(corners), 3), np.float32)
-    of_pixel = points.i_object[corners[:, 0]]
-    for i_object, own in slices.items():
-        mine = np.flatnonzero(of_pixel == i_object)
-        if not len(mine):
-            continue
-        at, towards = corners[mine].ravel(), np.repeat(seen.wo[mine], 3, axis=0)
-        if at_rest:
-            colours = own.shade(incident, at, _local(points, at, towards))
-        else:
-            once, back = np.unique(at, return_inverse=True)
-            nearest = np.empty((len(once), 3), np.float32)
-            nearest[back.ravel()] = towards
-            colours = own.shade(incident, once, _local(points, once, nearest))[back.ravel()]
-        radiance[mine] = np.einsum("pk,pki->pi", seen.weights[mine], colours.reshape(-1, 3, 3))
+def interpolated(seen: Seen, which: Rows, values: Floats, radiance: Floats, factor: NDArray[np.floating]) -> None:
+    """Add values (S, 3) of shading points between the corners of samples (N,), times factor (3,), to `radiance`."""
+    scale, samples = np.asarray(factor, np.float32), seen.samples
+
+    def part(start: int, stop: int) -> None:
+        kernels.add_between(start, stop, which, samples.corners, samples.weights, values, scale, radiance)
+
+    on_threads(part, *even_parts(len(which)))
+
+
+def shaded(
+    seen: Seen, points: NDArray[np.int64], incident: Incident, tables: _slice_kernels.Tables, n: int, colours: Floats
+) -> None:
+    """Fill colours (S, 3) of points (N,) with what they send to the eye, by n coefficients and by suns."""
+    at, frames = seen.points.position, seen.points.frames
+
+    def part(start: int, stop: int) -> None:
+        _slice_kernels.shade_points(
+            start, stop, points, seen.eye, n, at, frames, incident.slot, incident.kept, tables, colours
+        )
+
+    on_threads(part, *even_parts(len(points)))
+
+
+def reflected(seen: Seen, which: Rows, incident: Incident, tables: _slice_kernels.Tables) -> Floats:
+    """Radiance (N, 3) that samples (N,) of one object reflect to the eye at rest, without suns."""
+    samples = seen.samples
+    asked, first, members = kernels.by_point(which, samples.corners, len(seen.points))
+    towards, at_corners = samples.wo[which], np.empty((3 * len(which), 3), np.float32)
+
+    def part(start: int, stop: int) -> None:
+        _slice_kernels.shade_corners(
+            start, stop, asked, first, members, towards, seen.points.frames, incident.slot, incident.kept, tables,
+            at_corners,
+        )  # fmt: skip
+
+    on_threads(part, *even_parts(len(asked)))
+    weights = samples.weights[which]
+    return np.asarray(np.einsum("nk,nki->ni", weights, at_corners.reshape(-1, 3, 3)), np.float32)
+
+
+def sunlit(seen: Seen, which: Rows, incident: Incident, sky: Sky, layers: Sequence[Layer]) -> Floats:
+    """Radiance (N, 3) that layers reflect of the sky's suns at samples (N,), each in its own direction: a highlight as
+    sharp as the layers are, where slices know it to a triangle's 2.8 degrees. What a pixel sees of a sun is what its
+    points see."""
+    radiance = np.zeros((len(which), 3), np.float32)
+
+    def part(start: int) -> None:
+        some = which[start : start + _PIXELS]
+        radiance[start : start + _PIXELS] = _of_suns(seen, some, incident, sky, layers)
+
+    if len(sky.sun_power):
+        on_threads(part, range(0, len(which), _PIXELS))
     return radiance
 
 
-def sunlit(points: ShadingPoints, bits: Bits, seen: Seen, sky: Sky, layers_of: Mapping[int, Sequence[Layer]]) -> Floats:
-    """Radiance (P, 3) that layers reflect of the sky's suns, each in its own direction: a highlight as sharp as the
-    layers are, where slices know it to a triangle's 2.8 degrees. What a pixel sees of a sun is what its points see."""
-    radiance = np.zeros((len(seen.corners), 3), np.float32)
-    of_pixel = points.i_object[seen.corners[:, 0]]
-    for i_object, layers in layers_of.items():
-        mine = np.flatnonzero(of_pixel == i_object)
-
-        def part(start: int, layers: Sequence[Layer] = layers, mine: NDArray[np.intp] = mine) -> None:
-            some = mine[start : start + _PIXELS]
-            radiance[some] = _of_suns(points, bits, seen, sky, some, layers)
-
-        on_threads(part, range(0, len(mine), _PIXELS))
-    return radiance
-
-
-def _of_suns(
-    points: ShadingPoints, bits: Bits, seen: Seen, sky: Sky, pixels: NDArray[np.intp], layers: Sequence[Layer]
-) -> NDArray[np.float64]:
-    """`sunlit` of some pixels (N,) of one object, (N, 3)."""
-    corners, weights = seen.corners[pixels], seen.weights[pixels].astype(np.float64)
-    once, back = np.unique(corners, return_inverse=True)
-    share = np.einsum("nk,nks->ns", weights, suns_seen(points, bits, sky, once)[back.reshape(corners.shape)])
-    frames = np.einsum("nk,nkij->nij", weights, points.frames[corners])
+def _of_suns(seen: Seen, which: Rows, incident: Incident, sky: Sky, layers: Sequence[Layer]) -> NDArray[np.float64]:
+    """`sunlit` of a few samples."""
+    corners, weights = seen.samples.corners[which], seen.samples.weights[which].astype(np.float64)
+    n_suns = len(sky.sun_power)
+    share = np.einsum("nk,nks->ns", weights, incident.suns_seen(corners.ravel(), n_suns).reshape(-1, 3, n_suns))
+    frames = np.einsum("nk,nkij->nij", weights, seen.points.frames[corners])
     frames[:, 1] /= np.linalg.norm(frames[:, 1], axis=1, keepdims=True)
     frames[:, 0] -= np.einsum("ni,ni->n", frames[:, 0], frames[:, 1])[:, None] * frames[:, 1]
     frames[:, 0] /= np.linalg.norm(frames[:, 0], axis=1, keepdims=True)
     frames[:, 2] = np.cross(frames[:, 0], frames[:, 1])
     n, s = np.nonzero(share > 0.0)
     wi = np.einsum("nij,nj->ni", frames[n], sky.sun_direction[s].astype(np.float64))
-    wo = np.einsum("nij,nj->ni", frames, seen.wo[pixels].astype(np.float64))
+    wo = np.einsum("nij,nj->ni", frames, seen.samples.wo[which].astype(np.float64))
     wo[:, 1] = np.maximum(wo[:, 1], LEAST_COSINE)
     wo /= np.linalg.norm(wo, axis=1, keepdims=True)
     lit = share[n, s, None] * sky.sun_power[s] * evaluate_layers(layers, to_shading(wi), to_shading(wo[n]))
     lit[wi[:, 1] <= 0.0] = 0.0
-    return np.stack([np.bincount(n, lit[:, c], len(pixels)) for c in range(3)], axis=1)
+    return np.stack([np.bincount(n, lit[:, c], len(which)) for c in range(3)], axis=1)
 
 
-def picture(seen: Seen, radiance: Floats, environment: Environment | None, rotation: float) -> Floats:
-    """Radiance (H, W, 3): what is reflected, what shines, and the sky behind it all."""
-    whole = seen.emitted.copy()
-    flat = whole.reshape(-1, 3)
-    flat[seen.pixel] += radiance
+def picture(
+    seen: Seen, radiance: Floats, environment: Environment | None, rotation: float, scale: float = 1.0
+) -> Floats:
+    """The picture (H, W, 3) of samples' reflected radiance (R, 3), which is written over: what shines and the sky
+    behind it all are added."""
+    radiance += seen.samples.emitted
     if environment is not None:
-        beyond = ~seen.covered
-        whole[beyond] = environment.evaluate(seen.directions[beyond], rotation)
-    return whole
+        image, turn = environment.radiance, math.radians(rotation % 360.0)
+
+        def part(start: int, stop: int) -> None:
+            samples = seen.samples
+            kernels.add_background(start, stop, samples.i_object, samples.wo, image, turn, scale, radiance)
+
+        on_threads(part, *even_parts(len(radiance)))
+    width, height = seen.resolution
+    if len(radiance) == width * height:
+        return radiance.reshape(height, width, 3)
+    whole = np.stack([np.bincount(seen.pixel, radiance[:, i] * seen.share, width * height) for i in range(3)], axis=1)
+    return whole.astype(np.float32).reshape(height, width, 3)
 
 
-def _local(points: ShadingPoints, at: NDArray[np.integer], towards: Floats) -> Floats:
-    """Directions (N, 3) of the world in the frames of points (N,)."""
-    return np.ascontiguousarray(np.einsum("pij,pj->pi", points.frames[at], towards), dtype=np.float32)
+def _plane(camera: CameraDescription, resolution: tuple[int, int]) -> NDArray[np.float64]:
+    """The picture's plane as `fill_rays` takes it, see `engine.scene.camera.pixel_directions`."""
+    (width, height), half = resolution, math.tan(math.radians(camera.fov_y) / 2)
+    right, up, forward = camera_frame(camera)
+    corner = forward - half * width / height * right + half * up
+    return np.stack([corner, right * (2.0 * half / height), up * (-2.0 * half / height)])

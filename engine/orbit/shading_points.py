@@ -7,7 +7,6 @@ triangles gets its texels, most of them where shadows are sharp: what visibility
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -21,8 +20,8 @@ from engine.scene.raycaster import RayCaster
 
 Floats = NDArray[np.float32]
 Vectors = NDArray[np.float64]
-# Corners and normals (T, 3, 3), and the scene's triangle (T,) that each is a part of.
-Parts = tuple[Vectors, Vectors, NDArray[np.intp]]
+# Corners and normals (T, 3, 3), where they lie within the scene's triangle (T, 3, 2), and which (T,) that is.
+Parts = tuple[Vectors, Vectors, Vectors, NDArray[np.intp]]
 Indices = NDArray[np.int32]
 
 # What is finer than a 32nd of the distance to a caster, near visibility's own 1.4 degrees, shows nothing more.
@@ -44,7 +43,8 @@ class ShadingPoints:
     position (S, 3) on the surface, lifted (S, 3) off it for shadow rays, normal (S, 3) and tangent (S, 3), unit, on the
     side that they are for; i_object (S,). triangles (T, 2, 3) into the points: those on the side that the winding
     faces, and those on the other, −1 where light is not asked for; corners (T, 3, 3) float64 in space; source (T,): the
-    scene's triangle that each is a part of.
+    scene's triangle that each is a part of, within (T, 3, 2): u and v of its corners there. An object's points stand
+    together, neighbours mostly close.
     """
 
     position: Floats
@@ -55,6 +55,7 @@ class ShadingPoints:
     triangles: Indices
     source: Indices
     corners: NDArray[np.float64]
+    within: Floats
 
     def __len__(self) -> int:
         return len(self.position)
@@ -72,41 +73,57 @@ class ShadingPoints:
         return RayCaster(self.corners.reshape(-1, 3), np.arange(3 * len(self.corners)).reshape(-1, 3))
 
 
-def shading_points(scene: Scene, caster: RayCaster, n_points: int, behind: Collection[int] = ()) -> ShadingPoints:
-    """About `n_points` points besides the meshes' own vertices, spread evenly over what is coarse.
+def shading_points(scene: Scene, caster: RayCaster, n_points: int) -> ShadingPoints:
+    """About `n_points` points besides the meshes' own vertices, spread evenly over what is coarse; on the side that the
+    winding faces.
 
-    caster: of the scene's triangles; behind: objects whose backs have points as well. Raises ValueError unless
-    n_points ≥ 0.
+    caster: of the scene's triangles. Raises ValueError unless n_points ≥ 0.
     """
     if n_points < 0:
         raise ValueError(f"n_points = {n_points}, expected 0 or more")
     reflects = ~scene.emitters[scene.object_of_triangle]
-    corners, normals, source = _cut_where_coarse(scene, reflects, n_points)
-    i_object = scene.object_of_triangle[source]
-    from_behind = reflects[source] & np.isin(i_object, list(behind))
-    mine, side = np.concatenate([np.stack([np.flatnonzero(asked), np.full(asked.sum(), i)], axis=1)
-                                 for i, asked in enumerate((reflects[source], from_behind))]).T  # fmt: skip
-    facing = normals[mine] * (1.0 - 2.0 * side)[:, None, None]
-    kept, number = _joined(corners[mine], facing, np.repeat(i_object[mine], 3))
+    corners, normals, within, source = _cut_where_coarse(scene, reflects, n_points)
+    mine = np.flatnonzero(reflects[source])
+    ids = np.repeat(scene.object_of_triangle[source[mine]], 3)
+    kept, number = _joined(corners[mine], normals[mine], ids)
+    order = _close_together(corners[mine].reshape(-1, 3)[kept], ids[kept])
+    kept, number = kept[order], np.argsort(order)[number]
     triangles = np.full((len(source), 2, 3), -1, np.int32)
-    triangles[mine, side] = number.reshape(-1, 3)
-    position, normal = corners[mine].reshape(-1, 3)[kept], facing.reshape(-1, 3)[kept]
-    ids = np.repeat(i_object[mine], 3)[kept]
+    triangles[mine, 0] = number.reshape(-1, 3)
+    position, normal = corners[mine].reshape(-1, 3)[kept], normals[mine].reshape(-1, 3)[kept]
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     return ShadingPoints(
         position.astype(np.float32),
         caster.offset_origins(position, normal),
         normal.astype(np.float32),
-        object_tangents(scene, ids, normal).astype(np.float32),
-        ids.astype(np.int32),
+        object_tangents(scene, ids[kept], normal).astype(np.float32),
+        ids[kept].astype(np.int32),
         triangles,
         source.astype(np.int32),
         corners,
+        within.astype(np.float32),
+    )
+
+
+def with_backs(points: ShadingPoints, behind: NDArray[np.bool_]) -> ShadingPoints:
+    """The points, and behind them others for the backs of objects (M,) that are named and have none yet."""
+    front, back = points.triangles[:, 0], points.triangles[:, 1]
+    mine = (front[:, 0] >= 0) & (back[:, 0] < 0) & behind[points.i_object[front[:, 0]]]
+    twins, number = np.unique(front[mine], return_inverse=True)
+    triangles = points.triangles.copy()
+    triangles[mine, 1] = len(points) + number.reshape(-1, 3)
+    position, normal = points.position[twins], -points.normal[twins]
+    own = position, 2.0 * position - points.lifted[twins], normal, points.tangent[twins], points.i_object[twins]
+    kept = points.position, points.lifted, points.normal, points.tangent, points.i_object
+    position, lifted, normal, tangent, i_object = (np.concatenate(both) for both in zip(kept, own, strict=True))
+    return ShadingPoints(
+        position, lifted, normal, tangent, i_object, triangles, points.source, points.corners, points.within
     )
 
 
 def _quarters(corners: NDArray, middles: NDArray) -> NDArray:
-    """(T, 4, 3, 3): the corners of the four parts of triangles with corners and middles of edges (T, 3, 3)."""
+    """(T, 4, 3, k): what stands at corners of the four parts of triangles, by what stands at theirs and in the middle
+    of their edges (T, 3, k)."""
     (a, b, c), (ab, bc, ca) = np.moveaxis(corners, 1, 0), np.moveaxis(middles, 1, 0)
     return np.stack([np.stack(part, axis=1) for part in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))], axis=1)
 
@@ -118,9 +135,11 @@ def _cut_where_coarse(scene: Scene, reflects: NDArray[np.bool_], n_points: int) 
     area times its longest edge over that distance, and the largest is cut, until there are n_points more.
     """
     casters = cKDTree(_samples(scene))
-    parts = scene.vertices[scene.triangles].astype(np.float64), _corner_normals(scene), np.arange(len(scene.triangles))
-    errors = np.where(reflects[parts[2]], _errors(casters, *parts[:2]), 0.0)
-    most, bound = len(parts[2]) + 2 * n_points, errors.max(initial=0.0)
+    n = len(scene.triangles)
+    within = np.tile([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)], (n, 1, 1))
+    parts = scene.vertices[scene.triangles].astype(np.float64), _corner_normals(scene), within, np.arange(n)
+    errors = np.where(reflects[parts[3]], _errors(casters, *parts[:2]), 0.0)
+    most, bound = n + 2 * n_points, errors.max(initial=0.0)
     while bound > 0.0:
         cut = errors > bound
         if not cut.any():
@@ -128,11 +147,11 @@ def _cut_where_coarse(scene: Scene, reflects: NDArray[np.bool_], n_points: int) 
             continue
         if len(cut) + 3 * cut.sum() > most:
             break
-        corners, normals = (_quarters(a[cut], _middles(a[cut])).reshape(-1, 3, 3) for a in parts[:2])
-        new = corners, normals, np.repeat(parts[2][cut], 4)
-        errors = np.concatenate([errors[~cut], _errors(casters, corners, normals)])
-        corners, normals, source = (np.concatenate([a[~cut], b]) for a, b in zip(parts, new, strict=True))
-        parts = corners, normals, source
+        halved = (_quarters(a[cut], _middles(a[cut])).reshape(-1, *a.shape[1:]) for a in parts[:3])
+        new = (*halved, np.repeat(parts[3][cut], 4))
+        errors = np.concatenate([errors[~cut], _errors(casters, *new[:2])])
+        corners, normals, within, source = (np.concatenate([a[~cut], b]) for a, b in zip(parts, new, strict=True))
+        parts = corners, normals, within, source
     return parts
 
 
@@ -172,6 +191,18 @@ def _samples(scene: Scene) -> Vectors:
     by_object = random.integers(*scene.triangle_ranges[random.integers(len(scene.smooth), size=_SAMPLES)].T)
     weights = random.dirichlet((1.0, 1.0, 1.0), 2 * _SAMPLES)
     return np.einsum("nk,nki->ni", weights, corners[np.concatenate([by_area, by_object])])
+
+
+def _close_together(positions: Vectors, i_object: NDArray[np.integer]) -> NDArray[np.intp]:
+    """An order in which what belongs to an object stands together, along a Z-curve through space."""
+    low = positions.min(axis=0, initial=np.inf)
+    size = float((positions.max(axis=0, initial=-np.inf) - low).max(initial=0.0)) if len(positions) else 1.0
+    places = ((positions - low) / (size or 1.0) * 1023.0).astype(np.int64)
+    code = np.zeros(len(positions), np.int64)
+    for bit in range(10):
+        for axis in range(3):
+            code |= (places[:, axis] >> bit & 1) << (3 * bit + axis)
+    return np.lexsort((code, i_object))
 
 
 def _middles(corners: Vectors) -> Vectors:

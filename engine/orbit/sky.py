@@ -3,12 +3,13 @@
 Every shading point has a frame of its own, so its triangles lie across those of the environment. Light tables for some
 frames with others interpolated between them [Ma06, 3.2] put 6 % of error on a teapot under a sunny sky, with frames as
 many as the paper's, as each shows a sun of its own; a look-up for each triangle costs about as much as reading such
-tables. Averages over discs would spread a sun over several triangles, so the brightest directions are kept apart and
-each put whole into the triangle that holds it.
+tables, and a sky that turns is looked up elsewhere. Averages over discs would spread a sun over several triangles, so
+the brightest directions are kept apart.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -21,7 +22,8 @@ from engine.light.environment import LUMINANCE, Environment, triangle_integrals
 from engine.sphere.geodesic import geodesic
 
 MAP_SIDE = 256
-MOST_SUNS = 128
+_COARSE = 8  # texels of the map a side that one of the coarse map covers
+MOST_SUNS = 48
 _FINE = 6  # level of the triangles that are averaged
 # A direction is a sun if it holds so many times the mean power of the triangles beside it would have.
 _SUN = 4.0
@@ -31,39 +33,53 @@ Floats = NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class Sky:
-    """map (256, 256, 4) float32: radiance by octahedral direction, without the suns (the fourth is empty).
+    """map (256, 256, 4) and coarse_map (32, 32, 4) float32: radiance by octahedral direction, without the suns (the
+    fourth is empty), to be turned by `turn` radians counter-clockwise about +Y as seen from above.
 
-    sun_direction (N, 3) and sun_power (N, 3) float32: radiance times solid angle of the brightest directions.
+    sun_direction (M, 3) and sun_power (M, 3) float32: of the brightest places, turned already; power is radiance times
+    solid angle.
     """
 
     map: Floats
+    coarse_map: Floats
+    turn: float
     sun_direction: Floats
     sun_power: Floats
 
-    @property
-    def sunless(self) -> Sky:
-        """The sky without its suns."""
-        return Sky(self.map, self.sun_direction[:0], self.sun_power[:0])
+
+def make_sky(environment: Environment | None, rotation: float, scale: float = 1.0) -> Sky:
+    """The sky of an environment turned by `rotation` degrees, times scale; black without one."""
+    averaged, coarse, directions, power = _unturned(environment)
+    turn = math.radians(rotation % 360.0)
+    x, y, z = directions.T
+    turned = np.stack([math.cos(turn) * x + math.sin(turn) * z, y, math.cos(turn) * z - math.sin(turn) * x], axis=1)
+    if scale != 1.0:
+        averaged, coarse, power = averaged * np.float32(scale), coarse * np.float32(scale), power * np.float32(scale)
+    return Sky(averaged, coarse, turn, turned.astype(np.float32), power)
 
 
-def make_sky(environment: Environment | None, rotation: float) -> Sky:
-    """The sky of an environment turned by `rotation` degrees; black without one."""
-    n = geodesic(_FINE).n_triangles
-    powers = np.zeros((n, 3)) if environment is None else triangle_integrals(environment, rotation, _FINE)
+@lru_cache(maxsize=2)
+def _unturned(environment: Environment | None) -> tuple[Floats, Floats, Floats, Floats]:
+    """Map, coarse map, and the suns' directions and powers of an environment as it is."""
+    fine = geodesic(_FINE)
+    powers = np.zeros((fine.n_triangles, 3)) if environment is None else triangle_integrals(environment, 0.0, _FINE)
     suns = _suns(powers)
     rest = powers.copy()
-    rest[suns] = 0.0
+    rest.reshape(-1, 4, 3)[suns] = 0.0
     averaged = np.zeros((MAP_SIDE, MAP_SIDE, 4), np.float32)
     averaged[..., :3] = (_averaging() @ rest).reshape(MAP_SIDE, MAP_SIDE, 3)
-    directions = geodesic(_FINE).centres[suns]
-    return Sky(averaged, directions.astype(np.float32), powers[suns].astype(np.float32))
+    coarse = averaged.reshape(MAP_SIDE // _COARSE, _COARSE, MAP_SIDE // _COARSE, _COARSE, 4).mean(axis=(1, 3))
+    of_sun = powers.reshape(-1, 4, 3)[suns]
+    directions = np.einsum("sk,ski->si", of_sun @ LUMINANCE, fine.centres.reshape(-1, 4, 3)[suns])
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return averaged, np.ascontiguousarray(coarse), directions.astype(np.float32), of_sun.sum(axis=1).astype(np.float32)
 
 
 def _suns(powers: NDArray[np.float64]) -> NDArray[np.intp]:
-    """The triangles far brighter than the mean, at most MOST_SUNS of them."""
-    luminance = powers @ LUMINANCE
+    """Of the triangles one level coarser those far brighter than the mean, at most MOST_SUNS, brightest first."""
+    luminance = powers.reshape(-1, 4, 3).sum(axis=1) @ LUMINANCE
     candidates = np.argsort(-luminance, kind="stable")[:MOST_SUNS]
-    return np.sort(candidates[luminance[candidates] > _SUN * luminance.mean()])
+    return np.asarray(candidates[luminance[candidates] > _SUN * luminance.mean()])
 
 
 @lru_cache(maxsize=1)
@@ -74,13 +90,11 @@ def _averaging() -> sparse.csr_matrix:
     fine = geodesic(_FINE)
     radius = 2.0 * np.sqrt(4.0 / (20 * 4**4))
     texels = texel_directions(MAP_SIDE)
-    near = cKDTree(fine.centres).query_ball_point(texels, radius)
-    counts = np.array([len(found) for found in near])
-    columns, rows = np.concatenate(near).astype(np.int64), np.repeat(np.arange(len(near)), counts)
-    squared = ((texels[rows] - fine.centres[columns]) ** 2).sum(axis=1) / radius**2
-    weights = (1.0 - squared) ** 2
-    total = np.bincount(rows, fine.solid_angles[columns] * weights, len(near))
-    return sparse.csr_matrix((weights / total[rows], (rows, columns)), shape=(len(near), fine.n_triangles))
+    near = cKDTree(texels).sparse_distance_matrix(cKDTree(fine.centres), radius, output_type="ndarray")
+    rows, columns, distances = near["i"], near["j"], near["v"]
+    weights = (1.0 - (distances / radius) ** 2) ** 2
+    total = np.bincount(rows, fine.solid_angles[columns] * weights, len(texels))
+    return sparse.csr_matrix((weights / total[rows], (rows, columns)), shape=(len(texels), fine.n_triangles))
 
 
 def texel_directions(side: int) -> NDArray[np.float64]:

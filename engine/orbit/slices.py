@@ -1,4 +1,4 @@
-"""The reflection of an object's layers as Orbit reads it: BRDF times cosine for a grid of outgoing directions.
+"""The reflection of a layer as Orbit reads it: BRDF times cosine for a grid of outgoing directions.
 
 Slices stand over the angle of ωo to the normal and its azimuth [Ma06, 3.2 and 3.4]. An isotropic BRDF is the same
 function turned about the normal, and the sphere has ten symmetries about it, so that slices over 36 degrees of azimuth,
@@ -7,21 +7,21 @@ function turned about the normal, and the sphere has ten symmetries about it, so
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Generator
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine.material.layer import Layer
 from engine.orbit import _slice_kernels as kernels
-from engine.orbit.incident import Incident
-from engine.orbit.visibility import LEVEL
-from engine.render.integrator import evaluate_layers
+from engine.orbit.visibility import LEVEL, upper
+from engine.render.integrator import evaluate_layer
 from engine.sphere.geodesic import geodesic
 from engine.sphere.haar import forward, levels_of_coefficients
-from engine.sphere.symmetry import N_TURNS, SECTOR, images_of_wavelets
-from engine.threads import even_parts, on_threads
+from engine.sphere.symmetry import N_TURNS, SECTOR, images_of_triangles, images_of_wavelets
+from engine.threads import on_threads
 
 Floats = NDArray[np.float32]
 
@@ -32,45 +32,65 @@ _STEEPEST = np.radians(89.0)
 
 @dataclass(frozen=True, eq=False)
 class Slices:
-    """table (C, polar, azimuth, 3) float32: C coefficients of each slice, by `haar`'s numbers, times 4^(L − level), so
-    that the integral of powers times a slice is the sum of products of coefficients.
+    """values (U, polar, azimuth, 3) float32: the mean of ρ cos θ over each upper triangle; is_isotropic: the azimuths
+    end at 36 degrees; otherwise they go round, without the last."""
 
-    is_isotropic: the azimuths end at 36 degrees; otherwise they go round, without the last.
-    """
-
-    table: Floats
+    values: Floats
     is_isotropic: bool
 
-    def shade(self, incident: Incident, points: NDArray[np.integer], wo: Floats) -> Floats:
-        """Radiance (N, 3) that shading points (N,) send along wo (N, 3), unit, in their own frames."""
-        radiance = np.empty((len(points), 3), np.float32)
-        number, value, at = incident.number, incident.value, points.astype(np.int64, copy=False)
-        images = inverse_images() if self.is_isotropic else inverse_images()[:1]
+    @cached_property
+    def tables(self) -> kernels.Tables:
+        """With the coefficients of each slice (5120, polar, azimuth, 3), by `haar`'s numbers, times 4^(L − level), so
+        that the integral of powers times a slice is the sum of products of coefficients."""
+        table = np.zeros((geodesic(LEVEL).n_triangles, *self.values.shape[1:]), np.float32)
+        table[upper()] = self.values
+        scale = (4.0 ** (LEVEL - levels_of_coefficients(LEVEL))).astype(np.float32)
 
-        def part(start: int, stop: int) -> None:
-            kernels.shade_range(start, stop, at, wo, number, value, self.table, images, _STEEPEST, radiance)
+        def row(i: int) -> None:
+            table[:, i] = forward(table[:, i]) * scale[:, None, None]
 
-        on_threads(part, *even_parts(len(points)))
-        return radiance
+        on_threads(row, range(table.shape[1]))
+        images, places = _inverse_images()
+        n = len(images) if self.is_isotropic else 1
+        return kernels.Tables(table, self.values, images[:n], places[:n], _STEEPEST)
+
+    def __add__(self, other: Slices) -> Slices:
+        """Of both one above the other."""
+        if self.is_isotropic and other.is_isotropic:
+            return Slices(self.values + other.values, True)
+        return Slices(self.all_around().values + other.all_around().values, False)
+
+    def all_around(self) -> Slices:
+        """The same with slices over all azimuths."""
+        if not self.is_isotropic:
+            return self
+        _, places = _inverse_images()
+        turned = np.empty((*self.values.shape[:2], N_AROUND, 3), np.float32)
+        half = N_AROUND // N_TURNS // 2  # of a fifth of a turn: from there on it is mirrored
+        for i in range(N_AROUND):
+            turn, inside = divmod(i, 2 * half)
+            symmetry, at = (turn, inside) if inside <= half else (N_TURNS + (turn + 1) % N_TURNS, 2 * half - inside)
+            turned[:, :, i] = self.values[places[symmetry]][:, :, at * (N_AZIMUTHS - 1) // half]
+        return Slices(turned, False)
 
 
-def make_slices(layers: Sequence[Layer], finer: int = 1) -> Slices:
-    """The slices of layers that lie on one another; each triangle's mean is taken over 4^finer parts of it."""
-    is_isotropic = looks_isotropic(layers)
+def slicing(layer: Layer, finer: int = 1) -> Generator[float, None, Slices]:
+    """The slices of a layer, yielding how much is done; each triangle's mean is taken over 4^finer parts of it, or, −1,
+    from one level coarser, in a quarter of the time of 0."""
+    is_isotropic = looks_isotropic(layer)
     n_azimuths = N_AZIMUTHS if is_isotropic else N_AROUND
     span = SECTOR if is_isotropic else 2.0 * np.pi * (N_AROUND - 1) / N_AROUND
     polar, azimuth = np.linspace(0.0, _STEEPEST, N_POLAR), np.linspace(0.0, span, n_azimuths)
-    n_all = geodesic(LEVEL).n_triangles
-    table = np.empty((n_all, N_POLAR, n_azimuths, 3), np.float32)
-    measure = (4.0 ** (LEVEL - levels_of_coefficients(LEVEL))).astype(np.float32)[:, None, None]
+    values = np.empty((len(upper()), N_POLAR, n_azimuths, 3), np.float32)
+    for i in range(N_POLAR):
+        around = spherical(np.full(n_azimuths, polar[i]), azimuth)
 
-    def row(i: int) -> None:
-        wo = spherical(np.full(n_azimuths, polar[i]), azimuth)
-        values = np.stack([_reflected(layers, direction, finer) for direction in wo], axis=1)
-        table[:, i] = forward(values) * measure
+        def part(j: int, i: int = i, around: NDArray[np.float64] = around) -> None:
+            values[:, i, j] = _reflected(layer, around[j], finer)
 
-    on_threads(row, range(N_POLAR))
-    return Slices(table, is_isotropic)
+        on_threads(part, range(n_azimuths))
+        yield (i + 1) / N_POLAR
+    return Slices(values, is_isotropic)
 
 
 def spherical(polar: NDArray[np.floating], azimuth: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -78,14 +98,21 @@ def spherical(polar: NDArray[np.floating], azimuth: NDArray[np.floating]) -> NDA
     return np.stack([np.sin(polar) * np.sin(azimuth), np.cos(polar), np.sin(polar) * np.cos(azimuth)], axis=1)
 
 
-def looks_isotropic(layers: Sequence[Layer]) -> bool:
+def looks_isotropic(layer: Layer) -> bool:
     """Whether turning both directions about the normal, and mirroring them, changes nothing: asked of 256 pairs."""
-    polar, azimuth = np.random.default_rng(1).random((2, 2, 256)) * np.array([1.5, 2.0 * np.pi])[:, None, None]
-    wi, wo = spherical(polar[0], azimuth[0]), spherical(polar[1], azimuth[1])
+    wi, wo = _pairs()
     turn, mirror = np.array([[0.6, 0, 0.8], [0, 1, 0], [-0.8, 0, 0.6]]), np.array([-1.0, 1.0, 1.0])
-    before = evaluate_layers(layers, to_shading(wi), to_shading(wo))
-    after = evaluate_layers(layers, to_shading(wi @ turn.T * mirror), to_shading(wo @ turn.T * mirror))
+    before = evaluate_layer(layer, to_shading(wi), to_shading(wo))
+    after = evaluate_layer(layer, to_shading(wi @ turn.T * mirror), to_shading(wo @ turn.T * mirror))
     return bool(np.allclose(before, after, rtol=1e-4, atol=1e-6 * before.max(initial=0.0)))
+
+
+def matt_reflectance(layer: Layer) -> NDArray[np.float64] | None:
+    """ρ (3,) of a layer that sends the same everywhere, wherever the light comes from; None of any other."""
+    wi, wo = _pairs()
+    brdf = evaluate_layer(layer, to_shading(wi), to_shading(wo)) / wi[:, 1:2]
+    mean = brdf.mean(axis=0)
+    return mean if np.abs(brdf - mean).max() <= 1e-4 * mean.max() else None
 
 
 def to_shading(directions: NDArray[np.floating]) -> NDArray[np.floating]:
@@ -94,21 +121,33 @@ def to_shading(directions: NDArray[np.floating]) -> NDArray[np.floating]:
     return directions[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0])
 
 
-def inverse_images() -> NDArray[np.int32]:
-    """(10, C): the coefficient of an unmoved function that becomes each coefficient when a symmetry moves it."""
-    images = images_of_wavelets(LEVEL)
-    turns = [(N_TURNS - k) % N_TURNS for k in range(N_TURNS)]
-    return images[[*turns, *range(N_TURNS, 2 * N_TURNS)]]  # a mirrored turn undoes itself
+def _pairs() -> NDArray[np.float64]:
+    """256 pairs of directions above the surface, (2, 256, 3)."""
+    polar, azimuth = np.random.default_rng(1).random((2, 2, 256)) * np.array([1.5, 2.0 * np.pi])[:, None, None]
+    return np.stack([spherical(polar[0], azimuth[0]), spherical(polar[1], azimuth[1])])
 
 
-def _reflected(layers: Sequence[Layer], wo: NDArray[np.float64], finer: int) -> Floats:
-    """The mean of ρ cos θ (5120, 3) over each triangle, for one outgoing direction."""
+@lru_cache(maxsize=1)
+def _inverse_images() -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """(10, 5120) and (10, 2560): the coefficient, and the upper triangle by its place, of an unmoved function that
+    becomes each when a symmetry moves it."""
+    turns = [
+        *((N_TURNS - k) % N_TURNS for k in range(N_TURNS)),
+        *range(N_TURNS, 2 * N_TURNS),
+    ]  # mirrors undo themselves
+    triangles = images_of_triangles(LEVEL)[turns][:, upper()]
+    places = np.searchsorted(upper(), triangles).astype(np.int32)
+    return np.ascontiguousarray(images_of_wavelets(LEVEL)[turns]), np.ascontiguousarray(places)
+
+
+def _reflected(layer: Layer, wo: NDArray[np.float64], finer: int) -> Floats:
+    """The mean of ρ cos θ (U, 3) over each upper triangle, for one outgoing direction."""
     sphere = geodesic(LEVEL + finer)
     above = np.flatnonzero(sphere.centres[:, 1] > 0.0)
-    values = np.zeros((sphere.n_triangles, 3))
     eye = np.tile(to_shading(wo[None]), (len(above), 1))
-    values[above] = evaluate_layers(layers, to_shading(sphere.centres[above]), eye)
-    values *= sphere.solid_angles[:, None]
-    n = 4**finer
-    means = values.reshape(-1, n, 3).sum(axis=1) / sphere.solid_angles.reshape(-1, n).sum(axis=1)[:, None]
-    return means.astype(np.float32)
+    values = evaluate_layer(layer, to_shading(sphere.centres[above]), eye)
+    if finer < 0:
+        return np.repeat(values, 4**-finer, axis=0).astype(np.float32)
+    weights = sphere.solid_angles[above].reshape(-1, 4**finer)
+    parts = values.reshape(*weights.shape, 3)
+    return np.asarray(np.einsum("kp,kpi->ki", weights, parts) / weights.sum(axis=1)[:, None], np.float32)

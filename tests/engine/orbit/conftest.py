@@ -48,4 +48,6 @@ def ball(ball_scene: Scene) -> tuple[ShadingPoints, RayCaster, Bits]:
     """Its shading points, rays against it, and what the points see."""
     caster = RayCaster(ball_scene.vertices, ball_scene.triangles)
     points = shading_points(ball_scene, caster, 1500)
-    return points, caster, np.concatenate([part for _, _, part in see(points, caster)])
+    bits = np.empty((len(points), 1280), np.uint8)
+    see(points, caster, np.arange(len(points)), bits)
+    return points, caster, bits

@@ -48,4 +48,6 @@ def test_the_version_rises_with_what_changes_pictures_alone(orbit) -> None:
     before = orbit.version
     assert not [*orbit.work()] and orbit.version == before
     orbit.set_layers({0: [WHITE], 1: [GOLD]})
-    assert orbit.version > before and not orbit.is_done
+    assert orbit.version > before and orbit.is_done  # what is matt asks for no work
+    orbit.set_layers({0: [WHITE], 1: [WHITE, GOLD.with_parameter("alpha", 0.5)]})
+    assert not orbit.is_done

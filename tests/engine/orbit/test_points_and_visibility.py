@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from engine.orbit.shading_points import shading_points
+from engine.orbit.shading_points import shading_points, with_backs
 from engine.orbit.visibility import N_UPPER, see_patches, upper
 from engine.scene.raycaster import RayCaster
 from engine.sphere.geodesic import geodesic
@@ -51,12 +51,17 @@ def test_no_more_points_than_asked_for_and_none_where_nothing_is_near(ball_scene
 
 def test_backs_have_points_of_their_own(ball_scene) -> None:
     caster = RayCaster(ball_scene.vertices, ball_scene.triangles)
-    both = shading_points(ball_scene, caster, 100, behind=(FLOOR,))
+    front = shading_points(ball_scene, caster, 100)
+    both = with_backs(front, np.array([True, False]))
+    assert len(both) == len(front) + (front.i_object == FLOOR).sum()
     floor = both.i_object == FLOOR
     assert set(both.normal[floor, 1].round(6)) == {-1.0, 1.0}
-    behind = both.triangles[ball_scene.object_of_triangle[both.source] == FLOOR, 1]
+    of_floor = ball_scene.object_of_triangle[both.source] == FLOOR
+    behind = both.triangles[of_floor, 1]
     np.testing.assert_allclose(both.normal[behind][..., 1], -1.0, atol=1e-6)
-    assert (both.lifted[behind][..., 1] < 0).all()
+    np.testing.assert_array_equal(both.position[behind], both.position[both.triangles[of_floor, 0]])
+    assert (both.lifted[behind][..., 1] < 0).all() and (both.triangles[~of_floor, 1] == -1).all()
+    assert len(with_backs(both, np.array([True, False]))) == len(both)
 
 
 def test_frames_are_right_handed_with_the_normal_for_y(ball) -> None:
@@ -90,7 +95,8 @@ def test_a_lamp_is_seen_where_no_ball_is_before_it(ball) -> None:
 
     points, caster, _ = ball
     lamp = emitter_patches(square((0.0, 2.0, 0.0), (0.2, 0, 0), (0, 0, 0.2)), np.ones((2, 3)), 8)
-    bits = see_patches(points, caster, lamp)
+    bits = np.empty((len(points), 1), np.uint8)
+    see_patches(points, caster, lamp, np.arange(len(points)), bits)
     seen = np.unpackbits(bits, axis=1, bitorder="little")[:, : len(lamp)].mean(axis=1)
     floor = points.i_object == FLOOR
     distance = np.linalg.norm(points.position[floor][:, [0, 2]], axis=1)
