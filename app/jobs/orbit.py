@@ -16,7 +16,7 @@ from app.jobs.measured import ensure_tables
 from app.jobs.messages import Progress
 from app.jobs.schedule import Handlers, Steps
 from app.mode import ModeWork
-from app.orbit.messages import DrawOrbit, OrbitAdvanced, OrbitDrawn, PrepareOrbit
+from app.orbit.messages import DrawOrbit, OrbitAdvanced, OrbitDrawn, OrbitUnknown, PrepareOrbit
 from app.scene_state import LayerState
 from engine.material.layer import Layer
 from engine.scene.load import Scene
@@ -72,7 +72,8 @@ class OrbitWork(ModeWork):
 
     def _draw(self, request: DrawOrbit) -> Steps:
         orbit = self._orbit
-        if orbit is None or not orbit.is_ready:  # another worker than the one that said there was something
+        if orbit is None or not orbit.is_ready:
+            yield OrbitUnknown()
             return
         started, prepared, version, was_done = time.monotonic(), self._prepared, orbit.version, orbit.is_done
         camera = orbit.scene.seen_from(request.camera).description.camera

@@ -32,15 +32,15 @@ class PrepareOrbit(Request):
 
 @dataclass(frozen=True)
 class DrawOrbit(Request):
-    """Draw the scene from a camera (None: that of its file), in so many pixels (width, height), of what is ready;
-    answered by `OrbitDrawn`. Built on the scene alone: a camera is drawn long before what it sees has been traced."""
+    """Draw the scene from a camera, in so many pixels (width, height), of what is ready; answered by `OrbitDrawn`
+    or `OrbitUnknown`. Built on the scene alone: a camera is drawn long before what it sees has been traced."""
 
     built_on = (OpenScene,)
     quick = 0
     once = True
     stops = False
 
-    camera: Camera | None
+    camera: Camera
     resolution: tuple[int, int]
     quality: Quality
 
@@ -51,6 +51,11 @@ class OrbitAdvanced(Response):
 
     version: int
     is_done: bool
+
+
+@dataclass(frozen=True)
+class OrbitUnknown(Response):
+    """There is nothing to draw of: what was made ready has gone with another worker, or with a scene opened anew."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ from app.document import Document
 from app.jobs.messages import Cancel, Failed, Response
 from app.mode import Desk, ModeTalk, OpenedScene
 from app.orbit.events import OrbitPicture
-from app.orbit.messages import DrawOrbit, OrbitAdvanced, OrbitDrawn, PrepareOrbit, Quality
+from app.orbit.messages import DrawOrbit, OrbitAdvanced, OrbitDrawn, OrbitUnknown, PrepareOrbit, Quality
 from app.orbit.status import OrbitStatus
 from app.orbit.wishes import Drawing, Known, Pace, wanted_scene
 from app.picture import PictureEvent
@@ -34,6 +34,7 @@ from app.scene_state import SceneState
 from app.status import PictureState, Status
 from app.view_state import Viewpoint, ViewState
 from engine.material.layer import Layer
+from engine.scene.description import CameraDescription
 
 # A hand that was still for so long rests.
 REST_SECONDS = 0.2
@@ -53,7 +54,7 @@ class OrbitTalk(ModeTalk):
 
     def _forget(self) -> None:
         """Nothing is known of the scene."""
-        self._own_resolution = (1, 1)
+        self._own_camera: CameraDescription | None = None
         self.is_away = False
         self._wish: SceneState | None = None
         self._wish_made_of: tuple[object, ...] = ()
@@ -90,7 +91,7 @@ class OrbitTalk(ModeTalk):
     def scene_opened(self, scene: OpenedScene) -> None:
         self._forget()
         self._is_open = True
-        self._own_resolution = scene.description.camera.resolution
+        self._own_camera = scene.description.camera
         self._known_light.worked(scene.described.light)
         self.placement.scene_opened(scene)
         self.placement.looked_away()
@@ -142,10 +143,14 @@ class OrbitTalk(ModeTalk):
         self.placement.resume()
 
     def worker_restarted(self) -> None:
+        self._begin_anew()
+        self.placement.worker_restarted()
+
+    def _begin_anew(self) -> None:
+        """Nothing is ready any more; what is shown stays."""
         shown = self._shown
         self._forget_worker()
         self._shown = shown and replace(shown, made_of=Known())
-        self.placement.worker_restarted()
 
     # --------------------------------------------------------------------------------------------- what is to be told
 
@@ -194,7 +199,14 @@ class OrbitTalk(ModeTalk):
         return (
             shown is not None and shown.quality == "rest" and shown.look == self._look
             and shown.made_of == self._known and self._is_known_to_be_done and self._asked == self._wish
+            and self._has_followed
         )  # fmt: skip
+
+    @property
+    def _has_followed(self) -> bool:
+        """Whether document and view are as they were at the last update."""
+        view = self._desk.view
+        return (self._desk.history.document, view.solo) == self._wish_made_of and view.look == self._look
 
     # --------------------------------------------------------------------------------------------------------- asking
 
@@ -266,8 +278,10 @@ class OrbitTalk(ModeTalk):
             return
         if self._only_better(wanted) and now - self._drawn_at < _WORK_SHARE * self._seconds:
             return
+        assert self._own_camera is not None
         self._drawing, self._drawn_at = wanted, now
-        self._drawing_id = self._desk.send(DrawOrbit(wanted.look.camera, wanted.resolution, wanted.quality))
+        camera = wanted.look.camera or self._own_camera
+        self._drawing_id = self._desk.send(DrawOrbit(camera, wanted.resolution, wanted.quality))
 
     def _wanted(self, now: float) -> Drawing | None:
         """The best picture that there could be now; None before there could be any."""
@@ -281,7 +295,8 @@ class OrbitTalk(ModeTalk):
     @property
     def _whole(self) -> tuple[int, int]:
         """The resolution of a picture at rest."""
-        return (self._look and self._look.resolution) or self._own_resolution
+        own = (1, 1) if self._own_camera is None else self._own_camera.resolution
+        return (self._look and self._look.resolution) or own
 
     def _only_better(self, wanted: Drawing) -> bool:
         """Whether it shows the same as is seen, a little further computed."""
@@ -298,6 +313,8 @@ class OrbitTalk(ModeTalk):
                 self._take_advance(response)
             case OrbitDrawn():
                 return self._take_picture(response)
+            case OrbitUnknown() if response.id == self._drawing_id:
+                self._begin_anew()
             case Failed():
                 self._take_failure(response)
                 return self.placement.take(response)

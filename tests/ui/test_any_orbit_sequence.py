@@ -1,0 +1,262 @@
+"""Whatever a hand does in Orbit, at whatever stage: no fault, and in the end the picture of what there is.
+
+The worker is the real one with a stand-in for Orbit's engine, whose pictures name all that they are drawn of: so the
+last one is known in advance, without another start.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+
+import moderngl
+import numpy as np
+import pytest
+
+from app.document import Document
+from app.editor import Editor
+from app.jobs.cache import Store
+from app.modes import MODES
+from app.orbit.events import OrbitPicture
+from app.orbit.talk import OrbitTalk
+from app.orbit.wishes import wanted_scene
+from app.view_state import SetView, ViewState
+from engine.material.layer import Layer
+from engine.render.still import StillProgress
+from engine.scene.description import Camera, CameraDescription
+from engine.scene.load import Scene
+from engine.transport.pipeline import SkyState
+from tests.ui.small_scene import write_small_scene
+from tests.ui.test_any_sequence import COMMANDS as OTHERS
+from tests.ui.test_any_sequence import FRAME_SECONDS, MAY_BE_TOLD, MOST_FRAMES, RESOLUTION, LateClient, relative_error
+from ui.orbit_feed import OrbitFeed
+from ui.picture_feed import PictureFeed
+from ui.placement_feed import PlacementFeed
+
+N_STEPS = 5
+
+
+def colour_of(*parts: object) -> np.ndarray:
+    """A colour (3,) that belongs to these values alone."""
+    digest = hashlib.blake2b(repr(parts).encode(), digest_size=6).digest()
+    return np.frombuffer(digest, "<u2").astype(np.float32) / np.float32(65536.0)
+
+
+def said_of_layers(layers: Sequence[Layer]) -> list[object]:
+    return [(layer.model.name, layer.name, layer.parameters, layer.edits, layer.maps) for layer in layers]
+
+
+class NamedOrbit:
+    """As `engine.orbit.live.Orbit`; each picture is of one colour, that of all it is drawn of, or black while
+    anything of it is still to be made ready."""
+
+    def __init__(self, scene: Scene, *_: object) -> None:
+        self.scene, self.version, self.is_ready = scene, 0, False
+        self._wanted: tuple[object, ...] = ()
+        self._light: SkyState | None = None
+        self._layers: object = None
+        self._left = N_STEPS
+
+    def _begin(self) -> None:
+        self._left, self.version = N_STEPS, self.version + 1
+
+    def set_light(self, sky: SkyState) -> None:
+        if sky != self._light:
+            self._light = sky
+            self._begin()
+
+    def shine(self, emission: Mapping[str, tuple[float, float, float]]) -> None:
+        self.scene = self.scene.shining(emission)
+        self._begin()
+
+    def set_layers(self, layers_of: Mapping[int, Sequence[Layer]]) -> None:
+        layers = [said_of_layers(own) for _, own in sorted(layers_of.items())]
+        if layers != self._layers:
+            self._layers = layers
+            self._begin()
+
+    @property
+    def is_done(self) -> bool:
+        return self.is_ready and self._left == 0
+
+    def work(self) -> Iterator[StillProgress]:
+        yield StillProgress(0.0, "points")
+        self.is_ready = True
+        while self._left:
+            self._left, self.version = self._left - 1, self.version + 1
+            yield StillProgress(1.0 - self._left / N_STEPS, "work")
+
+    def drawing(self, camera: CameraDescription, resolution: tuple[int, int], quality: str) -> Iterator[StillProgress]:
+        assert self.is_ready and self._light is not None
+        seen = Camera(**{name: getattr(camera, name) for name in Camera.model_fields})
+        colour = colour_of(seen, self._light.rotation, self._light.scale, self._layers) * self.is_done
+        for _ in range(3 if quality == "rest" else 1):
+            yield StillProgress(0.5, "drawing")
+        return np.broadcast_to(colour, (*resolution[::-1], 3)).astype(np.float32)
+
+
+def expected_colour(editor: Editor) -> np.ndarray:
+    """That of the picture that the document and the view come to."""
+    document: Document = editor.document
+    view: ViewState = editor.view
+    layers = wanted_scene(document, view).layers
+    names = [state.name for state in document.objects]
+    own = [said_of_layers([each.layer for each in layers if each.object == name]) for name in names]
+    return colour_of(editor.look, document.light.rotation, 1.0, own)
+
+
+CAMERAS = tuple(Camera(position=(0.3 * i, 1.0, 2.6), target=(0.0, 0.45, 0.0), fov_y=42.0) for i in range(1, 4))
+
+
+class OrbitWalk:
+    """An editor in Orbit, what its talk had drawn last, and the lines told while nobody gave a command."""
+
+    def __init__(self, source: str, client: LateClient, context: moderngl.Context | None, **view: object) -> None:
+        self.client = client
+        self.editor = Editor(client, source, resolution=RESOLUTION)
+        self.feed = None if context is None else PictureFeed(context, self.editor.mode)
+        self.editor.do(SetView.of(n_lights=40, n_bounces=1, **view))
+        self.now, self.told = 0.0, set[str]()
+        self.picture = np.zeros((1, 1, 3), np.float32)
+
+    def frames(self, n: int = 1) -> None:
+        for _ in range(n):
+            self.now += FRAME_SECONDS
+            before = self.editor.status.message_number
+            if self.feed is not None:
+                self.feed.take(self.editor, self.now)
+                self.feed.draw(self.editor, 10.0)
+            else:
+                for event in self.editor.tick(self.now):
+                    if isinstance(event, OrbitPicture):
+                        self.picture = event.radiance
+            status = self.editor.status
+            if status.message_number != before and status.is_error:
+                self.told.add(status.message)
+
+    def until(self, done: Callable[[], bool]) -> None:
+        for _ in range(MOST_FRAMES):
+            if done():
+                return
+            self.frames()
+        raise AssertionError(self.editor.status)
+
+    def open(self) -> None:
+        self.client.hurries = True
+        self.until(lambda: self.editor.scene_is_open)
+        self.editor.do(SetView.of(n_bounces=1))
+        self.client.hurries = False
+
+    def begin_again(self) -> None:
+        """In Orbit, with nothing in hand, and a worker that takes many steps a frame."""
+        self.editor.cancel_drag()
+        self.editor.end_look()
+        self.editor.resume_work()
+        self.editor.do(SetView.of(mode="orbit", compare=None, solo=None))
+        self.client.hurries = True
+
+    def close(self) -> None:
+        if self.feed is not None:
+            self.feed.close()
+        self.editor.close()
+
+
+COMMANDS: dict[str, Callable[[OrbitWalk], object]] = {
+    **{name: command for name, command in OTHERS.items() if name not in ("half", "float")},
+    **{f"camera {i}": lambda w, c=c: w.editor.do(SetView.of(camera=c)) for i, c in enumerate(CAMERAS)},
+    "the scene's camera": lambda w: w.editor.do(SetView.of(camera=None)),
+    "a look undone": lambda w: w.editor.undo_look(),
+    "take hold of the camera": lambda w: w.editor.begin_look("orbit"),
+    "let the camera go": lambda w: w.editor.end_look(),
+    "turn a little": lambda w: w.editor.look_from(replace_camera(w), "orbit"),
+    "Placement": lambda w: w.editor.do(SetView.of(mode="placement")),
+    "Orbit": lambda w: w.editor.do(SetView.of(mode="orbit")),
+    "back to Orbit": lambda w: w.editor.do(SetView.of(mode="orbit")),
+    "solo": lambda w: w.editor.do(SetView.of(solo="ball.0")),
+    "all": lambda w: w.editor.do(SetView.of(solo=None)),
+    "stop": lambda w: w.editor.cancel_work(),
+}
+
+
+def replace_camera(walk: OrbitWalk):  # type: ignore[no-untyped-def]
+    """The look from a little farther right."""
+    camera = walk.editor.look
+    x, y, z = camera.position
+    return walk.editor.view.look._replace(camera=camera.model_copy(update={"position": (x + 0.05, y, z)}))
+
+
+@pytest.fixture
+def source(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    monkeypatch.setattr("engine.orbit.live.Orbit", NamedOrbit)
+    return str(write_small_scene(tmp_path))
+
+
+def stroll(walk: OrbitWalk, random: np.random.Generator, n_commands: int) -> list[str]:
+    """Commands after any step of the worker; in the end nothing is in hand."""
+    done = []
+    for name in map(str, random.choice(sorted(COMMANDS), n_commands)):
+        done.append(name)
+        COMMANDS[name](walk)
+        walk.frames(int(random.choice([0, 1, 3, 10, 30])))
+    walk.begin_again()
+    assert all(any(known in line for known in MAY_BE_TOLD) for line in walk.told), (done, walk.told)
+    return done
+
+
+def is_whole(editor: Editor) -> bool:
+    """Whether the editor says that Orbit shows all it can of this document and view."""
+    return isinstance(editor.talk, OrbitTalk) and editor.status.picture == "refining"
+
+
+@pytest.mark.parametrize("seed", [*range(4), *(pytest.param(s, marks=pytest.mark.sweep) for s in range(4, 100))])
+def test_the_last_picture_is_of_the_last_document_and_camera(source: str, tmp_path: Path, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    walk = OrbitWalk(source, LateClient(random, Store(tmp_path / "cache")), None, mode="orbit")
+    try:
+        walk.open()
+        done = stroll(walk, random, 25)
+        walk.until(lambda: is_whole(walk.editor))
+        assert walk.picture.shape == (*RESOLUTION[::-1], 3)
+        np.testing.assert_array_equal(walk.picture[0, 0], expected_colour(walk.editor), err_msg=str(done))
+        assert [mode.name for mode in MODES] == ["placement", "orbit"]
+    finally:
+        walk.close()
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("seed", [0, *(pytest.param(s, marks=pytest.mark.sweep) for s in range(1, 20))])
+def test_what_is_seen_at_rest_is_placement_s_picture_of_a_fresh_start(
+    context: moderngl.Context, source: str, tmp_path: Path, seed: int
+) -> None:
+    random = np.random.default_rng(seed)
+    walk = OrbitWalk(source, LateClient(random, Store(tmp_path / "cache")), context, mode="orbit")
+    try:
+        walk.open()
+        done = stroll(walk, random, 12)
+        seen = settled(walk)
+        session = tmp_path / "walk.insitu"
+        assert walk.editor.save(session) is None
+    finally:
+        walk.close()
+    fresh = OrbitWalk(str(session), LateClient(random, Store(tmp_path / "empty")), context)
+    try:
+        fresh.open()
+        fresh.editor.do(SetView.of(mode="placement", n_lights=40))
+        expected = settled(fresh)
+    finally:
+        fresh.close()
+    assert relative_error(seen, expected) < 4e-3, done
+    assert context.error == "GL_NO_ERROR"
+
+
+def settled(walk: OrbitWalk) -> np.ndarray:
+    """The linear picture of Placement, once nothing more comes."""
+    walk.client.hurries = True
+    feed = walk.feed
+    assert feed is not None
+    walk.until(lambda: walk.editor.status.is_finished and not feed.is_behind)
+    walk.frames(3)
+    source = feed.source.placement if isinstance(feed.source, OrbitFeed) else feed.source
+    assert isinstance(source, PlacementFeed)
+    return source.renderer.linear_image()
