@@ -1,0 +1,103 @@
+"""What glossy surfaces send on along remembered rays against sums over all directions there."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from engine.indirect import _ray_kernels as rays
+from engine.indirect import _second_kernels as kernels
+from engine.indirect._cell_kernels import NO_CELL
+from engine.indirect.layers import indirect_layer
+from engine.indirect.rays import pole_tables
+from engine.indirect.reflection import Fans
+from engine.indirect.second_bounce import N_POLE_RAYS, SecondLight
+from engine.light.environment import constant_environment
+from engine.material import MODELS
+from engine.material.layer import make_layer
+from engine.transport.pipeline import Placement
+from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placed, placement_of, solve
+from tests.naive.second import sent_back
+
+SKY = np.array([1.0, 0.8, 0.6])
+LAMP = {"name": "lamp", "primitive": "cube", "emission": [40.0, 20.0, 10.0], "transform": placed(0.3, 1.4, 0.4, 0.1)}
+GLOSSY = make_layer(MODELS["rough_conductor"], {"alpha": 0.4})
+LAYERS = [matt(0, 0.5), indirect_layer(1, GLOSSY, (128, 64)), matt(2, 0.7)]
+N_LOOKED_AT = 1500
+
+
+@dataclass(frozen=True)
+class Found:
+    """The floor's fans, what is sent along their recorded rays (n, 2, 3), and the light under which it is."""
+
+    placement: Placement
+    fans: Fans
+    light: SecondLight
+    sent: np.ndarray
+
+
+@pytest.fixture(scope="module")
+def found() -> Found:
+    placement = placement_of([*CORNER, LAMP], **CORNER_VIEW, n=48)
+    solved = solve(placement, LAYERS, 2, replace(QUICK, n_photons=0), constant_environment(tuple(SKY)))
+    fans, light = solved.points.fans(0), solved.sent(LAYERS).glossy
+    assert light is not None
+    records, n_points = fans._second._records, len(fans)
+    assert records.start[0] == 0  # the floor is the first object
+    sent = np.empty((int(records.start[-1]), 2, 3), np.float32)
+    kernels.second_light(
+        fans._fans, placement.hits.position, records, 0, n_points, light.objects, light.layers, light.lamps,
+        pole_tables(N_POLE_RAYS), np.zeros(n_points, np.float32), light.per_area, np.ones(4, bool), 0, sent,
+    )  # fmt: skip
+    return Found(placement, fans, light, sent)
+
+
+def ray_of(fans: Fans, i: int, m: int) -> np.ndarray:
+    """The direction of ray m of point i in the scene's frame."""
+    each = fans._fans
+    row = each.rows[i]
+    eye = rays.local_eye(each.tangent[row], each.normal[row], each.wo[row])
+    turn, cosine, sine = rays.turn_of(row)
+    tables, n = (each.tables_cosine, each.tables_pole), each.tables_cosine.shape[1]
+    table, k = (tables[0], m) if m < n else (tables[1], m - n)
+    local = rays.fan_direction(table[int(turn) % len(table)], k, m < n, cosine, sine, each.poles[i], *eye)
+    frame = np.stack([each.tangent[row], np.cross(each.normal[row], each.tangent[row]), each.normal[row]])
+    return np.array(local) @ frame.astype(float)
+
+
+def test_recorded_rays_bring_the_light_that_is_reflected_there(found: Found) -> None:
+    records, patches = found.fans._second._records, found.placement.patches(12)
+    point = np.searchsorted(records.start, np.arange(len(found.sent)), "right") - 1
+    chosen = np.random.default_rng(1).choice(len(found.sent), N_LOOKED_AT, replace=False)
+    expected = np.empty((N_LOOKED_AT, 2, 3))
+    for k, e in enumerate(chosen):
+        i = point[e]
+        way = ray_of(found.fans, i, int(records.ray[e]))
+        place = found.placement.hits.position[found.fans._fans.rows[i]] + records.distance[e] * way
+        normal = records.normal[e].astype(float)
+        assert abs(place[2] + 1.0) < 1e-3 and normal == pytest.approx([0.0, 0.0, 1.0])  # on the glossy wall
+        expected[k] = sent_back(GLOSSY, place, normal, -way, found.placement.caster, SKY, patches)
+    unit = found.light.lamps.radiance[0] / SKY  # light is told in a unit of its own
+    ours = found.sent[chosen] / records.times[point[chosen]][:, None, None] / np.stack([unit, np.ones(3)])
+    difference, whole = ours - expected, expected.mean(axis=0)
+    noise = difference.std(axis=0) / np.sqrt(N_LOOKED_AT)
+    # One sample a ray: the mean of many is the sum's, within their own noise, and that is small.
+    assert (noise < [[0.04], [0.08]] * whole).all()
+    assert (np.abs(difference.mean(axis=0)) < 3.0 * noise).all()
+
+
+def test_light_beyond_is_added_number_by_number(found: Found) -> None:
+    records, each, light = found.fans._second._records, found.fans._fans, found.light
+    rng = np.random.default_rng(2)
+    radiosity = rng.uniform(size=(2, len(light.objects), 2, 4)).astype(np.float32)
+    inverse = np.array([2.0, 3.0, 4.0], np.float32)
+    lit = np.empty((len(found.sent), 2, 4), np.float32)
+    kernels.lit_second(each, records, 0, len(found.fans), light.objects, found.sent, 0, radiosity, 1, inverse, lit)
+    for i in range(0, len(found.fans), 5):
+        for e in range(records.start[i], records.start[i + 1]):
+            own = int(light.objects[each.seen[i, records.ray[e]]] == 1)  # what the edited object sends itself
+            expected = np.zeros((2, 3))
+            expected[own] = found.sent[e, 0] * (inverse if own else 1.0)
+            if records.beyond[e] != NO_CELL:
+                expected += found.sent[e, 1] * radiosity[own, records.beyond[e], :, :3]
+            np.testing.assert_allclose(lit[e, :, :3], expected, rtol=1e-5)
