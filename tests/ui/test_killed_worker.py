@@ -30,9 +30,9 @@ def session(context: moderngl.Context, scene: Path, *, kill: bool) -> np.ndarray
         editor.select(CURVE)
         window.drag_handle("curve.magnitude", (0, -30))
         first = editor.document
-        assert window.run_until(
-            lambda: in_mid_work(window), 600.0
-        )  # kernels may have to be compiled first, editor.status
+        assert window.run_until(lambda: in_mid_work(window), 600.0), (
+            editor.status
+        )  # kernels may have to be compiled first
         shown = linear_picture(window)
         if kill:
             _kill(window, client)
