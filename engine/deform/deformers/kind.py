@@ -1,0 +1,46 @@
+"""What a deformer is: a map of space with its Jacobian, in the box of the object that it bends.
+
+Space is measured in the object's height: its axis stands upright in +Y, from y = 0 at its foot to y = 1 at its top, and
+goes through x = z = 0. One number says how much; at 0 nothing moves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Move = Callable[[Array, float], tuple[Array, Array]]
+
+
+class Kind(NamedTuple):
+    """A deformer by its name and, for people, its title and unit; limits of its amount.
+
+    move: points (V, 3) and an amount to where they go (V, 3) and its Jacobians (V, 3, 3).
+    """
+
+    name: str
+    title: str
+    unit: str
+    limits: tuple[float, float]
+    move: Move
+
+
+def in_plane(xx: Any, xy: Any, yx: Any, yy: Any) -> Array:
+    """Jacobians of maps of x and y that leave z alone: dx'/dx, dx'/dy, dy'/dx, dy'/dy, each (V,)."""
+    jacobians = np.zeros((len(np.asarray(xx)), 3, 3))
+    jacobians[:, 0, 0], jacobians[:, 0, 1], jacobians[:, 1, 0], jacobians[:, 1, 1] = xx, xy, yx, yy
+    jacobians[:, 2, 2] = 1.0
+    return jacobians
+
+
+def scaled_across(points: Array, scale: Array, slope: Array) -> tuple[Array, Array]:
+    """Points whose distance to the axis is scaled (V,) by a function of y with this slope (V,)."""
+    x, y, z = points.T
+    jacobians = np.zeros((len(points), 3, 3))
+    jacobians[:, 0, 0] = jacobians[:, 2, 2] = scale
+    jacobians[:, 0, 1], jacobians[:, 2, 1], jacobians[:, 1, 1] = x * slope, z * slope, 1.0
+    return np.stack([x * scale, y, z * scale], axis=1), jacobians

@@ -1,0 +1,95 @@
+"""A mesh in another pose: deformers in a row, and the axes that its points have then [Sloan05, 5].
+
+The Jacobian of the whole row, by the chain rule, takes tangents along and normals by its cofactors, which need no
+inverse: where space collapses, a point keeps what axes it can.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from engine.deform.deformers import KINDS
+
+Floats = NDArray[np.float64]
+
+_SHORT = 1e-12
+_AXES = {"x": (1, 0, 2), "y": (0, 1, 2), "z": (0, 2, 1)}  # places of across, axis, depth
+
+
+@dataclass(frozen=True)
+class Deformation:
+    """One deformer at work: its kind's name, how much, and which of the object's axes it stands on: x, y or z."""
+
+    kind: str
+    amount: float
+    axis: str = "y"
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise ValueError(f"deformer {self.kind!r}, expected one of {', '.join(KINDS)}")
+        low, high = KINDS[self.kind].limits
+        if not low <= self.amount <= high:
+            raise ValueError(f"{self.kind} {self.amount:g}, expected {low:g} to {high:g}")
+        if self.axis not in _AXES:
+            raise ValueError(f"axis {self.axis!r}, expected one of x, y, z")
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """Points (V, 3) and their axes, rows tangent, bitangent, normal (V, 3, 3)."""
+
+    positions: Floats
+    frames: Floats
+
+
+def deformed(rest: Pose, deformations: Sequence[Deformation]) -> Pose:
+    """The pose after the deformers, one after another, each in the box that the resting mesh has."""
+    positions, jacobians = rest.positions, np.broadcast_to(np.eye(3), rest.frames.shape)
+    low, high = positions.min(axis=0), positions.max(axis=0)
+    for deformation in deformations:
+        places = list(_AXES[deformation.axis])
+        foot, height = (low + high) / 2.0, high[places[1]] - low[places[1]]
+        if not height > 0.0:
+            continue  # flat along that axis: there is nothing to bend
+        foot[places[1]] = low[places[1]]
+        moved, jacobian = KINDS[deformation.kind].move((positions - foot)[:, places] / height, deformation.amount)
+        back = np.argsort(places)
+        positions = moved[:, back] * height + foot
+        jacobians = jacobian[:, back][:, :, back] @ jacobians
+    return Pose(positions, deformed_frames(rest.frames, jacobians))
+
+
+def deformed_frames(frames: ArrayLike, jacobians: ArrayLike) -> Floats:
+    """Axes (V, 3, 3), rows tangent, bitangent, normal, after maps with these Jacobians (V, 3, 3).
+
+    The normal stays normal to the surface, on its outer side; the tangent stays as near to its image as it may.
+    """
+    frames, jacobians = np.asarray(frames, np.float64), np.asarray(jacobians, np.float64)
+    normal = np.einsum("vab,vb->va", _cofactors(jacobians), frames[:, 2])
+    normal = _unit(normal * np.where(np.linalg.det(jacobians) < 0.0, -1.0, 1.0)[:, None], frames[:, 2])
+    tangent = np.einsum("vab,vb->va", jacobians, frames[:, 0])
+    tangent = _unit(_across(tangent, normal), _across(frames[:, 0], normal))
+    tangent = _unit(tangent, np.cross(frames[:, 1], normal))
+    return np.stack([tangent, np.cross(normal, tangent), normal], axis=1)
+
+
+def _cofactors(matrices: Floats) -> Floats:
+    """det(J) J^-T (V, 3, 3), also where there is no inverse: rows are cross products of rows."""
+    a, b, c = matrices[:, 0], matrices[:, 1], matrices[:, 2]
+    return np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+
+
+def _across(vectors: Floats, normal: Floats) -> Floats:
+    return vectors - np.einsum("vc,vc->v", vectors, normal)[:, None] * normal
+
+
+def _unit(vectors: Floats, instead: Floats) -> Floats:
+    """Vectors (V, 3) of length 1; where they have none, the others (V, 3)."""
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    others = np.linalg.norm(instead, axis=1, keepdims=True)
+    has_length = lengths > _SHORT
+    return np.where(has_length, vectors / np.where(has_length, lengths, 1.0), instead / np.maximum(others, _SHORT))
