@@ -98,6 +98,9 @@ ViewName = Annotated[
     str | None,
     typer.Option("--view", metavar="NAME", help="Filmic, AgX, ACES 2.0, ACES 1.3, Standard or False colour."),
 ]
+KeptView = Annotated[
+    str | None, typer.Option("--camera", metavar="NAME", help="Seen from the view that the session keeps so.")
+]
 Rotation = Annotated[float | None, typer.Option("--rotation", help="Of the environment, degrees about +Y.")]
 Bounces = Annotated[
     int | None,
@@ -150,6 +153,7 @@ def render(
     ] = False,
     samples: Samples = None,
     view: ViewName = None,
+    camera: KeptView = None,
     mode: Annotated[
         StillMode, typer.Option("--mode", help="The way to look whose engine draws it.")
     ] = StillMode.PLACEMENT,
@@ -173,10 +177,8 @@ def render(
     if turntable is not None:
         if reference:
             raise InsituError(f"--turntable {turntable} --reference: expected one of them")
-        return _turntable(
-            open_project(scene, resolution, _assignments(set_, rotation)), output, turntable, mode, lights, patches,
-            chosen, view,
-        )  # fmt: skip
+        project = open_project(scene, resolution, _assignments(set_, rotation), camera)
+        return _turntable(project, output, turntable, mode, lights, patches, chosen, view)
     from app.stills import StillProgress, check_output, render_project, write_picture
     from engine.indirect.beyond import TOO_BRIGHT, is_beyond
 
@@ -185,7 +187,7 @@ def render(
     if shown is not None and output.suffix.lower() == ".exr":
         raise InsituError(f"--view {view}: {output} holds light itself, expected a name that ends in .png")
     started = time.monotonic()
-    project = open_project(scene, resolution, _assignments(set_, rotation))
+    project = open_project(scene, resolution, _assignments(set_, rotation), camera)
     noise: float | None = None
     with _progress() as report:
 

@@ -7,13 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from app.bookmarks import named
 from app.document import Document, document_from_description, reflecting_layers
 from app.light_commands import emission_of, lit_by
 from app.measurements import document_with_read, layers_of_document, unread_files
 from app.memory import require_memory_for
-from app.session import fit_session, load_session
+from app.session import Session, fit_session, load_session
 from app.set_path import set_path
 from app.sources import find_source, source_of
+from app.view_state import Viewpoint
 from engine.colour import ToneMapping
 from engine.errors import InsituError, LoadError
 from engine.material.layer import object_of
@@ -68,19 +70,26 @@ class Project:
 
 
 def open_project(
-    name: str | None, resolution: tuple[int, int] | None = None, values: Sequence[tuple[str, Any]] = ()
+    name: str | None,
+    resolution: tuple[int, int] | None = None,
+    values: Sequence[tuple[str, Any]] = (),
+    camera: str | None = None,
 ) -> Project:
-    """Load what `name` stands for and set `values` by path. Raises InsituError with one line for a person."""
+    """Load what `name` stands for and set `values` by path; seen from the view that its session keeps as `camera`.
+
+    Raises InsituError with one line for a person.
+    """
     from engine.scene.load import load_scene
 
     source = source_of(find_source(name))
     session = None if source.session is None else load_session(source.session)
-    resolution = resolution or (None if session is None else session.view.resolution)
+    look = _look_of(session, camera)
+    resolution = resolution or look.resolution
     if resolution is not None:
         require_memory_for(resolution)  # before a mesh is read
     named = source.scene if session is None else session.document.source
     path = scene_path(named)
-    scene = load_scene(path, resolution).seen_from(None if session is None else session.view.camera)
+    scene = load_scene(path, resolution).seen_from(look.camera)
     require_memory_for(scene.resolution)
     document = _read(document_from_description(named, scene.description), scene.folder, path)
     if source.light is not None:
@@ -100,6 +109,13 @@ def open_project(
         session.view.n_lights,
         session.view.n_patches,
     )
+
+
+def _look_of(session: Session | None, camera: str | None) -> Viewpoint:
+    """From where a session sees its scene, or the view that it keeps by a name."""
+    if camera is not None:
+        return named(() if session is None else session.view.bookmarks, camera).look
+    return Viewpoint() if session is None else session.view.look
 
 
 def _read(document: Document, folder: Path | None = None, scene: Path | None = None) -> Document:

@@ -20,8 +20,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from app.bookmarks import MAX_NAME, is_name
 from engine.colour import ToneMapping, view_named
 from engine.errors import LoadError
+from engine.scene.camera_moves import Side
 from engine.scene.complaints import first_complaint
 from engine.scene.description import Number, Parameter, Text
 from engine.scene.toml_text import load_toml
@@ -31,6 +33,7 @@ MAX_STEPS = 10_000
 MAX_PIXELS = 100_000.0
 
 Point = tuple[float, float]
+Turn = Annotated[Number, Field(ge=-1e6, le=1e6)]
 Awaited = Literal["first", "orbit", "exact", "judged"]
 
 
@@ -76,6 +79,20 @@ class ChooseView:
     """Show light as one of the views of `engine.colour` does."""
 
     view: ToneMapping
+
+
+@dataclass(frozen=True)
+class GoToView:
+    """See the scene from a view that is kept by this name."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class KeepByName:
+    """Keep the view by this name."""
+
+    name: str
 
 
 @dataclass(frozen=True)
@@ -127,6 +144,13 @@ class UndoSteps:
 
 
 @dataclass(frozen=True)
+class UndoViews:
+    """Undo so many steps of the view's own history."""
+
+    count: int
+
+
+@dataclass(frozen=True)
 class RedoSteps:
     """Redo so many times."""
 
@@ -155,6 +179,29 @@ class AssertErrorBelow:
     bound: float
 
 
+class MoveCamera(BaseModel):
+    """Move the camera, one step of the view's own history, in this order: back to the scene's `own`; seen from a
+    `side`; through a lens of `focal` mm; so that it frames an object, or "all"; by `orbit` to its right and up,
+    degrees; by `pan` to its right and up, heights of the picture; `dolly` times as far; with a `level` horizon."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    own: Literal[True] | None = None
+    side: Side | None = None
+    focal: Annotated[Number, Field(gt=0.0, le=1e6)] | None = None
+    frame: Text | None = None
+    orbit: tuple[Turn, Turn] | None = None
+    pan: tuple[Turn, Turn] | None = None
+    dolly: Annotated[Number, Field(ge=1e-6, le=1e6)] | None = None
+    level: Literal[True] | None = None
+
+    @model_validator(mode="after")
+    def _is_something(self) -> MoveCamera:
+        if not self.model_fields_set:
+            raise ValueError(f"at least one of {', '.join(type(self).model_fields)}")
+        return self
+
+
 Step = (
     SetValues
     | SelectPath
@@ -162,12 +209,16 @@ Step = (
     | DragPoints
     | Show
     | ChooseView
+    | GoToView
+    | KeepByName
+    | MoveCamera
     | ChooseMode
     | PickLobe
     | PaintStroke
     | Rotate
     | ImportFile
     | UndoSteps
+    | UndoViews
     | RedoSteps
     | WaitFor
     | Capture
@@ -229,6 +280,9 @@ class StepRecord(_Record):
     drag: DragRecord | None = None
     show: Text | None = None
     view: Text | None = None
+    keep: Text | None = None
+    camera: MoveCamera | None = None
+    undo_view: Count | None = None
     mode: Text | None = None
     lobe: tuple[PictureIndex, PictureIndex] | None = None
     paint: PaintRecord | None = None
@@ -257,7 +311,10 @@ _STEPS: dict[str, Callable[[Any, Path], Step]] = {
     "select": lambda path, folder: SelectPath(path),
     "drag": lambda drag, folder: drag.step(),
     "show": lambda panel, folder: Show(panel),
-    "view": lambda name, folder: ChooseView(view_named(name)),
+    "view": lambda name, folder: _view(name),
+    "keep": lambda name, folder: KeepByName(name),
+    "camera": lambda move, folder: move,
+    "undo_view": lambda count, folder: UndoViews(count),
     "mode": lambda name, folder: ChooseMode(name),
     "lobe": lambda pixel, folder: PickLobe(pixel),
     "paint": lambda stroke, folder: PaintStroke(**dict(stroke)),
@@ -269,6 +326,14 @@ _STEPS: dict[str, Callable[[Any, Path], Step]] = {
     "capture": lambda name, folder: Capture((folder / name).resolve()),
     "assert_error_below": lambda bound, folder: AssertErrorBelow(bound),
 }
+
+
+def _view(name: str) -> Step:
+    """One of `engine.colour`, by which light becomes colour; any other name is that of a view that is kept."""
+    try:
+        return ChooseView(view_named(name))
+    except LoadError:
+        return GoToView(name)
 
 
 class ScriptRecord(_Record):
@@ -295,6 +360,6 @@ def parse_script(tree: dict[str, Any], file: Path, folder: Path) -> tuple[Step, 
     for number, step in enumerate(record.steps):
         if step.capture is not None and Path(step.capture).suffix.lower() != ".png":
             raise LoadError(file, f"step {number}: capture", step.capture, "a file name that ends in .png")
-        if step.view is not None:
-            view_named(step.view, file, f"step {number}: view")
+        if step.keep is not None and not is_name(step.keep):
+            raise LoadError(file, f"step {number}: keep", step.keep, f"a name of 1 to {MAX_NAME} characters")
     return tuple(step.step(folder) for step in record.steps)

@@ -1,14 +1,16 @@
 """Runs scripts of edits, and takes pictures of the window, without a display (`insitu screenshot`).
 
-Drags are mouse events through the same frames as a hand's; `set`, `select`, `rotate`, `undo` and `redo` are the
-commands that panels return.
+Drags are mouse events through the same frames as a hand's; `set`, `select`, `rotate`, `camera`, `undo` and `redo` are
+the commands that panels return.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from app.bookmarks import named
 from app.commands import EditCommand
 from app.document import layer_key, split_key
 from app.editor import Editor, WorkerClient
@@ -24,7 +26,10 @@ from app.script import (
     ChooseView,
     DragItem,
     DragPoints,
+    GoToView,
     ImportFile,
+    KeepByName,
+    MoveCamera,
     PaintStroke,
     PickLobe,
     RedoSteps,
@@ -34,18 +39,29 @@ from app.script import (
     Show,
     Step,
     UndoSteps,
+    UndoViews,
     WaitFor,
 )
 from app.series_commands import set_series
 from app.set_path import set_path
-from app.view_state import SetView, ViewCommand
+from app.view_state import SetView, ViewCommand, Viewpoint
 from engine.errors import InsituError
 from engine.material.strokes import Stroke
 from engine.scene.builtin import builtin_environments, builtin_scenes
+from engine.scene.camera_moves import (
+    dollied,
+    framed,
+    levelled,
+    orbited,
+    panned,
+    seen_from_side,
+    with_focal_length,
+)
+from engine.scene.description import Camera
 from ui.brush import along, dabs_at, spots_at
 from ui.headless import DEFAULT_SIZE, HeadlessWindow
 from ui.layout import PANELS
-from ui.panels.actions import ShowPanel
+from ui.panels.actions import KeepView, ShowPanel
 from ui.picture_feed import PictureFeed
 from ui.shown_view import is_at_hand
 
@@ -146,6 +162,15 @@ def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
         case ChooseView():
             _refused(editor.do(SetView.of(tone_mapping=step.view)))
             window.run_until(lambda: is_at_hand(step.view), WAIT_SECONDS)
+        case GoToView():
+            editor.look_from(named(editor.view.bookmarks, step.name).look, step.name)
+        case KeepByName():
+            window.shell.do(KeepView(step.name))
+        case MoveCamera():
+            look = Viewpoint(_moved(editor, step), editor.view.resolution)
+            editor.look_from(look, "camera")
+        case UndoViews():
+            _repeat(editor.undo_look, step.count, "undo in the view")
         case ChooseMode():
             _choose_mode(editor, step.mode)
         case PickLobe():
@@ -169,6 +194,26 @@ def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
         case AssertErrorBelow():
             _assert_error(editor, step.bound)
     window.frames(2)
+
+
+def _moved(editor: Editor, move: MoveCamera) -> Camera:
+    """The camera as a step moves it."""
+    camera = editor.own_camera if move.own else editor.look
+    if move.side is not None:
+        camera = seen_from_side(camera, move.side)
+    if move.focal is not None:
+        camera = with_focal_length(camera, move.focal)
+    if move.frame is not None:
+        names = [state.name for state in editor.document.objects]
+        box = editor.box_of(None if move.frame == "all" and "all" not in names else move.frame)
+        camera = framed(camera, box, editor.aspect)
+    if move.orbit is not None:
+        camera = orbited(camera, *map(math.radians, move.orbit))
+    if move.pan is not None:
+        camera = panned(camera, *move.pan)
+    if move.dolly is not None:
+        camera = dollied(camera, move.dolly)
+    return levelled(camera) if move.level else camera
 
 
 def _choose_mode(editor: Editor, name: str) -> None:

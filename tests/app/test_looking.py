@@ -17,7 +17,7 @@ from app.picture import SceneFrame
 from app.placement.messages import ComputeTransport
 from app.project import open_project
 from app.session import load_session, save_session
-from app.view_state import SetView, Viewpoint
+from app.view_state import Bookmark, SetView, Viewpoint
 from engine.errors import InsituError
 from engine.scene.description import Camera
 from tests.app.fake_worker import FakeClient
@@ -133,6 +133,15 @@ def test_commands_take_the_camera_from_a_session(tmp_path: Path) -> None:
     project = open_project("teatray", (16, 12))
     view = SetView.of(camera=ASIDE).apply(editor.view)
     path = save_session(tmp_path / "a.insitu", project.document, view)
+    kept_view = Bookmark("Above", Viewpoint(ABOVE, (20, 10)))
+    view = SetView.of(bookmarks=(kept_view,)).apply(view)
+    path = save_session(tmp_path / "a.insitu", project.document, view)
+    above = open_project(str(path), camera="Above").scene
+    assert above.description.camera.position == ABOVE.position and above.resolution == (20, 10)
+    with pytest.raises(InsituError, match="no view 'Below'; kept views: Above"):
+        open_project(str(path), camera="Below")
+    with pytest.raises(InsituError, match="no view 'Above'; kept views: none yet"):
+        open_project("teatray", (16, 12), camera="Above")
     seen = open_project(str(path), (16, 12)).scene
     assert seen.description.camera.position == ASIDE.position and seen.description.camera.fov_y == 30.0
 

@@ -168,3 +168,48 @@ def test_a_script_imports_what_was_measured(window: HeadlessWindow, tmp_path: Pa
     run(window, tmp_path, '[[step]]\nset = { "teapot.frozen" = true }')
     with pytest.raises(ScriptError, match="step 2: .*frozen"):
         run(window, tmp_path, step.format("velvet.binary", ""))
+
+
+CAMERA = """
+[[step]]
+camera = { side = "front", orbit = [90, 30], dolly = 0.5, focal = 12 }
+[[step]]
+keep = "Aside"
+[[step]]
+camera = { frame = "teapot", pan = [0.5, 0.0] }
+[[step]]
+camera = { frame = "all", level = true }
+[[step]]
+undo_view = 1
+[[step]]
+view = "Aside"
+[[step]]
+view = "AgX"
+[[step]]
+keep = "Aside"
+"""
+
+
+def test_a_script_moves_the_camera_keeps_views_and_goes_to_them(window: HeadlessWindow, tmp_path: Path) -> None:
+    editor = window.shell.editor
+    run(window, tmp_path, CAMERA)
+    # From +Z at 4.03 m a quarter to the right is +X; 30 degrees up; half as far. 12 mm see 90 degrees.
+    half = 0.5 * np.hypot(4.0, 0.5)
+    assert editor.look.position == pytest.approx((half * np.cos(np.pi / 6), 0.5 + half * 0.5, 0.0), abs=1e-6)
+    assert editor.look.fov_y == pytest.approx(90.0) and editor.view.tone_mapping == "agx"
+    assert [each.name for each in editor.view.bookmarks] == ["Aside"]
+    steps = [step.label for step in editor.look_history.undo_steps]
+    assert steps == ["camera", "camera", "Aside"] and not editor.history.undo_steps
+
+
+@pytest.mark.parametrize(
+    ("step", "says"),
+    [
+        ('view = "sepia"', "step 1: there is no view 'sepia'; kept views: none yet"),
+        ('camera = { frame = "spoon" }', "step 1: there is no object 'spoon' to be framed; there is: teapot"),
+        ("undo_view = 1", "step 1: nothing to undo in the view"),
+    ],
+)
+def test_what_a_camera_step_cannot_do_is_said(window: HeadlessWindow, tmp_path: Path, step: str, says: str) -> None:
+    with pytest.raises(ScriptError, match=says):
+        run(window, tmp_path, f"[[step]]\n{step}")
