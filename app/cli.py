@@ -167,6 +167,9 @@ def render(
     """Render a picture with the editor's engine, without a window."""
     if reference and mode is not StillMode.PLACEMENT:
         raise InsituError(f"--mode {mode.value} --reference: brute force is the judge of both, expected one of them")
+    if mode is StillMode.ORBIT and (series is not None or lights != N_LIGHTS):
+        hint = "--lights" if series is None else "--series"
+        raise typer.BadParameter("Orbit cuts no lights and has no bands, expected --mode placement", param_hint=hint)
     chosen = None if series is None else parse_series(series)
     if bounces is not None:
         if chosen is not None and chosen.n_bounces != bounces:

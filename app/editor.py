@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,10 +40,10 @@ from app.jobs.messages import (
 )
 from app.journal import Journal, Recovery
 from app.light_commands import lit_by
-from app.looking import LookTalk
+from app.looking import LookTalk, what_is_missing
 from app.material_commands import SetMaterial
 from app.memory import require_memory_for
-from app.mode import Mode, ModeTalk, OpenedScene
+from app.mode import Kept, Mode, ModeTalk, OpenedScene
 from app.modes import MODES
 from app.opening import Opening
 from app.paths import is_file_name, spoken_name
@@ -122,6 +122,7 @@ class Editor:
         self._opening: Opening | None = None
         self._given_up: Opening | None = None
         self._cancelled = -1
+        self._kept: dict[type, Any] = {}
         self.modes = tuple(modes)
         self.mode = self.modes[0]
         self.talk: ModeTalk = self.mode.talk(self)
@@ -427,6 +428,11 @@ class Editor:
         self.gauges.measure_memory(now, self._client.pid)
         return events
 
+    def kept(self, kind: type[Kept]) -> Kept:
+        """What talks leave to those after them, see `app.mode.Desk`."""
+        found: Kept = self._kept.setdefault(kind, kind())
+        return found
+
     def send(self, request: Request) -> int:
         """Hand a request over to the worker; its number."""
         return self._client.send(request)
@@ -506,6 +512,8 @@ class Editor:
         if self._looks.has_resized:
             width, height = self._looks.seen.resolution or self.own_resolution
             self.notify(f"the picture has {width} x {height} pixels")
+        if missing := what_is_missing(response.frame):
+            self.notify(missing)
         return self._shown_scene
 
     def _take_scene(self, opening: Opening, opened: SceneOpened, response: SceneSeen) -> list[PictureEvent]:
@@ -527,7 +535,8 @@ class Editor:
         self._keeper.opened(described, self.view)
         kept = "; the unsaved edits before it can be recovered at the next start" if left_unsaved else ""
         said = opening.instead_of or f"opened {description.name}{kept}"
-        self.notify("; ".join((said, *opened.notes)), bool(opening.instead_of))
+        said = "; ".join(filter(None, (said, *opened.notes, what_is_missing(response.frame))))
+        self.notify(said, bool(opening.instead_of))
         if opening.session is not None:
             self._restore(opening, opening.session, opened)
         self.view = self.view.seen_from(self._looks.adopted(self.own_resolution))

@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 from app.jobs.messages import LookFrom, Request, Response
 from app.view_state import Viewpoint
+from engine.scene.picture_frame import PictureFrame
 
 REST_SECONDS = 0.25
 
@@ -75,3 +76,10 @@ class LookTalk:
         """What was asked for will not come; the look that it was, None where there was nothing."""
         asked, self._asked, self.is_away = self._asked, None, False
         return asked
+
+
+def what_is_missing(frame: PictureFrame) -> str:
+    """What is to be said of a picture in which there is nothing to edit; "" of any other."""
+    if frame.n_pixels:
+        return ""
+    return f"the camera sees {'lamps alone' if (frame.object_image >= 0).any() else 'no surface, the background alone'}"

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from app.barrier import Barrier
 from app.commands import EditCommand
@@ -30,6 +30,9 @@ if TYPE_CHECKING:
     from app.jobs.schedule import Handlers
 
 
+Kept = TypeVar("Kept")
+
+
 class Desk(Protocol):
     """What a talk may ask of the editor."""
 
@@ -37,6 +40,9 @@ class Desk(Protocol):
     gauges: Gauges
     history: History[Document]
     view: ViewState
+
+    def kept(self, kind: type[Kept]) -> Kept:
+        """What talks leave to those after them, one of a kind; made where there is none yet."""
 
     def send(self, request: Request) -> int:
         """Hand a request over to the worker; its number."""

@@ -58,15 +58,13 @@ class Bench:
         self._loaded = _Loaded(id, scene)
 
     def look(self, request: LookFrom) -> None:
-        """A scene that is there is open as this camera sees it. Raises InsituError, that names the scene's file, where
-        that is nothing to edit; what was open then stays so."""
+        """A scene that is there is open as this camera sees it; what it sees may be the background alone."""
         seen = next((each for each in (self._loaded, self._scene) if each.id == request.scene), _Loaded())
         if seen.scene is None:
             raise InsituError("no scene is open")
         if seen.caster is None:
             seen.caster = RayCaster(seen.scene.vertices, seen.scene.triangles)
         placement = Placement(seen.scene.seen_from(request.camera, request.resolution), seen.caster)
-        _require_surfaces(placement)
         self._scene, self._loaded = seen, _Loaded()
         self._placement, self.view_key, self.view_id = placement, _view_key(placement.scene), request.id
         self._sky_shown = None
@@ -115,10 +113,3 @@ def _view_key(scene: Scene) -> str:
         CACHE_VERSION, camera, scene.resolution, scene.vertices, scene.normals, scene.triangles,
         scene.object_of_triangle, scene.smooth, scene.emission,
     )  # fmt: skip
-
-
-def _require_surfaces(placement: Placement) -> None:
-    if not len(placement.hits.pixel):
-        seen = "lamps alone" if np.any(placement.hits.object_image >= 0) else "no surface"
-        file = placement.scene.file
-        raise InsituError(f"{file}: camera = sees {seen}, expected an object in view; nothing was changed")

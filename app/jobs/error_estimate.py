@@ -15,6 +15,7 @@ from app.jobs.layer_data import STAGES, LayerData, shape_of
 from app.jobs.messages import Response
 from app.placement.messages import ErrorEstimated, EstimateError
 from app.scene_state import LayerState
+from engine.errors import InsituError
 from engine.indirect.light import IndirectLight
 from engine.render.error_estimate import estimate_error
 from engine.render.indirect import reflected_light
@@ -27,14 +28,14 @@ from engine.transport.pipeline import FINAL, Placement, Quality
 def estimated(
     request: EstimateError, bench: Bench, held: Mapping[str, LayerData], found: IndirectLight | None
 ) -> Iterator[Response | None]:
-    """The answer; none where not every pixel has been computed. held: transport by layer; found: indirect light, None
-    where there is none."""
+    """The answer. held: transport by layer; found: indirect light, None where there is none. Raises InsituError where
+    not every pixel has been computed."""
     placement, states = bench.open_placement, request.scene.visible
     if not states:
         yield ErrorEstimated(ErrorEstimate(0.0))  # nothing reflects: there is nothing to be off
         return
     if not all(state.key in held and STAGES[held[state.key].stage].stride == 1 for state in states):
-        return
+        raise InsituError("the error is estimated of a whole picture, and not every pixel of this one is computed yet")
     first = held[states[0].key]
     quality = _quality(first)
     yield None

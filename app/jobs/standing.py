@@ -12,7 +12,7 @@ from app.jobs.messages import Cancel, Failed, LookFrom, Noted, OpenScene, Progre
 
 
 class Standing:
-    """At most one request of each kind; a scene that fails to open, or a look that sees nothing, leaves those before
+    """At most one request of each kind; a scene that fails to open, or a look that fails, leaves those before
     standing."""
 
     def __init__(self) -> None:

@@ -29,6 +29,7 @@ class BandPlans:
 
     def __init__(self, most: int = MOST_BANDS) -> None:
         self._most = most
+        self._scene: object = None
         self._by_worker = False
         self._planned: dict[str, tuple[Model, Counts]] = {}
         self._first_seen: dict[str, Layer] = {}
@@ -38,9 +39,11 @@ class BandPlans:
         """Plan nothing here any more; the worker caps nothing, so that capped plans stay here."""
         self._by_worker = self._most == MOST_BANDS
 
-    def opened(self) -> None:
-        """Another scene: nothing of it is planned."""
-        self._planned, self._first_seen, self._learnt = {}, {}, {}
+    def opened(self, scene: object) -> None:
+        """This scene is open, or seen in another way: of another than before nothing is planned."""
+        if scene is not self._scene:
+            self._planned, self._first_seen, self._learnt = {}, {}, {}
+        self._scene = scene
 
     def learn(self, layer: Layer, counts: Mapping[str, int]) -> None:
         """How many bands a layer needs that the document has or may come to have."""

@@ -34,15 +34,16 @@ class Curves:
     object each time, so that whoever compares may begin by identity.
     """
 
-    def __init__(self, most_bands: int = MOST_BANDS) -> None:
-        self.plans = BandPlans(most_bands)
+    def __init__(self, most_bands: int = MOST_BANDS, plans: BandPlans | None = None) -> None:
+        """plans: those of a talk before, None for some that have at most so many bands."""
+        self.plans = plans or BandPlans(most_bands)
         self.map_means: dict[tuple[str, Images], MapMeans] = {}
         self._cached: dict[tuple[str, str, int], tuple[Layer, Array]] = {}
 
-    def opened(self) -> None:
-        """Another scene, whose bands are planned anew."""
+    def opened(self, scene: object) -> None:
+        """This scene is open: of another one bands are planned anew."""
         self._cached = {}
-        self.plans.opened()
+        self.plans.opened(scene)
 
     def bands(self, key: str, layer: Layer, chosen: int | None = None) -> dict[str, int]:
         """J of each of the layer's transport factors as planned; ``chosen`` for the sharpest where a person did."""

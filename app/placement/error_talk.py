@@ -1,13 +1,16 @@
 """How far off the picture is, asked of the worker when nothing else is left to do.
 
 It is asked once the picture has all that was asked for and the hand has rested for a while, and what was asked for is
-given up as soon as the picture is to be another: an edit has the processors to itself.
+given up as soon as the picture is to be another: an edit has the processors to itself. What was told is remembered for
+undo.
 """
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from app.document import Document
 from app.jobs.messages import Cancel, Request
@@ -17,6 +20,19 @@ from app.view_state import ViewState
 from engine.render.picture_error import ErrorEstimate
 
 REST_SECONDS = 0.5
+MOST_KNOWN = 32
+
+
+@dataclass(frozen=True, eq=False)
+class _Picture:
+    """A picture at rest: of a document, and how much of what the view has it made with."""
+
+    document: Document
+    made_with: tuple[int | None, ...]
+
+    def is_same(self, other: _Picture | None) -> bool:
+        """Whether it is of the very same document: those that undo comes back to are."""
+        return other is not None and self.document is other.document and self.made_with == other.made_with
 
 
 class ErrorTalk:
@@ -24,8 +40,9 @@ class ErrorTalk:
 
     def __init__(self, send: Callable[[Request], int], curves: Curves) -> None:
         self._send, self._curves = send, curves
-        self._document: Document | None = None
-        self._made_with: tuple[int | None, int] = None, 0
+        self._picture: _Picture | None = None
+        self._revision = 0
+        self._known: deque[tuple[_Picture, ErrorEstimate]] = deque(maxlen=MOST_KNOWN)
         self._rests_since = math.inf
         self._estimate: ErrorEstimate | None = None
         self._asked: int | None = None
@@ -33,15 +50,16 @@ class ErrorTalk:
 
     def estimate_of(self, document: Document) -> ErrorEstimate | None:
         """What was told of the picture of this document; None while that is not known."""
-        return self._estimate if document is self._document else None
+        return self._estimate if self._picture is not None and document is self._picture.document else None
 
     def update(self, now: float, document: Document, view: ViewState, revision: int, rests: bool) -> None:
         """Ask where it is time to. revision: of the transport that the picture is made with; rests: whether nothing of
         the picture is left to come, and no hand has hold of anything."""
-        made_with = view.second_bands, revision
-        if document is not self._document or made_with != self._made_with:
-            self.forget()
-            self._document, self._made_with = document, made_with
+        picture = _Picture(document, (view.n_lights, view.n_patches, view.n_bounces, view.second_bands))
+        if not picture.is_same(self._picture) or revision != self._revision:
+            self._give_up()
+            self._picture, self._revision = picture, revision
+            self._estimate = next((estimate for known, estimate in self._known if picture.is_same(known)), None)
         if not rests or self._estimate is not None or self._asked is not None or self._stopped:
             self._rests_since = math.inf
             return
@@ -51,7 +69,12 @@ class ErrorTalk:
             self._asked = self._send(wanted)
 
     def forget(self) -> None:
-        """The picture is another one, or no longer known: an answer that is still to come is given up."""
+        """All pictures are others, or no longer known."""
+        self._give_up()
+        self._known.clear()
+
+    def _give_up(self) -> None:
+        """The picture is another one: an answer that is still to come is given up."""
         if self._asked is not None:
             self._send(Cancel(of=(EstimateError,)))
         self._estimate = self._asked = None
@@ -68,8 +91,9 @@ class ErrorTalk:
 
     def took(self, response: ErrorEstimated) -> None:
         """The answer."""
-        if response.id == self._asked:
+        if response.id == self._asked and self._picture is not None:
             self._estimate, self._asked = response.estimate, None
+            self._known.append((self._picture, response.estimate))
 
     def took_failure(self, id: int) -> None:
         """It could not be found out, and is not asked for again."""

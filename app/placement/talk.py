@@ -20,7 +20,7 @@ from app.jobs.messages import Cancel, Failed, Response
 from app.material_commands import SetMaterial
 from app.mode import Desk, ModeTalk, OpenedScene
 from app.picture import PictureEvent
-from app.placement.band_plans import BandTalk
+from app.placement.band_plans import BandPlans, BandTalk
 from app.placement.comparison import Comparison
 from app.placement.curves import Array, Curves, drawn_as
 from app.placement.edited_curves import edited_layers
@@ -66,7 +66,7 @@ class PlacementTalk(ModeTalk):
     """The talk of Placement. curves: how many bands each curve gets, None for as many as planned."""
 
     def __init__(self, desk: Desk, curves: Curves | None = None) -> None:
-        self.curves = curves or Curves()
+        self.curves = curves or Curves(plans=desk.kept(BandPlans))
         self._desk = desk
         self._bands = BandTalk(desk.send, self.curves.plans)
         self._transport = TransportTalk(desk.send, self.curves)
@@ -113,7 +113,7 @@ class PlacementTalk(ModeTalk):
         self.maps.scene_opened()
         self._error.forget()
         self._known_light.worked(scene.described.light)
-        self.curves.opened()
+        self.curves.opened(scene.description)
         self.learn(scene.planned)
 
     def left(self) -> None:

@@ -179,6 +179,8 @@ class IndirectLight:
 
         What the filter blurs besides is not in it."""
         light, (rows, weights) = self.sent(layers), self.footprint
+        if not len(rows):  # nothing in the picture reflects
+            return 0.0, 0.0
         halves = np.zeros((2, len(self.points.gathered.rows), 3), np.float32)
         for half in (0, 1):
             for mine, radiance in self.points.reflected_by_object(layers, light, half):

@@ -125,6 +125,8 @@ def test_help_and_nothing_else_succeed(capsys: Captured) -> None:
         (["render", "-o", "a.exr", "--reference", "--bounces", "17"], "less than or equal to 16"),
         (["render", "-o", "a.exr", "--reference", "--samples", "0"], "--samples"),
         (["render", "-o", "a.exr", "--reference", "--samples", "many"], "valid integer"),
+        (["render", "-o", "a.exr", "--mode", "orbit", "--lights", "400"], "Orbit cuts no lights"),
+        (["render", "-o", "a.exr", "--mode", "orbit", "--series", "64,1"], "Invalid value for --series"),
         (["screenshot", "-o", "a.png", "--size", "9", "9"], "9 x 9"),
         (["screenshot", "-o", "a.png", "--scale", "99"], "--scale"),
         (["teatray", "cornell"], "unexpected"),

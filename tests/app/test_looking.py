@@ -88,7 +88,7 @@ def test_a_camera_that_moved_on_is_not_thrown_back(editor: Editor, client: FakeC
     assert [look.camera for look in client.sent(LookFrom)] == [ASIDE, ABOVE]
 
 
-@pytest.mark.parametrize("end", [Failed("shelf: camera = sees no surface"), Cancel()])
+@pytest.mark.parametrize("end", [Failed("shelf: no memory for it"), Cancel()])
 def test_a_look_that_is_refused_or_stopped_leaves_the_view_before(editor: Editor, client: FakeClient, end) -> None:
     move(editor, ASIDE, 2.0)
     editor.tick(3.0)
@@ -190,14 +190,14 @@ def test_a_refused_look_leaves_no_step_and_a_hand_that_moved_on_its_view(editor:
     editor.tick(2.0)
     editor.tick(3.0)
     assert editor.status.is_away
-    client.answer(client.sent(LookFrom)[-1], Failed("shelf: camera = sees no surface"))
+    client.answer(client.sent(LookFrom)[-1], Failed("shelf: no memory for it"))
     editor.tick(3.1)
     assert editor.view.camera is None and editor.undo_look() is None and not editor.status.is_away
     looking(editor, ASIDE)
     editor.tick(4.0)
     editor.tick(5.0)
     looking(editor, ABOVE)  # before the answer comes
-    client.answer(client.sent(LookFrom)[-1], Failed("shelf: camera = sees no surface"))
+    client.answer(client.sent(LookFrom)[-1], Failed("shelf: no memory for it"))
     editor.tick(5.1)
     assert editor.view.camera == ABOVE
     editor.tick(6.0)

@@ -76,15 +76,17 @@ def test_going_back_finds_what_was_computed(tmp_path: Path, monkeypatch: pytest.
     assert_same_pictures(pictures(answers), expected)
 
 
-def test_a_camera_that_sees_nothing_leaves_the_view_there_is(tmp_path: Path) -> None:
+def test_a_camera_that_sees_nothing_is_looked_away_from_again(tmp_path: Path) -> None:
     source = written(tmp_path / "scene.toml", SCENE)
     client = InProcessClient(Tasks(Store(tmp_path / "cache")))
     scene = ask_for_scene(client, source, resolution=RESOLUTION) - 1
     client.poll(float("inf"))
     expected = computed(client)
     client.send(LookFrom(scene, AWAY, RESOLUTION))
-    (*_, failed) = client.poll(float("inf"))
-    assert isinstance(failed, Failed) and "camera = sees no surface" in failed.line
+    (*_, seen) = client.poll(float("inf"))
+    assert isinstance(seen, SceneSeen) and not seen.frame.n_pixels
+    client.send(LookFrom(scene, None, RESOLUTION))
+    client.poll(float("inf"))
     assert_same_pictures(computed(client), expected)
 
 

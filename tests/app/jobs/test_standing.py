@@ -83,13 +83,13 @@ def test_scene_that_fails_leaves_the_one_before() -> None:
     assert ids(standing) == [1, 2]  # the look and the transport were asked of the scene that failed
 
 
-def test_look_that_sees_nothing_leaves_the_one_before() -> None:
+def test_look_that_fails_leaves_the_one_before() -> None:
     standing = standing_at(SCENE, LOOK)
     look_of(standing)
     for scene in ((), (OpenScene("other", id=5),)):
         for request in (*scene, LookFrom(5 if scene else 1, id=6)):
             standing.add(request)
-        standing.settle(Failed("camera = sees no surface", id=6))
+        standing.settle(Failed("no memory for it", id=6))
         assert ids(standing) == [1, 2]
 
 

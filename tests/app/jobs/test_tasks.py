@@ -19,9 +19,12 @@ from app.jobs.in_process import InProcessClient
 from app.jobs.messages import Failed, Progress, Response, SceneOpened, SceneSeen, SkyImage, WorkerRestarted
 from app.jobs.placement import _stages
 from app.jobs.tasks import Tasks
+from app.looking import what_is_missing
 from app.placement.messages import (
     ComputeTransport,
     Contract,
+    ErrorEstimated,
+    EstimateError,
     LayerPicture,
     LayerTransport,
     StageDone,
@@ -577,18 +580,32 @@ def test_a_scene_that_is_not_there_is_named(store: Store) -> None:
     assert "/nowhere/scene.toml" in line
 
 
-def test_a_camera_that_sees_nothing_is_refused(tmp_path: Path, store: Store) -> None:
-    path = tmp_path / "scene.toml"
-    path.write_text(SCENE.replace("target = [0, 0.3, 0]", "target = [0.4, 9, 2.7]"))
-    assert "camera" in failure(open_in_process(Tasks(store), str(path)))
+NOTHING, LAMPS = "no surface, the background alone", "lamps alone"
 
 
-def test_a_camera_that_sees_lamps_alone_is_told_so(tmp_path: Path, store: Store) -> None:
+@pytest.mark.parametrize(("target", "sees"), [("[0.4, 9, 2.7]", NOTHING), ("[-1.2, 2.4, 0]", LAMPS)])
+def test_a_camera_that_sees_nothing_to_edit_has_a_picture_of_that(
+    tmp_path: Path, store: Store, target: str, sees: str
+) -> None:
     path = tmp_path / "scene.toml"
-    head, _, lamp = SCENE.partition("[[object]]")[0], "", SCENE[SCENE.index('[[object]]\nname = "lamp"') :]
-    path.write_text(head.replace("target = [0, 0.3, 0]", "target = [-1.2, 2.4, 0]") + lamp)
-    line = failure(open_in_process(Tasks(store), str(path)))
-    assert line == f"{path}: camera = sees lamps alone, expected an object in view; nothing was changed"
+    text = SCENE.replace("target = [0, 0.3, 0]", f"target = {target}").replace("fov_y = 45", "fov_y = 8")
+    path.write_text(text.replace("0,0,5,0, 0,-5,0,0", "0,0,0.1,0, 0,-0.1,0,0"))
+    tasks = Tasks(store)
+    seen = next(a for a in open_in_process(tasks, str(path)) if isinstance(a, SceneSeen))
+    assert seen.frame.n_pixels == 0 and what_is_missing(seen.frame) == f"the camera sees {sees}"
+    answers = run_in_process(tasks, compute(n_bounces=2))
+    assert {key: len(picture) for key, picture in pictures(answers).items()} == dict.fromkeys(pictures(answers), 0)
+    assert isinstance(answers[-1], StageDone) and answers[-1].exact
+    scene = compute().scene
+    assert [type(a) for a in run_in_process(tasks, EstimateError(scene))][-1] is ErrorEstimated
+
+
+def test_a_picture_that_is_not_there_is_not_judged_in_silence(source: str, store: Store) -> None:
+    tasks = opened(source, store)
+    nothing_yet = failure(run_in_process(tasks, EstimateError(compute().scene)))
+    assert nothing_yet.startswith("the error is estimated of a whole picture")
+    run_in_process(tasks, compute(n_lights_final=0))  # every eighth pixel, while a light is moved
+    assert failure(run_in_process(tasks, EstimateError(compute().scene))) == nothing_yet
 
 
 def test_transport_without_a_scene_is_refused(store: Store) -> None:

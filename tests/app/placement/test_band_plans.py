@@ -13,6 +13,7 @@ from app.library import Library
 from app.material_commands import new_layer
 from app.placement.messages import BandsPlanned, ComputeTransport, PlanBands
 from app.placement.status import RenderReport
+from app.view_state import SetView
 from engine.plan import band_counts, usual_bands
 from tests.app.fake_worker import FakeClient
 from tests.opened import run_in_process
@@ -134,3 +135,22 @@ def test_a_plan_that_comes_after_a_stop_does_not_undo_it(editor: Editor, client:
     editor.resume_work()
     editor.tick(4.1)
     assert len(client.sent(ComputeTransport)) == 1 and not editor.status.stopped
+
+
+def test_a_mode_that_is_left_and_come_back_to_finds_its_plans(editor: Editor, client: FakeClient) -> None:
+    editor.do(SetParameter("pot.1", "alpha", 0.15))  # edited by hand, a layer keeps the bands that it came with
+    bands = {key: dict(editor.talk.curves.bands(key, layer)) for key, layer in editor.document.layers()}
+    editor.do(SetModel("pot.0", "cook_torrance"))
+    editor.tick(2.0)
+    (asked,) = client.sent(PlanBands)
+    usual = usual_bands(editor.document.layer("pot.0").model)
+    planned = {factor: 2 * n for factor, n in usual.items()}
+    client.answer(asked, BandsPlanned((planned,)))
+    editor.tick(2.1)
+    for mode in ("orbit", "placement"):
+        editor.do(SetView.of(mode=mode))
+        editor.tick(3.0)
+        editor.tick(4.0)
+    assert client.sent(PlanBands) == [asked]
+    found = {key: dict(editor.talk.curves.bands(key, layer)) for key, layer in editor.document.layers()}
+    assert found == bands | {"pot.0": planned}

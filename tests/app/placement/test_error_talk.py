@@ -149,8 +149,11 @@ def test_an_edit_gives_it_up_and_undo_brings_it_back(desk: Desk) -> None:
     lifted = desk.editor.status.estimate
     assert lifted != before and desk.client.sent(EstimateError) == 2
     desk.editor.undo()
-    desk.until_judged()
-    assert desk.editor.status.estimate == before
+    desk.until_finished()
+    assert desk.editor.status.estimate == before and desk.client.sent(EstimateError) == 2  # it is remembered
+    desk.editor.redo()
+    desk.until_finished()
+    assert desk.editor.status.estimate == lifted and desk.client.sent(EstimateError) == 2
 
 
 def test_what_is_asked_is_dropped_at_the_next_edit(desk: Desk) -> None:
