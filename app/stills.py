@@ -40,7 +40,6 @@ from engine.steps import finish
 from engine.transport.pipeline import Placement
 
 REFERENCE_PATCHES = 1024
-_DIRECT_ALONE = "Orbit shows direct light alone: what bounces on is missing from this picture"
 ENDINGS = (".exr", ".png")
 
 Report = Callable[[StillProgress], None]
@@ -104,8 +103,8 @@ def render_project(
         return Still(held(finish(steps, report) * intensity, BRIGHTEST), warning=bounces.warning)
     layers = _at_most(layers, series.first or project.document.first_bands)
     if mode == "orbit":
-        drawn = finish(render_orbit(placement, _layers_by_object(project), sky, n_patches), report)
-        return Still(held(drawn * intensity, BRIGHTEST), warning=_DIRECT_ALONE if series.n_bounces > 1 else "")
+        drawing = render_orbit(placement, _layers_by_object(project), sky, n_patches, n_bounces=series.n_bounces)
+        return Still(held(finish(drawing, report) * intensity, BRIGHTEST), warning=bounces.warning)
     if series.n_bounces > 1:
         indirect = finish(indirect_radiance(placement, layers, sky, series), report)
     quality = still_quality(plan)

@@ -182,3 +182,27 @@ def add_background(
             upper = image[top, left, i] + right * (image[top, after, i] - image[top, left, i])
             lower = image[bottom, left, i] + right * (image[bottom, after, i] - image[bottom, left, i])
             radiance[j, i] += np.float32(scale) * (upper + down * (lower - upper))
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def gather(ends: Indices, sent: Floats, found: Floats) -> None:
+    """Fill found (G, 3): the mean over each row of ends (G, R) of what is sent (S, 3) there; −1 sends nothing."""
+    for g in range(ends.shape[0]):
+        red = green = blue = np.float32(0.0)
+        for r in range(ends.shape[1]):
+            p = ends[g, r]
+            if p >= 0:
+                red += sent[p, 0]
+                green += sent[p, 1]
+                blue += sent[p, 2]
+        found[g, 0], found[g, 1], found[g, 2] = red / ends.shape[1], green / ends.shape[1], blue / ends.shape[1]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def spread(beside: Indices, share: Floats, gathered: Floats, found: Floats) -> None:
+    """Fill found (S, 3): gathered (G, 3) at the places beside (S, K), by their share (S, K)."""
+    found[:] = 0.0
+    for p in range(beside.shape[0]):
+        for k in range(beside.shape[1]):
+            for i in range(3):
+                found[p, i] += share[p, k] * gathered[beside[p, k], i]

@@ -27,6 +27,7 @@ from engine.errors import InsituError
 from engine.light.emitters import EmitterPatches, emitter_patches
 from engine.material.layer import Layer
 from engine.orbit import _slice_kernels
+from engine.orbit.bounced import Bounces, bouncing
 from engine.orbit.incident import Incident, Lamps, light, more_glossy, no_light
 from engine.orbit.picture import Canvas, Seen, interpolated, picture, reflected, shaded, sunlit
 from engine.orbit.shading_points import ShadingPoints, shading_points, with_backs
@@ -35,6 +36,7 @@ from engine.orbit.slices import Slices, matt_reflectance, slicing
 from engine.orbit.visibility import N_UPPER, Bits, see, see_patches
 from engine.render.maps import MapFactors
 from engine.render.still import StillProgress
+from engine.render.surface_maps import mean_factor
 from engine.scene.description import CameraDescription
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
@@ -51,6 +53,7 @@ N_POINTS = 40_000  # besides the meshes' own vertices
 N_COEFFICIENTS = 320
 N_MOVING = 64  # of these, while something moves
 N_PATCHES = 64
+N_BOUNCES = 4  # where a scene does not say
 MOST_BYTES = 3 << 29
 _LEAST_COEFFICIENTS = 20
 _BYTES_A_COEFFICIENT = 8
@@ -87,6 +90,7 @@ class Orbit:
         self._most_bytes = most_bytes
         self._lit: _Lit | None = None
         self._patches = _emitters(scene, n_patches)
+        self._n_bounces = scene.description.bounces or N_BOUNCES
         self._light, self._sky = SkyState(None), make_sky(None, 0.0)
         self._layers_of: dict[int, tuple[Layer, ...]] = {}
         self._terms: tuple[_Term, ...] = ()
@@ -112,6 +116,12 @@ class Orbit:
                 self._lit.canvas.shines(scene)
             self._stale()
 
+    def set_bounces(self, n_bounces: int) -> None:
+        """How often light is reflected between light and eye from now on; at first as the scene says, or 4 times."""
+        if n_bounces != self._n_bounces:
+            self._n_bounces = n_bounces
+            self._rebounce()
+
     def set_layers(self, layers_of: LayersOf) -> None:
         """The layers of each object, by its index, from now on; what did not change is not computed again."""
         layers = {i: tuple(own) for i, own in layers_of.items() if not self.scene.emitters[i]}
@@ -123,7 +133,7 @@ class Orbit:
             self._tables.clear()
             if self._lit is not None:
                 self._lit.need_gloss(self._glossy_objects())
-            self.version += 1
+            self._rebounce()
 
     # ----------------------------------------------------------------------------------------------------- the work
 
@@ -135,7 +145,10 @@ class Orbit:
     @property
     def is_done(self) -> bool:
         """Whether there is no work left."""
-        return self._lit is not None and self._lit.is_done and all(layer in self._fine for layer in self._wanted())
+        lit = self._lit
+        if lit is None or not lit.is_done or any(layer not in self._fine for layer in self._wanted()):
+            return False
+        return self._n_bounces == 1 or lit.is_bounced == _EXACTLY
 
     @property
     def fraction(self) -> float:
@@ -163,6 +176,7 @@ class Orbit:
             return "reflection"
         if len(which := lit.first(lit.state == _STALE, _COARSE * n_threads())):
             lit.light(which, self._sky, self._lamps(lit), is_coarse=True)
+            lit.is_bounced = _STALE
             return "light"
         if rough := [layer for layer in self._wanted() if layer not in self._fine]:
             if self._slicing is None or self._slicing[0] not in rough:
@@ -173,12 +187,21 @@ class Orbit:
                 self._take(self._slicing[0], end.value, True)
                 self._slicing = None
             return "reflection"
+        if self._n_bounces > 1 and lit.bounces is not None and lit.is_bounced < lit.is_lit:
+            lit.bounce(self._albedos(), self._n_bounces)
+            return "bounces"
         if len(which := lit.first(lit.traced & (lit.state != _EXACTLY), _FINE * n_threads())):
             lit.light(which, self._sky, self._lamps(lit), is_coarse=False)
             return "light"
-        if behind := [i for i in lit.behind if i not in lit.with_backs]:
+        if behind := sorted(lit.behind - lit.with_backs):
             lit.add_backs(behind, self._glossy_objects())
             return "backs"
+        if len(which := lit.first(~lit.traced & lit.seen, _TRACED * n_threads())):
+            lit.trace(which, self._caster, self._patches)
+            return "visibility"
+        if self._n_bounces > 1 and lit.bounces is None:
+            lit.send_rays()
+            return "bounces"
         if len(which := lit.first(~lit.traced, _TRACED * n_threads())):
             lit.trace(which, self._caster, self._patches)
             return "visibility"
@@ -227,6 +250,8 @@ class Orbit:
             factors = maps.of_hits(seen.in_scene(which), ids, np.arange(len(which)))[:, term.factor]
         own = radiance if factors is None else np.zeros_like(radiance)
         ones = np.ones(3)
+        if self._n_bounces > 1:
+            interpolated(seen, which, lit.indirect, own, self._albedo(term) / np.pi)
         if term.reflectance is not None:
             interpolated(seen, which, lit.incident.irradiance, own, np.array(term.reflectance))
         elif (tables := self._tables_of(term.layers)) is not None:
@@ -257,6 +282,7 @@ class Orbit:
 
     def _take(self, layer: Layer, slices: Slices, is_fine: bool) -> None:
         self._slices[layer] = slices
+        self._rebounce()
         if is_fine:
             self._fine.add(layer)
         self._tables = {layers: tables for layers, tables in self._tables.items() if layer not in layers}
@@ -272,9 +298,31 @@ class Orbit:
             self._tables[layers] = total.tables
         return self._tables[layers]
 
+    def _albedo(self, term: _Term) -> NDArray[np.float64]:
+        """Of the matt reflection that stands for a term's, (3,); without its maps."""
+        if term.reflectance is not None:
+            return np.pi * np.array(term.reflectance)
+        return np.sum(
+            [self._slices[layer].albedo for layer in term.layers if layer in self._slices], axis=0
+        ) + np.zeros(3)
+
+    def _albedos(self) -> Floats:
+        """The same of all objects, (M, 3), with the means of their maps."""
+        albedos = np.zeros((len(self.scene.smooth), 3))
+        for term in self._terms:
+            maps = term.layers[0].maps
+            mean = 1.0 if maps.is_plain else mean_factor(self.scene, term.i_object, maps)
+            albedos[term.i_object] += self._albedo(term) * mean
+        return albedos.astype(np.float32)
+
     def _stale(self) -> None:
         if self._lit is not None:
             self._lit.state[:] = _STALE
+        self._rebounce()
+
+    def _rebounce(self) -> None:
+        if self._lit is not None:
+            self._lit.is_bounced = _STALE
         self.version += 1
 
     def _place(self) -> None:
@@ -310,8 +358,10 @@ class Orbit:
 
 
 class _Lit:
-    """The shading points of a scene, and what is known of the light there. state (S,): how the light that is wanted is
-    known; traced (S,): whether shadows are; seen (S,): what the last picture saw; behind: objects whose backs any saw.
+    """The shading points of a scene, and what is known of the light there.
+
+    state (S,): how the light that is wanted is known; traced (S,): whether shadows are; seen (S,): what the last
+    picture saw; behind: objects whose backs any saw; is_bounced: of which light the indirect irradiance (S, 3) is.
     """
 
     def __init__(
@@ -328,6 +378,17 @@ class _Lit:
         self.traced, self.seen = np.zeros((2, self._n), bool)
         self.behind: set[int] = set()
         self.with_backs: set[int] = set()
+        self.bounces: Bounces | None = None
+        self._bouncing: Generator[float, None, Bounces] | None = None
+        self.indirect = np.zeros((self._n, 3), np.float32)
+        self.is_bounced = _STALE
+
+    @property
+    def is_lit(self) -> int:
+        """How the light of all points is known that has shadows."""
+        if (self.state == _STALE).any():
+            return _STALE
+        return _EXACTLY if self.is_done else _COARSELY
 
     @property
     def is_done(self) -> bool:
@@ -354,6 +415,22 @@ class _Lit:
             see_patches(self.points, caster, patches[0], which, self.patch_bits)
         self.traced[which], self.state[which] = True, np.minimum(self.state[which], _COARSELY)
 
+    def send_rays(self) -> None:
+        """A part of those by which light bounces on."""
+        if self._bouncing is None:
+            self._bouncing = bouncing(self.points, self.canvas)
+        try:
+            next(self._bouncing)
+        except StopIteration as end:
+            self.bounces, self._bouncing = end.value, None
+            self.behind |= end.value.behind
+
+    def bounce(self, albedos: Floats, n_bounces: int) -> None:
+        """Find the indirect light; albedos (M, 3)."""
+        assert self.bounces is not None
+        self.is_bounced = self.is_lit
+        self.indirect = self.bounces.indirect(self.incident.irradiance, albedos[self.points.i_object], n_bounces)
+
     def need_gloss(self, is_glossy: NDArray[np.bool_]) -> None:
         """Keep coefficients of light for objects (M,) that reflect with gloss by now."""
         new = is_glossy[self.points.i_object] & (self.incident.slot < 0)
@@ -372,6 +449,8 @@ class _Lit:
         self.colours, self.state = _longer(self.colours, self._n, 0), _longer(self.state, self._n, _STALE)
         self.traced, self.seen = _longer(self.traced, self._n, 0), _longer(self.seen, self._n, 0)
         self.incident = more_glossy(self.incident, np.zeros(before, bool), self._n - before)
+        self.indirect, self.is_bounced = _longer(self.indirect, self._n, 0), _STALE
+        self.bounces = self._bouncing = None
         self.need_gloss(is_glossy)
 
 

@@ -77,16 +77,19 @@ class Canvas:
         """Take over what objects emit."""
         self._scene, self._surface = scene, self._surface._replace(emission=scene.emission)
 
+    def trace(self, origins: Floats, directions: Floats) -> kernels.Samples:
+        """What a few rays (R, 3) from anywhere meet."""
+        out, hits = _room(len(origins)), self._caster.intersect(origins, directions)
+        kernels.resolve(0, hits.triangle, hits.u, hits.v, directions, self._surface, out)
+        return out
+
     def _trace(
         self, camera: CameraDescription, resolution: tuple[int, int], places: NDArray[np.float64], n: int
     ) -> tuple[kernels.Samples, tuple[NDArray, ...]]:
         """Samples of n rays, and their triangle, u and v."""
         axes, eye = _plane(camera, resolution), np.subtract(camera.position, self._scene.origin).astype(np.float32)
         directions = np.empty((n, 3), np.float32)
-        out = kernels.Samples(
-            np.empty((n, 3), np.int32), np.zeros((n, 3), np.float32), np.empty((n, 3), np.float32),
-            np.empty((n, 3), np.float32), np.empty(n, np.int32), np.empty(n, bool),
-        )  # fmt: skip
+        out = _room(n)
         found = np.empty(n, np.int32), np.empty(n, np.float32), np.empty(n, np.float32)
 
         def part(start: int) -> None:
@@ -235,6 +238,14 @@ def picture(
         return radiance.reshape(height, width, 3)
     whole = np.stack([np.bincount(seen.pixel, radiance[:, i] * seen.share, width * height) for i in range(3)], axis=1)
     return whole.astype(np.float32).reshape(height, width, 3)
+
+
+def _room(n: int) -> kernels.Samples:
+    """For n samples."""
+    return kernels.Samples(
+        np.empty((n, 3), np.int32), np.zeros((n, 3), np.float32), np.empty((n, 3), np.float32),
+        np.empty((n, 3), np.float32), np.empty(n, np.int32), np.empty(n, bool),
+    )  # fmt: skip
 
 
 def _plane(camera: CameraDescription, resolution: tuple[int, int]) -> NDArray[np.float64]:

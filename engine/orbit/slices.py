@@ -54,6 +54,14 @@ class Slices:
         n = len(images) if self.is_isotropic else 1
         return kernels.Tables(table, self.values, images[:n], places[:n], _STEEPEST)
 
+    @property
+    def albedo(self) -> NDArray[np.float64]:
+        """Of the matt reflection that sends as much light on [BenArtzi07, sect. 5.3], (3,): 1/π ∫∫ ρ cos cos."""
+        solid_angles = geodesic(LEVEL).solid_angles[upper()]
+        sent = np.einsum("k,kpai->pi", solid_angles, self.values, dtype=np.float64) / self.values.shape[2]
+        polar = np.linspace(0.0, _STEEPEST, N_POLAR)
+        return np.asarray(np.trapezoid(sent * np.sin(2.0 * polar)[:, None], polar, axis=0))
+
     def __add__(self, other: Slices) -> Slices:
         """Of both one above the other."""
         if self.is_isotropic and other.is_isotropic:

@@ -21,14 +21,16 @@ def render_orbit(
     n_patches: int,
     n_points: int = N_POINTS,
     n_coefficients: int = N_COEFFICIENTS,
+    n_bounces: int = 1,
 ) -> Generator[StillProgress, None, NDArray[np.float32]]:
-    """Radiance (H, W, 3) after one reflection, as Orbit shows it at rest; yields how far it is.
+    """Radiance (H, W, 3) after up to n_bounces reflections, as Orbit shows it at rest; yields how far it is.
 
     layers_of: the layers of each object, by its index.
     """
     orbit = Orbit(placement.scene, placement.caster, n_points, n_coefficients, n_patches)
     orbit.set_light(sky)
     orbit.set_layers(layers_of)
+    orbit.set_bounces(n_bounces)
     camera, resolution = placement.scene.description.camera, placement.hits.resolution
     for step in orbit.work():
         yield StillProgress(_DRAWING * step.fraction, step.text)

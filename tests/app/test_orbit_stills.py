@@ -54,12 +54,12 @@ def test_a_still_of_orbit_is_the_brute_force_picture(name: str, points: int, mos
     assert error < most and abs(difference) < 0.015
 
 
-def test_the_command_writes_it_and_says_that_bounces_are_missing(tmp_path, capsys, monkeypatch) -> None:
+def test_the_command_writes_it(tmp_path, capsys, monkeypatch) -> None:
     monkeypatch.setattr(stills, "render_orbit", partial(render_orbit, n_points=500))
     out = tmp_path / "orbit.png"
     assert insitu("render", "cornell", "-o", out, "--mode", "orbit", "--resolution", 24, 24) == 0
     assert out.stat().st_size > 500
-    assert "Orbit shows direct light alone" in capsys.readouterr().out
+    capsys.readouterr()
     assert insitu("render", "cornell", "-o", out, "--mode", "orbit", "--reference") != 0
     assert "--mode orbit --reference" in capsys.readouterr().err
 

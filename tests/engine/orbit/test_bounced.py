@@ -1,0 +1,63 @@
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine.material import MODELS
+from engine.material.layer import make_layer
+from engine.orbit.live import Orbit
+from engine.scene.description import parse_description
+from engine.scene.load import build_scene
+
+SPHERE = """
+version = 1
+[camera]
+position = [0.6, 0.3, 0.0]
+target = [-0.5, 0.0, 0.0]
+fov_y = 80.0
+[[object]]
+name = "sphere"
+primitive = "sphere"
+transform = [2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1]
+[[object]]
+name = "lamp"
+primitive = "quad"
+emission = [100.0, 50.0, 25.0]
+transform = [0.1, 0, 0, 0, 0, 0, 0.1, 0, 0, -0.1, 0, 0, 0, 0, 0, 1]
+"""
+
+
+@pytest.fixture(scope="module")
+def inside() -> Orbit:
+    """An integrating sphere, seen from within: its backs have to be found."""
+    scene = build_scene(parse_description(tomllib.loads(SPHERE), "sphere"), Path("sphere.toml"), (16, 12))
+    orbit = Orbit(scene, n_points=0, n_patches=4)
+    orbit.set_layers({0: [make_layer(MODELS["lambert"], {"albedo": [0.8, 0.5, 0.0]})]})
+    orbit.set_bounces(1)
+    assert [*orbit.work()]
+    orbit.draw(scene.description.camera, (16, 12))
+    assert not orbit.is_done and [*orbit.work()]
+    return orbit
+
+
+@pytest.mark.parametrize("n_bounces", [2, 4])
+def test_an_integrating_sphere_is_as_bright_as_the_closed_form_says(inside, n_bounces: int) -> None:
+    # Each bounce sends Φ ρ^k evenly over 4π, wherever the light before it was; a ray more or less meets the lamp.
+    camera = inside.scene.description.camera
+    inside.set_bounces(1)
+    direct = inside.draw(camera, (16, 12))
+    inside.set_bounces(n_bounces)
+    assert [*inside.work()]
+    found = inside.draw(camera, (16, 12)) - direct
+    albedo = np.array([0.8, 0.5, 0.0])
+    flux = np.pi * 0.01 * np.array([100.0, 50.0, 25.0])
+    irradiance = flux / (4.0 * np.pi) * sum(albedo**k for k in range(1, n_bounces))
+    walls = found[direct.max(axis=2) < 20.0]
+    np.testing.assert_allclose(walls.mean(axis=0), albedo / np.pi * irradiance, rtol=0.02)
+    assert walls[:, :2].std(axis=0).max() < 0.03 * walls[:, 0].mean()
+
+
+def test_one_bounce_is_no_work_and_black_walls_send_nothing_on(inside) -> None:
+    inside.set_bounces(1)
+    assert inside.is_done and not [*inside.work()]
