@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from app.document import RGB
 from app.jobs.bench import Bench
+from app.jobs.kernels import FIRST_TIME, are_compiled, note_compiled
 from app.jobs.measured import ensure_tables
 from app.jobs.messages import Progress
 from app.jobs.schedule import Handlers, Steps
@@ -26,7 +27,7 @@ from engine.steps import told_as
 if TYPE_CHECKING:
     from engine.orbit.live import Orbit
 
-STAGE = "orbit"
+STAGE = ORBIT = "orbit"
 
 
 class OrbitWork(ModeWork):
@@ -62,12 +63,17 @@ class OrbitWork(ModeWork):
             self._emission = scene.emission
         orbit.set_light(sky)
         orbit.set_layers(_by_object(orbit.scene, scene.layers))
-        self._prepared, told = request.id, None
+        self._prepared = request.id
+        first_time, told = not are_compiled(ORBIT), None
         for step in orbit.work():
             if orbit.is_ready and orbit.version != told:
+                if told is None and first_time:
+                    yield from _rehearsed(orbit)
                 told = orbit.version
                 yield OrbitAdvanced(orbit.version, orbit.is_done)
-            yield Progress(STAGE, step.fraction, text=step.text)
+            yield Progress(STAGE, step.fraction, text=FIRST_TIME if first_time else step.text)
+        if first_time:
+            note_compiled(ORBIT)
         yield OrbitAdvanced(orbit.version, orbit.is_done)
 
     def _draw(self, request: DrawOrbit) -> Steps:
@@ -87,6 +93,14 @@ class OrbitWork(ModeWork):
 
             self._orbit = Orbit(self._bench.open_placement.scene, self._caster, self.n_points)
         return self._orbit
+
+
+def _rehearsed(orbit: Orbit) -> Steps:
+    """Compile what pictures are drawn with before the first is asked for, which is a quick request."""
+    camera = orbit.scene.description.camera
+    for quality in ("moving", "rest"):
+        yield Progress(STAGE, orbit.fraction, text=FIRST_TIME)
+        yield from told_as(orbit.drawing(camera, (8, 8), quality), lambda step: None)
 
 
 def _by_object(scene: Scene, layers: Sequence[LayerState]) -> dict[int, tuple[Layer, ...]]:

@@ -139,8 +139,8 @@ class Orbit:
 
     @property
     def is_ready(self) -> bool:
-        """Whether anything can be drawn."""
-        return self._lit is not None
+        """Whether a picture shows more than black: all points have been lit once, if only without shadows."""
+        return self._lit is not None and self._lit.was_lit
 
     @property
     def is_done(self) -> bool:
@@ -178,6 +178,7 @@ class Orbit:
             lit.light(which, self._sky, self._lamps(lit), is_coarse=True)
             lit.is_bounced = _STALE
             return "light"
+        lit.was_lit = True
         if rough := [layer for layer in self._wanted() if layer not in self._fine]:
             if self._slicing is None or self._slicing[0] not in rough:
                 self._slicing = rough[0], slicing(rough[0])
@@ -361,7 +362,8 @@ class _Lit:
     """The shading points of a scene, and what is known of the light there.
 
     state (S,): how the light that is wanted is known; traced (S,): whether shadows are; seen (S,): what the last
-    picture saw; behind: objects whose backs any saw; is_bounced: of which light the indirect irradiance (S, 3) is.
+    picture saw; behind: objects whose backs any saw; is_bounced: of which light the indirect irradiance (S, 3) is;
+    was_lit: whether there has been light everywhere.
     """
 
     def __init__(
@@ -376,6 +378,7 @@ class _Lit:
         self.colours = np.zeros((self._n, 3), np.float32)
         self.state = np.zeros(self._n, np.uint8)
         self.traced, self.seen = np.zeros((2, self._n), bool)
+        self.was_lit = False
         self.behind: set[int] = set()
         self.with_backs: set[int] = set()
         self.bounces: Bounces | None = None

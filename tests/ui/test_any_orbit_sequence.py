@@ -52,7 +52,7 @@ class NamedOrbit:
     anything of it is still to be made ready."""
 
     def __init__(self, scene: Scene, *_: object) -> None:
-        self.scene, self.version, self.is_ready = scene, 0, False
+        self.scene, self.version, self.is_ready, self.fraction = scene, 0, False, 0.0
         self._wanted: tuple[object, ...] = ()
         self._light: SkyState | None = None
         self._layers: object = None

@@ -45,10 +45,16 @@ def wait_until_shown_by(window: HeadlessWindow, name: str) -> None:
     assert window.run_until(lambda: editor.status.shown_by == name and editor.status.picture != "waiting", 120.0)
 
 
+def test_the_first_picture_has_light_everywhere(window: HeadlessWindow) -> None:
+    # Not that of points whose light is still to be found, which would be black.
+    wait_until_shown_by(window, "Orbit")
+    picture = feed_of(window).canvas.linear_image()
+    assert (picture.mean(axis=2) > 1e-3).all()
+
+
 def test_the_picture_of_a_view_at_rest_is_placements(window: HeadlessWindow) -> None:
     wait_until_shown_by(window, "Orbit")
-    orbits = window.run_until(lambda: window.shell.editor.status.picture == "refining", 120.0)
-    assert orbits
+    assert window.run_until(lambda: window.shell.editor.status.picture == "refining", 120.0)
     first = feed_of(window).canvas.linear_image()
     wait_until_exact(window)
     assert window.shell.editor.status.shown_by == "Placement"
