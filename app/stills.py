@@ -116,11 +116,14 @@ def render_project(
     return Still(held(picture * intensity, BRIGHTEST), error, bounces.warning)
 
 
-def prepared_orbit(project: Project, n_patches: int = N_PATCHES) -> Orbit:
-    """What pictures in Orbit's way are drawn of, from anywhere; all its work is to be done."""
+def prepared_orbit(project: Project, n_patches: int = N_PATCHES, series: BounceSeries | None = None) -> Orbit:
+    """What pictures in Orbit's way are drawn of, from anywhere; all its work is to be done. series: None for as many
+    bounces as the session or the scene says, or Orbit takes."""
     orbit = Orbit(project.scene, n_patches=n_patches)
     orbit.set_light(project.sky)
     orbit.set_layers(_layers_by_object(project))
+    if n_bounces := series.n_bounces if series else project.n_bounces:
+        orbit.set_bounces(n_bounces)
     return orbit
 
 

@@ -93,7 +93,7 @@ def turn(
     around = cameras(Camera(**{name: getattr(camera, name) for name in Camera.model_fields}), frames.count)
     seen_from = [project.scene.seen_from(around[i]) for i in missing]
     if mode == "orbit":
-        pictures = _orbits(project, seen_from, report, n_patches)
+        pictures = _orbits(project, seen_from, report, n_patches, series)
     else:
         pictures = _placements(project, seen_from, report, n_lights, n_patches, series)
     for i, picture in zip(missing, pictures, strict=False):
@@ -101,11 +101,13 @@ def turn(
     return len(missing)
 
 
-def _orbits(project: Project, seen_from: Sequence[Scene], report: Report, n_patches: int) -> Iterator[Picture]:
+def _orbits(
+    project: Project, seen_from: Sequence[Scene], report: Report, n_patches: int, series: BounceSeries | None
+) -> Iterator[Picture]:
     """Everything is made ready once; what only some cameras see, when one does."""
     if not seen_from:
         return
-    orbit = prepared_orbit(project, n_patches)
+    orbit = prepared_orbit(project, n_patches, series)
     for step in orbit.work():
         report(replace(step, fraction=_PREPARING * step.fraction))
     intensity = np.float64(project.document.light.intensity)

@@ -63,6 +63,8 @@ class OrbitWork(ModeWork):
             self._emission = scene.emission
         orbit.set_light(sky)
         orbit.set_layers(_by_object(orbit.scene, scene.layers))
+        if request.n_bounces:
+            orbit.set_bounces(request.n_bounces)
         self._prepared = request.id
         first_time, told = not are_compiled(ORBIT), None
         for step in orbit.work():

@@ -20,7 +20,8 @@ Quality = Literal["moving", "rest"]
 @dataclass(frozen=True)
 class PrepareOrbit(Request):
     """From now on draw this scene, whose layers are those that are seen; and make ready all that pictures are drawn of,
-    coarse first. Answered by `OrbitAdvanced` as often as pictures change by it.
+    coarse first. Answered by `OrbitAdvanced` as often as pictures change by it. n_bounces: reflections between light
+    and eye; 0: as many as the engine takes.
 
     Another camera cancels it, for a camera is traced before anything slow goes on; what it has made ready stays.
     """
@@ -28,6 +29,7 @@ class PrepareOrbit(Request):
     built_on = (LookFrom,)
 
     scene: SceneState
+    n_bounces: int = 0
 
 
 @dataclass(frozen=True)

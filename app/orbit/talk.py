@@ -25,12 +25,11 @@ from app.mode import Desk, ModeTalk, OpenedScene
 from app.orbit.events import OrbitPicture
 from app.orbit.messages import DrawOrbit, OrbitAdvanced, OrbitDrawn, OrbitUnknown, PrepareOrbit, Quality
 from app.orbit.status import OrbitStatus
-from app.orbit.wishes import Drawing, Known, Pace, wanted_scene
+from app.orbit.wishes import Drawing, Known, OrbitWish, Pace
 from app.picture import PictureEvent
 from app.placement.known_light import KnownLight
 from app.placement.messages import ComputeTransport
 from app.placement.talk import PlacementTalk
-from app.scene_state import SceneState
 from app.status import PictureState, Status
 from app.view_state import Viewpoint, ViewState
 from engine.material.layer import Layer
@@ -56,7 +55,7 @@ class OrbitTalk(ModeTalk):
         """Nothing is known of the scene."""
         self._own_camera: CameraDescription | None = None
         self.is_away = False
-        self._wish: SceneState | None = None
+        self._wish: OrbitWish | None = None
         self._wish_made_of: tuple[object, ...] = ()
         self._moved_at = -math.inf
         self._look: Viewpoint | None = None
@@ -69,7 +68,7 @@ class OrbitTalk(ModeTalk):
 
     def _forget_worker(self) -> None:
         """The worker knows nothing, and what it was asked will not be answered."""
-        self._asked: SceneState | None = None
+        self._asked: OrbitWish | None = None
         self._known = Known()
         self._drawing: Drawing | None = None
         self._drawing_id = 0
@@ -206,7 +205,11 @@ class OrbitTalk(ModeTalk):
     def _has_followed(self) -> bool:
         """Whether document and view are as they were at the last update."""
         view = self._desk.view
-        return (self._desk.history.document, view.solo) == self._wish_made_of and view.look == self._look
+        return (
+            self._desk.history.document,
+            view.solo,
+            view.n_bounces,
+        ) == self._wish_made_of and view.look == self._look
 
     # --------------------------------------------------------------------------------------------------------- asking
 
@@ -227,10 +230,10 @@ class OrbitTalk(ModeTalk):
 
     def _follow(self, now: float, document: Document, view: ViewState) -> None:
         """What is wanted now, and since when."""
-        made_of = document, view.solo
+        made_of = document, view.solo, view.n_bounces
         wish = self._wish
         if wish is None or self._wish_made_of != made_of:
-            wish, self._wish_made_of = wanted_scene(document, view), made_of
+            wish, self._wish_made_of = OrbitWish.of(document, view), made_of
         if (wish, view.look) != (self._wish, self._look):
             self._moved_at = -math.inf if self._wish is None else now
             self._is_stopped = self._is_stopped and wish == self._wish
@@ -246,9 +249,14 @@ class OrbitTalk(ModeTalk):
         followed, is_finished = self._placement_follows, picture in ("finished", "exact")
         self._placement_follows = is_finished or followed and picture == "refining"
         self._shows_placement |= self._placement_follows
-        if not self._placement_follows and (followed or self._asked != self._wish):
+        if not self._placement_follows and (followed or not self._is_asked_for):
             self._hold_placement_back()
         return events
+
+    @property
+    def _is_asked_for(self) -> bool:
+        """Whether Orbit was asked for this scene; how often light bounces Placement itself may have found out since."""
+        return self._asked is not None and self._wish is not None and self._asked.scene == self._wish.scene
 
     def _hold_placement_back(self) -> None:
         """Placement asks for nothing until Orbit's picture is whole again."""
@@ -267,7 +275,7 @@ class OrbitTalk(ModeTalk):
         if self._desk.history.dragging and shown is not None and shown.made_of.prepared != self._prepare_id:
             return
         self._asked = wish
-        self._prepare_id = self._desk.send(PrepareOrbit(wish))
+        self._prepare_id = self._desk.send(PrepareOrbit(wish.scene, wish.n_bounces))
 
     def _draw(self, now: float) -> None:
         """Ask for a picture, where there is another one than is shown or under way."""
@@ -327,7 +335,7 @@ class OrbitTalk(ModeTalk):
             return
         self._known = Known(response.id, response.version, response.is_done)
         if self._asked is not None:
-            self._known_light.worked(self._asked.light)
+            self._known_light.worked(self._asked.scene.light)
         if response.is_done:
             self._desk.gauges.progress = None
 
@@ -357,5 +365,5 @@ class OrbitTalk(ModeTalk):
             self._refused, self._drawing = self._drawing, None
         if response.id == self._prepare_id and self._asked is not None:
             self._is_stopped = True
-            if self._known_light.go_back(self._desk.history, self._asked.light):
+            if self._known_light.go_back(self._desk.history, self._asked.scene.light):
                 self._desk.document_changed()

@@ -17,11 +17,20 @@ SCALES = (1.0, 0.75, 0.5, 0.375, 0.25)
 _TOO_LONG, _SHORT_ENOUGH = 1.3, 0.8
 
 
-def wanted_scene(document: Document, view: ViewState) -> SceneState:
-    """All that pictures are drawn of, but for the camera: equal ones have equal pictures. Only layers that are seen."""
-    scene = scene_state(document)
-    seen = (each for each in scene.layers if is_seen(document, view, each.key))
-    return replace(scene, layers=tuple(LayerState(each.key, each.layer.replace(visible=True)) for each in seen))
+@dataclass(frozen=True)
+class OrbitWish:
+    """All that pictures are drawn of, but for the camera: equal wishes have equal pictures. The scene has the layers
+    that are seen alone."""
+
+    scene: SceneState
+    n_bounces: int
+
+    @classmethod
+    def of(cls, document: Document, view: ViewState) -> OrbitWish:
+        scene = scene_state(document)
+        seen = (each for each in scene.layers if is_seen(document, view, each.key))
+        layers = tuple(LayerState(each.key, each.layer.replace(visible=True)) for each in seen)
+        return cls(replace(scene, layers=layers), view.n_bounces)
 
 
 @dataclass(frozen=True)

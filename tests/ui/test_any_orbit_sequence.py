@@ -20,7 +20,7 @@ from app.jobs.cache import Store
 from app.modes import MODES
 from app.orbit.events import OrbitPicture
 from app.orbit.talk import OrbitTalk
-from app.orbit.wishes import wanted_scene
+from app.orbit.wishes import OrbitWish
 from app.view_state import SetView, ViewState
 from engine.material.layer import Layer
 from engine.render.still import StillProgress
@@ -76,6 +76,9 @@ class NamedOrbit:
             self._layers = layers
             self._begin()
 
+    def set_bounces(self, n_bounces: int) -> None:
+        """Their light has the same colour."""
+
     @property
     def is_done(self) -> bool:
         return self.is_ready and self._left == 0
@@ -100,7 +103,7 @@ def expected_colour(editor: Editor) -> np.ndarray:
     """That of the picture that the document and the view come to."""
     document: Document = editor.document
     view: ViewState = editor.view
-    layers = wanted_scene(document, view).layers
+    layers = OrbitWish.of(document, view).scene.layers
     names = [state.name for state in document.objects]
     own = [said_of_layers([each.layer for each in layers if each.object == name]) for name in names]
     return colour_of(editor.look, document.light.rotation, 1.0, own)
