@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from app.document import RGB
 from app.jobs.bench import Bench
+from app.jobs.cache import content_key
 from app.jobs.kernels import FIRST_TIME, are_compiled, note_compiled
 from app.jobs.measured import ensure_tables
 from app.jobs.messages import Progress
@@ -58,6 +59,9 @@ class OrbitWork(ModeWork):
         if (image := self._bench.sky_image(sky, scene.light)) is not None:
             yield image
         orbit = self._made()
+        key = content_key("orbit visibility 1", *orbit.geometry)
+        if not orbit.n_bytes:  # nothing is placed yet
+            self._bench.store.get(key, orbit.restore)
         if scene.emission != self._emission:
             orbit.shine(dict(scene.emission))
             self._emission = scene.emission
@@ -77,6 +81,8 @@ class OrbitWork(ModeWork):
         if first_time:
             note_compiled(ORBIT)
         yield OrbitAdvanced(orbit.version, orbit.is_done)
+        if orbit.has_traced:
+            self._bench.store.put(key, orbit.stored())
 
     def _draw(self, request: DrawOrbit) -> Steps:
         orbit = self._orbit

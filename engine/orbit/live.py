@@ -29,6 +29,7 @@ from engine.material.layer import Layer
 from engine.orbit import _slice_kernels
 from engine.orbit.bounced import Bounces, bouncing
 from engine.orbit.incident import Incident, Lamps, light, more_glossy, no_light
+from engine.orbit.kept_visibility import deflated, inflated
 from engine.orbit.picture import Canvas, Seen, interpolated, picture, reflected, shaded, sunlit
 from engine.orbit.shading_points import ShadingPoints, shading_points, with_backs
 from engine.orbit.sky import Sky, make_sky
@@ -41,6 +42,7 @@ from engine.scene.description import CameraDescription
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
 from engine.steps import finish
+from engine.stored_arrays import ArrayReader, Arrays
 from engine.threads import n_threads
 from engine.transport.pipeline import SkyState
 
@@ -89,6 +91,7 @@ class Orbit:
         self._n_points, self._n_coefficients, self._n_patches = n_points, n_coefficients, n_patches
         self._most_bytes = most_bytes
         self._lit: _Lit | None = None
+        self._kept: tuple[Bits, Bits, list[int]] | None = None
         self._patches = _emitters(scene, n_patches)
         self._n_bounces = scene.description.bounces or N_BOUNCES
         self._light, self._sky = SkyState(None), make_sky(None, 0.0)
@@ -98,6 +101,41 @@ class Orbit:
         self._fine: set[Layer] = set()
         self._tables: dict[tuple[Layer, ...], _slice_kernels.Tables] = {}
         self._slicing: tuple[Layer, Generator[float, None, Slices]] | None = None
+
+    # ------------------------------------------------------------------------------------------- what can be kept
+
+    @property
+    def geometry(self) -> tuple[NDArray[np.generic] | int, ...]:
+        """All that visibility hangs on."""
+        scene = self.scene
+        arrays = scene.vertices, scene.normals, scene.triangles, scene.object_of_triangle, scene.smooth, scene.emitters
+        return (*arrays, self._n_points, self._n_patches)
+
+    @property
+    def has_traced(self) -> bool:
+        """Whether all that was asked for so far is seen, some of it traced and not restored."""
+        return self._lit is not None and self._lit.n_traced > 0 and bool(self._lit.traced.all())
+
+    def stored(self) -> dict[str, NDArray[np.generic]]:
+        """The visibility of all points, to be kept by `geometry`. Raises ValueError before any are there."""
+        if self._lit is None:
+            raise ValueError("nothing is seen yet: expected some steps of work before")
+        lit = self._lit
+        lit.n_traced = 0
+        arrays = {
+            "backs": np.array(sorted(lit.with_backs), np.int64),
+            "n_points": np.array([len(lit.points)], np.int64),
+        }
+        return arrays | deflated("bits", lit.bits) | deflated("patch_bits", lit.patch_bits)
+
+    def restore(self, arrays: Arrays) -> None:
+        """Become what sees as `stored` gave it, of the same geometry; before any work. Raises UnsoundArrays."""
+        reader = ArrayReader(arrays)
+        n = int(reader.take("n_points", np.int64, 1)[0])
+        backs = reader.take("backs", np.int64, "backs", below=len(self.scene.smooth))
+        bits = inflated("bits", reader, n, N_UPPER // 2)
+        n_patches = 0 if self._patches is None else len(self._patches[0])
+        self._kept = bits, inflated("patch_bits", reader, n, (n_patches + 7) // 8), backs.tolist()
 
     # ------------------------------------------------------------------------------------------------ what is wanted
 
@@ -154,6 +192,12 @@ class Orbit:
     def fraction(self) -> float:
         """How much of the work is done."""
         return 0.0 if self._lit is None else self._lit.fraction
+
+    @property
+    def n_bytes(self) -> int:
+        """What points keep."""
+        lit = self._lit
+        return 0 if lit is None else lit.bits.nbytes + lit.patch_bits.nbytes + lit.incident.n_bytes
 
     def work(self) -> Steps:
         """All that is missing, piece by piece; ends where nothing is. What is set meanwhile is taken up at once.
@@ -341,6 +385,9 @@ class Orbit:
             self.notes = (f"{n} coefficients of light a point instead of {self._n_coefficients}, for want of memory",)
         n_patches = 0 if self._patches is None else len(self._patches[0])
         self._lit = _Lit(self.scene, points, n, n_patches, self._glossy_objects())
+        if self._kept is not None:
+            self._lit.restore(*self._kept, self._glossy_objects())
+            self._kept = None
         self.version += 1
 
     def _within_memory(self, n_points: int) -> int:
@@ -363,7 +410,8 @@ class _Lit:
 
     state (S,): how the light that is wanted is known; traced (S,): whether shadows are; seen (S,): what the last
     picture saw; behind: objects whose backs any saw; is_bounced: of which light the indirect irradiance (S, 3) is;
-    was_lit: whether there has been light everywhere.
+    was_lit: whether there has been light everywhere;
+    n_traced: points that were traced since this was stored.
     """
 
     def __init__(
@@ -379,6 +427,7 @@ class _Lit:
         self.state = np.zeros(self._n, np.uint8)
         self.traced, self.seen = np.zeros((2, self._n), bool)
         self.was_lit = False
+        self.n_traced = 0
         self.behind: set[int] = set()
         self.with_backs: set[int] = set()
         self.bounces: Bounces | None = None
@@ -417,6 +466,15 @@ class _Lit:
         if patches is not None:
             see_patches(self.points, caster, patches[0], which, self.patch_bits)
         self.traced[which], self.state[which] = True, np.minimum(self.state[which], _COARSELY)
+        self.n_traced += len(which)
+
+    def restore(self, bits: Bits, patch_bits: Bits, backs: list[int], is_glossy: NDArray[np.bool_]) -> None:
+        """Take over what was seen before; nothing where it is of other points."""
+        if backs:
+            self.add_backs(backs, is_glossy)
+        if len(bits) == len(self.points):
+            self.bits, self.patch_bits = bits, patch_bits
+            self.traced[:] = True
 
     def send_rays(self) -> None:
         """A part of those by which light bounces on."""

@@ -5,6 +5,7 @@ from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.orbit.live import Orbit
+from engine.stored_arrays import UnsoundArrays
 from engine.transport.pipeline import SkyState
 
 GOLD = make_layer(MODELS["rough_conductor"], {"alpha": 0.3})
@@ -52,3 +53,30 @@ def test_the_version_rises_with_what_changes_pictures_alone(orbit) -> None:
     assert [step.text for step in orbit.work()] == ["bounces"]  # what is matt asks for nothing else
     orbit.set_layers({0: [WHITE], 1: [WHITE, GOLD.with_parameter("alpha", 0.5)]})
     assert not orbit.is_done
+
+
+def test_what_was_seen_is_kept_and_restored_with_backs(ball_scene, orbit) -> None:
+    below = ball_scene.description.camera.model_copy(update={"position": (0.0, -3.0, 1.0)})
+    assert [*orbit.work()]
+    orbit.draw(below, SIZE)
+    assert [*orbit.work()] and orbit.has_traced
+    arrays = orbit.stored()
+    assert not orbit.has_traced  # there is nothing new
+    assert sum(array.nbytes for array in arrays.values()) < 0.15 * orbit.n_bytes
+    again = Orbit(ball_scene, n_points=300, n_coefficients=64)
+    again.restore(arrays)
+    again.set_light(SkyState(constant_environment((2.0, 1.0, 0.5))))
+    again.set_layers({0: [MATT], 1: [GOLD]})
+    assert "visibility" not in [step.text for step in again.work()]
+    np.testing.assert_array_equal(again.draw(below, SIZE), orbit.draw(below, SIZE))
+    assert not again.has_traced
+
+
+@pytest.mark.parametrize("name", ["bits_data", "bits_starts", "patch_bits_starts", "n_points", "backs"])
+def test_damaged_visibility_is_refused(orbit, name: str) -> None:
+    next(work := orbit.work())
+    next(work)
+    arrays = orbit.stored()
+    arrays[name] = arrays[name][:-1] if arrays[name].size else np.array([7], np.int64)
+    with pytest.raises(UnsoundArrays):
+        orbit.restore(arrays)
