@@ -59,9 +59,8 @@ class OrbitWork(ModeWork):
         if (image := self._bench.sky_image(sky, scene.light)) is not None:
             yield image
         orbit = self._made()
-        key = content_key("orbit visibility 1", *orbit.geometry)
         if not orbit.n_bytes:  # nothing is placed yet
-            self._bench.store.get(key, orbit.restore)
+            self._bench.store.get(_key(orbit), orbit.restore)
         if scene.emission != self._emission:
             orbit.shine(dict(scene.emission))
             self._emission = scene.emission
@@ -82,7 +81,7 @@ class OrbitWork(ModeWork):
             note_compiled(ORBIT)
         yield OrbitAdvanced(orbit.version, orbit.is_done)
         if orbit.has_traced:
-            self._bench.store.put(key, orbit.stored())
+            self._bench.store.put(_key(orbit), orbit.stored())
 
     def _draw(self, request: DrawOrbit) -> Steps:
         orbit = self._orbit
@@ -101,6 +100,11 @@ class OrbitWork(ModeWork):
 
             self._orbit = Orbit(self._bench.open_placement.scene, self._caster, self.n_points)
         return self._orbit
+
+
+def _key(orbit: Orbit) -> str:
+    """Under which its visibility is kept."""
+    return content_key("orbit visibility 1", *orbit.geometry)
 
 
 def _rehearsed(orbit: Orbit) -> Steps:
