@@ -12,10 +12,12 @@ import pytest
 from PIL import Image
 
 import app.measure as measuring
+import app.measure.indirect as indirect
 from app.measure import Effort, run
 from app.measure.figures import SPECS, NotMeasured
+from app.measure.growth import GrowthRow
 from app.measure.indirect import IndirectEffort
-from app.measure.launches import Screen, launch, open_screen
+from app.measure.launches import Screen, launch, measure_indirect, open_screen
 from app.measure.sweep import Grid
 
 EFFORT = Effort(
@@ -29,7 +31,7 @@ EFFORT = Effort(
     50,
     False,
     600.0,
-    Grid((50, 400), (16, 64), (1, 64), side=24, n_points=6, level=4),
+    Grid((50, 400), (16, 64), (1, 64), side=24, n_points=6, level=4, oracle_lights=800),
     IndirectEffort(2, 1, (2, 4), 12, 12, ((2, 2), (3, 3)), 12, warm_up=False, room=False),
     rooms=None,
     gloss=None,
@@ -47,10 +49,18 @@ def no_screen() -> Iterator[Screen]:
 
 @pytest.fixture(scope="module")
 def measured(tiny_scene: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a whole measurement, without windows."""
+    """The folder of a whole measurement, without windows.
+
+    The program that measures indirect light is given the tiny scene in place of the Cornell box; the memory of that is
+    `test_growth`'s.
+    """
     folder = tmp_path_factory.mktemp("measured")
+    twice = folder / "twice.toml"
+    twice.write_text(Path(tiny_scene).read_text().replace("bounces = 1", "bounces = 2"))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(measuring, "open_screen", no_screen)
+        patch.setattr(indirect, "measure_indirect", lambda _, *others: measure_indirect(str(twice), *others))
+        patch.setattr(indirect, "memory_rows", lambda *_: [GrowthRow(2, 10.0, 0.0), GrowthRow(4, 15.0, 0.0)])
         run(tiny_scene, folder, report=lambda line: None, effort=EFFORT)
     return folder
 
