@@ -17,7 +17,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from app.document import RGB, LightState, layer_key
+from app.document import RGB, LightState, ObjectState, layer_key
 from app.editor import Editor
 from app.light_commands import emission_of
 from app.picture import PictureEvent, SceneFrame, SkyChanged
@@ -41,6 +41,7 @@ from ui.gl.placement.renderer import PlacementRenderer
 from ui.gl.tonemap import DisplayView
 from ui.map_feed import MapFeed
 from ui.picture_feed import PictureSource
+from ui.plain_shading import plain_colour, plain_radiance
 from ui.shown_view import ShownView
 from ui.still import ShownStill
 
@@ -48,6 +49,7 @@ UPLOAD_SHARE = 0.5
 # Of the frame's time, what refinement gets however long the rest takes.
 LEAST_SHARE = 0.25
 LEAST_INTENSITY = 1e-30
+PLAIN_SECONDS = 0.005
 
 
 class PlacementFeed(PictureSource):
@@ -62,6 +64,7 @@ class PlacementFeed(PictureSource):
         self._holds = False
         self._emission: dict[str, RGB] = {}
         self._maps = MapFeed(self.renderer)
+        self._plain: set[str] = set()
         self._view = ShownView()
         self._wanted: dict[str, NDArray[np.float64]] = {}
         self._compared: object = None
@@ -127,6 +130,7 @@ class PlacementFeed(PictureSource):
     def _take_scene(self, event: SceneFrame) -> None:
         self.renderer.set_frame(event.frame)
         self._names = [described.name for described in event.description.objects]
+        self._plain.clear()
         self._view_curves.clear()
         self._indirect.clear()
         self._drawn_as.clear()
@@ -140,6 +144,8 @@ class PlacementFeed(PictureSource):
         renderer.set_footprint(*_both(event.footprint))
         if event.key not in renderer.layer_keys:
             renderer.set_layer(event.key, self._names.index(object_of(event.key)), len(event.radiance))
+            if object_of(event.key) in self._plain & set(renderer.layer_keys):
+                renderer.remove_layer(object_of(event.key))
             self._maps.layer_made(event.key)
         if self._drawn_as.get(event.key) != event.drawn_as:
             self._drawn_as[event.key] = event.drawn_as
@@ -162,6 +168,7 @@ class PlacementFeed(PictureSource):
     # ---------------------------------------------------------------------------------------------------- each frame
 
     def draw(self, editor: Editor, last_frame_ms: float, all_taken: bool) -> bool:
+        shades_plainly = self._shade_plainly(editor)
         self._follow_environment(editor)
         self._follow_emitters(editor)
         self._follow_layers(editor)
@@ -188,7 +195,32 @@ class PlacementFeed(PictureSource):
         )  # fmt: skip
         changed = exact != self._exact_before
         self._exact_before = exact
-        return not exact or changed or self._view.waits
+        return not exact or changed or self._view.waits or shades_plainly
+
+    def _shade_plainly(self, editor: Editor) -> bool:
+        """Show objects plainly that have no picture yet, for a few milliseconds; whether some may be left."""
+        until = time.perf_counter() + PLAIN_SECONDS
+        there = self._plain | {object_of(key) for key in self.renderer.layer_keys}
+        for state in editor.document.objects:
+            if state.name in there or state.emits or state.name not in self._names:
+                continue
+            if time.perf_counter() > until:
+                return True
+            self._plain.add(state.name)
+            self._shade_object(editor, state)
+        return False
+
+    def _shade_object(self, editor: Editor, state: ObjectState) -> None:
+        """As a layer of its own, which has the object's name for a key and goes when the first real one comes."""
+        frame, index = self.renderer.frame, self._names.index(state.name)
+        layers = {layer_key(state.name, i): layer for i, layer in enumerate(state.layers)}
+        seen = [layer for key, layer in layers.items() if is_seen(editor.document, editor.view, key)]
+        if frame is None or not seen:
+            return
+        theta_o = frame.theta_o[slice(*frame.object_ranges[index])]
+        self.renderer.set_footprint(None)
+        self.renderer.set_layer(state.name, index, len(theta_o))
+        self.renderer.set_layer_radiance(state.name, plain_radiance(plain_colour(seen), theta_o), stage="plain")
 
     def _follow_environment(self, editor: Editor) -> None:
         """Turn the background with the light."""
@@ -222,7 +254,7 @@ class PlacementFeed(PictureSource):
                 if self._view_curves.get(key) is not curve:
                     self._view_curves[key] = curve
                     self.renderer.set_view_curve(key, curve)
-        for key in gone:  # it may come back, by undo, before the worker has heard of it
+        for key in gone - self._plain:  # it may come back, by undo, before the worker has heard of it
             self.renderer.set_layer_visible(key, False)
 
     def _is_drawn(self, editor: Editor, key: str) -> bool:

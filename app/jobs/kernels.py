@@ -57,7 +57,7 @@ class Kernels:
 
     def prepare(self) -> None:
         """Begin to make all ready, in a thread; import the engine before."""
-        threading.Thread(target=self._prepare, name="kernels", daemon=True).start()
+        threading.Thread(target=self.prepare_here, name="kernels", daemon=True).start()
 
     @property
     def fraction(self) -> float:
@@ -70,7 +70,8 @@ class Kernels:
         """Whether all is ready, waiting for it so long at most."""
         return self._ready.wait(timeout_s)
 
-    def _prepare(self) -> None:
+    def prepare_here(self) -> None:
+        """Make all ready, and wait for it."""
         try:
             for compiler in self._compilers:
                 compiler.wait(_COMPILER_SECONDS)
@@ -128,6 +129,12 @@ def _mark(what: str) -> Path | None:
     return Path(os.environ[NUMBA_VARIABLE]) / "-".join((f"ready{what}", kernel_digest(), *versions))
 
 
+def compile_all() -> None:
+    """All that the first picture needs, in two processes, where it is not there."""
+    if not are_compiled():
+        Kernels().prepare_here()
+
+
 def _start_compiler(part: str) -> subprocess.Popen[bytes] | None:
     command = [sys.executable, "-P", "-m", "app.jobs.kernels", part, str(os.getpid())]
     try:
@@ -151,10 +158,14 @@ def rehearse(part: str) -> None:
 
 
 def main() -> None:
-    """Another process: compile one part and end."""
+    """Another process: compile one part for the process of a number and end; without either all, as `make setup` does
+    while nobody waits."""
     step_back(further=True)
-    end_with_parent(int(sys.argv[2]))
     use_kernel_cache()
+    if len(sys.argv) == 1:
+        compile_all()
+        return
+    end_with_parent(int(sys.argv[2]))
     gc.set_threshold(GC_THRESHOLD)
     load_compiler()
     rehearse(sys.argv[1])

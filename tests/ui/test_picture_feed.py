@@ -25,6 +25,7 @@ from ui.gl.placement.sample_layout import SAMPLES_PER_ROW, row_count
 from ui.headless import HeadlessWindow
 from ui.picture_feed import PictureFeed
 from ui.placement_feed import PlacementFeed
+from ui.plain_shading import plain_colour, plain_radiance
 
 pytestmark = pytest.mark.gl
 
@@ -230,7 +231,7 @@ def test_a_scene_is_taken_and_drawn_in_different_blocks(opening: Opening) -> Non
     took, calls = opening.step()
     assert took and calls == ["set_frame"]
     _, calls = opening.draw()
-    assert calls == ["composite"]
+    assert set(calls) == {"set_layer_radiance", "composite"} and calls[-1] == "composite"  # objects are shaded plainly
 
 
 def test_a_scene_waits_when_its_description_took_the_time(opening: Opening, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -268,7 +269,36 @@ def test_another_scene_replaces_what_is_shown_within_a_frame(opening: Opening) -
     _, calls = opening.step()
     assert calls == [] and opening.feed.picture is shown  # panels may still draw it
     _, calls = opening.draw()
-    assert calls == ["set_frame", "composite"] and opening.feed.picture is not shown
+    assert (calls[0], calls[-1]) == ("set_frame", "composite") and opening.feed.picture is not shown
+
+
+def test_before_anything_is_computed_objects_are_lit_from_the_eye(opening: Opening) -> None:
+    opening.step()
+    feed, editor = opening.feed.source, opening.editor
+    for _ in editor.document.objects:  # each draws one of them at least
+        opening.draw()
+    assert isinstance(feed, PlacementFeed)
+    shown, frame = feed.renderer.linear_image().reshape(-1, 3), scene_frame()
+    for index, state in enumerate(editor.document.objects):
+        pixels = frame.pixel[slice(*frame.object_ranges[index])]
+        if len(pixels) and not state.emits:
+            expected = plain_radiance(plain_colour(state.layers), frame.theta_o[slice(*frame.object_ranges[index])])
+            assert expected.min() > 0.0
+            np.testing.assert_allclose(shown[pixels], expected, rtol=1e-3)
+    assert editor.status.picture == "waiting"
+    while editor.status.picture != "exact":
+        opening.step()
+        opening.draw()
+    assert set(feed.renderer.layer_keys) == {key for key, _ in editor.document.layers() if not key.startswith("lamp")}
+
+
+def test_a_plain_colour_is_about_what_a_material_reflects() -> None:
+    for albedo in (0.2, 0.7):
+        layer = new_layer("lambert").with_parameter("albedo", albedo)
+        np.testing.assert_allclose(plain_colour([layer]), albedo, rtol=1e-6)
+    gold = plain_colour([new_layer("rough_conductor").with_parameter("alpha", 0.2)])
+    assert (gold > 0.3).all() and (gold <= 1.0).all()
+    np.testing.assert_allclose(plain_colour([layer, layer]), 1.0)  # more than all there is
 
 
 def test_before_a_scene_the_feed_rehearses_and_leaves_nothing(context: moderngl.Context) -> None:

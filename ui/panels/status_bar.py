@@ -113,7 +113,7 @@ def picture_state(status: Status) -> tuple[look.Colour, str, str]:
         return look.ACCENT, f"refining{error}", status.missing_note
     if status.picture == "preview":
         return look.ACCENT, "preview", "Coarse or fewer lights, or not yet the present light or roughness."
-    return look.TEXT_FAINT, "waiting", "Nothing has been computed yet."
+    return look.TEXT_FAINT, "waiting", "Lit from the eye, without shadows, until the first picture is computed."
 
 
 def _finished_state(status: Status) -> tuple[look.Colour, str, str]:

@@ -199,3 +199,12 @@ def test_as_many_files_are_compiled_as_are_counted(tmp_path: Path) -> None:
         code = f"import app.jobs.kernels as k; k.load_compiler(); k.rehearse({part!r})"
         assert subprocess.run([sys.executable, "-c", code], env=environment).returncode == 0
     assert 0.9 * kernels.N_FILES <= sum(1 for _ in tmp_path.rglob("*.nbc")) <= 1.1 * kernels.N_FILES
+
+
+def test_an_installation_compiles_all_once(compilers: list[Compiler], log: list[str], monkeypatch) -> None:
+    monkeypatch.setattr(Compiler, "wait", lambda compiler, timeout_s: log.append(f"{compiler.part} compiled"))
+    kernels.compile_all()
+    assert [compiler.part for compiler in compilers] == list(PARTS) and kernels.are_compiled()
+    assert log == [f"{part} compiled" for part in PARTS] + [f"{part} read" for part in PARTS]
+    kernels.compile_all()
+    assert len(compilers) == len(PARTS)

@@ -104,6 +104,15 @@ class LayerStack:
         self._layers[key] = layer
         self.dirty.add(i_object)
 
+    def remove(self, key: str) -> None:
+        """Take a layer away."""
+        layer = self[key]
+        _release(layer)
+        self._memory.release(layer.view_curve)
+        self._compositor.release_maps(layer.maps)
+        del self._layers[key]
+        self.dirty.add(layer.i_object)
+
     def set_radiance(self, key: str, radiance: NDArray[np.floating]) -> None:
         """Replace a layer's picture by radiance (p,3) at the samples of the current footprint."""
         layer = self[key]

@@ -134,6 +134,10 @@ class PlacementRenderer:
         self._edited.drop(key)
         self._release_unused_footprints()
 
+    def remove_layer(self, key: str) -> None:
+        """Take away a layer that is not edited."""
+        self._shown().layers.remove(key)
+
     def set_layer_radiance(
         self,
         key: str,
