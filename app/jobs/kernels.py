@@ -70,11 +70,11 @@ class Kernels:
         """Whether all is ready, waiting for it so long at most."""
         return self._ready.wait(timeout_s)
 
-    def prepare_here(self) -> None:
-        """Make all ready, and wait for it."""
+    def prepare_here(self, patience_s: float | None = _COMPILER_SECONDS) -> None:
+        """Make all ready, and wait for it; for each of the other processes so long, None for as long as it takes."""
         try:
             for compiler in self._compilers:
-                compiler.wait(_COMPILER_SECONDS)
+                compiler.wait(patience_s)
             for part in PARTS:
                 rehearse(part)
             note_compiled()
@@ -132,7 +132,7 @@ def _mark(what: str) -> Path | None:
 def compile_all() -> None:
     """All that the first picture needs, in two processes, where it is not there."""
     if not are_compiled():
-        Kernels().prepare_here()
+        Kernels().prepare_here(patience_s=None)
 
 
 def _start_compiler(part: str) -> subprocess.Popen[bytes] | None:

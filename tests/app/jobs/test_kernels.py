@@ -33,7 +33,7 @@ class Compiler:
         self.part, self._log = part, log
         self.done = threading.Event()
 
-    def wait(self, timeout_s: float) -> None:
+    def wait(self, timeout_s: float | None) -> None:
         assert self.done.wait(10.0)
         self._log.append(f"{self.part} compiled")
 
