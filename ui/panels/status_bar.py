@@ -30,8 +30,8 @@ FINISHED_HINT = (
 
 
 VIEW_BEFORE = (
-    "The camera has moved on. The picture of the view before stays until this one is traced, once it rests; where it "
-    "was computed before, that is at once. In Orbit the picture goes with the hand. Esc in mid-drag goes back."
+    "The camera has moved on: the lines are the objects' boxes from there. The picture of the view before stays until "
+    "this one is traced, once it rests. In Orbit the picture goes with the hand. Esc in mid-drag goes back."
 )
 JUDGED_LATER = "Nothing more comes. How far off the picture is will be found out while the hand rests."
 JUDGED = (

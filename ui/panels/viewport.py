@@ -9,7 +9,7 @@ from app.solo import alone
 from app.view_state import SetView
 from ui import orbit_camera
 from ui import theme as look
-from ui.panels import paint, surface_plot, widgets
+from ui.panels import paint, surface_plot, view_sketch, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag, Hold, Select, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.library import apply, dropped_material
@@ -43,6 +43,7 @@ def draw(context: PanelContext) -> list[Action]:
     upper, lower = picture.corners()
     far = ImVec2(placed.x + placed.width, placed.y + placed.height)
     draw_list.add_image(picture.reference, ImVec2(placed.x, placed.y), far, upper, lower)
+    view_sketch.draw(context, placed)
     actions = _hand(context, picture, space, placed)
     if context.view.compare is not None:
         _draw_divider(context, placed, corner.y, end.y)

@@ -1,0 +1,56 @@
+"""Where a camera goes that no picture follows: the objects' boxes as it sees them, over the view before, darkened.
+
+Only while the view has moved on from the one that was traced, and no mode draws what it sees meanwhile.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from imgui_bundle import ImVec2, imgui
+from numpy.typing import NDArray
+
+from engine.scene.camera import camera_frame, project
+from engine.scene.camera_moves import distance
+from engine.scene.description import Camera
+from ui import theme as look
+from ui.panels.context import PanelContext
+from ui.panels.picture_place import Placed
+
+# Corners are numbered by bits: 1 for the larger x, 2 for y, 4 for z. Edges join those that differ in one of them.
+CORNERS = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)])
+EDGES = np.array([(i, i | bit) for bit in (1, 2, 4) for i in range(8) if not i & bit])
+NEAREST = 1e-3  # of the distance to the target; what is behind the eye has no place in the picture
+MOST_BOXES = 256
+
+Array = NDArray[np.float64]
+
+
+def draw(context: PanelContext, placed: Placed) -> None:
+    """Over the picture, in the panel's draw list."""
+    if not context.status.is_away or context.status.shown_by == "Orbit":
+        return
+    draw_list = imgui.get_window_draw_list()
+    end = ImVec2(placed.x + placed.width, placed.y + placed.height)
+    draw_list.add_rect_filled(ImVec2(placed.x, placed.y), end, look.pack(look.grey(0, 0.5)))
+    selected = context.view.selected
+    for state in [state for state in context.document.objects if state.visible][:MOST_BOXES]:
+        box = context.box_of(state.name)
+        is_selected = selected is not None and selected.object == state.name
+        ink = look.pack(look.ACCENT if is_selected else look.grey(225, 0.8))
+        for (x0, y0), (x1, y1) in [] if box is None else seen_edges(box, context.camera, (placed.width, placed.height)):
+            start, stop = ImVec2(placed.x + x0, placed.y + y0), ImVec2(placed.x + x1, placed.y + y1)
+            draw_list.add_line(start, stop, ink, context.px(2.0 if is_selected else 1.2))
+
+
+def seen_edges(box: Array, camera: Camera, size: tuple[float, float]) -> Array:
+    """A box (2, 3) as lines (E, 2, 2) in a picture of so many pixels across and down: those parts of its twelve edges
+    that are before the camera."""
+    corners = np.where(CORNERS, box[1], box[0]) - np.array(camera.position)
+    ends = corners[EDGES]
+    depths = ends @ camera_frame(camera)[2] - NEAREST * distance(camera)
+    ends, depths = ends[depths.max(axis=1) > 0.0], depths[depths.max(axis=1) > 0.0]
+    share = np.clip(depths[:, :1] / np.where(depths[:, :1] == depths[:, 1:], 1.0, depths[:, :1] - depths[:, 1:]), 0, 1)
+    cut = ends[:, 0] + share * (ends[:, 1] - ends[:, 0])
+    kept = np.where((depths < 0.0)[..., None], cut[:, None], ends)
+    width, height = size
+    return project(camera, (round(width), round(height)), kept)
