@@ -34,6 +34,8 @@ from engine.material._kernels import gamma, quotient_cosine
 TWO = np.float32(2.0)
 # A photon that skims its landing place would count without bound.
 _LEAST_COSINE = np.float32(0.05)
+# The square of the sine of 15°: a photon that is seen so far off the plane lies on another part of the surface.
+_OFF_PLANE = np.float32(0.07)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -108,17 +110,34 @@ def send(photons, g, out):
             out[i, channel] *= photons.power[i, channel]
 
 
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _turns_away(face, place, photons, n, distance2):
+    """Whether photon n comes to the side of the surface at a place that this normal points to, but off its plane."""
+    if n < 0:
+        return False
+    off, cosine = ZERO, ZERO
+    for axis in range(3):
+        off += face[axis] * (photons.positions[n, axis] - place[axis])
+        cosine -= face[axis] * photons.directions[n, axis]
+    return cosine > ZERO and off * off > _OFF_PLANE * distance2
+
+
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def weigh(fans, begin, end, times, geometric, position, photons, found, distances2, radii2, weights):
-    """How much each of the photons found (p, k) about points [begin, end) counts, (p, k): 1/m² over the cosine.
+    """How much each of the photons found (p, k) about points [begin, end), nearest first, counts, (p, k): 1/m² over the
+    cosine.
 
-    distances2 (p, k), radii2 (p,); a photon beyond the last is −1 in `found`.
+    distances2 (p, k), radii2 (p,), which shrinks to where the surface turns away, lest light be missing that falls
+    there; a photon beyond the last is −1 in `found`.
     """
     n_cosine, n_pole = np.float32(fans.tables_cosine.shape[1]), np.float32(fans.tables_pole.shape[1])
     for i in range(begin, end):
         r = fans.rows[i]
         tangent, normal, face = fans.tangent[r], fans.normal[r], geometric[r]
         ox, oy, oz = local_eye(tangent, normal, fans.wo[r])
+        for k in range(found.shape[1]):
+            if distances2[i, k] < radii2[i] and _turns_away(face, position[r], photons, found[i, k], distances2[i, k]):
+                radii2[i] = distances2[i, k]
         area = np.float32(math.pi / 2.0) * radii2[i]
         for k in range(found.shape[1]):
             weights[i, k] = ZERO
@@ -128,10 +147,7 @@ def weigh(fans, begin, end, times, geometric, position, photons, found, distance
             dx, dy, dz = -photons.directions[n, 0], -photons.directions[n, 1], -photons.directions[n, 2]
             cosine = face[0] * dx + face[1] * dy + face[2] * dz
             x, y, z = _to_local(tangent[0], tangent[1], tangent[2], normal[0], normal[1], normal[2], dx, dy, dz)
-            off = ZERO
-            for axis in range(3):
-                off += face[axis] * (photons.positions[n, axis] - position[r, axis])
-            if z <= HORIZON or cosine <= ZERO or off * off > np.float32(0.07) * radii2[i]:
+            if z <= HORIZON or cosine <= ZERO:
                 continue
             fan = fan_density(n_cosine, n_pole, fans.poles[i], x, y, z, ox, oy, oz) / times[i]
             share = photon_share(photons.ahead[n], z, area, fan)

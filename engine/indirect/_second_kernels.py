@@ -3,7 +3,8 @@
 Where a ray of a fan ends on a glossy surface, two further rays are remembered. One goes to a light that is chosen among
 eight candidates, half drawn by power and half about the pole of that surface's highlight, in proportion to what each
 would bring if the highlight were as the pole's density is (resampled importance sampling [Talbot05]; the halves count
-by the balance heuristic). The other goes about the pole, for what other surfaces send. Both hold for any curve.
+by the balance heuristic). The other goes about the pole, for what other surfaces send; where it ends on a glossy one in
+turn, a light is chosen there too. All hold for any curve.
 """
 
 import math
@@ -60,11 +61,16 @@ class Glossy(NamedTuple):
     axes: np.ndarray
 
 
+# Of places n (n,) that paths come to: normal (n, 3), distance, light, candidate, weight, see `Records`.
+LitPlaces = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+
+
 class Records(NamedTuple):
     """n rays that end on glossy surfaces, by point and ray: start (p + 1,) of each point's, and how many rays (p,) each
     of them stands for; ray (n,); normal (n, 3) and
     distance (n,) there; light (n,) that is seen, NO_LIGHT where none is, which candidate it was (n,) and how many times
-    it counts (n,); beyond (n,): the cell that the second ray sees, or NO_CELL."""
+    it counts (n,); beyond (n,): the cell that the second ray sees, or NO_CELL. The same with _3 of the place that this
+    ray comes to, where that is glossy: a third vertex."""
 
     start: np.ndarray
     times: np.ndarray
@@ -75,11 +81,17 @@ class Records(NamedTuple):
     candidate: np.ndarray
     weight: np.ndarray
     beyond: np.ndarray
+    normal_3: np.ndarray
+    distance_3: np.ndarray
+    light_3: np.ndarray
+    candidate_3: np.ndarray
+    weight_3: np.ndarray
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _seed(row, m):
-    return mixed(np.uint64(row) * np.uint64(0x10001) + np.uint64(m) + np.uint64(0xABCD0000000))
+def _seed(row, m, vertex):
+    ray = np.uint64(row) * np.uint64(0x10001) + np.uint64(m)
+    return mixed(ray + np.uint64(vertex) * np.uint64(0x55E68000000))
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -191,24 +203,25 @@ def _candidate(lamps, table, c, m, seed, pole, frame, place, eye):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def begin_second(which, n_rays, rows, hits, origins, directions, mesh, poles, axes, lamps, table, offset,
-                 normals, lights, candidates, weights, to_light, limits, to_pole, starts, there):  # fmt: skip
-    """The further rays of the rays `which` (n,) of a chunk of fans, numbered point by point.
+def choose_lights(which, at, vertex, n_rays, rows, hits, origins, directions, mesh, poles, axes, lamps, table, offset,
+                  normals, lights, candidates, weights, to_light, limits, starts):  # fmt: skip
+    """A light for each of the places that rays (R,) numbered `at` (n,) end at: the vertex, 2 or 3, that the paths come
+    to which begin with the rays `which` (n,) of a chunk of fans, numbered point by point.
 
-    Writes normals (n, 3), the light chosen (n,), which candidate it was and its weight (n,), 0 for none; two rays each:
-    directions to_light, to_pole (n, 3), origins starts (n, 2, 3), limits (n,) of the first, there (n,) of the second.
+    Writes normals (n, 3), the light chosen (n,), which candidate it was and its weight (n,), 0 for none; of a ray to it
+    the direction to_light, its origin starts (n, 3) and its limit (n,).
     """
-    for i in range(which.shape[0]):
-        w = which[i]
-        triangle, o = hits.triangle[w], mesh.objects[hits.triangle[w]]
-        dx, dy, dz = directions[w, 0], directions[w, 1], directions[w, 2]
-        nx, ny, nz = _shading_normal(mesh, triangle, hits.u[w], hits.v[w])
+    for i in range(at.shape[0]):
+        r = at[i]
+        triangle, o = hits.triangle[r], mesh.objects[hits.triangle[r]]
+        dx, dy, dz = directions[r, 0], directions[r, 1], directions[r, 2]
+        nx, ny, nz = _shading_normal(mesh, triangle, hits.u[r], hits.v[r])
         if nx * dx + ny * dy + nz * dz > ZERO:
             nx, ny, nz = -nx, -ny, -nz
         normals[i, 0], normals[i, 1], normals[i, 2] = nx, ny, nz
-        far = hits.distance[w]
-        px, py, pz = origins[w, 0] + far * dx, origins[w, 1] + far * dy, origins[w, 2] + far * dz
-        seed = _seed(rows[w // n_rays], w % n_rays)
+        far = hits.distance[r]
+        px, py, pz = origins[r, 0] + far * dx, origins[r, 1] + far * dy, origins[r, 2] + far * dz
+        seed = _seed(rows[which[i] // n_rays], which[i] % n_rays, vertex)
         tx, ty, tz = _tangent(axes, o, nx, ny, nz)
         ox, oy, oz = _to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
         frame, place, eye = (tx, ty, tz, nx, ny, nz), (px, py, pz), (ox, oy, oz)
@@ -229,19 +242,37 @@ def begin_second(which, n_rays, rows, hits, origins, directions, mesh, poles, ax
                 weights[i] = total / chosen
         x, y, z = _to_world(tx, ty, tz, nx, ny, nz, lx, ly, lz)
         to_light[i, 0], to_light[i, 1], to_light[i, 2] = x, y, z
-        x, y, z = _about_pole(table, seed, poles[o], ox, oy, oz)
+        _lifted(mesh.face_normals[triangle], px, py, pz, x, y, z, offset, starts[i])
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _lifted(face, px, py, pz, x, y, z, offset, start):
+    """A place off its surface, to the side that a ray along (x, y, z) leaves to, into start (3,)."""
+    lift = offset if face[0] * x + face[1] * y + face[2] * z >= ZERO else -offset
+    start[0], start[1], start[2] = px + lift * face[0], py + lift * face[1], pz + lift * face[2]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def aim_about_poles(which, n_rays, rows, hits, origins, directions, normals, mesh, poles, axes, table, offset,
+                    to_pole, starts, there):  # fmt: skip
+    """From where the rays `which` (n,) of a chunk of fans end, with these normals (n, 3), rays about the poles: their
+    directions to_pole and origins starts (n, 3), and which of them are there (n,)."""
+    for i in range(which.shape[0]):
+        w = which[i]
+        triangle, o = hits.triangle[w], mesh.objects[hits.triangle[w]]
+        dx, dy, dz = directions[w, 0], directions[w, 1], directions[w, 2]
+        nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
+        tx, ty, tz = _tangent(axes, o, nx, ny, nz)
+        ox, oy, oz = _to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
+        x, y, z = _about_pole(table, _seed(rows[w // n_rays], w % n_rays, 2), poles[o], ox, oy, oz)
         there[i] = z > HORIZON
         if not there[i]:
             x, y, z = ZERO, ZERO, ONE
         x, y, z = _to_world(tx, ty, tz, nx, ny, nz, x, y, z)
         to_pole[i, 0], to_pole[i, 1], to_pole[i, 2] = x, y, z
-        face = mesh.face_normals[triangle]
-        for k in range(2):
-            ray = to_light[i] if k == 0 else to_pole[i]
-            side = face[0] * ray[0] + face[1] * ray[1] + face[2] * ray[2]
-            lift = offset if side >= ZERO else -offset
-            starts[i, k, 0], starts[i, k, 1] = px + lift * face[0], py + lift * face[1]
-            starts[i, k, 2] = pz + lift * face[2]
+        far = hits.distance[w]
+        px, py, pz = origins[w, 0] + far * dx, origins[w, 1] + far * dy, origins[w, 2] + far * dz
+        _lifted(mesh.face_normals[triangle], px, py, pz, x, y, z, offset, starts[i])
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -301,8 +332,9 @@ def photon_share(ahead, cosine, area, fan):
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def second_light(fans, position, records, begin, end, objects, g, lamps, table, area, per_area, wanted, first,
                  out):  # fmt: skip
-    """π times what comes back along the recorded rays of points [begin, end) from the glossy layers there, (n, 2, 3):
-    of the lights, and how much of the radiosity beyond. Number `first` is out[0].
+    """π times what comes back along the recorded rays of points [begin, end) from the glossy layers there, (n, 3, 3):
+    of the lights, how much of the radiosity beyond, and, as such radiosity, of the lights by glossy layers beyond.
+    Number `first` is out[0].
 
     objects (C,) of the cells; area (p,), per_area (M,): of photons that bring the same light, see `photon_share`; of
     the objects that are not wanted (M,) nothing changes.
@@ -319,8 +351,8 @@ def second_light(fans, position, records, begin, end, objects, g, lamps, table, 
         for e in range(records.start[i], records.start[i + 1]):
             n = e - first
             m = np.int64(records.ray[e])
-            o = objects[fans.seen[i, m]]
-            if not wanted[o]:
+            o, beyond = objects[fans.seen[i, m]], records.beyond[e]
+            if not wanted[o] and (records.light_3[e] == NO_LIGHT or not wanted[objects[beyond]]):
                 continue
             out[n] = ZERO
             if not _counts(fans, m):
@@ -335,7 +367,7 @@ def second_light(fans, position, records, begin, end, objects, g, lamps, table, 
             if oz <= HORIZON:
                 continue
             fan = fan_density(n_cosine, n_pole, fans.poles[i], x, y, z, eye_x, eye_y, eye_z) / times
-            slant, seed = z, _seed(r, m)
+            slant, seed, third = z, _seed(r, m, 2), _seed(r, m, 3)
             light = np.int64(records.light[e])
             if light != NO_LIGHT:
                 frame, place, eye = (tx, ty, tz, nx, ny, nz), (px, py, pz), (ox, oy, oz)
@@ -349,7 +381,7 @@ def second_light(fans, position, records, begin, end, objects, g, lamps, table, 
                     colour = lamps.radiance[m] if m < lamps.density.shape[0] else lamps.power[m]
                     for channel in range(3):
                         out[n, 0, channel] = gloss[channel] * colour[channel]
-            if records.beyond[e] == NO_CELL:
+            if beyond == NO_CELL:
                 continue
             x, y, z = _about_pole(table, seed, g.poles[o], ox, oy, oz)
             if z <= HORIZON:
@@ -358,6 +390,25 @@ def second_light(fans, position, records, begin, end, objects, g, lamps, table, 
             density = fan_density(ZERO, ONE, g.poles[o], x, y, z, ox, oy, oz)
             _add_gloss(g, o, x, y, z, ox, oy, oz, times / density, gloss)
             out[n, 1] = gloss
+            light = np.int64(records.light_3[e])
+            if light == NO_LIGHT:
+                continue
+            o, far = objects[beyond], records.distance_3[e]
+            dx, dy, dz = _to_world(tx, ty, tz, nx, ny, nz, x, y, z)
+            px, py, pz = px + far * dx, py + far * dy, pz + far * dz
+            nx, ny, nz = records.normal_3[e, 0], records.normal_3[e, 1], records.normal_3[e, 2]
+            tx, ty, tz = _tangent(g.axes, o, nx, ny, nz)
+            ox, oy, oz = _to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
+            frame, place, eye = (tx, ty, tz, nx, ny, nz), (px, py, pz), (ox, oy, oz)
+            c = np.int64(records.candidate_3[e])
+            m, x, y, z, _, _, share = _candidate(lamps, table, c, light, third, g.poles[o], frame, place, eye)
+            if m < 0 or oz <= HORIZON:
+                continue
+            gloss[:] = ZERO
+            _add_gloss(g, o, x, y, z, ox, oy, oz, PI * share * records.weight_3[e], gloss)
+            colour = lamps.radiance[m] if m < lamps.density.shape[0] else lamps.power[m]
+            for channel in range(3):
+                out[n, 2, channel] = gloss[channel] * colour[channel]
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
@@ -371,6 +422,7 @@ def lit_second(fans, records, begin, end, objects, sent, first, radiosity, edite
         for e in range(records.start[i], records.start[i + 1]):
             n, at, beyond = e - first, e - records.start[begin], records.beyond[e]
             own = 1 if objects[fans.seen[i, records.ray[e]]] == edited else 0
+            own_3 = 1 if records.light_3[e] != NO_LIGHT and objects[beyond] == edited else 0
             a, b, c = sent[n, 1, 0], sent[n, 1, 1], sent[n, 1, 2]
             if beyond == NO_CELL:
                 a, b, c, beyond = ZERO, ZERO, ZERO, 0
@@ -379,4 +431,7 @@ def lit_second(fans, records, begin, end, objects, sent, first, radiosity, edite
                 red, green, blue = a * light[0], b * light[1], c * light[2]
                 out[at, k, 0], out[at, k, 1], out[at, k, 2], out[at, k, 3] = red, green, blue, ZERO
             for channel in range(3):
-                out[at, own, channel] += sent[n, 0, channel] * (inverse[channel] if own else ONE)
+                once = inverse[channel] if own else ONE
+                out[at, own, channel] += sent[n, 0, channel] * once
+                twice = once * inverse[channel] if own_3 else once
+                out[at, own + own_3, channel] += sent[n, 1, channel] * sent[n, 2, channel] * twice

@@ -65,7 +65,7 @@ class SecondAim:
         """area (p,): see `photons.Landed`."""
         self._fans, self._position, self._records, self._area = fans, position, records, area
         self._first = int(records.start[0])
-        self._kept = np.empty((int(records.start[-1]) - self._first, 2, 3), np.float32) if keeps else None
+        self._kept = np.empty((int(records.start[-1]) - self._first, 3, 3), np.float32) if keeps else None
         self._known: tuple[tuple[bytes, ...], second_kernels.SampledLights] | None = None
 
     def wanted(self, light: SecondLight) -> NDArray[np.bool_]:
@@ -78,7 +78,7 @@ class SecondAim:
         """Of points [begin, end)."""
         records, base = self._records, int(self._records.start[begin])
         n = int(records.start[end]) - base
-        sent, first = (np.empty((n, 2, 3), np.float32), base) if self._kept is None else (self._kept, self._first)
+        sent, first = (np.empty((n, 3, 3), np.float32), base) if self._kept is None else (self._kept, self._first)
         if wanted.any():
             second_kernels.second_light(
                 self._fans, self._position, records, begin, end, light.objects, light.layers, light.lamps,

@@ -76,10 +76,12 @@ def direct_irradiance(cells: Cells, lights: tuple[Lights, ...], n_samples: int) 
 
 
 def radiosity(
-    light: CellLight, albedos: NDArray[np.floating], n_bounces: int, edited: int = NOBODY
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    light: CellLight, albedos: NDArray[np.floating], n_bounces: int, edited: int = NOBODY,
+    matt: NDArray[np.floating] | None = None,
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:  # fmt: skip
     """Radiosity (C, D, 3) of the cells in a picture of N bounces, a polynomial in the albedo of the object `edited`;
-    and the same in one of N - 1, for what comes by one more reflection on its way.
+    and the same in one of N - 1, for what comes by one more reflection on its way, with such a share of the lights' own
+    as `matt` (M, 3) says, None for all of it.
 
     albedos (M, 3); D = N powers, from 0 to N - 1, or 1 where nobody is edited. N ≥ 2.
     """
@@ -88,12 +90,15 @@ def radiosity(
     latest = np.zeros((len(light.objects), n_powers, 3), np.float32)
     latest[:, 0] = light.direct
     total, sent = latest.copy(), np.empty((*latest.shape[:2], 4), np.float32)
-    before = np.zeros_like(total)
+    once_less, before = total.copy(), np.zeros_like(total)
+    if matt is not None:
+        once_less[:, 0] *= matt[light.objects].astype(np.float32)
     for bounce in range(n_bounces - 2):
         kernels.brighten(latest, light.objects, albedos, edited, sent)
         latest = bounced(light.seen, sent, min(bounce + 2, n_powers))
-        before[:] = total
+        before[:] = once_less
         total += latest
+        once_less += latest
     bright = np.empty_like(latest)
     kernels.brighten(before, light.objects, albedos, edited, bright)
     kernels.brighten(total, light.objects, albedos, edited, before)

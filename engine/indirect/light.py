@@ -163,7 +163,10 @@ class IndirectLight:
     def _radiosities(
         self, layers: Sequence[IndirectLayer], edited: int
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        return radiosity(self.light, albedos_of(layers, len(self.points.poles)), self.n_bounces, edited)
+        n_objects = len(self.points.poles)
+        # What glossy surfaces reflect of the lights themselves is recorded.
+        matt = matt_share(layers, n_objects) if self.points.glossy else None
+        return radiosity(self.light, albedos_of(layers, n_objects), self.n_bounces, edited, matt)
 
     def sent(self, layers: Sequence[IndirectLayer], edited: int = NOBODY) -> SentLight:
         """What surfaces send towards the gather points under these layers."""

@@ -100,7 +100,9 @@ class Solver:
         self._shining = shining_on(placement, sky)
         glossy_objects = np.array([any_glossy(models.get(i, ())) for i in range(n_objects)], bool)
         self._axes = np.ascontiguousarray(object_axes(placement.scene)[:, [1, 0]], np.float32)
-        second = SecondRays(glossy_objects, self._poles, self._axes, self._shining.lamps, fineness.n_records)
+        second = SecondRays(
+            glossy_objects, self._poles, self._axes, self._shining.lamps, fineness.n_records, n_bounces > 2
+        )
         self._second = second if glossy else None
 
     def solve(

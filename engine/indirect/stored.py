@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.indirect._cell_kernels import MOST_CELLS, N_PLACES, NO_CELL, CellTable
-from engine.indirect._second_kernels import N_BY_POLE, N_BY_POWER, NO_LIGHT, Records
+from engine.indirect._second_kernels import N_BY_POLE, N_BY_POWER, NO_LIGHT, LitPlaces, Records
 from engine.indirect.cells import N_SLOTS
 from engine.indirect.gather import Gathered
 from engine.indirect.irradiance import CellLight
@@ -94,13 +94,21 @@ def _read_records(reader: ArrayReader, seen: NDArray[np.uint16]) -> Records:
     ray = reader.take(_RECORDS + "ray", np.uint16, "n", below=known["R"])
     if (seen[np.repeat(np.arange(known["p"]), np.diff(start)), ray] == NO_CELL).any():
         raise UnsoundArrays("records of rays that hit nothing")
-    normal = reader.take(_RECORDS + "normal", np.float32, "n", 3)
-    distance = reader.take(_RECORDS + "distance", np.float32, "n")
-    light = reader.take(_RECORDS + "light", np.uint16, "n", below=known["L"], or_else=NO_LIGHT)
-    candidate = reader.take(_RECORDS + "candidate", np.uint8, "n", below=N_CANDIDATES)
-    weight = reader.take(_RECORDS + "weight", np.float32, "n")
+    second = _read_lit(reader, "")
     beyond = reader.take(_RECORDS + "beyond", np.uint16, "n", below=known["C"], or_else=NO_CELL)
-    return Records(start, times, ray, normal, distance, light, candidate, weight, beyond)
+    third = _read_lit(reader, "_3")
+    if (beyond[third[2] != NO_LIGHT] == NO_CELL).any():
+        raise UnsoundArrays("light beyond rays that hit nothing")
+    return Records(start, times, ray, *second, beyond, *third)
+
+
+def _read_lit(reader: ArrayReader, ending: str) -> LitPlaces:
+    """Normals, distances, lights, candidates and weights of one vertex of the records."""
+    normal = reader.take(f"{_RECORDS}normal{ending}", np.float32, "n", 3)
+    distance = reader.take(f"{_RECORDS}distance{ending}", np.float32, "n")
+    light = reader.take(f"{_RECORDS}light{ending}", np.uint16, "n", below=reader.sizes["L"], or_else=NO_LIGHT)
+    candidate = reader.take(f"{_RECORDS}candidate{ending}", np.uint8, "n", below=N_CANDIDATES)
+    return normal, distance, light, candidate, reader.take(f"{_RECORDS}weight{ending}", np.float32, "n")
 
 
 def read_footprint(reader: ArrayReader) -> Footprint:

@@ -28,7 +28,7 @@ N_LOOKED_AT = 1500
 
 @dataclass(frozen=True)
 class Found:
-    """The floor's fans, what is sent along their recorded rays (n, 2, 3), and the light under which it is."""
+    """The floor's fans, what is sent along their recorded rays (n, 3, 3), and the light under which it is."""
 
     placement: Placement
     fans: Fans
@@ -44,7 +44,7 @@ def found() -> Found:
     assert light is not None
     records, n_points = fans._second._records, len(fans)
     assert records.start[0] == 0  # the floor is the first object
-    sent = np.empty((int(records.start[-1]), 2, 3), np.float32)
+    sent = np.zeros((int(records.start[-1]), 3, 3), np.float32)
     kernels.second_light(
         fans._fans, placement.hits.position, records, 0, n_points, light.objects, light.layers, light.lamps,
         pole_tables(N_POLE_RAYS), np.zeros(n_points, np.float32), light.per_area, np.ones(4, bool), 0, sent,
@@ -78,7 +78,7 @@ def test_recorded_rays_bring_the_light_that_is_reflected_there(found: Found) -> 
         assert abs(place[2] + 1.0) < 1e-3 and normal == pytest.approx([0.0, 0.0, 1.0])  # on the glossy wall
         expected[k] = sent_back(GLOSSY, place, normal, -way, found.placement.caster, SKY, patches)
     unit = found.light.lamps.radiance[0] / SKY  # light is told in a unit of its own
-    ours = found.sent[chosen] / records.times[point[chosen]][:, None, None] / np.stack([unit, np.ones(3)])
+    ours = found.sent[chosen, :2] / records.times[point[chosen]][:, None, None] / np.stack([unit, np.ones(3)])
     difference, whole = ours - expected, expected.mean(axis=0)
     noise = difference.std(axis=0) / np.sqrt(N_LOOKED_AT)
     # One sample a ray: the mean of many is the sum's, within their own noise, and that is small.
@@ -89,15 +89,26 @@ def test_recorded_rays_bring_the_light_that_is_reflected_there(found: Found) -> 
 def test_light_beyond_is_added_number_by_number(found: Found) -> None:
     records, each, light = found.fans._second._records, found.fans._fans, found.light
     rng = np.random.default_rng(2)
-    radiosity = rng.uniform(size=(2, len(light.objects), 2, 4)).astype(np.float32)
+    radiosity = rng.uniform(size=(2, len(light.objects), 3, 4)).astype(np.float32)
+    # Some of what is beyond reflects a light by a gloss of its own.
+    twice = (records.beyond[: len(found.sent)] != NO_CELL) & (rng.random(len(found.sent)) < 0.5)
+    light_3 = np.full(len(records.beyond), kernels.NO_LIGHT, np.uint16)
+    light_3[: len(twice)][twice] = 0
+    records = records._replace(light_3=light_3)
+    sent = found.sent.copy()
+    sent[twice, 2] = rng.uniform(size=(np.count_nonzero(twice), 3))
     inverse = np.array([2.0, 3.0, 4.0], np.float32)
-    lit = np.empty((len(found.sent), 2, 4), np.float32)
-    kernels.lit_second(each, records, 0, len(found.fans), light.objects, found.sent, 0, radiosity, 1, inverse, lit)
-    for i in range(0, len(found.fans), 5):
-        for e in range(records.start[i], records.start[i + 1]):
-            own = int(light.objects[each.seen[i, records.ray[e]]] == 1)  # what the edited object sends itself
-            expected = np.zeros((2, 3))
-            expected[own] = found.sent[e, 0] * (inverse if own else 1.0)
-            if records.beyond[e] != NO_CELL:
-                expected += found.sent[e, 1] * radiosity[own, records.beyond[e], :, :3]
-            np.testing.assert_allclose(lit[e, :, :3], expected, rtol=1e-5)
+    for edited in (1, 2):
+        lit = np.empty((len(sent), 3, 4), np.float32)
+        kernels.lit_second(each, records, 0, len(found.fans), light.objects, sent, 0, radiosity, edited, inverse, lit)
+        for i in range(0, len(found.fans), 5):
+            for e in range(records.start[i], records.start[i + 1]):
+                own = int(light.objects[each.seen[i, records.ray[e]]] == edited)  # what the edited object sends itself
+                expected = np.zeros((3, 3))
+                expected[own] = sent[e, 0] * inverse**own
+                if records.beyond[e] != NO_CELL:
+                    expected += sent[e, 1] * radiosity[own, records.beyond[e], :, :3]
+                if twice[e]:
+                    power = own + int(light.objects[records.beyond[e]] == edited)
+                    expected[power] += sent[e, 1] * sent[e, 2] * inverse**power
+                np.testing.assert_allclose(lit[e, :, :3], expected, rtol=1e-5)
