@@ -19,6 +19,7 @@ from tests.ui.stand_in import HEIGHT, WIDTH
 from ui.headless import HeadlessWindow
 from ui.orbit_camera import CameraGrip, dragged, scrolled
 from ui.panels.actions import SetPreference
+from ui.panels.help import keys_of
 
 Key = imgui.Key
 SHIFT, CTRL, ALT = Key.mod_shift, Key.mod_ctrl, Key.mod_alt
@@ -268,3 +269,9 @@ def test_preferences_are_kept_and_damaged_ones_cost_nothing(tmp_path: Path) -> N
     (tmp_path / "file").write_text("")
     with pytest.raises(InsituError):
         PreferenceFile(tmp_path / "file" / "preferences.toml").choose(mouse="maya")
+
+
+def test_a_menu_entry_has_its_own_keys_beside_it() -> None:
+    assert [keys_of(name) for name in ("frame", "frame_all", "view_top", "view_left", "whole", "pixels", "undo")] == [
+        "F", "Home", "Keypad 7", "Ctrl Keypad 3", "0", "1", "Ctrl Z"
+    ]  # fmt: skip

@@ -48,13 +48,15 @@ CHOICES = {BLENDER: ("mouse", "blender"), MAYA: ("mouse", "maya"), WHEEL: ("scro
 
 @dataclass(frozen=True)
 class Shortcut:
-    """`chord` for imgui (None: a mouse gesture, listed only), the words for it, and the name of what it does."""
+    """`chord` for imgui (None: a mouse gesture, listed only), the words for it, and the name of what it does. `own` is
+    what stands in a menu, where the row is of several keys or not listed at all."""
 
     group: str
     keys: str
     text: str
     name: str = ""
     chord: int | None = None
+    own: str = ""
 
 
 SHORTCUTS = (
@@ -84,8 +86,8 @@ SHORTCUTS = (
     Shortcut("Picture", "Space", "The picture alone, or with all panels", "alone", int(Key.space)),
     Shortcut("Picture", "Ctrl Alt wheel", "Magnify the picture about the mouse"),
     Shortcut("Picture", "Ctrl Alt drag", "Move the magnified picture"),
-    Shortcut("Picture", "0   1", "Fit the picture, show it pixel for pixel", "whole", int(Key._0)),
-    Shortcut("", "", "", "pixels", int(Key._1)),
+    Shortcut("Picture", "0   1", "Fit the picture, show it pixel for pixel", "whole", int(Key._0), "0"),
+    Shortcut("", "", "", "pixels", int(Key._1), "1"),
     Shortcut("Picture", "[  ]", "Exposure down, up; the brush smaller, larger", "darker", int(Key.left_bracket)),
     Shortcut("", "", "", "brighter", int(Key.right_bracket)),
     Shortcut("Picture", "S", "See the selected layer alone, or all again", "solo", int(Key.s)),
@@ -115,16 +117,25 @@ SHORTCUTS = (
     Shortcut(MAYA, "Alt right", "Nearer, farther"),
     Shortcut(WHEEL, "Wheel", "Nearer to what is under the mouse"),
     Shortcut(TRACKPAD, "Two fingers", "Orbit; Shift pans, Ctrl goes nearer"),
-    Shortcut("Camera", "F   Home", "Frame the selection, frame all", "frame", int(Key.f)),
-    Shortcut("", "", "", "frame_all", int(Key.home)),
+    Shortcut("Camera", "F   Home", "Frame the selection, frame all", "frame", int(Key.f), "F"),
+    Shortcut("", "", "", "frame_all", int(Key.home), "Home"),
     Shortcut("", "", "", "frame", int(Key.keypad_decimal)),
     Shortcut("Camera", "N", "Lens, horizon, size, kept views", "camera", int(Key.n)),
-    Shortcut("Camera", "Keypad 1 3 7", "From the front, the right, the top", "view_front", int(Key.keypad1)),
-    Shortcut("", "", "", "view_right", int(Key.keypad3)),
-    Shortcut("", "", "", "view_top", int(Key.keypad7)),
-    Shortcut("Camera", "with Ctrl", "From the back, the left, the bottom", "view_back", CTRL | int(Key.keypad1)),
-    Shortcut("", "", "", "view_left", CTRL | int(Key.keypad3)),
-    Shortcut("", "", "", "view_bottom", CTRL | int(Key.keypad7)),
+    Shortcut(
+        "Camera", "Keypad 1 3 7", "From the front, the right, the top", "view_front", int(Key.keypad1), "Keypad 1"
+    ),
+    Shortcut("", "", "", "view_right", int(Key.keypad3), "Keypad 3"),
+    Shortcut("", "", "", "view_top", int(Key.keypad7), "Keypad 7"),
+    Shortcut(
+        "Camera",
+        "with Ctrl",
+        "From the back, the left, the bottom",
+        "view_back",
+        CTRL | int(Key.keypad1),
+        "Ctrl Keypad 1",
+    ),
+    Shortcut("", "", "", "view_left", CTRL | int(Key.keypad3), "Ctrl Keypad 3"),
+    Shortcut("", "", "", "view_bottom", CTRL | int(Key.keypad7), "Ctrl Keypad 7"),
     Shortcut("Camera", "Keypad 4 6 8 2", "Orbit by 15°", "turn_left", int(Key.keypad4)),
     Shortcut("", "", "", "turn_right", int(Key.keypad6)),
     Shortcut("", "", "", "turn_up", int(Key.keypad8)),
@@ -171,7 +182,7 @@ def _repeats(context: PanelContext, shortcut: Shortcut) -> bool:
 
 def keys_of(name: str) -> str:
     """The keys written beside a menu entry."""
-    return next((s.keys for s in SHORTCUTS if s.name == name and s.keys), "")
+    return next((keys for s in SHORTCUTS if s.name == name and (keys := s.own or s.keys)), "")
 
 
 def perform(context: PanelContext, name: str) -> list[Action]:
