@@ -140,7 +140,7 @@ def test_no_sequence_loses_edits_that_nobody_gave_up(window: HeadlessWindow, tmp
             )
         )  # fmt: skip
         shell.do(action)
-        window.frames(3)
+        window.frame()
         if editor.history is history:
             continue
         replaced += 1
