@@ -65,15 +65,6 @@ class Passes:
         _assign(array.program, textures, uniforms)
         array.render(moderngl.POINTS)
 
-    def count_fragments(
-        self, program: moderngl.Program, target: moderngl.Framebuffer, textures: Mapping[str, moderngl.Texture]
-    ) -> int:
-        """How many fragments over the whole target were not discarded; waits for the answer."""
-        query = self.context.query(samples=True)
-        with query:
-            self.draw(program, target, (0, 0, target.width, target.height), textures)
-        return int(query.samples)
-
     def _prepare(self, target: moderngl.Framebuffer, box: Box, add: bool, scissor: Box | None = None) -> None:
         target.scissor = scissor  # type: ignore[assignment]  # None turns it off
         target.viewport = box

@@ -95,10 +95,9 @@ class Compositor:
         self.shaded = self._keep((SAMPLES_PER_ROW, self._n_rows), 4, "f4")
         self.backdrop = self._keep(size, 4, "f4")
         self.linear = self._keep(size, 4, "f4")
-        self._mark = self._keep(size, 1, "f1")
-        targets = (self.shaded, self.backdrop, self.linear, self._mark)
+        targets = (self.shaded, self.backdrop, self.linear)
         self._framebuffers = [self._memory.framebuffer([texture]) for texture in targets]
-        self._shaded_target, self._backdrop_target, self.linear_target, self._mark_target = self._framebuffers
+        self._shaded_target, self._backdrop_target, self.linear_target = self._framebuffers
 
     def object_rows(self, i_object: int) -> tuple[int, int]:
         """(first row, number of rows) of an object's pixels in sample layout."""
@@ -246,11 +245,6 @@ class Compositor:
         program = self._passes.full_screen("placement/composite.frag.glsl")
         textures = {"pixel_addresses": self._pixel_addresses, "shaded": self.shaded, "backdrop": self.backdrop}
         self._passes.draw(program, self.linear_target, box, textures)
-
-    def count_not_finite(self) -> int:
-        """Pixels of the linear picture that were not numbers and are shown black; waits for the GPU."""
-        program = self._passes.full_screen("placement/count.frag.glsl")
-        return self._passes.count_fragments(program, self._mark_target, {"linear_picture": self.linear})
 
     def read_linear(self) -> NDArray[np.float32]:
         """The linear picture (H,W,3); waits for the GPU."""

@@ -331,11 +331,6 @@ class PlacementRenderer:
         """The radiance (p,3) of one layer as it stands in its accumulator; waits for the GPU."""
         return self._shown().layers[key].accumulator.read()
 
-    def count_not_finite(self) -> int:
-        """Pixels that are shown black because their radiance is no number; waits for the GPU."""
-        self._draw_linear()
-        return self._shown().compositor.count_not_finite()
-
     def object_at(self, x: int, y: int) -> int:
         """The object at a pixel, column x and row y from the top; −1 where there is none."""
         frame = self._shown().compositor.frame
