@@ -35,7 +35,7 @@ from app.placement.talk import PlacementTalk
 from app.solo import is_seen
 from engine.curve.wavelet import forward
 from engine.material.layer import object_of
-from ui.gl.placement.layers import Look
+from ui.gl.placement.layers import ComparedLook
 from ui.gl.placement.rehearsal import rehearse
 from ui.gl.placement.renderer import PlacementRenderer
 from ui.gl.tonemap import DisplayView
@@ -319,6 +319,6 @@ def stops(light: LightState) -> float:
     return math.log2(max(light.intensity, LEAST_INTENSITY))
 
 
-def _look(look: LayerLook) -> Look:
+def _look(look: LayerLook) -> ComparedLook:
     red, green, blue = (float(value) for value in look.gain)
-    return Look((red, green, blue), look.view_curve, look.visible, look.radiance, look.maps)
+    return ComparedLook((red, green, blue), look.view_curve, look.visible, look.radiance, look.maps)

@@ -38,7 +38,7 @@ FINE_STAGE = "fine"
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class LayerReflectance:
     """What a visible layer reflects by, to be compared: its curves, f_q (3,) and f_o (N,3), as `Curves` keeps them."""
 
     layer: LayerState
@@ -51,10 +51,10 @@ class Look:
         return self.layer.key
 
 
-def looks_of(scene: SceneState, document: Document, curves: Curves) -> tuple[Look, ...]:
+def looks_of(scene: SceneState, document: Document, curves: Curves) -> tuple[LayerReflectance, ...]:
     """Those of all visible layers of a document, of which the worker is told this."""
     return tuple(
-        Look(
+        LayerReflectance(
             layer, tuple(curves.coefficients(document, layer.key).values()),
             curves.sent_gain(document, layer.key), curves.view_curve(document, layer.key),
         )
@@ -71,7 +71,7 @@ class FreezeWish:
     """
 
     scene: SceneState
-    looks: tuple[Look, ...]
+    looks: tuple[LayerReflectance, ...]
     key: str | None
     factor: int | None
     second: int | None
@@ -95,7 +95,7 @@ class FreezeWish:
             _equal(*pair) for pair in zip(self.looks, other.looks, strict=True)
         )
 
-    def _alike(self, mine: Look, theirs: Look) -> bool:
+    def _alike(self, mine: LayerReflectance, theirs: LayerReflectance) -> bool:
         if mine.key != theirs.key or mine.layer.quotient != theirs.layer.quotient:
             return False
         for i, (one, two) in enumerate(zip(mine.coefficients, theirs.coefficients, strict=True)):
@@ -326,7 +326,7 @@ def _radiance(frozen: Frozen, key: str, albedo: Array, curve: Array | None) -> N
     return in_full(np.stack(channels, axis=1), frozen.unit)
 
 
-def _equal(one: Look, two: Look) -> bool:
+def _equal(one: LayerReflectance, two: LayerReflectance) -> bool:
     """Whether two looks of one layer reflect alike."""
     mine, theirs = ((*look.coefficients, look.gain, look.view_curve) for look in (one, two))
     return all(a is b or _close(a, b) for a, b in zip(mine, theirs, strict=True))

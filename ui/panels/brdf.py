@@ -60,7 +60,7 @@ FIGURES = (100.0, 60.0)
 
 
 @dataclass(frozen=True)
-class Places:
+class BrdfLayout:
     """Where the parts stand: the figures beside the sphere, or in one line under it."""
 
     sphere: ImVec2
@@ -72,7 +72,7 @@ class Places:
     plot_size: ImVec2
 
 
-def _places(context: PanelContext, corner: ImVec2, room: ImVec2) -> Places:
+def _places(context: PanelContext, corner: ImVec2, room: ImVec2) -> BrdfLayout:
     """A wide panel has the plot at the right, a tall one below, and the figures where there is room for them."""
     gap, most = context.px(10), context.px(LARGEST_SPHERE)
     if room.x > 1.25 * room.y:
@@ -80,18 +80,18 @@ def _places(context: PanelContext, corner: ImVec2, room: ImVec2) -> Places:
         wide = max(side, context.px(FIGURES[0]))
         plot = ImVec2(corner.x + wide + gap, corner.y)
         figures = ImVec2(corner.x, corner.y + side + context.px(4))
-        return Places(corner, side, figures, wide, False, plot, ImVec2(room.x - wide - gap, room.y))
+        return BrdfLayout(corner, side, figures, wide, False, plot, ImVec2(room.x - wide - gap, room.y))
     if room.y > 1.7 * room.x:
         lines, height = context.px(44), 0.78 * room.x
         side = _whole(min(room.x, room.y - height - lines, most))
         sphere = ImVec2(round(corner.x + 0.5 * (room.x - side)), corner.y)
         figures = ImVec2(corner.x, corner.y + side + context.px(6))
         plot = ImVec2(corner.x, figures.y + lines)
-        return Places(sphere, side, figures, room.x, True, plot, ImVec2(room.x, corner.y + room.y - plot.y))
+        return BrdfLayout(sphere, side, figures, room.x, True, plot, ImVec2(room.x, corner.y + room.y - plot.y))
     side = _whole(min(0.5 * room.x, 0.5 * room.y - gap, most))
     figures, below = ImVec2(corner.x + side + gap, corner.y), max(side, context.px(FIGURES[1])) + context.px(8)
     plot_size = ImVec2(room.x, room.y - below)
-    return Places(corner, side, figures, room.x - side - gap, False, ImVec2(corner.x, corner.y + below), plot_size)
+    return BrdfLayout(corner, side, figures, room.x - side - gap, False, ImVec2(corner.x, corner.y + below), plot_size)
 
 
 def _whole(side: float) -> int:
@@ -141,7 +141,7 @@ def _of_curves_alone(context: PanelContext) -> str:
     return " Only the product of the curves so far; the measurement itself is on its way."
 
 
-def _figures(context: PanelContext, places: Places) -> None:
+def _figures(context: PanelContext, places: BrdfLayout) -> None:
     """Equivalent albedo, per channel, and the warning."""
     context.brdf.shown.add("albedo")
     albedo, place = context.brdf.albedo, places.figures
@@ -188,7 +188,7 @@ def energy_warning(albedo: Albedo) -> str:
     return f"{times}× at {angle:.0f}°"
 
 
-def _warning(context: PanelContext, warning: str, places: Places) -> None:
+def _warning(context: PanelContext, warning: str, places: BrdfLayout) -> None:
     draw, place = imgui.get_window_draw_list(), imgui.get_cursor_screen_pos()
     line = imgui.get_text_line_height() + context.px(1)
     draw.add_text(place, look.pack(look.ACCENT), Icon.WARNING)

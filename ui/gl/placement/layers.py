@@ -46,7 +46,7 @@ class DrawnLayer:
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class ComparedLook:
     """Another look of a layer: f_q, f_o (256,3), visibility, and a radiance (p,3) at every pixel of its object.
 
     `radiance` None: as in its accumulator. maps: samples of its images (p,4) or None, with their two numbers.
@@ -200,7 +200,7 @@ class LayerStack:
                 self.dirty.add(layer.i_object)
 
     @contextmanager
-    def looking(self, looks: Mapping[str, Look]) -> Iterator[None]:
+    def looking(self, looks: Mapping[str, ComparedLook]) -> Iterator[None]:
         """The layers with other looks for a while; their own come back unharmed, and their objects are to be shaded."""
         own = {key: self._layers[key] for key in looks if key in self._layers}
         try:
@@ -220,7 +220,7 @@ class LayerStack:
                 self._layers[key] = layer
                 self.dirty.add(layer.i_object)
 
-    def _put_on(self, key: str, look: Look, own: DrawnLayer) -> None:
+    def _put_on(self, key: str, look: ComparedLook, own: DrawnLayer) -> None:
         worn = self._layers[key]
         worn.gain, worn.visible = look.gain, look.visible
         samples, strength, inverts = look.maps

@@ -33,7 +33,7 @@ from ui.gl.passes import Box, Passes
 from ui.gl.placement.accumulate import TermSum
 from ui.gl.placement.composite import Compositor
 from ui.gl.placement.edited import EditedLayers
-from ui.gl.placement.layers import LayerStack, Look
+from ui.gl.placement.layers import ComparedLook, LayerStack
 from ui.gl.textures import TextureMemory
 from ui.gl.tonemap import Display, DisplayView
 
@@ -288,7 +288,7 @@ class PlacementRenderer:
         picture.display_box, picture.view = None, view
         return picture.display.texture
 
-    def snapshot_compare(self, looks: Mapping[str, Look] | None = None) -> None:
+    def snapshot_compare(self, looks: Mapping[str, ComparedLook] | None = None) -> None:
         """Keep the linear picture as it would be with these layers looking so (of now: none) as A of the comparison."""
         self._draw_linear()
         picture = self._shown()
