@@ -5,7 +5,8 @@
             ─► launches (window, renderer) ─┤
     cornell, room ─► indirect light ────────┤
     stairwell, ajar, storeroom ─► rooms ────┤
-    the storeroom's balls ─► gloss ─────────┘
+    the storeroom's balls ─► gloss ─────────┤
+    teatray, bunny, rings ─► orbit ─────────┘
 
 `figures` names what was promised and its limits; `speed` and `accuracy` measure in this process, `launches` starts the
 window and the renderer's measurements as programs of their own, because nothing here may touch GL. What cannot be
@@ -30,6 +31,7 @@ from app.measure.indirect import QUICKLY as INDIRECT_QUICKLY
 from app.measure.indirect import IndirectEffort, indirect_figures
 from app.measure.launches import Launch, Screen, launch, measure_renderer, open_screen
 from app.measure.machine import load_average, machine_facts
+from app.measure.orbit import OrbitEffort, orbit_figures
 from app.measure.plots import write_plots
 from app.measure.rooms import RoomEffort, room_figures
 from app.measure.speed import (
@@ -70,11 +72,12 @@ class Effort:
     indirect: IndirectEffort = field(default_factory=IndirectEffort)
     rooms: RoomEffort | None = field(default_factory=RoomEffort)
     gloss: GlossEffort | None = field(default_factory=GlossEffort)
+    orbit: OrbitEffort | None = field(default_factory=OrbitEffort)
 
 
 FULL = Effort("full")
 VISIBILITY_RESOLUTION = 512, 512
-QUICKLY = Effort("quick", 1, 1, 0, 10, 64, 200_000, 300, False, 300.0, QUICK, INDIRECT_QUICKLY, None, None)
+QUICKLY = Effort("quick", 1, 1, 0, 10, 64, 200_000, 300, False, 300.0, QUICK, INDIRECT_QUICKLY, None, None, None)
 
 
 def run(
@@ -102,6 +105,7 @@ def run(
         )
     figures += room_figures(effort.rooms, report)
     figures += gloss_figures(effort.gloss, report)
+    figures += orbit_figures(effort.orbit, output, report)
     sweep_source = _open(source, effort.grid.side)
     report(f"sweep at {_size(sweep_source)}")
     swept = run_sweep(sweep_source, effort.grid, _frame_seconds(renderer))

@@ -20,11 +20,13 @@ from engine.errors import InsituError
 
 @dataclass(frozen=True)
 class Spec:
-    """What a figure is: its unit, the largest value that meets the promise (None: no promise), how samples combine."""
+    """What a figure is: its unit, the largest value that meets the promise, or the least where more is better (None: no
+    promise), how samples combine."""
 
     unit: str
     limit: float | None = None
     combine: Literal["median", "worst"] = "median"
+    more_is_better: bool = False
 
 
 BRUTE = "of brute-force shadow rays"
@@ -73,6 +75,16 @@ SPECS |= {
     for kind, limit in _OF_A_ROOM.items()
 }
 SPECS |= {name: Spec("relRMSE", 0.05) for name in ("room_gloss_direct_error", "room_gloss_error")}
+SPECS |= {
+    "orbit_error_teatray_320": Spec("relRMSE", 0.06),
+    "orbit_error_bunny_320": Spec("relRMSE", 0.06),
+    "orbit_rest_error_teatray": Spec("relRMSE", 0.04),
+    "orbit_rest_error_bunny": Spec("relRMSE", 0.025),
+    "orbit_fps_moving": Spec("frames/s", 15.0, more_is_better=True),
+    "orbit_rest_s": Spec("s", 0.5),
+    "orbit_edit_s": Spec("s", 0.5),
+    "orbit_precompute_s": Spec("s", 30.0),
+}
 
 
 class NotMeasured(InsituError):
@@ -113,7 +125,7 @@ class Figure:
         """Whether the limit is kept; None where there is no limit or no value."""
         if self.value is None or self.spec.limit is None:
             return None
-        return self.value <= self.spec.limit
+        return self.value >= self.spec.limit if self.spec.more_is_better else self.value <= self.spec.limit
 
     def as_json(self) -> dict[str, Any]:
         """The figure as it stands in figures.json."""

@@ -5,7 +5,22 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from . import ajar, cornell, dominoes, earrings, plant, plate, ring, room, shapes, stairwell, storeroom, teatray, vase
+from . import (
+    ajar,
+    cornell,
+    dominoes,
+    earrings,
+    plant,
+    plate,
+    ring,
+    rings,
+    room,
+    shapes,
+    stairwell,
+    storeroom,
+    teatray,
+    vase,
+)
 from .mesh import Mesh
 
 # The environment that each scene's folder holds a copy of: a scene reads no file outside of its folder.
@@ -18,6 +33,7 @@ LIT_BY = {
     "plate": "studio",
     "ring": "studio",
     "room": "sky",
+    "rings": "studio",
 }
 
 SCENES: dict[str, Callable[[], dict[str, Mesh]]] = {
@@ -34,7 +50,12 @@ SCENES: dict[str, Callable[[], dict[str, Mesh]]] = {
     "stairwell": stairwell.meshes,
     "ajar": ajar.meshes,
     "storeroom": storeroom.meshes,
+    "rings": rings.meshes,
 }
 
 # Textures and weight maps: for each scene, file name -> (H, W, 3) sRGB or (H, W) shares, 8 bits.
-IMAGES: dict[str, Callable[[], dict[str, NDArray[np.uint8]]]] = {"plate": plate.images, "room": room.images}
+IMAGES: dict[str, Callable[[], dict[str, NDArray[np.uint8]]]] = {
+    "plate": plate.images,
+    "room": room.images,
+    "rings": rings.images,
+}

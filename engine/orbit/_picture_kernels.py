@@ -75,7 +75,7 @@ def resolve(
             for i in range(3):
                 out.emitted[j, i] = surface.emission[i_object, i]
         corners = surface.triangles[t, side]
-        out.behind[j] = side == 1 and corners[0] < 0
+        out.behind[j] = side == 1 and corners[0] < 0 and surface.triangles[t, 0, 0] >= 0
         for i in range(3):
             out.corners[j, i] = corners[i]
         out.weights[j, 0], out.weights[j, 1], out.weights[j, 2] = np.float32(1.0) - u[k] - v[k], u[k], v[k]

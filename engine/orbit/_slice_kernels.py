@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from engine.orbit._incident_kernels import Kept
+from engine.orbit._incident_kernels import Kept, child_at
 
 Floats = NDArray[np.float32]
 _TURN = 2.0 * math.pi / 5.0
@@ -181,3 +181,45 @@ def shade_corners(
                 _reflect(cell, number, value, n, t, cells[i_cell])
             for i in range(3):
                 radiance[r, i] = _between(cell, cells[i_cell], i)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def sun_slices(
+    which: NDArray[np.int64], corners: NDArray[np.int32], weights: Floats, wo: Floats, frame: Floats,
+    sun_bits: NDArray[np.uint8], sun_direction: Floats, sun_power: Floats, children: NDArray[np.int16], t: Tables,
+    share: Floats, between: Floats, most: Floats,
+) -> None:  # fmt: skip
+    """Of samples (N,) and suns (M,): fill the share (N, M) that is seen, and what slices say that is reflected of it,
+    interpolated (N, M, 3) and the most around (N, M), of the sum of colours. The frame is that of the nearest point."""
+    for n in range(len(which)):
+        j = which[n]
+        nearest = 0
+        for k in range(1, 3):
+            if weights[j, k] > weights[j, nearest]:
+                nearest = k
+        f = frame[corners[j, nearest]]
+        a, b, c = wo[j, 0], wo[j, 1], wo[j, 2]
+        cell = cell_at(
+            f[0, 0] * a + f[0, 1] * b + f[0, 2] * c, f[1, 0] * a + f[1, 1] * b + f[1, 2] * c,
+            f[2, 0] * a + f[2, 1] * b + f[2, 2] * c, t,
+        )  # fmt: skip
+        for s in range(len(sun_power)):
+            seen = np.float32(0.0)
+            for k in range(3):
+                if sun_bits[corners[j, k], s >> 3] >> (s & 7) & 1:
+                    seen += weights[j, k]
+            share[n, s], most[n, s], between[n, s] = seen, 0.0, 0.0
+            d = sun_direction[s]
+            y = f[1, 0] * d[0] + f[1, 1] * d[1] + f[1, 2] * d[2]
+            if seen <= 0.0 or y <= 0.0:
+                continue
+            x = f[0, 0] * d[0] + f[0, 1] * d[1] + f[0, 2] * d[2]
+            z = f[2, 0] * d[0] + f[2, 1] * d[1] + f[2, 2] * d[2]
+            own = t.values[t.places[cell.symmetry, child_at(x, y, z, children) >> 2]]
+            for i in range(3):
+                power = seen * sun_power[s, i]
+                v00, v01 = own[cell.row, cell.column, i], own[cell.row, cell.right, i]
+                v10, v11 = own[cell.row + 1, cell.column, i], own[cell.row + 1, cell.right, i]
+                upper = v00 + cell.across * (v01 - v00)
+                between[n, s, i] = power * (upper + cell.down * (v10 + cell.across * (v11 - v10) - upper))
+                most[n, s] += power * max(max(v00, v01), max(v10, v11))

@@ -33,7 +33,7 @@ _INTERPOLATED = 8192  # points at a time
 _TURNED = 0.25
 _INWARDS = 0.1  # of the way to the triangle's middle
 # Objects are worth points on their backs from this share of all rays on.
-_BEHIND = 2e-3
+_BEHIND = 0.02
 
 
 @dataclass(frozen=True, eq=False)

@@ -55,10 +55,6 @@ class Incident:
         words = self.kept.value[self.slot[p]].astype(np.uint32) << 16
         return self.kept.number[self.slot[p]], words.view(np.float32)
 
-    def suns_seen(self, which: NDArray[np.integer], n_suns: int) -> NDArray[np.bool_]:
-        """Whether some of the points (N,) see each of M suns, (N, M)."""
-        return np.unpackbits(self.kept.sun_bits[which], axis=1, count=n_suns, bitorder="little").astype(bool)
-
 
 @dataclass(frozen=True, eq=False)
 class Lamps:

@@ -301,8 +301,8 @@ class Orbit:
             interpolated(seen, which, lit.incident.irradiance, own, np.array(term.reflectance))
         elif (tables := self._tables_of(term.layers)) is not None:
             if quality == "rest":
-                own[which] += reflected(seen, which, lit.incident, tables)
-                own[which] += sunlit(seen, which, lit.incident, self._sky, term.layers)
+                others = reflected(seen, which, lit.incident, tables)
+                own[which] += others + sunlit(seen, which, lit.incident, self._sky, term.layers, tables, others)
             else:
                 points = np.flatnonzero(lit.seen & (lit.points.i_object == term.i_object))
                 shaded(seen, points, lit.incident, tables, n, lit.colours)

@@ -18,7 +18,7 @@ from engine.light.environment import Environment
 from engine.material.layer import Layer
 from engine.orbit import _picture_kernels as kernels
 from engine.orbit import _slice_kernels
-from engine.orbit.incident import Incident
+from engine.orbit.incident import Incident, hemisphere
 from engine.orbit.shading_points import ShadingPoints
 from engine.orbit.sky import Sky
 from engine.orbit.slices import to_shading
@@ -34,6 +34,8 @@ Floats = NDArray[np.float32]
 Rows = NDArray[np.int64]
 _RAYS = 16384  # at a time
 _PIXELS = 1024
+# Of what a pixel reflects: by which a sun may differ among the slices around and be looked up in them all the same.
+_LITTLE = 0.005
 # Four rays a pixel on a rotated grid, in pixels from its upper left corner.
 _SUB_RAYS = np.array([(0.125, 0.375), (0.625, 0.125), (0.875, 0.625), (0.375, 0.875)])
 
@@ -184,39 +186,54 @@ def reflected(seen: Seen, which: Rows, incident: Incident, tables: _slice_kernel
     return np.asarray(np.einsum("nk,nki->ni", weights, at_corners.reshape(-1, 3, 3)), np.float32)
 
 
-def sunlit(seen: Seen, which: Rows, incident: Incident, sky: Sky, layers: Sequence[Layer]) -> Floats:
+def sunlit(
+    seen: Seen, which: Rows, incident: Incident, sky: Sky, layers: Sequence[Layer], tables: _slice_kernels.Tables,
+    others: Floats,
+) -> Floats:  # fmt: skip
     """Radiance (N, 3) that layers reflect of the sky's suns at samples (N,), each in its own direction: a highlight as
     sharp as the layers are, where slices know it to a triangle's 2.8 degrees. What a pixel sees of a sun is what its
-    points see."""
+    points see. tables: the layers' slices, that are good enough for suns of which little is reflected beside all else;
+    others (N, 3): what that is."""
     radiance = np.zeros((len(which), 3), np.float32)
 
     def part(start: int) -> None:
         some = which[start : start + _PIXELS]
-        radiance[start : start + _PIXELS] = _of_suns(seen, some, incident, sky, layers)
+        beside = others[start : start + _PIXELS].sum(axis=1)
+        radiance[start : start + _PIXELS] = _of_suns(seen, some, incident, sky, layers, tables, beside)
 
     if len(sky.sun_power):
         on_threads(part, range(0, len(which), _PIXELS))
     return radiance
 
 
-def _of_suns(seen: Seen, which: Rows, incident: Incident, sky: Sky, layers: Sequence[Layer]) -> NDArray[np.float64]:
-    """`sunlit` of a few samples."""
+def _of_suns(
+    seen: Seen, which: Rows, incident: Incident, sky: Sky, layers: Sequence[Layer], tables: _slice_kernels.Tables,
+    others: Floats,
+) -> NDArray[np.float64]:  # fmt: skip
+    """`sunlit` of a few samples; others (N,): of the sum of colours."""
     corners, weights = seen.samples.corners[which], seen.samples.weights[which].astype(np.float64)
-    n_suns = len(sky.sun_power)
-    share = np.einsum("nk,nks->ns", weights, incident.suns_seen(corners.ravel(), n_suns).reshape(-1, 3, n_suns))
+    share, most = np.empty((2, len(which), len(sky.sun_power)), np.float32)
+    between = np.empty((*share.shape, 3), np.float32)
+    _slice_kernels.sun_slices(
+        which, seen.samples.corners, seen.samples.weights, seen.samples.wo, seen.points.frames, incident.kept.sun_bits,
+        sky.sun_direction, sky.sun_power, hemisphere().children, tables, share, between, most,
+    )  # fmt: skip
+    estimate = between.sum(axis=2)
+    counts = most - estimate > _LITTLE * (others + estimate.sum(axis=1))[:, None]
+    between[counts] = 0.0
     frames = np.einsum("nk,nkij->nij", weights, seen.points.frames[corners])
     frames[:, 1] /= np.linalg.norm(frames[:, 1], axis=1, keepdims=True)
     frames[:, 0] -= np.einsum("ni,ni->n", frames[:, 0], frames[:, 1])[:, None] * frames[:, 1]
     frames[:, 0] /= np.linalg.norm(frames[:, 0], axis=1, keepdims=True)
     frames[:, 2] = np.cross(frames[:, 0], frames[:, 1])
-    n, s = np.nonzero(share > 0.0)
+    n, s = np.nonzero(counts)
     wi = np.einsum("nij,nj->ni", frames[n], sky.sun_direction[s].astype(np.float64))
     wo = np.einsum("nij,nj->ni", frames, seen.samples.wo[which].astype(np.float64))
     wo[:, 1] = np.maximum(wo[:, 1], LEAST_COSINE)
     wo /= np.linalg.norm(wo, axis=1, keepdims=True)
     lit = share[n, s, None] * sky.sun_power[s] * evaluate_layers(layers, to_shading(wi), to_shading(wo[n]))
     lit[wi[:, 1] <= 0.0] = 0.0
-    return np.stack([np.bincount(n, lit[:, c], len(which)) for c in range(3)], axis=1)
+    return between.sum(axis=1) + np.stack([np.bincount(n, lit[:, c], len(which)) for c in range(3)], axis=1)
 
 
 def picture(

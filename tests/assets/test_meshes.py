@@ -44,8 +44,8 @@ def test_generator_makes_the_committed_meshes(name: str, tmp_path: Path) -> None
             assert np.allclose(mesh.coordinates, committed.coordinates, rtol=0, atol=1e-5)
 
 
-def test_everything_fits_in_twelve_megabytes() -> None:
-    assert sum(path.stat().st_size for path in ASSETS.rglob("*") if path.suffix in (".ply", ".exr")) < 12e6
+def test_everything_fits_in_fourteen_megabytes() -> None:
+    assert sum(path.stat().st_size for path in ASSETS.rglob("*") if path.suffix in (".ply", ".exr")) < 14e6
 
 
 def test_ply_reads_back_as_written(tmp_path: Path) -> None:

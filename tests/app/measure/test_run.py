@@ -35,10 +35,11 @@ EFFORT = Effort(
     IndirectEffort(2, 1, (2, 4), 12, 12, ((2, 2), (3, 3)), 12, warm_up=False, room=False),
     rooms=None,
     gloss=None,
+    orbit=None,
 )
 pytestmark = pytest.mark.slow
 WINDOW = ("window_s", "first_picture_s", "worst_stall_ms", "exact_picture_s", "first_picture_cold_s")
-NOT_ASKED = {name for name in SPECS if name.startswith(("reference_", "room_"))}
+NOT_ASKED = {name for name in SPECS if name.startswith(("reference_", "room_", "orbit_"))}
 
 
 @contextlib.contextmanager

@@ -152,7 +152,7 @@ def test_all_coefficients_are_the_wavelets_of_the_powers_and_fewer_are_the_large
 
 
 def suns_irradiance(points, p, incident, sky) -> np.ndarray:
-    seen = incident.suns_seen(np.array([p]), len(sky.sun_power))[0]
+    seen = np.unpackbits(incident.kept.sun_bits[p], count=len(sky.sun_power), bitorder="little")
     cosine = np.maximum(sky.sun_direction @ points.normal[p], 0.0)
     return (sky.sun_power * (seen * cosine)[:, None]).sum(axis=0)
 
@@ -263,7 +263,8 @@ def test_a_sun_is_reflected_in_its_own_direction(ball_scene, ball) -> None:
     sharp = make_layer(MODELS["rough_conductor"], {"alpha": 0.05})
     seen = Canvas(ball_scene, points).look(ball_scene.description.camera, (240, 180))
     on_ball = seen.of(1)
-    found = sunlit(seen, on_ball, lit(ball, sky, 20), sky, [sharp])
+    tables = finish(slicing(sharp, 0)).tables
+    found = sunlit(seen, on_ball, lit(ball, sky, 20), sky, [sharp], tables, np.zeros((len(on_ball), 3), np.float32))
     normal = np.einsum("pk,pki->pi", seen.samples.weights[on_ball], points.normal[seen.samples.corners[on_ball]])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     half = sky.sun_direction.mean(axis=0) / np.linalg.norm(sky.sun_direction.mean(axis=0)) + seen.samples.wo[on_ball]

@@ -10,8 +10,8 @@ from engine.scene.description import load_description
 from engine.scene.load import load_scene
 
 SCENES = [  # default first
-    "teatray", "ajar", "cornell", "dominoes", "earrings", "plant", "plate", "ring", "room", "shapes", "stairwell",
-    "storeroom", "vase",
+    "teatray", "ajar", "cornell", "dominoes", "earrings", "plant", "plate", "ring", "rings", "room", "shapes",
+    "stairwell", "storeroom", "vase",
 ]  # fmt: skip
 
 

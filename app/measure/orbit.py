@@ -1,0 +1,173 @@
+"""Orbit's figures: how right its pictures are by coefficients kept, and how fast the scene made for it is.
+
+Right is judged at random pixels inside of objects, in direct light, against brute force in 81,920 directions.
+"""
+
+from __future__ import annotations
+
+import csv
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.measure.accuracy import errors, reference_folder
+from app.measure.figures import Figure, NotMeasured, not_measured
+from app.project import Project, open_project
+from engine.light.environment import Environment
+from engine.material.layer import Layer
+from engine.orbit.live import Orbit
+from engine.render.integrator import integrate_direct
+from engine.scene.hits import PrimaryHits
+from engine.transport.pipeline import Placement, SkyState
+
+JUDGED, SCENE = ("teatray", "bunny"), "rings"
+N_NAMED = 320
+TABLE = "orbit.csv"
+SPEEDS = ("orbit_fps_moving", "orbit_rest_s", "orbit_edit_s", "orbit_precompute_s")
+NAMES = (
+    *(f"orbit_error_{name}_{N_NAMED}" for name in JUDGED),
+    *(f"orbit_rest_error_{name}" for name in JUDGED),
+    *SPEEDS,
+)
+
+
+@dataclass(frozen=True)
+class OrbitEffort:
+    """Pixels that are judged and in how many directions, 20·4^level; coefficients; the speeds' picture, frames, and
+    points besides the meshes' own vertices."""
+
+    n_pixels: int = 300
+    level: int = 6
+    coefficients: tuple[int, ...] = (20, 80, 320, 1280)
+    resolution: tuple[int, int] = (512, 384)
+    n_frames: int = 30
+    n_points: int = 256 * 256
+
+
+def orbit_figures(effort: OrbitEffort | None, output: Path, report: Callable[[str], None]) -> list[Figure]:
+    """All of them, and the errors by coefficients and by way to draw as a table in `output`; None: left out."""
+    if effort is None:
+        return [not_measured(name, "left out of a quick run") for name in NAMES]
+    folder, figures, rows = reference_folder(), [], list[tuple[str, int, str, float, float]]()
+    for name in JUDGED:
+        named, rest = f"orbit_error_{name}_{N_NAMED}", f"orbit_rest_error_{name}"
+        if folder is None:
+            figures += [not_measured(each, "there is no folder of references") for each in (named, rest)]
+            continue
+        report(f"Orbit against brute force: {name}")
+        found = errors_by_coefficients(open_project(str(folder / f"{name}.toml")), effort)
+        rows += [(name, *row) for row in found]
+        at_rest = {str(n): rmse for n, quality, rmse, _ in found if quality == "rest"}
+        how = f"{effort.n_pixels} random pixels against {20 * 4**effort.level} directions, direct light, at rest"
+        figures.append(Figure(named, (at_rest[str(N_NAMED)],), how, at_rest))
+        figures.append(Figure(rest, (min(at_rest.values()),), f"{how}, by as many coefficients as are best"))
+    with open(output / TABLE, "w", newline="", encoding="utf-8") as file:
+        csv.writer(file).writerows([("scene", "coefficients", "drawn", "relRMSE", "means"), *rows])
+    report(f"Orbit's speed: {SCENE}")
+    return figures + speed_figures(open_project(SCENE, effort.resolution), effort)
+
+
+def errors_by_coefficients(project: Project, effort: OrbitEffort) -> list[tuple[int, str, float, float]]:
+    """(coefficients, "moving" or "rest", relRMSE, difference of means) of pictures of one scene."""
+    placement, layers = Placement(project.scene), _layers_of(project)
+    rows = _inner_rows(placement.hits, effort.n_pixels)
+    sky: Environment | None = project.sky.environment
+    truth = integrate_direct(
+        placement.hits, rows, placement.caster, lambda i: layers.get(i, ()), sky, project.sky.rotation,
+        placement.patches(1024), effort.level,
+    )  # fmt: skip
+    found, arrays = [], None
+    for n in effort.coefficients:
+        orbit = Orbit(project.scene, placement.caster, n_coefficients=n)
+        if arrays is not None:
+            orbit.restore(arrays)
+        _wait(orbit, project.sky, layers)
+        arrays = arrays or orbit.stored()
+        for quality in ("moving", "rest"):
+            camera = project.scene.description.camera
+            picture = orbit.draw(camera, project.scene.resolution, quality, n)  # type: ignore[arg-type]
+            off = errors(picture.reshape(-1, 3)[placement.hits.pixel[rows]], truth)
+            found.append((n, quality, off.rmse, off.mean))
+    return found
+
+
+def speed_figures(project: Project, effort: OrbitEffort) -> list[Figure]:
+    """Of one scene: making ready, frames while the camera moves, a picture at rest, an edit until it is whole."""
+    layers, camera = _layers_of(project), project.scene.description.camera
+    orbit = Orbit(project.scene, n_points=200)
+    _wait(orbit, project.sky, layers, n_bounces=2)
+    for quality in ("moving", "rest"):  # compiled before anything is timed
+        orbit.draw(camera, (32, 24), quality)  # type: ignore[arg-type]
+    begun = time.perf_counter()
+    orbit = Orbit(project.scene, n_points=effort.n_points)
+    _wait(orbit, project.sky, layers, n_bounces=project.scene.description.bounces or 1)
+    made = time.perf_counter() - begun
+    frames = []
+    for k in range(effort.n_frames):
+        begun = time.perf_counter()
+        x, y, z = camera.position
+        orbit.draw(camera.model_copy(update={"position": (x + 0.01 * k, y, z)}), effort.resolution, "moving")
+        frames.append(time.perf_counter() - begun)
+    begun = time.perf_counter()
+    orbit.draw(camera, effort.resolution)
+    rest = time.perf_counter() - begun
+    first, whole = _edit_seconds(orbit, project, layers, effort.resolution)
+    size = f"{effort.resolution[0]}x{effort.resolution[1]}"
+    how = f"{SCENE}, {len(project.scene.vertices)} vertices and {effort.n_points} points between them"
+    parts = {"mb": orbit.n_bytes / 1e6, "stored_mb": sum(a.nbytes for a in orbit.stored().values()) / 1e6}
+    return [
+        Figure("orbit_fps_moving", tuple(1.0 / each for each in frames), f"{how}, {size}"),
+        Figure("orbit_rest_s", (rest,), f"{how}, {size}"),
+        Figure("orbit_edit_s", (whole,), f"{how}: a roughness, until slices are whole", {"first_s": first}),
+        Figure("orbit_precompute_s", (made,), how, parts),
+    ]
+
+
+def _edit_seconds(
+    orbit: Orbit, project: Project, layers: dict[int, tuple[Layer, ...]], resolution: tuple[int, int]
+) -> tuple[float, float]:
+    """Until the first picture that shows an edit, and until its reflection is whole."""
+    camera = project.scene.description.camera
+    i, k = next((i, k) for i, own in layers.items() for k, layer in enumerate(own) if "alpha" in layer.values)
+    own = list(layers[i])
+    own[k] = own[k].with_parameter("alpha", 0.3)
+    begun, first = time.perf_counter(), 0.0
+    orbit.set_layers(layers | {i: tuple(own)})
+    for step in orbit.work():
+        if not first and step.text == "reflection":
+            orbit.draw(camera, resolution, "moving")
+            first = time.perf_counter() - begun
+    orbit.draw(camera, resolution, "moving")
+    return first, time.perf_counter() - begun
+
+
+def _wait(orbit: Orbit, sky: SkyState, layers: dict[int, tuple[Layer, ...]], n_bounces: int = 1) -> None:
+    orbit.set_light(sky)
+    orbit.set_layers(layers)
+    orbit.set_bounces(n_bounces)
+    for _ in orbit.work():
+        pass
+
+
+def _layers_of(project: Project) -> dict[int, tuple[Layer, ...]]:
+    found: dict[int, tuple[Layer, ...]] = {}
+    for i_object, layer in project.indexed_layers:
+        found[i_object] = (*found.get(i_object, ()), layer)
+    return found
+
+
+def _inner_rows(hits: PrimaryHits, n: int) -> NDArray[np.integer]:
+    """Some of the points whose pixel's neighbours see the same object."""
+    ids = hits.object_image
+    same = np.ones(ids.shape, bool)
+    for axis in (0, 1):
+        for step in (1, -1):
+            same &= np.roll(ids, step, axis) == ids
+    inner = np.flatnonzero(same.ravel()[hits.pixel])
+    if not len(inner):
+        raise NotMeasured("no pixel lies inside of an object")
+    return np.random.default_rng(1).choice(inner, min(n, len(inner)), replace=False)
