@@ -49,7 +49,9 @@ def said_of_layers(layers: Sequence[Layer]) -> list[object]:
 
 class NamedOrbit:
     """As `engine.orbit.live.Orbit`; each picture is of one colour, that of all it is drawn of, or black while
-    anything of it is still to be made ready."""
+    anything of it is still to be made ready. Nothing of it is kept in the cache."""
+
+    n_bytes, has_traced = 1, False
 
     def __init__(self, scene: Scene, *_: object) -> None:
         self.scene, self.version, self.is_ready, self.fraction = scene, 0, False, 0.0
