@@ -7,7 +7,7 @@ The readers are our own. trimesh 5.2 was tried: of the files that our tests refu
 PLY and 19 of 54 GLB without a word; it reads an OBJ file's relative indices from its end, refuses binary PLY files with
 polygons of different size, and drops skins (`test_trimesh` shows each), morph targets and transforms of textures. Of a
 million triangles, CPU seconds, ours and trimesh's: binary PLY 0.15 and 0.15, ASCII PLY 5.7 and 3.7, OBJ 6.4 and 3.0,
-GLB 0.75 (most of it to place it and make normals unit) and 0.09; to import it takes 0.5 more. pygltflib 1.16 takes 49 of
+GLB 0.75 (most of it to place it, normals unit) and 0.09; to import it takes 0.5 more. pygltflib 1.16 takes 49 of
 those 54 GLB files, and makes an object of each JSON value: 50 s a megabyte of empty materials, where we promise 2.
 """
 
