@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ui.gl.context import GraphicsError
-from ui.gl.placement.accumulate import TERMS_PER_PASS, Accumulator, TermSum
+from ui.gl.placement.accumulate import Accumulator, TermSum
 from ui.gl.placement.coefficients import CoefficientState, Floats, RefineStep
 from ui.gl.placement.transport import TransportTexture
 from ui.gl.textures import TextureMemory
@@ -21,6 +21,7 @@ from ui.gl.textures import TextureMemory
 _LARGEST_MULTIPLIER = 1e36
 # Terms of the step by which the cost of one is measured, where there is a budget to keep.
 _TERMS_TO_MEASURE = 8
+LEAST_REBUILT = 32
 
 
 @dataclass
@@ -178,5 +179,7 @@ class Refiner:
 
 
 def _chunk(limit: int, is_tidying: bool) -> int:
-    """Terms of one step of a rebuild: the frame's share when idle; a due one takes whole passes, to be over soon."""
-    return max(1, limit) if is_tidying else max(limit, TERMS_PER_PASS)
+    """Terms of one step of a rebuild: the frame's share when idle; a due one takes some more, to be over soon. All of
+    128 bands at once, of a layer that fills the picture, blocked the window for 60 ms, and with the worker at work twice
+    as long."""
+    return max(1, limit) if is_tidying else max(limit, LEAST_REBUILT)

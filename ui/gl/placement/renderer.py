@@ -245,7 +245,7 @@ class PlacementRenderer:
     def update(self, max_coefficients: int | None = None, budget_s: float | None = None) -> UpdateReport:
         """Move the picture towards what is wanted: at most so many terms, and as many as fit into `budget_s`.
 
-        With neither, all. A rebuild that drift makes due may take 128 terms, whatever is allowed.
+        With neither, all. A rebuild that is due may take 32 terms, whatever is allowed.
         """
         if not self._edited.keys:
             return UpdateReport()
