@@ -179,7 +179,6 @@ class Refiner:
 
 
 def _chunk(limit: int, is_tidying: bool) -> int:
-    """Terms of one step of a rebuild: the frame's share when idle; a due one takes some more, to be over soon. All of
-    128 bands at once, of a layer that fills the picture, blocked the window for 60 ms, and with the worker at work twice
-    as long."""
+    """Terms of one step of a rebuild: the frame's share when idle; a due one takes some more, to be over soon. It took
+    128 at once: of a layer of 512 × 512 pixels 127 ms of processor time, all in one frame."""
     return max(1, limit) if is_tidying else max(limit, LEAST_REBUILT)
