@@ -80,6 +80,21 @@ def test_a_scene_far_from_the_origin_keeps_its_detail(scene_file):
     assert np.abs(np.linalg.norm(scene.vertices, axis=1) - 0.5).max() < 1e-6
 
 
+def test_each_object_has_its_box_in_the_world(scene_file):
+    # Cubes 1 m wide: one doubled and a kilometre off; one turned by 45 degrees about Y, as wide as its diagonal.
+    c = 0.5**0.5
+    turned = [c, 0, c, 0, 0, 1, 0, 2, -c, 0, c, 0, 0, 0, 0, 1]
+    scene = load_scene(
+        scene_file(
+            '[[object]]\nname = "far"\nprimitive = "cube"\ntransform = [2,0,0,1e3, 0,2,0,0, 0,0,2,0, 0,0,0,1]\n'
+            f'[[object]]\nname = "turned"\nprimitive = "cube"\ntransform = {turned}\n'
+        )
+    )
+    far, about_y = scene.bounds
+    np.testing.assert_allclose(far, [[999, -1, -1], [1001, 1, 1]], atol=1e-3)
+    np.testing.assert_allclose(about_y, [[-c, 1.5, -c], [c, 2.5, c]], atol=1e-6)
+
+
 def test_the_environments_path_is_resolved_but_not_read(scene_file):
     camera = "[camera]\nposition = [0, 0, 3]\ntarget = [0, 0, 0]\n"
     path = scene_file(QUAD, camera + '[environment]\nfile = "sky.exr"\n')
