@@ -75,11 +75,11 @@ class OrbitWork(ModeWork):
                 if told is None and first_time:
                     yield from _rehearsed(orbit)
                 told = orbit.version
-                yield OrbitAdvanced(orbit.version, orbit.is_done)
+                yield OrbitAdvanced(orbit.version, orbit.is_done, orbit.n_bytes)
             yield Progress(STAGE, step.fraction, text=FIRST_TIME if first_time else step.text)
         if first_time:
             note_compiled(ORBIT)
-        yield OrbitAdvanced(orbit.version, orbit.is_done)
+        yield OrbitAdvanced(orbit.version, orbit.is_done, orbit.n_bytes)
         if orbit.has_traced:
             self._bench.store.put(_key(orbit), orbit.stored())
 

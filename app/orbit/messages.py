@@ -49,10 +49,12 @@ class DrawOrbit(Request):
 
 @dataclass(frozen=True)
 class OrbitAdvanced(Response):
-    """Pictures drawn now are others than under a lower `version`; is_done: they are the last."""
+    """Pictures drawn now are others than under a lower `version`; is_done: they are the last; n_bytes: what is
+    kept for them."""
 
     version: int
     is_done: bool
+    n_bytes: int = 0
 
 
 @dataclass(frozen=True)

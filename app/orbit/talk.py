@@ -75,6 +75,7 @@ class OrbitTalk(ModeTalk):
         self._refused: Drawing | None = None
         self._shown: Drawing | None = None
         self._seconds = 0.0
+        self._n_bytes = 0
         self._drawn_at = -math.inf
 
     # ----------------------------------------------------------------------------------------- what the editor tells
@@ -177,7 +178,12 @@ class OrbitTalk(ModeTalk):
             return replace(self.placement.status(status), shown_by="Placement")
         note = PLACEMENT_FOLLOWS if self._picture == "refining" else ""
         resolution = (0, 0) if self._shown is None else self._shown.resolution
-        said = {"picture": self._picture, "missing_note": note, "shown_by": "Orbit"}
+        said = {
+            "picture": self._picture,
+            "missing_note": note,
+            "shown_by": "Orbit",
+            "precomputed_mb": self._n_bytes / 1e6,
+        }
         return OrbitStatus(**(vars(status) | said), drawn_resolution=resolution, drawn_seconds=self._seconds)
 
     @property
@@ -334,6 +340,7 @@ class OrbitTalk(ModeTalk):
         if response.id != self._prepare_id:
             return
         self._known = Known(response.id, response.version, response.is_done)
+        self._n_bytes = response.n_bytes
         if self._asked is not None:
             self._known_light.worked(self._asked.scene.light)
         if response.is_done:

@@ -34,5 +34,9 @@ def figures(status: OrbitStatus) -> list[tuple[str, str, str]]:
             "Pixels of the last picture, and the time it took. While something moves there are as many as are drawn "
             "in time; at rest there are all.",
         ),
-        ("Memory", f"{status.memory_mb:.0f} MB", "Main memory of the window and of what computes for it."),
+        (
+            "Memory",
+            f"{status.memory_mb:.0f} MB, light {status.precomputed_mb:.0f} MB",
+            "Main memory of the window and of what computes for it; what Orbit keeps of light in the scene.",
+        ),
     ]

@@ -148,7 +148,7 @@ def _right(context: PanelContext, status: Status, draw: bool = True) -> float:
         imgui.same_line(start)
         _value(context, Icon.CLOCK, frame, frame_width, "Time of the last frame that drew the picture.")
         imgui.same_line(start + frame_width + context.px(18) + 0.5 * icons)
-        _value(context, Icon.MEMORY, memory, memory_width, "Memory of the precomputed transport.")
+        _value(context, Icon.MEMORY, memory, memory_width, "Memory of what is precomputed.")
     return start
 
 
