@@ -93,7 +93,6 @@ def render_project(
     sky = project.sky
     placement = Placement(project.scene)
     plan = replace(plan_still(project, sky.environment is not None, n_lights), n_patches=n_patches)
-    layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
     wanted = series.n_bounces if series else project.n_bounces or plan.bounces
     bounces = planned_bounces(placement, project.indexed_layers, wanted)
     series = series or BounceSeries(bounces.n_bounces)
@@ -101,10 +100,11 @@ def render_project(
     if reference:
         steps = _reference(placement, project, series.n_bounces, n_samples)
         return Still(held(finish(steps, report) * intensity, BRIGHTEST), warning=bounces.warning)
-    layers = _at_most(layers, series.first or project.document.first_bands)
     if mode == "orbit":
         drawing = render_orbit(placement, _layers_by_object(project), sky, n_patches, n_bounces=series.n_bounces)
         return Still(held(finish(drawing, report) * intensity, BRIGHTEST), warning=bounces.warning)
+    layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
+    layers = _at_most(layers, series.first or project.document.first_bands)
     if series.n_bounces > 1:
         indirect = finish(indirect_radiance(placement, layers, sky, series), report)
     quality = still_quality(plan)

@@ -297,8 +297,7 @@ class TransportTalk:
         staying = self._staying(wish, n_lights)
         was_fixed = [shape.key for shape in self.layers_asked if shape.is_fixed and shape.key in staying]
         self.revision += 1
-        self._asked, self._drag_quality = wish, n_lights == DRAG_QUALITY
-        self._running, self._exact = True, False
+        self._asked, self._drag_quality, self._running, self._exact = wish, n_lights == DRAG_QUALITY, True, False
         self._forget_answers()
         self._layers = staying
         self._becoming_editable = tuple(s.key for s in wish.layers if s.key in was_fixed and not s.is_fixed)
