@@ -174,13 +174,22 @@ class Editor:
         width, height = self.view.resolution or self.own_resolution
         return width / max(height, 1)
 
-    def look_from(self, look: Viewpoint, label: str, gesture: str | None = None) -> None:
-        """See the scene from there: a step of the view's own history, one with those before it of the same gesture."""
+    def look_from(self, look: Viewpoint, label: str, gesture: str | None = None) -> str | None:
+        """See the scene from there: a step of the view's own history, one with those before it of the same gesture.
+
+        None, or one line that says why not: so many pixels need more memory than there is.
+        """
         camera, resolution = look
         camera = None if camera == self.own_camera else camera
         look = Viewpoint(camera, None if resolution == self.own_resolution else resolution)
+        try:
+            if look.resolution not in (None, self.view.resolution):
+                require_memory_for(look.resolution, "choose fewer")
+        except InsituError as error:
+            return self._refuse(str(error))
         if self._looks_now().do(Look(look, label), gesture):
             self.view = replace(self.view, **look._asdict())
+        return None
 
     def begin_look(self, label: str) -> None:
         """A hand took hold of the camera: all until ``end_look`` is one step of the view's history."""
@@ -339,14 +348,9 @@ class Editor:
 
     def resize(self, resolution: tuple[int, int] | None) -> str | None:
         """Show the scene that is open at another resolution (None: its own), with all edits; None, or why not."""
-        try:
-            if resolution is not None:
-                require_memory_for(resolution, "choose fewer")
-        except InsituError as error:
-            return self._refuse(str(error))
-        self.look_from(self.view.look._replace(resolution=resolution), "the picture's size")
+        refusal = self.look_from(self.view.look._replace(resolution=resolution), "the picture's size")
         self._looks.hand_released()
-        return None
+        return refusal
 
     def recover(self, recovery: Recovery) -> str | None:
         """Open what an editor that ended early left behind; None, or one line that says why it cannot be."""

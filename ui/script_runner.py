@@ -163,12 +163,12 @@ def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
             _refused(editor.do(SetView.of(tone_mapping=step.view)))
             window.run_until(lambda: is_at_hand(step.view), WAIT_SECONDS)
         case GoToView():
-            editor.look_from(named(editor.view.bookmarks, step.name).look, step.name)
+            _refused(editor.look_from(named(editor.view.bookmarks, step.name).look, step.name))
         case KeepByName():
             window.shell.do(KeepView(step.name))
         case MoveCamera():
             look = Viewpoint(_moved(editor, step), editor.view.resolution)
-            editor.look_from(look, "camera")
+            _refused(editor.look_from(look, "camera"))
         case UndoViews():
             _repeat(editor.undo_look, step.count, "undo in the view")
         case ChooseMode():

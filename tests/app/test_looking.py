@@ -231,6 +231,13 @@ def test_a_kept_view_is_worth_a_question_and_a_journal(client: FakeClient, tmp_p
     assert [each.name for each in load_session(journal.path).view.bookmarks] == ["View 1", "Two"]
 
 
+def test_a_view_of_more_pixels_than_there_is_memory_is_refused(editor: Editor, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("app.memory.memory_bytes", lambda: (2**33, 2**33))
+    refusal = editor.look_from(Viewpoint(ASIDE, (16384, 16384)), "a kept view")
+    assert refusal is not None and "8.0 GiB are free; choose fewer" in refusal
+    assert editor.view.look == (None, None) and editor.undo_look() is None
+
+
 def test_boxes_of_objects_are_framed(editor: Editor, client: FakeClient) -> None:
     boxes = np.array([[[-1, -1, -1], [1, 1, 1]], [[-5, -1, -5], [5, -1, 5]], [[np.nan] * 3] * 2])
     editor.open("shelf")
