@@ -129,24 +129,6 @@ def by_point(
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def add_corners(
-    start: int, stop: int, samples: NDArray[np.int64], weights: Floats, at_corners: Floats, factor: Floats,
-    radiance: Floats,
-) -> None:  # fmt: skip
-    """Add what samples' corners send (3 N, 3), weighed and times factor (N, 3) or (1, 3), to radiance (R, 3)."""
-    for at in range(start, stop):
-        j = samples[at]
-        own = factor[at if len(factor) > 1 else 0]
-        for i in range(3):
-            between = (
-                weights[j, 0] * at_corners[3 * at, i]
-                + weights[j, 1] * at_corners[3 * at + 1, i]
-                + weights[j, 2] * at_corners[3 * at + 2, i]
-            )
-            radiance[j, i] += own[i] * between
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def silhouettes(i_object: Indices, edges: NDArray[np.bool_]) -> None:
     """Set edges (H, W) where one of four neighbours shows another object (H, W)."""
     height, width = i_object.shape
