@@ -286,7 +286,12 @@ class OrbitTalk(ModeTalk):
     def _draw(self, now: float) -> None:
         """Ask for a picture, where there is another one than is shown or under way."""
         wanted = self._wanted(now)
-        if wanted is None or wanted in (self._shown, self._drawing, self._refused):
+        if (
+            wanted is None
+            or wanted in (self._drawing, self._refused)
+            or self._shown
+            and self._shown.is_as_good_as(wanted)
+        ):
             return
         if self._drawing is not None and self._drawing.quality == "moving":
             return

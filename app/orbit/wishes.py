@@ -52,6 +52,12 @@ class Drawing:
     quality: Quality
     made_of: Known = Known()
 
+    def is_as_good_as(self, other: Drawing) -> bool:
+        """Whether it shows the same, in as many pixels and as well."""
+        if (self.look, self.made_of) != (other.look, other.made_of):
+            return False
+        return self.resolution >= other.resolution and (self.quality == "rest" or other.quality == "moving")
+
 
 class Pace:
     """How many pixels a moving picture has: as many as are drawn in time."""
