@@ -43,7 +43,7 @@ from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
 from engine.steps import finish
 from engine.stored_arrays import ArrayReader, Arrays
-from engine.threads import n_threads
+from engine.threads import even_parts, n_threads, on_threads
 from engine.transport.pipeline import SkyState
 
 Floats = NDArray[np.float32]
@@ -276,39 +276,49 @@ class Orbit:
         seen = lit.canvas.look(camera, resolution, quality == "rest")
         lit.seen, lit.behind = seen.points_seen(), lit.behind | set(seen.from_behind)
         radiance = np.zeros((len(seen.pixel), 3), np.float32)
+        factors: dict[int, Floats] = {}
         for done, term in enumerate(self._terms):
             which = seen.of(term.i_object)
-            if len(which):
-                yield StillProgress(done / len(self._terms), "reflection")
+            if not len(which):
+                continue
+            yield StillProgress(done / len(self._terms), "reflection")
+            if term.factor is None:
                 self._reflect(lit, seen, which, term, quality, n_moving, radiance)
+                continue
+            if term.i_object not in factors:
+                factors[term.i_object] = self._factors(seen, which, term.i_object)
+            own = np.zeros_like(radiance)
+            self._reflect(lit, seen, which, term, quality, n_moving, own)
+            radiance[which] += own[which] * factors[term.i_object][:, term.factor]
         sky = self._light
         return picture(seen, radiance, sky.environment, sky.rotation, sky.scale)
 
     def _reflect(
         self, lit: _Lit, seen: Seen, which: NDArray[np.int64], term: _Term, quality: Quality, n: int, radiance: Floats
     ) -> None:
-        """Add what a term reflects at samples (N,) of its object to radiance (R, 3)."""
-        factors = None
-        if term.factor is not None:
-            maps = MapFactors(self.scene, {term.i_object: self._layers_of[term.i_object]})
-            ids = np.full(len(which), term.i_object)
-            factors = maps.of_hits(seen.in_scene(which), ids, np.arange(len(which)))[:, term.factor]
-        own = radiance if factors is None else np.zeros_like(radiance)
-        ones = np.ones(3)
+        """Add what a term reflects at samples (N,) of its object, without its maps, to radiance (R, 3)."""
         if self._n_bounces > 1:
-            interpolated(seen, which, lit.indirect, own, self._albedo(term) / np.pi)
+            interpolated(seen, which, lit.indirect, radiance, self._albedo(term) / np.pi)
         if term.reflectance is not None:
-            interpolated(seen, which, lit.incident.irradiance, own, np.array(term.reflectance))
+            interpolated(seen, which, lit.incident.irradiance, radiance, np.array(term.reflectance))
         elif (tables := self._tables_of(term.layers)) is not None:
             if quality == "rest":
                 others = reflected(seen, which, lit.incident, tables)
-                own[which] += others + sunlit(seen, which, lit.incident, self._sky, term.layers, tables, others)
+                radiance[which] += others + sunlit(seen, which, lit.incident, self._sky, term.layers, tables, others)
             else:
                 points = np.flatnonzero(lit.seen & (lit.points.i_object == term.i_object))
                 shaded(seen, points, lit.incident, tables, n, lit.colours)
-                interpolated(seen, which, lit.colours, own, ones)
-        if factors is not None:
-            radiance[which] += own[which] * factors
+                interpolated(seen, which, lit.colours, radiance, np.ones(3))
+
+    def _factors(self, seen: Seen, which: NDArray[np.int64], i_object: int) -> Floats:
+        """By what maps multiply the visible layers of an object at samples (N,), (N, K, 3)."""
+        maps = MapFactors(self.scene, {i_object: self._layers_of[i_object]})
+
+        def part(start: int, stop: int) -> Floats:
+            n = stop - start
+            return maps.of_hits(seen.in_scene(which[start:stop]), np.full(n, i_object), np.arange(n))
+
+        return np.concatenate(on_threads(part, *even_parts(len(which))))
 
     # ------------------------------------------------------------------------------------------------------ within
 

@@ -35,7 +35,7 @@ Rows = NDArray[np.int64]
 _RAYS = 16384  # at a time
 _PIXELS = 1024
 # Of what a pixel reflects: by which a sun may differ among the slices around and be looked up in them all the same.
-_LITTLE = 0.005
+_LITTLE = 0.01
 # Four rays a pixel on a rotated grid, in pixels from its upper left corner.
 _SUB_RAYS = np.array([(0.125, 0.375), (0.625, 0.125), (0.875, 0.625), (0.375, 0.875)])
 

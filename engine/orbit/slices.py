@@ -54,7 +54,7 @@ class Slices:
         n = len(images) if self.is_isotropic else 1
         return kernels.Tables(table, self.values, images[:n], places[:n], _STEEPEST)
 
-    @property
+    @cached_property
     def albedo(self) -> NDArray[np.float64]:
         """Of the matt reflection that sends as much light on [BenArtzi07, sect. 5.3], (3,): 1/π ∫∫ ρ cos cos."""
         solid_angles = geodesic(LEVEL).solid_angles[upper()]
