@@ -85,10 +85,12 @@ def errors_by_coefficients(project: Project, effort: OrbitEffort) -> list[tuple[
         orbit = Orbit(project.scene, placement.caster, n_coefficients=n)
         if arrays is not None:
             orbit.restore(arrays)
+        camera = project.scene.description.camera
         _wait(orbit, project.sky, layers)
+        orbit.draw(camera, project.scene.resolution)
+        _wait(orbit, project.sky, layers)  # backs that this has seen
         arrays = arrays or orbit.stored()
         for quality in ("moving", "rest"):
-            camera = project.scene.description.camera
             picture = orbit.draw(camera, project.scene.resolution, quality, n)  # type: ignore[arg-type]
             off = errors(picture.reshape(-1, 3)[placement.hits.pixel[rows]], truth)
             found.append((n, quality, off.rmse, off.mean))

@@ -80,3 +80,22 @@ def test_damaged_visibility_is_refused(orbit, name: str) -> None:
     arrays[name] = arrays[name][:-1] if arrays[name].size else np.array([7], np.int64)
     with pytest.raises(UnsoundArrays):
         orbit.restore(arrays)
+
+
+@pytest.mark.parametrize("n_steps", [12, pytest.param(1000, marks=pytest.mark.sweep)])
+def test_whatever_is_done_pictures_are_finite_and_nothing_grows(ball_scene, orbit, n_steps: int) -> None:
+    chance, work = np.random.default_rng(n_steps), orbit.work()
+    for _ in range(3):
+        next(work)
+    orbit.draw(ball_scene.description.camera.model_copy(update={"position": (0.0, -3.0, 1.0)}), SIZE)  # all backs
+    assert [*work]
+    before = orbit.n_bytes
+    for k in range(n_steps):
+        x, y, z = chance.normal(size=3) * 2.0
+        camera = ball_scene.description.camera.model_copy(update={"position": (x, y, z + 0.5)})
+        orbit.set_light(SkyState(constant_environment(chance.random(3) * 5.0), chance.random() * 360.0))
+        orbit.set_layers({0: [MATT], 1: [GOLD.with_parameter("alpha", float(chance.uniform(0.05, 0.8)))]})
+        for _, _step in zip(range(int(chance.integers(8))), orbit.work(), strict=False):
+            pass
+        assert np.isfinite(orbit.draw(camera, (16, 12), ("moving", "rest")[k % 2])).all()
+    assert orbit.n_bytes == before and len(orbit._slices) <= 1
