@@ -113,11 +113,11 @@ def _orbits(
     intensity = np.float64(project.document.light.intensity)
     for i, seen in enumerate(seen_from):
         report(_frame(i, len(seen_from), _PREPARING))
-        picture = orbit.draw(seen.description.camera, seen.resolution)
+        picture = orbit.draw(seen.description.camera, seen.resolution, "still")
         if not orbit.is_done:
             for _ in orbit.work():
                 pass
-            picture = orbit.draw(seen.description.camera, seen.resolution)
+            picture = orbit.draw(seen.description.camera, seen.resolution, "still")
         yield held(picture * intensity, BRIGHTEST)
 
 

@@ -14,7 +14,7 @@ Bytes = NDArray[np.uint8]
 
 N_ROOTS = 20
 # Directions of suns that a point keeps apart while something moves.
-N_SUN_PLACES = 24
+N_SUN_PLACES = 40
 
 
 class Hemisphere(NamedTuple):
@@ -61,8 +61,8 @@ class Places(NamedTuple):
 
 class Kept(NamedTuple):
     """What points keep: irradiance (S, 3), bits of the suns that they see (S, ⌈M / 8⌉); by slot the coefficients'
-    number (G, n) and value (G, n, 3), bfloat16, largest first, and the suns by place (G, 24), −1 for none, and power
-    (G, 24, 3)."""
+    number (G, n) and value (G, n, 3), bfloat16, largest first, and the suns by place (G, 40), −1 for none, and power
+    (G, 40, 3)."""
 
     irradiance: Floats
     sun_bits: Bytes

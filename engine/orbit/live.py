@@ -48,7 +48,7 @@ from engine.transport.pipeline import SkyState
 
 Floats = NDArray[np.float32]
 LayersOf = Mapping[int, Sequence[Layer]]
-Quality = Literal["moving", "rest"]
+Quality = Literal["moving", "rest", "still"]
 Steps = Iterator[StillProgress]
 
 N_POINTS = 40_000  # besides the meshes' own vertices
@@ -57,6 +57,8 @@ N_MOVING = 64  # of these, while something moves
 N_PATCHES = 64
 N_BOUNCES = 4  # where a scene does not say
 MOST_BYTES = 3 << 29
+# Of what a pixel reflects: by which a sun may differ among the slices around it and be looked up in them.
+_LITTLE = {"rest": 0.005, "still": 0.001}
 _LEAST_COEFFICIENTS = 20
 _BYTES_A_COEFFICIENT = 8
 # Points a piece and thread: some 20 ms.
@@ -260,8 +262,8 @@ class Orbit:
     ) -> Floats:  # fmt: skip
         """Radiance (H, W, 3) as it is known by now; resolution (width, height).
 
-        quality: "moving", as quick as it gets, by n_moving coefficients a point; "rest", every pixel on its own. Raises
-        ValueError before `is_ready`.
+        quality: "moving", as quick as it gets, by n_moving coefficients a point; "rest", every pixel on its own;
+        "still", every sun exactly as well. Raises ValueError before `is_ready`.
         """
         return finish(self.drawing(camera, resolution, quality, n_moving))
 
@@ -273,7 +275,7 @@ class Orbit:
         lit = self._lit
         if lit is None:
             raise ValueError("nothing is ready to be drawn: expected some steps of work before")
-        seen = lit.canvas.look(camera, resolution, quality == "rest")
+        seen = lit.canvas.look(camera, resolution, quality != "moving")
         lit.seen, lit.behind = seen.points_seen(), lit.behind | set(seen.from_behind)
         radiance = np.zeros((len(seen.pixel), 3), np.float32)
         factors: dict[int, Floats] = {}
@@ -302,9 +304,11 @@ class Orbit:
         if term.reflectance is not None:
             interpolated(seen, which, lit.incident.irradiance, radiance, np.array(term.reflectance))
         elif (tables := self._tables_of(term.layers)) is not None:
-            if quality == "rest":
+            if quality != "moving":
                 others = reflected(seen, which, lit.incident, tables)
-                radiance[which] += others + sunlit(seen, which, lit.incident, self._sky, term.layers, tables, others)
+                radiance[which] += others + sunlit(
+                    seen, which, lit.incident, self._sky, term.layers, tables, others, _LITTLE[quality]
+                )
             else:
                 points = np.flatnonzero(lit.seen & (lit.points.i_object == term.i_object))
                 shaded(seen, points, lit.incident, tables, n, lit.colours)

@@ -34,8 +34,6 @@ Floats = NDArray[np.float32]
 Rows = NDArray[np.int64]
 _RAYS = 16384  # at a time
 _PIXELS = 1024
-# Of what a pixel reflects: by which a sun may differ among the slices around and be looked up in them all the same.
-_LITTLE = 0.01
 # Four rays a pixel on a rotated grid, in pixels from its upper left corner.
 _SUB_RAYS = np.array([(0.125, 0.375), (0.625, 0.125), (0.875, 0.625), (0.375, 0.875)])
 
@@ -188,18 +186,18 @@ def reflected(seen: Seen, which: Rows, incident: Incident, tables: _slice_kernel
 
 def sunlit(
     seen: Seen, which: Rows, incident: Incident, sky: Sky, layers: Sequence[Layer], tables: _slice_kernels.Tables,
-    others: Floats,
+    others: Floats, little: float,
 ) -> Floats:  # fmt: skip
     """Radiance (N, 3) that layers reflect of the sky's suns at samples (N,), each in its own direction: a highlight as
     sharp as the layers are, where slices know it to a triangle's 2.8 degrees. What a pixel sees of a sun is what its
-    points see. tables: the layers' slices, that are good enough for suns of which little is reflected beside all else;
-    others (N, 3): what that is."""
+    points see. tables: the layers' slices, in which suns are looked up that differ less between them than this little
+    share of all that is reflected; others (N, 3): what that is without them."""
     radiance = np.zeros((len(which), 3), np.float32)
 
     def part(start: int) -> None:
         some = which[start : start + _PIXELS]
         beside = others[start : start + _PIXELS].sum(axis=1)
-        radiance[start : start + _PIXELS] = _of_suns(seen, some, incident, sky, layers, tables, beside)
+        radiance[start : start + _PIXELS] = _of_suns(seen, some, incident, sky, layers, tables, beside, little)
 
     if len(sky.sun_power):
         on_threads(part, range(0, len(which), _PIXELS))
@@ -208,7 +206,7 @@ def sunlit(
 
 def _of_suns(
     seen: Seen, which: Rows, incident: Incident, sky: Sky, layers: Sequence[Layer], tables: _slice_kernels.Tables,
-    others: Floats,
+    others: Floats, little: float,
 ) -> NDArray[np.float64]:  # fmt: skip
     """`sunlit` of a few samples; others (N,): of the sum of colours."""
     corners, weights = seen.samples.corners[which], seen.samples.weights[which].astype(np.float64)
@@ -219,7 +217,7 @@ def _of_suns(
         sky.sun_direction, sky.sun_power, hemisphere().children, tables, share, between, most,
     )  # fmt: skip
     estimate = between.sum(axis=2)
-    counts = most - estimate > _LITTLE * (others + estimate.sum(axis=1))[:, None]
+    counts = most - estimate > little * (others + estimate.sum(axis=1))[:, None]
     between[counts] = 0.0
     frames = np.einsum("nk,nkij->nij", weights, seen.points.frames[corners])
     frames[:, 1] /= np.linalg.norm(frames[:, 1], axis=1, keepdims=True)

@@ -23,7 +23,7 @@ from engine.sphere.geodesic import geodesic
 
 MAP_SIDE = 256
 _COARSE = 8  # texels of the map a side that one of the coarse map covers
-MOST_SUNS = 48
+MOST_SUNS = 96
 _FINE = 6  # level of the triangles that are averaged
 # A direction is a sun if it holds so many times the mean power of the triangles beside it would have.
 _SUN = 4.0

@@ -34,9 +34,9 @@ def render_orbit(
     camera, resolution = placement.scene.description.camera, placement.hits.resolution
     for step in orbit.work():
         yield StillProgress(_DRAWING * step.fraction, step.text)
-    picture = orbit.draw(camera, resolution)
+    picture = orbit.draw(camera, resolution, "still")
     if not orbit.is_done:  # the backs of some objects are seen
         for step in orbit.work():
             yield StillProgress(_DRAWING * step.fraction, step.text)
-        picture = orbit.draw(camera, resolution)
+        picture = orbit.draw(camera, resolution, "still")
     return picture

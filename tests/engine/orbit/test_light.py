@@ -264,7 +264,9 @@ def test_a_sun_is_reflected_in_its_own_direction(ball_scene, ball) -> None:
     seen = Canvas(ball_scene, points).look(ball_scene.description.camera, (240, 180))
     on_ball = seen.of(1)
     tables = finish(slicing(sharp, 0)).tables
-    found = sunlit(seen, on_ball, lit(ball, sky, 20), sky, [sharp], tables, np.zeros((len(on_ball), 3), np.float32))
+    found = sunlit(
+        seen, on_ball, lit(ball, sky, 20), sky, [sharp], tables, np.zeros((len(on_ball), 3), np.float32), 0.01
+    )
     normal = np.einsum("pk,pki->pi", seen.samples.weights[on_ball], points.normal[seen.samples.corners[on_ball]])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     half = sky.sun_direction.mean(axis=0) / np.linalg.norm(sky.sun_direction.mean(axis=0)) + seen.samples.wo[on_ball]
