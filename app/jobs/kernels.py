@@ -21,6 +21,7 @@ import platform
 import subprocess
 import sys
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -168,7 +169,22 @@ def main() -> None:
     end_with_parent(int(sys.argv[2]))
     gc.set_threshold(GC_THRESHOLD)
     load_compiler()
-    rehearse(sys.argv[1])
+    with alone(sys.argv[1]):
+        rehearse(sys.argv[1])
+
+
+@contextlib.contextmanager
+def alone(part: str) -> Iterator[None]:
+    """While one process compiles a part, others wait and then read it: an editor that is started while `make setup`
+    still compiles would do all of it a second time, beside that. Where no lock can be had, it does."""
+    from filelock import FileLock  # late: the worker has no use for it
+
+    with contextlib.ExitStack() as held:
+        with contextlib.suppress(OSError, KeyError):
+            folder = Path(os.environ[NUMBA_VARIABLE])
+            folder.mkdir(parents=True, exist_ok=True)
+            held.enter_context(FileLock(folder / f"{part}-{kernel_digest()}.lock"))
+        yield
 
 
 if __name__ == "__main__":

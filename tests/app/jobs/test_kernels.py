@@ -106,6 +106,29 @@ def test_what_other_sources_were_compiled_to_is_not_there(log: list[str], monkey
     assert not kernels.are_compiled()
 
 
+def test_a_part_is_compiled_by_one_process_at_a_time(log: list[str]) -> None:
+    """Who comes second waits for the first: what that has compiled, it reads."""
+
+    def second() -> None:
+        with kernels.alone("the rest"):
+            log.append("second")
+
+    waiting = threading.Thread(target=second)
+    with kernels.alone("the rest"), kernels.alone("projection"):
+        waiting.start()
+        waiting.join(0.2)
+        log.append("first")
+    waiting.join(10.0)
+    assert log == ["first", "second"]
+
+
+def test_where_no_lock_can_be_had_it_is_compiled_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file"))
+    with kernels.alone("the rest"):
+        pass
+
+
 def test_where_no_kernels_are_kept_nobody_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     kernels.note_compiled()
