@@ -19,7 +19,7 @@ from app.measure.figures import Figure, NotMeasured, not_measured
 from app.project import Project, open_project
 from engine.light.environment import Environment
 from engine.material.layer import Layer
-from engine.orbit.live import Orbit
+from engine.orbit.live import N_POINTS, Orbit
 from engine.render.integrator import integrate_direct
 from engine.scene.hits import PrimaryHits
 from engine.transport.pipeline import Placement, SkyState
@@ -37,8 +37,8 @@ NAMES = (
 
 @dataclass(frozen=True)
 class OrbitEffort:
-    """Pixels that are judged and in how many directions, 20·4^level; coefficients; the speeds' picture, frames, and
-    points besides the meshes' own vertices."""
+    """Pixels that are judged and in how many directions, 20·4^level; coefficients; the speeds' picture and frames; and
+    points besides the meshes' own vertices, where the speed and where the error is measured."""
 
     n_pixels: int = 300
     level: int = 6
@@ -46,6 +46,7 @@ class OrbitEffort:
     resolution: tuple[int, int] = (512, 384)
     n_frames: int = 30
     n_points: int = 256 * 256
+    n_judged_points: int = N_POINTS
 
 
 def orbit_figures(effort: OrbitEffort | None, output: Path, report: Callable[[str], None]) -> list[Figure]:
@@ -83,7 +84,7 @@ def errors_by_coefficients(project: Project, effort: OrbitEffort) -> list[tuple[
     )  # fmt: skip
     found, arrays = [], None
     for n in effort.coefficients:
-        orbit = Orbit(project.scene, placement.caster, n_coefficients=n)
+        orbit = Orbit(project.scene, placement.caster, effort.n_judged_points, n)
         if arrays is not None:
             orbit.restore(arrays)
         camera = project.scene.description.camera

@@ -302,7 +302,7 @@ def something(real: RealWindow, random: Random) -> str:
 def test_after_anything_at_all_esc_leads_back(real: RealWindow, seed: int) -> None:
     random, done = Random(seed), list[str]()
     real.fresh()
-    for _ in range(30):
+    for _ in range(16):
         real.slow(random.choice((0.0, 0.0, LONG)))
         done.append(something(real, random))
         assert not real.ask("editor.history.dragging or shell.state.grip"), done[-3:]
