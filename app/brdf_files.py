@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from app.atomic import save_file
-from app.jobs.cache import Store
 from app.material_file import Material, dump_material
 from app.measurements import with_read
 from app.reading import measured_layers
@@ -14,18 +13,20 @@ from engine.errors import InsituError
 from engine.material.layer import Layer
 from engine.measured.measurement import Measurement
 from engine.measured.merl import SUFFIX, merl_bytes
-from engine.measured.tables import read_measurement
+from engine.measured.tables import ArrayStore, read_measurement
 from engine.render.tabulate import tabulate_layers
 from engine.steps import finish
 
 Report = Callable[[float, str], None]
 
 
-def import_file(file: Path, output: Path, smoothing: float, cloth: bool, report: Report) -> Measurement:
-    """Read and fit a measured file, and write the material that it becomes. Raises InsituError."""
+def import_file(
+    file: Path, output: Path, smoothing: float, cloth: bool, store: ArrayStore, report: Report
+) -> Measurement:
+    """Read and fit a measured file (or find it in the store) and write it as a material. Raises InsituError."""
     if output.suffix != ".toml":
         raise InsituError(f"{output}: the name of a material ends in .toml")
-    measurement = finish(read_measurement(file.resolve(), Store()), lambda step: report(*step))
+    measurement = finish(read_measurement(file.resolve(), store), lambda step: report(*step))
     layers = with_read(measured_layers(file, cloth), {str(file.resolve()): measurement})
     smooth = tuple(layer.with_parameter("smoothing", smoothing) for layer in layers)
     text = dump_material(Material(file.stem[:64], smooth, "Measured"), output.resolve().parent)

@@ -335,10 +335,11 @@ def import_brdf(
 ) -> int:
     """Turn measured data into an editable material, and say how well its factors alone fit."""
     from app.brdf_files import import_file, import_lines
+    from app.jobs.cache import Store
 
     started = time.monotonic()
     with _progress() as report:
-        measurement = import_file(file, output, smooth, cloth, report)
+        measurement = import_file(file, output, smooth, cloth, Store(), report)
     for line in import_lines(measurement, cloth):
         print(line)
     print(f"{output}: {file.name}, {time.monotonic() - started:.1f} s")

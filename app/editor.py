@@ -23,7 +23,12 @@ from app.barrier import Barrier
 from app.commands import EditCommand
 from app.document import Document, Selection
 from app.history import History
-from app.jobs.messages import (
+from app.journal import Journal, Recovery
+from app.light_commands import lit_by
+from app.looking import LookTalk, what_is_missing
+from app.material_commands import SetMaterial
+from app.memory import require_memory_for
+from app.messages import (
     Cancel,
     Failed,
     FilesWritten,
@@ -38,11 +43,6 @@ from app.jobs.messages import (
     TableHandedOut,
     WorkerRestarted,
 )
-from app.journal import Journal, Recovery
-from app.light_commands import lit_by
-from app.looking import LookTalk, what_is_missing
-from app.material_commands import SetMaterial
-from app.memory import require_memory_for
 from app.mode import Kept, Mode, ModeTalk, OpenedScene
 from app.modes import MODES
 from app.opening import Opening

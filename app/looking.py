@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from app.jobs.messages import LookFrom, Request, Response
+from app.messages import LookFrom, Request, Response
 from app.view_state import Viewpoint
 from engine.scene.picture_frame import PictureFrame
 

@@ -18,7 +18,7 @@ from app.barrier import Barrier
 from app.commands import EditCommand
 from app.document import Document
 from app.history import History
-from app.jobs.messages import Request, Response
+from app.messages import Request, Response
 from app.picture import PictureEvent
 from app.status import Gauges, Status
 from app.view_state import ViewState

@@ -13,8 +13,8 @@ from typing import TypeVar
 
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
-from app.jobs.messages import Failed, LookFrom, OpenScene, Progress, Response, SceneOpened, SceneSeen
 from app.jobs.tasks import Tasks
+from app.messages import Failed, LookFrom, OpenScene, Progress, Response, SceneOpened, SceneSeen
 from app.placement.curves import Curves
 from app.placement.messages import ErrorEstimated, EstimateError, StageDone
 from app.placement.transport_talk import TransportTalk

@@ -11,10 +11,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from app.document import Document
-from app.jobs.messages import MeasurementsRead, ReadMeasured, Request
 from app.linked_layers import Layers
 from app.material_commands import AddLayers, SetMaterial
 from app.measurements import FILE, measurement_in, unread_files, with_read
+from app.messages import MeasurementsRead, ReadMeasured, Request
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
 from engine.measured.measurement import Measurement

@@ -7,8 +7,8 @@ import os
 from dataclasses import dataclass
 from typing import Literal
 
-from app.jobs.messages import Progress
 from app.memory import resident_megabytes
+from app.messages import Progress
 from engine.errors import plain_line
 from engine.render.picture_error import ErrorEstimate
 

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from app.jobs.messages import Failed, HandOutTable, Request, TableHandedOut
+from app.messages import Failed, HandOutTable, Request, TableHandedOut
 from engine.measured.measurement import Measurement
 
 Samples = NDArray[np.float32]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from app.document import Document
-from app.jobs.messages import WriteFiles
+from app.messages import WriteFiles
 from app.view_state import ViewState
 
 

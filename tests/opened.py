@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from app.editor import WorkerClient
 from app.jobs.in_process import InProcessClient
-from app.jobs.messages import LookFrom, OpenScene, Request, Response
 from app.jobs.schedule import RequestHandler
+from app.messages import LookFrom, OpenScene, Request, Response
 from engine.scene.description import Camera
 
 

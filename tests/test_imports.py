@@ -31,7 +31,7 @@ WINDOW_SIDE = (
     "app/session.py",
     "app/editor.py",
     "app/script.py",
-    "app/jobs/messages.py",
+    "app/messages.py",
     "app/jobs/shared_arrays.py",
     "app/jobs/channel.py",
     "app/jobs/client.py",
@@ -118,9 +118,13 @@ def test_relative_imports_are_resolved(tmp_path: Path, monkeypatch: pytest.Monke
     assert imported_modules(file) == [(1, "ui"), (2, "engine.curve"), (3, "engine.light.lights"), (4, "app.cli")]
 
 
-def test_the_engines_packages_import_each_other_in_no_circle() -> None:
-    graph = package_graph("engine")
-    assert "scene" in graph["transport"] and "errors" in graph["scene"]  # folders and files are both seen
+@pytest.mark.parametrize(
+    ("package", "folder", "file"),
+    [("engine", "scene", "errors"), ("app", "jobs", "messages"), ("ui", "panels", "theme")],
+)
+def test_the_parts_of_a_package_import_each_other_in_no_circle(package: str, folder: str, file: str) -> None:
+    graph = package_graph(package)
+    assert file in graph[folder] and folder in set().union(*graph.values())  # folders and files are both seen
     try:
         graphlib.TopologicalSorter(graph).prepare()
     except graphlib.CycleError as error:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from app.jobs.messages import Response
+from app.messages import Response
 from app.placement.messages import BandsPlanned, PlanBands
 from engine.plan import band_counts
 

@@ -16,7 +16,7 @@ import numpy as np
 from app.document import LightState
 from app.jobs.cache import Store, content_key
 from app.jobs.kernels import Kernels
-from app.jobs.messages import LookFrom, Noted, SkyImage
+from app.messages import LookFrom, Noted, SkyImage
 from app.sky import sky_of
 from engine.errors import InsituError
 from engine.light.environment import Environment, downsampled, load_environment

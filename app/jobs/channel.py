@@ -29,8 +29,8 @@ from typing import Any
 
 import numpy as np
 
-from app.jobs.messages import Message
 from app.jobs.shared_arrays import Block, Method, create_block, name_of_kept, open_kept
+from app.messages import Message
 from app.system import has_hung_up, receive_with, send_with
 
 SHARED_FROM = 4096  # bytes: smaller buffers travel inside the message

@@ -14,10 +14,10 @@ from types import TracebackType
 from typing import Self
 
 from app.jobs.channel import ChannelClosed, ChannelError
-from app.jobs.messages import Cancel, Failed, Heartbeat, Request, Response, Shutdown, WorkerRestarted, stamped
 from app.jobs.process import HEARTBEAT_SECONDS, TASKS, StartedWorker, WorkerProcess, start_worker
 from app.jobs.shared_arrays import BlockError, Method, OutOfMemory
 from app.jobs.standing import Standing
+from app.messages import Cancel, Failed, Heartbeat, Request, Response, Shutdown, WorkerRestarted, stamped
 
 _MAX_CRASHES = 3  # in succession on one request
 _START_TIMEOUT = 30.0  # seconds for the first sign of life: a cold disk, a busy machine

@@ -12,7 +12,7 @@ import numpy as np
 
 from app.jobs.bench import Bench
 from app.jobs.layer_data import STAGES, LayerData, shape_of
-from app.jobs.messages import Response
+from app.messages import Response
 from app.placement.messages import ErrorEstimated, EstimateError
 from app.scene_state import LayerState
 from engine.errors import InsituError

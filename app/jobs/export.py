@@ -8,8 +8,8 @@ from pathlib import Path
 from app.document import Document
 from app.export.mitsuba import export_steps
 from app.jobs.measured import ensure_tables
-from app.jobs.messages import FilesWritten, Progress, Response, WriteFiles
 from app.measurements import layers_of_document
+from app.messages import FilesWritten, Progress, Response, WriteFiles
 from app.project import Project
 from engine.measured.tables import ArrayStore
 from engine.scene.load import Scene

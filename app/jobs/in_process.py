@@ -5,9 +5,9 @@ from __future__ import annotations
 import itertools
 import time
 
-from app.jobs.messages import Request, Response, stamped
 from app.jobs.schedule import RequestHandler, Schedule
 from app.jobs.standing import Standing
+from app.messages import Request, Response, stamped
 
 
 class InProcessClient:

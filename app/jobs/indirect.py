@@ -18,8 +18,8 @@ from functools import partial
 import numpy as np
 
 from app.jobs.cache import Store, content_key
-from app.jobs.messages import Progress, Response
 from app.jobs.tiles import Tiles
+from app.messages import Progress, Response
 from app.placement.messages import BouncesPlanned, Freeze, Frozen, IndirectFound, IndirectNoise
 from app.scene_state import LayerState
 from engine.indirect.albedo import albedo_bands

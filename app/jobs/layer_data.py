@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.document import LightState
-from app.jobs.messages import Response
+from app.messages import Response
 from app.placement.messages import LayerPicture, LayerTransport
 from app.scene_state import LayerState
 from engine.plan import Precision

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from app.jobs.messages import Response
+from app.messages import Response
 from app.placement.messages import MapsRefused, MapsSampled, SampleMaps
 from engine.colour import encode_srgb
 from engine.errors import LoadError

@@ -8,7 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from app.brdf_files import export_steps
-from app.jobs.messages import (
+from app.measurements import measured_files, with_read
+from app.messages import (
     FilesWritten,
     HandOutTable,
     MeasurementsRead,
@@ -18,7 +19,6 @@ from app.jobs.messages import (
     TableHandedOut,
     WriteFiles,
 )
-from app.measurements import measured_files, with_read
 from engine.errors import InsituError
 from engine.files import resolve_inside
 from engine.material.layer import Layer

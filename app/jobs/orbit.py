@@ -15,8 +15,8 @@ from app.jobs.bench import Bench
 from app.jobs.cache import content_key
 from app.jobs.kernels import FIRST_TIME, are_compiled, note_compiled
 from app.jobs.measured import ensure_tables
-from app.jobs.messages import Progress
 from app.jobs.schedule import Handlers, Steps
+from app.messages import Progress
 from app.mode import ModeWork
 from app.orbit.messages import DrawOrbit, OrbitAdvanced, OrbitDrawn, OrbitUnknown, PrepareOrbit
 from app.scene_state import LayerState

@@ -26,8 +26,8 @@ from app.jobs.kernels import COMPILING, FIRST_TIME, INDIRECT, are_compiled, note
 from app.jobs.layer_data import STAGES, LayerData, LitBy, both_curves, joined, kept_of_tile, shape_of, store_of
 from app.jobs.layer_parts import LayerParts
 from app.jobs.measured import ensure_tables
-from app.jobs.messages import Progress, Response
 from app.jobs.schedule import Handlers, Steps
+from app.messages import Progress, Response
 from app.mode import ModeWork
 from app.placement.messages import (
     ComputeTransport,

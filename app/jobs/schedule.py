@@ -12,7 +12,7 @@ import logging
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Protocol
 
-from app.jobs.messages import Cancel, Failed, Request, Response, stamped
+from app.messages import Cancel, Failed, Request, Response, stamped
 from engine.errors import InsituError
 
 _log = logging.getLogger("insitu.jobs")

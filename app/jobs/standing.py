@@ -8,7 +8,7 @@ or cancelled, once more to a worker that does not see it so: what came after mad
 
 from __future__ import annotations
 
-from app.jobs.messages import Cancel, Failed, LookFrom, Noted, OpenScene, Progress, Request, Response, SceneSeen
+from app.messages import Cancel, Failed, LookFrom, Noted, OpenScene, Progress, Request, Response, SceneSeen
 
 
 class Standing:

@@ -12,7 +12,9 @@ from app.jobs.bench import Bench
 from app.jobs.cache import Store
 from app.jobs.kernels import Kernels
 from app.jobs.measured import described_paths, hand_out, read_files, read_for, write_file
-from app.jobs.messages import (
+from app.jobs.schedule import Steps
+from app.measurements import document_with_read, layers_of_document, unread_files, with_read
+from app.messages import (
     HandOutTable,
     LookFrom,
     OpenScene,
@@ -23,8 +25,6 @@ from app.jobs.messages import (
     SceneSeen,
     WriteFiles,
 )
-from app.jobs.schedule import Steps
-from app.measurements import document_with_read, layers_of_document, unread_files, with_read
 from app.mode import Mode
 from app.modes import MODES
 from app.naming import named

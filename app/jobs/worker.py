@@ -20,10 +20,10 @@ from typing import Any, cast
 
 from app.atomic import private_opener
 from app.jobs.channel import Channel, ChannelClosed
-from app.jobs.messages import Failed, Heartbeat, Request, Shutdown
 from app.jobs.schedule import Schedule
 from app.jobs.shared_arrays import OutOfMemory, sweep_dead_blocks
 from app.kernel_cache import use_kernel_cache
+from app.messages import Failed, Heartbeat, Request, Shutdown
 from app.naming import named
 from app.paths import log_directory
 from app.system import end_with_parent, inherited_socket

@@ -1,4 +1,4 @@
-"""What Orbit asks of the worker, and what it is answered (see `app.jobs.messages`)."""
+"""What Orbit asks of the worker, and what it is answered (see `app.messages`)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from app.jobs.messages import LookFrom, OpenScene, Request, Response
+from app.messages import LookFrom, OpenScene, Request, Response
 
 if TYPE_CHECKING:
     from app.scene_state import SceneState

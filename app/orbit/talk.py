@@ -20,7 +20,7 @@ from dataclasses import replace
 
 from app.commands import EditCommand
 from app.document import Document
-from app.jobs.messages import Cancel, Failed, Response
+from app.messages import Cancel, Failed, Response
 from app.mode import Desk, ModeTalk, OpenedScene
 from app.orbit.events import OrbitPicture
 from app.orbit.messages import DrawOrbit, OrbitAdvanced, OrbitDrawn, OrbitUnknown, PrepareOrbit, Quality

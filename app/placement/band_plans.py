@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 
 from app.document import Document
-from app.jobs.messages import Failed, Request
+from app.messages import Failed, Request
 from app.placement.messages import BandsPlanned, PlanBands
 from engine.material.layer import Layer
 from engine.material.model import Model

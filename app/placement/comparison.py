@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.document import Document
-from app.jobs.messages import Request
 from app.light_commands import emission_of
+from app.messages import Request
 from app.picture import PictureEvent
 from app.placement.curves import Array, Coefficients, Curves, view_curve_of
 from app.placement.events import ComparedRefined, LayerLook

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from app.document import Document
-from app.jobs.messages import Cancel, Request
+from app.messages import Cancel, Request
 from app.placement.curves import Curves
 from app.placement.messages import ErrorEstimated, EstimateError
 from app.view_state import ViewState

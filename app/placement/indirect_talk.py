@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.document import Document, Selection
-from app.jobs.messages import Request
+from app.messages import Request
 from app.picture import PictureEvent
 from app.placement.curves import Array, Curves, drawn_as
 from app.placement.edited_curves import edited_layers

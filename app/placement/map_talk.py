@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from app.document import Document
 from app.history import History
-from app.jobs.messages import Request
+from app.messages import Request
 from app.placement.curves import Curves
 from app.placement.events import LayerMapsChanged
 from app.placement.messages import MapsRefused, MapsSampled, SampleMaps

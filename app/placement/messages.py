@@ -1,4 +1,4 @@
-"""What Placement asks of the worker, and what it is answered (see `app.jobs.messages`).
+"""What Placement asks of the worker, and what it is answered (see `app.messages`).
 
 Shapes: P pixels that see a reflecting object, p those of one layer, J bands. Images have row 0 at the top.
 """
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from app.jobs.messages import LookFrom, Request, Response
+from app.messages import LookFrom, Request, Response
 
 if TYPE_CHECKING:
     from app.scene_state import LayerState, SceneState

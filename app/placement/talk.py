@@ -16,8 +16,8 @@ from functools import partial
 
 from app.commands import EditCommand
 from app.document import Document, layer_key
-from app.jobs.messages import Cancel, Failed, Response
 from app.material_commands import SetMaterial
+from app.messages import Cancel, Failed, Response
 from app.mode import Desk, ModeTalk, OpenedScene
 from app.picture import PictureEvent
 from app.placement.band_plans import BandPlans, BandTalk

@@ -26,8 +26,8 @@ from dataclasses import replace
 import numpy as np
 
 from app.document import SCENE_ENVIRONMENT, Document, LightState, Selection
-from app.jobs.messages import Failed, Request
 from app.light_commands import emission_of
+from app.messages import Failed, Request
 from app.placement.curves import Array, Coefficients, Curves, drawn_as
 from app.placement.edited_curves import EditedCurves, curve_wishes, edited_layers
 from app.placement.messages import ComputeTransport, Contract, LayerPicture, LayerTransport, StageDone

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from app.document import document_from_description
 from app.jobs.bands import plan_bands
-from app.jobs.messages import Cancel, LookFrom, OpenScene, Request, Response, SceneOpened, SceneSeen, stamped
 from app.measurements import document_with_read, unread_files
+from app.messages import Cancel, LookFrom, OpenScene, Request, Response, SceneOpened, SceneSeen, stamped
 from app.placement.messages import (
     ComputeTransport,
     Contract,

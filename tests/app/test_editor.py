@@ -8,7 +8,7 @@ import pytest
 
 from app.commands import AddOperator, SetEditable, SetEnvironment, SetIntensity, SetParameter, SetRotation, SetVisible
 from app.editor import Editor
-from app.jobs.messages import Cancel, Failed, LookFrom, OpenScene, Progress, SkyImage, WorkerRestarted
+from app.messages import Cancel, Failed, LookFrom, OpenScene, Progress, SkyImage, WorkerRestarted
 from app.picture import SceneFrame, SkyChanged
 from app.placement.events import LayerRadiance, TransportReady
 from app.placement.messages import BouncesPlanned, ComputeTransport, Contract, LayerPicture

@@ -10,9 +10,9 @@ import pytest
 from app.bookmarks import kept
 from app.commands import SetParameter, SetVisible
 from app.editor import Editor
-from app.jobs.messages import Cancel, Failed, LookFrom, OpenScene
 from app.journal import Journal
 from app.looking import REST_SECONDS
+from app.messages import Cancel, Failed, LookFrom, OpenScene
 from app.picture import SceneFrame
 from app.placement.messages import ComputeTransport
 from app.project import open_project

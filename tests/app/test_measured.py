@@ -12,7 +12,10 @@ from app.document import Document, document_from_description
 from app.editor import Editor
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
-from app.jobs.messages import (
+from app.jobs.tasks import Tasks
+from app.material_file import Material, dump_material, load_material, parse_material
+from app.measurements import layers_of_document, measured_files, measurement_in, unread_files, with_read
+from app.messages import (
     Failed,
     FilesWritten,
     HandOutTable,
@@ -24,9 +27,6 @@ from app.jobs.messages import (
     TableHandedOut,
     WriteFiles,
 )
-from app.jobs.tasks import Tasks
-from app.material_file import Material, dump_material, load_material, parse_material
-from app.measurements import layers_of_document, measured_files, measurement_in, unread_files, with_read
 from app.placement.curves import Curves
 from app.placement.messages import ComputeTransport, LayerPicture, PlanBands
 from app.project import open_project

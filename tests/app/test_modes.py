@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from app.jobs.messages import Cancel, HandOutTable, LookFrom, OpenScene, ReadMeasured, Request
+from app.messages import Cancel, HandOutTable, LookFrom, OpenScene, ReadMeasured, Request
 from app.modes import MODES
 from app.naming import named
 from app.placement.messages import ComputeTransport, Contract, Freeze, PlanBands, SampleMaps

@@ -18,8 +18,8 @@ from PIL import Image
 from app import stills
 from app.editor import Editor
 from app.jobs.in_process import InProcessClient
-from app.jobs.messages import Progress
 from app.jobs.tasks import Tasks
+from app.messages import Progress
 from app.planning import plan_project
 from app.precompute import precompute
 from app.project import open_project

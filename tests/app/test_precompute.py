@@ -9,8 +9,8 @@ import pytest
 import app.precompute as filling
 from app.commands import SetVisible
 from app.jobs.cache import Store
-from app.jobs.messages import Progress
 from app.jobs.tasks import Tasks
+from app.messages import Progress
 from app.precompute import precompute
 from app.project import open_project
 from engine.render.error_estimate import WHAT

@@ -13,7 +13,7 @@ import numpy as np
 
 from app.document import document_from_description
 from app.jobs.bands import plan_bands
-from app.jobs.messages import (
+from app.messages import (
     LookFrom,
     MeasurementsRead,
     OpenScene,

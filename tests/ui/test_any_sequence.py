@@ -26,12 +26,12 @@ from app.commands import (
 )
 from app.editor import Editor
 from app.jobs.cache import Store
-from app.jobs.messages import Cancel, Failed, Request, Response, WorkerRestarted, stamped
 from app.jobs.schedule import Schedule
 from app.jobs.standing import Standing
 from app.jobs.tasks import Tasks
 from app.library import Library
 from app.material_commands import AddLayers, RemoveLayer, SetMaterial, new_layer
+from app.messages import Cancel, Failed, Request, Response, WorkerRestarted, stamped
 from app.view_state import SetView
 from engine.curve.operators import Operator
 from tests.ui.small_scene import write_small_scene

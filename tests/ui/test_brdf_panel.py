@@ -15,9 +15,9 @@ import pytest
 from imgui_bundle import ImVec2, imgui
 
 from app.commands import SetModel, SetOperators, SetParameter
-from app.jobs.messages import Failed, HandOutTable, TableHandedOut
 from app.material_commands import SetMaterial
 from app.measurements import with_read
+from app.messages import Failed, HandOutTable, TableHandedOut
 from app.reading import measured_layers
 from app.view_state import OpenPanel, SetView, ViewState
 from engine.curve.operators import Operator

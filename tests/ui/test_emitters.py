@@ -12,8 +12,8 @@ import pytest
 from app.commands import SetEmission
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
-from app.jobs.messages import Request
 from app.jobs.tasks import Tasks
+from app.messages import Request
 from app.placement.messages import ComputeTransport
 from app.project import open_project
 from app.stills import render_picture

@@ -6,7 +6,7 @@ import pytest
 from imgui_bundle import imgui
 
 from app.editor import Editor
-from app.jobs.messages import Failed, Progress
+from app.messages import Failed, Progress
 from tests.ui.stand_in import StandInClient
 from ui.headless import HeadlessWindow
 from ui.shell import PROGRESS_SECONDS

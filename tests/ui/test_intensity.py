@@ -12,8 +12,8 @@ import pytest
 from app.commands import SetIntensity
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
-from app.jobs.messages import Request
 from app.jobs.tasks import Tasks
+from app.messages import Request
 from app.placement.messages import ComputeTransport, Contract
 from app.view_state import SetView
 from tests.ui.small_scene import SCENE, opened_window, wait_until_exact, write_small_scene

@@ -11,7 +11,7 @@ import pytest
 from imgui_bundle import imgui
 
 from app.editor import Editor
-from app.jobs.messages import Progress
+from app.messages import Progress
 from app.placement.indirect_talk import IndirectTalk
 from app.view_state import SetView
 from tests.ui.conftest import opened

@@ -17,8 +17,8 @@ from app.editor import Editor
 from app.jobs.bench import Bench
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
-from app.jobs.messages import LookFrom, Request, Response
 from app.jobs.tasks import Tasks
+from app.messages import LookFrom, Request, Response
 from app.mode import Desk, Mode, ModeTalk, ModeWork
 from app.modes import PLACEMENT
 from app.picture import PictureEvent

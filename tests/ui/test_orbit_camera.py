@@ -17,9 +17,9 @@ from engine.scene.camera_moves import distance, focal_length, is_level
 from engine.scene.description import Camera
 from tests.ui.stand_in import HEIGHT, WIDTH
 from ui.headless import HeadlessWindow
-from ui.orbit_camera import CameraGrip, dragged, scrolled
 from ui.panels.actions import SetPreference
 from ui.panels.help import keys_of
+from ui.panels.orbit_camera import CameraGrip, dragged, scrolled
 
 Key = imgui.Key
 SHIFT, CTRL, ALT = Key.mod_shift, Key.mod_ctrl, Key.mod_alt

@@ -13,8 +13,8 @@ import pytest
 
 from app.commands import SetEnvironment, SetIntensity, SetRotation, SetVisible
 from app.editor import Editor
-from app.jobs.messages import SkyImage
 from app.material_commands import SetMaterial, new_layer
+from app.messages import SkyImage
 from app.placement.messages import ComputeTransport
 from app.view_state import SetView
 from tests.app.fake_worker import FakeClient

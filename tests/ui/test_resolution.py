@@ -13,9 +13,9 @@ from imgui_bundle import imgui
 from app.commands import SetParameter
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
-from app.jobs.messages import LookFrom
 from app.jobs.tasks import Tasks
 from app.memory import memory_bytes
+from app.messages import LookFrom
 from app.project import open_project
 from app.session import load_session
 from app.view_state import SetView, Viewpoint

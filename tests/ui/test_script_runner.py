@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.jobs.messages import Request, Response
+from app.messages import Request, Response
 from app.placement.messages import ErrorEstimated, EstimateError
 from app.script import Capture, load_script
 from engine.curve.operators import Operator

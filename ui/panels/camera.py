@@ -12,7 +12,6 @@ from app.view_state import Bookmark, SetView, Viewpoint
 from engine.scene.camera_moves import focal_length, is_level, with_focal_length
 from engine.scene.description import MAX_RESOLUTION
 from ui import theme as look
-from ui.orbit_camera import command
 from ui.panels import fields, widgets
 from ui.panels.actions import (
     Action,
@@ -26,6 +25,7 @@ from ui.panels.actions import (
     SetPanel,
 )
 from ui.panels.context import PanelContext
+from ui.panels.orbit_camera import command
 from ui.theme import Icon
 
 WIDTH, LABEL_WIDTH, GAP = 264.0, 58.0, 6.0

@@ -12,9 +12,8 @@ from app.pasting import copied_curve, copied_material
 from app.solo import toggled
 from app.view_state import SetView, Tool
 from engine.scene.builtin import DEFAULT_SCENE
-from ui import orbit_camera
 from ui import theme as look
-from ui.panels import paint
+from ui.panels import orbit_camera, paint
 from ui.panels.actions import (
     Action,
     AskFile,

@@ -1,7 +1,7 @@
 """Where the picture stands in its panel: fitted, or zoomed and shifted; and the gestures that change it.
 
 With Ctrl and Alt held the wheel zooms about the mouse and a drag moves the picture: without them both move the camera
-(`ui.orbit_camera`). Rejected: leaving empty room beside a picture that is
+(`ui.panels.orbit_camera`). Rejected: leaving empty room beside a picture that is
 larger than its panel; it stops at its edges, so that it cannot be lost.
 """
 

@@ -7,9 +7,8 @@ from imgui_bundle import ImVec2, imgui
 from app.light_commands import SetRotation
 from app.solo import alone
 from app.view_state import SetView
-from ui import orbit_camera
 from ui import theme as look
-from ui.panels import paint, surface_plot, view_sketch, widgets
+from ui.panels import orbit_camera, paint, surface_plot, view_sketch, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag, Hold, Select, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.library import apply, dropped_material

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 
 from app.jobs.client import Client
-from app.jobs.messages import LookFrom, OpenScene, Response, SceneSeen
+from app.messages import LookFrom, OpenScene, Response, SceneSeen
 
 Answers = list[Response]
 # Long enough for a machine that does much else; only a worker that hangs is waited for so long.

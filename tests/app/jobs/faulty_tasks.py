@@ -11,7 +11,7 @@ import numpy as np
 
 from app.jobs import channel
 from app.jobs.cache import Store
-from app.jobs.messages import LookFrom, OpenScene, Progress, Request, Response, SceneOpened, SceneSeen
+from app.messages import LookFrom, OpenScene, Progress, Request, Response, SceneOpened, SceneSeen
 from app.placement.messages import ComputeTransport, Contract, LayerPicture, LayerTransport, StageDone
 from engine.errors import LoadError
 

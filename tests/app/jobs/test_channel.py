@@ -12,8 +12,8 @@ import pytest
 
 from app import system
 from app.jobs.channel import Channel, ChannelClosed, ChannelError
-from app.jobs.messages import Message, Progress, SceneSeen
 from app.jobs.shared_arrays import Method
+from app.messages import Message, Progress, SceneSeen
 from app.placement.messages import LayerPicture
 
 LATER = float("inf")

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from app.jobs.client import Client
-from app.jobs.messages import Cancel, Failed, LookFrom, OpenScene, Progress, SceneOpened, SceneSeen
 from app.jobs.shared_arrays import Method
+from app.messages import Cancel, Failed, LookFrom, OpenScene, Progress, SceneOpened, SceneSeen
 from app.placement.messages import Contract, LayerPicture, LayerTransport, StageDone
 from tests.app.jobs.answers import collect, of, open_scene, seen, wait_until_idle
 from tests.app.jobs.faulty_tasks import HANDLERS, compute, picture

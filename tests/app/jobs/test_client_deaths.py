@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from app.jobs.client import Client
-from app.jobs.messages import Failed, OpenScene, Progress, SceneOpened, SceneSeen, WorkerRestarted
 from app.jobs.shared_arrays import Method
+from app.messages import Failed, OpenScene, Progress, SceneOpened, SceneSeen, WorkerRestarted
 from app.placement.messages import LayerPicture, StageDone
 from tests.app.jobs.answers import collect, kill, of, open_scene, seen, wait_until_idle
 from tests.app.jobs.faulty_tasks import HANDLERS, compute

@@ -14,8 +14,8 @@ from app.document import document_from_description
 from app.jobs import indirect as indirect_module
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
-from app.jobs.messages import Failed, Response
 from app.jobs.tasks import Tasks
+from app.messages import Failed, Response
 from app.placement.curves import Curves
 from app.placement.messages import ComputeTransport, Contract, Freeze, Frozen, LayerPicture
 from engine.indirect.solver import ROUGH

@@ -14,7 +14,7 @@ from app.document import document_from_description
 from app.jobs import indirect as indirect_module
 from app.jobs.cache import Store
 from app.jobs.indirect import IndirectTasks
-from app.jobs.messages import Response
+from app.messages import Response
 from app.placement.curves import Curves
 from app.placement.messages import Freeze, Frozen, IndirectFound
 from app.sky import sky_of

@@ -15,9 +15,9 @@ from app.jobs import kernels
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.kernels import PARTS, Kernels
-from app.jobs.messages import Progress, Response
 from app.jobs.placement import _telling_first_time
 from app.kernel_cache import kernel_folders
+from app.messages import Progress, Response
 from app.placement.messages import StageDone
 from tests.app.jobs.test_tasks import compute, opened, source
 

@@ -11,8 +11,8 @@ import pytest
 from app.jobs import placement as placement_module
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
-from app.jobs.messages import Failed, LookFrom, SceneSeen
 from app.jobs.tasks import Tasks
+from app.messages import Failed, LookFrom, SceneSeen
 from app.placement.messages import LayerPicture, StageDone
 from engine.scene.description import Camera
 from engine.transport.pipeline import Placement

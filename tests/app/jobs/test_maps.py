@@ -8,8 +8,8 @@ from PIL import Image
 
 from app.jobs.cache import Store
 from app.jobs.maps import thumbnail
-from app.jobs.messages import SceneSeen
 from app.jobs.tasks import Tasks
+from app.messages import SceneSeen
 from app.placement.messages import MapsRefused, MapsSampled, SampleMaps
 from engine.material.maps import Images
 from engine.material.strokes import Stroke, Strokes, pack_dabs

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from app.jobs.in_process import InProcessClient
-from app.jobs.messages import Cancel, Failed, OpenScene, Progress, Response
 from app.jobs.schedule import Schedule
+from app.messages import Cancel, Failed, OpenScene, Progress, Response
 from app.placement.messages import Contract, LayerPicture, LayerTransport, StageDone
 from tests.app.jobs.faulty_tasks import FaultyTasks, compute
 from tests.opened import run_in_process

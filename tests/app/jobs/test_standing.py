@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from app.jobs.messages import (
+from app.jobs.standing import Standing
+from app.messages import (
     Cancel,
     Failed,
     HandOutTable,
@@ -13,7 +14,6 @@ from app.jobs.messages import (
     SceneSeen,
     TableHandedOut,
 )
-from app.jobs.standing import Standing
 from app.placement.messages import Contract
 from engine.measured.measurement import NOTHING
 from tests.app.jobs.faulty_tasks import compute

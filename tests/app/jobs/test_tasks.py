@@ -16,10 +16,10 @@ from app.jobs.array_record import read_record, write_record
 from app.jobs.cache import Store
 from app.jobs.client import Client
 from app.jobs.in_process import InProcessClient
-from app.jobs.messages import Failed, Progress, Response, SceneOpened, SceneSeen, SkyImage, WorkerRestarted
 from app.jobs.placement import _stages
 from app.jobs.tasks import Tasks
 from app.looking import what_is_missing
+from app.messages import Failed, Progress, Response, SceneOpened, SceneSeen, SkyImage, WorkerRestarted
 from app.placement.messages import (
     ComputeTransport,
     Contract,

@@ -11,7 +11,7 @@ from app.barrier import Barrier
 from app.commands import SetParameter, SetRotation
 from app.document import document_from_description
 from app.history import History
-from app.jobs.messages import Cancel, Failed, Request
+from app.messages import Cancel, Failed, Request
 from app.mode import OpenedScene
 from app.orbit.events import OrbitPicture
 from app.orbit.messages import DrawOrbit, OrbitAdvanced, OrbitDrawn, OrbitUnknown, PrepareOrbit

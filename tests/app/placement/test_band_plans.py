@@ -7,10 +7,10 @@ import pytest
 from app.commands import AddLayers, EditCommand, SetMaterial, SetModel, SetParameter
 from app.document import Document
 from app.editor import Editor
-from app.jobs.messages import Failed
 from app.jobs.tasks import Tasks
 from app.library import Library
 from app.material_commands import new_layer
+from app.messages import Failed
 from app.placement.messages import BandsPlanned, ComputeTransport, PlanBands
 from app.placement.status import RenderReport
 from app.view_state import SetView

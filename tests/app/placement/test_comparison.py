@@ -5,7 +5,7 @@ import pytest
 
 from app.commands import AddOperator, SetEnvironment, SetParameter, SetRotation, SetVisible
 from app.editor import Editor
-from app.jobs.messages import Failed
+from app.messages import Failed
 from app.placement.events import ComparedRefined
 from app.placement.indirect_talk import IndirectTalk
 from app.placement.messages import Contract, LayerPicture

@@ -13,8 +13,8 @@ from app.jobs import indirect
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.indirect import IndirectTasks
-from app.jobs.messages import Cancel, Request, Response
 from app.jobs.tasks import Tasks
+from app.messages import Cancel, Request, Response
 from app.placement.indirect_talk import FINE_STAGE
 from app.placement.messages import ComputeTransport, ErrorEstimated, EstimateError
 from app.placement.status import RenderReport

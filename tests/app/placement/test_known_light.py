@@ -4,7 +4,7 @@ import pytest
 
 from app.commands import SetEnvironment, SetIntensity, SetMapping, SetParameter, SetRotation
 from app.editor import Editor
-from app.jobs.messages import Failed
+from app.messages import Failed
 from app.placement.messages import ComputeTransport
 from tests.app.fake_worker import FakeClient
 

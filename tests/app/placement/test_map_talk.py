@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from app.editor import Editor
-from app.jobs.messages import WorkerRestarted
 from app.map_commands import SetMap
+from app.messages import WorkerRestarted
 from app.placement.events import ComparedRefined, LayerMapsChanged
 from app.placement.messages import ComputeTransport, MapsRefused, MapsSampled, SampleMaps
 from app.view_state import SetView

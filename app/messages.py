@@ -5,7 +5,7 @@ out: the client numbers a request as it is sent, and the worker stamps an answer
 answer that belongs to another one, the scene's, says so by its own `id`.
 
 Shapes: P pixels that see a reflecting object, p those of one layer, J bands, H × W the picture. Images have row 0 at
-the top. Arrays of 4 KiB and more cross in shared memory and arrive read-only (see `shared_arrays`).
+the top. Arrays of 4 KiB and more cross in shared memory and arrive read-only (see `app.jobs.shared_arrays`).
 Messages that hold arrays compare by identity, since arrays have no single truth value.
 """
 
