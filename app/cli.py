@@ -355,7 +355,7 @@ def export_brdf(
 ) -> int:
     """Write an object's material, all its layers and edits: as a table of 90 x 90 x 180 angles, or as it is."""
     from app.brdf_files import check_merl_name, export_steps
-    from app.map_commands import with_full_names
+    from app.commands.maps import with_full_names
     from app.material_file import SUFFIX, Material, save_material
     from engine.render.tabulate import left_out
 

@@ -21,12 +21,12 @@ from numpy.typing import NDArray
 
 from app.barrier import Barrier
 from app.commands import EditCommand
+from app.commands.light import lit_by
+from app.commands.material import SetMaterial
 from app.document import Document, Selection
 from app.history import History
 from app.journal import Journal, Recovery
-from app.light_commands import lit_by
 from app.looking import LookTalk, what_is_missing
-from app.material_commands import SetMaterial
 from app.memory import require_memory_for
 from app.messages import (
     Cancel,

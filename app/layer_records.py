@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from app.commands import MAX_OPERATORS, CurveEdit
+from app.commands.curves import MAX_OPERATORS, CurveEdit
 from app.described_layers import layers_from_descriptions
 from app.document import all_factors, layer_key
 from app.linked_layers import FRESNEL_NAME, Layers, alike

@@ -1,7 +1,7 @@
 """What a light probe's header tells before anything is loaded: its size, and by that its likely mapping.
 
 Debevec's angular maps are square, lat-long maps are twice as wide as high; a person who drops a probe on the window
-should not have to know. Where the guess is wrong, they say so (`app.commands.SetMapping`).
+should not have to know. Where the guess is wrong, they say so (`app.commands.light.SetMapping`).
 """
 
 from __future__ import annotations

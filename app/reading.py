@@ -10,9 +10,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from app.commands.material import AddLayers, SetMaterial
 from app.document import Document
 from app.linked_layers import Layers
-from app.material_commands import AddLayers, SetMaterial
 from app.measurements import FILE, measurement_in, unread_files, with_read
 from app.messages import MeasurementsRead, ReadMeasured, Request
 from engine.material import MODELS

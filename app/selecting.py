@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from app.commands import CurveEdit
+from app.commands.curves import CurveEdit
 from app.document import Document, Selection, all_factors, resolve
 from engine.curve.pairs import edits_of
 from engine.errors import InsituError

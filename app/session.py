@@ -18,12 +18,12 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from app.atomic import save_file
 from app.bookmarks import MAX_BOOKMARKS, MAX_NAME, MAX_THUMBNAIL_BYTES, check_thumbnail, is_name
+from app.commands.light import MAX_INTENSITY, check_light
+from app.commands.series import FirstBands
 from app.document import Document, LightState, ObjectState, Selection, all_factors
 from app.layer_records import MAX_LAYERS, Flag, LayerRecord, StrictModel, layer_lines, layers_of
-from app.light_commands import MAX_INTENSITY, check_light
 from app.measurements import with_full_paths
 from app.paths import full_path, written_path
-from app.series_commands import FirstBands
 from app.sources import SESSION_ENDING
 from app.view_state import AS_PLANNED, Bookmark, SetView, Viewpoint, ViewState
 from engine.colour import ToneMapping

@@ -5,17 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from app.commands import EditCommand, SetEditable, SetFresnelTerm, SetFrozen, SetParameter, SetVisible
+from app.commands import EditCommand
+from app.commands.layers import SetEditable, SetFresnelTerm, SetFrozen, SetParameter, SetVisible
+from app.commands.light import SetEmission, SetEnvironment, SetIntensity, SetMapping, SetRotation
+from app.commands.maps import SetMap
+from app.commands.material import SetMaterial
+from app.commands.series import FIRST_BANDS, set_first_bands
 from app.document import EMISSION, FRESNEL_TERM, MATERIAL, Document, Target, resolve
 from app.library import Library
-from app.light_commands import SetEmission, SetEnvironment, SetIntensity, SetMapping, SetRotation
-from app.map_commands import SetMap
-from app.material_commands import SetMaterial
 from app.material_file import load_material
 from app.paths import is_file_name
 from app.probe_file import likely_mapping
 from app.reading import import_measured
-from app.series_commands import FIRST_BANDS, set_first_bands
 from engine.errors import InsituError, LoadError
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 

@@ -27,7 +27,7 @@ WINDOW_SIDE = (
     "engine/scene/builtin.py",
     "app/__main__.py",
     "app/document.py",
-    "app/commands.py",
+    "app/commands/*.py",
     "app/session.py",
     "app/editor.py",
     "app/script.py",

@@ -14,14 +14,14 @@ from typing import cast
 
 from app.bookmarks import kept, renamed
 from app.commands import EditCommand
+from app.commands.light import lit_by
+from app.commands.maps import IMAGE_SUFFIXES, SetMap, image_name, with_full_names
+from app.commands.paint import without_strokes
 from app.editor import Editor
 from app.journal import Recovery
 from app.library import Library
-from app.light_commands import lit_by
 from app.linked_layers import Layers
-from app.map_commands import IMAGE_SUFFIXES, SetMap, image_name, with_full_names
 from app.material_file import MAX_MATERIAL_BYTES, dump_material, parse_material
-from app.paint_commands import without_strokes
 from app.pasting import pasted
 from app.preferences import PreferenceFile
 from app.recent import RecentFiles

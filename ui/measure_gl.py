@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from app.commands import SetOperators
+from app.commands.curves import SetOperators
 from app.document import Selection
 from app.editor import Editor
 from app.jobs.client import Client

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from app.commands import SetOperators
+from app.commands.curves import SetOperators
 from engine.curve.operators import Operator
 from engine.errors import InsituError
 from engine.material.layer import object_of

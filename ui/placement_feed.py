@@ -17,9 +17,9 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from app.commands.light import emission_of
 from app.document import RGB, LightState, ObjectState, layer_key
 from app.editor import Editor
-from app.light_commands import emission_of
 from app.picture import PictureEvent, SceneFrame, SkyChanged
 from app.placement.events import (
     ComparedRefined,

@@ -12,11 +12,12 @@ from pathlib import Path
 
 from app.bookmarks import named
 from app.commands import EditCommand
+from app.commands.light import SetRotation
+from app.commands.paint import Paint
+from app.commands.series import set_series
 from app.document import layer_key, split_key
 from app.editor import Editor, WorkerClient
 from app.jobs.client import Client
-from app.light_commands import SetRotation
-from app.paint_commands import Paint
 from app.placement.status import PlacementStatus
 from app.script import (
     AssertErrorBelow,
@@ -42,7 +43,6 @@ from app.script import (
     UndoViews,
     WaitFor,
 )
-from app.series_commands import set_series
 from app.set_path import set_path
 from app.view_state import SetView, ViewCommand, Viewpoint
 from engine.errors import InsituError

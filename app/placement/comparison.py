@@ -23,8 +23,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from app.commands.light import emission_of
 from app.document import Document
-from app.light_commands import emission_of
 from app.messages import Request
 from app.picture import PictureEvent
 from app.placement.curves import Array, Coefficients, Curves, view_curve_of

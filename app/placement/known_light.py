@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from app.commands.light import SetEnvironment
 from app.document import Document, LightState
 from app.history import History
-from app.light_commands import SetEnvironment
 
 Source = tuple[object, ...]
 

@@ -15,8 +15,8 @@ from dataclasses import replace
 from functools import partial
 
 from app.commands import EditCommand
+from app.commands.material import SetMaterial
 from app.document import Document, layer_key
-from app.material_commands import SetMaterial
 from app.messages import Cancel, Failed, Response
 from app.mode import Desk, ModeTalk, OpenedScene
 from app.picture import PictureEvent

@@ -25,8 +25,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from app.commands.light import emission_of
 from app.document import SCENE_ENVIRONMENT, Document, LightState, Selection
-from app.light_commands import emission_of
 from app.messages import Failed, Request
 from app.placement.curves import Array, Coefficients, Curves, drawn_as
 from app.placement.edited_curves import EditedCurves, curve_wishes, edited_layers

@@ -7,29 +7,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.commands import (
+from app.commands import EditCommand
+from app.commands.curves import (
     MAX_OPERATORS,
     AddOperator,
     CollapseOperators,
-    EditCommand,
     MoveOperator,
     MuteOperator,
     RemoveOperator,
     ReplaceOperator,
     ResetCurve,
-    SetEditable,
-    SetEnvironment,
-    SetFrozen,
-    SetIntensity,
-    SetMapping,
-    SetModel,
     SetOperators,
-    SetParameter,
-    SetRotation,
-    SetVisible,
 )
+from app.commands.layers import SetEditable, SetFrozen, SetModel, SetParameter, SetVisible
+from app.commands.light import SetEnvironment, SetIntensity, SetMapping, SetRotation
+from app.commands.series import SetFirstBands
 from app.document import Document
-from app.series_commands import SetFirstBands
 from app.set_path import set_path
 from engine.curve.operators import Operator, Tabulated, diagonal
 from engine.errors import InsituError, LoadError

@@ -6,7 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.commands import AddOperator, SetEditable, SetEnvironment, SetIntensity, SetParameter, SetRotation, SetVisible
+from app.commands.curves import AddOperator
+from app.commands.layers import SetEditable, SetParameter, SetVisible
+from app.commands.light import SetEnvironment, SetIntensity, SetRotation
 from app.editor import Editor
 from app.messages import Cancel, Failed, LookFrom, OpenScene, Progress, SkyImage, WorkerRestarted
 from app.picture import SceneFrame, SkyChanged

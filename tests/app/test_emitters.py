@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.commands import SetEmission, SetFrozen
+from app.commands.layers import SetFrozen
+from app.commands.light import SetEmission
 from app.document import Document, Selection
 from app.editor import Editor
 from app.placement.messages import ComputeTransport

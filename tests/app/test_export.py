@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.commands import SetParameter
+from app.commands.layers import SetParameter
 from app.editor import Editor
 from app.export.materials import LEAST_COSINE, grid, tabulated
 from app.export.mitsuba import export_scene

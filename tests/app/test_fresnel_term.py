@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.commands import SetFresnelTerm, SetModel, SetOperators, SetParameter
+from app.commands.curves import SetOperators
+from app.commands.layers import SetFresnelTerm, SetModel, SetParameter
 from app.document import Document, document_from_description
 from app.editor import Editor
 from app.placement.messages import ComputeTransport

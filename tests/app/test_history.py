@@ -5,7 +5,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import app.history
-from app.commands import EditCommand, SetIntensity, SetParameter, SetRotation
+from app.commands import EditCommand
+from app.commands.layers import SetParameter
+from app.commands.light import SetIntensity, SetRotation
 from app.document import Document, document_from_description
 from app.history import History
 from engine.errors import InsituError

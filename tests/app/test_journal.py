@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from app.commands import SetIntensity, SetRotation
+from app.commands.light import SetIntensity, SetRotation
 from app.document import Document
 from app.editor import Editor
 from app.journal import RETRY_SECONDS, WRITE_SECONDS, Journal, recoverable_sessions
@@ -95,7 +95,7 @@ def wait_until(is_so: Callable[[], bool]) -> None:
 
 EDITOR = textwrap.dedent("""
     import sys, time
-    from app.commands import SetIntensity
+    from app.commands.light import SetIntensity
     from app.editor import Editor
     from app.journal import Journal
     from tests.app.fake_worker import FakeClient

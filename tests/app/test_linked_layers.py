@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.commands import SetFrozen, SetModel, SetOperators, SetParameter, SetVisible
+from app.commands.curves import SetOperators
+from app.commands.layers import SetFrozen, SetModel, SetParameter, SetVisible
 from app.document import Document, document_from_description
 from app.session import load_session, save_session
 from app.view_state import ViewState

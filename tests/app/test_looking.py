@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from app.bookmarks import kept
-from app.commands import SetParameter, SetVisible
+from app.commands.layers import SetParameter, SetVisible
 from app.editor import Editor
 from app.journal import Journal
 from app.looking import REST_SECONDS

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from app.commands import SetFresnelTerm
+from app.commands.layers import SetFresnelTerm
+from app.commands.maps import SetMap, image_name, scene_folder, with_full_names
+from app.commands.material import AddLayers, SetMaterial
 from app.document import Document
-from app.map_commands import SetMap, image_name, scene_folder, with_full_names
-from app.material_commands import AddLayers, SetMaterial
 from app.session import load_session, save_session
 from app.set_path import set_path
 from app.view_state import ViewState

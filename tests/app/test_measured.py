@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.commands import SetFrozen, SetParameter
+from app.commands.layers import SetFrozen, SetParameter
 from app.document import Document, document_from_description
 from app.editor import Editor
 from app.jobs.cache import Store

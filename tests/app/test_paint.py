@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.commands import SetFrozen
+from app.commands.layers import SetFrozen
+from app.commands.maps import SetMap
+from app.commands.paint import BlendByMap, ClearMap, Paint, blended_with, without_strokes
 from app.document import Document
 from app.editor import Editor
 from app.history import History
-from app.map_commands import SetMap
-from app.paint_commands import BlendByMap, ClearMap, Paint, blended_with, without_strokes
 from app.placement.events import LayerMapsChanged
 from app.placement.messages import MapsSampled, SampleMaps
 from app.session import load_session, save_session

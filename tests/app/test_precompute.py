@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import app.precompute as filling
-from app.commands import SetVisible
+from app.commands.layers import SetVisible
 from app.jobs.cache import Store
 from app.jobs.tasks import Tasks
 from app.messages import Progress

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.commands import SetEnvironment, SetParameter
+from app.commands.layers import SetParameter
+from app.commands.light import SetEnvironment
 from app.document import LightState
 from app.project import open_project, parse_assignment
 from app.session import save_session

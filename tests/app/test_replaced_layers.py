@@ -5,10 +5,10 @@ from itertools import pairwise
 
 import pytest
 
-from app.commands import SetModel
+from app.commands.layers import SetModel
+from app.commands.material import SetMaterial
 from app.editor import Editor
 from app.library import Library, LibraryEntry
-from app.material_commands import SetMaterial
 from app.placement.wishes import same_coefficients
 from engine.material import MODELS
 from tests.app.fake_worker import ServingClient

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from app.commands.light import SetIntensity
 from app.document import Document, document_from_description
-from app.light_commands import SetIntensity
 from app.placement.curves import Curves
 from app.scene_state import layer_state, scene_state
 from engine.material.maps import MapMeans, maps_from

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from app.commands import (
+from app.commands.curves import (
     AddOperator,
     MoveOperator,
     MuteOperator,
@@ -15,8 +15,8 @@ from app.commands import (
     ReplaceOperator,
     ResetCurve,
     SetOperators,
-    SetParameter,
 )
+from app.commands.layers import SetParameter
 from app.editor import Editor
 from app.view_state import SetView
 from engine.curve.operators import Edit, Operator, diagonal

@@ -14,17 +14,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from app.commands import (
-    AddOperator,
-    CollapseOperators,
-    SetEnvironment,
-    SetFrozen,
-    SetOperators,
-    SetParameter,
-    SetVisible,
-)
+from app.commands.curves import AddOperator, CollapseOperators, SetOperators
+from app.commands.layers import SetFrozen, SetParameter, SetVisible
+from app.commands.light import SetEnvironment
+from app.commands.series import SetFirstBands
 from app.document import Document, Selection, document_from_description
-from app.series_commands import SetFirstBands
 from app.session import fit_session, load_session, save_session
 from app.view_state import Bookmark, Viewpoint, ViewState
 from engine.curve.operators import Operator, diagonal
@@ -286,7 +280,7 @@ def test_a_full_disk_leaves_the_old_file(edited: Document, tmp_path: Path) -> No
 KILL_LOOP = textwrap.dedent("""
     import os, random, signal, sys, time
     from pathlib import Path
-    from app.commands import SetIntensity
+    from app.commands.light import SetIntensity
     from app.session import load_session, save_session
     from app.view_state import ViewState
 

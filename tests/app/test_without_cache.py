@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from app.commands import SetParameter
+from app.commands.layers import SetParameter
 from app.editor import Editor
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient

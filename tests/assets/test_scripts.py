@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from app.commands.light import SetRotation
 from app.document import resolve
-from app.light_commands import SetRotation
 from app.project import open_project
 from app.script import Capture, DragItem, RedoSteps, Rotate, SelectPath, SetValues, UndoSteps, load_script
 from app.set_path import set_path

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from app.commands import SetEditable
+from app.commands.layers import SetEditable
 from app.placement.messages import ComputeTransport
 from app.placement.status import PlacementStatus
 from app.status import Status

@@ -11,7 +11,7 @@ import pytest
 from imgui_bundle import imgui
 
 from app.bookmarks import looks_of
-from app.commands import SetParameter
+from app.commands.layers import SetParameter
 from app.editor import Editor
 from app.session import load_session
 from app.view_state import SetView

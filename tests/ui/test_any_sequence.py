@@ -13,24 +13,16 @@ import moderngl
 import numpy as np
 import pytest
 
-from app.commands import (
-    AddOperator,
-    ResetCurve,
-    SetEditable,
-    SetEnvironment,
-    SetFresnelTerm,
-    SetModel,
-    SetParameter,
-    SetRotation,
-    SetVisible,
-)
+from app.commands.curves import AddOperator, ResetCurve
+from app.commands.layers import SetEditable, SetFresnelTerm, SetModel, SetParameter, SetVisible
+from app.commands.light import SetEnvironment, SetRotation
+from app.commands.material import AddLayers, RemoveLayer, SetMaterial, new_layer
 from app.editor import Editor
 from app.jobs.cache import Store
 from app.jobs.schedule import Schedule
 from app.jobs.standing import Standing
 from app.jobs.tasks import Tasks
 from app.library import Library
-from app.material_commands import AddLayers, RemoveLayer, SetMaterial, new_layer
 from app.messages import Cancel, Failed, Request, Response, WorkerRestarted, stamped
 from app.view_state import SetView
 from engine.curve.operators import Operator

@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 from imgui_bundle import ImVec2, imgui
 
-from app.commands import SetModel, SetOperators, SetParameter
-from app.material_commands import SetMaterial
+from app.commands.curves import SetOperators
+from app.commands.layers import SetModel, SetParameter
+from app.commands.material import SetMaterial
 from app.measurements import with_read
 from app.messages import Failed, HandOutTable, TableHandedOut
 from app.reading import measured_layers

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from app.commands import AddOperator, SetIntensity, SetParameter, SetVisible
+from app.commands.curves import AddOperator
+from app.commands.layers import SetParameter, SetVisible
+from app.commands.light import SetIntensity
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks

@@ -9,7 +9,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from app.commands import SetEmission
+from app.commands.light import SetEmission
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks

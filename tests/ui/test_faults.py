@@ -12,7 +12,7 @@ import pytest
 from imgui_bundle import imgui
 
 from app.barrier import Barrier
-from app.commands import SetParameter
+from app.commands.layers import SetParameter
 from app.editor import Editor
 from app.journal import Journal
 from app.paths import state_directory

@@ -9,7 +9,8 @@ import moderngl
 import numpy as np
 import pytest
 
-from app.commands import AddOperator, SetEditable
+from app.commands.curves import AddOperator
+from app.commands.layers import SetEditable
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks

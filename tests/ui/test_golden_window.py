@@ -24,7 +24,7 @@ import pytest
 from imgui_bundle import imgui
 from PIL import Image
 
-from app.commands import SetRotation
+from app.commands.light import SetRotation
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks

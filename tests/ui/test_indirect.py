@@ -7,11 +7,12 @@ import moderngl
 import numpy as np
 import pytest
 
-from app.commands import AddOperator, SetParameter, SetVisible
+from app.commands.curves import AddOperator
+from app.commands.layers import SetParameter, SetVisible
+from app.commands.series import SetFirstBands
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks
-from app.series_commands import SetFirstBands
 from app.view_state import SetView
 from engine.curve.operators import Operator
 from tests.ui.small_scene import SCENE, linear_picture, opened_window, wait_until_exact, write_small_scene

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from app.commands import SetFrozen, SetOperators
+from app.commands.curves import SetOperators
+from app.commands.layers import SetFrozen
 from app.document import Document
 from app.view_state import SetView
 from engine.curve.operators import Operator

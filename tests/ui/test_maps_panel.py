@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.commands import SetVisible
-from app.map_commands import SetMap
+from app.commands.layers import SetVisible
+from app.commands.maps import SetMap
 from app.placement.messages import MapsSampled, SampleMaps
 from engine.material.maps import LayerMaps, MapMeans
 from tests.ui.stand_in import StandInClient, scene_frame

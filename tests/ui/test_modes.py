@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from app.commands import SetParameter
+from app.commands.layers import SetParameter
 from app.document import Document
 from app.editor import Editor
 from app.jobs.bench import Bench

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from app.commands import SetOperators
+from app.commands.curves import SetOperators
 from app.view_state import SetView
 from engine.curve.operators import Operator, Tabulated
 from ui.headless import HeadlessWindow

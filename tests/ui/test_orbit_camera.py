@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from app.light_commands import SetRotation
+from app.commands.light import SetRotation
 from app.preferences import PreferenceFile
 from app.view_state import Viewpoint
 from engine.errors import InsituError

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from imgui_bundle import imgui
 
-from app.commands import SetParameter
+from app.commands.layers import SetParameter
 from app.script import load_script
 from tests.ui.stand_in import HEIGHT, WIDTH
 from ui.headless import HeadlessWindow

@@ -11,9 +11,10 @@ import moderngl
 import numpy as np
 import pytest
 
-from app.commands import SetEnvironment, SetIntensity, SetRotation, SetVisible
+from app.commands.layers import SetVisible
+from app.commands.light import SetEnvironment, SetIntensity, SetRotation
+from app.commands.material import SetMaterial, new_layer
 from app.editor import Editor
-from app.material_commands import SetMaterial, new_layer
 from app.messages import SkyImage
 from app.placement.messages import ComputeTransport
 from app.view_state import SetView

@@ -17,7 +17,7 @@ small = real_window_fixture(small_scene=True)
 
 SET_MATERIAL = """
 from app.library import Library
-from app.material_commands import SetMaterial
+from app.commands.material import SetMaterial
 library = Library()
 library.read_all()
 editor.do(SetMaterial("teapot", library.entry({name!r}).material.layers))

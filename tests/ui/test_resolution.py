@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from app.commands import SetParameter
+from app.commands.layers import SetParameter
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks

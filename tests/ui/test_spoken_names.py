@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.commands import SetParameter
+from app.commands.layers import SetParameter
 from tests.ui.stand_in import StandInClient
 from ui.headless import HeadlessWindow
 from ui.spoken_names import spoken

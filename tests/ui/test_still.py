@@ -13,7 +13,7 @@ import pytest
 from imgui_bundle import imgui
 from PIL import Image
 
-from app.light_commands import SetIntensity
+from app.commands.light import SetIntensity
 from app.view_state import SetView
 from engine.light.image_files import read_radiance_image
 from engine.render.image_files import deep_png

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from app.commands import SetParameter
+from app.commands.layers import SetParameter
 from app.script import PickLobe
 from engine.material import MODELS, make_layer
 from engine.scene.camera import pixel_directions, project

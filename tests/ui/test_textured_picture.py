@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from app.commands.maps import SetMap
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks
-from app.map_commands import SetMap
 from app.project import open_project
 from app.stills import render_picture
 from engine.indirect.series import BounceSeries

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 from imgui_bundle import ImVec2, imgui
 
+from app.commands.series import SetFirstBands
 from app.placement.status import PlacementStatus
-from app.series_commands import SetFirstBands
 from app.view_state import SetView
 from engine.plan import N_PATCHES
 from ui import theme as look

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from app.commands import ResetCurve, operator_title
+from app.commands.curves import ResetCurve, operator_title
 from app.document import all_factors
 from app.view_state import CHANNELS, SetView
 from engine.curve.operators import apply_operators

@@ -13,7 +13,7 @@ from typing import TypeVar
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from app.commands import CurveEdit, SetOperators
+from app.commands.curves import CurveEdit, SetOperators
 from app.view_state import SetView
 from engine.curve.operators import Curve, apply_operators
 from engine.material.layer import Layer

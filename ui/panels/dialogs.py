@@ -11,7 +11,7 @@ from pathlib import Path
 
 from imgui_bundle import ImVec2, imgui
 
-from app.map_commands import IMAGE_SUFFIXES
+from app.commands.maps import IMAGE_SUFFIXES
 from app.sources import LIGHT_ENDINGS, SCENE_ENDINGS, SESSION_ENDING
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 from ui import theme as look

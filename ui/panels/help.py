@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from imgui_bundle import ImVec2, imgui
 
-from app.commands import MuteOperator, RemoveOperator
+from app.commands.curves import MuteOperator, RemoveOperator
 from app.document import Selection, all_factors
 from app.pasting import copied_curve, copied_material
 from app.solo import toggled

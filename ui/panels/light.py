@@ -14,8 +14,8 @@ from pathlib import Path
 
 from imgui_bundle import ImVec2, imgui
 
+from app.commands.light import SetEnvironment, SetIntensity, SetMapping, SetRotation
 from app.document import CONSTANT_ENVIRONMENT, SCENE_ENVIRONMENT, Mapping
-from app.light_commands import SetEnvironment, SetIntensity, SetMapping, SetRotation
 from ui import theme as look
 from ui.panels import fields, widgets
 from ui.panels.actions import Action, AskFile, BeginDrag, EndDrag, Hold, InOneStep, SetPanel

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from imgui_bundle import ImVec2, imgui
 
-from app.map_commands import SetMap
-from app.paint_commands import ClearMap
+from app.commands.maps import SetMap
+from app.commands.paint import ClearMap
 from engine.material.maps import MAX_REPEATS, SPACES, LayerMaps
 from ui import theme as look
 from ui.panels import fields, paint, widgets

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from imgui_bundle import ImVec2, imgui
 
-from app.commands import SetFresnelTerm, SetModel, SetParameter
+from app.commands.layers import SetFresnelTerm, SetModel, SetParameter
 from app.document import ObjectState, Selection
 from app.linked_layers import group_of
 from app.reading import describe_measurement

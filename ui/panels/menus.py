@@ -10,7 +10,7 @@ from functools import partial
 
 from imgui_bundle import ImVec2, imgui
 
-from app.commands import ResetCurve
+from app.commands.curves import ResetCurve
 from app.view_state import OpenPanel, SetView
 from engine.colour import VIEWS
 from ui.layout import PANELS, is_behind

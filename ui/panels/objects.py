@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, ImVec4, imgui
 
-from app.commands import SetEditable, SetFrozen, SetVisible
+from app.commands.layers import SetEditable, SetFrozen, SetVisible
+from app.commands.material import AddLayers, RemoveLayer, new_layer
 from app.document import ObjectState, layer_key
-from app.material_commands import AddLayers, RemoveLayer, new_layer
 from app.pasting import copied_layer, copied_material
 from app.solo import alone, is_seen, toggled
 from engine.material import MODELS

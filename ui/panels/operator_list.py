@@ -8,7 +8,7 @@ from typing import Any, cast
 
 from imgui_bundle import ImVec2, imgui
 
-from app.commands import (
+from app.commands.curves import (
     CollapseOperators,
     CurveEdit,
     MoveOperator,

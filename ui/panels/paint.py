@@ -6,9 +6,9 @@ from dataclasses import replace
 
 from imgui_bundle import ImVec2, imgui
 
+from app.commands.maps import SetMap
+from app.commands.paint import BlendByMap, Paint, blended_with
 from app.document import layer_key
-from app.map_commands import SetMap
-from app.paint_commands import BlendByMap, Paint, blended_with
 from engine.material.layer import object_of
 from engine.material.maps import LayerMaps
 from engine.material.strokes import Stroke

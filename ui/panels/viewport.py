@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
-from app.light_commands import SetRotation
+from app.commands.light import SetRotation
 from app.solo import alone
 from app.view_state import SetView
 from ui import theme as look

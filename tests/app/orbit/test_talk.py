@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from app.barrier import Barrier
-from app.commands import SetParameter, SetRotation
+from app.commands.layers import SetParameter
+from app.commands.light import SetRotation
 from app.document import document_from_description
 from app.history import History
 from app.messages import Cancel, Failed, Request

@@ -4,12 +4,13 @@ from collections.abc import Callable
 
 import pytest
 
-from app.commands import AddLayers, EditCommand, SetMaterial, SetModel, SetParameter
+from app.commands import EditCommand
+from app.commands.layers import SetModel, SetParameter
+from app.commands.material import AddLayers, SetMaterial, new_layer
 from app.document import Document
 from app.editor import Editor
 from app.jobs.tasks import Tasks
 from app.library import Library
-from app.material_commands import new_layer
 from app.messages import Failed
 from app.placement.messages import BandsPlanned, ComputeTransport, PlanBands
 from app.placement.status import RenderReport

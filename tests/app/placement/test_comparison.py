@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from app.commands import AddOperator, SetEnvironment, SetParameter, SetRotation, SetVisible
+from app.commands.curves import AddOperator
+from app.commands.layers import SetParameter, SetVisible
+from app.commands.light import SetEnvironment, SetRotation
 from app.editor import Editor
 from app.messages import Failed
 from app.placement.events import ComparedRefined

@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.commands import SetModel, SetOperators, SetParameter
+from app.commands.curves import SetOperators
+from app.commands.layers import SetModel, SetParameter
 from app.document import Document, ObjectState, all_factors
 from app.placement.curves import N_VIEW_SAMPLES, Curves
 from engine.curve.operators import Operator

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from app.commands import AddOperator, SetIntensity, SetRotation, SetVisible
+from app.commands.curves import AddOperator
+from app.commands.layers import SetVisible
+from app.commands.light import SetIntensity, SetRotation
 from app.editor import Editor
 from app.jobs import indirect
 from app.jobs.cache import Store

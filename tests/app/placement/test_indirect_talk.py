@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.commands import SetFresnelTerm, SetFrozen
+from app.commands.layers import SetFresnelTerm, SetFrozen
+from app.commands.series import SetFirstBands
 from app.document import Selection, document_from_description
 from app.placement.curves import Curves
 from app.placement.events import IndirectRadiance
 from app.placement.indirect_talk import FREEZE_PATIENCE, REST_SECONDS, IndirectTalk
 from app.placement.messages import Freeze, Frozen, IndirectFound, IndirectNoise
-from app.series_commands import SetFirstBands
 from engine.curve.operators import Operator
 from engine.scene.description import parse_description
 from tests.app.fake_worker import SCENE, FakeClient

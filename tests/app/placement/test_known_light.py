@@ -2,7 +2,8 @@
 
 import pytest
 
-from app.commands import SetEnvironment, SetIntensity, SetMapping, SetParameter, SetRotation
+from app.commands.layers import SetParameter
+from app.commands.light import SetEnvironment, SetIntensity, SetMapping, SetRotation
 from app.editor import Editor
 from app.messages import Failed
 from app.placement.messages import ComputeTransport

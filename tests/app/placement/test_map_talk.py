@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from app.commands.maps import SetMap
 from app.editor import Editor
-from app.map_commands import SetMap
 from app.messages import WorkerRestarted
 from app.placement.events import ComparedRefined, LayerMapsChanged
 from app.placement.messages import ComputeTransport, MapsRefused, MapsSampled, SampleMaps

@@ -7,21 +7,12 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.commands import (
-    AddOperator,
-    ResetCurve,
-    SetEditable,
-    SetEnvironment,
-    SetFresnelTerm,
-    SetIntensity,
-    SetModel,
-    SetParameter,
-    SetRotation,
-    SetVisible,
-)
+from app.commands.curves import AddOperator, ResetCurve
+from app.commands.layers import SetEditable, SetFresnelTerm, SetModel, SetParameter, SetVisible
+from app.commands.light import SetEnvironment, SetIntensity, SetRotation
+from app.commands.material import AddLayers, RemoveLayer, SetMaterial, new_layer
 from app.document import LightState, reflecting_layers
 from app.editor import Editor
-from app.material_commands import AddLayers, RemoveLayer, SetMaterial, new_layer
 from app.placement.events import LayerRadiance, TransportReady
 from app.placement.messages import ComputeTransport, Contract, EstimateError
 from app.placement.status import RenderReport

@@ -1,4 +1,4 @@
-"""The edits of the light: small frozen values that make a new document, as those of `app.commands`."""
+"""The edits of the light."""
 
 from __future__ import annotations
 

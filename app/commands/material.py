@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from app.commands.maps import with_scene_names
 from app.document import Document, ObjectState, split_key
 from app.linked_layers import Layers, group_of, without_fresnel
-from app.map_commands import with_scene_names
 from engine.curve.operators import Edit, collapse
 from engine.errors import InsituError
 from engine.material import MODELS

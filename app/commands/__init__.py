@@ -1,0 +1,31 @@
+"""The edits: small frozen values that make a new document. Panels return them; they are the only writers.
+
+A command names what it changes by key or path (see ``app.document``) and raises InsituError, with nothing changed,
+when that is not there, is frozen, or the value is outside its range. A new one gets its place in `EditCommand`.
+"""
+
+from __future__ import annotations
+
+from app.commands.curves import (
+    AddOperator,
+    CollapseOperators,
+    MoveOperator,
+    MuteOperator,
+    RemoveOperator,
+    ReplaceOperator,
+    ResetCurve,
+    SetOperators,
+)
+from app.commands.layers import SetEditable, SetFresnelTerm, SetFrozen, SetModel, SetParameter, SetVisible
+from app.commands.light import SetEmission, SetEnvironment, SetIntensity, SetMapping, SetRotation
+from app.commands.maps import SetMap
+from app.commands.material import AddLayers, RemoveLayer, SetMaterial
+from app.commands.paint import BlendByMap, ClearMap, Paint
+from app.commands.series import SetFirstBands
+
+EditCommand = (
+    SetParameter | SetModel | SetOperators | AddOperator | ReplaceOperator | RemoveOperator | MoveOperator
+    | MuteOperator | CollapseOperators | ResetCurve | SetVisible | SetFrozen | SetFresnelTerm | SetEditable
+    | SetMap | Paint | BlendByMap | ClearMap | SetMaterial | AddLayers | RemoveLayer | SetRotation | SetIntensity
+    | SetEnvironment | SetMapping | SetEmission | SetFirstBands
+)  # fmt: skip
