@@ -1,13 +1,13 @@
-"""What a person edits: the materials and the light of one scene, as one immutable value.
+"""What a person edits: the materials, the light and the poses of one scene, as one immutable value.
 
 A document is a tree of frozen dataclasses. An edit makes a new document that shares all it did not touch with the
 old one, so undo, A/B comparison, autosave from a second thread and the worker's requests need no copies and no locks,
-and undo restores bit by bit. Geometry and camera are not here: they are the scene's, and fixed in Placement mode.
+and undo restores bit by bit. Geometry and camera are not here: they are the scene's and the view's.
 Rejected: a mutable model with change signals, which undo, the journal and the worker would each have to guard.
 
 Names: a layer's *key* is ``"object.index"``; a *path* names anything a person can reach, written with the layer's
-index or its name: ``"teapot"``, ``"teapot.1"``, ``"teapot.coat.theta_h"``, ``"teapot.1.alpha"``, ``"lamp.emission"``,
-``"light.rotation"``.
+index or its name: ``"teapot"``, ``"teapot.1"``, ``"teapot.coat.theta_h"``, ``"teapot.1.alpha"``, ``"teapot.bend"``,
+``"lamp.emission"``, ``"light.rotation"``.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ from typing import Literal, NamedTuple
 from app.described_layers import layers_from_descriptions
 from app.linked_layers import group_of, with_layer
 from app.paths import is_file_name
+from engine.deform.deformers import KINDS
+from engine.deform.pose import Deformation, Poses, without_rest
 from engine.errors import InsituError
 from engine.material.layer import Layer, object_of
 from engine.material.maps import map_fields
@@ -60,7 +62,7 @@ class ObjectState:
     """One object of the scene: its layers and what a person may do with them.
 
     ``frozen`` objects and layers refuse edits of their material until they thaw. ``editable`` False marks an object
-    that the scene declares fixed.
+    that the scene declares fixed. It goes through its ``deformations`` one after another.
     """
 
     name: str
@@ -69,6 +71,7 @@ class ObjectState:
     editable: bool = True
     visible: bool = True
     frozen: bool = False
+    deformations: tuple[Deformation, ...] = ()
 
     @property
     def emits(self) -> bool:
@@ -94,7 +97,7 @@ class Selection(NamedTuple):
 
 @dataclass(frozen=True)
 class Document:
-    """A scene's materials and light. ``source`` is a built-in scene's name or the path of a scene file.
+    """A scene's materials, light and poses. ``source`` is a built-in scene's name or the path of a scene file.
 
     ``first_bands``: J of the sharpest curves at the first bounce from the eye; None as many as are planned.
     """
@@ -139,6 +142,11 @@ class Document:
         state = self.object(name)
         return state.frozen or any(state.layers[i].frozen for i in group_of(state.layers, index))
 
+    @property
+    def poses(self) -> Poses:
+        """The deformers of all objects that are not as the scene's file has them, by name."""
+        return without_rest([(state.name, state.deformations) for state in self.objects])
+
     def is_visible(self, key: str) -> bool:
         """Whether the layer takes part in the picture."""
         name, index = split_key(self, key)
@@ -150,7 +158,7 @@ class Document:
 class Target:
     """What a path names. ``key`` is None for an object or the light, ``name`` None for an object or a layer."""
 
-    kind: Literal["object", "layer", "factor", "parameter", "map", "switch", "light"]
+    kind: Literal["object", "layer", "factor", "parameter", "map", "switch", "deformer", "light"]
     object: str = ""
     layer: int | None = None
     name: str | None = None
@@ -194,6 +202,8 @@ def resolve(document: Document, path: str) -> Target:
         return Target("object", state.name)
     if rest in (*SWITCHES, MATERIAL, EMISSION) and rest not in [layer.name for layer in state.layers]:
         return Target("switch", state.name, name=rest)
+    if rest in KINDS and rest not in [layer.name for layer in state.layers]:
+        return Target("deformer", state.name, name=rest)
     index, rest = _split_layer(state, rest)
     if not rest:
         return Target("layer", state.name, index)

@@ -422,7 +422,7 @@ class Editor:
         for response in run("The talk with the worker", partial(self._client.poll, POLL_SECONDS), silence, ()):
             events = events + run("An answer of the worker", partial(self._take, response), none)
         if self.scene_is_open:
-            if self._opening is None and self._looks.update(now, self.view.look):
+            if self._opening is None and self._looks.update(now, self.view.look, self.document.poses):
                 (self.talk.looked_away if self._looks.is_away else self.talk.looked_back)()
             made_of = self.document, self.view
             update = partial(self.talk.update, now, *made_of)
@@ -627,7 +627,7 @@ class Editor:
     def _open(self, opening: Opening) -> None:
         self.talk.scene_closed()
         id = self._client.send(opening.request())
-        self._looks.ask(opening.look(self.resolution), id)
+        self._looks.ask(opening.look(self.resolution), id, opening.poses)
         self._reading.forget()
         self._opening = replace(opening, id=id)
         self.gauges.progress = None

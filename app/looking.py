@@ -1,52 +1,66 @@
-"""From where the scene is seen, and in how many pixels: what of that the worker was asked to trace, and has traced.
+"""From where the scene is seen, in how many pixels and in which pose: what of that the worker was asked to trace, and
+has traced.
 
-A view is another one as soon as a hand moves it; it is traced once it rests, till then the picture before it stays.
+A view is another one as soon as a hand moves it, or an object in it; it is traced once both rest, till then the picture
+before it stays.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 from app.messages import LookFrom, Request, Response
 from app.view_state import Viewpoint
+from engine.deform.pose import Poses
 from engine.scene.picture_frame import PictureFrame
 
 REST_SECONDS = 0.25
 
 
+class Sight(NamedTuple):
+    """What is seen: from where, and the poses of objects in it."""
+
+    look: Viewpoint = Viewpoint()
+    poses: Poses = ()
+
+
 class LookTalk:
     """The talk with the worker about the view. ``send`` hands a request over and returns its id.
 
-    ``seen`` is the look whose picture there is, of the scene that the request ``scene`` opened, by the request ``id``;
-    ``has_resized``: it has other pixels than the one before. ``is_away``: the view is another one.
+    ``seen`` is the look, ``seen_poses`` are the poses whose picture there is, of the scene that the request ``scene``
+    opened, by the request ``id``; ``has_resized``: it has other pixels than the one before. ``is_away``: the view is
+    another one.
     """
 
     def __init__(self, send: Callable[[Request], int]) -> None:
-        self.seen = Viewpoint()
+        self.seen, self.seen_poses = Sight()
         self.scene = self.id = 0
         self.is_away = self.has_resized = False
         self._send = send
-        self._asked: Viewpoint | None = None
+        self._asked: Sight | None = None
+        self._refused: Sight | None = None
         self._asked_scene = self._asked_id = 0
-        self._wish = Viewpoint()
+        self._wish = Sight()
         self._since = -math.inf
         self._released = False
 
-    def ask(self, look: Viewpoint, scene: int) -> None:
-        """Have the scene of that number traced from there."""
-        self._asked, self._asked_scene = look, scene
-        self._asked_id = self._send(LookFrom(scene, look.camera, look.resolution))
+    def ask(self, look: Viewpoint, scene: int, poses: Poses = ()) -> None:
+        """Have the scene of that number traced from there, in these poses."""
+        self._asked, self._asked_scene = Sight(look, poses), scene
+        self._asked_id = self._send(LookFrom(scene, look.camera, look.resolution, poses))
 
-    def update(self, now: float, look: Viewpoint) -> bool:
+    def update(self, now: float, look: Viewpoint, poses: Poses = ()) -> bool:
         """Once a frame: ask for another look once it rests; whether what is seen came or went with that, see
         `is_away`. now: seconds of a steady clock."""
-        if look != self._wish:
-            self._wish, self._since = look, now
+        sight, seen = Sight(look, poses), Sight(self.seen, self.seen_poses)
+        if sight != self._wish:
+            self._wish, self._since = sight, now
         rests, self._released = self._released or now - self._since >= REST_SECONDS, False
-        if look != (self._asked or self.seen) and rests:
-            self.ask(look, self.scene)
-        was_away, self.is_away = self.is_away, look != self.seen or self._asked is not None
+        if sight not in (self._asked or seen, self._refused) and rests:
+            self.ask(look, self.scene, poses)
+        was_away, self.is_away = self.is_away, sight != seen or self._asked is not None
         return was_away != self.is_away
 
     def hand_released(self) -> None:
@@ -57,9 +71,9 @@ class LookTalk:
         """Note that a look was traced; whether it is the one that was asked for."""
         if self._asked is None or not self.awaits(response.id):
             return False
-        self.has_resized = self._asked.resolution != self.seen.resolution
-        self.seen, self.scene, self.id = self._asked, self._asked_scene, response.id
-        self._asked, self.is_away = None, False
+        self.has_resized = self._asked.look.resolution != self.seen.resolution
+        (self.seen, self.seen_poses), self.scene, self.id = self._asked, self._asked_scene, response.id
+        self._asked, self._refused, self.is_away = None, None, False
         return True
 
     def adopted(self, own: tuple[int, int]) -> Viewpoint:
@@ -74,8 +88,8 @@ class LookTalk:
 
     def gave_up(self) -> Viewpoint | None:
         """What was asked for will not come; the look that it was, None where there was nothing."""
-        asked, self._asked, self.is_away = self._asked, None, False
-        return asked
+        self._refused, self._asked, self.is_away = self._asked, None, False
+        return self._refused and self._refused.look
 
 
 def what_is_missing(frame: PictureFrame) -> str:

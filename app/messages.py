@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from app.document import Document
+    from engine.deform.pose import Poses
     from engine.material.layer import Layer
     from engine.measured.measurement import Measurement
     from engine.scene.description import Camera
@@ -84,7 +85,7 @@ class OpenScene(Request):
 @dataclass(frozen=True)
 class LookFrom(Request):
     """Trace what the scene of this number (that of its `OpenScene`) shows from a camera, in so many pixels (width,
-    height); None: as its file has them. Answered by `SceneSeen`."""
+    height), None: as its file has them; with objects in these poses. Answered by `SceneSeen`."""
 
     built_on = (OpenScene,)
     alone = True
@@ -92,6 +93,7 @@ class LookFrom(Request):
     scene: int
     camera: Camera | None = None
     resolution: tuple[int, int] | None = None
+    poses: Poses = ()
 
 
 @dataclass(frozen=True)

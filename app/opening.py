@@ -12,6 +12,7 @@ from app.messages import OpenScene, SceneOpened
 from app.session import Session, fit_session, load_session
 from app.sources import source_of
 from app.view_state import Viewpoint
+from engine.deform.pose import Poses
 from engine.scene.description import SceneDescription
 
 
@@ -54,6 +55,11 @@ class Opening:
         """From where it is seen first; resolution (width, height) in place of the scene's own and the session's."""
         look = Viewpoint() if self.session is None else self.session.view.look
         return look if resolution is None else look._replace(resolution=resolution)
+
+    @property
+    def poses(self) -> Poses:
+        """In which poses it is seen first."""
+        return () if self.session is None else self.session.document.poses
 
     def document(self, description: SceneDescription, opened: SceneOpened) -> Document:
         """The scene's own document. Raises InsituError."""

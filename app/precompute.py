@@ -52,7 +52,7 @@ def precompute(
     talk = TransportTalk(client.send, curves)
     scene = client.send(OpenScene(project.document.source))
     _until(client, SceneOpened, report)
-    client.send(LookFrom(scene, project.scene.description.camera, project.scene.resolution))
+    client.send(LookFrom(scene, project.scene.description.camera, project.scene.resolution, project.document.poses))
     _until(client, SceneSeen, report)
     talk.scene_opened()
     n_bounces = project.n_bounces or project.scene.description.bounces or AS_PLANNED

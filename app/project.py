@@ -79,6 +79,7 @@ def open_project(
 
     Raises InsituError with one line for a person.
     """
+    from engine.deform.posed_scene import posed
     from engine.scene.load import load_scene
 
     source = source_of(find_source(name))
@@ -98,7 +99,7 @@ def open_project(
         document = _read(fit_session(session, document, str(source.session)))
     for where, value in values:
         document = _read(set_path(document, where, value).apply(document))
-    scene = scene.shining(dict(emission_of(document)))
+    scene = posed(scene.shining(dict(emission_of(document))), document.poses)
     if session is None:
         return Project(scene, document)
     return Project(

@@ -22,6 +22,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from app.bookmarks import MAX_NAME, is_name
 from engine.colour import ToneMapping, view_named
+from engine.deform.deformers import KINDS
 from engine.errors import LoadError
 from engine.scene.camera_moves import Side
 from engine.scene.complaints import first_complaint
@@ -49,6 +50,14 @@ class SelectPath:
     """Select an object, a layer or a curve."""
 
     path: str
+
+
+@dataclass(frozen=True)
+class DeformObject:
+    """Give an object's deformers, by kind, these amounts."""
+
+    object: str
+    amounts: tuple[tuple[str, float], ...]
 
 
 @dataclass(frozen=True)
@@ -205,6 +214,7 @@ class MoveCamera(BaseModel):
 Step = (
     SetValues
     | SelectPath
+    | DeformObject
     | DragItem
     | DragPoints
     | Show
@@ -255,6 +265,27 @@ class DragRecord(_Record):
         return DragPoints(self.start, self.to)
 
 
+class DeformRecord(_Record):
+    """An object, and beside it the amounts of its deformers by kind."""
+
+    model_config = ConfigDict(frozen=True, extra="allow")
+
+    __pydantic_extra__: dict[str, Number]
+    object: Text
+
+    @model_validator(mode="after")
+    def _deforms(self) -> DeformRecord:
+        unknown = set(self.amounts) - set(KINDS)
+        if unknown or not self.amounts:
+            raise ValueError(f"object, and at least one of {', '.join(KINDS)}")
+        return self
+
+    @property
+    def amounts(self) -> dict[str, float]:
+        """By kind."""
+        return self.__pydantic_extra__
+
+
 Share = Annotated[Number, Field(ge=0.0, le=1.0)]
 
 
@@ -278,6 +309,7 @@ class StepRecord(_Record):
     set: Annotated[dict[Text, Parameter], Field(min_length=1)] | None = None
     select: Text | None = None
     drag: DragRecord | None = None
+    deform: DeformRecord | None = None
     show: Text | None = None
     view: Text | None = None
     keep: Text | None = None
@@ -309,6 +341,7 @@ class StepRecord(_Record):
 _STEPS: dict[str, Callable[[Any, Path], Step]] = {
     "set": lambda values, folder: SetValues(tuple(values.items())),
     "select": lambda path, folder: SelectPath(path),
+    "deform": lambda deform, folder: DeformObject(deform.object, tuple(deform.amounts.items())),
     "drag": lambda drag, folder: drag.step(),
     "show": lambda panel, folder: Show(panel),
     "view": lambda name, folder: _view(name),

@@ -19,6 +19,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from app.atomic import save_file
 from app.bookmarks import MAX_BOOKMARKS, MAX_NAME, MAX_THUMBNAIL_BYTES, check_thumbnail, is_name
 from app.commands.light import MAX_INTENSITY, check_light
+from app.commands.poses import MAX_DEFORMERS
 from app.commands.series import FirstBands
 from app.document import Document, LightState, ObjectState, Selection, all_factors
 from app.layer_records import MAX_LAYERS, Flag, LayerRecord, StrictModel, layer_lines, layers_of
@@ -27,6 +28,7 @@ from app.paths import full_path, written_path
 from app.sources import SESSION_ENDING
 from app.view_state import AS_PLANNED, Bookmark, SetView, Viewpoint, ViewState
 from engine.colour import ToneMapping
+from engine.deform.pose import Deformation
 from engine.errors import InsituError, LoadError
 from engine.plan import N_PATCHES
 from engine.scene.complaints import first_complaint
@@ -38,6 +40,24 @@ SESSION_VERSION = 1
 MAX_SESSION_BYTES = 64 * 2**20
 
 
+class DeformerRecord(StrictModel):
+    """A deformer that an object goes through; amounts in degrees or shares, as its kind has it."""
+
+    kind: Text
+    amount: Number
+    axis: Literal["x", "y", "z"] = "y"
+
+    @model_validator(mode="after")
+    def _is_one(self) -> DeformerRecord:
+        self.deformation  # noqa: B018 - it says what is wrong
+        return self
+
+    @property
+    def deformation(self) -> Deformation:
+        """The deformer itself."""
+        return Deformation(self.kind, self.amount, self.axis)
+
+
 class ObjectRecord(StrictModel):
     name: Name
     visible: Flag = True
@@ -45,6 +65,7 @@ class ObjectRecord(StrictModel):
     editable: Flag = True
     emission: Radiance | None = None
     layers: tuple[LayerRecord, ...] = Field(default=(), alias="layer", max_length=MAX_LAYERS)
+    deformers: tuple[DeformerRecord, ...] = Field(default=(), alias="deformer", max_length=MAX_DEFORMERS)
 
 
 class LightRecord(StrictModel):
@@ -214,7 +235,7 @@ def dump_session(
     """The TOML text. Files inside ``folder`` are written relative to it, so that the folder can move."""
     light = {**vars(document.light), "environment": written_path(document.light.environment, folder)}
     lines = [
-        "# An Insitu session: materials and light on top of a scene. Angles of operators in radians.",
+        "# An Insitu session: materials, light and poses on top of a scene. Angles of operators in radians.",
         *toml_lines({"version": SESSION_VERSION, "ends": True, "scene": written_path(document.source, folder)}),
         *toml_lines({"first_bands": document.first_bands}),
     ]
@@ -233,6 +254,9 @@ def _object_lines(state: ObjectState, folder: Path | None) -> Iterator[str]:
     yield "[[object]]"
     yield from toml_lines({"name": state.name, **switches, "emission": state.emission})
     yield from layer_lines(state.layers, "object.layer", folder)
+    for deformation in state.deformations:
+        yield "[[object.deformer]]"
+        yield from toml_lines(vars(deformation))
 
 
 def _view_values(view: ViewState) -> dict[str, Any]:
@@ -255,7 +279,10 @@ def _bookmark_values(bookmark: Bookmark) -> dict[str, Any]:
 
 def _object(file: str, record: ObjectRecord) -> ObjectState:
     layers = with_full_paths(layers_of(file, record.name, record.layers), Path(file).resolve().parent)
-    return ObjectState(record.name, layers, record.emission, record.editable, record.visible, record.frozen)
+    deformations = tuple(each.deformation for each in record.deformers)
+    return ObjectState(
+        record.name, layers, record.emission, record.editable, record.visible, record.frozen, deformations
+    )
 
 
 def _view(record: ViewRecord, document: Document) -> ViewState:

@@ -10,6 +10,7 @@ from app.commands.layers import SetEditable, SetFresnelTerm, SetFrozen, SetParam
 from app.commands.light import SetEmission, SetEnvironment, SetIntensity, SetMapping, SetRotation
 from app.commands.maps import SetMap
 from app.commands.material import SetMaterial
+from app.commands.poses import with_amounts
 from app.commands.series import FIRST_BANDS, set_first_bands
 from app.document import EMISSION, FRESNEL_TERM, MATERIAL, Document, Target, resolve
 from app.library import Library
@@ -33,6 +34,8 @@ def set_path(document: Document, path: str, value: Any) -> EditCommand:
         return SetParameter(target.key, target.name, value)
     if target.kind == "map" and target.key is not None and target.name is not None:
         return SetMap(target.key, target.name, value)
+    if target.kind == "deformer" and target.name is not None:
+        return with_amounts(document, target.object, {target.name: value})
     if target.kind == "light":
         return _set_light(path, target, value)
     if target.kind == "switch":

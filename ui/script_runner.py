@@ -14,6 +14,7 @@ from app.bookmarks import named
 from app.commands import EditCommand
 from app.commands.light import SetRotation
 from app.commands.paint import Paint
+from app.commands.poses import with_amounts
 from app.commands.series import set_series
 from app.document import layer_key, split_key
 from app.editor import Editor, WorkerClient
@@ -25,6 +26,7 @@ from app.script import (
     Capture,
     ChooseMode,
     ChooseView,
+    DeformObject,
     DragItem,
     DragPoints,
     GoToView,
@@ -153,6 +155,8 @@ def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
                 _wait_for_files(window, editor)
         case SelectPath():
             _refused(editor.select(step.path))
+        case DeformObject():
+            _refused(editor.do(_deforming(editor, step)))
         case DragItem():
             _drag_item(window, step)
         case DragPoints():
@@ -245,6 +249,13 @@ def _paint(window: HeadlessWindow, editor: Editor, step: PaintStroke) -> None:
 def _setting(editor: Editor, path: str, value: object) -> EditCommand | ViewCommand:
     try:
         return set_series(path, value) or set_path(editor.document, path, value)
+    except InsituError as error:
+        raise ScriptError(str(error)) from error
+
+
+def _deforming(editor: Editor, step: DeformObject) -> EditCommand:
+    try:
+        return with_amounts(editor.document, step.object, dict(step.amounts))
     except InsituError as error:
         raise ScriptError(str(error)) from error
 

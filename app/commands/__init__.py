@@ -21,11 +21,13 @@ from app.commands.light import SetEmission, SetEnvironment, SetIntensity, SetMap
 from app.commands.maps import SetMap
 from app.commands.material import AddLayers, RemoveLayer, SetMaterial
 from app.commands.paint import BlendByMap, ClearMap, Paint
+from app.commands.poses import AddDeformer, MoveDeformer, RemoveDeformer, SetDeformer, SetPose
 from app.commands.series import SetFirstBands
 
 EditCommand = (
     SetParameter | SetModel | SetOperators | AddOperator | ReplaceOperator | RemoveOperator | MoveOperator
     | MuteOperator | CollapseOperators | ResetCurve | SetVisible | SetFrozen | SetFresnelTerm | SetEditable
     | SetMap | Paint | BlendByMap | ClearMap | SetMaterial | AddLayers | RemoveLayer | SetRotation | SetIntensity
-    | SetEnvironment | SetMapping | SetEmission | SetFirstBands
+    | SetEnvironment | SetMapping | SetEmission | SetFirstBands | SetPose | AddDeformer | SetDeformer | MoveDeformer
+    | RemoveDeformer
 )  # fmt: skip

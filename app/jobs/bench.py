@@ -18,6 +18,8 @@ from app.jobs.cache import Store, content_key
 from app.jobs.kernels import Kernels
 from app.messages import LookFrom, Noted, SkyImage
 from app.sky import sky_of
+from engine.deform.pose import Poses
+from engine.deform.posed_scene import posed
 from engine.errors import InsituError
 from engine.light.environment import Environment, downsampled, load_environment
 from engine.scene.load import Scene
@@ -53,6 +55,13 @@ class Bench:
             raise InsituError("no scene is open")
         return self._placement
 
+    @property
+    def resting_scene(self) -> Scene:
+        """The scene that is open as its file has it, whatever pose it is in; InsituError where none is."""
+        if self._scene.scene is None:
+            raise InsituError("no scene is open")
+        return self._scene.scene
+
     def load(self, scene: Scene, id: int) -> None:
         """This scene is there to be looked at, by the request of that number."""
         self._loaded = _Loaded(id, scene)
@@ -62,9 +71,8 @@ class Bench:
         seen = next((each for each in (self._loaded, self._scene) if each.id == request.scene), _Loaded())
         if seen.scene is None:
             raise InsituError("no scene is open")
-        if seen.caster is None:
-            seen.caster = RayCaster(seen.scene.vertices, seen.scene.triangles)
-        placement = Placement(seen.scene.seen_from(request.camera, request.resolution), seen.caster)
+        scene, caster = seen.posed(request.poses)
+        placement = Placement(scene.seen_from(request.camera, request.resolution), caster)
         self._scene, self._loaded = seen, _Loaded()
         self._placement, self.view_key, self.view_id = placement, _view_key(placement.scene), request.id
         self._sky_shown = None
@@ -100,11 +108,19 @@ class Bench:
 
 @dataclass
 class _Loaded:
-    """A scene, the number of the request for it, and its rays once they are made."""
+    """A scene as its file has it, the number of the request for it, and the pose it is in with the rays of that."""
 
     id: int = -1
     scene: Scene | None = None
-    caster: RayCaster | None = None
+    pose: tuple[Poses, Scene, RayCaster] | None = None
+
+    def posed(self, poses: Poses) -> tuple[Scene, RayCaster]:
+        """The scene in these poses, and its rays: the same ones as long as the poses are."""
+        assert self.scene is not None
+        if self.pose is None or self.pose[0] != poses:
+            scene = posed(self.scene, poses)
+            self.pose = poses, scene, RayCaster(scene.vertices, scene.triangles)
+        return self.pose[1:]
 
 
 def _view_key(scene: Scene) -> str:

@@ -38,6 +38,15 @@ class Deformation:
             raise ValueError(f"axis {self.axis!r}, expected one of x, y, z")
 
 
+Poses = tuple[tuple[str, tuple[Deformation, ...]], ...]  # of objects, by name
+
+
+def without_rest(poses: Sequence[tuple[str, tuple[Deformation, ...]]]) -> Poses:
+    """What of them moves anything: no deformer of no amount, no object without any."""
+    rows = ((name, tuple(each for each in row if each.amount)) for name, row in poses)
+    return tuple((name, row) for name, row in rows if row)
+
+
 @dataclass(frozen=True, eq=False)
 class Pose:
     """Points (V, 3) and their axes, rows tangent, bitangent, normal (V, 3, 3)."""
