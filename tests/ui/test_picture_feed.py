@@ -305,7 +305,7 @@ def test_a_plain_colour_is_about_what_a_material_reflects() -> None:
 def test_before_a_scene_the_feed_rehearses_and_leaves_nothing(context: moderngl.Context) -> None:
     editor = Editor(FakeClient(), "shelf")
     feed = PictureFeed(context, editor.mode)
-    for _ in range(30):
+    for _ in range(100):
         assert not feed.take(editor, 0.0)
     assert feed.source.renderer.frame is None and feed.picture is None
     feed.close()

@@ -139,4 +139,6 @@ def small_texture(context: moderngl.Context, pixels: NDArray[np.uint8]) -> moder
     """A texture of pixels (h,w,3) for panels."""
     alpha = np.full((*pixels.shape[:2], 1), 255, dtype=np.uint8)
     data = np.concatenate([pixels, alpha], axis=2).tobytes()
-    return context.texture((pixels.shape[1], pixels.shape[0]), 4, data)
+    texture = context.texture((pixels.shape[1], pixels.shape[0]), 4, data)
+    texture.repeat_x = texture.repeat_y = False  # as all that panels draw, so that llvmpipe need not compile anew
+    return texture

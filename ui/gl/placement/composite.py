@@ -20,7 +20,13 @@ from ui.gl.context import GraphicsError
 from ui.gl.passes import Box, Passes
 from ui.gl.picture_frame import require_sound
 from ui.gl.placement.accumulate import Accumulator
-from ui.gl.placement.sample_layout import SAMPLES_PER_ROW, pack_samples, row_count, sample_addresses
+from ui.gl.placement.sample_layout import (
+    SAMPLES_PER_ROW,
+    not_a_power_of_two,
+    pack_samples,
+    row_count,
+    sample_addresses,
+)
 from ui.gl.textures import TextureMemory, read_texture
 
 VIEW_CURVE_SIZE = 256
@@ -84,7 +90,7 @@ class Compositor:
         rows = [row_count(int(n)) if n else 0 for n in counts]
         self._first_rows = np.concatenate(([0], np.cumsum(rows))).astype(int)
         self._object_boxes = [frame.object_box(i) for i in range(frame.n_objects)]
-        self._n_rows = max(1, int(self._first_rows[-1]))
+        self._n_rows = not_a_power_of_two(int(self._first_rows[-1]))
         self._shining = np.zeros((frame.height, frame.width, 4), dtype=np.float32)
         self._shining[..., :3] = frame.emission_image
         self._shining[..., 3] = frame.object_image >= 0

@@ -1,7 +1,9 @@
-"""Shaders compiled before a picture needs them: a picture of a few pixels, drawn in all the ways that one can be.
+"""Shaders compiled before a picture needs them: small pictures, drawn in all the ways that one can be.
 
-A driver compiles a shader when it is first drawn with, llvmpipe in 5 to 10 ms each and anew for each format of what it
-reads and writes. A dozen of them in the first picture's frame would block the window; here each has a step of its own.
+A driver compiles a shader when it is first drawn with, and anew for each format of what it reads and writes. llvmpipe
+needs 50 to 100 ms for each on the first start of a machine (later ones find most of them in Mesa's cache), and
+compiles once more where the sides of a texture are powers of two. A dozen in the first picture's frame would block the
+window; here each has a step of its own.
 """
 
 from __future__ import annotations
@@ -12,10 +14,14 @@ import numpy as np
 
 from engine.scene.picture_frame import PictureFrame
 from ui.gl.placement.renderer import PlacementRenderer
+from ui.gl.placement.sample_layout import SAMPLES_PER_ROW
 from ui.gl.tonemap import DisplayView
 
-_SIDE = 8
-_KEY = "rehearsal"
+# Width and height of pictures; their samples fill three rows of textures, as no power of two.
+_SIZES = ((60, 60), (64, 64), (64, 60))
+_N_SAMPLES = 3 * SAMPLES_PER_ROW
+_ENVIRONMENT = (8, 16)
+_BASE, _UPPER = "base", "upper"
 _N_BANDS = 2
 
 
@@ -24,63 +30,67 @@ def rehearse(renderer: PlacementRenderer) -> Iterator[None]:
 
     Left unfinished, it is made good by the next `set_frame`.
     """
-    renderer.set_frame(_frame())
-    renderer.set_environment(np.ones((_SIDE, 2 * _SIDE, 3), np.float32))
+    for width, height in _SIZES:
+        yield from _picture(renderer, width, height)
+    renderer.clear()
+
+
+def _picture(renderer: PlacementRenderer, width: int, height: int) -> Iterator[None]:
+    renderer.set_frame(_frame(width, height))
     yield
+    renderer.set_environment(np.ones((*_ENVIRONMENT, 3), np.float32))
     renderer.linear_image()
     yield
     renderer.composite(DisplayView())
     yield
     renderer.composite(DisplayView(selected=0))
     yield
-    for sampled in (_coarsely, _finely):
-        samples = sampled(renderer)
-        renderer.set_layer_radiance(_KEY, np.ones((samples, 3), np.float32))
-        renderer.composite(DisplayView())
-        yield
-        yield from _transport(renderer, samples)
-    renderer.set_view_curve(_KEY, np.ones((256, 3)))
+    rows, weights = np.zeros((_N_SAMPLES, 4), np.int32), np.full((_N_SAMPLES, 4), 0.25, np.float32)
+    renderer.set_footprint(rows, weights)
+    yield from _layers(renderer)
+    renderer.set_footprint(None)
+    yield from _layers(renderer)
+    renderer.set_layer_maps(_BASE, np.ones((_N_SAMPLES, 4), np.float16))
     renderer.composite(DisplayView())
     yield
-    renderer.clear()
 
 
-def _coarsely(renderer: PlacementRenderer) -> int:
-    """A layer with one sample for all pixels; the number of samples."""
-    n_pixels = _SIDE * _SIDE
-    rows, weights = np.zeros((n_pixels, 4), np.int32), np.full((n_pixels, 4), 0.25, np.float32)
-    renderer.set_footprint(rows, weights)
-    renderer.set_layer(_KEY, 0, 1)
-    return 1
+def _layers(renderer: PlacementRenderer) -> Iterator[None]:
+    """A layer alone and one above it, both with a curve at work and with a view curve."""
+    for key in (_BASE, _UPPER):
+        renderer.set_layer(key, 0, _N_SAMPLES)
+        renderer.set_layer_radiance(key, np.ones((_N_SAMPLES, 3), np.float32))
+        renderer.composite(DisplayView())
+        yield
+    yield from _transport(renderer)
+    for key in (_UPPER, _BASE):
+        renderer.set_view_curve(key, np.ones((256, 3)))
+        renderer.composite(DisplayView())
+        yield
 
 
-def _finely(renderer: PlacementRenderer) -> int:
-    renderer.set_footprint(None)
-    return _SIDE * _SIDE
-
-
-def _transport(renderer: PlacementRenderer, samples: int) -> Iterator[None]:
+def _transport(renderer: PlacementRenderer) -> Iterator[None]:
     """Increments of a curve: uploaded, begun from another one, drawn."""
-    half = np.ones((_N_BANDS, samples, 3), np.float16)
-    renderer.begin_transport(_KEY, half, np.ones((_N_BANDS, 3)))
+    half = np.ones((_N_BANDS, _N_SAMPLES, 3), np.float16)
+    renderer.begin_transport(_BASE, half, np.ones((_N_BANDS, 3)))
     while not renderer.upload(0.0):
         yield
-    renderer.wanted(_KEY, np.ones((_N_BANDS, 3)))
+    renderer.wanted(_BASE, np.ones((_N_BANDS, 3)))
     renderer.update()
     renderer.composite(DisplayView())
     yield
 
 
-def _frame() -> PictureFrame:
-    """A picture full of one object, with a silhouette pixel."""
-    n_pixels = _SIDE * _SIDE
+def _frame(width: int, height: int) -> PictureFrame:
+    """A picture of one object, with a silhouette pixel."""
+    seen = np.arange(width * height).reshape(height, width) < _N_SAMPLES
     return PictureFrame(
-        pixel=np.arange(n_pixels, dtype=np.int32),
-        object_ranges=np.array([[0, n_pixels]], np.int32),
-        object_image=np.zeros((_SIDE, _SIDE), np.int16),
-        theta_o=np.zeros(n_pixels, np.float32),
-        emission_image=np.zeros((_SIDE, _SIDE, 3), np.float32),
-        ray_directions=np.ones((_SIDE, _SIDE, 3), np.float32),
+        pixel=np.arange(_N_SAMPLES, dtype=np.int32),
+        object_ranges=np.array([[0, _N_SAMPLES]], np.int32),
+        object_image=np.where(seen, 0, -1).astype(np.int16),
+        theta_o=np.zeros(_N_SAMPLES, np.float32),
+        emission_image=np.zeros((height, width, 3), np.float32),
+        ray_directions=np.ones((height, width, 3), np.float32),
         edge_pixels=np.zeros(1, np.int32),
         edge_neighbours=np.ones(1, np.int32),
         edge_weights=np.full(1, 0.5, np.float32),

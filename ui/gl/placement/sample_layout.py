@@ -18,8 +18,15 @@ SAMPLES_PER_ROW = GROUP_SIZE * GROUPS_PER_ROW
 
 
 def row_count(n_samples: int) -> int:
-    """Rows of a texture for this many samples; at least one."""
-    return max(1, -(-n_samples // SAMPLES_PER_ROW))
+    """Rows of a texture for this many samples; never a power of two (see `not_a_power_of_two`)."""
+    return not_a_power_of_two(-(-n_samples // SAMPLES_PER_ROW))
+
+
+def not_a_power_of_two(rows: int) -> int:
+    """`rows`, at least three, or one more: llvmpipe compiles shaders anew for textures with a power of two of them,
+    which would be a stall of 50 to 100 ms at the next object that happens to have as many."""
+    rows = max(rows, 3)
+    return rows + 1 if rows & (rows - 1) == 0 else rows
 
 
 def sample_addresses(samples: NDArray[np.integer]) -> NDArray[np.int32]:

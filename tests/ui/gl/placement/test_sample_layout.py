@@ -6,12 +6,14 @@ import pytest
 from ui.gl.placement.sample_layout import SAMPLES_PER_ROW, pack_samples, row_count, sample_addresses, unpack_samples
 
 
-@pytest.mark.parametrize("n_samples", [0, 1, 8, 1023, 1024, 1025, 5000])
-def test_unpacking_undoes_packing(n_samples: int) -> None:
+@pytest.mark.parametrize(
+    ("n_samples", "rows"), [(0, 3), (1, 3), (1024, 3), (3072, 3), (3073, 5), (4096, 5), (5000, 5), (5121, 6)]
+)
+def test_unpacking_undoes_packing(n_samples: int, rows: int) -> None:
     values = np.arange(3 * n_samples, dtype=np.float32).reshape(n_samples, 3)
     texels = pack_samples(values, 4)
-    # Rows of 1,024 samples, at least one: 5000 samples take 5 rows. Padding is 0 and the fourth component too.
-    assert texels.shape == (max(1, -(-n_samples // 1024)), 1024, 4) and row_count(n_samples) == len(texels)
+    # Rows of 1,024 samples, as many as are needed but no power of two. Padding is 0 and the fourth component too.
+    assert texels.shape == (rows, 1024, 4) and row_count(n_samples) == rows
     np.testing.assert_array_equal(unpack_samples(texels, n_samples)[:, :3], values)
     assert texels.sum() == values.sum()
 
