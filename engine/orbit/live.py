@@ -15,66 +15,43 @@ and may be dropped between any two pieces; so may its generators.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import lru_cache
-from typing import Literal
+from collections.abc import Generator, Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine.errors import InsituError
 from engine.light.emitters import EmitterPatches, emitter_patches
-from engine.material.layer import Layer
-from engine.orbit import _slice_kernels
-from engine.orbit.bounced import Bounces, bouncing
-from engine.orbit.incident import Incident, Lamps, light, more_glossy, no_light
+from engine.orbit.drawing import N_MOVING, Quality, reflected_light
+from engine.orbit.incident import Lamps
 from engine.orbit.kept_visibility import deflated, inflated
-from engine.orbit.picture import Canvas, Seen, interpolated, picture, reflected, shaded, sunlit
-from engine.orbit.shading_points import ShadingPoints, shading_points, with_backs
-from engine.orbit.sky import Sky, make_sky
-from engine.orbit.slices import Slices, matt_reflectance, slicing
-from engine.orbit.visibility import N_UPPER, Bits, see, see_patches
-from engine.render.maps import MapFactors
+from engine.orbit.lit_points import EXACTLY, STALE, LitPoints
+from engine.orbit.picture import picture
+from engine.orbit.reflections import LayersOf, Reflections
+from engine.orbit.shading_points import shading_points
+from engine.orbit.sky import make_sky
+from engine.orbit.visibility import N_UPPER, Bits
 from engine.render.still import StillProgress
-from engine.render.surface_maps import mean_factor
 from engine.scene.description import CameraDescription
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
 from engine.steps import finish
 from engine.stored_arrays import ArrayReader, Arrays
-from engine.threads import even_parts, n_threads, on_threads
+from engine.threads import n_threads
 from engine.transport.pipeline import SkyState
 
 Floats = NDArray[np.float32]
-LayersOf = Mapping[int, Sequence[Layer]]
-Quality = Literal["moving", "rest", "still"]
 Steps = Iterator[StillProgress]
 
 N_POINTS = 40_000  # besides the meshes' own vertices
 N_COEFFICIENTS = 320
-N_MOVING = 64  # of these, while something moves
 N_PATCHES = 64
 N_BOUNCES = 4  # where a scene does not say
 MOST_BYTES = 3 << 29
-# Of what a pixel reflects: by which a sun may differ among the slices around it and be looked up in them.
-_LITTLE = {"rest": 0.005, "still": 0.001}
 _LEAST_COEFFICIENTS = 20
 _BYTES_A_COEFFICIENT = 8
 # Points a piece and thread: some 20 ms.
 _COARSE, _FINE, _TRACED = 2048, 384, 128
-_STALE, _COARSELY, _EXACTLY = 0, 1, 2
-
-
-@dataclass(frozen=True)
-class _Term:
-    """What an object reflects in one sum: layers that are matt, of reflectance ρ (3,), or layers with gloss; and which
-    of its visible layers' maps multiply it."""
-
-    i_object: int
-    layers: tuple[Layer, ...]
-    reflectance: tuple[float, float, float] | None
-    factor: int | None = None
 
 
 class Orbit:
@@ -92,17 +69,12 @@ class Orbit:
         self._caster = caster or RayCaster(scene.vertices, scene.triangles)
         self._n_points, self._n_coefficients, self._n_patches = n_points, n_coefficients, n_patches
         self._most_bytes = most_bytes
-        self._lit: _Lit | None = None
+        self._lit: LitPoints | None = None
         self._kept: tuple[Bits, Bits, list[int]] | None = None
         self._patches = _emitters(scene, n_patches)
         self._n_bounces = scene.description.bounces or N_BOUNCES
         self._light, self._sky = SkyState(None), make_sky(None, 0.0)
-        self._layers_of: dict[int, tuple[Layer, ...]] = {}
-        self._terms: tuple[_Term, ...] = ()
-        self._slices: dict[Layer, Slices] = {}
-        self._fine: set[Layer] = set()
-        self._tables: dict[tuple[Layer, ...], _slice_kernels.Tables] = {}
-        self._slicing: tuple[Layer, Generator[float, None, Slices]] | None = None
+        self._reflections = Reflections()
 
     # ------------------------------------------------------------------------------------------- what can be kept
 
@@ -164,15 +136,9 @@ class Orbit:
 
     def set_layers(self, layers_of: LayersOf) -> None:
         """The layers of each object, by its index, from now on; what did not change is not computed again."""
-        layers = {i: tuple(own) for i, own in layers_of.items() if not self.scene.emitters[i]}
-        if layers != self._layers_of:
-            self._layers_of, self._terms = layers, tuple(_terms(layers))
-            wanted = {layer for term in self._glossy for layer in term.layers}
-            self._slices = {layer: slices for layer, slices in self._slices.items() if layer in wanted}
-            self._fine &= wanted
-            self._tables.clear()
+        if self._reflections.set_layers({i: own for i, own in layers_of.items() if not self.scene.emitters[i]}):
             if self._lit is not None:
-                self._lit.need_gloss(self._glossy_objects())
+                self._lit.need_gloss(self._are_glossy)
             self._rebounce()
 
     # ----------------------------------------------------------------------------------------------------- the work
@@ -186,9 +152,9 @@ class Orbit:
     def is_done(self) -> bool:
         """Whether there is no work left."""
         lit = self._lit
-        if lit is None or not lit.is_done or any(layer not in self._fine for layer in self._wanted()):
+        if lit is None or not lit.is_done or not self._reflections.is_done:
             return False
-        return self._n_bounces == 1 or lit.is_bounced == _EXACTLY
+        return self._n_bounces == 1 or lit.is_bounced == EXACTLY
 
     @property
     def fraction(self) -> float:
@@ -217,31 +183,26 @@ class Orbit:
         """Do what is most urgent; what that was, or None where nothing is left."""
         lit = self._lit
         assert lit is not None
-        if missing := [layer for layer in self._wanted() if layer not in self._slices]:
-            self._take(missing[0], finish(slicing(missing[0], -1)), False)
+        if self._reflections.find_coarse():
+            self._rebounce()
             return "reflection"
-        if len(which := lit.first(lit.state == _STALE, _COARSE * n_threads())):
+        if len(which := lit.first(lit.state == STALE, _COARSE * n_threads())):
             lit.light(which, self._sky, self._lamps(lit), is_coarse=True)
-            lit.is_bounced = _STALE
+            lit.is_bounced = STALE
             return "light"
         lit.was_lit = True
-        if rough := [layer for layer in self._wanted() if layer not in self._fine]:
-            if self._slicing is None or self._slicing[0] not in rough:
-                self._slicing = rough[0], slicing(rough[0])
-            try:
-                next(self._slicing[1])
-            except StopIteration as end:
-                self._take(self._slicing[0], end.value, True)
-                self._slicing = None
+        if not self._reflections.is_done:
+            if self._reflections.refine():
+                self._rebounce()
             return "reflection"
         if self._n_bounces > 1 and lit.bounces is not None and lit.is_bounced < lit.is_lit:
-            lit.bounce(self._albedos(), self._n_bounces)
+            lit.bounce(self._reflections.albedos(self.scene), self._n_bounces)
             return "bounces"
-        if len(which := lit.first(lit.traced & (lit.state != _EXACTLY), _FINE * n_threads())):
+        if len(which := lit.first(lit.traced & (lit.state != EXACTLY), _FINE * n_threads())):
             lit.light(which, self._sky, self._lamps(lit), is_coarse=False)
             return "light"
         if behind := sorted(lit.behind - lit.with_backs):
-            lit.add_backs(behind, self._glossy_objects())
+            lit.add_backs(behind, self._are_glossy)
             return "backs"
         if len(which := lit.first(~lit.traced & lit.seen, _TRACED * n_threads())):
             lit.trace(which, self._caster, self._patches)
@@ -277,111 +238,25 @@ class Orbit:
             raise ValueError("nothing is ready to be drawn: expected some steps of work before")
         seen = lit.canvas.look(camera, resolution, quality != "moving")
         lit.seen, lit.behind = seen.points_seen(), lit.behind | set(seen.from_behind)
-        radiance = np.zeros((len(seen.pixel), 3), np.float32)
-        factors: dict[int, Floats] = {}
-        for done, term in enumerate(self._terms):
-            which = seen.of(term.i_object)
-            if not len(which):
-                continue
-            yield StillProgress(done / len(self._terms), "reflection")
-            if term.factor is None:
-                self._reflect(lit, seen, which, term, quality, n_moving, radiance)
-                continue
-            if term.i_object not in factors:
-                factors[term.i_object] = self._factors(seen, which, term.i_object)
-            own = np.zeros_like(radiance)
-            self._reflect(lit, seen, which, term, quality, n_moving, own)
-            radiance[which] += own[which] * factors[term.i_object][:, term.factor]
+        what = lit, self._reflections, self.scene, self._sky
+        radiance = yield from reflected_light(seen, *what, self._n_bounces, quality, n_moving)
         sky = self._light
         return picture(seen, radiance, sky.environment, sky.rotation, sky.scale)
-
-    def _reflect(
-        self, lit: _Lit, seen: Seen, which: NDArray[np.int64], term: _Term, quality: Quality, n: int, radiance: Floats
-    ) -> None:
-        """Add what a term reflects at samples (N,) of its object, without its maps, to radiance (R, 3)."""
-        if self._n_bounces > 1:
-            interpolated(seen, which, lit.indirect, radiance, self._albedo(term) / np.pi)
-        if term.reflectance is not None:
-            interpolated(seen, which, lit.incident.irradiance, radiance, np.array(term.reflectance))
-        elif (tables := self._tables_of(term.layers)) is not None:
-            if quality != "moving":
-                others = reflected(seen, which, lit.incident, tables)
-                radiance[which] += others + sunlit(
-                    seen, which, lit.incident, self._sky, term.layers, tables, others, _LITTLE[quality]
-                )
-            else:
-                points = np.flatnonzero(lit.seen & (lit.points.i_object == term.i_object))
-                shaded(seen, points, lit.incident, tables, n, lit.colours)
-                interpolated(seen, which, lit.colours, radiance, np.ones(3))
-
-    def _factors(self, seen: Seen, which: NDArray[np.int64], i_object: int) -> Floats:
-        """By what maps multiply the visible layers of an object at samples (N,), (N, K, 3)."""
-        maps = MapFactors(self.scene, {i_object: self._layers_of[i_object]})
-
-        def part(start: int, stop: int) -> Floats:
-            n = stop - start
-            return maps.of_hits(seen.in_scene(which[start:stop]), np.full(n, i_object), np.arange(n))
-
-        return np.concatenate(on_threads(part, *even_parts(len(which))))
 
     # ------------------------------------------------------------------------------------------------------ within
 
     @property
-    def _glossy(self) -> list[_Term]:
-        return [term for term in self._terms if term.reflectance is None]
-
-    def _glossy_objects(self) -> NDArray[np.bool_]:
-        found = np.zeros(len(self.scene.smooth), bool)
-        found[[term.i_object for term in self._glossy]] = True
-        return found
-
-    def _wanted(self) -> list[Layer]:
-        """The layers that want slices."""
-        return list(dict.fromkeys(layer for term in self._glossy for layer in term.layers))
-
-    def _take(self, layer: Layer, slices: Slices, is_fine: bool) -> None:
-        self._slices[layer] = slices
-        self._rebounce()
-        if is_fine:
-            self._fine.add(layer)
-        self._tables = {layers: tables for layers, tables in self._tables.items() if layer not in layers}
-
-    def _tables_of(self, layers: tuple[Layer, ...]) -> _slice_kernels.Tables | None:
-        """The slices of layers that lie on one another; None while they are not known."""
-        if layers not in self._tables:
-            if any(layer not in self._slices for layer in layers):
-                return None
-            total = self._slices[layers[0]]
-            for layer in layers[1:]:
-                total = total + self._slices[layer]
-            self._tables[layers] = total.tables
-        return self._tables[layers]
-
-    def _albedo(self, term: _Term) -> NDArray[np.float64]:
-        """Of the matt reflection that stands for a term's, (3,); without its maps."""
-        if term.reflectance is not None:
-            return np.pi * np.array(term.reflectance)
-        return np.sum(
-            [self._slices[layer].albedo for layer in term.layers if layer in self._slices], axis=0
-        ) + np.zeros(3)
-
-    def _albedos(self) -> Floats:
-        """The same of all objects, (M, 3), with the means of their maps."""
-        albedos = np.zeros((len(self.scene.smooth), 3))
-        for term in self._terms:
-            maps = term.layers[0].maps
-            mean = 1.0 if maps.is_plain else mean_factor(self.scene, term.i_object, maps)
-            albedos[term.i_object] += self._albedo(term) * mean
-        return albedos.astype(np.float32)
+    def _are_glossy(self) -> NDArray[np.bool_]:
+        return self._reflections.are_glossy(len(self.scene.smooth))
 
     def _stale(self) -> None:
         if self._lit is not None:
-            self._lit.state[:] = _STALE
+            self._lit.state[:] = STALE
         self._rebounce()
 
     def _rebounce(self) -> None:
         if self._lit is not None:
-            self._lit.is_bounced = _STALE
+            self._lit.is_bounced = STALE
         self.version += 1
 
     def _place(self) -> None:
@@ -398,9 +273,9 @@ class Orbit:
         if n < self._n_coefficients:
             self.notes = (f"{n} coefficients of light a point instead of {self._n_coefficients}, for want of memory",)
         n_patches = 0 if self._patches is None else len(self._patches[0])
-        self._lit = _Lit(self.scene, points, n, n_patches, self._glossy_objects())
+        self._lit = LitPoints(self.scene, points, n, n_patches, self._are_glossy)
         if self._kept is not None:
-            self._lit.restore(*self._kept, self._glossy_objects())
+            self._lit.restore(*self._kept, self._are_glossy)
             self._kept = None
         self.version += 1
 
@@ -409,7 +284,7 @@ class Orbit:
         rest = self._most_bytes - n_points * (N_UPPER // 2 + self._n_patches // 8 + 128)
         return min(self._n_coefficients, rest // (n_points or 1) // _BYTES_A_COEFFICIENT)
 
-    def _lamps(self, lit: _Lit) -> Lamps | None:
+    def _lamps(self, lit: LitPoints) -> Lamps | None:
         if self._patches is None:
             return None
         patches, owner = self._patches
@@ -417,121 +292,6 @@ class Orbit:
             patches.corners, patches.centre, patches.normal, self.scene.emission[owner], patches.area
         )
         return Lamps(shining, lit.patch_bits)
-
-
-class _Lit:
-    """The shading points of a scene, and what is known of the light there.
-
-    state (S,): how the light that is wanted is known; traced (S,): whether shadows are; seen (S,): what the last
-    picture saw; behind: objects whose backs any saw; is_bounced: of which light the indirect irradiance (S, 3) is;
-    was_lit: whether there has been light everywhere;
-    n_traced: points that were traced since this was stored.
-    """
-
-    def __init__(
-        self, scene: Scene, points: ShadingPoints, n_coefficients: int, n_patches: int, is_glossy: NDArray[np.bool_]
-    ) -> None:
-        """is_glossy (M,): objects that do not reflect evenly."""
-        self._scene, self._n = scene, len(points)
-        self.points, self.canvas = points, Canvas(scene, points)
-        self.bits: Bits = np.full((self._n, N_UPPER // 2), 255, np.uint8)
-        self.patch_bits: Bits = np.full((self._n, (n_patches + 7) // 8), 255, np.uint8)
-        self.incident: Incident = no_light(is_glossy[points.i_object], n_coefficients)
-        self.colours = np.zeros((self._n, 3), np.float32)
-        self.state = np.zeros(self._n, np.uint8)
-        self.traced, self.seen = np.zeros((2, self._n), bool)
-        self.was_lit = False
-        self.n_traced = 0
-        self.behind: set[int] = set()
-        self.with_backs: set[int] = set()
-        self.bounces: Bounces | None = None
-        self._bouncing: Generator[float, None, Bounces] | None = None
-        self.indirect = np.zeros((self._n, 3), np.float32)
-        self.is_bounced = _STALE
-
-    @property
-    def is_lit(self) -> int:
-        """How the light of all points is known that has shadows."""
-        if (self.state == _STALE).any():
-            return _STALE
-        return _EXACTLY if self.is_done else _COARSELY
-
-    @property
-    def is_done(self) -> bool:
-        return bool(self.traced.all() and (self.state == _EXACTLY).all()) and self.behind <= self.with_backs
-
-    @property
-    def fraction(self) -> float:
-        return float(0.75 * self.traced.mean() + 0.25 * (self.state / _EXACTLY).mean()) if self._n else 1.0
-
-    def first(self, wanted: NDArray[np.bool_], n: int) -> NDArray[np.int64]:
-        """n of the points that are wanted (S,), those that are seen before others."""
-        found = np.flatnonzero(wanted & self.seen)[:n]
-        return found if len(found) else np.flatnonzero(wanted)[:n]
-
-    def light(self, which: NDArray[np.int64], sky: Sky, lamps: Lamps | None, is_coarse: bool) -> None:
-        light(self.points, self.bits, sky, self.incident, lamps, which, is_coarse)
-        self.state[which] = _COARSELY if is_coarse else _EXACTLY
-
-    def trace(
-        self, which: NDArray[np.int64], caster: RayCaster, patches: tuple[EmitterPatches, NDArray[np.intp]] | None
-    ) -> None:
-        see(self.points, caster, which, self.bits)
-        if patches is not None:
-            see_patches(self.points, caster, patches[0], which, self.patch_bits)
-        self.traced[which], self.state[which] = True, np.minimum(self.state[which], _COARSELY)
-        self.n_traced += len(which)
-
-    def restore(self, bits: Bits, patch_bits: Bits, backs: list[int], is_glossy: NDArray[np.bool_]) -> None:
-        """Take over what was seen before; nothing where it is of other points."""
-        if backs:
-            self.add_backs(backs, is_glossy)
-        if len(bits) == len(self.points):
-            self.bits, self.patch_bits = bits, patch_bits
-            self.traced[:] = True
-
-    def send_rays(self) -> None:
-        """A part of those by which light bounces on."""
-        if self._bouncing is None:
-            self._bouncing = bouncing(self.points, self.canvas)
-        try:
-            next(self._bouncing)
-        except StopIteration as end:
-            self.bounces, self._bouncing = end.value, None
-            self.behind |= end.value.behind
-
-    def bounce(self, albedos: Floats, n_bounces: int) -> None:
-        """Find the indirect light; albedos (M, 3)."""
-        assert self.bounces is not None
-        self.is_bounced = self.is_lit
-        self.indirect = self.bounces.indirect(self.incident.irradiance, albedos[self.points.i_object], n_bounces)
-
-    def need_gloss(self, is_glossy: NDArray[np.bool_]) -> None:
-        """Keep coefficients of light for objects (M,) that reflect with gloss by now."""
-        new = is_glossy[self.points.i_object] & (self.incident.slot < 0)
-        if new.any():
-            self.incident = more_glossy(self.incident, new)
-            self.state[new] = _STALE
-
-    def add_backs(self, objects: Sequence[int], is_glossy: NDArray[np.bool_]) -> None:
-        behind = np.zeros(len(self._scene.smooth), bool)
-        behind[objects] = True
-        before, self.points = self._n, with_backs(self.points, behind)
-        self._n = len(self.points)
-        self.canvas, self.with_backs = Canvas(self._scene, self.points), self.with_backs | set(objects)
-        self.bits = _longer(self.bits, self._n, 255)
-        self.patch_bits = _longer(self.patch_bits, self._n, 255)
-        self.colours, self.state = _longer(self.colours, self._n, 0), _longer(self.state, self._n, _STALE)
-        self.traced, self.seen = _longer(self.traced, self._n, 0), _longer(self.seen, self._n, 0)
-        self.incident = more_glossy(self.incident, np.zeros(before, bool), self._n - before)
-        self.indirect, self.is_bounced = _longer(self.indirect, self._n, 0), _STALE
-        self.bounces = self._bouncing = None
-        self.need_gloss(is_glossy)
-
-
-def _longer(array: NDArray, n: int, value: int) -> NDArray:
-    """The array with as many rows more, all of a value, as make it n."""
-    return np.concatenate([array, np.full((n - len(array), *array.shape[1:]), value, array.dtype)])
 
 
 def _emitters(scene: Scene, n_patches: int) -> tuple[EmitterPatches, NDArray[np.intp]] | None:
@@ -542,24 +302,3 @@ def _emitters(scene: Scene, n_patches: int) -> tuple[EmitterPatches, NDArray[np.
     number = np.repeat(scene.object_of_triangle[mine, None] + 1.0, 3, axis=1)  # where radiance stands in patches
     patches = emitter_patches(scene.vertices[scene.triangles[mine]], number, n_patches)
     return patches, np.rint(patches.radiance[:, 0]).astype(np.intp) - 1
-
-
-def _terms(layers_of: Mapping[int, Sequence[Layer]]) -> Iterator[_Term]:
-    """What is reflected: of each object all matt layers without maps together, all others without, and each with."""
-    for i, layers in layers_of.items():
-        visible = [layer for layer in layers if layer.visible]
-        plain = [layer for layer in visible if layer.maps.is_plain]
-        glossy = tuple(layer for layer in plain if _matt(layer) is None)
-        matt = [found for layer in plain if (found := _matt(layer)) is not None]
-        if matt:
-            red, green, blue = np.sum(matt, axis=0)
-            yield _Term(i, tuple(layer for layer in plain if layer not in glossy), (red, green, blue))
-        if glossy:
-            yield _Term(i, glossy, None)
-        yield from (_Term(i, (layer,), _matt(layer), k) for k, layer in enumerate(visible) if not layer.maps.is_plain)
-
-
-@lru_cache(maxsize=256)
-def _matt(layer: Layer) -> tuple[float, float, float] | None:
-    found = matt_reflectance(layer)
-    return None if found is None else (float(found[0]), float(found[1]), float(found[2]))

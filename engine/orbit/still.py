@@ -7,7 +7,8 @@ from collections.abc import Generator
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.orbit.live import N_COEFFICIENTS, N_POINTS, LayersOf, Orbit
+from engine.orbit.live import N_COEFFICIENTS, N_POINTS, Orbit
+from engine.orbit.reflections import LayersOf
 from engine.render.still import StillProgress
 from engine.transport.pipeline import Placement, SkyState
 

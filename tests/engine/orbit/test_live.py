@@ -98,4 +98,4 @@ def test_whatever_is_done_pictures_are_finite_and_nothing_grows(ball_scene, orbi
         for _, _step in zip(range(int(chance.integers(8))), orbit.work(), strict=False):
             pass
         assert np.isfinite(orbit.draw(camera, (16, 12), ("moving", "rest")[k % 2])).all()
-    assert orbit.n_bytes == before and len(orbit._slices) <= 1
+    assert orbit.n_bytes == before and orbit._reflections.n_slices <= 1

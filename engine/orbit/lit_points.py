@@ -1,0 +1,136 @@
+"""The shading points of one scene, and what is known of the light there by now."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.light.emitters import EmitterPatches
+from engine.orbit.bounced import Bounces, bouncing
+from engine.orbit.incident import Incident, Lamps, light, more_glossy, no_light
+from engine.orbit.picture import Canvas
+from engine.orbit.shading_points import ShadingPoints, with_backs
+from engine.orbit.sky import Sky
+from engine.orbit.visibility import N_UPPER, Bits, see, see_patches
+from engine.scene.load import Scene
+from engine.scene.raycaster import RayCaster
+
+Floats = NDArray[np.float32]
+STALE, COARSELY, EXACTLY = 0, 1, 2
+
+
+class LitPoints:
+    """Points that are traced and lit a few at a time.
+
+    state (S,): how the light that is wanted is known; traced (S,): whether shadows are; seen (S,): what the last
+    picture saw; behind: objects whose backs any saw; is_bounced: of which light the indirect irradiance (S, 3) is;
+    was_lit: whether there has been light everywhere;
+    n_traced: points that were traced since this was stored.
+    """
+
+    def __init__(
+        self, scene: Scene, points: ShadingPoints, n_coefficients: int, n_patches: int, is_glossy: NDArray[np.bool_]
+    ) -> None:
+        """is_glossy (M,): objects that do not reflect evenly."""
+        self._scene, self._n = scene, len(points)
+        self.points, self.canvas = points, Canvas(scene, points)
+        self.bits: Bits = np.full((self._n, N_UPPER // 2), 255, np.uint8)
+        self.patch_bits: Bits = np.full((self._n, (n_patches + 7) // 8), 255, np.uint8)
+        self.incident: Incident = no_light(is_glossy[points.i_object], n_coefficients)
+        self.colours = np.zeros((self._n, 3), np.float32)
+        self.state = np.zeros(self._n, np.uint8)
+        self.traced, self.seen = np.zeros((2, self._n), bool)
+        self.was_lit = False
+        self.n_traced = 0
+        self.behind: set[int] = set()
+        self.with_backs: set[int] = set()
+        self.bounces: Bounces | None = None
+        self._bouncing: Generator[float, None, Bounces] | None = None
+        self.indirect = np.zeros((self._n, 3), np.float32)
+        self.is_bounced = STALE
+
+    @property
+    def is_lit(self) -> int:
+        """How the light of all points is known that has shadows."""
+        if (self.state == STALE).any():
+            return STALE
+        return EXACTLY if self.is_done else COARSELY
+
+    @property
+    def is_done(self) -> bool:
+        return bool(self.traced.all() and (self.state == EXACTLY).all()) and self.behind <= self.with_backs
+
+    @property
+    def fraction(self) -> float:
+        return float(0.75 * self.traced.mean() + 0.25 * (self.state / EXACTLY).mean()) if self._n else 1.0
+
+    def first(self, wanted: NDArray[np.bool_], n: int) -> NDArray[np.int64]:
+        """n of the points that are wanted (S,), those that are seen before others."""
+        found = np.flatnonzero(wanted & self.seen)[:n]
+        return found if len(found) else np.flatnonzero(wanted)[:n]
+
+    def light(self, which: NDArray[np.int64], sky: Sky, lamps: Lamps | None, is_coarse: bool) -> None:
+        light(self.points, self.bits, sky, self.incident, lamps, which, is_coarse)
+        self.state[which] = COARSELY if is_coarse else EXACTLY
+
+    def trace(
+        self, which: NDArray[np.int64], caster: RayCaster, patches: tuple[EmitterPatches, NDArray[np.intp]] | None
+    ) -> None:
+        see(self.points, caster, which, self.bits)
+        if patches is not None:
+            see_patches(self.points, caster, patches[0], which, self.patch_bits)
+        self.traced[which], self.state[which] = True, np.minimum(self.state[which], COARSELY)
+        self.n_traced += len(which)
+
+    def restore(self, bits: Bits, patch_bits: Bits, backs: list[int], is_glossy: NDArray[np.bool_]) -> None:
+        """Take over what was seen before; nothing where it is of other points."""
+        if backs:
+            self.add_backs(backs, is_glossy)
+        if len(bits) == len(self.points):
+            self.bits, self.patch_bits = bits, patch_bits
+            self.traced[:] = True
+
+    def send_rays(self) -> None:
+        """A part of those by which light bounces on."""
+        if self._bouncing is None:
+            self._bouncing = bouncing(self.points, self.canvas)
+        try:
+            next(self._bouncing)
+        except StopIteration as end:
+            self.bounces, self._bouncing = end.value, None
+            self.behind |= end.value.behind
+
+    def bounce(self, albedos: Floats, n_bounces: int) -> None:
+        """Find the indirect light; albedos (M, 3)."""
+        assert self.bounces is not None
+        self.is_bounced = self.is_lit
+        self.indirect = self.bounces.indirect(self.incident.irradiance, albedos[self.points.i_object], n_bounces)
+
+    def need_gloss(self, is_glossy: NDArray[np.bool_]) -> None:
+        """Keep coefficients of light for objects (M,) that reflect with gloss by now."""
+        new = is_glossy[self.points.i_object] & (self.incident.slot < 0)
+        if new.any():
+            self.incident = more_glossy(self.incident, new)
+            self.state[new] = STALE
+
+    def add_backs(self, objects: Sequence[int], is_glossy: NDArray[np.bool_]) -> None:
+        behind = np.zeros(len(self._scene.smooth), bool)
+        behind[objects] = True
+        before, self.points = self._n, with_backs(self.points, behind)
+        self._n = len(self.points)
+        self.canvas, self.with_backs = Canvas(self._scene, self.points), self.with_backs | set(objects)
+        self.bits = _longer(self.bits, self._n, 255)
+        self.patch_bits = _longer(self.patch_bits, self._n, 255)
+        self.colours, self.state = _longer(self.colours, self._n, 0), _longer(self.state, self._n, STALE)
+        self.traced, self.seen = _longer(self.traced, self._n, 0), _longer(self.seen, self._n, 0)
+        self.incident = more_glossy(self.incident, np.zeros(before, bool), self._n - before)
+        self.indirect, self.is_bounced = _longer(self.indirect, self._n, 0), STALE
+        self.bounces = self._bouncing = None
+        self.need_gloss(is_glossy)
+
+
+def _longer(array: NDArray, n: int, value: int) -> NDArray:
+    """The array with as many rows more, all of a value, as make it n."""
+    return np.concatenate([array, np.full((n - len(array), *array.shape[1:]), value, array.dtype)])

@@ -1,0 +1,150 @@
+"""What the objects of a scene reflect, as sums that are drawn; their layers' slices, which are found piece by piece."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.material.layer import Layer
+from engine.orbit import _slice_kernels
+from engine.orbit.slices import Slices, matt_reflectance, slicing
+from engine.render.surface_maps import mean_factor
+from engine.scene.load import Scene
+from engine.steps import finish
+
+LayersOf = Mapping[int, Sequence[Layer]]
+
+
+@dataclass(frozen=True)
+class Term:
+    """What an object reflects in one sum: layers that are matt, of reflectance ρ (3,), or layers with gloss; and which
+    of its visible layers' maps multiply it."""
+
+    i_object: int
+    layers: tuple[Layer, ...]
+    reflectance: tuple[float, float, float] | None
+    factor: int | None = None
+
+
+class Reflections:
+    """The terms of all objects, and the slices of their layers: none, coarse ones, fine ones."""
+
+    def __init__(self) -> None:
+        self.layers_of: dict[int, tuple[Layer, ...]] = {}
+        self.terms: tuple[Term, ...] = ()
+        self._slices: dict[Layer, Slices] = {}
+        self._fine: set[Layer] = set()
+        self._tables: dict[tuple[Layer, ...], _slice_kernels.Tables] = {}
+        self._slicing: tuple[Layer, Generator[float, None, Slices]] | None = None
+
+    def set_layers(self, layers_of: LayersOf) -> bool:
+        """The layers of each object, by its index, from now on; whether they are others. What stays keeps slices."""
+        layers = {i: tuple(own) for i, own in layers_of.items()}
+        if layers == self.layers_of:
+            return False
+        self.layers_of, self.terms = layers, tuple(_terms(layers))
+        wanted = self._wanted
+        self._slices = {layer: slices for layer, slices in self._slices.items() if layer in wanted}
+        self._fine &= set(wanted)
+        self._tables.clear()
+        return True
+
+    @property
+    def n_slices(self) -> int:
+        """Layers of which there are slices."""
+        return len(self._slices)
+
+    @property
+    def is_done(self) -> bool:
+        """Whether all slices are fine."""
+        return all(layer in self._fine for layer in self._wanted)
+
+    def are_glossy(self, n_objects: int) -> NDArray[np.bool_]:
+        """Which objects (M,) do not reflect evenly."""
+        found = np.zeros(n_objects, bool)
+        found[[term.i_object for term in self.terms if term.reflectance is None]] = True
+        return found
+
+    def find_coarse(self) -> bool:
+        """Find the coarse slices of a layer that has none; whether there was one."""
+        missing = [layer for layer in self._wanted if layer not in self._slices]
+        if missing:
+            self._take(missing[0], finish(slicing(missing[0], -1)))
+        return bool(missing)
+
+    def refine(self) -> bool:
+        """A step towards the fine slices of a layer whose are coarse; whether it was the last of them."""
+        rough = [layer for layer in self._wanted if layer not in self._fine]
+        if self._slicing is None or self._slicing[0] not in rough:
+            self._slicing = rough[0], slicing(rough[0])
+        layer, steps = self._slicing
+        try:
+            next(steps)
+        except StopIteration as end:
+            self._take(layer, end.value)
+            self._fine.add(layer)
+            self._slicing = None
+            return True
+        return False
+
+    def tables(self, layers: tuple[Layer, ...]) -> _slice_kernels.Tables | None:
+        """The slices of layers that lie on one another; None while they are not known."""
+        if layers not in self._tables:
+            if any(layer not in self._slices for layer in layers):
+                return None
+            total = self._slices[layers[0]]
+            for layer in layers[1:]:
+                total = total + self._slices[layer]
+            self._tables[layers] = total.tables
+        return self._tables[layers]
+
+    def albedo(self, term: Term) -> NDArray[np.float64]:
+        """Of the matt reflection that stands for a term's, (3,); without its maps."""
+        if term.reflectance is not None:
+            return np.pi * np.array(term.reflectance)
+        known = (self._slices[layer].albedo for layer in term.layers if layer in self._slices)
+        return sum(known, start=np.zeros(3))
+
+    def albedos(self, scene: Scene) -> NDArray[np.float32]:
+        """The same of all objects, (M, 3), with the means of their maps."""
+        albedos = np.zeros((len(scene.smooth), 3))
+        for term in self.terms:
+            maps = term.layers[0].maps
+            mean = 1.0 if maps.is_plain else mean_factor(scene, term.i_object, maps)
+            albedos[term.i_object] += self.albedo(term) * mean
+        return albedos.astype(np.float32)
+
+    @property
+    def _wanted(self) -> list[Layer]:
+        """The layers that want slices."""
+        glossy = (term for term in self.terms if term.reflectance is None)
+        return list(dict.fromkeys(layer for term in glossy for layer in term.layers))
+
+    def _take(self, layer: Layer, slices: Slices) -> None:
+        self._slices[layer] = slices
+        self._tables = {layers: tables for layers, tables in self._tables.items() if layer not in layers}
+
+
+def _terms(layers_of: Mapping[int, Sequence[Layer]]) -> Iterator[Term]:
+    """What is reflected: of each object all matt layers without maps together, all others without, and each with."""
+    for i, layers in layers_of.items():
+        visible = [layer for layer in layers if layer.visible]
+        plain = [layer for layer in visible if layer.maps.is_plain]
+        glossy = tuple(layer for layer in plain if _matt(layer) is None)
+        matt = [found for layer in plain if (found := _matt(layer)) is not None]
+        if matt:
+            red, green, blue = np.sum(matt, axis=0)
+            yield Term(i, tuple(layer for layer in plain if layer not in glossy), (red, green, blue))
+        if glossy:
+            yield Term(i, glossy, None)
+        yield from (Term(i, (layer,), _matt(layer), k) for k, layer in enumerate(visible) if not layer.maps.is_plain)
+
+
+@lru_cache(maxsize=256)
+def _matt(layer: Layer) -> tuple[float, float, float] | None:
+    found = matt_reflectance(layer)
+    return None if found is None else (float(found[0]), float(found[1]), float(found[2]))
