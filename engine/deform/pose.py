@@ -79,10 +79,17 @@ def deformed_frames(frames: ArrayLike, jacobians: ArrayLike) -> Floats:
     """
     frames, jacobians = np.asarray(frames, np.float64), np.asarray(jacobians, np.float64)
     normal = np.einsum("vab,vb->va", _cofactors(jacobians), frames[:, 2])
-    normal = _unit(normal * np.where(np.linalg.det(jacobians) < 0.0, -1.0, 1.0)[:, None], frames[:, 2])
+    normal = normal * np.where(np.linalg.det(jacobians) < 0.0, -1.0, 1.0)[:, None]
     tangent = np.einsum("vab,vb->va", jacobians, frames[:, 0])
-    tangent = _unit(_across(tangent, normal), _across(frames[:, 0], normal))
-    tangent = _unit(tangent, np.cross(frames[:, 1], normal))
+    return orthonormal(np.stack([tangent, frames[:, 1], normal], axis=1), frames)
+
+
+def orthonormal(frames: Floats, instead: Floats) -> Floats:
+    """Axes (V, 3, 3) with the normals' directions and tangents as near to these as they may be; where one has no
+    length, that of others."""
+    normal = _unit(frames[:, 2], instead[:, 2])
+    tangent = _unit(_across(frames[:, 0], normal), _across(instead[:, 0], normal))
+    tangent = _unit(tangent, np.cross(instead[:, 1], normal))
     return np.stack([tangent, np.cross(normal, tangent), normal], axis=1)
 
 

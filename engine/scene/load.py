@@ -21,6 +21,7 @@ from engine.scene.defects import count_defects
 from engine.scene.description import Camera, SceneDescription, load_description
 from engine.scene.mesh import MESH_ENDINGS, Mesh, face_normals, join_meshes, join_uvs, place_mesh
 from engine.scene.parts import ObjectMesh, object_meshes
+from engine.scene.rig import Rig
 from engine.scene.stage import DEFAULT_ENVIRONMENT, stage_mesh
 from engine.texture.store import TextureStore
 
@@ -39,7 +40,8 @@ class Scene:
     float32; smooth (M,) bool: whether normals are interpolated; emission (M, 3) float32, zero where nothing shines.
     uvs (T, 3, 2) float32: texture coordinates of the triangles' corners, v upwards, 0 in objects without, None where no
     object has them; has_uvs (M,) bool; boxes (M, 3, 4) the frames in which the others are looked up
-    (`engine.scene.box_projection`); textures: the scene's images.
+    (`engine.scene.box_projection`); textures: the scene's images. vertex_ranges (M, 2); rigs: for each object how its
+    file's animations move its vertices, in the frame of the arrays, None where none does.
     """
 
     description: SceneDescription
@@ -59,6 +61,8 @@ class Scene:
     has_uvs: npt.NDArray[np.bool_]
     boxes: npt.NDArray[np.float64]
     textures: TextureStore
+    vertex_ranges: npt.NDArray[np.int32]
+    rigs: tuple[Rig | None, ...]
     environment_path: Path | None = None
     notes: tuple[str, ...] = field(default=())
 
@@ -154,6 +158,8 @@ def _assemble(
         boxes=np.array([box_frame(i.mesh, np.reshape(i.description.transform, (4, 4)), origin) for i in items]),
         has_uvs=np.array([mesh.uvs is not None for mesh in placed]),
         textures=TextureStore(path),
+        vertex_ranges=_ranges([len(mesh.vertices) for mesh in placed]),
+        rigs=tuple(_rig(item, origin) for item in items),
         environment_path=environment_path,
         notes=(*notes, *place_notes, *_layer_notes(description), *_map_notes(description, placed)),
     )
@@ -219,9 +225,22 @@ def _recentre(vertices: list[npt.NDArray[np.float64]], path: Path) -> tuple[npt.
 def _join_triangles(placed: list[Mesh]) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
     """Triangles over the joined vertices, and the range (M, 2) of each object's."""
     triangles = join_meshes(placed).triangles
-    ends = np.cumsum([len(mesh.triangles) for mesh in placed])
-    ranges = np.stack([np.concatenate([[0], ends[:-1]]), ends], axis=1).astype(np.int32)
-    return np.ascontiguousarray(triangles), ranges
+    return np.ascontiguousarray(triangles), _ranges([len(mesh.triangles) for mesh in placed])
+
+
+def _ranges(counts: list[int]) -> npt.NDArray[np.int32]:
+    """Where each of so many things, one after the other, begins and ends (M, 2)."""
+    ends = np.cumsum(counts)
+    return np.stack([ends - counts, ends], axis=1).astype(np.int32)
+
+
+def _rig(item: ObjectMesh, origin: npt.NDArray[np.float64]) -> Rig | None:
+    """What moves an object, in the world less `origin`."""
+    if item.rig is None:
+        return None
+    matrix = np.reshape(item.description.transform, (4, 4)).astype(np.float64)
+    matrix[:3, 3] -= origin
+    return item.rig.placed(matrix, item.mesh.normals)
 
 
 def _layer_notes(description: SceneDescription) -> list[str]:

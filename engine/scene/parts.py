@@ -19,14 +19,16 @@ from engine.scene.gltf import GlbModel, GlbPart, read_glb
 from engine.scene.gltf_materials import GREY
 from engine.scene.mesh import Mesh, join_meshes, read_mesh
 from engine.scene.primitives import PRIMITIVES
+from engine.scene.rig import Rig, join_bindings
 
 
 @dataclass(frozen=True)
 class ObjectMesh:
-    """An object's description, with layers, and its mesh in its own frame."""
+    """An object's description, with layers, its mesh in its own frame, and what moves it, if anything does."""
 
     description: ObjectDescription
     mesh: Mesh
+    rig: Rig | None = None
 
 
 def object_meshes(description: SceneDescription, folder: Path, path: Path) -> tuple[list[ObjectMesh], list[str]]:
@@ -80,17 +82,19 @@ def _glb_objects(item: ObjectDescription, model: GlbModel, path: Path, taken: se
         raise LoadError(path, f"object {item.name!r}: part", item.part, f"a part from 0 to {len(model.parts) - 1}")
     chosen = range(len(model.parts)) if item.part is None else [item.part]
     if item.layers or item.emits:
-        return [ObjectMesh(item, join_meshes([model.parts[k].mesh for k in chosen]))]
+        rigs = [rig for k in chosen if (rig := model.parts[k].rig)]
+        rig = replace(rigs[0], binding=join_bindings([each.binding for each in rigs])) if rigs else None
+        return [ObjectMesh(item, join_meshes([model.parts[k].mesh for k in chosen]), rig)]
     if len(chosen) == 1:
         part = model.parts[chosen[0]]
         own = {"layers": _layers(part, str(item.mesh)), "emission": part.emission}
-        return [ObjectMesh(item.model_copy(update=own), part.mesh)]
+        return [ObjectMesh(item.model_copy(update=own), part.mesh, part.rig)]
     items = []
     for k in chosen:
         part = model.parts[k]
         own = {"layers": _layers(part, str(item.mesh)), "emission": part.emission}
         named = {"name": free_name(f"{item.name[:48]} {k + 1}", taken), "part": k}
-        items.append(ObjectMesh(item.model_copy(update=own | named), part.mesh))
+        items.append(ObjectMesh(item.model_copy(update=own | named), part.mesh, part.rig))
     return items
 
 

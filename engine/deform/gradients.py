@@ -1,0 +1,44 @@
+"""Jacobians of a map of a surface that is known at its vertices alone, by differences over its triangles."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+_FLAT = 1e-12
+
+
+def gradients(before: Floats, after: Floats, triangles: NDArray[np.int32]) -> Floats:
+    """Jacobians (V, 3, 3) at the vertices of a mesh that goes from places (V, 3) to others: the mean over their
+    triangles, by area; a triangle's takes its edges along and its normal to its normal. The identity where a vertex has
+    none with an area."""
+    edges, there = _edges(before, triangles), _edges(after, triangles)
+    areas = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    has_area = areas > _FLAT * (edges**2).sum(axis=2).max(axis=1)
+    triangles, areas = triangles[has_area], areas[has_area]
+    maps = _with_normals(there[has_area]) @ np.linalg.inv(_with_normals(edges[has_area]))
+    total = np.zeros((len(before), 9))
+    weight = np.zeros(len(before))
+    for corner in triangles.T:
+        weight += np.bincount(corner, areas, len(before))
+        for k in range(9):
+            total[:, k] += np.bincount(corner, areas * maps.reshape(-1, 9)[:, k], len(before))
+    has_any = weight > 0.0
+    total = total / np.where(has_any, weight, 1.0)[:, None]
+    return np.where(has_any[:, None, None], total.reshape(-1, 3, 3), np.eye(3))
+
+
+def _edges(places: Floats, triangles: NDArray[np.int32]) -> Floats:
+    """Two edges of each triangle (T, 2, 3)."""
+    corners = places[triangles]
+    return corners[:, 1:] - corners[:, :1]
+
+
+def _with_normals(edges: Floats) -> Floats:
+    """Two edges and a normal as long as they are, as columns (T, 3, 3)."""
+    normal = np.cross(edges[:, 0], edges[:, 1])
+    doubled = np.linalg.norm(normal, axis=1, keepdims=True)
+    normal = normal / np.sqrt(np.where(doubled > 0.0, doubled, 1.0))
+    return np.stack([edges[:, 0], edges[:, 1], normal], axis=2)

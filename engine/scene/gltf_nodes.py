@@ -1,0 +1,125 @@
+"""The nodes of a GLB file: a forest of bounded depth, and where each places its mesh."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.errors import LoadError
+from engine.scene.glb import JsonObject
+from engine.scene.gltf_file import GltfFile
+from engine.scene.transform import check_transform
+
+Floats = npt.NDArray[np.float64]
+
+MAX_DEPTH = 256
+_TRANSFORM = ("matrix", "translation", "rotation", "scale")
+
+
+class Placed(NamedTuple):
+    """A node that has a mesh, and its matrix (4, 4) to the file's frame."""
+
+    node: int
+    matrix: Floats
+
+
+def placed_meshes(file: GltfFile, root: JsonObject) -> dict[int, list[Placed]]:
+    """Of every mesh in the scene the nodes that have it."""
+    children = [node.indices("children", len(file.nodes)) for node in file.nodes]
+    parents = _parents(file, children)
+    stack = [(k, np.eye(4), 0) for k in reversed(_roots(file, root, parents))]
+    placed: dict[int, list[Placed]] = {}
+    reached = 0
+    while stack:
+        k, above, depth = stack.pop()
+        reached += 1
+        if depth > MAX_DEPTH or reached > len(file.nodes):
+            raise LoadError(
+                file.path,
+                f"nodes {k}: depth",
+                "too deep" if depth > MAX_DEPTH else "a loop",
+                f"a tree of at most {MAX_DEPTH} levels",
+            )
+        node = file.nodes[k]
+        matrix = above if node.values.keys().isdisjoint(_TRANSFORM) else _finite(above @ node_matrix(node), node)
+        if node.has("mesh"):
+            placed.setdefault(node.integer("mesh", 0, len(file.meshes) - 1), []).append(Placed(k, matrix))
+        stack += [(child, matrix, depth + 1) for child in reversed(children[k])]
+    return placed
+
+
+def parents_of(file: GltfFile) -> dict[int, int]:
+    """The parent of each node that has one."""
+    return _parents(file, [node.indices("children", len(file.nodes)) for node in file.nodes])
+
+
+def _parents(file: GltfFile, children: list[list[int]]) -> dict[int, int]:
+    parents: dict[int, int] = {}
+    for k, below in enumerate(children):
+        for child in below:
+            if child in parents or child == k:
+                raise LoadError(
+                    file.path,
+                    f"nodes {child}: parents",
+                    f"{parents.get(child, k)} and {k}",
+                    "one parent: nodes in a tree without a loop",
+                )
+            parents[child] = k
+    return parents
+
+
+def _roots(file: GltfFile, root: JsonObject, parents: dict[int, int]) -> list[int]:
+    """The nodes at the top of the scene that is to be shown."""
+    scenes = root.children("scenes")
+    if scenes:
+        roots = scenes[root.integer("scene", 0, len(scenes) - 1, 0)].indices("nodes", len(file.nodes))
+    else:
+        roots = [k for k in range(len(file.nodes)) if k not in parents]
+    for k in roots:
+        if k in parents:
+            raise LoadError(file.path, f"nodes {k}", f"a root below nodes {parents[k]}", "roots without a parent")
+    if file.nodes and not roots:
+        raise LoadError(file.path, "scene: nodes", "none, or a loop", "at least one root node")
+    return roots
+
+
+def node_matrix(node: JsonObject) -> Floats:
+    """A node's own transform: `matrix` (column-major) or translation · rotation · scale."""
+    if node.has("matrix"):
+        return np.reshape(node.numbers("matrix", 16, ()), (4, 4)).T
+    return matrix_of(*node_parts(node))
+
+
+def node_parts(node: JsonObject) -> tuple[Floats, Floats, Floats]:
+    """Translation (3,), rotation (4,) as a quaternion x, y, z, w, and scale (3,)."""
+    rotation = np.array(node.numbers("rotation", 4, (0.0, 0.0, 0.0, 1.0)))
+    if not 0.5 < rotation @ rotation < 2.0:
+        raise node.error("rotation", rotation.tolist(), "a unit quaternion")
+    scale = np.array(node.numbers("scale", 3, (1.0, 1.0, 1.0)))
+    return np.array(node.numbers("translation", 3, (0.0, 0.0, 0.0))), rotation, scale
+
+
+def matrix_of(translation: Floats, rotation: Floats, scale: Floats) -> Floats:
+    """Translation · rotation · scale (4, 4), by a quaternion of any length but 0."""
+    x, y, z, w = rotation.tolist()
+    s = 2.0 / (x * x + y * y + z * z + w * w)
+    matrix = np.eye(4)
+    matrix[:3, :3] = [
+        [1 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)],
+        [s * (x * y + z * w), 1 - s * (x * x + z * z), s * (y * z - x * w)],
+        [s * (x * z - y * w), s * (y * z + x * w), 1 - s * (x * x + y * y)],
+    ]
+    matrix[:3, :3] *= scale
+    matrix[:3, 3] = translation
+    return matrix
+
+
+def _finite(matrix: Floats, node: JsonObject) -> Floats:
+    """The matrix if its entries are of a usable size and it is affine."""
+    if not (np.abs(matrix) <= 1e9).all() or np.abs(matrix[3] - (0, 0, 0, 1)).max() > 1e-6:
+        raise node.error("transform", matrix.reshape(-1).tolist(), "an affine matrix with entries up to 1e+09")
+    if check_transform((*matrix.reshape(-1)[:12].tolist(), 0.0, 0.0, 0.0, 1.0)):
+        raise node.error("transform", "a matrix that flattens", "an invertible matrix")
+    return matrix

@@ -1,0 +1,339 @@
+"""Skins, morph targets and animations of GLB files: read, refused, and evaluated; beside a twin that follows the
+specification vertex by vertex."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation, Slerp
+
+from engine.deform.animation import posed, sampled
+from engine.deform.pose import Pose
+from engine.scene.gltf import GlbModel, read_glb
+from engine.scene.load import Scene, load_scene
+from engine.scene.rig import Clip, Track
+
+HALF = float(np.sqrt(0.5))
+QUARTER_ABOUT_Z = [0.0, 0.0, HALF, HALF]
+RAISED = np.eye(4, dtype="<f4")
+RAISED[1, 3] = -1.0  # the second joint stands at y = 1
+NAMES = {1: "SCALAR", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
+TYPES = {"f4": 5126, "u1": 5121, "u2": 5123}
+
+
+class Bar:
+    """A bar along +Y of 3 triangles on two joints, the upper at y = 1, which an animation bends by a quarter turn: a
+    file's tree and binary chunk, to be spoilt by tests."""
+
+    def __init__(self) -> None:
+        self.tree: dict[str, Any] = {
+            "asset": {"version": "2.0"},
+            "scenes": [{"nodes": [0, 1]}],
+            "nodes": [
+                {"mesh": 0, "skin": 0},
+                {"children": [2]},
+                {"translation": [0, 1, 0]},
+            ],
+            "accessors": [],
+            "bufferViews": [],
+        }
+        self.binary = b""
+        places = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 2, 0]], "<f4")
+        joints = np.array([[0, 0, 0, 0], [0, 0, 0, 0], [0, 1, 0, 0], [0, 1, 0, 0], [1, 0, 0, 0]], "<u1")
+        weights = np.array([[1, 0, 0, 0], [1, 0, 0, 0], [0.5, 0.5, 0, 0], [0.5, 0.5, 0, 0], [1, 0, 0, 0]], "<f4")
+        attributes = {"POSITION": self.add(places), "JOINTS_0": self.add(joints), "WEIGHTS_0": self.add(weights)}
+        corners = self.add(np.array([[0], [1], [2], [1], [3], [2], [2], [3], [4]], "<u2"))
+        self.primitive = {"attributes": attributes, "indices": corners}
+        self.tree["meshes"] = [{"primitives": [self.primitive]}]
+        maps = self.add(np.stack([np.eye(4, dtype="<f4"), RAISED]).swapaxes(1, 2).reshape(2, 16))
+        self.tree["skins"] = [{"joints": [1, 2], "inverseBindMatrices": maps}]
+        self.tree["animations"] = [{"name": "bend", "samplers": [], "channels": []}]
+        self.turn = self.move(2, "rotation", [0, 1], [[0, 0, 0, 1], QUARTER_ABOUT_Z])
+
+    def add(self, values: np.ndarray) -> int:
+        """A new accessor's number."""
+        rows = np.ascontiguousarray(values)
+        view = {"buffer": 0, "byteOffset": len(self.binary), "byteLength": rows.nbytes}
+        kind = {"bufferView": len(self.tree["bufferViews"]), "componentType": TYPES[rows.dtype.str[1:]]}
+        self.tree["bufferViews"].append(view)
+        self.tree["accessors"].append(kind | {"count": len(rows), "type": NAMES[rows.shape[1]]})
+        self.binary += rows.tobytes() + b"\0" * (-rows.nbytes % 4)
+        return len(self.tree["accessors"]) - 1
+
+    def move(self, node: int, path: str, times: list, values: list, interpolation: str = "LINEAR") -> dict:
+        """A new channel's sampler."""
+        animation = self.tree["animations"][0]
+        output = np.array(values, "<f4").reshape(len(values), -1)
+        output = output.reshape(-1, 1) if path == "weights" else output
+        sampler = {
+            "input": self.add(np.array(times, "<f4").reshape(-1, 1)),
+            "output": self.add(output),
+            "interpolation": interpolation,
+        }
+        animation["channels"].append({"sampler": len(animation["samplers"]), "target": {"node": node, "path": path}})
+        animation["samplers"].append(sampler)
+        return sampler
+
+    def morph(self, offsets: np.ndarray, **more: np.ndarray) -> None:
+        target = {"POSITION": self.add(offsets.astype("<f4"))}
+        target |= {key: self.add(values.astype("<f4")) for key, values in more.items()}
+        self.primitive.setdefault("targets", []).append(target)  # type: ignore[attr-defined]
+
+
+@pytest.fixture
+def bar() -> Bar:
+    return Bar()
+
+
+@pytest.fixture
+def read(glb_file: Callable[..., Path]) -> Callable[[Bar], GlbModel]:
+    def of(bar: Bar) -> GlbModel:
+        return read_glb(glb_file(bar.tree | {"buffers": [{"byteLength": len(bar.binary)}]}, bar.binary))
+
+    return of
+
+
+def resting(mesh: Any) -> Pose:
+    return Pose(mesh.vertices, np.broadcast_to(np.eye(3), (len(mesh.vertices), 3, 3)).copy())
+
+
+def at(model: GlbModel, time: float, clip: str = "bend", loop: bool = True) -> Pose:
+    (part,) = model.parts
+    assert part.rig is not None
+    return posed(part.rig, resting(part.mesh), part.mesh.triangles, clip, time, loop)
+
+
+def test_a_skin_bends_its_mesh_and_leaves_it_as_it_was_at_rest(bar: Bar, read: Callable) -> None:
+    model = read(bar)
+    mesh = model.parts[0].mesh
+    assert model.notes == () and (at(model, 0.0).positions == mesh.vertices).all()
+    bent = at(model, 1.0, loop=False)
+    # the tip turns about (0, 1, 0) from straight up to the left; what hangs half on either goes half of the way
+    assert bent.positions[4] == pytest.approx([-1.0, 1.0, 0.0], abs=1e-6)
+    assert bent.positions[3] == pytest.approx([0.5, 1.5, 0.0], abs=1e-6)
+    assert (bent.positions[:2] == mesh.vertices[:2]).all()
+    assert bent.frames[4, 0] == pytest.approx([0.0, 1.0, 0.0], abs=1e-6)  # its tangent has turned with it
+    assert at(model, 0.5).positions[4] == pytest.approx([-HALF, 1.0 + HALF, 0.0], abs=1e-6)
+
+
+def test_times_beyond_the_ends_begin_anew_or_stay(bar: Bar, read: Callable) -> None:
+    model = read(bar)
+    assert (at(model, 2.25).positions == at(model, 0.25).positions).all()
+    assert (at(model, -0.75).positions == at(model, 0.25).positions).all()
+    assert (at(model, 9.0, loop=False).positions == at(model, 1.0, loop=False).positions).all()
+    assert (at(model, -9.0, loop=False).positions == at(model, 0.0).positions).all()
+    with pytest.raises(ValueError, match="animation 'walk', expected one of bend"):
+        at(model, 0.0, "walk")
+    with pytest.raises(ValueError, match="time nan, expected a finite number"):
+        at(model, float("nan"))
+
+
+def test_one_key_holds_for_ever(bar: Bar, read: Callable) -> None:
+    bar.tree["animations"][0] |= {"channels": [], "samplers": []}
+    bar.move(2, "rotation", [0.5], [QUARTER_ABOUT_Z])
+    model = read(bar)
+    for time in (0.0, 0.5, 7.0):
+        assert at(model, time).positions[4] == pytest.approx([-1.0, 1.0, 0.0], abs=1e-6)
+
+
+def test_morph_targets_move_places_and_normals(bar: Bar, read: Callable) -> None:
+    bar.tree["animations"][0] |= {"channels": [], "samplers": []}
+    normals = np.tile(np.array([[0, 0, 1]], "<f4"), (5, 1))
+    bar.primitive["attributes"]["NORMAL"] = bar.add(normals)  # type: ignore[index]
+    bar.morph(np.outer(np.arange(5), [0, 0, 1.0]))
+    bar.morph(np.tile([0, 0, 2.0], (5, 1)), NORMAL=np.tile([1.0, 0, 0], (5, 1)))
+    bar.move(0, "weights", [0, 1], [[0.0, 0.0], [0.0, 1.0]])
+    model = read(bar)
+    mesh = model.parts[0].mesh
+    assert (at(model, 0.0).positions == mesh.vertices).all()
+    half = at(model, 0.5)
+    assert half.positions == pytest.approx(mesh.vertices + [0.0, 0.0, 1.0])
+    assert half.frames[:, 2] == pytest.approx(np.tile([0.5, 0.0, 1.0], (5, 1)) / np.sqrt(1.25))
+
+
+def test_normals_of_a_morph_target_without_its_own_follow_its_triangles(bar: Bar, read: Callable) -> None:
+    """A shear: z grows with y, so that normals lean back by 45 degrees."""
+    bar.tree["animations"][0] |= {"channels": [], "samplers": []}
+    bar.morph(np.array([[0, 0, y] for y in (0, 0, 1, 1, 2)]))
+    bar.move(0, "weights", [0], [[1.0]])
+    pose = at(read(bar), 0.0)
+    assert pose.frames[:, 2] == pytest.approx(np.tile([0.0, -HALF, HALF], (5, 1)), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("interpolation", "values", "expected"),
+    [
+        ("LINEAR", [[0, 0, 0], [2, 0, 0]], 0.5),
+        ("STEP", [[0, 0, 0], [2, 0, 0]], 0.0),
+        # Hermite: 2 (3 s^2 - 2 s^3) with flat tangents, over 2 s in place of 1
+        ("CUBICSPLINE", [[0, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0, 0], [2, 0, 0], [0, 0, 0]], 0.3125),
+        ("CUBICSPLINE", [[0, 0, 0], [0, 0, 0], [1, 0, 0], [1, 0, 0], [2, 0, 0], [0, 0, 0]], 0.5),
+    ],
+)
+def test_between_keys(interpolation: str, values: list, expected: float) -> None:
+    shape = (2, 3, 3) if interpolation == "CUBICSPLINE" else (2, 3)
+    track = Track(0, "translation", interpolation, np.array([0.0, 2.0]), np.reshape(values, shape).astype(float))
+    value = sampled(Clip("move", 2.0, (track,)), 0.5)[0, "translation"]
+    assert value == pytest.approx([expected, 0.0, 0.0])
+
+
+def test_rotations_go_the_shorter_way(bar: Bar, read: Callable) -> None:
+    """A quaternion and its negative are one rotation."""
+    bar.tree["animations"][0] |= {"channels": [], "samplers": []}
+    bar.move(2, "rotation", [0, 1], [[0, 0, 0, 1], [-q for q in QUARTER_ABOUT_Z]])
+    assert at(read(bar), 0.5).positions[4] == pytest.approx([-HALF, 1.0 + HALF, 0.0], abs=1e-6)
+
+
+def test_weights_are_shares_and_who_has_none_stays(bar: Bar, read: Callable) -> None:
+    weights = np.array([[1, 0, 0, 0], [7, 0, 0, 0], [3, 3, 0, 0], [0.1, 0.1, 0, 0], [0, 0, 0, 0]], "<f4")
+    bar.primitive["attributes"]["WEIGHTS_0"] = bar.add(weights)  # type: ignore[index]
+    model = read(bar)
+    bent = at(model, 1.0, loop=False).positions
+    assert bent[3] == pytest.approx([0.5, 1.5, 0.0], abs=1e-6)
+    assert (bent[4] == model.parts[0].mesh.vertices[4]).all()
+
+
+@pytest.mark.parametrize(
+    ("spoil", "line"),
+    [
+        (lambda bar: bar.primitive["attributes"].pop("WEIGHTS_0"), "without joints and weights follows its node"),
+        (
+            lambda bar: bar.primitive["attributes"].update(JOINTS_0=bar.add(np.full((5, 4), 2, "<u1"))),
+            "joint of vertex 0 = 2, expected joints from 0 to 1",
+        ),
+        (
+            lambda bar: bar.primitive["attributes"].update(WEIGHTS_0=bar.add(np.full((5, 4), -1, "<f4"))),
+            "WEIGHTS of vertex 0 = [-1.0, -1.0, -1.0, -1.0], expected finite",
+        ),
+        (
+            lambda bar: bar.primitive["attributes"].update(WEIGHTS_0=bar.add(np.full((5, 4), np.nan, "<f4"))),
+            "WEIGHTS of vertex 0 = [nan",
+        ),
+        (lambda bar: bar.tree["skins"][0].update(joints=[1, 9]), "joints = [1, 9], expected a list of indices"),
+        (lambda bar: bar.tree["skins"][0].update(joints=[]), "joints = none, expected at least one"),
+        (lambda bar: bar.tree["skins"][0].update(joints=[1, 2, 0]), "2 matrices, expected 3 finite ones"),
+        (lambda bar: bar.tree["nodes"][0].update(skin=4), "skin = 4, expected an integer from 0 to 0"),
+        (lambda bar: bar.turn.update(input=bar.add(np.ones((2, 1), "<f4"))), "input = times that do not ascend"),
+        (lambda bar: bar.turn.update(input=bar.add(np.array([[0], [1], [2]], "<f4"))), "8 numbers, expected 12"),
+        (lambda bar: bar.turn.update(interpolation="CUBIC"), "interpolation = CUBIC, expected one of LINEAR, STEP"),
+        (lambda bar: bar.turn.update(interpolation="CUBICSPLINE"), "8 numbers, expected 24 for 2 keys"),
+        (lambda bar: bar.turn.update(output=bar.add(np.zeros((2, 4), "<f4"))), "a quaternion of length 0"),
+        (lambda bar: bar.turn.update(output=bar.add(np.full((2, 4), np.inf, "<f4"))), "not finite"),
+        (lambda bar: bar.tree["nodes"][2].update(matrix=np.eye(4).ravel().tolist()), "nodes 2, which has a matrix"),
+        (lambda bar: bar.tree["animations"][0]["channels"][0].update(sampler=5), "sampler = 5, expected an integer"),
+    ],
+)
+def test_what_cannot_be_read_rests_and_says_why(bar: Bar, read: Callable, spoil: Callable, line: str) -> None:
+    spoil(bar)
+    model = read(bar)
+    (note,) = [each for each in model.notes if line in each]
+    assert "\n" not in note
+    (part,) = model.parts
+    if part.rig is not None:
+        assert (at(model, 0.7).positions == part.mesh.vertices).all()
+
+
+def test_files_that_ask_for_too_much_rest(bar: Bar, read: Callable, monkeypatch: Any) -> None:
+    monkeypatch.setattr("engine.scene.gltf_rig.MOST_NUMBERS", -100_000)
+    assert any("numbers more, expected fewer in a file of this size" in note for note in read(bar).notes)
+
+
+def test_a_rigid_node_carries_its_mesh(bar: Bar, read: Callable) -> None:
+    bar.tree["nodes"] = [{"mesh": 0}, {"translation": [5, 0, 0], "children": [0]}]
+    bar.tree["scenes"] = [{"nodes": [1]}]
+    bar.tree["animations"][0] |= {"channels": [], "samplers": []}
+    bar.move(1, "translation", [0, 1], [[5, 0, 0], [7, 0, 0]])
+    model = read(bar)
+    rest = model.parts[0].mesh.vertices
+    assert rest[0] == pytest.approx([5, 0, 0])
+    assert (at(model, 0.0).positions == rest).all()
+    assert at(model, 0.5).positions == pytest.approx(rest + [1.0, 0.0, 0.0])
+
+
+def by_the_specification(path: Path, clip: str, time: float) -> np.ndarray:
+    """Where the vertices of a file's only skinned mesh are: G_j(t) B_j, one by one, from the JSON itself."""
+    data = path.read_bytes()
+    (length,) = struct.unpack_from("<I", data, 12)
+    tree, binary = json.loads(data[20 : 20 + length]), data[28 + length :]
+
+    def values(number: int) -> np.ndarray:
+        accessor = tree["accessors"][number]
+        view = tree["bufferViews"][accessor["bufferView"]]
+        kind = np.dtype({5126: "<f4", 5123: "<u2", 5121: "u1"}[accessor["componentType"]])
+        width = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}[accessor["type"]]
+        start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+        step = view.get("byteStride", width * kind.itemsize)
+        rows = [np.frombuffer(binary, kind, width, start + i * step) for i in range(accessor["count"])]
+        return np.stack(rows).astype(float)
+
+    nodes = [dict(node) for node in tree["nodes"]]
+    (animation,) = [each for each in tree["animations"] if each["name"] == clip]
+    for channel in animation["channels"]:
+        sampler = animation["samplers"][channel["sampler"]]
+        times, keys = values(sampler["input"])[:, 0], values(sampler["output"])
+        now = np.clip(time, times[0], times[-1])
+        if sampler.get("interpolation", "LINEAR") == "STEP" or len(times) == 1:
+            value = keys[max(np.searchsorted(times, now, side="right") - 1, 0)]
+        elif channel["target"]["path"] == "rotation":
+            value = Slerp(times, Rotation.from_quat(keys))(now).as_quat()
+        else:
+            value = np.array([np.interp(now, times, column) for column in keys.T])
+        nodes[channel["target"]["node"]][channel["target"]["path"]] = value
+
+    def local(node: dict) -> np.ndarray:
+        if "matrix" in node:
+            return np.reshape(node["matrix"], (4, 4)).T
+        matrix = np.eye(4)
+        matrix[:3, :3] = Rotation.from_quat(node.get("rotation", [0, 0, 0, 1])).as_matrix() * node.get("scale", [1] * 3)
+        matrix[:3, 3] = node.get("translation", [0] * 3)
+        return matrix
+
+    parent = {child: k for k, node in enumerate(nodes) for child in node.get("children", [])}
+
+    def whole(k: int) -> np.ndarray:
+        return (whole(parent[k]) if k in parent else np.eye(4)) @ local(nodes[k])
+
+    skin, primitive = tree["skins"][0], tree["meshes"][0]["primitives"][0]["attributes"]
+    maps = values(skin["inverseBindMatrices"]).reshape(-1, 4, 4).swapaxes(1, 2)
+    bones = np.stack([whole(joint) @ map_ for joint, map_ in zip(skin["joints"], maps, strict=True)])
+    places = np.pad(values(primitive["POSITION"]), ((0, 0), (0, 1)), constant_values=1.0)
+    joints, weights = values(primitive["JOINTS_0"]).astype(int), values(primitive["WEIGHTS_0"])
+    weights = weights / weights.sum(axis=1, keepdims=True)
+    return np.einsum("vk,vkab,vb->va", weights, bones[joints], places)[:, :3]
+
+
+@pytest.mark.parametrize(("name", "clip", "time"), [("CesiumMan", "Anim_0", 0.71), ("Fox", "Walk", 0.4)])
+def test_files_of_others_move_as_the_specification_says(shared_data: Path, name: str, clip: str, time: float) -> None:
+    path = shared_data / "glb" / f"{name}.glb"
+    scene = load_scene(path)
+    pose = posed(scene.rigs[0], *_rest(scene), clip, time)
+    size = np.ptp(pose.positions, axis=0).max()
+    assert np.abs(pose.positions - by_the_specification(path, clip, time)).max() < 2e-5 * size
+    assert np.abs(pose.frames @ pose.frames.transpose(0, 2, 1) - np.eye(3)).max() < 1e-9
+
+
+def _rest(scene: Scene) -> tuple[Pose, np.ndarray]:
+    start, stop = scene.vertex_ranges[0]
+    first, last = scene.triangle_ranges[0]
+    vertices = scene.vertices[start:stop].astype(float)
+    return Pose(vertices, np.tile(np.eye(3), (len(vertices), 1, 1))), scene.triangles[first:last] - start
+
+
+def test_an_object_moves_in_the_scene_it_was_placed_in(
+    bar: Bar, glb_file: Callable, scene_file: Callable[..., Path]
+) -> None:
+    """Twice as large, turned by a quarter about Y and far off, so that the scene has an origin of its own."""
+    glb_file(bar.tree | {"buffers": [{"byteLength": len(bar.binary)}]}, bar.binary)
+    placed = "transform = [0, 0, 2, 1000, 0, 2, 0, 0, -2, 0, 0, 0, 0, 0, 0, 1]"
+    scene = load_scene(scene_file(f'[[object]]\nname = "bar"\nmesh = "model.glb"\n{placed}\n'))
+    rest, triangles = _rest(scene)
+    pose = posed(scene.rigs[0], rest, triangles, "bend", 1.0, loop=False)
+    # (-1, 1, 0) in the file
+    assert pose.positions[4] + scene.origin == pytest.approx([1000.0, 2.0, 2.0], abs=1e-3)
+    assert (posed(scene.rigs[0], rest, triangles, "bend", 0.0).positions == rest.positions).all()
