@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from app.measure.accuracy import errors, reference_folder
 from app.measure.figures import Figure, NotMeasured, not_measured
+from app.measure.truncation import Truncated, truncation_errors, write_truncation
 from app.project import Project, open_project
 from engine.light.environment import Environment
 from engine.material.layer import Layer
@@ -54,13 +55,16 @@ def orbit_figures(effort: OrbitEffort | None, output: Path, report: Callable[[st
     if effort is None:
         return [not_measured(name, "left out of a quick run") for name in NAMES]
     folder, figures, rows = reference_folder(), [], list[tuple[str, int, str, float, float]]()
+    truncated: list[Truncated] = []
     for name in JUDGED:
         named, rest = f"orbit_error_{name}_{N_NAMED}", f"orbit_rest_error_{name}"
         if folder is None:
             figures += [not_measured(each, "there is no folder of references") for each in (named, rest)]
             continue
         report(f"Orbit against brute force: {name}")
-        found = errors_by_coefficients(open_project(str(folder / f"{name}.toml")), effort)
+        project = open_project(str(folder / f"{name}.toml"))
+        truncated += _truncation(name, project, effort)
+        found = errors_by_coefficients(project, effort)
         rows += [(name, *row) for row in found]
         at_rest = {str(n): rmse for n, quality, rmse, _ in found if quality == "rest"}
         still = min(rmse for _, quality, rmse, _ in found if quality == "still")
@@ -69,8 +73,18 @@ def orbit_figures(effort: OrbitEffort | None, output: Path, report: Callable[[st
         figures.append(Figure(rest, (still,), f"{how}, as stills are drawn, by as many coefficients as are best"))
     with open(output / TABLE, "w", newline="", encoding="utf-8") as file:
         csv.writer(file).writerows([("scene", "coefficients", "drawn", "relRMSE", "means"), *rows])
+    if truncated:
+        write_truncation(output, truncated)
     report(f"Orbit's speed: {SCENE}")
     return figures + speed_figures(open_project(SCENE, effort.resolution), effort)
+
+
+def _truncation(name: str, project: Project, effort: OrbitEffort) -> list[Truncated]:
+    placement = Placement(project.scene)
+    rows = _inner_rows(placement.hits, effort.n_pixels)
+    return truncation_errors(
+        name, placement.hits, rows, placement.caster, _layers_of(project), project.sky, effort.level
+    )
 
 
 def errors_by_coefficients(project: Project, effort: OrbitEffort) -> list[tuple[int, str, float, float]]:

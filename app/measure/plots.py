@@ -32,11 +32,11 @@ def write_plots(folder: Path, rows: Sequence[SweepRow], title: str) -> list[Path
     coherent = [row for row in precomputed if row.visibility == "coherent"]
     edits = [row for row in rows if row.study == "edit" and row.seconds is not None]
     files = [folder / "error_against_time.png", folder / "error_against_memory.png"]
-    _save(files[0], _precompute_figure(precomputed, "time", f"{title}: precomputation"))
-    _save(files[1], _precompute_figure(coherent, "memory", f"{title}: precomputation"))
+    save_figure(files[0], _precompute_figure(precomputed, "time", f"{title}: precomputation"))
+    save_figure(files[1], _precompute_figure(coherent, "memory", f"{title}: precomputation"))
     if edits:
         files.append(folder / "error_against_frame_time.png")
-        _save(files[2], _edit_figure(edits, f"{title}: one frame after an edit"))
+        save_figure(files[2], _edit_figure(edits, f"{title}: one frame after an edit"))
     return files
 
 
@@ -100,7 +100,8 @@ def _draw_front(axes: Axes, costs: Sequence[float], wrongs: Sequence[float]) -> 
     axes.plot(*zip(*points, strict=True), color=FRONT, linewidth=1.4, zorder=2, label="Pareto front")
 
 
-def _save(file: Path, figure: Figure) -> None:
+def save_figure(file: Path, figure: Figure) -> None:
+    """As PNG, whole or not at all; the figure is closed."""
     buffer = io.BytesIO()
     figure.savefig(buffer, dpi=DPI)
     plt.close(figure)
