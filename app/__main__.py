@@ -68,7 +68,7 @@ def _started_worker() -> StartedWorker | None:
 def main() -> int:
     """Run the program on its command line; the exit status: 0, 1 (the work failed), 2 (usage), 130 (Ctrl-C)."""
     try:
-        from app.console import guarded
+        from app.cli.console import guarded
         from app.kernel_cache import use_kernel_cache
 
         use_kernel_cache()
@@ -78,12 +78,12 @@ def main() -> int:
 
 
 def _run(arguments: list[str]) -> int:
-    from app.console import COMMANDS
+    from app.cli.console import COMMANDS
     from app.sources import find_source
 
     if not arguments or (len(arguments) == 1 and arguments[0] not in COMMANDS and arguments[0][:1] != "-"):
         return Desktop().open_window(find_source(arguments[0] if arguments else None))
-    from app.cli import run
+    from app.cli.program import run
 
     return run(arguments, Desktop())
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from app.__main__ import Desktop
-from app.cli import run
-from app.console import guarded
+from app.cli.console import guarded
+from app.cli.program import run
 from app.material_file import load_material
 from app.measurements import measurement_in
 from engine.material import MODELS, make_layer

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from app.__main__ import Desktop
-from app.cli import run
+from app.cli.program import run
 from app.measure.accuracy import errors
 from app.project import open_project
 from app.stills import Still, render_project

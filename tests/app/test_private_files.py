@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from app.barrier import Barrier
-from app.console import guarded
+from app.cli.console import guarded
 from app.jobs.cache import Store
 from app.jobs.worker import log_to_file
 from app.journal import Journal

@@ -19,7 +19,7 @@ from app.sources import find_source
 from app.view_state import ViewState
 from engine.errors import InsituError, LoadError
 from engine.scene.builtin import builtin_environments
-from tests.app.test_cli import SCENE
+from tests.app.cli.command_line import SCENE
 from tests.pictures import write_exr
 
 

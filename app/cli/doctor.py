@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from app.frontend import Frontend
+from app.cli.frontend import Frontend
 from app.jobs.cache import cache_folder
 from app.memory import gib, memory_bytes
 from app.paths import state_directory
@@ -30,7 +30,7 @@ NEEDED_MEMORY = 2 << 30
 NEEDED_DISK = 1 << 30
 NEEDED_SHARED = 256 << 20
 RAY_SECONDS = 60.0
-_RAY_PROGRAM = "from app.doctor import trace_test_ray; trace_test_ray()"
+_RAY_PROGRAM = "from app.cli.doctor import trace_test_ray; trace_test_ray()"
 
 
 @dataclass(frozen=True)

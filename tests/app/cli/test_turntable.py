@@ -9,9 +9,9 @@ import pytest
 from PIL import Image
 
 from app import stills
+from app.cli.turntable import Frames, cameras
 from app.project import open_project
 from app.stills import render_project
-from app.turntable import Frames, cameras
 from engine.indirect.series import BounceSeries
 from engine.light.image_files import read_radiance_image
 from engine.scene.description import Camera

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-import app.precompute as filling
+import app.cli.precompute as filling
+from app.cli.precompute import precompute
 from app.commands.layers import SetVisible
 from app.jobs.cache import Store
 from app.jobs.tasks import Tasks
 from app.messages import Progress
-from app.precompute import precompute
 from app.project import open_project
 from engine.render.error_estimate import WHAT
 from tests.scene_text import ground

@@ -16,12 +16,12 @@ import pytest
 from PIL import Image
 
 from app import stills
+from app.cli.planning import plan_project
+from app.cli.precompute import precompute
 from app.editor import Editor
 from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks
 from app.messages import Progress
-from app.planning import plan_project
-from app.precompute import precompute
 from app.project import open_project
 from app.session import save_session
 from app.view_state import ViewState

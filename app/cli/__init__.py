@@ -1,0 +1,6 @@
+"""The command line: what each command takes, and how what is the command line's alone is done.
+
+Exit status: 0; 1, the work failed and one line on standard error says why and what to do; 2, usage (and no display to
+open a window on); 130, Ctrl-C; 143, SIGTERM while measuring. This file imports nothing: a window that is opened by name
+goes through `console` alone, without the library for commands.
+"""

@@ -1,0 +1,82 @@
+"""The commands that take files of other programs, and write for them."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.cli.options import SCENE_HELP, Bounces, Resolution, Values, assignments
+from app.cli.output import progress
+from app.project import open_project
+
+
+def import_brdf(
+    file: Annotated[Path, typer.Argument(help="A measured BRDF: MERL FILE.binary, Cornell FILE.brdf.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="OUT.toml, a material; scenes take its layers.")],
+    smooth: Annotated[float, typer.Option("--smooth", min=0.0, max=1.0, help="Takes noise out of the curves.")] = 0.0,
+    cloth: Annotated[bool, typer.Option("--cloth", help="One layer P(θi) Q(θh) P(θo) in place of two.")] = False,
+) -> int:
+    """Turn measured data into an editable material, and say how well its factors alone fit."""
+    from app.brdf_files import import_file, import_lines
+    from app.jobs.cache import Store
+
+    started = time.monotonic()
+    with progress() as report:
+        measurement = import_file(file, output, smooth, cloth, Store(), report)
+    for line in import_lines(measurement, cloth):
+        print(line)
+    print(f"{output}: {file.name}, {time.monotonic() - started:.1f} s")
+    return 0
+
+
+def export_brdf(
+    scene: Annotated[str, typer.Argument(help=SCENE_HELP)],
+    object_: Annotated[str, typer.Argument(metavar="OBJECT", help="Whose material is written.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="OUT.binary (a MERL table) or OUT.toml.")],
+    set_: Values = None,
+) -> int:
+    """Write an object's material, all its layers and edits: as a table of 90 x 90 x 180 angles, or as it is."""
+    from app.brdf_files import check_merl_name, export_steps
+    from app.commands.maps import with_full_names
+    from app.material_file import SUFFIX, Material, save_material
+    from engine.render.tabulate import left_out
+
+    as_it_is = output.suffix == SUFFIX
+    if not as_it_is:
+        check_merl_name(output)
+    started = time.monotonic()
+    document = open_project(scene, (1, 1), assignments(set_)).document
+    layers = document.object(object_).layers
+    if as_it_is:
+        save_material(output, Material(object_, with_full_names(layers, document.source)))
+        print(f"{output}: {object_}, {len(layers)} layers")
+        return 0
+    with progress() as report:
+        for fraction in export_steps(layers, output):
+            report(fraction, "evaluating the layers")
+    for note in left_out(layers):
+        print(f"note: {note}")
+    print(f"{output}: {object_}, {len(layers)} layers, {time.monotonic() - started:.1f} s")
+    return 0
+
+
+def export(
+    scene: Annotated[str, typer.Argument(help=SCENE_HELP)],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The folder to write.")],
+    set_: Values = None,
+    bounces: Bounces = None,
+    resolution: Resolution = None,
+) -> int:
+    """Write a scene, edits and all, for Mitsuba 3, with a program that renders it."""
+    from app.export.mitsuba import export_scene
+
+    project = open_project(scene, resolution, assignments(set_))
+    with progress() as report:
+        notes = export_scene(project, output, bounces or project.scene.description.bounces or 1, report)
+    for note in notes:
+        print(f"note: {note}")
+    print(f"{output}: scene.xml; python {output / 'render.py'} renders it where Mitsuba 3 is installed")
+    return 0

@@ -1,0 +1,68 @@
+"""What more than one command takes."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+
+from app.project import parse_assignment
+from engine.indirect.series import MOST_BOUNCES
+from engine.plan import FEWEST_LIGHTS, MOST_LIGHTS
+from engine.scene.description import MAX_RESOLUTION
+
+
+def picture_size(value: tuple[int, int] | None) -> tuple[int, int] | None:
+    """Raises BadParameter for one that no picture can have."""
+    if value is not None and not all(1 <= side <= MAX_RESOLUTION for side in value):
+        raise typer.BadParameter(f"{value[0]} x {value[1]}, expected 1 to {MAX_RESOLUTION} pixels each way")
+    return value
+
+
+def window_size(value: tuple[int, int]) -> tuple[int, int]:
+    """Raises BadParameter for one that no window can have."""
+    if not (320 <= value[0] <= 8192 and 240 <= value[1] <= 8192):
+        raise typer.BadParameter(f"{value[0]} x {value[1]}, expected 320 x 240 to 8192 x 8192")
+    return value
+
+
+SCENE_HELP = "A scene file, a session, a mesh, an environment, or a built-in scene's name."
+Scene = Annotated[str, typer.Argument(help=SCENE_HELP)]
+Values = Annotated[
+    list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="For example teapot.1.alpha=0.3.")
+]
+Resolution = Annotated[
+    tuple[int, int] | None,
+    typer.Option("--resolution", metavar="W H", callback=picture_size, help="In place of the scene's own."),
+]
+LIGHTS = typer.Option("--lights", min=FEWEST_LIGHTS, max=MOST_LIGHTS, help="Triangles that the sky is cut into.")
+Lights = Annotated[int, LIGHTS]
+Patches = Annotated[
+    int,
+    typer.Option("--patches", min=FEWEST_LIGHTS, max=MOST_LIGHTS, help="Parts that lamps are cut into for shadows."),
+]
+ViewName = Annotated[
+    str | None,
+    typer.Option("--view", metavar="NAME", help="Filmic, AgX, ACES 2.0, ACES 1.3, Standard or False colour."),
+]
+KeptView = Annotated[
+    str | None, typer.Option("--camera", metavar="NAME", help="Seen from the view that the session keeps so.")
+]
+Rotation = Annotated[float | None, typer.Option("--rotation", help="Of the environment, degrees about +Y.")]
+Bounces = Annotated[
+    int | None,
+    typer.Option("--bounces", min=1, max=MOST_BOUNCES, help="Reflections between light and eye; the scene says too."),
+]
+Series = Annotated[
+    str | None, typer.Option("--series", metavar="J,1,...", help="Bands of each bounce, from the eye: 64,1,1,1.")
+]
+Samples = Annotated[
+    int | None,
+    typer.Option("--samples", min=1, max=1 << 20, help="Paths a pixel of --reference; four times: half the noise."),
+]
+
+
+def assignments(values: list[str] | None, rotation: float | None = None) -> list[tuple[str, Any]]:
+    """Path and value of each."""
+    given = [parse_assignment(text) for text in values or ()]
+    return given if rotation is None else [*given, ("light.rotation", rotation)]

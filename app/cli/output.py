@@ -1,0 +1,58 @@
+"""What a person reads of a command's work."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from app.project import Project
+from engine.plan import Plan, plan_lines
+
+Report = Callable[[float, str], None]
+
+
+def tell_notes(project: Project) -> None:
+    """What was odd about the scene, and what was done about it."""
+    for note in project.scene.notes:
+        print(f"note: {note}")
+
+
+def describe_plan(plan: Plan) -> Iterator[str]:
+    """A plan as aligned lines of text."""
+    lines = list(plan_lines(plan))
+    first, second = (max(len(line[i]) for line in lines) for i in (0, 1))
+    for name, value, reason in lines:
+        yield f"{name:<{first}}  {value:<{second}}  {reason}"
+    if plan.cost is not None:
+        cost = plan.cost
+        yield (
+            f"about {cost.seconds:.0f} s ({cost.visibility_seconds:.0f} s of them shadows), "
+            f"{cost.memory_mib:.0f} MiB of main memory, {cost.disk_mib:.0f} MiB on disk, "
+            f"{cost.gpu_mib:.0f} MiB on the GPU (largest layer selected)"
+        )
+        yield (
+            f"extrapolated from {cost.n_sampled:,} of {cost.n_points:,} points: time within about a factor of two, "
+            "main memory within a third, what is stored within a tenth"
+        )
+
+
+@contextmanager
+def progress() -> Iterator[Report]:
+    """A bar on standard error where a person looks at it; nothing otherwise."""
+    if not sys.stderr.isatty():
+        yield lambda fraction, text: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+    columns = (BarColumn(), TaskProgressColumn(), TimeRemainingColumn(), TextColumn("{task.description}", markup=False))
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=1.0)
+
+        def report(fraction: float, text: str) -> None:
+            if fraction < bar.tasks[0].completed - 0.01:
+                bar.reset(task)  # another stage begins
+            bar.update(task, completed=fraction, description=text)
+
+        yield report

@@ -1,0 +1,143 @@
+"""`insitu` and its commands: what is carried out is imported by the command that needs it, never before."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.cli.console import FAILED, INTERRUPTED, USAGE, complain
+from app.cli.exchange import export, export_brdf, import_brdf
+from app.cli.frontend import Frontend
+from app.cli.options import LIGHTS, Lights, Resolution, Scene, Values, assignments
+from app.cli.output import describe_plan, progress, tell_notes
+from app.cli.pictures import render, screenshot
+from app.project import open_project, parse_assignment
+from app.sources import find_source
+from engine.plan import N_LIGHTS
+from engine.scene.builtin import DEFAULT_SCENE, builtin_scenes
+
+
+def edit(context: typer.Context, scene: Scene = DEFAULT_SCENE) -> int:
+    """Open the editor (what `insitu SCENE` does)."""
+    frontend: Frontend = context.obj
+    return frontend.open_window(find_source(scene))
+
+
+def precompute(
+    scene: Scene = DEFAULT_SCENE, set_: Values = None, lights: Annotated[int | None, LIGHTS] = None,
+    resolution: Resolution = None,
+) -> int:  # fmt: skip
+    """Fill the cache, so that the editor opens the scene at once; of a session with as many lights as it has."""
+    from app.cli.precompute import precompute as fill
+
+    started = time.monotonic()
+    project = open_project(scene, resolution, assignments(set_))
+    with progress() as report:
+        done = fill(project, lambda step: report(step.fraction, f"{step.stage}: {step.text}"), lights)
+    megabytes, seconds = done.n_bytes / 2**20, time.monotonic() - started
+    print(f"{scene}: {megabytes:.0f} MiB of transport, {seconds:.1f} s, {done.error.text}")
+    if done.error.is_poor:
+        print(f"note: {done.error.advice}")
+    return 0
+
+
+def plan(
+    scene: Scene = DEFAULT_SCENE,
+    set_: Values = None,
+    overrule: Annotated[
+        list[str] | None, typer.Option("--overrule", metavar="LINE=VALUE", help="For example teapot.1.theta_h=64.")
+    ] = None,
+    lights: Lights = N_LIGHTS,
+    resolution: Resolution = None,
+) -> int:
+    """Say what the scene requires, why, and what it will cost."""
+    from app.cli.planning import plan_project
+
+    project = open_project(scene, resolution, assignments(set_))
+    with progress() as report:
+        planned = plan_project(
+            project, lambda step: report(step.fraction, step.text), n_lights=lights,
+            overrides=dict(parse_assignment(text) for text in overrule or ()),
+        )  # fmt: skip
+    for line in describe_plan(planned):
+        print(line)
+    tell_notes(project)
+    return 0
+
+
+def measure(
+    output: Annotated[Path, typer.Option("-o", "--output", help="The folder for figures, CSV and plots.")],
+    scene: Scene = DEFAULT_SCENE,
+    quick: Annotated[bool, typer.Option("--quick", help="Tiny pictures, to see that all works.")] = False,
+) -> int:
+    """Measure speed against accuracy on this machine: CSV, plots, figures.json."""
+    from app import measure as measuring
+    from app.measure.ending import ended_in_order
+
+    with ended_in_order():
+        measuring.run(find_source(scene), output, quick)
+    return 0
+
+
+def doctor(context: typer.Context) -> int:
+    """Say what works here and how to mend the rest."""
+    from app.cli.doctor import examine
+
+    marks = {"ok": "ok     ", "without": "without", "broken": "BROKEN "}
+    status = 0
+    for finding in examine(context.obj):
+        print(f"{marks[finding.state]} {finding.name}: {' '.join(finding.found.split())}", flush=True)
+        if finding.mend:
+            print(f"        to mend it: {finding.mend}")
+        if finding.state == "broken":
+            status = FAILED
+    return status
+
+
+cli = typer.Typer(
+    name="insitu",
+    help="A desktop editor for materials and light in their final placement.",
+    epilog="`insitu` alone opens the editor; `insitu SCENE` opens it on a scene. SCENE is a scene.toml, a session, a "
+    "mesh (.ply, .obj, .glb: it stands on a floor, in grey where it has no materials), an environment (.exr, .hdr: the "
+    f"default scene under that light), or one of: {', '.join(builtin_scenes())}.",
+    add_completion=False,
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+cli.command(hidden=True)(edit)
+cli.command()(render)
+cli.command()(precompute)
+cli.command()(screenshot)
+cli.command()(plan)
+cli.command()(measure)
+cli.command("import-brdf")(import_brdf)
+cli.command("export-brdf")(export_brdf)
+cli.command()(export)
+cli.command()(doctor)
+
+
+def run(arguments: Sequence[str], frontend: Frontend) -> int:
+    """Carry out a command line; the exit status. Errors of the work itself are raised, see `console.guarded`."""
+    arguments = list(arguments)
+    command = typer.main.get_command(cli)
+    first = next((word for word in arguments if not word.startswith("-")), None)
+    if first is not None and first not in command.commands:  # type: ignore[attr-defined]
+        arguments.insert(0, "edit")
+    try:
+        status = command.main(arguments, "insitu", standalone_mode=False, obj=frontend)
+    except typer.Abort:
+        return INTERRUPTED
+    except Exception as error:
+        if not hasattr(error, "format_message"):  # not the library's word for a wrong command line
+            raise
+        complain(f"{error.format_message()} (insitu --help says what there is)")
+        return USAGE
+    return status if isinstance(status, int) else 0
