@@ -17,7 +17,7 @@ from app.editor import Editor
 from app.orbit.events import OrbitPicture
 from app.orbit.talk import OrbitTalk
 from app.picture import PictureEvent, SceneFrame
-from ui.gl.orbit.canvas import Canvas
+from ui.gl.orbit.canvas import PictureCanvas
 from ui.gl.tonemap import DisplayView
 from ui.picture_feed import PictureSource
 from ui.placement_feed import PlacementFeed, stops
@@ -32,7 +32,7 @@ class OrbitFeed(PictureSource):
 
     def __init__(self, context: moderngl.Context) -> None:
         self.placement = PlacementFeed(context)
-        self.canvas = Canvas(context)
+        self.canvas = PictureCanvas(context)
         self._scene: object = None
         self._names: list[str] = []
         self._view = ShownView()

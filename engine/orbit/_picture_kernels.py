@@ -12,7 +12,7 @@ Floats = NDArray[np.float32]
 Indices = NDArray[np.int32]
 
 
-class Surface(NamedTuple):
+class PointTriangles(NamedTuple):
     """The triangles between shading points: points on either side (T, 2, 3), normal (T, 3), object (T,), and of which
     of the scene's triangles each is a part (T,); radiance (M, 3) of the objects where they shine."""
 
@@ -54,7 +54,7 @@ def fill_rays(
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def resolve(
-    start: int, triangle: Indices, u: Floats, v: Floats, directions: Floats, surface: Surface, out: Samples
+    start: int, triangle: Indices, u: Floats, v: Floats, directions: Floats, surface: PointTriangles, out: Samples
 ) -> None:
     """Fill samples from `start` on with the hits (n,) of rays with those directions (n, 3)."""
     for k in range(len(triangle)):

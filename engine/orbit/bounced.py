@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 
 from engine.indirect.rays import cosine_tables
 from engine.orbit import _picture_kernels as kernels
-from engine.orbit.picture import Canvas
+from engine.orbit.picture import PointMesh
 from engine.orbit.shading_points import ShadingPoints
 
 Floats = NDArray[np.float32]
@@ -62,7 +62,7 @@ class Bounces:
         return total
 
 
-def bouncing(points: ShadingPoints, canvas: Canvas) -> Generator[float, None, Bounces]:
+def bouncing(points: ShadingPoints, mesh: PointMesh) -> Generator[float, None, Bounces]:
     """Send the rays, yielding how much is done."""
     n, size = len(points), float(np.ptp(points.position, axis=0).max()) if len(points) else 1.0
     where = np.concatenate([points.position, points.normal * np.float32(0.5 * _TURNED * size)], axis=1)
@@ -74,7 +74,7 @@ def bouncing(points: ShadingPoints, canvas: Canvas) -> Generator[float, None, Bo
         some = chosen[start : start + _AT_ONCE]
         frames = points.frames[some][:, [0, 2, 1]]  # the tables' third axis is the normal
         ways = np.einsum("nrk,nki->nri", tables[: len(some)], frames).reshape(-1, 3)
-        found = canvas.trace(np.repeat(origins[some], N_RAYS, axis=0), np.ascontiguousarray(ways))
+        found = mesh.trace(np.repeat(origins[some], N_RAYS, axis=0), np.ascontiguousarray(ways))
         corner = (chance.random(len(ways))[:, None] > found.weights.cumsum(axis=1)[:, :2]).sum(axis=1)
         at = np.take_along_axis(found.corners, corner[:, None], axis=1)[:, 0]
         ends[start : start + _AT_ONCE] = np.where(found.corners[:, 0] >= 0, at, -1).reshape(-1, N_RAYS)

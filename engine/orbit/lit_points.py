@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from engine.light.emitters import EmitterPatches
 from engine.orbit.bounced import Bounces, bouncing
 from engine.orbit.incident import Incident, Lamps, light, more_glossy, no_light
-from engine.orbit.picture import Canvas
+from engine.orbit.picture import PointMesh
 from engine.orbit.shading_points import ShadingPoints, with_backs
 from engine.orbit.sky import Sky
 from engine.orbit.visibility import N_UPPER, Bits, see, see_patches
@@ -35,7 +35,7 @@ class LitPoints:
     ) -> None:
         """is_glossy (M,): objects that do not reflect evenly."""
         self._scene, self._n = scene, len(points)
-        self.points, self.canvas = points, Canvas(scene, points)
+        self.points, self.mesh = points, PointMesh(scene, points)
         self.bits: Bits = np.full((self._n, N_UPPER // 2), 255, np.uint8)
         self.patch_bits: Bits = np.full((self._n, (n_patches + 7) // 8), 255, np.uint8)
         self.incident: Incident = no_light(is_glossy[points.i_object], n_coefficients)
@@ -95,7 +95,7 @@ class LitPoints:
     def send_rays(self) -> None:
         """A part of those by which light bounces on."""
         if self._bouncing is None:
-            self._bouncing = bouncing(self.points, self.canvas)
+            self._bouncing = bouncing(self.points, self.mesh)
         try:
             next(self._bouncing)
         except StopIteration as end:
@@ -120,7 +120,7 @@ class LitPoints:
         behind[objects] = True
         before, self.points = self._n, with_backs(self.points, behind)
         self._n = len(self.points)
-        self.canvas, self.with_backs = Canvas(self._scene, self.points), self.with_backs | set(objects)
+        self.mesh, self.with_backs = PointMesh(self._scene, self.points), self.with_backs | set(objects)
         self.bits = _longer(self.bits, self._n, 255)
         self.patch_bits = _longer(self.patch_bits, self._n, 255)
         self.colours, self.state = _longer(self.colours, self._n, 0), _longer(self.state, self._n, STALE)

@@ -125,7 +125,7 @@ class Orbit:
         if not np.array_equal(scene.emission, self.scene.emission):
             self.scene = scene
             if self._lit is not None:
-                self._lit.canvas.shines(scene)
+                self._lit.mesh.shines(scene)
             self._stale()
 
     def set_bounces(self, n_bounces: int) -> None:
@@ -236,7 +236,7 @@ class Orbit:
         lit = self._lit
         if lit is None:
             raise ValueError("nothing is ready to be drawn: expected some steps of work before")
-        seen = lit.canvas.look(camera, resolution, quality != "moving")
+        seen = lit.mesh.look(camera, resolution, quality != "moving")
         lit.seen, lit.behind = seen.points_seen(), lit.behind | set(seen.from_behind)
         what = lit, self._reflections, self.scene, self._sky
         radiance = yield from reflected_light(seen, *what, self._n_bounces, quality, n_moving)

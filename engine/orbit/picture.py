@@ -38,13 +38,13 @@ _PIXELS = 1024
 _SUB_RAYS = np.array([(0.125, 0.375), (0.625, 0.125), (0.875, 0.625), (0.375, 0.875)])
 
 
-class Canvas:
+class PointMesh:
     """The surface between shading points, ready for rays from any eye."""
 
     def __init__(self, scene: Scene, points: ShadingPoints) -> None:
         self._scene, self._points = scene, points
         self._caster: RayCaster = points.caster()
-        self._surface = kernels.Surface(
+        self._surface = kernels.PointTriangles(
             points.triangles, np.ascontiguousarray(scene.geometric_normals[points.source]),
             scene.object_of_triangle[points.source], scene.emission,
         )  # fmt: skip

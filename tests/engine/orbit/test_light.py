@@ -7,7 +7,7 @@ from engine.material.layer import make_layer
 from engine.orbit import _incident_kernels as kernels
 from engine.orbit import _slice_kernels as slice_kernels
 from engine.orbit.incident import Lamps, hemisphere, light, lights, more_glossy, no_light, places
-from engine.orbit.picture import Canvas, interpolated, reflected, shaded, sunlit
+from engine.orbit.picture import PointMesh, interpolated, reflected, shaded, sunlit
 from engine.orbit.sky import MAP_SIDE, make_sky, texel_directions
 from engine.orbit.slices import looks_isotropic, matt_reflectance, slicing, spherical, to_shading
 from engine.orbit.visibility import see_patches, upper
@@ -245,7 +245,7 @@ def test_slices_reflect_as_the_sum_over_triangles_does(ball, uneven, layers) -> 
 def test_what_moves_shows_the_colours_of_rest_interpolated(ball_scene, ball, uneven) -> None:
     points, _, _ = ball
     incident = lit(ball, make_sky(uneven, 0.0), 320)
-    seen = Canvas(ball_scene, points).look(ball_scene.description.camera, (48, 36))
+    seen = PointMesh(ball_scene, points).look(ball_scene.description.camera, (48, 36))
     tables, which = finish(slicing(GOLD, 0)).tables, seen.of(1)
     resting = reflected(seen, which, incident, tables)
     colours, moving = np.zeros((len(points), 3), np.float32), np.zeros((48 * 36, 3), np.float32)
@@ -261,7 +261,7 @@ def test_a_sun_is_reflected_in_its_own_direction(ball_scene, ball) -> None:
     image[60, 300] = 1e5
     sky = make_sky(Environment(image, "test"), 0.0)
     sharp = make_layer(MODELS["rough_conductor"], {"alpha": 0.05})
-    seen = Canvas(ball_scene, points).look(ball_scene.description.camera, (240, 180))
+    seen = PointMesh(ball_scene, points).look(ball_scene.description.camera, (240, 180))
     on_ball = seen.of(1)
     tables = finish(slicing(sharp, 0)).tables
     found = sunlit(

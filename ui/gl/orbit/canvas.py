@@ -13,7 +13,7 @@ from ui.gl.textures import TextureMemory, read_texture
 from ui.gl.tonemap import Display, DisplayView
 
 
-class Canvas:
+class PictureCanvas:
     """The linear picture at the size of a frame, made of the picture that came last, and its display."""
 
     def __init__(self, context: moderngl.Context) -> None:
