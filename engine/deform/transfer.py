@@ -52,7 +52,7 @@ def simulate(
     n_points = len(mesh.frames)
     end = 0.7 if n_bounces else 1.0
     total = np.empty((n_points, n * n))
-    for start, stop, rays in _blocks(mesh, n_rays):
+    for start, stop, rays in ray_blocks(mesh, cosine_directions(n_rays, n)[0]):
         blocked = caster.occluded(*rays).reshape(stop - start, n_rays)
         total[start:stop] = (~blocked) @ (cosine_directions(n_rays, n)[1] / n_rays)
         yield end * stop / n_points
@@ -117,7 +117,7 @@ def _hits(mesh: TransferPoints, caster: RayCaster) -> Generator[float, None, _Hi
     counts = np.zeros(n_points + 1, np.int64)
     parts: list[tuple[NDArray, NDArray, NDArray]] = []
     normals = _face_normals(mesh)
-    for start, stop, (origins, directions) in _blocks(mesh, N_BOUNCE_RAYS):
+    for start, stop, (origins, directions) in ray_blocks(mesh, cosine_directions(N_BOUNCE_RAYS, 1)[0]):
         found = caster.intersect(origins, directions)
         is_front = np.einsum("rc,rc->r", directions, normals[found.triangle]) < 0.0
         of_mesh = (found.triangle >= 0) & is_front & (mesh.corners[found.triangle, 0] >= 0)
@@ -134,11 +134,13 @@ def _face_normals(mesh: TransferPoints) -> Floats:
     return np.cross(b - a, c - a)
 
 
-def _blocks(
-    mesh: TransferPoints, n_rays: int
+def ray_blocks(
+    mesh: TransferPoints, local: Floats
 ) -> Generator[tuple[int, int, tuple[NDArray[np.float32], NDArray[np.float32]]], None, None]:
-    """Some points after others, by their numbers: origins and directions of all their rays."""
-    local, size = cosine_directions(n_rays, 1)[0], max(1, _BLOCK_RAYS // n_rays)
+    """Some points after others, by their numbers: origins and directions of all their rays, `local` (D, 3) in their own
+    axes."""
+    n_rays = len(local)
+    size = max(1, _BLOCK_RAYS // n_rays)
     for start in range(0, len(mesh.frames), size):
         stop = min(start + size, len(mesh.frames))
         directions = (local @ mesh.frames[start:stop]).astype(np.float32).reshape(-1, 3)
