@@ -42,7 +42,8 @@ class Bench:
         self.store = store or Store()
         self.kernels = kernels
         self.fills = fills
-        self.view_key, self.view_id = "", 0
+        self.geometry_key = self.view_key = ""
+        self.view_id = 0
         self._placement: Placement | None = None
         self._scene = self._loaded = _Loaded()
         self._environments: dict[tuple[str, str], Environment] = {}
@@ -74,7 +75,9 @@ class Bench:
         scene, caster = seen.posed(request.poses)
         placement = Placement(scene.seen_from(request.camera, request.resolution), caster)
         self._scene, self._loaded = seen, _Loaded()
-        self._placement, self.view_key, self.view_id = placement, _view_key(placement.scene), request.id
+        self._placement, self.view_id = placement, request.id
+        self.geometry_key = _geometry_key(placement.scene)
+        self.view_key = _view_key(placement, self.geometry_key)
         self._sky_shown = None
 
     def noted(self) -> Iterator[Noted]:
@@ -123,7 +126,15 @@ class _Loaded:
         return self.pose[1:]
 
 
-def _view_key(scene: Scene) -> str:
+def _view_key(placement: Placement, geometry: str) -> str:
+    """What transport hangs on of the view: the surfaces, and where bumps turn their normals these as well."""
+    if not placement.scene.relief.objects:
+        return geometry
+    return content_key(geometry, placement.hits.normal)
+
+
+def _geometry_key(scene: Scene) -> str:
+    """What visibility hangs on of the view."""
     camera = scene.description.camera.model_dump_json()
     return content_key(
         CACHE_VERSION, camera, scene.resolution, scene.vertices, scene.normals, scene.triangles,

@@ -135,7 +135,7 @@ class PlacementWork(ModeWork):
         def bits_of(arrays: Arrays) -> np.ndarray:
             return ArrayReader(arrays).take("bits", mine.dtype, *mine.shape)
 
-        kept = self._cache.get(content_key("visibility", self._bench.view_key), bits_of)
+        kept = self._cache.get(content_key("visibility", self._bench.geometry_key), bits_of)
         if kept is not None:
             mine[:] = kept
             placement.sphere.done[:] = True
@@ -274,7 +274,7 @@ class PlacementWork(ModeWork):
             placement.light(sky, quality), lambda fraction: clock.progress(0.3 * fraction, "shadows")
         )
         if not was_done and placement.sphere.done.all():
-            self._cache.put(content_key("visibility", self._bench.view_key), {"bits": placement.sphere.bits})
+            self._cache.put(content_key("visibility", self._bench.geometry_key), {"bits": placement.sphere.bits})
         return light
 
     def _project(

@@ -114,12 +114,12 @@ def local_eye(tangent, normal, wo):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def fan_rays(
-    rows, poles, surface, geometric, offset, tables_cosine, tables_pole, begin, end, origins, directions, there
+    rows, poles, surface, geometric, horizon, offset, tables_cosine, tables_pole, begin, end, origins, directions, there
 ):
     """Rays [begin, end) of the fans of the points `rows` into origins and directions (p · (end - begin), 3).
 
-    poles (p,); surface: the hits' position, tangent, normal, wo; geometric (P, 3) normals; offset: how far an origin is
-    lifted, to the side the ray leaves on; there (p · (end - begin),) becomes False where a fan has no ray.
+    poles (p,); surface: the hits' position, tangent, normal, wo; geometric and horizon (P, 3) normals; offset: how far
+    an origin is lifted, to the side the ray leaves on; there (p · (end - begin),) becomes False where a fan has no ray.
     """
     n_cosine = tables_cosine.shape[1]
     for i in range(rows.shape[0]):
@@ -137,12 +137,14 @@ def fan_rays(
             there[out] = z > HORIZON
             if z <= HORIZON:
                 x, y, z = ZERO, ZERO, ONE
-            side = ZERO
+            side, height = ZERO, ZERO
             for axis in range(3):
                 a, b = (axis + 1) % 3, (axis + 2) % 3
                 bitangent = normal[a] * tangent[b] - normal[b] * tangent[a]
                 directions[out, axis] = x * tangent[axis] + y * bitangent + z * normal[axis]
                 side += directions[out, axis] * g[axis]
+                height += directions[out, axis] * horizon[r, axis]
+            there[out] = there[out] and height > ZERO
             lift = offset if side >= ZERO else -offset
             for axis in range(3):
                 origins[out, axis] = position[axis] + lift * g[axis]

@@ -82,8 +82,8 @@ def gather(
         chunk = rows[begin : begin + step]
         rays = room_for_rays(len(chunk) * size.n_rays)
         kernels.fan_rays(
-            chunk, point_poles[begin : begin + step], surface, hits.geometric_normal, np.float32(cells.caster.offset),
-            *tables, 0, size.n_rays, rays.origins, rays.directions, rays.there,
+            chunk, point_poles[begin : begin + step], surface, hits.geometric_normal, hits.horizon,
+            np.float32(cells.caster.offset), *tables, 0, size.n_rays, rays.origins, rays.directions, rays.there,
         )  # fmt: skip
         mirrored = np.zeros(len(rays.there), np.uint8)
         if focused:

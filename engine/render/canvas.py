@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from engine.material.maps import Images, MapMeans
 from engine.material.strokes import Strokes
-from engine.scene.box_projection import box_uvs
 from engine.scene.hits import PrimaryHits
 from engine.scene.load import Scene
+from engine.scene.surface_uvs import between, corner_uvs, uvs_at
 from engine.texture.pyramid import Pyramid
 from engine.texture.strokes import PaintedPoints
 
@@ -83,7 +83,7 @@ def spread_points(
     colours, shares = np.ones((len(u), 3)), np.full(len(u), images.weight_start, np.float32)
     if texture is not None or weight is not None:
         uv = uvs_at(scene, triangle, u, v)
-        uvs = _corner_uvs(scene, triangle)
+        uvs = corner_uvs(scene, triangle)
         edges = uvs[:, 1:] - uvs[:, :1]
         stretch = np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]) / area[triangle - begin]
         share = stretch * cumulative[-1] / _N_MEAN_SAMPLES  # of the image, that one point stands for
@@ -103,31 +103,9 @@ def mean_maps(scene: Scene, i_object: int, images: Images, texture: Pyramid | No
     return spread.means(PaintedPoints(spread.weight, spread.position, spread.normal).weights(images.strokes))
 
 
-def uvs_at(scene: Scene, triangle: NDArray[np.integer], u: NDArray, v: NDArray) -> Floats:
-    """Texture coordinates (N, 2) of points (1 − u − v) A + u B + v C of triangles (N,), of some meshes by their box."""
-    return _between(_corner_uvs(scene, triangle), u, v)
-
-
-def _corner_uvs(scene: Scene, triangle: NDArray[np.integer]) -> Floats:
-    """Texture coordinates (N, 3, 2) of the corners of triangles (N,)."""
-    objects = scene.object_of_triangle[triangle]
-    uvs = np.zeros((len(triangle), 3, 2)) if scene.uvs is None else scene.uvs[triangle].astype(np.float64)
-    bare = np.flatnonzero(~scene.has_uvs[objects])
-    if len(bare):
-        uvs[bare] = box_uvs(scene.vertices[scene.triangles[triangle[bare]]], scene.boxes[objects[bare]])
-    return uvs
-
-
 def positions_at(scene: Scene, triangle: NDArray[np.integer], u: NDArray, v: NDArray) -> NDArray[np.float32]:
     """Where such points are in the scene's frame, (N, 3)."""
-    return _between(scene.vertices[scene.triangles[triangle]], u, v).astype(np.float32)
-
-
-def _between(corners: NDArray, u: NDArray, v: NDArray) -> Floats:
-    """What stands at corners (N, 3, k), at points of the triangles."""
-    corners = corners.astype(np.float64)
-    u, v = np.asarray(u, np.float64)[:, None], np.asarray(v, np.float64)[:, None]
-    return np.asarray((1.0 - u - v) * corners[:, 0] + u * corners[:, 1] + v * corners[:, 2])
+    return between(scene.vertices[scene.triangles[triangle]], u, v).astype(np.float32)
 
 
 def _level(pyramid: Pyramid, share: Floats) -> Floats:

@@ -125,7 +125,7 @@ def _reflect(
     As in path tracers, light that the shading normal faces but the surface does not starts from the other side.
     """
     local = wi @ frame.T
-    above = np.flatnonzero((local[:, 2] > 0) & (power.max(axis=1) > 0))
+    above = np.flatnonzero((np.minimum(local[:, 2], wi @ hits.horizon[row]) > 0) & (power.max(axis=1) > 0))
     towards = wi[above]
     side = np.where(towards @ hits.geometric_normal[row].astype(np.float64) >= 0, 1.0, -1.0)
     position, lift = hits.position[row].astype(np.float64), hits.offset_position[row].astype(np.float64)

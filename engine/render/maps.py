@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from engine.material.layer import Layer
 from engine.material.maps import LayerMaps
-from engine.render.canvas import positions_at, uvs_at
+from engine.render.canvas import positions_at
 from engine.render.surface_maps import MapSampler, look_up
 from engine.scene.load import Scene
 from engine.scene.raycaster import Intersections
+from engine.scene.surface_uvs import uvs_at
 from engine.texture.strokes import PaintedPoints
 from engine.transport.pipeline import Placement
 

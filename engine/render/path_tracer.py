@@ -58,13 +58,14 @@ class PathEstimate:
 
 @dataclass(frozen=True, eq=False)
 class _Vertices:
-    """Points where paths reflect, as `PrimaryHits` names them, (N, 3) float64; objects (N,); factors (N, K, 3) of the
-    layers' textures and weight maps."""
+    """Points where paths reflect, as `PrimaryHits` names them, (N, 3) float64, but for the horizon, which is in their
+    frames; objects (N,); factors (N, K, 3) of the layers' textures and weight maps."""
 
     objects: Rows
     position: Floats
     lift: Floats
     geometric_normal: Floats
+    horizon: Floats
     frame: Floats
     wo: Floats
     factors: NDArray[np.float32]
@@ -171,6 +172,7 @@ class PathTracer:
         for i in np.unique(vertices.objects):
             rows = np.flatnonzero(vertices.objects == i)
             value[rows], pdf[rows] = self._scattering[int(i)].evaluate(wi[rows], wo[rows], vertices.factors[rows])
+        value[np.einsum("ni,ni->n", wi, vertices.horizon) <= 0.0] = 0.0
         return value, pdf
 
     def _sample(self, objects: Rows, u: Floats, wo: Floats) -> Floats:
@@ -301,7 +303,7 @@ def _pass_work(
     def work(block: tuple[int, Rows]) -> Floats:
         i_block, places = block
         own = np.repeat(rows[places], n)
-        names = ("position", "offset_position", "normal", "geometric_normal", "tangent", "wo")
+        names = ("position", "offset_position", "horizon", "normal", "geometric_normal", "tangent", "wo")
         start = _vertices(objects[own], {name: getattr(hits, name)[own] for name in names}, factors[own])
         generator = np.random.default_rng((*seed, 1 + i_block))
         shifts = generator.integers(1 << 32, size=(len(places), 1, *points.shape[1:]), dtype=np.uint32)
@@ -313,12 +315,14 @@ def _pass_work(
 
 def _vertices(objects: Rows, fields: Mapping[str, NDArray[np.float32]], factors: NDArray[np.float32]) -> _Vertices:
     exact = {name: field.astype(np.float64) for name, field in fields.items()}
+    frame = local_frames(exact["tangent"], exact["normal"])
     return _Vertices(
         objects=objects,
         position=exact["position"],
         lift=exact["offset_position"] - exact["position"],
         geometric_normal=exact["geometric_normal"],
-        frame=local_frames(exact["tangent"], exact["normal"]),
+        horizon=np.einsum("nij,nj->ni", frame, exact["horizon"]),
+        frame=frame,
         wo=exact["wo"],
         factors=factors,
     )

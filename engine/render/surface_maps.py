@@ -1,8 +1,7 @@
 """Where on its images each point that the eye sees lies, and what a pixel sees of them.
 
 Primary hits keep neither triangle nor barycentric coordinates, which most scenes have no use for: the few rays of a
-textured object are traced again. How far a pixel reaches over an image is found by where the rays of the pixels to its
-right and below meet the plane of its own triangle [Igehy99], so that silhouettes and seams do not matter.
+textured object are traced again.
 """
 
 from __future__ import annotations
@@ -11,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.material.maps import Images, LayerMaps
-from engine.render.canvas import Canvas, SeenMaps, mean_maps, spread_points, uvs_at
-from engine.scene.camera import pixel_directions
+from engine.render.canvas import Canvas, SeenMaps, mean_maps, spread_points
 from engine.scene.hits import PrimaryHits
 from engine.scene.load import Scene
-from engine.scene.raycaster import Intersections, RayCaster
+from engine.scene.raycaster import RayCaster
+from engine.scene.surface_uvs import pixel_footprints, uvs_at
 from engine.texture.pyramid import Pyramid
 from engine.texture.store import TextureStore
 
@@ -90,33 +89,8 @@ def mean_factor(scene: Scene, i_object: int, maps: LayerMaps) -> Floats:
 def _footprints(
     scene: Scene, caster: RayCaster, hits: PrimaryHits, rows: NDArray[np.integer]
 ) -> tuple[Floats, Floats, Floats]:
-    """Texture coordinates of some hits, and by how much they change over a pixel to the right and downwards, (p, 2)."""
-    width, _ = hits.resolution
+    """Where some hits lie on images, and how far their pixels reach, see `pixel_footprints`."""
     pixel = hits.pixel[rows]
     directions = hits.ray_directions.reshape(-1, 3)[pixel]
     eyes = np.tile(scene.eye.astype(np.float32), (len(rows), 1))
-    found = caster.intersect(eyes, directions)
-    uv = uvs_at(scene, found.triangle, found.u, found.v)
-    columns, lines = pixel % width + 0.5, pixel // width + 0.5
-    beside = []
-    for dx, dy in ((1.0, 0.0), (0.0, 1.0)):
-        towards = pixel_directions(scene.description.camera, hits.resolution, columns + dx, lines + dy)
-        beside.append(_uvs_in_plane(scene, found, towards.astype(np.float64)) - uv)
-    return uv, beside[0], beside[1]
-
-
-def _uvs_in_plane(scene: Scene, found: Intersections, directions: Floats) -> Floats:
-    """Texture coordinates (p, 2) where rays from the eye meet the planes of the triangles found; far out where they
-    hardly do."""
-    corners = scene.vertices[scene.triangles[found.triangle]].astype(np.float64)
-    a, one, two = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    normal = np.cross(one, two)
-    slope = np.einsum("pk,pk->p", normal, directions)
-    least = 1e-9 * np.linalg.norm(normal, axis=1)
-    slope = np.where(np.abs(slope) > least, slope, np.copysign(least, slope))
-    distance = np.einsum("pk,pk->p", normal, a - scene.eye) / slope
-    place = scene.eye + distance[:, None] * directions - a
-    squared = np.einsum("pk,pk->p", normal, normal)
-    u = np.einsum("pk,pk->p", normal, np.cross(place, two)) / squared
-    v = np.einsum("pk,pk->p", normal, np.cross(one, place)) / squared
-    return uvs_at(scene, found.triangle, u, v)
+    return pixel_footprints(scene, caster.intersect(eyes, directions), pixel, hits.resolution)

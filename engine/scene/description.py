@@ -23,6 +23,7 @@ from pydantic import (
     model_validator,
 )
 
+from engine.material.bumps import BUMP_KINDS, NO_BUMPS, Bumps, bump_values, bumps_from
 from engine.material.maps import LayerMaps, map_fields, map_values, maps_from
 from engine.material.parameters import ParameterError
 from engine.scene.complaints import first_complaint
@@ -74,6 +75,18 @@ def _maps(value: object) -> LayerMaps:
         raise ValueError(f"{error.what}: {error.expected}") from None
 
 
+def _bumps(value: object) -> Bumps:
+    """An object's normal or bump map, from its table by name."""
+    if isinstance(value, Bumps):
+        return value
+    if not isinstance(value, dict):
+        raise ValueError("a table")
+    try:
+        return bumps_from(value) if value else NO_BUMPS
+    except ParameterError as error:
+        raise ValueError(f"{error.what}: {error.expected}") from None
+
+
 def _is_finite(value: object) -> bool:
     """Whether it is a number that a float can hold."""
     return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= 1e300
@@ -98,6 +111,7 @@ Name = Annotated[str, PlainValidator(_name)]
 Text = Annotated[str, Field(min_length=1, max_length=4096, strict=True)]
 ParameterValue = bool | float | str | tuple[float, ...]
 Maps = Annotated[LayerMaps, PlainValidator(_maps), PlainSerializer(map_values, return_type=dict)]
+BumpMap = Annotated[Bumps, PlainValidator(_bumps), PlainSerializer(bump_values, return_type=dict)]
 Parameter = Annotated[Any, PlainValidator(_parameter)]  # a ParameterValue; "Any" serializes as what it is
 
 
@@ -182,7 +196,16 @@ class ObjectDescription(_Description):
     smooth: Annotated[bool, Field(strict=True)] = True
     editable: Annotated[bool, Field(strict=True)] = True
     emission: Radiance | None = None
+    bumps: BumpMap = NO_BUMPS
     layers: tuple[LayerDescription, ...] = Field(default=(), alias="layer", max_length=64)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _gather_bumps(cls, data: Any) -> Any:
+        named = {key: data[key] for key in BUMP_KINDS if key in data} if isinstance(data, dict) else {}
+        if not named:
+            return data
+        return {key: value for key, value in data.items() if key not in named} | {"bumps": _bumps(named)}
 
     @model_validator(mode="after")
     def _is_placed_geometry(self) -> ObjectDescription:
@@ -194,6 +217,11 @@ class ObjectDescription(_Description):
         if len(set(names)) < len(names):
             raise ValueError("layer: layer names that differ")
         return self
+
+    @property
+    def is_of_files(self) -> bool:
+        """Whether there are images on it, which want texture coordinates."""
+        return bool(self.bumps.file) or any(layer.maps.is_of_files for layer in self.layers)
 
     @property
     def emits(self) -> bool:

@@ -16,6 +16,7 @@ from engine.scene.frames import object_tangents
 from engine.scene.load import Scene
 from engine.scene.raycaster import Intersections, RayCaster
 from engine.scene.surface_points import SurfacePoints
+from engine.scene.surface_uvs import pixel_footprints
 
 Floats = npt.NDArray[np.float32]
 Integers = npt.NDArray[np.int32]
@@ -31,9 +32,10 @@ class PrimaryHits(SurfacePoints):
     """The shading points of a picture (P of them), sorted by object, then row-major. Vectors are unit, float32.
 
     pixel (P,): row · width + column; object_ranges (M, 2) into the points; position (P, 3) in the scene's frame and
-    offset_position, lifted off the surface for shadow rays; normal: the shading normal, interpolated where smooth, on
-    the face's side and the eye's; geometric_normal: the face's, turned to the eye; front (P,): whether the eye sees the
-    side that the winding faces; tangent: across the object's Y axis, the brushed direction; wo: to the eye.
+    offset_position, lifted off the surface for shadow rays; horizon: the normal that is interpolated where smooth, on
+    the face's side and the eye's; normal: the shading normal, which is that as bumps turn it (`engine.scene.relief`);
+    geometric_normal: the face's, turned to the eye; front (P,): whether the eye sees the side that the winding faces;
+    tangent: across the object's Y axis, the brushed direction; wo: to the eye.
     object_image (H, W) int16, −1 for the background; emission_image (H, W, 3): emitters seen from their front;
     ray_directions (H, W, 3).
     edge_pixels (E,) of which the share edge_weights (E,) shows what edge_neighbours (E,) see (anti-aliasing for the
@@ -43,6 +45,7 @@ class PrimaryHits(SurfacePoints):
     resolution: tuple[int, int]
     pixel: Integers
     object_ranges: Integers
+    normal: Floats
     geometric_normal: Floats
     front: npt.NDArray[np.bool_]
     tangent: Floats
@@ -61,7 +64,8 @@ class PrimaryHits(SurfacePoints):
 
     def at(self, rows: Integers) -> PrimaryHits:
         """Some of the points alone, by ascending rows; images stay those of the whole picture."""
-        points = ("pixel", "position", "offset_position", "normal", "geometric_normal", "front", "tangent", "wo")
+        vectors = "position", "offset_position", "horizon", "normal", "geometric_normal", "tangent", "wo"
+        points = ("pixel", "front", *vectors)
         ranges = np.searchsorted(rows, self.object_ranges).astype(self.object_ranges.dtype)
         return replace(self, object_ranges=ranges, **{name: getattr(self, name)[rows] for name in points})
 
@@ -90,7 +94,7 @@ def trace_primary(scene: Scene, caster: RayCaster, resolution: tuple[int, int] |
         edge_pixels=edges[0],
         edge_weights=edges[1],
         edge_neighbours=edges[2],
-        **shading_frames(scene, caster, found, ids, pixel, -flat[pixel]),
+        **shading_frames(scene, caster, found, ids, pixel, -flat[pixel], (width, height)),
     )
 
 
@@ -107,11 +111,13 @@ def emission_towards(scene: Scene, found: Intersections, ids: Integers, directio
 
 
 def shading_frames(
-    scene: Scene, caster: RayCaster, found: Intersections, ids: Integers, rays: npt.NDArray[np.integer], wo: Floats
-) -> dict[str, Floats]:
+    scene: Scene, caster: RayCaster, found: Intersections, ids: Integers, rays: npt.NDArray[np.integer], wo: Floats,
+    resolution: tuple[int, int] | None = None,
+) -> dict[str, Floats]:  # fmt: skip
     """Position, normals, tangent and wo of the points (P,) that some `rays` (P,) of those found hit.
 
-    ids (R,): `object_ids` of all; wo (P, 3): back along the rays. Named and turned as in `PrimaryHits`.
+    ids (R,): `object_ids` of all; wo (P, 3): back along the rays. Named and turned as in `PrimaryHits`. resolution: of
+    the picture whose pixels the rays go through, over which bumps are averaged; None for rays from anywhere.
     """
     triangle, ids = found.triangle[rays], ids[rays]
     u, v = found.u[rays].astype(np.float64), found.v[rays].astype(np.float64)
@@ -124,16 +130,32 @@ def shading_frames(
     usable = scene.smooth[ids][:, None] & (length > 1e-4)
     shading = np.where(usable, interpolated / np.where(usable, length, 1.0), geometric)
     geometric = _face(geometric, wo)
-    shading = _towards(_face(shading, geometric), wo)
+    horizon = _towards(_face(shading, geometric), wo)
+    normal = _turned(scene, found, rays, horizon, wo, resolution) if scene.relief.objects else horizon
     vectors = {
         "position": position,
         "offset_position": caster.offset_origins(position, geometric),
-        "normal": shading,
+        "horizon": horizon,
+        "normal": normal,
         "geometric_normal": geometric,
-        "tangent": object_tangents(scene, ids, shading),
+        "tangent": object_tangents(scene, ids, normal),
         "wo": wo,
     }
     return {name: np.ascontiguousarray(vector, dtype=np.float32) for name, vector in vectors.items()}
+
+
+def _turned(
+    scene: Scene, found: Intersections, rays: npt.NDArray[np.integer], normals: npt.NDArray[np.float64], wo: Floats,
+    resolution: tuple[int, int] | None,
+) -> npt.NDArray[np.float64]:  # fmt: skip
+    """Normals (P, 3) of hits as the scene's bumps turn them."""
+    bumpy = np.flatnonzero(np.isin(scene.object_of_triangle[found.triangle[rays]], scene.relief.objects))
+    at = rays[bumpy]
+    hit = Intersections(*(getattr(found, name)[at] for name in ("triangle", "u", "v", "distance")))
+    footprints = None if resolution is None else pixel_footprints(scene, hit, at, resolution)
+    out = normals.copy()
+    out[bumpy] = scene.relief.turned(hit.triangle, hit.u, hit.v, normals[bumpy], wo[bumpy], footprints)
+    return out
 
 
 def _face(normals: npt.NDArray[np.float64], side: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -16,11 +17,13 @@ import numpy.typing as npt
 
 from engine.errors import LoadError
 from engine.files import resolve_inside
+from engine.material.bumps import Bumps
 from engine.scene.box_projection import box_frame
 from engine.scene.defects import count_defects
 from engine.scene.description import Camera, SceneDescription, load_description
 from engine.scene.mesh import MESH_ENDINGS, Mesh, face_normals, join_meshes, join_uvs, place_mesh
 from engine.scene.parts import ObjectMesh, object_meshes
+from engine.scene.relief import Relief
 from engine.scene.rig import Rig
 from engine.scene.stage import DEFAULT_ENVIRONMENT, stage_mesh
 from engine.texture.store import TextureStore
@@ -65,6 +68,18 @@ class Scene:
     rigs: tuple[Rig | None, ...]
     environment_path: Path | None = None
     notes: tuple[str, ...] = field(default=())
+
+    @cached_property
+    def relief(self) -> Relief:
+        """What its normal and bump maps do to normals. Raises LoadError."""
+        return Relief(self)
+
+    def bumped(self, bumps: Mapping[str, Bumps]) -> Scene:
+        """The scene with objects, by name, under these bumps instead of their own; names of no object do not count."""
+        changed = tuple(
+            each.model_copy(update={"bumps": bumps.get(each.name, each.bumps)}) for each in self.description.objects
+        )
+        return replace(self, description=self.description.model_copy(update={"objects": changed}))
 
     @property
     def bounds(self) -> npt.NDArray[np.float64]:
@@ -172,14 +187,17 @@ def _load_maps(scene: Scene) -> None:
 
     A scene file may name only what stands in its folder; full paths are for a person to choose.
     """
-    wanted = []
+    wanted, bumps = [], []
     for described in scene.description.objects:
         for maps in (layer.maps for layer in described.layers if not layer.maps.is_plain and not described.emits):
             for what, name in (("texture", maps.texture), ("weight", maps.weight)):
                 if name:
                     resolve_inside(scene.folder, name.rpartition("#")[0] or name, scene.file, what)
             wanted.append(maps.images)
-    scene.textures.load(wanted)
+        if (name := described.bumps.file) and not described.emits:
+            resolve_inside(scene.folder, name.rpartition("#")[0] or name, scene.file, described.bumps.kind)
+            bumps.append(described.bumps)
+    scene.textures.load(wanted, bumps)
 
 
 def _check_count(items: Sequence[ObjectMesh], path: Path) -> None:
@@ -253,5 +271,5 @@ def _map_notes(description: SceneDescription, placed: list[Mesh]) -> list[str]:
     return [
         f"{described.name}: {PROJECTED}"
         for described, mesh in zip(description.objects, placed, strict=True)
-        if mesh.uvs is None and not described.emits and any(layer.maps.is_of_files for layer in described.layers)
+        if mesh.uvs is None and not described.emits and described.is_of_files
     ]

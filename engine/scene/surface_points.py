@@ -14,11 +14,11 @@ Floats = npt.NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class SurfacePoints:
-    """P points. position (P, 3) in the scene's frame, metres; normal (P, 3) unit, which says what is above the horizon;
-    offset_position (P, 3): lifted off the surface, for shadow rays."""
+    """P points. position (P, 3) in the scene's frame, metres; horizon (P, 3): the unit normal that says what is above
+    it; offset_position (P, 3): lifted off the surface, for shadow rays."""
 
     position: Floats
-    normal: Floats
+    horizon: Floats
     offset_position: Floats
 
 

@@ -37,17 +37,21 @@ Image = NDArray[np.float32]
 
 def read_texture(data: bytes, file: Path | str, space: Space = "") -> Image:
     """A colour image as linear Rec. 709, (H, W, 3), row 0 on top; raises LoadError naming `file`."""
-    values = _values(data, file)
+    values = file_values(data, file)
     as_srgb = (space or ("srgb" if values.dtype == np.uint8 else "linear")) == "srgb"
     linear = _shares(values, as_srgb)
-    return _checked(np.repeat(linear, 3, axis=2) if linear.shape[2] == 1 else linear, file)
+    return checked(np.repeat(linear, 3, axis=2) if linear.shape[2] == 1 else linear, file)
 
 
 def read_weight(data: bytes, file: Path | str) -> Image:
     """A grey image of shares in [0, 1], (H, W, 1), row 0 on top; of a colour image its luminance."""
-    shares = _shares(_values(data, file), as_srgb=False)
-    grey = shares if shares.shape[2] == 1 else (shares @ _LUMINANCE)[..., None]
-    return np.minimum(_checked(grey, file), np.float32(1.0))
+    return np.minimum(checked(grey_shares(file_values(data, file)), file), np.float32(1.0))
+
+
+def grey_shares(values: NDArray[np.generic]) -> Image:
+    """Numbers of a file as grey shares of the largest, linear, (H, W, 1); of colours their luminance."""
+    shares = _shares(values, as_srgb=False)
+    return shares if shares.shape[2] == 1 else (shares @ _LUMINANCE)[..., None]
 
 
 def image_size(data: bytes, file: Path | str) -> tuple[int, int] | None:
@@ -69,7 +73,7 @@ def _shares(values: NDArray[np.generic], as_srgb: bool) -> Image:
     return decode_srgb(shares) if as_srgb else shares
 
 
-def _values(data: bytes, file: Path | str) -> NDArray[np.generic]:
+def file_values(data: bytes, file: Path | str) -> NDArray[np.generic]:
     """The numbers (H, W, 1 or 3) as the file has them: uint8, uint16 or float32."""
     kind = _kind(data)
     if not kind:
@@ -135,8 +139,8 @@ def _check_size(width: int, height: int, file: Path | str) -> None:
         raise LoadError(file, "image size", f"{width} x {height}", expected)
 
 
-def _checked(pixels: Image, file: Path | str) -> Image:
-    """The pixels if all are usable factors."""
+def checked(pixels: Image, file: Path | str) -> Image:
+    """The pixels if all are usable factors; raises LoadError."""
     good = (pixels >= 0.0) & (pixels <= BRIGHTEST)  # false for NaN too
     if not good.all():
         row, column, _ = np.unravel_index(int(np.argmin(good)), pixels.shape)

@@ -13,9 +13,11 @@ from threading import Lock
 
 from engine.errors import LoadError
 from engine.files import read_regular_file, resolve_inside
+from engine.material.bumps import Bumps
 from engine.material.maps import Images, Space
 from engine.texture.images import MAX_IMAGE_BYTES, read_texture, read_weight
 from engine.texture.pyramid import Pyramid, make_pyramid
+from engine.texture.slopes import read_heights, read_normal_map
 
 MOST_BYTES = 1 << 30
 Stamp = tuple[int, int] | None
@@ -38,20 +40,26 @@ class TextureStore:
 
     def weight(self, images: Images) -> Pyramid | None:
         """Shares of the weight map; None where there is none. Raises LoadError."""
-        return self._pyramid("weight", images.weight, "linear") if images.weight else None
+        return self._pyramid("weight", images.weight, "") if images.weight else None
+
+    def slopes(self, bumps: Bumps) -> Pyramid | None:
+        """Slopes along u and v of a normal or a bump map; None where there is none. Raises LoadError."""
+        return self._pyramid(bumps.kind, bumps.file, "") if bumps.file else None
 
     def stamps(self, images: Images) -> tuple[Stamp, ...]:
         """What changes when the files of images are written, None of one that is not there. Raises LoadError."""
         named = (("texture", images.texture), ("weight", images.weight))
         return tuple(_stamp(self._place(what, name)[0]) for what, name in named if name)
 
-    def load(self, wanted: Iterable[Images]) -> None:
+    def load(self, wanted: Iterable[Images], bumps: Iterable[Bumps] = ()) -> None:
         """Read what is named and not there yet, a file of several images once. Raises LoadError."""
         self._files = {}
         try:
             for images in wanted:
                 self.texture(images)
                 self.weight(images)
+            for each in bumps:
+                self.slopes(each)
         finally:
             self._files = None
 
@@ -63,8 +71,7 @@ class TextureStore:
             before, pyramid = self._kept.get(key, (None, None))
             if pyramid is None or before != stamp:
                 data, shown = self._read(path, number)
-                pixels = read_texture(data, shown, space) if what == "texture" else read_weight(data, shown)
-                pyramid = make_pyramid(pixels)
+                pyramid = make_pyramid(read_texture(data, shown, space) if space else _READ[what](data, shown))
                 self._kept[key] = stamp, pyramid
                 self._forget_oldest()
             self._kept.move_to_end(key)
@@ -95,6 +102,11 @@ class TextureStore:
         if not path.is_absolute():
             path = resolve_inside(self._scene_file.parent, str(path), self._scene_file, what)
         return path, int(number) if inside else None
+
+
+_READ = {
+    "texture": read_texture, "weight": read_weight, "normal_map": read_normal_map, "bump_map": read_heights
+}  # fmt: skip
 
 
 def _stamp(path: Path) -> Stamp:

@@ -47,7 +47,7 @@ def emitters_for(scene: Scene, caster: RayCaster, hits: PrimaryHits, n_leaves: i
     rows = np.unique(np.linspace(0, len(hits.pixel) - 1, N_POINTS).astype(np.int32))
     tried = emitter_patches(np.repeat(corners, N_RAYS, axis=0), np.repeat(radiance, N_RAYS, axis=0), 1)
     seen = _sees(caster, hits, rows, tried.samples, tried.normal).reshape(len(rows), -1, N_RAYS).mean(axis=2)
-    points, normals = hits.position[rows].astype(np.float64), hits.normal[rows].astype(np.float64)
+    points, normals = hits.position[rows].astype(np.float64), hits.horizon[rows].astype(np.float64)
     return emitter_tree(corners, radiance, n_leaves, seen_importance(corners, radiance, points, normals, seen))
 
 
@@ -57,7 +57,7 @@ def _sees(
 ) -> NDArray[np.bool_]:  # fmt: skip
     """Whether each of the points (P,) sees each of the places (M, 3) on emitters with normals (M, 3): (P, M)."""
     towards = places[None] - hits.position[rows][:, None]
-    above = np.einsum("pmi,pi->pm", towards, hits.normal[rows]) > 0.0
+    above = np.einsum("pmi,pi->pm", towards, hits.horizon[rows]) > 0.0
     seen: NDArray[np.bool_] = above & (np.einsum("pmi,mi->pm", towards, normals) < 0.0)
     block, target = (index.astype(np.int32) for index in np.nonzero(seen))
     origin, direction = np.empty((len(block), 3), np.float32), np.empty((len(block), 3), np.float32)

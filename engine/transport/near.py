@@ -88,7 +88,7 @@ def _of_block(
     hits: PrimaryHits, caster: RayCaster, emitters: Emitters, visibility: Visibility, rows: NDArray[np.int32]
 ) -> _Found:
     counts, nodes = np.empty(len(rows), np.int32), np.empty((len(rows), MOST), np.int32)
-    kernels.list_near(rows, hits.position, hits.normal, visibility.bits, emitters, LEAST, NEAR, counts, nodes)
+    kernels.list_near(rows, hits.position, hits.horizon, visibility.bits, emitters, LEAST, NEAR, counts, nodes)
     pairs = np.repeat(rows, counts)
     listed = nodes[np.arange(MOST) < counts[:, None]]
     n_parts = 4**DEPTH
@@ -96,7 +96,7 @@ def _of_block(
     origins, directions = np.empty((n_rays, 3), np.float32), np.empty((n_rays, 3), np.float32)
     distances, weights = np.empty(n_rays, np.float32), np.empty(n_rays, np.float32)
     kernels.near_rays(
-        pairs, listed, hits.position, hits.offset_position, hits.normal, emitters.corners, DEPTH, origins, directions,
+        pairs, listed, hits.position, hits.offset_position, hits.horizon, emitters.corners, DEPTH, origins, directions,
         distances, weights,
     )  # fmt: skip
     blocked = caster.occluded(origins, directions, distances)

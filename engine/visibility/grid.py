@@ -93,7 +93,7 @@ def _grid_step(
 def _alike(hits: PrimaryHits, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Whether points a can inform points b: on one object, and facing nearly the same way."""
     objects = hits.object_image.ravel()[hits.pixel]
-    facing = np.einsum("ij,ij->i", hits.normal[a], hits.normal[b])
+    facing = np.einsum("ij,ij->i", hits.horizon[a], hits.horizon[b])
     return (objects[a] == objects[b]) & (facing > ALIKE_COSINE)
 
 

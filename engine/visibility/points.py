@@ -67,8 +67,9 @@ def evaluate_block(
     horizon = np.empty((len(rows), targets.n_words), np.uint64)
     asked, doubt = np.zeros_like(horizon), np.zeros_like(horizon)
     kernels.horizon_bits(
-        rows, points.position, points.normal, targets.positions, targets.normals, targets.finite, targets.cones, horizon
-    )
+        rows, points.position, points.horizon, targets.positions, targets.normals, targets.finite, targets.cones,
+        horizon,
+    )  # fmt: skip
     guess(rows, horizon, asked, doubt)
     n_rays = kernels.count_bits(asked)
     block, target = np.empty(n_rays, np.int32), np.empty(n_rays, np.int32)

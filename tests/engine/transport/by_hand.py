@@ -43,6 +43,7 @@ def points_at(
         object_ranges=np.array([[0, n]], np.int32),
         position=vectors(position),
         offset_position=vectors(position + lift * normal),
+        horizon=vectors(normal),
         normal=vectors(normal),
         geometric_normal=vectors(normal),
         front=np.ones(n, bool),

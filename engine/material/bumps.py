@@ -1,0 +1,156 @@
+"""What turns an object's shading normal from point to point: a normal map, or heights (a bump map).
+
+Both lie on the whole object, under all of its layers, and both become slopes (p, q): of a normal map's texel
+(x, y, z) = 2 c − 1 they are (−x / z, −y / z) along the directions t and b in which u and v grow (glTF 2.0, 3.9.3: +X to
+the right, +Y up), of heights their derivatives, in metres a metre. The normal is then [Mikkelsen20, eq. 4]
+
+    n' = normalize(n − strength · (p t + q b)).
+
+It turns the frame in which a material reflects, and nothing else: what a point sees and where its shadows fall is for
+its place and its face to say. So transport depends on it, and visibility does not.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from engine.material.maps import MAX_NAME, MAX_REPEATS
+from engine.material.parameters import ParameterError
+
+MAX_STRENGTH = 10.0
+MAX_HEIGHT = 1e3
+DEFAULT_HEIGHT = 0.01
+
+
+@dataclass(frozen=True)
+class Bumps:
+    """Of one object. Names are files, as those of textures (`engine.material.maps.LayerMaps`); one of the two at most.
+
+    bump_strength: 0 is as without them. bump_height: metres between a bump map's black and its white; negative ones are
+    pressed in. bump_repeats: how often the image repeats along u and v.
+    """
+
+    normal_map: str = ""
+    bump_map: str = ""
+    bump_strength: float = 1.0
+    bump_height: float = DEFAULT_HEIGHT
+    bump_repeats: tuple[float, float] = (1.0, 1.0)
+
+    @property
+    def file(self) -> str:
+        """The image of either kind; empty for none."""
+        return self.normal_map or self.bump_map
+
+    @property
+    def kind(self) -> str:
+        """The field that has it."""
+        return "bump_map" if self.bump_map else "normal_map"
+
+    @property
+    def are_flat(self) -> bool:
+        """Whether they turn nothing, whatever is in the image."""
+        return not self.file or self.bump_strength == 0.0 or (bool(self.bump_map) and self.bump_height == 0.0)
+
+    @property
+    def slope_scale(self) -> float:
+        """What the image's slopes are multiplied by."""
+        return self.bump_strength * (self.bump_height if self.bump_map else 1.0)
+
+
+NO_BUMPS = Bumps()
+BUMP_KINDS = ("normal_map", "bump_map")
+
+
+def bump_fields() -> tuple[str, ...]:
+    """The names by which scripts and paths call the parts of `Bumps`."""
+    return tuple(field.name for field in dataclasses.fields(Bumps))
+
+
+def set_bump_field(bumps: Bumps, name: str, value: object) -> Bumps:
+    """The bumps with one part set; an image of one kind takes the place of one of the other.
+
+    Raises ParameterError for a value that the part does not take.
+    """
+    if name not in _ACCEPTED:
+        raise ParameterError(name, value, "one of " + ", ".join(_ACCEPTED))
+    changes: dict[str, Any] = {name: _ACCEPTED[name](name, value)}
+    if name in BUMP_KINDS and changes[name]:
+        changes |= {other: "" for other in BUMP_KINDS if other != name}
+    return dataclasses.replace(bumps, **changes)
+
+
+def bumps_from(tables: Mapping[str, object]) -> Bumps:
+    """Bumps as files have them: `normal_map` = {file, scale, repeats} or `bump_map` = {file, height, scale, repeats},
+    scale being the strength. Raises ParameterError."""
+    named = [name for name in tables if name in BUMP_KINDS]
+    if len(named) != 1 or len(tables) != 1:
+        raise ParameterError(" and ".join(tables), dict(tables), "one of normal_map and bump_map")
+    name = named[0]
+    table, keys = tables[name], _KEYS if name == "bump_map" else {k: v for k, v in _KEYS.items() if k != "height"}
+    if not isinstance(table, dict) or not table.get("file") or not set(table) <= {"file", *keys}:
+        raise ParameterError(name, table, f"a table of file and, where they differ, {', '.join(keys)}")
+    bumps = set_bump_field(NO_BUMPS, name, table["file"])
+    for key, field in keys.items():
+        if key in table:
+            bumps = set_bump_field(bumps, field, table[key])
+    return bumps
+
+
+def bump_values(bumps: Bumps) -> dict[str, Any]:
+    """The same back; nothing of bumps without an image."""
+    if not bumps.file:
+        return {}
+    table: dict[str, Any] = {"file": bumps.file}
+    if bumps.bump_map:
+        table["height"] = bumps.bump_height
+    if bumps.bump_strength != 1.0:
+        table["scale"] = bumps.bump_strength
+    if bumps.bump_repeats != (1.0, 1.0):
+        table["repeats"] = list(bumps.bump_repeats)
+    return {bumps.kind: table}
+
+
+_KEYS = {"scale": "bump_strength", "height": "bump_height", "repeats": "bump_repeats"}
+
+
+def _file_name(name: str, value: object) -> str:
+    if isinstance(value, str) and len(value) <= MAX_NAME and value.isprintable():
+        return value
+    raise ParameterError(name, value, "the name of an image (PNG, JPEG or EXR), or nothing")
+
+
+def _number(low: float, high: float) -> Callable[[str, object], float]:
+    def accepted(name: str, value: object) -> float:
+        if _is_number(value) and low <= float(value) <= high:  # type: ignore[arg-type]
+            return float(value)  # type: ignore[arg-type]
+        raise ParameterError(name, value, f"a number from {low:g} to {high:g}")
+
+    return accepted
+
+
+def _repeats(name: str, value: object) -> tuple[float, float]:
+    pair = [value, value] if _is_number(value) else value
+    if isinstance(pair, (list, tuple)) and len(pair) == 2 and all(map(_is_repeat, pair)):
+        return float(pair[0]), float(pair[1])
+    raise ParameterError(name, value, f"a number or two from {-MAX_REPEATS:g} to {MAX_REPEATS:g}, none 0")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _is_repeat(value: object) -> bool:
+    return _is_number(value) and 1e-3 <= abs(value) <= MAX_REPEATS  # type: ignore[arg-type]
+
+
+_ACCEPTED: dict[str, Callable[[str, object], Any]] = {
+    "normal_map": _file_name,
+    "bump_map": _file_name,
+    "bump_strength": _number(0.0, MAX_STRENGTH),
+    "bump_height": _number(-MAX_HEIGHT, MAX_HEIGHT),
+    "bump_repeats": _repeats,
+}

@@ -1,0 +1,180 @@
+"""The normals that a scene's normal and bump maps turn, wherever points of its surfaces are made.
+
+Of heights the gradient over the surface is taken from the triangle's own plane, so that an image may be stretched; a
+normal map lies in the frame that bakers take [Mikkelsen08]: the direction in which u grows, averaged over the triangles
+that share a corner and its texture coordinates, and a bitangent on the side to which v grows, mirrored images included.
+Where texture coordinates say nothing (all three the same) a surface is flat.
+
+What the eye cannot see, no material answers for. So a normal is turned no further than until the mirror direction of
+the eye grazes the surface (as Cycles's *ensure valid reflection* has it): neither a normal that faces away from the eye
+nor a highlight that would come from inside is left, and no black rims. Light counts that is above both the turned
+normal's horizon and the surface's own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.scene.surface_uvs import between, corner_uvs, uvs_at
+from engine.texture.pyramid import Pyramid
+
+if TYPE_CHECKING:
+    from engine.material.bumps import Bumps
+    from engine.scene.load import Scene
+
+Floats = NDArray[np.float64]
+Footprints = tuple[Floats, Floats, Floats]
+# Of the mirror direction to the surface, where `wo` is as high.
+LEAST_REFLECTED = 0.01
+_TINY = 1e-30
+
+
+@dataclass(frozen=True, eq=False)
+class _Cover:
+    """One object's bumps: their slopes, its first triangle, and for a normal map tangents at corners (t, 3, 3) and on
+    which side the bitangents are (t,)."""
+
+    bumps: Bumps
+    slopes: Pyramid
+    first: int
+    tangents: Floats
+    hands: Floats
+
+
+class Relief:
+    """A scene's bumps. Safe to use from several threads."""
+
+    def __init__(self, scene: Scene) -> None:
+        """Reads the images; raises LoadError."""
+        self._scene = scene
+        self._covers: dict[int, _Cover] = {}
+        for i, described in enumerate(scene.description.objects):
+            slopes = None if described.emits or described.bumps.are_flat else scene.textures.slopes(described.bumps)
+            if slopes is not None:
+                tangents, hands = np.zeros((0, 3, 3)), np.zeros(0)
+                if described.bumps.normal_map:
+                    tangents, hands = corner_tangents(scene, i)
+                self._covers[i] = _Cover(described.bumps, slopes, scene.triangle_ranges[i, 0], tangents, hands)
+
+    @property
+    def objects(self) -> tuple[int, ...]:
+        """Those that are not flat."""
+        return tuple(self._covers)
+
+    def turned(
+        self, triangle: NDArray[np.integer], u: NDArray, v: NDArray, normals: Floats, wo: NDArray[np.floating],
+        footprints: Footprints | None = None,
+    ) -> Floats:  # fmt: skip
+        """Normals (P, 3) at points of triangles (P,), unit and on the side of wo (P, 3), turned by the bumps.
+
+        footprints: coordinates of all points on their images and how these change over a pixel; None to look images up
+        between texels.
+        """
+        out, objects = normals, self._scene.object_of_triangle[triangle]
+        for i, cover in self._covers.items():
+            rows = np.flatnonzero(objects == i)
+            if not len(rows):
+                continue
+            out = out.copy() if out is normals else out
+            own = triangle[rows], u[rows], v[rows]
+            lean = self._lean(cover, *own, normals[rows], wo[rows], footprints and _of(footprints, rows))
+            out[rows] = leaning(normals[rows], lean, wo[rows])
+        return out
+
+    def _lean(
+        self, cover: _Cover, triangle: NDArray[np.integer], u: NDArray, v: NDArray, normals: Floats,
+        wo: NDArray[np.floating], footprints: Footprints | None,
+    ) -> Floats:  # fmt: skip
+        """What is added to unit normals (p, 3), within the surface, before they are unit again."""
+        scene, repeats = self._scene, np.array(cover.bumps.bump_repeats)
+        if footprints is None:
+            slopes = cover.slopes.at(uvs_at(scene, triangle, u, v) * repeats).astype(np.float64)
+        else:
+            slopes = cover.slopes.over(*(each * repeats for each in footprints))
+        faces = scene.geometric_normals[triangle].astype(np.float64)
+        side = np.where(np.einsum("pk,pk->p", faces, wo) < 0.0, -1.0, 1.0)
+        slopes *= -cover.bumps.slope_scale * side[:, None]
+        if cover.bumps.bump_map:
+            along = gradients(scene, triangle) * repeats[:, None]
+        else:
+            along = self._axes(cover, triangle, u, v, normals * side[:, None]) * np.sign(repeats)[:, None]
+        lean = np.einsum("pa,pak->pk", slopes, along)
+        return lean - np.einsum("pk,pk->p", lean, normals)[:, None] * normals
+
+    def _axes(self, cover: _Cover, triangle: NDArray[np.integer], u: NDArray, v: NDArray, outward: Floats) -> Floats:
+        """Unit tangents and bitangents (p, 2, 3) about normals that point out (p, 3)."""
+        own = triangle - cover.first
+        tangent = between(cover.tangents[own], u, v)
+        tangent -= np.einsum("pk,pk->p", tangent, outward)[:, None] * outward
+        tangent /= np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), _TINY)
+        return np.stack([tangent, cover.hands[own][:, None] * np.cross(outward, tangent)], axis=1)
+
+
+def leaning(normals: Floats, lean: Floats, wo: NDArray[np.floating]) -> Floats:
+    """normalize(n + lean) for unit normals (p, 3) and leans (p, 3) across them, as far as wo (p, 3) allows it.
+
+    At an angle a from n, in the plane of n and the lean, in which wo = r (sin φ, cos φ), the mirror direction of wo is
+    r cos(2 a − φ) above the surface: a is at most (φ + acos(least / r)) / 2. Where nothing leans n comes back as it is.
+    """
+    slope = np.linalg.norm(lean, axis=1)
+    across = lean / np.maximum(slope, _TINY)[:, None]
+    high, beside = np.einsum("pk,pk->p", normals, wo), np.einsum("pk,pk->p", across, wo)
+    radius = np.maximum(np.hypot(high, beside), _TINY)
+    least = np.minimum(LEAST_REFLECTED, 0.9 * high)
+    most = 0.5 * (np.arctan2(beside, high) + np.arccos(np.clip(least / radius, -1.0, 1.0)))
+    angle = np.minimum(np.arctan(slope), np.maximum(most, 0.0))[:, None]
+    turned = np.cos(angle) * normals + np.sin(angle) * across
+    return np.where(slope[:, None] > 0.0, turned / np.linalg.norm(turned, axis=1, keepdims=True), normals)
+
+
+def gradients(scene: Scene, triangle: NDArray[np.integer]) -> Floats:
+    """The gradients of u and v over triangles (p,), (p, 2, 3) in 1/m."""
+    corners = scene.vertices[scene.triangles[triangle]].astype(np.float64)
+    uvs = corner_uvs(scene, triangle)
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    normal = np.cross(first, second)
+    squared = np.maximum(np.einsum("pk,pk->p", normal, normal), _TINY)[:, None]
+    # Of the shares of the second and the third corner.
+    of_shares = np.stack([np.cross(second, normal), np.cross(normal, first)], axis=1) / squared[:, None]
+    return np.einsum("pca,pck->pak", uvs[:, 1:] - uvs[:, :1], of_shares)
+
+
+def corner_tangents(scene: Scene, i_object: int) -> tuple[Floats, Floats]:
+    """The direction in which u grows at the corners of an object's triangles, (t, 3, 3), zero where nothing says, and
+    whether v grows to the left of it, seen from outside, (t,): 1 or, mirrored, −1."""
+    begin, end = scene.triangle_ranges[i_object]
+    triangle = np.arange(begin, end)
+    uvs, corners = corner_uvs(scene, triangle), scene.vertices[scene.triangles[begin:end]].astype(np.float64)
+    edges, steps = corners[:, 1:] - corners[:, :1], uvs[:, 1:] - uvs[:, :1]
+    area = steps[:, 0, 0] * steps[:, 1, 1] - steps[:, 0, 1] * steps[:, 1, 0]
+    hands = np.where(area < 0.0, -1.0, 1.0)
+    along_u = steps[:, 1, 1, None] * edges[:, 0] - steps[:, 0, 1, None] * edges[:, 1]
+    along_u *= np.where(area == 0.0, 0.0, hands)[:, None]
+    along_u /= np.maximum(np.linalg.norm(along_u, axis=1, keepdims=True), _TINY)
+    weights = _corner_angles(corners)
+    keys = np.concatenate([
+        scene.triangles[begin:end].reshape(-1, 1).astype(np.float64), uvs.reshape(-1, 2), np.repeat(hands, 3)[:, None],
+    ], axis=1)  # fmt: skip
+    _, group = np.unique(keys, axis=0, return_inverse=True)
+    group = group.ravel()
+    each = (weights[..., None] * along_u[:, None]).reshape(-1, 3)
+    sums = [np.bincount(group, each[:, k]).astype(np.float64) for k in range(3)]
+    total: Floats = np.stack(sums, axis=1)[group]
+    total /= np.maximum(np.linalg.norm(total, axis=1, keepdims=True), _TINY)
+    return total.reshape(-1, 3, 3), hands
+
+
+def _corner_angles(corners: Floats) -> Floats:
+    """The angles (t, 3) of triangles (t, 3, 3)."""
+    after, before = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    cosine = np.einsum("tki,tki->tk", after, before)
+    return np.arctan2(np.linalg.norm(np.cross(after, before), axis=2), cosine)
+
+
+def _of(footprints: Footprints, rows: NDArray[np.integer]) -> Footprints:
+    uv, across, down = footprints
+    return uv[rows], across[rows], down[rows]

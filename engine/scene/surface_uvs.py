@@ -1,0 +1,75 @@
+"""Where points of surfaces lie on images, and how far a pixel reaches over them.
+
+How far is found by where the rays of the pixels to the right and below meet the plane of a point's own triangle
+[Igehy99], so that silhouettes and seams do not matter.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.scene.box_projection import box_uvs
+from engine.scene.camera import pixel_directions
+from engine.scene.raycaster import Intersections
+
+if TYPE_CHECKING:
+    from engine.scene.load import Scene
+
+Floats = NDArray[np.float64]
+
+
+def corner_uvs(scene: Scene, triangle: NDArray[np.integer]) -> Floats:
+    """Texture coordinates (N, 3, 2) of the corners of triangles (N,), of some meshes by their box."""
+    objects = scene.object_of_triangle[triangle]
+    uvs = np.zeros((len(triangle), 3, 2)) if scene.uvs is None else scene.uvs[triangle].astype(np.float64)
+    bare = np.flatnonzero(~scene.has_uvs[objects])
+    if len(bare):
+        uvs[bare] = box_uvs(scene.vertices[scene.triangles[triangle[bare]]], scene.boxes[objects[bare]])
+    return uvs
+
+
+def uvs_at(scene: Scene, triangle: NDArray[np.integer], u: NDArray, v: NDArray) -> Floats:
+    """Texture coordinates (N, 2) of points (1 − u − v) A + u B + v C of triangles (N,)."""
+    return between(corner_uvs(scene, triangle), u, v)
+
+
+def between(corners: NDArray, u: NDArray, v: NDArray) -> Floats:
+    """What stands at corners (N, 3, k), at such points of the triangles."""
+    corners = corners.astype(np.float64)
+    u, v = np.asarray(u, np.float64)[:, None], np.asarray(v, np.float64)[:, None]
+    return np.asarray((1.0 - u - v) * corners[:, 0] + u * corners[:, 1] + v * corners[:, 2])
+
+
+def pixel_footprints(
+    scene: Scene, found: Intersections, pixel: NDArray[np.integer], resolution: tuple[int, int]
+) -> tuple[Floats, Floats, Floats]:
+    """Texture coordinates of what the rays of pixels (p,) hit, and by how much they change over a pixel to the right
+    and downwards, (p, 2)."""
+    width, _ = resolution
+    uv = uvs_at(scene, found.triangle, found.u, found.v)
+    columns, lines = pixel % width + 0.5, pixel // width + 0.5
+    beside = []
+    for dx, dy in ((1.0, 0.0), (0.0, 1.0)):
+        towards = pixel_directions(scene.description.camera, resolution, columns + dx, lines + dy)
+        beside.append(_uvs_in_plane(scene, found, towards.astype(np.float64)) - uv)
+    return uv, beside[0], beside[1]
+
+
+def _uvs_in_plane(scene: Scene, found: Intersections, directions: Floats) -> Floats:
+    """Texture coordinates (p, 2) where rays from the eye meet the planes of the triangles found; far out where they
+    hardly do."""
+    corners = scene.vertices[scene.triangles[found.triangle]].astype(np.float64)
+    a, one, two = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    normal = np.cross(one, two)
+    slope = np.einsum("pk,pk->p", normal, directions)
+    least = 1e-9 * np.linalg.norm(normal, axis=1)
+    slope = np.where(np.abs(slope) > least, slope, np.copysign(least, slope))
+    distance = np.einsum("pk,pk->p", normal, a - scene.eye) / slope
+    place = scene.eye + distance[:, None] * directions - a
+    squared = np.einsum("pk,pk->p", normal, normal)
+    u = np.einsum("pk,pk->p", normal, np.cross(place, two)) / squared
+    v = np.einsum("pk,pk->p", normal, np.cross(one, place)) / squared
+    return uvs_at(scene, found.triangle, u, v)

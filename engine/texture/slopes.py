@@ -1,0 +1,43 @@
+"""Normal maps and heights, read as slopes: by how much a surface rises along u and v.
+
+Slopes are what can be averaged: their mean over a pixel is the slope of what the pixel sees on average, where a mean of
+normals would have to be stretched again. Codes of 8 and 16 bits have a middle that is exactly flat, 128 and 32,768, as
+painted maps mean it; of OpenEXR it is 0.5. Numbers of normal maps are never decoded by sRGB.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from engine.errors import LoadError
+from engine.texture.images import Image, checked, file_values, grey_shares
+
+# tan 87 degrees: what leans further, or points into the surface, counts as that.
+STEEPEST = 20.0
+_MIDDLES = {"uint8": 128, "uint16": 32768}
+
+
+def read_normal_map(data: bytes, file: Path | str) -> Image:
+    """The slopes (H, W, 2) of a normal map's texels along its x and y, row 0 on top. Raises LoadError."""
+    values = file_values(data, file)
+    if values.shape[2] != 3:
+        raise LoadError(file, "channels", values.shape[2], "the three of a normal map; heights are a bump_map")
+    if middle := _MIDDLES.get(values.dtype.name):
+        vectors = (values.astype(np.float32) - np.float32(middle)) / np.float32(middle - 1)
+    else:
+        vectors = np.float32(2.0) * checked(np.asarray(values, np.float32), file) - np.float32(1.0)
+    flat = np.hypot(vectors[..., 0], vectors[..., 1])
+    up = np.maximum(vectors[..., 2], np.maximum(flat, np.float32(1e-3)) / np.float32(STEEPEST))
+    return np.ascontiguousarray(-vectors[..., :2] / up[..., None], np.float32)
+
+
+def read_heights(data: bytes, file: Path | str) -> Image:
+    """How heights of 0 to 1 change along u and v over an image that repeats, (H, W, 2), row 0 on top; of a colour image
+    those of its luminance. Raises LoadError."""
+    height = checked(grey_shares(file_values(data, file)), file)[..., 0]
+    n_rows, n_columns = height.shape
+    along_u = (np.roll(height, -1, axis=1) - np.roll(height, 1, axis=1)) * np.float32(0.5 * n_columns)
+    along_v = (np.roll(height, 1, axis=0) - np.roll(height, -1, axis=0)) * np.float32(0.5 * n_rows)
+    return np.stack([along_u, along_v], axis=2)
