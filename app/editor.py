@@ -16,9 +16,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from app.barrier import Barrier
 from app.commands import EditCommand
 from app.commands.light import lit_by
@@ -27,7 +24,7 @@ from app.document import Document, Selection
 from app.history import History
 from app.journal import Journal, Recovery
 from app.looking import LookTalk, what_is_missing
-from app.memory import require_memory_for
+from app.looks import Looks
 from app.messages import (
     Cancel,
     Failed,
@@ -54,16 +51,15 @@ from app.session import Session
 from app.session_keeper import SessionKeeper
 from app.status import Gauges, Status
 from app.table_talk import TableTalk
-from app.view_state import Look, OpenPanel, SetView, ViewCommand, Viewpoint, ViewState
+from app.view_state import OpenPanel, SetView, ViewCommand, ViewState
 from app.writing import written_material, written_scene
 from engine.errors import InsituError
 from engine.scene.builtin import DEFAULT_SCENE
-from engine.scene.description import Camera, SceneDescription
+from engine.scene.description import SceneDescription
 
 __all__ = ["Editor", "Status", "WorkerClient"]
 
 POLL_SECONDS = 0.004
-NO_CAMERA = Camera(position=(0.0, 0.0, 1.0), target=(0.0, 0.0, 0.0))
 STOPPED = "stopped; Resume in the Accuracy panel goes on, and so does another light or roughness"
 
 
@@ -109,16 +105,13 @@ class Editor:
         self.history = History(Document(source))
         self.view = self._view_before_drag = ViewState()
         self.resolution = resolution
-        self.own_resolution = (0, 0)
-        self.own_camera = NO_CAMERA
-        self.look_history = History(self.view.look)
-        self._boxes: dict[str, NDArray[np.float64]] = {}
         self.gauges = Gauges()
         self._client = client
         self._keeper = SessionKeeper(journal)
         self._reading = Reading(client.send)
         self._tables = TableTalk(client.send)
-        self._looks = LookTalk(client.send)
+        self._tracing = LookTalk(client.send)
+        self.looks = Looks(self, self._tracing)
         self._opening: Opening | None = None
         self._given_up: Opening | None = None
         self._cancelled = -1
@@ -161,83 +154,6 @@ class Editor:
             return self._refuse(str(error))
         return None
 
-    # ------------------------------------------------------------------------------------------------------------ looks
-
-    @property
-    def look(self) -> Camera:
-        """The camera that the scene is looked at from, or is about to be."""
-        return self.view.camera or self.own_camera
-
-    @property
-    def aspect(self) -> float:
-        """How many times as wide as high the picture is."""
-        width, height = self.view.resolution or self.own_resolution
-        return width / max(height, 1)
-
-    def look_from(self, look: Viewpoint, label: str, gesture: str | None = None) -> str | None:
-        """See the scene from there: a step of the view's own history, one with those before it of the same gesture.
-
-        None, or one line that says why not: so many pixels need more memory than there is.
-        """
-        camera, resolution = look
-        camera = None if camera == self.own_camera else camera
-        look = Viewpoint(camera, None if resolution == self.own_resolution else resolution)
-        try:
-            if look.resolution not in (None, self.view.resolution):
-                require_memory_for(look.resolution, "choose fewer")
-        except InsituError as error:
-            return self._refuse(str(error))
-        if self._looks_now().do(Look(look, label), gesture):
-            self.view = replace(self.view, **look._asdict())
-        return None
-
-    def begin_look(self, label: str) -> None:
-        """A hand took hold of the camera: all until ``end_look`` is one step of the view's history."""
-        self._looks_now().begin_drag(label)
-
-    def drag_look(self, look: Viewpoint) -> None:
-        """See the scene from there while a hand holds the camera; one that took hold of another scene's holds none."""
-        if self.look_history.dragging:
-            self.look_from(look, "")
-
-    def end_look(self) -> None:
-        """The hand let go: the view need not rest any longer to be traced."""
-        if self.look_history.dragging:
-            self._looks_now().end_drag()
-            self._looks.hand_released()
-
-    def undo_look(self) -> str | None:
-        """One step back in the view's history, the document stays; its label, None when there was nothing."""
-        return self._look_stepped(self._looks_now().undo, "view undone")
-
-    def redo_look(self) -> str | None:
-        """One step forward in the view's history; its label, None when there was nothing."""
-        return self._look_stepped(self._looks_now().redo, "view redone")
-
-    def box_of(self, name: str | None) -> NDArray[np.float64]:
-        """The least and the largest corner (2, 3) of an object, in metres; None: of all that is not hidden."""
-        if name is not None and name not in self._boxes:
-            raise InsituError(f"there is no object {name!r} to be framed; there is: {', '.join(self._boxes)}")
-        hidden = {state.name for state in self.document.objects if not state.visible}
-        names = [name] if name is not None else [each for each in self._boxes if each not in hidden]
-        boxes = np.array([self._boxes[each] for each in names or self._boxes])
-        if not len(boxes):
-            raise InsituError("there is nothing to be framed")
-        return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
-
-    def _looks_now(self) -> History[Viewpoint]:
-        """The view's history, where the view is."""
-        self.look_history.document = self.view.look
-        return self.look_history
-
-    def _look_stepped(self, step: Callable[[], str | None], what: str) -> str | None:
-        label = step()
-        if label is not None:
-            self.view = replace(self.view, **self.look_history.document._asdict())
-            self._looks.hand_released()
-            self.notify(f"{what}: {label}")
-        return label
-
     def begin_drag(self, label: str | None = None) -> None:
         """A hand took hold: all edits until ``end_drag`` are one step of the history."""
         if not self.history.dragging:
@@ -248,16 +164,13 @@ class Editor:
         """The hand let go; what waited for it to rest is asked for at the next tick."""
         if self.history.dragging:
             self.history.end_drag()
-            self._looks.hand_released()
+            self._tracing.hand_released()
             self.talk.hand_released()
 
     def cancel_drag(self) -> None:
         """Take back the drag under way, the camera's, too; the curve's handles stand for the operator that they stood
         for before it."""
-        if self.look_history.dragging:
-            self._looks_now().cancel_drag()
-            self.view = replace(self.view, **self.look_history.document._asdict())
-            self._looks.hand_released()
+        self.looks.cancel_drag()
         if self.history.dragging:
             self.history.cancel_drag()
             before = self._view_before_drag
@@ -346,12 +259,6 @@ class Editor:
         """Keep what is unsaved neither in a session nor in the journal; undo still has it."""
         self._keeper.give_up(self.document, self.view)
 
-    def resize(self, resolution: tuple[int, int] | None) -> str | None:
-        """Show the scene that is open at another resolution (None: its own), with all edits; None, or why not."""
-        refusal = self.look_from(self.view.look._replace(resolution=resolution), "the picture's size")
-        self._looks.hand_released()
-        return refusal
-
     def recover(self, recovery: Recovery) -> str | None:
         """Open what an editor that ended early left behind; None, or one line that says why it cannot be."""
         try:
@@ -422,8 +329,8 @@ class Editor:
         for response in run("The talk with the worker", partial(self._client.poll, POLL_SECONDS), silence, ()):
             events = events + run("An answer of the worker", partial(self._take, response), none)
         if self.scene_is_open:
-            if self._opening is None and self._looks.update(now, self.view.look, self.document.poses):
-                (self.talk.looked_away if self._looks.is_away else self.talk.looked_back)()
+            if self._opening is None and self._tracing.update(now, self.view.look, self.document.poses):
+                (self.talk.looked_away if self._tracing.is_away else self.talk.looked_back)()
             made_of = self.document, self.view
             update = partial(self.talk.update, now, *made_of)
             events = events + run("What follows an edit", update, none, made_of)
@@ -459,7 +366,7 @@ class Editor:
     def status(self) -> Status:
         """The truth about what is on screen."""
         status = self.gauges.status(self._client.alive)
-        return self.talk.status(replace(status, is_away=self._looks.is_away))
+        return self.talk.status(replace(status, is_away=self._tracing.is_away))
 
     # -------------------------------------------------------------------------------------------------------- answers
 
@@ -487,7 +394,7 @@ class Editor:
             case Noted():
                 self.gauges.notes += response.lines
                 self.notify("; ".join(response.lines), True)
-            case SkyImage() if response.id == self._looks.id:
+            case SkyImage() if response.id == self._tracing.id:
                 self.gauges.notes += response.notes
                 sky = SkyChanged(response.radiance)
                 self._shown_scene = [*self._shown_scene[:1], sky]
@@ -503,7 +410,7 @@ class Editor:
 
     def _take_seen(self, response: SceneSeen) -> list[PictureEvent]:
         """The scene was traced: one that is being opened is open now."""
-        if not self._looks.took(response):
+        if not self._tracing.took(response):
             return []
         opening = self._opening
         if opening is not None and opening.opened is not None:
@@ -513,8 +420,8 @@ class Editor:
         self.view = self.view.seen_from(self.view.look)  # which may have moved on
         self.talk.scene_seen(self._shown(replace(self._scene, document=self.document), response))
         self.document_changed()
-        if self._looks.has_resized:
-            width, height = self._looks.seen.resolution or self.own_resolution
+        if self._tracing.has_resized:
+            width, height = self._tracing.seen.resolution or self.looks.own_resolution
             self.notify(f"the picture has {width} x {height} pixels")
         if missing := what_is_missing(response.frame):
             self.notify(missing)
@@ -529,11 +436,8 @@ class Editor:
             return []
         left_unsaved = self._keeper.leave(self.document, self.view)
         self._forget_picture(opened.notes)
-        self._opening, self.own_resolution = None, description.camera.resolution
-        self.own_camera = Camera(**{name: getattr(description.camera, name) for name in Camera.model_fields})
-        names = (described.name for described in description.objects)
-        boxes = zip(names, opened.boxes, strict=False)
-        self._boxes = {name: box for name, box in boxes if np.all(np.isfinite(box))}
+        self._opening = None
+        self.looks.scene_opened(description, opened.boxes)
         self.view = self.view.of_scene(description)
         self.history = History(described)
         self._keeper.opened(described, self.view)
@@ -543,8 +447,8 @@ class Editor:
         self.notify(said, bool(opening.instead_of))
         if opening.session is not None:
             self._restore(opening, opening.session, opened)
-        self.view = self.view.seen_from(self._looks.adopted(self.own_resolution))
-        self.look_history = History(self.view.look)
+        self.view = self.view.seen_from(self._tracing.adopted(self.looks.own_resolution))
+        self.looks.begin_anew()
         scene = OpenedScene(0, opened.planned, description, described, self.document, opened.notes)
         self.talk.scene_opened(self._shown(scene, response))
         if self.view.selected is None:
@@ -561,7 +465,7 @@ class Editor:
 
     def _shown(self, scene: OpenedScene, seen: SceneSeen) -> OpenedScene:
         """A scene as it was traced; the renderer is to be told of it."""
-        described = scene.description.seen_from(self._looks.seen.camera)
+        described = scene.description.seen_from(self._tracing.seen.camera)
         self._shown_scene = [SceneFrame(scene.document.source, described, seen.frame)]
         self._scene = scene = replace(scene, view_id=seen.id)
         return scene
@@ -581,7 +485,7 @@ class Editor:
         self.talk.scene_opened(replace(self._scene, document=self.document))
         if self._opening is not None:
             self.talk.scene_closed()
-        elif self._looks.is_away:
+        elif self._tracing.is_away:
             self.talk.looked_away()
         return list(self._shown_scene)
 
@@ -615,7 +519,7 @@ class Editor:
         self._reading.forget(response.id)
         self.talk.take(response)
         opening = self._opening
-        if opening is not None and response.id == opening.id or self._looks.awaits(response.id):
+        if opening is not None and response.id == opening.id or self._tracing.awaits(response.id):
             self._opening = None
             self._give_up_look(opening)
             if opening is not None and opening.source != DEFAULT_SCENE:
@@ -627,7 +531,7 @@ class Editor:
     def _open(self, opening: Opening) -> None:
         self.talk.scene_closed()
         id = self._client.send(opening.request())
-        self._looks.ask(opening.look(self.resolution), id, opening.poses)
+        self._tracing.ask(opening.look(self.resolution), id, opening.poses)
         self._reading.forget()
         self._opening = replace(opening, id=id)
         self.gauges.progress = None
@@ -635,13 +539,12 @@ class Editor:
     def _give_up_look(self, opening: Opening | None) -> None:
         """What was asked to be traced will not come: the view is again the one there is a picture of, where a hand has
         not moved it on."""
-        asked = self._looks.gave_up()
+        asked = self._tracing.gave_up()
         if asked is None or not self.scene_is_open:
             return
-        stays = opening is None and asked == self.view.look and not self.look_history.dragging
+        stays = opening is None and asked == self.view.look and not self.looks.history.dragging
         if stays:  # else the hand has moved it on, and it will be traced from there
-            self.view = replace(self.view, **self._looks.seen._asdict())
-            self.look_history.retract(lambda before: before == self.view.look)
+            self.looks.go_back_to(self._tracing.seen)
         (self.talk.looked_back if opening is None else self.talk.scene_stays)()
 
     def _open_default(self, why: str) -> None:

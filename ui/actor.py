@@ -177,17 +177,17 @@ class Actor:
             case EndDrag():
                 editor.end_drag()
             case BeginLook():
-                editor.begin_look(action.label)
+                editor.looks.begin_drag(action.label)
             case DragLook():
-                editor.drag_look(action.look)
+                editor.looks.drag(action.look)
             case EndLook():
-                editor.end_look()
+                editor.looks.end_drag()
             case LookFromThere():
-                editor.look_from(action.look, action.label, action.gesture)
+                editor.looks.look_from(action.look, action.label, action.gesture)
             case UndoLook():
-                editor.undo_look()
+                editor.looks.undo()
             case RedoLook():
-                editor.redo_look()
+                editor.looks.redo()
             case KeepView() | RenameView() | SetPreference():
                 self._choose(action)
             case InOneStep():
@@ -214,7 +214,7 @@ class Actor:
             case ReloadImages():
                 editor.reload_images(action.key)
             case Resize():
-                editor.resize(action.resolution)
+                editor.looks.resize(action.resolution)
             case CancelWork():
                 editor.cancel_work()
             case ResumeWork():
@@ -238,7 +238,7 @@ class Actor:
                 self.preferences.choose(**action.changes)
                 return
             if isinstance(action, KeepView):
-                look = Viewpoint(editor.look, editor.view.resolution)
+                look = Viewpoint(editor.looks.camera, editor.view.resolution)
                 bookmarks = kept(bookmarks, look, action.name)
             else:
                 bookmarks = renamed(bookmarks, action.old, action.new)

@@ -167,14 +167,14 @@ def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
             _refused(editor.do(SetView.of(tone_mapping=step.view)))
             window.run_until(lambda: is_at_hand(step.view), WAIT_SECONDS)
         case GoToView():
-            _refused(editor.look_from(named(editor.view.bookmarks, step.name).look, step.name))
+            _refused(editor.looks.look_from(named(editor.view.bookmarks, step.name).look, step.name))
         case KeepByName():
             window.shell.do(KeepView(step.name))
         case MoveCamera():
             look = Viewpoint(_moved(editor, step), editor.view.resolution)
-            _refused(editor.look_from(look, "camera"))
+            _refused(editor.looks.look_from(look, "camera"))
         case UndoViews():
-            _repeat(editor.undo_look, step.count, "undo in the view")
+            _repeat(editor.looks.undo, step.count, "undo in the view")
         case ChooseMode():
             _choose_mode(editor, step.mode)
         case PickLobe():
@@ -202,15 +202,15 @@ def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
 
 def _moved(editor: Editor, move: MoveCamera) -> Camera:
     """The camera as a step moves it."""
-    camera = editor.own_camera if move.own else editor.look
+    camera = editor.looks.own_camera if move.own else editor.looks.camera
     if move.side is not None:
         camera = seen_from_side(camera, move.side)
     if move.focal is not None:
         camera = with_focal_length(camera, move.focal)
     if move.frame is not None:
         names = [state.name for state in editor.document.objects]
-        box = editor.box_of(None if move.frame == "all" and "all" not in names else move.frame)
-        camera = framed(camera, box, editor.aspect)
+        box = editor.looks.box_of(None if move.frame == "all" and "all" not in names else move.frame)
+        camera = framed(camera, box, editor.looks.aspect)
     if move.orbit is not None:
         camera = orbited(camera, *map(math.radians, move.orbit))
     if move.pan is not None:

@@ -480,11 +480,11 @@ class Shell:
             environments=self.environments,
             scenes=self.scenes,
             name=editor.name,
-            camera=editor.look,
-            own_camera=editor.own_camera,
-            own_resolution=editor.own_resolution,
-            look_undo_label=editor.look_history.undo_label,
-            look_redo_label=editor.look_history.redo_label,
+            camera=editor.looks.camera,
+            own_camera=editor.looks.own_camera,
+            own_resolution=editor.looks.own_resolution,
+            look_undo_label=editor.looks.history.undo_label,
+            look_redo_label=editor.looks.history.redo_label,
             box_of=self._box_of,
             view_thumbnail=self._view_thumbnail,
             preferences=self.actor.preferences.chosen,
@@ -510,7 +510,7 @@ class Shell:
 
     def _box_of(self, name: str | None) -> NDArray[np.float64] | None:
         try:
-            return self.editor.box_of(name)
+            return self.editor.looks.box_of(name)
         except InsituError:
             return None
 

@@ -42,10 +42,10 @@ class ViewThumbnails:
         self._forget_unused(editor.view.bookmarks)
         if editor.status.is_away or all(bookmark.thumbnail for bookmark in editor.view.bookmarks):
             return False
-        seen = editor.look, editor.view.resolution or editor.own_resolution
+        seen = editor.looks.camera, editor.looks.resolution
         for bookmark in editor.view.bookmarks:
             camera, resolution = bookmark.look
-            there = camera or editor.own_camera, resolution or editor.own_resolution
+            there = camera or editor.looks.own_camera, resolution or editor.looks.own_resolution
             if not bookmark.thumbnail and there == seen and (picture := still()) is not None:
                 thumbnail = jpeg_of(picture)
                 editor.do(SetView.of(bookmarks=with_thumbnail(editor.view.bookmarks, bookmark.name, thumbnail)))

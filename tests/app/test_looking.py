@@ -147,41 +147,41 @@ def test_commands_take_the_camera_from_a_session(tmp_path: Path) -> None:
 
 
 def looking(editor: Editor, camera: Camera | None, label: str = "orbit") -> None:
-    editor.look_from(Viewpoint(camera), label)
+    editor.looks.look_from(Viewpoint(camera), label)
 
 
 def test_the_view_has_an_undo_of_its_own(editor: Editor) -> None:
     editor.do(SetParameter("pot.1", "alpha", 0.5))
     edited = editor.document
     looking(editor, ASIDE)
-    editor.begin_look("pan")
+    editor.looks.begin_drag("pan")
     for step in range(4):
         looking(editor, ABOVE.model_copy(update={"fov_y": 30.0 + step}))
-    editor.end_look()
+    editor.looks.end_drag()
     for notch in (0.9, 0.8):  # one turn of the wheel
-        editor.look_from(Viewpoint(ABOVE.model_copy(update={"fov_y": 30.0 * notch})), "dolly", "wheel 1")
-    assert [editor.undo_look(), editor.view.look] == ["dolly", (ABOVE.model_copy(update={"fov_y": 33.0}), None)]
-    assert [editor.undo_look(), editor.view.look] == ["pan", (ASIDE, None)]
-    assert [editor.undo_look(), editor.undo_look(), editor.view.look] == ["orbit", None, (None, None)]
+        editor.looks.look_from(Viewpoint(ABOVE.model_copy(update={"fov_y": 30.0 * notch})), "dolly", "wheel 1")
+    assert [editor.looks.undo(), editor.view.look] == ["dolly", (ABOVE.model_copy(update={"fov_y": 33.0}), None)]
+    assert [editor.looks.undo(), editor.view.look] == ["pan", (ASIDE, None)]
+    assert [editor.looks.undo(), editor.looks.undo(), editor.view.look] == ["orbit", None, (None, None)]
     assert editor.document is edited and editor.history.undo_label is not None
-    assert editor.redo_look() == "orbit" and editor.view.camera == ASIDE
+    assert editor.looks.redo() == "orbit" and editor.view.camera == ASIDE
     editor.undo()
-    assert editor.view.camera == ASIDE and editor.redo_look() == "pan"  # the document's undo leaves it alone
+    assert editor.view.camera == ASIDE and editor.looks.redo() == "pan"  # the document's undo leaves it alone
 
 
 def test_a_drag_of_the_camera_that_is_cancelled_leaves_no_step(editor: Editor, client: FakeClient) -> None:
-    editor.begin_look("orbit")
+    editor.looks.begin_drag("orbit")
     looking(editor, ASIDE)
     editor.cancel_drag()
     editor.tick(2.0)
-    assert editor.view.camera is None and editor.undo_look() is None and client.sent(LookFrom) == []
+    assert editor.view.camera is None and editor.looks.undo() is None and client.sent(LookFrom) == []
 
 
 def test_the_scenes_own_camera_is_no_other_one(editor: Editor) -> None:
-    looking(editor, editor.own_camera)
-    assert editor.view.camera is None and editor.undo_look() is None
+    looking(editor, editor.looks.own_camera)
+    assert editor.view.camera is None and editor.looks.undo() is None
     looking(editor, ASIDE)
-    editor.look_from(Viewpoint(editor.own_camera, (8, 6)), "reset")
+    editor.looks.look_from(Viewpoint(editor.looks.own_camera, (8, 6)), "reset")
     assert editor.view.look == (None, None)
 
 
@@ -192,7 +192,7 @@ def test_a_refused_look_leaves_no_step_and_a_hand_that_moved_on_its_view(editor:
     assert editor.status.is_away
     client.answer(client.sent(LookFrom)[-1], Failed("shelf: no memory for it"))
     editor.tick(3.1)
-    assert editor.view.camera is None and editor.undo_look() is None and not editor.status.is_away
+    assert editor.view.camera is None and editor.looks.undo() is None and not editor.status.is_away
     looking(editor, ASIDE)
     editor.tick(4.0)
     editor.tick(5.0)
@@ -210,7 +210,7 @@ def test_another_scene_begins_with_no_steps(editor: Editor, client: FakeClient) 
     editor.open("shelf")
     client.open_scene()
     editor.tick(4.0)
-    assert editor.undo_look() is None and editor.view.bookmarks == ()
+    assert editor.looks.undo() is None and editor.view.bookmarks == ()
 
 
 def test_a_kept_view_is_worth_a_question_and_a_journal(client: FakeClient, tmp_path: Path) -> None:
@@ -233,9 +233,9 @@ def test_a_kept_view_is_worth_a_question_and_a_journal(client: FakeClient, tmp_p
 
 def test_a_view_of_more_pixels_than_there_is_memory_is_refused(editor: Editor, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("app.memory.memory_bytes", lambda: (2**33, 2**33))
-    refusal = editor.look_from(Viewpoint(ASIDE, (16384, 16384)), "a kept view")
+    refusal = editor.looks.look_from(Viewpoint(ASIDE, (16384, 16384)), "a kept view")
     assert refusal is not None and "8.0 GiB are free; choose fewer" in refusal
-    assert editor.view.look == (None, None) and editor.undo_look() is None
+    assert editor.view.look == (None, None) and editor.looks.undo() is None
 
 
 def test_boxes_of_objects_are_framed(editor: Editor, client: FakeClient) -> None:
@@ -243,9 +243,9 @@ def test_boxes_of_objects_are_framed(editor: Editor, client: FakeClient) -> None
     editor.open("shelf")
     client.open_scene(boxes=boxes)
     editor.tick(2.0)
-    assert editor.box_of("pot").tolist() == boxes[0].tolist()
-    assert editor.box_of(None).tolist() == [[-5, -1, -5], [5, 1, 5]]
+    assert editor.looks.box_of("pot").tolist() == boxes[0].tolist()
+    assert editor.looks.box_of(None).tolist() == [[-5, -1, -5], [5, 1, 5]]
     editor.do(SetVisible("floor", False))
-    assert editor.box_of(None).tolist() == boxes[0].tolist()
+    assert editor.looks.box_of(None).tolist() == boxes[0].tolist()
     with pytest.raises(InsituError, match="'lamp'.*pot, floor"):  # it has no surface
-        editor.box_of("lamp")
+        editor.looks.box_of("lamp")

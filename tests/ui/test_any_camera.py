@@ -86,7 +86,7 @@ def something(window: HeadlessWindow, random: Random, folder: Path) -> str:
             shell.do(SetPreference({"mouse": random.choice(("blender", "maya"))}))
             shell.do(SetPreference({"scroll": random.choice(("dolly", "orbit"))}))
         case "size":
-            editor.resize(random.choice((None, (48, 32), (20, 60))))
+            editor.looks.resize(random.choice((None, (48, 32), (20, 60))))
         case "open":
             shell.do(OpenFile("teatray"))
         case "save":
@@ -106,15 +106,15 @@ def test_whatever_a_hand_does(context: moderngl.Context, tmp_path: Path, seed: i
     random, done = Random(seed), list[str]()
     for _ in range(STEPS):
         done.append(something(window, random, tmp_path))
-        assert np.all(np.isfinite(camera_frame(editor.look))), done
-        assert not editor.look_history.dragging and window.shell.state.grip is None, done
+        assert np.all(np.isfinite(camera_frame(editor.looks.camera))), done
+        assert not editor.looks.history.dragging and window.shell.state.grip is None, done
     # Through the view's whole history and back: it stays where it was.
     look, document = editor.view.look, editor.document
-    n = len(editor.look_history.undo_steps)
-    while editor.undo_look() is not None:
-        assert np.all(np.isfinite(camera_frame(editor.look)))
+    n = len(editor.looks.history.undo_steps)
+    while editor.looks.undo() is not None:
+        assert np.all(np.isfinite(camera_frame(editor.looks.camera)))
     for _ in range(n):
-        editor.redo_look()
+        editor.looks.redo()
     assert editor.view.look == look and editor.document is document
     editor.end_drag()
     assert editor.save(tmp_path / "end.insitu") is None and not editor.unsaved

@@ -108,7 +108,7 @@ def expected_colour(editor: Editor) -> np.ndarray:
     layers = OrbitWish.of(document, view).scene.layers
     names = [state.name for state in document.objects]
     own = [said_of_layers([each.layer for each in layers if each.object == name]) for name in names]
-    return colour_of(editor.look, document.light.rotation, 1.0, own)
+    return colour_of(editor.looks.camera, document.light.rotation, 1.0, own)
 
 
 CAMERAS = tuple(Camera(position=(0.3 * i, 1.0, 2.6), target=(0.0, 0.45, 0.0), fov_y=42.0) for i in range(1, 4))
@@ -156,7 +156,7 @@ class OrbitWalk:
     def begin_again(self) -> None:
         """In Orbit, with nothing in hand, and a worker that takes many steps a frame."""
         self.editor.cancel_drag()
-        self.editor.end_look()
+        self.editor.looks.end_drag()
         self.editor.resume_work()
         self.editor.do(SetView.of(mode="orbit", compare=None, solo=None))
         self.client.hurries = True
@@ -171,10 +171,10 @@ COMMANDS: dict[str, Callable[[OrbitWalk], object]] = {
     **{name: command for name, command in OTHERS.items() if name not in ("half", "float")},
     **{f"camera {i}": lambda w, c=c: w.editor.do(SetView.of(camera=c)) for i, c in enumerate(CAMERAS)},
     "the scene's camera": lambda w: w.editor.do(SetView.of(camera=None)),
-    "a look undone": lambda w: w.editor.undo_look(),
-    "take hold of the camera": lambda w: w.editor.begin_look("orbit"),
-    "let the camera go": lambda w: w.editor.end_look(),
-    "turn a little": lambda w: w.editor.look_from(replace_camera(w), "orbit"),
+    "a look undone": lambda w: w.editor.looks.undo(),
+    "take hold of the camera": lambda w: w.editor.looks.begin_drag("orbit"),
+    "let the camera go": lambda w: w.editor.looks.end_drag(),
+    "turn a little": lambda w: w.editor.looks.look_from(replace_camera(w), "orbit"),
     "Placement": lambda w: w.editor.do(SetView.of(mode="placement")),
     "Orbit": lambda w: w.editor.do(SetView.of(mode="orbit")),
     "back to Orbit": lambda w: w.editor.do(SetView.of(mode="orbit")),
@@ -186,7 +186,7 @@ COMMANDS: dict[str, Callable[[OrbitWalk], object]] = {
 
 def replace_camera(walk: OrbitWalk):  # type: ignore[no-untyped-def]
     """The look from a little farther right."""
-    camera = walk.editor.look
+    camera = walk.editor.looks.camera
     x, y, z = camera.position
     return walk.editor.view.look._replace(camera=camera.model_copy(update={"position": (x + 0.05, y, z)}))
 

@@ -195,10 +195,10 @@ def test_a_script_moves_the_camera_keeps_views_and_goes_to_them(window: Headless
     run(window, tmp_path, CAMERA)
     # From +Z at 4.03 m a quarter to the right is +X; 30 degrees up; half as far. 12 mm see 90 degrees.
     half = 0.5 * np.hypot(4.0, 0.5)
-    assert editor.look.position == pytest.approx((half * np.cos(np.pi / 6), 0.5 + half * 0.5, 0.0), abs=1e-6)
-    assert editor.look.fov_y == pytest.approx(90.0) and editor.view.tone_mapping == "agx"
+    assert editor.looks.camera.position == pytest.approx((half * np.cos(np.pi / 6), 0.5 + half * 0.5, 0.0), abs=1e-6)
+    assert editor.looks.camera.fov_y == pytest.approx(90.0) and editor.view.tone_mapping == "agx"
     assert [each.name for each in editor.view.bookmarks] == ["Aside"]
-    steps = [step.label for step in editor.look_history.undo_steps]
+    steps = [step.label for step in editor.looks.history.undo_steps]
     assert steps == ["camera", "camera", "Aside"] and not editor.history.undo_steps
 
 

@@ -14,9 +14,9 @@ from imgui_bundle import imgui
 from numpy.typing import NDArray
 
 from app.document import Document, Selection
-from app.editor import NO_CAMERA
 from app.journal import Recovery
 from app.library import LibraryEntry
+from app.looks import NO_CAMERA
 from app.mode import Mode
 from app.preferences import Preferences
 from app.recent import Recent
