@@ -23,6 +23,7 @@ from app.paths import is_file_name
 from engine.deform.deformers import KINDS
 from engine.deform.pose import Deformation, Poses, without_rest
 from engine.errors import InsituError
+from engine.material.bumps import NO_BUMPS, Bumps, BumpsOf, bump_fields
 from engine.material.layer import Layer, object_of
 from engine.material.maps import map_fields
 from engine.material.model import Factor, Model
@@ -63,6 +64,7 @@ class ObjectState:
 
     ``frozen`` objects and layers refuse edits of their material until they thaw. ``editable`` False marks an object
     that the scene declares fixed. It goes through its ``deformations`` one after another.
+    ``new_bumps`` take the place of the ``own_bumps`` that the scene's file gives it.
     """
 
     name: str
@@ -72,6 +74,13 @@ class ObjectState:
     visible: bool = True
     frozen: bool = False
     deformations: tuple[Deformation, ...] = ()
+    own_bumps: Bumps = NO_BUMPS
+    new_bumps: Bumps | None = None
+
+    @property
+    def bumps(self) -> Bumps:
+        """What turns its normals."""
+        return self.own_bumps if self.new_bumps is None else self.new_bumps
 
     @property
     def emits(self) -> bool:
@@ -147,6 +156,11 @@ class Document:
         """The deformers of all objects that are not as the scene's file has them, by name."""
         return without_rest([(state.name, state.deformations) for state in self.objects])
 
+    @property
+    def new_bumps(self) -> BumpsOf:
+        """The bumps of all objects that are not as the scene's file has them, by name."""
+        return tuple((state.name, state.new_bumps) for state in self.objects if state.new_bumps is not None)
+
     def is_visible(self, key: str) -> bool:
         """Whether the layer takes part in the picture."""
         name, index = split_key(self, key)
@@ -158,7 +172,7 @@ class Document:
 class Target:
     """What a path names. ``key`` is None for an object or the light, ``name`` None for an object or a layer."""
 
-    kind: Literal["object", "layer", "factor", "parameter", "map", "switch", "deformer", "light"]
+    kind: Literal["object", "layer", "factor", "parameter", "map", "switch", "deformer", "bumps", "light"]
     object: str = ""
     layer: int | None = None
     name: str | None = None
@@ -204,6 +218,8 @@ def resolve(document: Document, path: str) -> Target:
         return Target("switch", state.name, name=rest)
     if rest in KINDS and rest not in [layer.name for layer in state.layers]:
         return Target("deformer", state.name, name=rest)
+    if rest in bump_fields() and rest not in [layer.name for layer in state.layers]:
+        return Target("bumps", state.name, name=rest)
     index, rest = _split_layer(state, rest)
     if not rest:
         return Target("layer", state.name, index)
@@ -274,4 +290,4 @@ def document_from_description(source: str, description: SceneDescription) -> Doc
 def _object_state(source: str, described: ObjectDescription) -> ObjectState:
     layers = layers_from_descriptions(source, described.name, described.layers)
     emission = described.emission if described.emits else None
-    return ObjectState(described.name, layers, emission, described.editable)
+    return ObjectState(described.name, layers, emission, described.editable, own_bumps=described.bumps)

@@ -329,7 +329,8 @@ class Editor:
         for response in run("The talk with the worker", partial(self._client.poll, POLL_SECONDS), silence, ()):
             events = events + run("An answer of the worker", partial(self._take, response), none)
         if self.scene_is_open:
-            if self._opening is None and self._tracing.update(now, self.view.look, self.document.poses):
+            sight = self.view.look, self.document.poses, self.document.new_bumps
+            if self._opening is None and self._tracing.update(now, *sight):
                 (self.talk.looked_away if self._tracing.is_away else self.talk.looked_back)()
             made_of = self.document, self.view
             update = partial(self.talk.update, now, *made_of)
@@ -414,7 +415,9 @@ class Editor:
             return []
         opening = self._opening
         if opening is not None and opening.opened is not None:
-            return self._take_scene(opening, opening.opened, response)
+            events = self._take_scene(opening, opening.opened, response)
+            self._tell_flaws(response)
+            return events
         assert self._scene is not None
         self._forget_picture(self._scene.notes)
         self.view = self.view.seen_from(self.view.look)  # which may have moved on
@@ -425,7 +428,14 @@ class Editor:
             self.notify(f"the picture has {width} x {height} pixels")
         if missing := what_is_missing(response.frame):
             self.notify(missing)
+        self._tell_flaws(response)
         return self._shown_scene
+
+    def _tell_flaws(self, response: SceneSeen) -> None:
+        """What bumps are not shown, and why."""
+        if response.flaws:
+            self.notify("; ".join(response.flaws), True)
+            self.gauges.notes += response.flaws
 
     def _take_scene(self, opening: Opening, opened: SceneOpened, response: SceneSeen) -> list[PictureEvent]:
         description = SceneDescription.model_validate_json(opened.description)
@@ -531,7 +541,7 @@ class Editor:
     def _open(self, opening: Opening) -> None:
         self.talk.scene_closed()
         id = self._client.send(opening.request())
-        self._tracing.ask(opening.look(self.resolution), id, opening.poses)
+        self._tracing.ask(opening.look(self.resolution), id, opening.poses, opening.bumps)
         self._reading.forget()
         self._opening = replace(opening, id=id)
         self.gauges.progress = None

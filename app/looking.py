@@ -1,8 +1,8 @@
 """From where the scene is seen, in how many pixels and in which pose: what of that the worker was asked to trace, and
 has traced.
 
-A view is another one as soon as a hand moves it, or an object in it; it is traced once both rest, till then the picture
-before it stays.
+A view is another one as soon as a hand moves it, or an object in it, or turns an object's normals; it is traced once
+all of them rest, till then the picture before it stays.
 """
 
 from __future__ import annotations
@@ -14,28 +14,30 @@ from typing import NamedTuple
 from app.messages import LookFrom, Request, Response
 from app.view_state import Viewpoint
 from engine.deform.pose import Poses
+from engine.material.bumps import BumpsOf
 from engine.scene.picture_frame import PictureFrame
 
 REST_SECONDS = 0.25
 
 
 class Sight(NamedTuple):
-    """What is seen: from where, and the poses of objects in it."""
+    """What is seen: from where, and the poses and bumps of objects in it."""
 
     look: Viewpoint = Viewpoint()
     poses: Poses = ()
+    bumps: BumpsOf = ()
 
 
 class LookTalk:
     """The talk with the worker about the view. ``send`` hands a request over and returns its id.
 
-    ``seen`` is the look, ``seen_poses`` are the poses whose picture there is, of the scene that the request ``scene``
-    opened, by the request ``id``; ``has_resized``: it has other pixels than the one before. ``is_away``: the view is
-    another one.
+    ``seen`` is the look, ``seen_poses`` and ``seen_bumps`` those whose picture there is, of the scene that the request
+    ``scene`` opened, by the request ``id``; ``has_resized``: it has other pixels than the one before. ``is_away``: the
+    view is another one.
     """
 
     def __init__(self, send: Callable[[Request], int]) -> None:
-        self.seen, self.seen_poses = Sight()
+        self.seen, self.seen_poses, self.seen_bumps = Sight()
         self.scene = self.id = 0
         self.is_away = self.has_resized = False
         self._send = send
@@ -46,20 +48,20 @@ class LookTalk:
         self._since = -math.inf
         self._released = False
 
-    def ask(self, look: Viewpoint, scene: int, poses: Poses = ()) -> None:
-        """Have the scene of that number traced from there, in these poses."""
-        self._asked, self._asked_scene = Sight(look, poses), scene
-        self._asked_id = self._send(LookFrom(scene, look.camera, look.resolution, poses))
+    def ask(self, look: Viewpoint, scene: int, poses: Poses = (), bumps: BumpsOf = ()) -> None:
+        """Have the scene of that number traced from there, in these poses and under these bumps."""
+        self._asked, self._asked_scene = Sight(look, poses, bumps), scene
+        self._asked_id = self._send(LookFrom(scene, look.camera, look.resolution, poses, bumps))
 
-    def update(self, now: float, look: Viewpoint, poses: Poses = ()) -> bool:
+    def update(self, now: float, look: Viewpoint, poses: Poses = (), bumps: BumpsOf = ()) -> bool:
         """Once a frame: ask for another look once it rests; whether what is seen came or went with that, see
         `is_away`. now: seconds of a steady clock."""
-        sight, seen = Sight(look, poses), Sight(self.seen, self.seen_poses)
+        sight, seen = Sight(look, poses, bumps), Sight(self.seen, self.seen_poses, self.seen_bumps)
         if sight != self._wish:
             self._wish, self._since = sight, now
         rests, self._released = self._released or now - self._since >= REST_SECONDS, False
         if sight not in (self._asked or seen, self._refused) and rests:
-            self.ask(look, self.scene, poses)
+            self.ask(look, self.scene, poses, bumps)
         was_away, self.is_away = self.is_away, sight != seen or self._asked is not None
         return was_away != self.is_away
 
@@ -72,7 +74,8 @@ class LookTalk:
         if self._asked is None or not self.awaits(response.id):
             return False
         self.has_resized = self._asked.look.resolution != self.seen.resolution
-        (self.seen, self.seen_poses), self.scene, self.id = self._asked, self._asked_scene, response.id
+        self.seen, self.seen_poses, self.seen_bumps = self._asked
+        self.scene, self.id = self._asked_scene, response.id
         self._asked, self._refused, self.is_away = None, None, False
         return True
 

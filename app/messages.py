@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from app.document import Document
     from engine.deform.pose import Poses
+    from engine.material.bumps import BumpsOf
     from engine.material.layer import Layer
     from engine.measured.measurement import Measurement
     from engine.scene.description import Camera
@@ -85,7 +86,8 @@ class OpenScene(Request):
 @dataclass(frozen=True)
 class LookFrom(Request):
     """Trace what the scene of this number (that of its `OpenScene`) shows from a camera, in so many pixels (width,
-    height), None: as its file has them; with objects in these poses. Answered by `SceneSeen`."""
+    height), None: as its file has them; with objects in these poses and under these bumps.
+    Answered by `SceneSeen`."""
 
     built_on = (OpenScene,)
     alone = True
@@ -94,6 +96,7 @@ class LookFrom(Request):
     camera: Camera | None = None
     resolution: tuple[int, int] | None = None
     poses: Poses = ()
+    bumps: BumpsOf = ()
 
 
 @dataclass(frozen=True)
@@ -182,9 +185,10 @@ class SceneOpened(Response):
 
 @dataclass(frozen=True, eq=False)
 class SceneSeen(Response):
-    """What the camera sees."""
+    """What the camera sees; flaws: what is wrong with images of bumps, which are flat then, a line each."""
 
     frame: PictureFrame
+    flaws: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

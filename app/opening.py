@@ -13,6 +13,7 @@ from app.session import Session, fit_session, load_session
 from app.sources import source_of
 from app.view_state import Viewpoint
 from engine.deform.pose import Poses
+from engine.material.bumps import BumpsOf
 from engine.scene.description import SceneDescription
 
 
@@ -55,6 +56,11 @@ class Opening:
         """From where it is seen first; resolution (width, height) in place of the scene's own and the session's."""
         look = Viewpoint() if self.session is None else self.session.view.look
         return look if resolution is None else look._replace(resolution=resolution)
+
+    @property
+    def bumps(self) -> BumpsOf:
+        """Under which bumps it is seen first, where they are not the scene's own."""
+        return () if self.session is None else self.session.document.new_bumps
 
     @property
     def poses(self) -> Poses:

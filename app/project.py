@@ -99,7 +99,8 @@ def open_project(
         document = _read(fit_session(session, document, str(source.session)))
     for where, value in values:
         document = _read(set_path(document, where, value).apply(document))
-    scene = posed(scene.shining(dict(emission_of(document))), document.poses)
+    scene = posed(scene.shining(dict(emission_of(document))), document.poses).bumped(dict(document.new_bumps))
+    scene.relief.require()
     if session is None:
         return Project(scene, document)
     return Project(

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic import Field, PlainValidator, ValidationError, field_validator, model_validator
 
 from app.atomic import save_file
 from app.bookmarks import MAX_BOOKMARKS, MAX_NAME, MAX_THUMBNAIL_BYTES, check_thumbnail, is_name
@@ -30,10 +30,12 @@ from app.view_state import AS_PLANNED, Bookmark, SetView, Viewpoint, ViewState
 from engine.colour import ToneMapping
 from engine.deform.pose import Deformation
 from engine.errors import InsituError, LoadError
+from engine.material.bumps import Bumps, bump_parts, bumps_of_parts
+from engine.material.parameters import ParameterError
 from engine.plan import N_PATCHES
 from engine.scene.complaints import first_complaint
 from engine.scene.description import MAX_BOUNCES, MAX_OBJECTS, Camera, Name, Number, Pixels, Radiance, Text
-from engine.scene.toml_text import check_version, load_toml, toml_lines
+from engine.scene.toml_text import check_version, load_toml, toml_lines, toml_value
 
 SUFFIX = SESSION_ENDING
 SESSION_VERSION = 1
@@ -58,6 +60,19 @@ class DeformerRecord(StrictModel):
         return Deformation(self.kind, self.amount, self.axis)
 
 
+def _bumps(value: object) -> Bumps:
+    """What an object's normals are turned by, from its parts by name."""
+    if not isinstance(value, dict):
+        raise ValueError("a table")
+    try:
+        return bumps_of_parts(value)
+    except ParameterError as error:
+        raise ValueError(f"{error.what}: {error.expected}") from None
+
+
+SavedBumps = Annotated[Bumps, PlainValidator(_bumps)]
+
+
 class ObjectRecord(StrictModel):
     name: Name
     visible: Flag = True
@@ -65,6 +80,7 @@ class ObjectRecord(StrictModel):
     editable: Flag = True
     emission: Radiance | None = None
     layers: tuple[LayerRecord, ...] = Field(default=(), alias="layer", max_length=MAX_LAYERS)
+    bumps: SavedBumps | None = None
     deformers: tuple[DeformerRecord, ...] = Field(default=(), alias="deformer", max_length=MAX_DEFORMERS)
 
 
@@ -226,7 +242,9 @@ def _shining_as_in(scene: ObjectState, saved: ObjectState) -> ObjectState:
     """What is saved of an object; whether it shines, the scene alone says, and what it is made of where that is not
     saved."""
     emission = saved.emission or scene.emission if scene.emits else None
-    return replace(saved, emission=emission, layers=saved.layers or scene.layers)
+    new = saved.new_bumps if saved.new_bumps != scene.own_bumps and not scene.emits else None
+    layers = saved.layers or scene.layers
+    return replace(saved, emission=emission, layers=layers, own_bumps=scene.own_bumps, new_bumps=new)
 
 
 def dump_session(
@@ -253,6 +271,8 @@ def _object_lines(state: ObjectState, folder: Path | None) -> Iterator[str]:
     switches = {"visible": state.visible, "frozen": state.frozen, "editable": state.editable}
     yield "[[object]]"
     yield from toml_lines({"name": state.name, **switches, "emission": state.emission})
+    if state.new_bumps is not None:
+        yield f"bumps = {toml_value(bump_parts(state.new_bumps))}"
     yield from layer_lines(state.layers, "object.layer", folder)
     for deformation in state.deformations:
         yield "[[object.deformer]]"
@@ -281,7 +301,14 @@ def _object(file: str, record: ObjectRecord) -> ObjectState:
     layers = with_full_paths(layers_of(file, record.name, record.layers), Path(file).resolve().parent)
     deformations = tuple(each.deformation for each in record.deformers)
     return ObjectState(
-        record.name, layers, record.emission, record.editable, record.visible, record.frozen, deformations
+        record.name,
+        layers,
+        record.emission,
+        record.editable,
+        record.visible,
+        record.frozen,
+        deformations,
+        new_bumps=record.bumps,
     )
 
 

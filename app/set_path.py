@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from app.commands import EditCommand
+from app.commands.bumps import SetBumps
 from app.commands.layers import SetEditable, SetFresnelTerm, SetFrozen, SetParameter, SetVisible
 from app.commands.light import SetEmission, SetEnvironment, SetIntensity, SetMapping, SetRotation
 from app.commands.maps import SetMap
@@ -34,6 +35,8 @@ def set_path(document: Document, path: str, value: Any) -> EditCommand:
         return SetParameter(target.key, target.name, value)
     if target.kind == "map" and target.key is not None and target.name is not None:
         return SetMap(target.key, target.name, value)
+    if target.kind == "bumps" and target.name is not None:
+        return SetBumps(target.object, target.name, value)
     if target.kind == "deformer" and target.name is not None:
         return with_amounts(document, target.object, {target.name: value})
     if target.kind == "light":

@@ -14,6 +14,7 @@ from typing import cast
 
 from app.bookmarks import kept, renamed
 from app.commands import EditCommand
+from app.commands.bumps import SetBumps
 from app.commands.light import lit_by
 from app.commands.maps import IMAGE_SUFFIXES, SetMap, image_name, with_full_names
 from app.commands.paint import without_strokes
@@ -29,6 +30,7 @@ from app.selecting import seen_layer
 from app.sources import EXPECTED, LIGHT_ENDINGS, PICTURE_ENDINGS, SCENE_ENDINGS, SESSION_ENDING
 from app.view_state import OpenPanel, SetView, ViewCommand, Viewpoint
 from engine.errors import InsituError
+from engine.material.bumps import BUMP_KINDS
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 from engine.scene.builtin import builtin_scenes
 from ui.clipboard import Clipboard
@@ -284,7 +286,8 @@ class Actor:
 
     def _open_image(self, path: Path, key: str, name: str) -> None:
         if self._is_there(path):
-            self._editor.do(SetMap(key, name, image_name(path, self._editor.document.source)))
+            file = image_name(path, self._editor.document.source)
+            self._editor.do(SetBumps(key, name, file) if name in BUMP_KINDS else SetMap(key, name, file))
 
     def _is_there(self, path: Path) -> bool:
         """Whether it is a file, and if so its folder remembered; else that is said."""

@@ -52,7 +52,9 @@ def precompute(
     talk = TransportTalk(client.send, curves)
     scene = client.send(OpenScene(project.document.source))
     _until(client, SceneOpened, report)
-    client.send(LookFrom(scene, project.scene.description.camera, project.scene.resolution, project.document.poses))
+    document, seen = project.document, project.scene
+    camera = seen.description.camera
+    client.send(LookFrom(scene, camera, seen.resolution, document.poses, document.new_bumps))
     _until(client, SceneSeen, report)
     talk.scene_opened()
     n_bounces = project.n_bounces or project.scene.description.bounces or AS_PLANNED

@@ -6,6 +6,7 @@ when that is not there, is frozen, or the value is outside its range. A new one 
 
 from __future__ import annotations
 
+from app.commands.bumps import SetBumps
 from app.commands.curves import (
     AddOperator,
     CollapseOperators,
@@ -27,7 +28,7 @@ from app.commands.series import SetFirstBands
 EditCommand = (
     SetParameter | SetModel | SetOperators | AddOperator | ReplaceOperator | RemoveOperator | MoveOperator
     | MuteOperator | CollapseOperators | ResetCurve | SetVisible | SetFrozen | SetFresnelTerm | SetEditable
-    | SetMap | Paint | BlendByMap | ClearMap | SetMaterial | AddLayers | RemoveLayer | SetRotation | SetIntensity
-    | SetEnvironment | SetMapping | SetEmission | SetFirstBands | SetPose | AddDeformer | SetDeformer | MoveDeformer
-    | RemoveDeformer
+    | SetBumps | SetMap | Paint | BlendByMap | ClearMap | SetMaterial | AddLayers | RemoveLayer | SetRotation
+    | SetIntensity | SetEnvironment | SetMapping | SetEmission | SetFirstBands | SetPose | AddDeformer | SetDeformer
+    | MoveDeformer | RemoveDeformer
 )  # fmt: skip

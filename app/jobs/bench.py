@@ -73,7 +73,7 @@ class Bench:
         if seen.scene is None:
             raise InsituError("no scene is open")
         scene, caster = seen.posed(request.poses)
-        placement = Placement(scene.seen_from(request.camera, request.resolution), caster)
+        placement = Placement(scene.bumped(dict(request.bumps)).seen_from(request.camera, request.resolution), caster)
         self._scene, self._loaded = seen, _Loaded()
         self._placement, self.view_id = placement, request.id
         self.geometry_key = _geometry_key(placement.scene)

@@ -78,7 +78,8 @@ class Tasks:
         for work in self._works:
             work.scene_seen()
         placement = self.bench.open_placement
-        yield SceneSeen(picture_frame(placement.hits, placement.scene.eye))
+        flaws = tuple(" ".join(str(error).split()) for error in placement.scene.relief.flaws.values())
+        yield SceneSeen(picture_frame(placement.hits, placement.scene.eye), flaws)
 
     def _read(self, request: ReadMeasured) -> Steps:
         yield from read_for(request, self.bench.store)

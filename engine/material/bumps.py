@@ -61,6 +61,8 @@ class Bumps:
         return self.bump_strength * (self.bump_height if self.bump_map else 1.0)
 
 
+# By the names of objects.
+BumpsOf = tuple[tuple[str, Bumps], ...]
 NO_BUMPS = Bumps()
 BUMP_KINDS = ("normal_map", "bump_map")
 
@@ -112,6 +114,19 @@ def bump_values(bumps: Bumps) -> dict[str, Any]:
     if bumps.bump_repeats != (1.0, 1.0):
         table["repeats"] = list(bumps.bump_repeats)
     return {bumps.kind: table}
+
+
+def bump_parts(bumps: Bumps) -> dict[str, Any]:
+    """All parts that differ from the default, by field: what sessions say."""
+    return {name: getattr(bumps, name) for name in bump_fields() if getattr(bumps, name) != getattr(NO_BUMPS, name)}
+
+
+def bumps_of_parts(parts: Mapping[str, object]) -> Bumps:
+    """The same back. Raises ParameterError."""
+    bumps = NO_BUMPS
+    for name, value in parts.items():
+        bumps = set_bump_field(bumps, name, value)
+    return bumps
 
 
 _KEYS = {"scale": "bump_strength", "height": "bump_height", "repeats": "bump_repeats"}

@@ -71,7 +71,7 @@ class Scene:
 
     @cached_property
     def relief(self) -> Relief:
-        """What its normal and bump maps do to normals. Raises LoadError."""
+        """What its normal and bump maps do to normals."""
         return Relief(self)
 
     def bumped(self, bumps: Mapping[str, Bumps]) -> Scene:

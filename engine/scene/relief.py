@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.errors import LoadError
 from engine.scene.surface_uvs import between, corner_uvs, uvs_at
 from engine.texture.pyramid import Pyramid
 
@@ -46,19 +47,32 @@ class _Cover:
 
 
 class Relief:
-    """A scene's bumps. Safe to use from several threads."""
+    """A scene's bumps. Safe to use from several threads.
+
+    flaws: what is wrong with the images of objects, by name; these objects are flat.
+    """
 
     def __init__(self, scene: Scene) -> None:
-        """Reads the images; raises LoadError."""
+        """Reads the images."""
         self._scene = scene
         self._covers: dict[int, _Cover] = {}
+        self.flaws: dict[str, LoadError] = {}
         for i, described in enumerate(scene.description.objects):
-            slopes = None if described.emits or described.bumps.are_flat else scene.textures.slopes(described.bumps)
+            try:
+                slopes = None if described.emits or described.bumps.are_flat else scene.textures.slopes(described.bumps)
+            except LoadError as error:
+                self.flaws[described.name] = error
+                continue
             if slopes is not None:
                 tangents, hands = np.zeros((0, 3, 3)), np.zeros(0)
                 if described.bumps.normal_map:
                     tangents, hands = corner_tangents(scene, i)
                 self._covers[i] = _Cover(described.bumps, slopes, scene.triangle_ranges[i, 0], tangents, hands)
+
+    def require(self) -> None:
+        """Raises the LoadError of the first image that cannot be used."""
+        for error in self.flaws.values():
+            raise error
 
     @property
     def objects(self) -> tuple[int, ...]:

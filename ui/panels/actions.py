@@ -143,7 +143,7 @@ class OpenFile:
 
 @dataclass(frozen=True)
 class AskFile:
-    """Ask for a file name without stopping the picture; of an image for the layer `key`."""
+    """Ask for a file name without stopping the picture; of an image for the layer, or for bumps the object, `key`."""
 
     purpose: str
     key: str = ""
@@ -151,7 +151,7 @@ class AskFile:
 
 @dataclass(frozen=True)
 class OpenImage:
-    """Make a file the "texture" or the "weight" of a layer."""
+    """Make a file the "texture" or the "weight" of a layer, or the "normal_map" or "bump_map" of an object."""
 
     path: Path
     key: str

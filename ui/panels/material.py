@@ -12,7 +12,7 @@ from app.linked_layers import group_of
 from app.reading import describe_measurement
 from engine.material import MODELS, Layer, Parameter
 from engine.measured.measurement import Measurement
-from ui.panels import colours, emitter, fields, maps, widgets
+from ui.panels import bumps, colours, emitter, fields, maps, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag, SetPanel
 from ui.panels.context import PanelContext
 from ui.theme import Icon
@@ -44,6 +44,8 @@ def draw(context: PanelContext) -> list[Action]:
         actions += _parameter(context, selection.key, layer, parameter, width)
     if _shows_images(context, layer):
         actions += maps.draw(context, selection.key, layer.maps, width)
+    if context.state.shows_images or state.bumps.file:
+        actions += bumps.draw(context, state, width)
     imgui.end_disabled()
     if note := _sharing_note(state, selection.layer):
         widgets.caption(note)
@@ -97,7 +99,7 @@ def _switches(context: PanelContext, key: str, layer: Layer) -> list[Action]:
 def _image_switch(context: PanelContext, layer: Layer) -> list[Action]:
     """Whether the rows of images are shown; those of a layer that has some always are."""
     shown = _shows_images(context, layer)
-    hint = "A texture that multiplies the layer, and a map of how much of it there is."
+    hint = "A texture that multiplies the layer, a map of how much of it there is, and the object's bumps."
     pressed = widgets.segments(context, "material.images", [("Images", hint)], 0 if shown else -1)
     return [] if pressed is None else [SetPanel({"shows_images": not context.state.shows_images})]
 
