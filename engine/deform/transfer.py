@@ -32,11 +32,13 @@ _GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 @dataclass(frozen=True, eq=False)
 class TransferPoints:
     """P points to be simulated: where (`SurfacePoints`); frames (P, 3, 3), rows tangent, bitangent, normal; and the
-    caster's triangles as corners (T, 3), numbers of these points, -1 for triangles that are none of theirs."""
+    caster's triangles as corners (T, 3), numbers of these points, -1 for triangles that are none of theirs. normals
+    (T, 3): which way those face, of any length; None: as their corners lie."""
 
     points: SurfacePoints
     frames: Floats
     corners: NDArray[np.int32]
+    normals: Floats | None = None
 
 
 def unshadowed(n_points: int, n: int) -> Floats:
@@ -116,7 +118,7 @@ def _hits(mesh: TransferPoints, caster: RayCaster) -> Generator[float, None, _Hi
     n_points = len(mesh.frames)
     counts = np.zeros(n_points + 1, np.int64)
     parts: list[tuple[NDArray, NDArray, NDArray]] = []
-    normals = _face_normals(mesh)
+    normals = _face_normals(mesh) if mesh.normals is None else mesh.normals
     for start, stop, (origins, directions) in ray_blocks(mesh, cosine_directions(N_BOUNCE_RAYS, 1)[0]):
         found = caster.intersect(origins, directions)
         is_front = np.einsum("rc,rc->r", directions, normals[found.triangle]) < 0.0

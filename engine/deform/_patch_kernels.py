@@ -1,0 +1,39 @@
+"""Compiled look-ups in textures of zonal lobes.
+
+Kernels never validate: `engine.deform.patches` does.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Singles = NDArray[np.float32]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def look_up_range(
+    low: Singles, axes: Singles, coefficients: Singles, uvs: NDArray[np.float64],
+    start: int, stop: int, found_low: Singles, found_axes: Singles, found_coefficients: Singles,
+) -> None:  # fmt: skip
+    """Fill the found ones [start:stop] (P, ...) at texture coordinates (P, 2), v upwards, from maps (H, W, ...)."""
+    n_rows, n_columns = low.shape[0], low.shape[1]
+    for p in range(start, stop):
+        column = (uvs[p, 0] - math.floor(uvs[p, 0])) * n_columns - 0.5
+        row = (1.0 - (uvs[p, 1] - math.floor(uvs[p, 1]))) * n_rows - 0.5
+        left, top = math.floor(column), math.floor(row)
+        beside, below = np.float32(column - left), np.float32(row - top)
+        found_low[p] = 0.0
+        for down in range(2):
+            for right in range(2):
+                share = (below if down else np.float32(1.0) - below) * (beside if right else np.float32(1.0) - beside)
+                texel = low[(int(top) + down) % n_rows, (int(left) + right) % n_columns]
+                for k in range(4):
+                    found_low[p, k] += share * texel[k]
+        nearest_row = (int(top) + (1 if below >= 0.5 else 0)) % n_rows
+        nearest_column = (int(left) + (1 if beside >= 0.5 else 0)) % n_columns
+        found_axes[p] = axes[nearest_row, nearest_column]
+        found_coefficients[p] = coefficients[nearest_row, nearest_column]

@@ -1,0 +1,88 @@
+"""Heights of small patches that repeat over a surface: made by formula, or a picture's brightness.
+
+Each is (H, W), in sides of the patch, row 0 at the top, and goes on without a seam on all sides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+
+SIDE = 128
+
+
+def bumps(side: int = SIDE) -> Floats:
+    """Half balls in rows that are set off against each other."""
+    u, v = _places(side)
+    radius, height = 0.19, np.zeros((side, side))
+    for at_u, at_v in ((0.25, 0.25), (0.75, 0.25), (0.0, 0.75), (0.5, 0.75)):
+        square = _apart(u, at_u) ** 2 + _apart(v, at_v) ** 2
+        height = np.maximum(height, np.sqrt(np.maximum(radius**2 - square, 0.0)))
+    return height
+
+
+def waffle(side: int = SIDE) -> Floats:
+    """Square pits with slanting sides between bars."""
+    u, v = _places(side)
+    to_bar = np.minimum(*(0.125 - np.abs(np.mod(each, 0.25) - 0.125) for each in (u, v)))
+    return 0.12 * (1.0 - _smooth((to_bar - 0.02) / 0.045))
+
+
+def swirl(side: int = SIDE) -> Floats:
+    """Ridges that wind about the patch's middle and flatten out towards its edge."""
+    u, v = _places(side)
+    x, y = u - 0.5, v - 0.5
+    radius = np.hypot(x, y)
+    wave = 0.5 + 0.5 * np.cos(3.0 * np.arctan2(y, x) + 40.0 * radius)
+    return 0.06 * wave * _smooth(radius / 0.06) * (1.0 - _smooth((radius - 0.3) / 0.18))
+
+
+def weave(side: int = SIDE) -> Floats:
+    """Four threads each way, round, that go over and under each other."""
+    u, v = _places(side)
+    up, across = (_thread(each) for each in (u, v))
+    # At a crossing one lies above: crossings take turns like the squares of a chess board.
+    turn = np.cos(4.0 * np.pi * u) * np.cos(4.0 * np.pi * v)
+    return np.asarray(0.03 * np.maximum(up * (1.0 + 0.8 * turn), across * (1.0 - 0.8 * turn)))
+
+
+def of_image(image: ArrayLike, height: float = 0.1) -> Floats:
+    """From a picture's brightness (H, W) or linear RGB (H, W, 3): black at 0, its brightest at `height` [Sloan05, 6].
+
+    Raises ValueError where it is not a picture of finite numbers.
+    """
+    values = np.asarray(image, np.float64)
+    if values.ndim not in (2, 3) or 0 in values.shape or not np.isfinite(values).all():
+        raise ValueError(f"a picture of shape {values.shape}, expected finite (H, W) or (H, W, 3)")
+    grey = values @ (0.2126, 0.7152, 0.0722) if values.ndim == 3 else values
+    low, high = float(grey.min()), float(grey.max())
+    return np.asarray((grey - low) * (height / (high - low)) if high > low else np.zeros(grey.shape))
+
+
+PATTERNS: dict[str, Callable[..., Floats]] = {"bumps": bumps, "waffle": waffle, "swirl": swirl, "weave": weave}
+
+
+def _places(side: int) -> tuple[Floats, Floats]:
+    """u and v (H, W) of the texels' middles."""
+    middle = (np.arange(side) + 0.5) / side
+    return np.tile(middle, (side, 1)), np.tile(1.0 - middle[:, None], (1, side))
+
+
+def _apart(value: Floats, place: float, period: float = 1.0) -> Floats:
+    """The distance to the nearest of places that repeat."""
+    return np.abs(np.mod(value - place + period / 2.0, period) - period / 2.0)
+
+
+def _thread(value: Floats) -> Floats:
+    """The profile of threads that lie a quarter apart."""
+    return np.asarray(np.sqrt(np.maximum(1.0 - (_apart(value, 0.0, 0.25) / 0.11) ** 2, 0.0)))
+
+
+def _smooth(value: Floats) -> Floats:
+    """From 0 below 0 to 1 above 1 without a kink."""
+    t = np.clip(value, 0.0, 1.0)
+    return np.asarray(t * t * (3.0 - 2.0 * t))
