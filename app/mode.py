@@ -166,7 +166,8 @@ class Mode:
     """A mode by its name and, for people, its title.
 
     talk: makes its talk at the editor's desk. As "module:name", for only one process or layer imports them: work, its
-    `ModeWork`; picture, its `ui.picture_feed.PictureSource`; accuracy, what draws its part of the Accuracy panel.
+    `ModeWork`; picture, its `ui.picture_feed.PictureSource`; accuracy, what draws its part of the Accuracy panel;
+    tools, what it has for the selected object, above its material.
     """
 
     name: str
@@ -175,3 +176,4 @@ class Mode:
     work: str
     picture: str
     accuracy: str = ""
+    tools: str = ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from app.deform.talk import DeformTalk
 from app.mode import Mode
 from app.orbit.talk import OrbitTalk
 from app.placement.talk import PlacementTalk
@@ -22,4 +23,13 @@ ORBIT = Mode(
     picture="ui.orbit_feed:OrbitFeed",
     accuracy="ui.panels.accuracy_orbit:draw",
 )
-MODES = (PLACEMENT, ORBIT)
+DEFORM = Mode(
+    "deform",
+    "Deform",
+    DeformTalk,
+    work="app.jobs.deform:DeformWork",
+    picture="ui.orbit_feed:OrbitFeed",
+    accuracy="ui.panels.accuracy_deform:draw",
+    tools="ui.panels.deformers:draw",
+)
+MODES = (PLACEMENT, ORBIT, DEFORM)

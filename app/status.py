@@ -61,6 +61,11 @@ class Status:
     stopped: bool = False
 
     @property
+    def goes_with_hand(self) -> bool:
+        """Whether what is seen is of the view as it is, and not of the one that was traced last."""
+        return False
+
+    @property
     def is_finished(self) -> bool:
         """Whether nothing more comes: all that was asked for is in the picture."""
         return self.picture in ("finished", "exact")

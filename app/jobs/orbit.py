@@ -65,7 +65,7 @@ class OrbitWork(ModeWork):
             orbit.shine(dict(scene.emission))
             self._emission = scene.emission
         orbit.set_light(sky)
-        orbit.set_layers(_by_object(orbit.scene, scene.layers))
+        orbit.set_layers(layers_by_object(orbit.scene, scene.layers))
         if request.n_bounces:
             orbit.set_bounces(request.n_bounces)
         self._prepared = request.id
@@ -115,7 +115,7 @@ def _rehearsed(orbit: Orbit) -> Steps:
         yield from told_as(orbit.drawing(camera, (8, 8), quality), lambda step: None)
 
 
-def _by_object(scene: Scene, layers: Sequence[LayerState]) -> dict[int, tuple[Layer, ...]]:
+def layers_by_object(scene: Scene, layers: Sequence[LayerState]) -> dict[int, tuple[Layer, ...]]:
     """The layers of each object, by its index."""
     return {
         index: tuple(state.layer for state in layers if state.object == name)

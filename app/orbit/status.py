@@ -14,3 +14,8 @@ class OrbitStatus(Status):
 
     drawn_resolution: tuple[int, int] = (0, 0)
     drawn_seconds: float = 0.0
+
+    @property
+    def goes_with_hand(self) -> bool:
+        """It is: pictures are drawn as the hand moves."""
+        return True

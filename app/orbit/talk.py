@@ -20,7 +20,7 @@ from dataclasses import replace
 
 from app.commands import EditCommand
 from app.document import Document
-from app.messages import Cancel, Failed, Response
+from app.messages import Cancel, Failed, Request, Response
 from app.mode import Desk, ModeTalk, OpenedScene
 from app.orbit.events import OrbitPicture
 from app.orbit.messages import DrawOrbit, OrbitAdvanced, OrbitDrawn, OrbitUnknown, PrepareOrbit, Quality
@@ -32,8 +32,9 @@ from app.placement.messages import ComputeTransport
 from app.placement.talk import PlacementTalk
 from app.status import PictureState, Status
 from app.view_state import Viewpoint, ViewState
+from engine.deform.pose import Poses
 from engine.material.layer import Layer
-from engine.scene.description import CameraDescription
+from engine.scene.description import Camera, CameraDescription
 
 # A hand that was still for so long rests.
 REST_SECONDS = 0.2
@@ -43,7 +44,12 @@ PLACEMENT_FOLLOWS = "Placement computes this view, and fades in when it is there
 
 
 class OrbitTalk(ModeTalk):
-    """The talk of Orbit; `placement` is that of the view at rest."""
+    """The talk of Orbit; `placement` is that of the view at rest. Another mode whose pictures are drawn in the worker
+    says what it is called, what it wants made ready, and what it has drawn."""
+
+    title = "Orbit"
+    prepares: type[Request] = PrepareOrbit
+    draws: type[Request] = DrawOrbit
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
@@ -59,6 +65,7 @@ class OrbitTalk(ModeTalk):
         self._wish_made_of: tuple[object, ...] = ()
         self._moved_at = -math.inf
         self._look: Viewpoint | None = None
+        self._poses: Poses = ()
         self._prepare_id = 0
         self._is_stopped = False
         self._known_light = KnownLight()
@@ -117,7 +124,7 @@ class OrbitTalk(ModeTalk):
             self._asked = None
 
     def left(self) -> None:
-        self._desk.send(Cancel(of=(PrepareOrbit, DrawOrbit)))
+        self._desk.send(Cancel(of=(self.prepares, self.draws)))
         self.placement.left()
 
     def edited(self, command: EditCommand | None = None) -> None:
@@ -181,7 +188,7 @@ class OrbitTalk(ModeTalk):
         said = {
             "picture": self._picture,
             "missing_note": note,
-            "shown_by": "Orbit",
+            "shown_by": self.title,
             "precomputed_mb": self._n_bytes / 1e6,
         }
         return OrbitStatus(**(vars(status) | said), drawn_resolution=resolution, drawn_seconds=self._seconds)
@@ -202,7 +209,7 @@ class OrbitTalk(ModeTalk):
         """Whether Orbit shows all it can of the document and the view."""
         shown = self._shown
         return (
-            shown is not None and shown.quality == "rest" and shown.look == self._look
+            shown is not None and shown.quality == "rest" and (shown.look, shown.poses) == (self._look, self._poses)
             and shown.made_of == self._known and self._is_known_to_be_done and self._asked == self._wish
             and self._has_followed
         )  # fmt: skip
@@ -216,6 +223,22 @@ class OrbitTalk(ModeTalk):
             view.solo,
             view.n_bounces,
         ) == self._wish_made_of and view.look == self._look
+
+    # ------------------------------------------------------------------------------------------- what modes differ in
+
+    def _wish_of(self, document: Document, view: ViewState) -> OrbitWish:
+        """What pictures are to be drawn of."""
+        return OrbitWish.of(document, view)
+
+    def _poses_of(self, document: Document) -> Poses:
+        """The poses that are drawn; none where objects stand as the worker has traced them."""
+        return ()
+
+    def _preparation(self, wish: OrbitWish) -> Request:
+        return PrepareOrbit(wish.scene, wish.n_bounces)
+
+    def _draw_request(self, camera: Camera, wanted: Drawing) -> Request:
+        return DrawOrbit(camera, wanted.resolution, wanted.quality)
 
     # --------------------------------------------------------------------------------------------------------- asking
 
@@ -239,11 +262,12 @@ class OrbitTalk(ModeTalk):
         made_of = document, view.solo, view.n_bounces
         wish = self._wish
         if wish is None or self._wish_made_of != made_of:
-            wish, self._wish_made_of = OrbitWish.of(document, view), made_of
-        if (wish, view.look) != (self._wish, self._look):
+            wish, self._wish_made_of = self._wish_of(document, view), made_of
+        poses = self._poses_of(document)
+        if (wish, view.look, poses) != (self._wish, self._look, self._poses):
             self._moved_at = -math.inf if self._wish is None else now
             self._is_stopped = self._is_stopped and wish == self._wish
-            self._wish, self._look = wish, view.look
+            self._wish, self._look, self._poses = wish, view.look, poses
 
     def _update_placement(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
         """Placement's part, where it has one; it loses that as soon as its picture is not the document's. That stays on
@@ -281,7 +305,7 @@ class OrbitTalk(ModeTalk):
         if self._desk.history.dragging and shown is not None and shown.made_of.prepared != self._prepare_id:
             return
         self._asked = wish
-        self._prepare_id = self._desk.send(PrepareOrbit(wish.scene, wish.n_bounces))
+        self._prepare_id = self._desk.send(self._preparation(wish))
 
     def _draw(self, now: float) -> None:
         """Ask for a picture, where there is another one than is shown or under way."""
@@ -300,7 +324,7 @@ class OrbitTalk(ModeTalk):
         assert self._own_camera is not None
         self._drawing, self._drawn_at = wanted, now
         camera = wanted.look.camera or self._own_camera
-        self._drawing_id = self._desk.send(DrawOrbit(camera, wanted.resolution, wanted.quality))
+        self._drawing_id = self._desk.send(self._draw_request(camera, wanted))
 
     def _wanted(self, now: float) -> Drawing | None:
         """The best picture that there could be now; None before there could be any."""
@@ -309,7 +333,8 @@ class OrbitTalk(ModeTalk):
         whole = self._whole
         rests = now - self._moved_at >= REST_SECONDS
         quality: Quality = "rest" if rests and self._is_known_to_be_done else "moving"
-        return Drawing(self._look, whole if rests else self._pace.resolution(whole), quality, self._known)
+        resolution = whole if rests else self._pace.resolution(whole)
+        return Drawing(self._look, resolution, quality, self._known, self._poses)
 
     @property
     def _whole(self) -> tuple[int, int]:
@@ -320,7 +345,7 @@ class OrbitTalk(ModeTalk):
     def _only_better(self, wanted: Drawing) -> bool:
         """Whether it shows the same as is seen, a little further computed."""
         shown = self._shown
-        if shown is None or wanted.look != shown.look or wanted.made_of.is_done:
+        if shown is None or (wanted.look, wanted.poses) != (shown.look, shown.poses) or wanted.made_of.is_done:
             return False
         return shown.made_of.prepared == wanted.made_of.prepared
 

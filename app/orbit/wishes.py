@@ -9,6 +9,7 @@ from app.orbit.messages import Quality
 from app.scene_state import LayerState, SceneState, scene_state
 from app.solo import is_seen
 from app.view_state import Viewpoint, ViewState
+from engine.deform.pose import Poses
 
 # Seconds that a picture may take while something moves; fewer pixels are drawn where it takes longer.
 MOVING_SECONDS = 0.04
@@ -44,17 +45,18 @@ class Known:
 
 @dataclass(frozen=True)
 class Drawing:
-    """A picture that was asked for, or has come: from where, in how many pixels (width, height), how well, and of
-    what."""
+    """A picture that was asked for, or has come: from where, in how many pixels (width, height), how well, of what, and
+    in which poses."""
 
     look: Viewpoint
     resolution: tuple[int, int]
     quality: Quality
     made_of: Known = Known()
+    poses: Poses = ()
 
     def is_as_good_as(self, other: Drawing) -> bool:
         """Whether it shows the same, in as many pixels and as well."""
-        if (self.look, self.made_of) != (other.look, other.made_of):
+        if (self.look, self.made_of, self.poses) != (other.look, other.made_of, other.poses):
             return False
         return self.resolution >= other.resolution and (self.quality == "rest" or other.quality == "moving")
 

@@ -19,13 +19,14 @@ from engine.deform import _transfer_kernels as kernels
 from engine.scene.raycaster import RayCaster
 from engine.scene.surface_points import SurfacePoints
 from engine.sphere.harmonics import basis, quadrature
+from engine.steps import told_as
 from engine.threads import even_parts, on_threads
 
 Floats = NDArray[np.float64]
 
 N_RAYS = 5000
 N_BOUNCE_RAYS = 1000
-_BLOCK_RAYS = 1 << 20
+_BLOCK_RAYS = 1 << 18  # a piece of work that pictures can be drawn between
 _GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 
 
@@ -51,21 +52,36 @@ def simulate(
 ) -> Generator[float, None, Floats]:
     """Vectors (P, n^2) of order n with the mesh's own shadows and, for albedo (P,) or one for all in [0, 1), what it
     reflects onto itself in so many bounces. Yields the share that is done."""
-    n_points = len(mesh.frames)
     end = 0.7 if n_bounces else 1.0
-    total = np.empty((n_points, n * n))
+    total = yield from told_as(shadowed(mesh, caster, n, n_rays), lambda share: end * share)
+    if n_bounces:
+        total = yield from told_as(bounced(mesh, caster, total, albedo, n_bounces), lambda share: end + 0.2 * share)
+    yield 1.0
+    return total
+
+
+def shadowed(mesh: TransferPoints, caster: RayCaster, n: int, n_rays: int = N_RAYS) -> Generator[float, None, Floats]:
+    """Vectors (P, n^2) of order n with the shadows of what the rays can meet. Yields the share that is done."""
+    total = np.empty((len(mesh.frames), n * n))
     for start, stop, rays in ray_blocks(mesh, cosine_directions(n_rays, n)[0]):
         blocked = caster.occluded(*rays).reshape(stop - start, n_rays)
         total[start:stop] = (~blocked) @ (cosine_directions(n_rays, n)[1] / n_rays)
-        yield end * stop / n_points
-    if n_bounces:
-        hits = yield from _hits(mesh, caster)
-        sent = turned(total, mesh.frames.transpose(0, 2, 1))  # in the world's axes, as all points' are
-        reflectance = np.broadcast_to(np.asarray(albedo, np.float64), n_points)[:, None]
-        for _ in range(n_bounces):
-            sent = hits.gather(reflectance * sent, mesh.corners)
-            total += turned(sent, mesh.frames)
-    yield 1.0
+        yield stop / len(total)
+    return total
+
+
+def bounced(
+    mesh: TransferPoints, caster: RayCaster, vectors: Floats, albedo: ArrayLike, n_bounces: int
+) -> Generator[float, None, Floats]:
+    """Vectors (P, n^2) with what the mesh, of albedo (P,) or one for all in [0, 1), reflects onto itself in so many
+    bounces of the light that they take in. Yields the share that is done."""
+    hits = yield from _hits(mesh, caster)
+    total = vectors.copy()
+    sent = turned(total, mesh.frames.transpose(0, 2, 1))  # in the world's axes, as all points' are
+    reflectance = np.broadcast_to(np.asarray(albedo, np.float64), len(total))[:, None]
+    for _ in range(n_bounces):
+        sent = hits.gather(reflectance * sent, mesh.corners)
+        total += turned(sent, mesh.frames)
     return total
 
 
@@ -125,7 +141,7 @@ def _hits(mesh: TransferPoints, caster: RayCaster) -> Generator[float, None, _Hi
         of_mesh = (found.triangle >= 0) & is_front & (mesh.corners[found.triangle, 0] >= 0)
         parts.append((found.triangle[of_mesh], found.u[of_mesh], found.v[of_mesh]))
         counts[start + 1 : stop + 1] = of_mesh.reshape(stop - start, N_BOUNCE_RAYS).sum(axis=1)
-        yield 0.7 + 0.2 * stop / n_points
+        yield stop / n_points
     triangle, u, v = (np.concatenate(each) for each in zip(*parts, strict=True))
     return _Hits(np.cumsum(counts), triangle, u, v)
 

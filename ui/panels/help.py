@@ -80,7 +80,8 @@ SHORTCUTS = (
     Shortcut("Picture", "Drop", "A material of the library onto an object"),
     Shortcut("Picture", "Alt click", "Show the lobe there; Shift Alt drag moves it"),
     Shortcut("Picture", "Shift drag", "Turn the light (also the wheel over its dial)"),
-    Shortcut("Picture", "O", "Placement, or Orbit, where the camera moves freely", "mode", int(Key.o)),
+    Shortcut("Picture", "O", "Placement, or Orbit, where the camera moves freely", "orbit", int(Key.o)),
+    Shortcut("Picture", "G", "Placement, or Deform, where objects bend", "deform", int(Key.g)),
     Shortcut("Picture", "C", "Compare: remember this picture as A, show A | B", "compare", int(Key.c)),
     Shortcut("Picture", "Space", "The picture alone, or with all panels", "alone", int(Key.space)),
     Shortcut("Picture", "Ctrl Alt wheel", "Magnify the picture about the mouse"),
@@ -201,7 +202,8 @@ def perform(context: PanelContext, name: str) -> list[Action]:
         "redo_look": [RedoLook()],
         "camera": [SetPanel({"shows_camera": not context.state.shows_camera, "renames": None})],
         "compare": [SetView.of(compare=None if view.compare is not None else context.document)],
-        "mode": [SetView.of(mode=_next_mode(context))],
+        "orbit": [SetView.of(mode=_other_mode(context, "orbit"))],
+        "deform": [SetView.of(mode=_other_mode(context, "deform"))],
         "alone": [SetPanel({"alone": not context.state.alone})],
         "whole": [SetView.of(fit=True)],
         "pixels": [SetView.of(fit=False, zoom=1.0, centre=(0.5, 0.5))],
@@ -227,9 +229,10 @@ def perform(context: PanelContext, name: str) -> list[Action]:
     return _on_operator(context, name)
 
 
-def _next_mode(context: PanelContext) -> str:
-    """The mode after the one that makes the picture."""
-    return context.modes[(context.modes.index(context.mode) + 1) % len(context.modes)].name
+def _other_mode(context: PanelContext, name: str) -> str:
+    """The mode of this name where there is one, the first instead where that makes the picture already."""
+    names = [mode.name for mode in context.modes]
+    return name if name in names and context.mode.name != name else names[0]
 
 
 def _copy(context: PanelContext, name: str) -> list[Action]:

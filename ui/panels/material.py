@@ -9,6 +9,7 @@ from imgui_bundle import ImVec2, imgui
 from app.commands.layers import SetFresnelTerm, SetModel, SetParameter
 from app.document import ObjectState, Selection
 from app.linked_layers import group_of
+from app.naming import named
 from app.reading import describe_measurement
 from engine.material import MODELS, Layer, Parameter
 from engine.measured.measurement import Measurement
@@ -24,7 +25,12 @@ WIDE_CONTROL = 136.0
 
 
 def draw(context: PanelContext) -> list[Action]:
-    """The whole panel, inside its window."""
+    """The whole panel, inside its window: what the mode has for the selected object, and its material."""
+    tools = named(context.mode.tools)(context) if context.mode.tools else []
+    return [*tools, *_material(context)]
+
+
+def _material(context: PanelContext) -> list[Action]:
     selection = context.view.selected
     if selection is None:
         imgui.text_disabled("Nothing selected")

@@ -105,7 +105,7 @@ def picture_state(status: Status) -> tuple[look.Colour, str, str]:
     error = "" if status.image_error is None else f" (error {error_text(status.image_error)})"
     if not status.worker_alive:
         return look.BAD, "computing stopped", "What computes has ended and is being started again; edits are safe."
-    if status.is_away and status.shown_by != "Orbit":
+    if status.is_away and not status.goes_with_hand:
         return look.ACCENT, "the view before", VIEW_BEFORE
     if status.is_finished:
         return _finished_state(status)

@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 def draw(context: PanelContext, placed: Placed) -> None:
     """Over the picture, in the panel's draw list."""
-    if not context.status.is_away or context.status.shown_by == "Orbit":
+    if not context.status.is_away or context.status.goes_with_hand:
         return
     draw_list = imgui.get_window_draw_list()
     end = ImVec2(placed.x + placed.width, placed.y + placed.height)

@@ -166,7 +166,7 @@ def _take_hold(context: PanelContext, picture: Picture, placed: Placed, on_divid
 
 def _object_at(context: PanelContext, pixel: tuple[int, int] | None) -> str | None:
     """What a pixel shows; nothing where the picture has gone on from what was traced."""
-    has_moved_on = context.status.is_away and context.status.shown_by == "Orbit"
+    has_moved_on = context.status.is_away and context.status.goes_with_hand
     return None if pixel is None or has_moved_on else context.object_at(*pixel)
 
 

@@ -1,0 +1,67 @@
+"""Deform's talk with the worker: Orbit's, of a scene whose objects bend.
+
+As in Orbit a picture is drawn in the worker for each frame in which something moves, and Placement takes over what
+rests: the worker traces the scene in its new pose, as it traces a new view.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from app.deform.messages import DeformKnown, DrawDeform, PrepareDeform
+from app.deform.status import DeformStatus
+from app.document import Document
+from app.messages import Request, Response
+from app.mode import Desk
+from app.orbit.talk import OrbitTalk
+from app.orbit.wishes import Drawing, OrbitWish
+from app.picture import PictureEvent
+from app.status import Status
+from app.view_state import ViewState
+from engine.deform.pose import Poses
+from engine.scene.description import Camera
+
+
+@dataclass(frozen=True)
+class DeformWish(OrbitWish):
+    """All that pictures are drawn of, but for camera and amounts; posed: the objects that bend."""
+
+    posed: tuple[str, ...] = ()
+
+
+class DeformTalk(OrbitTalk):
+    """The talk of Deform."""
+
+    title = "Deform"
+    prepares = PrepareDeform
+    draws = DrawDeform
+
+    def __init__(self, desk: Desk) -> None:
+        self._lost: tuple[tuple[str, float], ...] = ()
+        super().__init__(desk)
+
+    def take(self, response: Response) -> list[PictureEvent]:
+        if isinstance(response, DeformKnown):
+            self._lost = response.lost
+            return []
+        return super().take(response)
+
+    def status(self, status: Status) -> Status:
+        told = super().status(status)
+        own = {"lost": self._lost, "bends": bool(self._poses)}
+        return DeformStatus(**(vars(told) | own)) if told.shown_by == self.title else told
+
+    def _wish_of(self, document: Document, view: ViewState) -> OrbitWish:
+        wish = OrbitWish.of(document, view)
+        posed = tuple(state.name for state in document.objects if state.deformations)
+        return DeformWish(wish.scene, wish.n_bounces, posed)
+
+    def _poses_of(self, document: Document) -> Poses:
+        return document.poses
+
+    def _preparation(self, wish: OrbitWish) -> Request:
+        assert isinstance(wish, DeformWish)
+        return PrepareDeform(wish.scene, wish.n_bounces, wish.posed)
+
+    def _draw_request(self, camera: Camera, wanted: Drawing) -> Request:
+        return DrawDeform(camera, wanted.resolution, wanted.quality, wanted.poses)

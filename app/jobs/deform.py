@@ -1,0 +1,130 @@
+"""Deform in the worker: transfer of the scene at rest made ready, and pictures of any pose between the steps of that.
+
+Making ready goes on where it was left off, whoever ended that; what was fitted once is kept on disk, object by object.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.deform.messages import DeformKnown, DrawDeform, PrepareDeform
+from app.jobs.bench import Bench
+from app.jobs.cache import Store, content_key
+from app.jobs.kernels import FIRST_TIME, are_compiled, note_compiled
+from app.jobs.measured import ensure_tables
+from app.jobs.orbit import layers_by_object
+from app.jobs.schedule import Handlers, Steps
+from app.messages import Progress
+from app.mode import ModeWork
+from app.orbit.messages import OrbitAdvanced, OrbitDrawn, OrbitUnknown
+from engine.scene.load import Scene
+from engine.stored_arrays import ArrayReader, Arrays
+
+if TYPE_CHECKING:
+    from engine.deform.live import Deform
+    from engine.deform.zonal import Zonal
+
+STAGE = DEFORM = "deform"
+
+
+class DeformWork(ModeWork):
+    """What pictures of the open scene are drawn of, and by which request that is to be changed last."""
+
+    n_rays: int | None = None
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+        self._deform: Deform | None = None
+        self._scene: Scene | None = None
+        self._prepared = 0
+
+    @property
+    def handlers(self) -> Handlers:
+        return {PrepareDeform: self._prepare, DrawDeform: self._draw}
+
+    def scene_seen(self) -> None:
+        scene = self._bench.resting_scene
+        if scene is not self._scene:  # another one, not the same from elsewhere or in another pose
+            self._deform, self._scene = None, scene
+
+    def _prepare(self, request: PrepareDeform) -> Steps:
+        scene = request.scene
+        yield from ensure_tables((state.layer for state in scene.layers), self._bench.store)
+        sky = self._bench.sky(scene.light)
+        if (image := self._bench.sky_image(sky, scene.light)) is not None:
+            yield image
+        first_time, told = not are_compiled(DEFORM), None
+        if first_time:
+            yield Progress(STAGE, 0.0, text=FIRST_TIME)
+        deform = self._made()
+        deform.shine(dict(scene.emission))
+        deform.set_light(sky)
+        deform.set_layers(layers_by_object(deform.scene, scene.layers))
+        deform.set_posed(request.posed)
+        if request.n_bounces:
+            deform.set_bounces(request.n_bounces)
+        self._prepared = request.id
+        for step in deform.work():
+            if deform.is_ready and deform.version != told:
+                if told is None and first_time:  # compile what pictures are drawn with before a quick request does
+                    deform.draw(deform.scene.description.camera, (8, 8))
+                told = deform.version
+                yield OrbitAdvanced(deform.version, deform.is_done, deform.n_bytes)
+            yield Progress(STAGE, step.fraction, text=FIRST_TIME if first_time else step.text)
+        if first_time:
+            note_compiled(DEFORM)
+        names = deform.scene.object_names
+        yield DeformKnown(tuple((names[i], share) for i, share in deform.lost.items()))
+        yield OrbitAdvanced(deform.version, deform.is_done, deform.n_bytes)
+
+    def _draw(self, request: DrawDeform) -> Steps:
+        deform = self._deform
+        if deform is None or not deform.is_ready:
+            yield OrbitUnknown()
+            return
+        started = time.monotonic()
+        camera = deform.scene.seen_from(request.camera).description.camera
+        picture = deform.draw(camera, request.resolution, request.poses, request.quality)
+        yield OrbitDrawn(picture, self._prepared, deform.version, deform.is_done, time.monotonic() - started)
+
+    def _made(self) -> Deform:
+        if self._deform is None:
+            from engine.deform.live import N_RAYS, Deform
+
+            scene = self._bench.resting_scene
+            self._deform = Deform(scene, n_rays=self.n_rays or N_RAYS, shelf=StoredLobes(self._bench.store))
+        return self._deform
+
+
+class StoredLobes:
+    """Fitted transfer in the cache on disk."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+
+    def get(self, made_of: tuple[object, ...]) -> Zonal | None:
+        """What was kept; None where there is nothing, or nothing sound."""
+        return self._store.get(_key(made_of), _zonal)
+
+    def put(self, made_of: tuple[object, ...], zonal: Zonal) -> None:
+        arrays: dict[str, NDArray[np.generic]] = {
+            name: np.asarray(getattr(zonal, name), np.float32) for name in ("low", "axes", "coefficients", "errors")
+        }
+        self._store.put(_key(made_of), arrays)
+
+
+def _key(made_of: tuple[object, ...]) -> str:
+    return content_key("deform lobes 1", *made_of)  # type: ignore[arg-type]
+
+
+def _zonal(arrays: Arrays) -> Zonal:
+    from engine.deform.zonal import Zonal
+
+    reader = ArrayReader(arrays)
+    low, axes = reader.take("low", np.float32, "points", 4), reader.take("axes", np.float32, "points", "lobes", 3)
+    coefficients = reader.take("coefficients", np.float32, "points", "lobes", "order")
+    return Zonal(low, axes, coefficients, reader.take("errors", np.float32, "points"))

@@ -1,0 +1,86 @@
+"""What low frequencies allow of a layer that is not matt: a lobe about the direction its light comes from on average.
+
+For each angle of the eye the reflection is taken for symmetrical about that direction, and n bands of it are kept: with
+n = 6 a lobe of some 25 degrees and more. How much of a sharper one is lost is known, and told. What of the light is
+blocked is taken for the same share as of a matt surface's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import eval_legendre
+
+from engine.deform import _gloss_kernels as kernels
+from engine.deform.shading import BandLight
+from engine.light.environment import LUMINANCE
+from engine.material.layer import Layer
+from engine.render.integrator import evaluate_layer
+from engine.sphere.geodesic import geodesic
+from engine.sphere.harmonics import clamped_cosine
+from engine.threads import even_parts, on_threads
+
+Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+
+N_ANGLES = 16
+STEEPEST = np.radians(85.0)
+_LEVEL = 5
+
+
+@dataclass(frozen=True, eq=False)
+class LowGloss:
+    """A layer's reflection for `N_ANGLES` angles of the eye, 0 to `STEEPEST`: bands (A, n, 3), what it makes of each
+    band of the light along its axis; lean (A,): how far that leans from the normal to the mirrored eye, radians.
+
+    lost: the share of the reflection's energy that n bands do not hold, 0 to 1, for an eye at 45 degrees.
+    """
+
+    bands: Singles
+    lean: Singles
+    lost: float
+
+
+@lru_cache(maxsize=64)
+def low_gloss(layer: Layer, n: int) -> LowGloss:
+    """Of order n; a layer that is not isotropic as it reflects along its tangent."""
+    sphere = geodesic(_LEVEL)
+    above = sphere.centres[:, 2] > 0.0
+    wi, weights = sphere.centres[above], sphere.solid_angles[above, None]
+    bands, lean, lost = np.empty((N_ANGLES, n, 3), np.float32), np.empty(N_ANGLES, np.float32), np.zeros(N_ANGLES)
+    for i, angle in enumerate(np.linspace(0.0, STEEPEST, N_ANGLES)):
+        wo = np.tile([np.sin(angle), 0.0, np.cos(angle)], (len(wi), 1))
+        sent = evaluate_layer(layer, wi, wo)
+        mean = (weights * sent @ LUMINANCE[:, None] * wi).sum(axis=0)
+        lean[i] = np.arctan2(-mean[0], mean[2])
+        axis = np.array([-np.sin(lean[i]), 0.0, np.cos(lean[i])])
+        legendre = eval_legendre(np.arange(n)[:, None], np.clip(wi @ axis, -1.0, 1.0))
+        bands[i] = legendre @ (weights * sent)
+        grey = bands[i] @ LUMINANCE
+        kept = ((2 * np.arange(n) + 1) / (4.0 * np.pi) * grey**2).sum()
+        lost[i] = 1.0 - kept / max(float((weights[:, 0] * (sent @ LUMINANCE) ** 2).sum()), 1e-30)
+    at_45 = np.interp(np.radians(45.0), np.linspace(0.0, STEEPEST, N_ANGLES), lost)
+    return LowGloss(bands, lean, float(np.clip(at_45, 0.0, 1.0)))
+
+
+def add_gloss(
+    gloss: LowGloss, factor: NDArray[np.floating], which: NDArray[np.int64], places: Singles, normals: Singles,
+    eye: Floats, light: BandLight, white: Singles, sent: Singles,
+) -> None:  # fmt: skip
+    """Add to sent (S, 3) what points (P,) of all send to the eye (3,), times factor (3,).
+
+    places (S, 3), normals (S, 3), white (S, 3): what white matt points would send, which says how much is blocked.
+    """
+    cosine = (clamped_cosine(light.table.shape[2]) / np.pi).astype(np.float32)
+    bands = np.ascontiguousarray(gloss.bands * np.asarray(factor, np.float32))
+
+    def part(start: int, stop: int) -> None:
+        kernels.gloss_range(
+            which[start:stop], places, normals, eye, light.table, bands, gloss.lean, float(STEEPEST), cosine, white,
+            sent,
+        )  # fmt: skip
+
+    on_threads(part, *even_parts(len(which)))

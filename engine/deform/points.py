@@ -1,0 +1,112 @@
+"""The points of a scene whose meshes bend: where transfer is known, how they move, and the triangles between them.
+
+They are those of Orbit: a mesh's vertices, and more of them where it is coarse, so that a floor of two triangles
+shows what stands on it. Meshes that are open have points on their backs, too.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.deform.pose import Pose
+from engine.deform.raster import Surface
+from engine.deform.transfer import TransferPoints
+from engine.orbit.shading_points import ShadingPoints, shading_points, with_backs
+from engine.scene.frames import local_frames
+from engine.scene.load import Scene
+from engine.scene.raycaster import RayCaster
+from engine.scene.surface_points import SurfacePoints
+
+Singles = NDArray[np.float32]
+Floats = NDArray[np.float64]
+Indices = NDArray[np.int32]
+
+_SAME_PLACE = 1e-6  # of the scene's size
+
+
+class BendingPoints:
+    """S points and the T triangles between them.
+
+    places (V, 3): where what is drawn is now, the points before the corners of emitters; frames (S, 3, 3): rows
+    tangent, bitangent, normal, now. surface: the triangles; source (T,) and within (T, 3, 2): see `ShadingPoints`.
+    """
+
+    def __init__(self, scene: Scene, points: ShadingPoints) -> None:
+        n = len(points)
+        shines = np.flatnonzero(points.triangles[:, 0, 0] < 0)
+        corners = points.triangles[:, 0].copy()
+        corners[shines] = n + np.arange(3 * len(shines)).reshape(-1, 3)
+        self._points = points
+        i_object = scene.object_of_triangle[points.source]
+        lamps = points.corners[shines].reshape(-1, 3)
+        self._rest = np.concatenate([points.position.astype(np.float64), lamps])
+        self._i_object = np.concatenate([points.i_object, np.repeat(i_object[shines], 3)])
+        self._rest_frames = local_frames(points.tangent, points.normal)
+        self.surface = Surface(corners, points.triangles, i_object.astype(np.int32))
+        self.source, self.within = points.source, points.within
+        self.places = self._rest.astype(np.float32)
+        self.frames = self._rest_frames.astype(np.float32)
+
+    def __len__(self) -> int:
+        return len(self._points)
+
+    def of(self, i_object: int) -> NDArray[np.int64]:
+        """The points of an object."""
+        return np.flatnonzero(self._points.i_object == i_object)
+
+    def resting(self, i_object: int) -> Pose:
+        """All that is drawn of an object, as the scene's file has it; of an emitter's corners the axes are none."""
+        mine = np.flatnonzero(self._i_object == i_object)
+        frames = np.tile(np.eye(3), (len(mine), 1, 1))
+        is_point = mine < len(self)
+        frames[is_point] = self._rest_frames[mine[is_point]]
+        return Pose(self._rest[mine], frames)
+
+    def place(self, i_object: int, pose: Pose) -> None:
+        """Draw an object in a pose of what `resting` gave from now on."""
+        mine = np.flatnonzero(self._i_object == i_object)
+        self.places[mine] = pose.positions
+        is_point = mine < len(self)
+        self.frames[mine[is_point]] = pose.frames[is_point]
+
+    def mesh(self, i_object: int) -> TransferPoints:
+        """An object's points at rest, and which corners of the triangles of `caster` they are."""
+        mine, points = self.of(i_object), self._points
+        numbers = np.full(len(points) + 1, -1, np.int32)
+        numbers[mine] = np.arange(len(mine))
+        surface = SurfacePoints(points.position[mine], points.normal[mine], points.lifted[mine])
+        return TransferPoints(surface, self._rest_frames[mine], numbers[points.triangles[:, 0]])
+
+    def caster(self, objects: tuple[int, ...]) -> RayCaster:
+        """Rays against all triangles of some objects at rest, numbered as in `surface`; the others are points."""
+        corners = self._points.corners.copy()
+        others = ~np.isin(self.surface.i_object, objects)
+        corners[others] = corners[~others][0, 0] if (~others).any() else 0.0
+        return RayCaster(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
+
+    def geometry(self, i_object: int, casters: tuple[int, ...]) -> tuple[NDArray[np.generic], ...]:
+        """All that an object's transfer hangs on, but for materials."""
+        mesh, shade = self.mesh(i_object), np.isin(self.surface.i_object, casters)
+        return (mesh.points.offset_position, mesh.frames, self._points.corners[shade])
+
+
+def bending_points(scene: Scene, caster: RayCaster, n_points: int) -> BendingPoints:
+    """About n_points besides the meshes' own vertices; caster: of the scene's triangles."""
+    points = shading_points(scene, caster, n_points)
+    return BendingPoints(scene, with_backs(points, _is_open(scene)))
+
+
+def _is_open(scene: Scene) -> NDArray[np.bool_]:
+    """Which objects (M,) have edges with a triangle on one side alone, so that their backs can be seen."""
+    size = float(np.abs(scene.vertices).max(initial=0.0)) or 1.0
+    keys = np.round(scene.vertices / (size * _SAME_PLACE)).astype(np.int64)
+    _, welded = np.unique(keys, axis=0, return_inverse=True)
+    corners = welded.ravel()[scene.triangles]
+    edges = np.sort(np.concatenate([corners[:, (0, 1)], corners[:, (1, 2)], corners[:, (2, 0)]]), axis=1)
+    ids = np.tile(scene.object_of_triangle, 3)
+    solid = edges[:, 0] != edges[:, 1]
+    rows, counts = np.unique(np.column_stack([ids, edges])[solid], axis=0, return_counts=True)
+    open_ = np.zeros(len(scene.smooth), bool)
+    open_[rows[counts == 1, 0]] = True
+    return open_

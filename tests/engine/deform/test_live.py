@@ -1,0 +1,143 @@
+"""Pictures of bending meshes: what is at rest, what is turned, what collapses; and the triangles of a pixel."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine.deform.live import N_LOBES, ORDER, Deform, finished
+from engine.deform.pose import Deformation
+from engine.deform.raster import Surface, draw
+from engine.deform.shading import shade
+from engine.deform.transfer import bounced, shadowed, turned, unshadowed
+from engine.deform.zonal import fit
+from engine.light.environment import Environment, constant_environment
+from engine.material import MODELS
+from engine.material.layer import make_layer
+from engine.scene.camera import centre_directions
+from engine.scene.load import Scene, load_scene
+from engine.scene.raycaster import RayCaster
+from engine.steps import finish
+from engine.transport.pipeline import SkyState
+from tests.scene_text import camera, placed
+
+SIZE = (48, 36)
+MATT = make_layer(MODELS["lambert"], {"albedo": (0.6, 0.5, 0.4)})
+
+
+def sky(seed: int = 2) -> SkyState:
+    image = np.random.default_rng(seed).uniform(0.0, 2.0, (16, 32, 3)).astype(np.float32)
+    return SkyState(Environment(image, "noise"), 30.0)
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    path = Path(tmp_path_factory.mktemp("scene")) / "two.toml"
+    path.write_text(
+        camera((1.5, 1.2, 3.0), 40, SIZE, (0.3, 0, 0))
+        + "[environment]\nradiance = [1, 1, 1]\n"
+        + placed("box", "cube")
+        + placed("floor", "quad", "9,0,0,0, 0,0,9,-0.5, 0,-9,0,0, 0,0,0,1")
+    )
+    return load_scene(path)
+
+
+@pytest.fixture(scope="module")
+def deform(scene: Scene) -> Deform:
+    made = Deform(scene, n_points=400, n_rays=64)
+    made.set_light(sky())
+    made.set_layers({0: (MATT,), 1: (MATT,)})
+    return finished(made)
+
+
+def test_no_amount_is_the_picture_at_rest(deform: Deform, scene: Scene) -> None:
+    eye = scene.description.camera
+    at_rest = deform.draw(eye, SIZE)
+    deform.draw(eye, SIZE, (("box", (Deformation("bend", 50.0),)),))
+    for kind in ("bend", "twist", "taper", "bulge", "wave"):
+        assert np.array_equal(deform.draw(eye, SIZE, (("box", (Deformation(kind, 0.0),)),)), at_rest)
+
+
+def test_a_white_sky_over_a_lone_white_floor_is_white(scene: Scene) -> None:
+    made = Deform(scene, n_points=0, n_rays=64)
+    made.set_light(SkyState(constant_environment((1.0, 1.0, 1.0))))
+    made.set_layers({1: (make_layer(MODELS["lambert"], {"albedo": (1.0, 1.0, 1.0)}),)})
+    made.set_posed(["floor", "box"])  # none shades the other
+    picture = finished(made).draw(scene.description.camera, SIZE)
+    assert picture[-1] == pytest.approx(1.0, abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        (Deformation("bend", 720.0),),
+        (Deformation("taper", -1.0), Deformation("bulge", -1.0)),
+        (Deformation("twist", -1440.0, "x"),),
+    ],
+)
+def test_what_is_bent_too_far_is_finite(deform: Deform, scene: Scene, row: tuple[Deformation, ...]) -> None:
+    picture = deform.draw(scene.description.camera, SIZE, (("box", row), ("floor", row)), "rest")
+    assert np.isfinite(picture).all() and picture.min() >= 0.0
+
+
+def test_at_rest_it_is_the_transfer_to_the_error_of_the_fit(deform: Deform) -> None:
+    points = deform._points
+    assert points is not None and deform._lobes is not None and deform._bands is not None
+    mesh = points.mesh(0)
+    vectors = finish(shadowed(mesh, points.caster((0, 1)), ORDER, 64))
+    vectors = finish(bounced(mesh, points.caster((0, 1)), vectors, 0.5, 2))
+    error = finish(fit(vectors, N_LOBES)).errors
+    light = np.asarray(deform._bands.harmonics, np.float64)
+    truth = turned(vectors, mesh.frames.transpose(0, 2, 1)) @ light
+    found = shade(deform._lobes, points.frames, deform._bands)[points.of(0)]
+    off = np.sqrt(((found - truth) ** 2).mean()) / truth.mean()
+    assert off < 2.0 * np.sqrt((error**2).sum() / (vectors**2).sum())
+
+
+def test_an_object_that_bends_casts_no_shadow_on_others(deform: Deform, scene: Scene) -> None:
+    made = Deform(scene, n_points=400, n_rays=64)
+    made.set_light(sky())
+    made.set_layers({1: (MATT,)})
+    shaded = finished(made).draw(scene.description.camera, SIZE)
+    made.set_posed(["box"])
+    assert not made.is_done
+    alone = finished(made).draw(scene.description.camera, SIZE)
+    floor = made._points.of(1)
+    open_ = made._lobes.low[floor, 0]
+    assert open_ == pytest.approx(unshadowed(1, 1)[0, 0], rel=1e-3)
+    assert alone.mean() > shaded.mean()
+
+
+def test_a_pixel_shows_what_a_ray_meets(scene: Scene) -> None:
+    eye = scene.description.camera
+    n = len(scene.triangles)
+    surface = Surface(scene.triangles, np.full((n, 2, 3), 0, np.int32), np.zeros(n, np.int32))
+    size = (160, 120)
+    for place in (eye, eye.model_copy(update={"position": (0.0, -0.45, 4.0)})):  # the floor reaches behind the second
+        drawn = draw(surface, scene.vertices, place, np.array(place.position), size)
+        rays = centre_directions(place, size).reshape(-1, 3)
+        origins = np.broadcast_to(np.array(place.position, np.float32), rays.shape)
+        met = RayCaster(scene.vertices, scene.triangles).intersect(origins, rays)
+        same = drawn.found.ravel() == met.triangle
+        assert same.mean() > 0.99
+        rows, columns = np.divmod(np.flatnonzero(same & (met.triangle >= 0)), size[0])
+        weights = drawn.weights(rows, columns)
+        expected = np.stack([1 - met.u - met.v, met.u, met.v], axis=1)[rows * size[0] + columns]
+        assert weights == pytest.approx(expected, abs=2e-3)
+
+
+def test_light_of_no_frequency_that_is_lost_is_told(deform: Deform, scene: Scene) -> None:
+    made = Deform(scene, n_points=0, n_rays=16)
+    layers = {
+        0: (make_layer(MODELS["rough_conductor"], {"alpha": 0.05}),),
+        1: (make_layer(MODELS["rough_conductor"], {"alpha": 0.8}),),
+    }
+    made.set_layers(layers)
+    assert made.lost[0] > 0.8 > 0.2 > made.lost[1] > 0.0 and deform.lost == {}
+
+
+def test_drawing_before_anything_is_ready_is_refused(scene: Scene) -> None:
+    with pytest.raises(ValueError, match="nothing is ready"):
+        Deform(scene).draw(scene.description.camera, SIZE)

@@ -1,0 +1,29 @@
+"""What Deform has in the Accuracy panel: how its pictures are drawn, and what of the scene they leave out."""
+
+from __future__ import annotations
+
+from app.deform.status import DeformStatus
+from ui.panels import accuracy_orbit, accuracy_placement, widgets
+from ui.panels.actions import Action
+from ui.panels.context import PanelContext
+
+LEFT_OUT = (
+    "While it bends, an object has its own shadows alone, and light from afar. Shadows from one object on another, and "
+    "the light of lamps, come back when the hand rests and Placement takes over."
+)
+
+
+def draw(context: PanelContext) -> list[Action]:
+    """The figures measured of what is seen, what sharp curves lose, and what comes back at rest."""
+    status = context.status
+    actions = accuracy_orbit.draw(context)
+    if not isinstance(status, DeformStatus):
+        return actions
+    for name, share in sorted(status.lost, key=lambda each: -each[1])[:4]:
+        hint = (
+            "The share of this material's reflection, by energy, that is too sharp for the bands of light that follow "
+            "a bending mesh. The rest is a soft highlight; Placement has all of it."
+        )
+        accuracy_placement.figure(context, f"Lost of {name}", f"{share:.0%}", hint)
+    widgets.caption(LEFT_OUT)
+    return actions

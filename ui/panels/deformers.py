@@ -1,0 +1,99 @@
+"""The deformers that the selected object goes through: Deform's part of the Material panel."""
+
+from __future__ import annotations
+
+from imgui_bundle import imgui
+
+from app.commands import AddDeformer, MoveDeformer, RemoveDeformer, SetDeformer, SetPose
+from app.commands.poses import MAX_DEFORMERS
+from engine.deform.deformers import KINDS
+from engine.deform.deformers.kind import Kind
+from engine.deform.pose import Deformation
+from ui.panels import fields, widgets
+from ui.panels.actions import Action, BeginDrag, EndDrag
+from ui.panels.context import PanelContext
+from ui.theme import Icon
+
+AXES = ("x", "y", "z")
+FROM_AFAR = "Shadows from other objects come back when the hand rests."
+
+
+def draw(context: PanelContext) -> list[Action]:
+    """The stack of the selected object, first to apply on top; nothing where none is selected."""
+    if context.view.selected is None:
+        return []
+    state = context.document.object(context.view.selected.object)
+    imgui.separator_text(f"Pose of {state.name}")
+    actions: list[Action] = []
+    for index, deformation in enumerate(state.deformations):
+        actions += _row(context, state.name, index, deformation, len(state.deformations))
+    actions += _add(context, state.name, len(state.deformations))
+    if state.deformations:
+        hint = "Takes all deformers away; Ctrl+Z brings them back."
+        if widgets.text_button(context, "pose.reset", "Back to rest", hint):
+            actions.append(SetPose(state.name))
+        widgets.caption(FROM_AFAR)
+    imgui.separator_text("Material")
+    return actions
+
+
+def _row(context: PanelContext, name: str, index: int, deformation: Deformation, count: int) -> list[Action]:
+    """A deformer: its kind and axis, up, down, away; how much of it."""
+    kind, actions = KINDS[deformation.kind], list[Action]()
+    imgui.push_id(index)
+    imgui.align_text_to_frame_padding()
+    imgui.text_unformatted(kind.title)
+    side, gap = imgui.get_frame_height(), imgui.get_style().item_spacing.x
+    imgui.same_line()
+    axes = [(axis.upper(), f"{kind.title} along the object's {axis.upper()}.") for axis in AXES]
+    widgets.align_right(widgets.segments_width(context, [text for text, _ in axes]) + 3.0 * side + gap)
+    chosen = widgets.segments(context, f"pose.{index}.axis", axes, AXES.index(deformation.axis))
+    if chosen is not None:
+        actions.append(SetDeformer(name, index, axis=AXES[chosen]))
+    imgui.same_line()
+    for what, icon, hint, enabled, action in (
+        ("up", Icon.UP, "Apply it earlier.", index > 0, MoveDeformer(name, index, index - 1)),
+        ("down", Icon.DOWN, "Apply it later.", index < count - 1, MoveDeformer(name, index, index + 1)),
+        ("delete", Icon.CLOSE, "Take it away.", True, RemoveDeformer(name, index)),
+    ):
+        if widgets.icon_button(context, f"pose.{index}.{what}", icon, hint, enabled=enabled):
+            actions.append(action)
+        if what != "delete":
+            imgui.same_line(0.0, 0.0)
+    imgui.set_next_item_width(-1.0)
+    low, high = kind.limits
+    hand, amount = fields.slider(
+        context, "amount", deformation.amount, low, high, _format(kind), handle=f"pose.{index}", origin=0.0,
+        title=kind.title,
+    )  # fmt: skip
+    widgets.tooltip("How much; double-click to type, drag with Shift for fine steps. 0 leaves the object as it is.")
+    actions += edits(hand, name, index, amount)
+    imgui.pop_id()
+    return actions
+
+
+def edits(hand: fields.Touch, name: str, index: int, amount: float) -> list[Action]:
+    """One drag of a deformer's amount as one step of the history."""
+    actions: list[Action] = []
+    if hand.began:
+        actions.append(BeginDrag())
+    if hand.changed:
+        actions.append(SetDeformer(name, index, amount=amount))
+    if hand.ended:
+        actions.append(EndDrag())
+    return actions
+
+
+def _add(context: PanelContext, name: str, count: int) -> list[Action]:
+    """One button for each kind of deformer."""
+    imgui.begin_disabled(count >= MAX_DEFORMERS)
+    hint = "Put one behind the others; then drag its slider."
+    choices = [(kind.title, hint) for kind in KINDS.values()]
+    room = (imgui.get_content_region_avail().x - len(choices) + 1.0) / len(choices)
+    pressed = widgets.segments(context, "pose.add", choices, -1, least=room / context.theme.scale)
+    imgui.end_disabled()
+    return [] if pressed is None else [AddDeformer(name, tuple(KINDS)[pressed])]
+
+
+def _format(kind: Kind) -> str:
+    return "%.1f°" if kind.unit == "degrees" else "%.3f"
