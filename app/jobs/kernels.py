@@ -1,13 +1,15 @@
 """Compiled kernels made ready while the scene is being opened; the first time on a machine, compiled by two processes.
 
-    worker:  opens the scene ─► waits ─► coarse picture
+    worker:  opens the scene ─► waits ─► coarse picture ─► ... indirect light ─► estimate
       a thread of it:  waits ─► reads what is compiled
       two processes:   compile, a part each, where nothing is compiled yet
+      then another:    compiles what is wanted later (`app.jobs.rehearsal`)
 
 Numba compiles under one lock and mostly in Python, so that threads would take turns; processes share what they have
 compiled through the folder of `app.kernel_cache`. A file in it, left when all was ready, says that no other process is
-needed; another is for the kernels of indirect light, compiled when a scene first wants it. Whatever goes wrong here
-costs time alone: a kernel that is not ready is compiled when it is called.
+needed; others say so of each of `LATER`. Who wants one of those meanwhile waits in steps (`Kernels.until_ready`), so
+that other requests are answered. Whatever goes wrong here costs time alone: a kernel that is not ready is compiled when
+it is called.
 """
 
 from __future__ import annotations
@@ -37,12 +39,16 @@ GC_THRESHOLD = 100_000
 # About equally long to compile: 16 s of processor time each. The first begins with what needs nothing of the second,
 # which has compiled the first's details when it comes to them.
 PARTS = ("projection", "the rest")
-INDIRECT = "indirect"
+# What a scene may want some time after its first picture, in the order in which it is compiled.
+PAINTING, INDIRECT, ESTIMATE = LATER = ("painting", "indirect", "estimate")
+LATER_PART = "later"
 COMPILING = "compiling, first start only"
 FIRST_TIME = "compiling for this computer, kept for later starts"
 # How many files the compiled kernels of the first picture are, about equally long to make.
 N_FILES = 52
 _COMPILER_SECONDS = 300.0
+# How long one step of waiting for them takes.
+_STEP_SECONDS = 0.05
 _log = logging.getLogger("insitu.jobs")
 
 
@@ -55,6 +61,7 @@ class Kernels:
         self.first_time = not are_compiled()
         started = [_start_compiler(part) for part in PARTS] if self.first_time else []
         self._compilers = [compiler for compiler in started if compiler is not None]
+        self._later: subprocess.Popen[bytes] | None = None
 
     def prepare(self) -> None:
         """Begin to make all ready, in a thread; import the engine before."""
@@ -71,6 +78,18 @@ class Kernels:
         """Whether all is ready, waiting for it so long at most."""
         return self._ready.wait(timeout_s)
 
+    def is_ready(self, what: str) -> bool:
+        """Whether there is nothing to wait for: one of `LATER` is compiled, or nobody is compiling it."""
+        return self._later is None or are_compiled(what)
+
+    def until_ready(self, what: str) -> Iterator[None]:
+        """Wait for one of `LATER`, a step each time."""
+        while self._later is not None and not self.is_ready(what):
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._later.wait(_STEP_SECONDS)
+                self._later = None
+            yield
+
     def prepare_here(self, patience_s: float | None = _COMPILER_SECONDS) -> None:
         """Make all ready, and wait for it; for each of the other processes so long, None for as long as it takes."""
         try:
@@ -79,6 +98,8 @@ class Kernels:
             for part in PARTS:
                 rehearse(part)
             note_compiled()
+            if not all(map(are_compiled, LATER)):
+                self._later = _start_compiler(LATER_PART)
         except Exception:
             _log.exception("the kernels could not be made ready")
         finally:
@@ -109,7 +130,7 @@ def load_compiler() -> None:
 
 
 def are_compiled(what: str = "") -> bool:
-    """Whether the kernels of the first picture, or of `INDIRECT`, were compiled before; also where none are kept."""
+    """Whether the kernels of the first picture, or one of `LATER`, were compiled before; also where none are kept."""
     mark = _mark(what)
     return mark is None or mark.exists()
 
@@ -131,9 +152,14 @@ def _mark(what: str) -> Path | None:
 
 
 def compile_all() -> None:
-    """All that the first picture needs, in two processes, where it is not there."""
-    if not are_compiled():
-        Kernels().prepare_here(patience_s=None)
+    """All that the first picture needs, in two processes, where it is not there; then what is wanted later."""
+    if are_compiled() and all(map(are_compiled, LATER)):
+        return
+    kernels = Kernels()
+    kernels.prepare_here(patience_s=None)
+    for what in LATER:
+        for _ in kernels.until_ready(what):
+            pass
 
 
 def _start_compiler(part: str) -> subprocess.Popen[bytes] | None:
@@ -146,16 +172,26 @@ def _start_compiler(part: str) -> subprocess.Popen[bytes] | None:
 
 
 def rehearse(part: str) -> None:
-    """Compile or read one of `PARTS`."""
+    """Compile or read one of `PARTS`, or all of `LATER`."""
     from engine.transport import rehearsal
 
-    if part == "projection":
+    if part == LATER_PART:
+        _rehearse_later()
+    elif part == "projection":
         rehearsal.rehearse_contraction()
         rehearsal.rehearse_footprint()
         rehearsal.rehearse_projection()
     else:
         rehearsal.rehearse_projection_details()
         rehearsal.rehearse_light()
+
+
+def _rehearse_later() -> None:
+    if not all(map(are_compiled, LATER)):
+        from app.jobs.rehearsal import rehearse_later
+
+        for what in rehearse_later():
+            note_compiled(what)
 
 
 def main() -> None:

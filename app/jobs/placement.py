@@ -22,7 +22,7 @@ import numpy as np
 from app.jobs.bands import plan_bands
 from app.jobs.bench import CACHE_VERSION, Bench
 from app.jobs.cache import content_key
-from app.jobs.kernels import COMPILING, FIRST_TIME, INDIRECT, are_compiled, note_compiled
+from app.jobs.kernels import COMPILING, ESTIMATE, FIRST_TIME, INDIRECT, PAINTING
 from app.jobs.layer_data import STAGES, LayerData, LitBy, both_curves, joined, kept_of_tile, shape_of, store_of
 from app.jobs.layer_parts import LayerParts
 from app.jobs.measured import ensure_tables
@@ -113,6 +113,8 @@ class PlacementWork(ModeWork):
         yield from self._indirect_tasks().freeze(request)
 
     def _sample_maps(self, request: SampleMaps) -> Steps:
+        if any(images.strokes for _, images in request.layers):
+            yield from self._until_compiled(PAINTING)
         if self._maps is None:
             from app.jobs.maps import MapTasks
 
@@ -122,6 +124,7 @@ class PlacementWork(ModeWork):
     # ---------------------------------------------------------------------------------------------- at the very last
 
     def _estimate_error(self, request: EstimateError) -> Steps:
+        yield from self._until_compiled(ESTIMATE)
         from app.jobs.error_estimate import estimated
 
         found = None if self._indirect is None else self._indirect.light
@@ -169,10 +172,11 @@ class PlacementWork(ModeWork):
                 planned = self._indirect_tasks().planned(scene.visible, n_bounces)
                 n_bounces, bounces_told = planned.n_bounces, True
                 yield planned
-            if n_bounces > 1 and quality is not DRAG and (exact or quality.name == COARSE.name):
+            is_rough = quality.name == COARSE.name and self._is_compiled(INDIRECT)  # else the direct light goes first
+            if n_bounces > 1 and quality is not DRAG and (exact or is_rough):
+                yield from self._until_compiled(INDIRECT, "indirect light")
                 tasks = self._indirect_tasks()
-                found = tasks.find(scene.visible, sky, _lit_key(sky, placement.scene), n_bounces, exact)
-                yield from _telling_first_time(found, exact)
+                yield from tasks.find(scene.visible, sky, _lit_key(sky, placement.scene), n_bounces, exact)
             if due or exact:
                 n_bytes = sum(data.store.n_bytes for data in self._layers.values()) + sum(self._filled.values())
                 n_bytes += 0 if self._indirect is None else self._indirect.n_bytes
@@ -227,7 +231,16 @@ class PlacementWork(ModeWork):
         clock = _Clock(COMPILING)
         while not kernels.wait(KERNEL_SECONDS):
             yield clock.progress(kernels.fraction, FIRST_TIME) if kernels.first_time else None
-        self._bench.kernels = None
+
+    def _is_compiled(self, what: str) -> bool:
+        return self._bench.kernels is None or self._bench.kernels.is_ready(what)
+
+    def _until_compiled(self, what: str, stage: str = "") -> Steps:
+        """Until the kernels of one of `LATER` are there, so that other requests are answered meanwhile; stage: of what
+        a person waits for."""
+        if self._bench.kernels is not None:
+            for _ in self._bench.kernels.until_ready(what):
+                yield Progress(stage, 0.0, text=FIRST_TIME) if stage else None
 
     def _stage(
         self, placement: Placement, works: list[LayerState], sky: SkyState, lit_by: LitBy, quality: Quality
@@ -368,18 +381,6 @@ def _stages(request: ComputeTransport) -> list[tuple[Quality, bool]]:
         return [(coarse, False), (preview, True)]
     final = replace(FINAL, n_lights=request.n_lights_final, n_patches=request.n_patches)
     return [(coarse, False), (preview, False), (final, True)]
-
-
-def _telling_first_time(steps: Iterator[Response | None], is_last: bool) -> Steps:
-    """The steps of indirect light, which say so when kernels are compiled on the way; after the last all are."""
-    if are_compiled(INDIRECT):
-        yield from steps
-        return
-    yield Progress("indirect light", 0.0, text=FIRST_TIME)
-    for answer in steps:
-        yield replace(answer, text=f"{answer.text}, {FIRST_TIME}") if isinstance(answer, Progress) else answer
-    if is_last:
-        note_compiled(INDIRECT)
 
 
 def _transport_key(light_key: str, work: LayerState) -> str:

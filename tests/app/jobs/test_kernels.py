@@ -6,7 +6,6 @@ import os
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -15,10 +14,20 @@ from app.jobs import kernels
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.kernels import PARTS, Kernels
-from app.jobs.placement import _telling_first_time
 from app.kernel_cache import kernel_folders
 from app.messages import Progress, Response
-from app.placement.messages import StageDone
+from app.placement.messages import (
+    BandsPlanned,
+    Contract,
+    IndirectFound,
+    LayerPicture,
+    MapsSampled,
+    PlanBands,
+    SampleMaps,
+    StageDone,
+)
+from engine.material.maps import Images
+from engine.material.strokes import Stroke, Strokes, pack_dabs
 from tests.app.jobs.test_tasks import compute, opened, source
 
 __all__ = ["source"]  # a fixture
@@ -81,7 +90,9 @@ def test_the_next_time_they_are_only_read(log: list[str], compilers: list[Compil
     second = Kernels()
     second.prepare()
     assert second.wait(10.0) and not second.first_time
-    assert compilers == [] and log == [f"{part} read" for part in PARTS]
+    assert [compiler.part for compiler in compilers] == [kernels.LATER_PART] and log == [
+        f"{part} read" for part in PARTS
+    ]
 
 
 def test_a_failure_holds_nobody_up_and_is_tried_again(
@@ -135,18 +146,16 @@ def test_where_no_kernels_are_kept_nobody_is_told(monkeypatch: pytest.MonkeyPatc
     assert kernels.are_compiled()
 
 
-def test_indirect_light_says_so_while_it_compiles(log: list[str]) -> None:
-    def steps() -> Iterator[Response | None]:
-        yield Progress("indirect light", 0.5, text="looking around")
-        yield None
+class Later:
+    """The process that compiles what is wanted later, as `subprocess.Popen`, and ends when a test says so."""
 
-    rough, fine = list(_telling_first_time(steps(), False)), list(_telling_first_time(steps(), True))
-    for answers in (rough, fine):  # a rough one does not call all that a fine one calls
-        assert [(a.fraction, a.text) for a in answers if isinstance(a, Progress)] == [
-            (0.0, kernels.FIRST_TIME),
-            (0.5, f"looking around, {kernels.FIRST_TIME}"),
-        ]
-    assert [a.text for a in _telling_first_time(steps(), True) if isinstance(a, Progress)] == ["looking around"]
+    def __init__(self) -> None:
+        self.has_ended = False
+
+    def wait(self, timeout_s: float) -> int:
+        if not self.has_ended:
+            raise subprocess.TimeoutExpired("compiler", timeout_s)
+        return 0
 
 
 class Waiting(Kernels):
@@ -155,6 +164,12 @@ class Waiting(Kernels):
     def __init__(self, first_time: bool) -> None:
         self.first_time = first_time
         self._ready = threading.Event()
+        self._later = None
+
+    def wait_for(self, later: Later) -> None:
+        """Only what is wanted later is still to come."""
+        self._ready.set()
+        self._later = later
 
     def finish(self) -> None:
         self._ready.set()
@@ -176,6 +191,62 @@ def test_transport_waits_for_them_and_says_so_the_first_time(source: str, store:
     answers = client.poll(budget_s=float("inf"))
     assert [answer.stage for answer in answers if isinstance(answer, StageDone)] == ["coarse", "preview", "final"]
     assert not any(isinstance(answer, Progress) and answer.stage == kernels.COMPILING for answer in answers)
+
+
+@pytest.mark.parametrize("has_compiled", [True, False], ids=["compiled", "failed"])
+def test_indirect_light_waits_for_its_kernels_and_quick_requests_do_not(
+    source: str, store: Store, log: list[str], has_compiled: bool
+) -> None:
+    tasks, later = opened(source, store), Later()
+    tasks.bench.kernels = waiting = Waiting(first_time=True)
+    waiting.wait_for(later)
+    client = InProcessClient(tasks)
+    client.send(compute(n_bounces=2))
+    answers: list[Response] = []
+    while not any(isinstance(answer, Progress) and answer.text == kernels.FIRST_TIME for answer in answers):
+        answers += client.poll(budget_s=0.0)
+    # The direct light did not wait; and what a drag asks for meanwhile is answered.
+    assert [answer.stage for answer in answers if isinstance(answer, StageDone)] == ["coarse", "preview"]
+    client.send(Contract(compute().scene.layers[0], None))
+    answers = [answer for _ in range(8) for answer in client.poll(budget_s=0.0)]
+    assert any(isinstance(answer, LayerPicture) for answer in answers)
+    assert not any(isinstance(answer, IndirectFound) for answer in answers)
+    if has_compiled:
+        kernels.note_compiled(kernels.INDIRECT)
+    later.has_ended = True
+    answers = client.poll(budget_s=float("inf"))
+    assert any(isinstance(answer, IndirectFound) for answer in answers)
+    assert [answer.exact for answer in answers if isinstance(answer, StageDone)] == [True]
+
+
+def test_a_dab_waits_for_its_kernels_and_a_plan_of_bands_does_not(source: str, store: Store, log: list[str]) -> None:
+    tasks = opened(source, store)
+    tasks.bench.kernels = waiting = Waiting(first_time=True)
+    waiting.wait_for(Later())
+    client = InProcessClient(tasks)
+    stroke = Stroke(0.2, dabs=pack_dabs([[0.0, 0.5, 0.0]], [[0.0, 1.0, 0.0]]))
+    key, layer = compute().scene.layers[0].key, compute().scene.layers[0].layer
+    client.send(SampleMaps(((key, Images(strokes=Strokes((stroke,)))),)))
+    client.send(PlanBands((layer,)))
+    answers = [answer for _ in range(8) for answer in client.poll(budget_s=0.0)]
+    assert [type(answer) for answer in answers] == [BandsPlanned]
+    kernels.note_compiled(kernels.PAINTING)
+    assert any(isinstance(answer, MapsSampled) for answer in client.poll(budget_s=float("inf")))
+
+
+def test_what_is_wanted_later_is_compiled_after_the_rest_and_once(compilers: list[Compiler], log: list[str]) -> None:
+    first = Kernels()
+    for compiler in compilers:
+        compiler.done.set()
+    first.prepare_here()
+    assert [compiler.part for compiler in compilers] == [*PARTS, kernels.LATER_PART]
+    assert not first.is_ready(kernels.PAINTING)
+    for what in kernels.LATER:
+        kernels.note_compiled(what)
+    assert first.is_ready(kernels.PAINTING)
+    compilers.clear()
+    Kernels().prepare_here()
+    assert compilers == []
 
 
 @pytest.fixture
@@ -227,7 +298,9 @@ def test_as_many_files_are_compiled_as_are_counted(tmp_path: Path) -> None:
 def test_an_installation_compiles_all_once(compilers: list[Compiler], log: list[str], monkeypatch) -> None:
     monkeypatch.setattr(Compiler, "wait", lambda compiler, timeout_s: log.append(f"{compiler.part} compiled"))
     kernels.compile_all()
-    assert [compiler.part for compiler in compilers] == list(PARTS) and kernels.are_compiled()
-    assert log == [f"{part} compiled" for part in PARTS] + [f"{part} read" for part in PARTS]
+    first, later = [f"{part} compiled" for part in PARTS], f"{kernels.LATER_PART} compiled"
+    assert kernels.are_compiled() and log == [*first, *(f"{part} read" for part in PARTS), later]
+    for what in kernels.LATER:
+        kernels.note_compiled(what)
     kernels.compile_all()
-    assert len(compilers) == len(PARTS)
+    assert len(compilers) == len(PARTS) + 1
