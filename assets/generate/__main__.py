@@ -9,7 +9,7 @@ from PIL import Image
 from .environments import ENVIRONMENTS
 from .mesh import check, save_ply
 from .panorama import save_exr
-from .scenes import IMAGES, LIT_BY, SCENES
+from .scenes import IMAGES, LIT_BY, MODELS, SCENES
 
 ASSETS = Path(__file__).resolve().parents[1]
 
@@ -28,6 +28,11 @@ def generate(names: list[str], folder: Path = ASSETS) -> list[Path]:
             for file, pixels in IMAGES.get(name, dict)().items():
                 Image.fromarray(pixels).save(target / file, optimize=True, quality=88)
                 written.append(target / file)
+    for name, models in MODELS.items():
+        for file, save in models.items() if name in names else ():
+            (folder / "scenes" / name).mkdir(parents=True, exist_ok=True)
+            save(folder / "scenes" / name / file)
+            written.append(folder / "scenes" / name / file)
     for name, picture in ENVIRONMENTS.items():
         if name in names:
             target = folder / "environments"
@@ -41,7 +46,7 @@ def generate(names: list[str], folder: Path = ASSETS) -> list[Path]:
 
 
 def main() -> None:
-    known = [*SCENES, *ENVIRONMENTS]
+    known = [*SCENES, *MODELS, *ENVIRONMENTS]
     names = sys.argv[1:] or known
     unknown = sorted(set(names) - set(known))
     if unknown:

@@ -1,15 +1,19 @@
 """The meshes and images of the built-in scenes, by file name. Their scene.toml are written by hand."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import (
     ajar,
+    amphora,
+    bat,
     cornell,
     dominoes,
     earrings,
+    idol,
     plant,
     plate,
     ring,
@@ -34,6 +38,9 @@ LIT_BY = {
     "ring": "studio",
     "room": "sky",
     "rings": "studio",
+    "idol": "studio",
+    "bat": "studio",
+    "amphora": "studio",
 }
 
 SCENES: dict[str, Callable[[], dict[str, Mesh]]] = {
@@ -51,7 +58,12 @@ SCENES: dict[str, Callable[[], dict[str, Mesh]]] = {
     "ajar": ajar.meshes,
     "storeroom": storeroom.meshes,
     "rings": rings.meshes,
+    "idol": idol.meshes,
+    "amphora": amphora.meshes,
 }
+
+# Scenes whose mesh moves: what writes it to a file, by its name.
+MODELS: dict[str, dict[str, Callable[[Path], None]]] = {"bat": {"bat.glb": bat.save}}
 
 # Textures and weight maps: for each scene, file name -> (H, W, 3) sRGB or (H, W) shares, 8 bits.
 IMAGES: dict[str, Callable[[], dict[str, NDArray[np.uint8]]]] = {

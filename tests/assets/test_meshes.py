@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from assets.generate.mesh import Mesh, axis_rotation, check, cleaned, face_normals, load_ply, merged, save_ply
-from assets.generate.scenes import SCENES
+from assets.generate.scenes import MODELS, SCENES
 from assets.generate.surfaces import arc_profile, bezier, carried, circle, rounded_profile, rounded_rectangle, tube
 from assets.generate.teapot import bernstein, bernstein_slope, load_patches, teapot
+from engine.scene.gltf import read_glb
 from engine.scene.raycaster import RayCaster
 
 ASSETS = Path(__file__).resolve().parents[2] / "assets"
@@ -44,8 +45,18 @@ def test_generator_makes_the_committed_meshes(name: str, tmp_path: Path) -> None
             assert np.allclose(mesh.coordinates, committed.coordinates, rtol=0, atol=1e-5)
 
 
-def test_everything_fits_in_fourteen_megabytes() -> None:
-    assert sum(path.stat().st_size for path in ASSETS.rglob("*") if path.suffix in (".ply", ".exr")) < 14e6
+@pytest.mark.parametrize("name", MODELS)
+def test_generator_makes_the_committed_models(name: str, tmp_path: Path) -> None:
+    for file, save in MODELS[name].items():
+        save(tmp_path / file)
+        (made, committed) = (read_glb(folder / file) for folder in (tmp_path, ASSETS / "scenes" / name))
+        for part, other in zip(made.parts, committed.parts, strict=True):
+            assert np.array_equal(part.mesh.triangles, other.mesh.triangles)
+            assert np.allclose(part.mesh.vertices, other.mesh.vertices, rtol=0, atol=1e-6)
+
+
+def test_everything_fits_in_sixteen_megabytes() -> None:
+    assert sum(path.stat().st_size for path in ASSETS.rglob("*") if path.suffix in (".ply", ".exr", ".glb")) < 16e6
 
 
 def test_ply_reads_back_as_written(tmp_path: Path) -> None:

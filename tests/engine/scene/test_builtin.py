@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from engine.deform.animation import posed
+from engine.deform.pose import Pose
 from engine.light.environment import load_environment
 from engine.material import MODELS, validate_parameters
 from engine.scene.builtin import builtin_environments, builtin_scenes
@@ -10,8 +12,8 @@ from engine.scene.description import load_description
 from engine.scene.load import load_scene
 
 SCENES = [  # default first
-    "teatray", "ajar", "cornell", "dominoes", "earrings", "plant", "plate", "ring", "rings", "room", "shapes",
-    "stairwell", "storeroom", "vase",
+    "teatray", "ajar", "amphora", "bat", "cornell", "dominoes", "earrings", "idol", "plant", "plate", "ring", "rings",
+    "room", "shapes", "stairwell", "storeroom", "vase",
 ]  # fmt: skip
 
 
@@ -43,3 +45,17 @@ def test_environment_loads_without_a_complaint(name: str) -> None:
     environment = load_environment(builtin_environments()[name])
     assert environment.radiance.shape == (256, 512, 3)
     assert environment.notes == ()
+
+
+def test_the_bat_flaps() -> None:
+    """Its wings rise and sink by more than a hand's breadth, and stay wings; at 0 its hands are about at rest."""
+    scene = load_scene(builtin_scenes()["bat"])
+    i = scene.object_index("wings")
+    rig, (first, last), (start, stop) = scene.rigs[i], scene.vertex_ranges[i], scene.triangle_ranges[i]
+    assert rig is not None and [clip.name for clip in rig.skeleton.clips] == ["flap"]
+    vertices = scene.vertices[first:last].astype(float)
+    rest = Pose(vertices, np.tile(np.eye(3), (len(vertices), 1, 1)))
+    poses = [posed(rig, rest, scene.triangles[start:stop] - first, "flap", time) for time in (0.0, 0.3, 0.9, 1.2)]
+    tops = [pose.positions[:, 1].max() for pose in poses]
+    assert tops[1] > tops[0] + 0.1 and poses[2].positions[:, 1].min() < 0.2
+    assert poses[3].positions == pytest.approx(poses[0].positions, abs=1e-6)  # its last key is its first
