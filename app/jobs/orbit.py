@@ -90,7 +90,8 @@ class OrbitWork(ModeWork):
             return
         started, prepared, version, was_done = time.monotonic(), self._prepared, orbit.version, orbit.is_done
         camera = orbit.scene.seen_from(request.camera).description.camera
-        picture = yield from told_as(orbit.drawing(camera, request.resolution, request.quality), lambda step: None)
+        drawing = orbit.drawing(camera, request.resolution, request.quality, request.n_coefficients)
+        picture = yield from told_as(drawing, lambda step: None)
         is_done = was_done and orbit.is_done  # it may have seen what nothing was made ready for, such as backs
         yield OrbitDrawn(picture, prepared, version, is_done, time.monotonic() - started)
 

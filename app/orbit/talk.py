@@ -238,7 +238,7 @@ class OrbitTalk(ModeTalk):
         return PrepareOrbit(wish.scene, wish.n_bounces)
 
     def _draw_request(self, camera: Camera, wanted: Drawing) -> Request:
-        return DrawOrbit(camera, wanted.resolution, wanted.quality)
+        return DrawOrbit(camera, wanted.resolution, wanted.quality, self._pace.n_coefficients)
 
     # --------------------------------------------------------------------------------------------------------- asking
 
@@ -388,14 +388,9 @@ class OrbitTalk(ModeTalk):
             self._known = made_of
         self._seconds = response.seconds
         self._shows_placement = self._placement_follows
-        if drawing.quality == "moving":
-            self._pace.took(response.seconds * self._share_of_moving(drawing.resolution))
+        if drawing.quality == "moving" and drawing.resolution == self._pace.resolution(self._whole):
+            self._pace.took(response.seconds)
         return [OrbitPicture(response.radiance)]
-
-    def _share_of_moving(self, resolution: tuple[int, int]) -> float:
-        """How many of so many pixels a moving picture has now."""
-        width, height = self._pace.resolution(self._whole)
-        return width * height / (resolution[0] * resolution[1])
 
     def _take_failure(self, response: Failed) -> None:
         if response.id == self._drawing_id:

@@ -13,9 +13,10 @@ from engine.deform.pose import Poses
 
 # Seconds that a picture may take while something moves; fewer pixels are drawn where it takes longer.
 MOVING_SECONDS = 0.04
-# Shares of the picture's sides.
-SCALES = (1.0, 0.75, 0.5, 0.375, 0.25)
+# From the best to the quickest: shares of the picture's sides, and coefficients of light a point.
+STEPS = ((1.0, 96), (1.0, 64), (0.75, 64), (0.5, 64), (0.5, 40), (0.375, 40), (0.375, 24), (0.25, 24))
 _TOO_LONG, _SHORT_ENOUGH = 1.3, 0.8
+_MOST_PATIENCE = 64
 
 
 @dataclass(frozen=True)
@@ -62,20 +63,33 @@ class Drawing:
 
 
 class Pace:
-    """How many pixels a moving picture has: as many as are drawn in time."""
+    """How well a moving picture is drawn: as well as it is in time.
+
+    How much longer the next better one takes is not known in advance: of some pictures the points cost most, of others
+    the pixels. So it is tried, and after a try in vain not again for twice as many pictures as before that.
+    """
 
     def __init__(self) -> None:
-        self._i_scale = SCALES.index(0.5)
+        self._i_step = STEPS.index((0.5, 64))
+        self._patience, self._waited, self._tries = 1, 0, False
+
+    @property
+    def n_coefficients(self) -> int:
+        """Of light, a point."""
+        return STEPS[self._i_step][1]
 
     def resolution(self, whole: tuple[int, int]) -> tuple[int, int]:
         """Of a picture whose whole resolution (width, height) is given."""
-        scale = SCALES[self._i_scale]
+        scale, _ = STEPS[self._i_step]
         return max(round(scale * whole[0]), 1), max(round(scale * whole[1]), 1)
 
     def took(self, seconds: float) -> None:
         """A moving picture took so long."""
+        self._waited += 1
         if seconds > _TOO_LONG * MOVING_SECONDS:
-            self._i_scale = min(self._i_scale + 1, len(SCALES) - 1)
-        elif self._i_scale > 0:
-            larger = (SCALES[self._i_scale - 1] / SCALES[self._i_scale]) ** 2
-            self._i_scale -= seconds * larger < _SHORT_ENOUGH * MOVING_SECONDS
+            self._patience = min(2 * self._patience, _MOST_PATIENCE) if self._tries else 1
+            self._i_step, self._waited, self._tries = min(self._i_step + 1, len(STEPS) - 1), 0, False
+        elif seconds < _SHORT_ENOUGH * MOVING_SECONDS and self._i_step > 0 and self._waited >= self._patience:
+            self._i_step, self._waited, self._tries = self._i_step - 1, 0, True
+        elif self._tries:
+            self._patience, self._tries = 1, False

@@ -95,13 +95,15 @@ def add_between(
     start: int, stop: int, samples: NDArray[np.int64], corners: Indices, weights: Floats, values: Floats,
     factor: Floats, radiance: Floats,
 ) -> None:  # fmt: skip
-    """Add values (S, 3), interpolated between each sample's corners, times factor (3,) to radiance (R, 3)."""
+    """Add values (S, 3), interpolated between each sample's corners, times factor (N or 1, 3) to radiance (R, 3)."""
+    several = len(factor) > 1
     for at in range(start, stop):
         j = samples[at]
         a, b, c = corners[j, 0], corners[j, 1], corners[j, 2]
+        row = at if several else 0
         for i in range(3):
             between = weights[j, 0] * values[a, i] + weights[j, 1] * values[b, i] + weights[j, 2] * values[c, i]
-            radiance[j, i] += factor[i] * between
+            radiance[j, i] += factor[row, i] * between
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -8,15 +8,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.material.layer import Layer
 from engine.orbit.lit_points import LitPoints
-from engine.orbit.picture import Seen, interpolated, reflected, shaded, sunlit
-from engine.orbit.reflections import Reflections, Term
+from engine.orbit.picture import Seen, interpolated
+from engine.orbit.reflected import reflected, shaded, sunlit
+from engine.orbit.reflections import Reflections
+from engine.orbit.seen_maps import factors
 from engine.orbit.sky import Sky
-from engine.render.maps import MapFactors
 from engine.render.still import StillProgress
 from engine.scene.load import Scene
-from engine.threads import even_parts, on_threads
 
 Floats = NDArray[np.float32]
 Quality = Literal["moving", "rest", "still"]
@@ -32,46 +31,24 @@ def reflected_light(
 ) -> Generator[StillProgress, None, Floats]:  # fmt: skip
     """Radiance (R, 3) that samples reflect to the eye, found term by term; see `Orbit.draw`."""
     radiance = np.zeros((len(seen.pixel), 3), np.float32)
-    factors: dict[int, Floats] = {}
-
-    def add(which: NDArray[np.int64], term: Term, out: Floats) -> None:
-        """What a term reflects at samples (N,) of its object, without its maps, to out (R, 3)."""
-        if n_bounces > 1:
-            interpolated(seen, which, lit.indirect, out, reflections.albedo(term) / np.pi)
-        if term.reflectance is not None:
-            interpolated(seen, which, lit.incident.irradiance, out, np.array(term.reflectance))
-        elif (tables := reflections.tables(term.layers)) is not None:
-            if quality != "moving":
-                others = reflected(seen, which, lit.incident, tables)
-                suns = sunlit(seen, which, lit.incident, sky, term.layers, tables, others, _LITTLE[quality])
-                out[which] += others + suns
-            else:
-                points = np.flatnonzero(lit.seen & (lit.points.i_object == term.i_object))
-                shaded(seen, points, lit.incident, tables, n_moving, lit.colours)
-                interpolated(seen, which, lit.colours, out, np.ones(3))
-
+    everywhere, mapped = np.ones((1, 3), np.float32), dict[int, dict[int, Floats]]()
     for done, term in enumerate(reflections.terms):
         which = seen.of(term.i_object)
         if not len(which):
             continue
         yield StillProgress(done / len(reflections.terms), "reflection")
-        if term.factor is None:
-            add(which, term, radiance)
-            continue
-        if term.i_object not in factors:
-            factors[term.i_object] = _factors(seen, which, scene, term.i_object, reflections.layers_of[term.i_object])
-        own = np.zeros_like(radiance)
-        add(which, term, own)
-        radiance[which] += own[which] * factors[term.i_object][:, term.factor]
+        if term.factor is not None and term.i_object not in mapped:
+            layers = reflections.layers_of[term.i_object]
+            mapped[term.i_object] = factors(seen, which, scene, term.i_object, layers, quality)
+        factor = everywhere if term.factor is None else mapped[term.i_object][term.factor]
+        points = np.flatnonzero(lit.seen & (lit.points.i_object == term.i_object))
+        lit.colours[points] = lit.sent_evenly(points, term.reflectance, reflections.albedo(term), n_bounces)
+        tables = None if term.reflectance is not None else reflections.tables(term.layers)
+        if tables is not None and quality == "moving":
+            shaded(seen, points, lit.incident, tables, n_moving, lit.shades, lit.colours)
+        interpolated(seen, which, lit.colours, factor, radiance)
+        if tables is not None and quality != "moving":
+            others = reflected(seen, which, lit.incident, tables)
+            suns = sunlit(seen, which, lit.incident, sky, term.layers, tables, others, _LITTLE[quality])
+            radiance[which] += factor * (others + suns)
     return radiance
-
-
-def _factors(seen: Seen, which: NDArray[np.int64], scene: Scene, i_object: int, layers: tuple[Layer, ...]) -> Floats:
-    """By what maps multiply the visible layers of an object at samples (N,), (N, K, 3)."""
-    maps = MapFactors(scene, {i_object: layers})
-
-    def part(start: int, stop: int) -> Floats:
-        n = stop - start
-        return maps.of_hits(seen.in_scene(which[start:stop]), np.full(n, i_object), np.arange(n))
-
-    return np.concatenate(on_threads(part, *even_parts(len(which))))

@@ -11,6 +11,7 @@ from engine.light.emitters import EmitterPatches
 from engine.orbit.bounced import Bounces, bouncing
 from engine.orbit.incident import Incident, Lamps, light, more_glossy, no_light
 from engine.orbit.picture import PointMesh
+from engine.orbit.reflected import no_shades
 from engine.orbit.shading_points import ShadingPoints, with_backs
 from engine.orbit.sky import Sky
 from engine.orbit.visibility import N_UPPER, Bits, see, see_patches
@@ -39,6 +40,7 @@ class LitPoints:
         self.bits: Bits = np.full((self._n, N_UPPER // 2), 255, np.uint8)
         self.patch_bits: Bits = np.full((self._n, (n_patches + 7) // 8), 255, np.uint8)
         self.incident: Incident = no_light(is_glossy[points.i_object], n_coefficients)
+        self.shades = no_shades(self.incident)
         self.colours = np.zeros((self._n, 3), np.float32)
         self.state = np.zeros(self._n, np.uint8)
         self.traced, self.seen = np.zeros((2, self._n), bool)
@@ -73,6 +75,8 @@ class LitPoints:
 
     def light(self, which: NDArray[np.int64], sky: Sky, lamps: Lamps | None, is_coarse: bool) -> None:
         light(self.points, self.bits, sky, self.incident, lamps, which, is_coarse)
+        slots = self.incident.slot[which]
+        self.shades.key[slots[slots >= 0]] = -1
         self.state[which] = COARSELY if is_coarse else EXACTLY
 
     def trace(
@@ -108,11 +112,25 @@ class LitPoints:
         self.is_bounced = self.is_lit
         self.indirect = self.bounces.indirect(self.incident.irradiance, albedos[self.points.i_object], n_bounces)
 
+    def sent_evenly(
+        self, which: NDArray[np.int64], reflectance: Sequence[float] | None, albedo: NDArray[np.floating],
+        n_bounces: int,
+    ) -> Floats:  # fmt: skip
+        """What points (N,) send the same everywhere, (N, 3): of the lights by their reflectance (3,), and of further
+        bounces by their albedo (3,)."""
+        sent = np.zeros((len(which), 3), np.float32)
+        if reflectance is not None:
+            sent += self.incident.irradiance[which] * np.asarray(reflectance, np.float32)
+        if n_bounces > 1:
+            sent += self.indirect[which] * np.asarray(albedo / np.pi, np.float32)
+        return sent
+
     def need_gloss(self, is_glossy: NDArray[np.bool_]) -> None:
         """Keep coefficients of light for objects (M,) that reflect with gloss by now."""
         new = is_glossy[self.points.i_object] & (self.incident.slot < 0)
         if new.any():
             self.incident = more_glossy(self.incident, new)
+            self.shades = no_shades(self.incident)
             self.state[new] = STALE
 
     def add_backs(self, objects: Sequence[int], is_glossy: NDArray[np.bool_]) -> None:

@@ -1,31 +1,18 @@
-"""What a picture from anywhere sees, and the light of the shading points around it.
-
-While something moves, the points that are seen are shaded, each towards the eye, and colours are interpolated; at rest
-every pixel takes the light of its three points and reflects it towards its own eye [Ma06, 3.3: functions, not colours],
-and edges of objects are seen by four rays a pixel.
-"""
+"""What a picture from anywhere sees: the shading points around each pixel; at rest, edges by four rays a pixel."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine.light.environment import Environment
-from engine.material.layer import Layer
 from engine.orbit import _picture_kernels as kernels
-from engine.orbit import _slice_kernels
-from engine.orbit.incident import Incident, hemisphere
 from engine.orbit.shading_points import ShadingPoints
-from engine.orbit.sky import Sky
-from engine.orbit.slices import to_shading
-from engine.render.integrator import evaluate_layers
 from engine.scene.camera import camera_frame
 from engine.scene.description import CameraDescription
-from engine.scene.hits import LEAST_COSINE
 from engine.scene.load import Scene
 from engine.scene.raycaster import Intersections, RayCaster
 from engine.threads import even_parts, on_threads
@@ -33,7 +20,6 @@ from engine.threads import even_parts, on_threads
 Floats = NDArray[np.float32]
 Rows = NDArray[np.int64]
 _RAYS = 16384  # at a time
-_PIXELS = 1024
 # Four rays a pixel on a rotated grid, in pixels from its upper left corner.
 _SUB_RAYS = np.array([(0.125, 0.375), (0.625, 0.125), (0.875, 0.625), (0.375, 0.875)])
 
@@ -71,7 +57,8 @@ class PointMesh:
         order = order[np.argsort(i_object[order], kind="stable")]
         bounds = np.searchsorted(i_object[order], np.arange(len(self._scene.smooth) + 1))
         eye = np.subtract(camera.position, self._scene.origin).astype(np.float32)
-        return Seen((width, height), eye, samples, pixel, share, order, bounds, found, self._points)
+        axes = _plane(camera, resolution)
+        return Seen((width, height), eye, axes, samples, pixel, share, order, bounds, found, self._points)
 
     def shines(self, scene: Scene) -> None:
         """Take over what objects emit."""
@@ -107,12 +94,13 @@ class PointMesh:
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """Samples (R,) of a picture: resolution (width, height), eye (3,), what they meet, their pixel (R,) and share of it
-    (R,). order (N,): those that reflect, by object, whose ranges are bounds (M + 1,); found: triangle, u, v of the
-    points' triangles."""
+    """Samples (R,) of a picture: resolution (width, height), eye (3,), axes (3, 3) of its plane, what they meet, their
+    pixel (R,) and share of it (R,). order (N,): those that reflect, by object, whose ranges are bounds (M + 1,); found:
+    triangle, u, v of the points' triangles."""
 
     resolution: tuple[int, int]
     eye: Floats
+    axes: NDArray[np.float64]
     samples: kernels.Samples
     pixel: Rows
     share: Floats
@@ -143,95 +131,15 @@ class Seen:
         return Intersections(self.points.source[triangle], u, v, np.zeros(len(u), np.float32))
 
 
-def interpolated(seen: Seen, which: Rows, values: Floats, radiance: Floats, factor: NDArray[np.floating]) -> None:
-    """Add values (S, 3) of shading points between the corners of samples (N,), times factor (3,), to `radiance`."""
-    scale, samples = np.asarray(factor, np.float32), seen.samples
+def interpolated(seen: Seen, which: Rows, values: Floats, factor: Floats, radiance: Floats) -> None:
+    """Add values (S, 3) of shading points between the corners of samples (N,), times factor (N or 1, 3), to
+    `radiance`."""
+    samples = seen.samples
 
     def part(start: int, stop: int) -> None:
-        kernels.add_between(start, stop, which, samples.corners, samples.weights, values, scale, radiance)
+        kernels.add_between(start, stop, which, samples.corners, samples.weights, values, factor, radiance)
 
     on_threads(part, *even_parts(len(which)))
-
-
-def shaded(
-    seen: Seen, points: NDArray[np.int64], incident: Incident, tables: _slice_kernels.Tables, n: int, colours: Floats
-) -> None:
-    """Fill colours (S, 3) of points (N,) with what they send to the eye, by n coefficients and by suns."""
-    at, frames = seen.points.position, seen.points.frames
-
-    def part(start: int, stop: int) -> None:
-        _slice_kernels.shade_points(
-            start, stop, points, seen.eye, n, at, frames, incident.slot, incident.kept, tables, colours
-        )
-
-    on_threads(part, *even_parts(len(points)))
-
-
-def reflected(seen: Seen, which: Rows, incident: Incident, tables: _slice_kernels.Tables) -> Floats:
-    """Radiance (N, 3) that samples (N,) of one object reflect to the eye at rest, without suns."""
-    samples = seen.samples
-    asked, first, members = kernels.by_point(which, samples.corners, len(seen.points))
-    towards, at_corners = samples.wo[which], np.empty((3 * len(which), 3), np.float32)
-
-    def part(start: int, stop: int) -> None:
-        _slice_kernels.shade_corners(
-            start, stop, asked, first, members, towards, seen.points.frames, incident.slot, incident.kept, tables,
-            at_corners,
-        )  # fmt: skip
-
-    on_threads(part, *even_parts(len(asked)))
-    weights = samples.weights[which]
-    return np.asarray(np.einsum("nk,nki->ni", weights, at_corners.reshape(-1, 3, 3)), np.float32)
-
-
-def sunlit(
-    seen: Seen, which: Rows, incident: Incident, sky: Sky, layers: Sequence[Layer], tables: _slice_kernels.Tables,
-    others: Floats, little: float,
-) -> Floats:  # fmt: skip
-    """Radiance (N, 3) that layers reflect of the sky's suns at samples (N,), each in its own direction: a highlight as
-    sharp as the layers are, where slices know it to a triangle's 2.8 degrees. What a pixel sees of a sun is what its
-    points see. tables: the layers' slices, in which suns are looked up that differ less between them than this little
-    share of all that is reflected; others (N, 3): what that is without them."""
-    radiance = np.zeros((len(which), 3), np.float32)
-
-    def part(start: int) -> None:
-        some = which[start : start + _PIXELS]
-        beside = others[start : start + _PIXELS].sum(axis=1)
-        radiance[start : start + _PIXELS] = _of_suns(seen, some, incident, sky, layers, tables, beside, little)
-
-    if len(sky.sun_power):
-        on_threads(part, range(0, len(which), _PIXELS))
-    return radiance
-
-
-def _of_suns(
-    seen: Seen, which: Rows, incident: Incident, sky: Sky, layers: Sequence[Layer], tables: _slice_kernels.Tables,
-    others: Floats, little: float,
-) -> NDArray[np.float64]:  # fmt: skip
-    """`sunlit` of a few samples; others (N,): of the sum of colours."""
-    corners, weights = seen.samples.corners[which], seen.samples.weights[which].astype(np.float64)
-    share, most = np.empty((2, len(which), len(sky.sun_power)), np.float32)
-    between = np.empty((*share.shape, 3), np.float32)
-    _slice_kernels.sun_slices(
-        which, seen.samples.corners, seen.samples.weights, seen.samples.wo, seen.points.frames, incident.kept.sun_bits,
-        sky.sun_direction, sky.sun_power, hemisphere().children, tables, share, between, most,
-    )  # fmt: skip
-    estimate = between.sum(axis=2)
-    counts = most - estimate > little * (others + estimate.sum(axis=1))[:, None]
-    between[counts] = 0.0
-    frames = np.einsum("nk,nkij->nij", weights, seen.points.frames[corners])
-    frames[:, 1] /= np.linalg.norm(frames[:, 1], axis=1, keepdims=True)
-    frames[:, 0] -= np.einsum("ni,ni->n", frames[:, 0], frames[:, 1])[:, None] * frames[:, 1]
-    frames[:, 0] /= np.linalg.norm(frames[:, 0], axis=1, keepdims=True)
-    frames[:, 2] = np.cross(frames[:, 0], frames[:, 1])
-    n, s = np.nonzero(counts)
-    wi = np.einsum("nij,nj->ni", frames[n], sky.sun_direction[s].astype(np.float64))
-    wo = np.einsum("nij,nj->ni", frames, seen.samples.wo[which].astype(np.float64))
-    wo[:, 1] = np.maximum(wo[:, 1], LEAST_COSINE)
-    wo /= np.linalg.norm(wo, axis=1, keepdims=True)
-    lit = share[n, s, None] * sky.sun_power[s] * evaluate_layers(layers, to_shading(wi), to_shading(wo[n]))
-    lit[wi[:, 1] <= 0.0] = 0.0
-    return between.sum(axis=1) + np.stack([np.bincount(n, lit[:, c], len(which)) for c in range(3)], axis=1)
 
 
 def picture(

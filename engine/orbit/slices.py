@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Generator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,57 +29,70 @@ Floats = NDArray[np.float32]
 # Angles to the normal and azimuths: of an isotropic reflection, and of one with a grain.
 N_POLAR, N_AZIMUTHS, N_AROUND = 16, 9, 40
 _STEEPEST = np.radians(89.0)
+_SERIALS = count(1)
+# Of the most that is reflected: by which triangles beside one another may differ and be even in themselves.
+_EVEN = 0.05
 
 
 @dataclass(frozen=True, eq=False)
 class Slices:
-    """values (U, polar, azimuth, 3) float32: the mean of ρ cos θ over each upper triangle; is_isotropic: the azimuths
-    end at 36 degrees; otherwise they go round, without the last."""
+    """packed (U, polar, columns, 3): the mean of ρ cos θ over each upper triangle, bfloat16 as `kernels.packed` makes
+    them; is_isotropic: the columns are azimuths to 36 degrees; otherwise they go all round, the last the first again.
+    """
 
-    values: Floats
+    packed: NDArray[np.uint16]
     is_isotropic: bool
+
+    @property
+    def values(self) -> Floats:
+        """packed as float32."""
+        return kernels.unpacked(self.packed)
 
     @cached_property
     def tables(self) -> kernels.Tables:
-        """With the coefficients of each slice (5120, polar, azimuth, 3), by `haar`'s numbers, times 4^(L − level), so
-        that the integral of powers times a slice is the sum of products of coefficients."""
-        table = np.zeros((geodesic(LEVEL).n_triangles, *self.values.shape[1:]), np.float32)
-        table[upper()] = self.values
-        scale = (4.0 ** (LEVEL - levels_of_coefficients(LEVEL))).astype(np.float32)
+        """With the coefficients of each slice, times 4^(L − level), so that the integral of powers times a slice is the
+        sum of products of coefficients. Of those of the lower hemisphere, where all slices are 0, there are none."""
+        rows = _rows()
+        table = np.empty((len(rows), *self.packed.shape[1:]), np.uint16)
+        scale = (4.0 ** (LEVEL - levels_of_coefficients(LEVEL)))[rows].astype(np.float32)[:, None, None]
 
         def row(i: int) -> None:
-            table[:, i] = forward(table[:, i]) * scale[:, None, None]
+            values = np.zeros((geodesic(LEVEL).n_triangles, *self.packed.shape[2:]), np.float32)
+            values[upper()] = kernels.unpacked(self.packed[:, i])
+            table[:, i] = kernels.packed(forward(values)[rows] * scale)
 
         on_threads(row, range(table.shape[1]))
         images, places = _inverse_images()
-        n = len(images) if self.is_isotropic else 1
-        return kernels.Tables(table, self.values, images[:n], places[:n], _STEEPEST)
+        n, (n_polar, n_columns) = len(images) if self.is_isotropic else 1, self.packed.shape[1:3]
+        return kernels.Tables(
+            table.ravel(), self.packed.ravel(), images[:n], places[:n], n_polar, n_columns, _STEEPEST, next(_SERIALS)
+        )  # fmt: skip
 
     @cached_property
     def albedo(self) -> NDArray[np.float64]:
         """Of the matt reflection that sends as much light on [BenArtzi07, sect. 5.3], (3,): 1/π ∫∫ ρ cos cos."""
-        solid_angles = geodesic(LEVEL).solid_angles[upper()]
-        sent = np.einsum("k,kpai->pi", solid_angles, self.values, dtype=np.float64) / self.values.shape[2]
+        solid_angles, around = geodesic(LEVEL).solid_angles[upper()], slice(None, None if self.is_isotropic else -1)
+        sent = np.einsum("k,kpai->pai", solid_angles, self.values, dtype=np.float64)[:, around].mean(axis=1)
         polar = np.linspace(0.0, _STEEPEST, N_POLAR)
         return np.asarray(np.trapezoid(sent * np.sin(2.0 * polar)[:, None], polar, axis=0))
 
     def __add__(self, other: Slices) -> Slices:
         """Of both one above the other."""
-        if self.is_isotropic and other.is_isotropic:
-            return Slices(self.values + other.values, True)
-        return Slices(self.all_around().values + other.all_around().values, False)
+        if self.is_isotropic != other.is_isotropic:
+            return self.all_around() + other.all_around()
+        return Slices(kernels.packed(self.values + other.values), self.is_isotropic)
 
     def all_around(self) -> Slices:
         """The same with slices over all azimuths."""
         if not self.is_isotropic:
             return self
         _, places = _inverse_images()
-        turned = np.empty((*self.values.shape[:2], N_AROUND, 3), np.float32)
+        turned = np.empty((*self.packed.shape[:2], N_AROUND + 1, 3), np.uint16)
         half = N_AROUND // N_TURNS // 2  # of a fifth of a turn: from there on it is mirrored
-        for i in range(N_AROUND):
-            turn, inside = divmod(i, 2 * half)
+        for i in range(N_AROUND + 1):
+            turn, inside = divmod(i % N_AROUND, 2 * half)
             symmetry, at = (turn, inside) if inside <= half else (N_TURNS + (turn + 1) % N_TURNS, 2 * half - inside)
-            turned[:, :, i] = self.values[places[symmetry]][:, :, at * (N_AZIMUTHS - 1) // half]
+            turned[:, :, i] = self.packed[places[symmetry]][:, :, at * (N_AZIMUTHS - 1) // half]
         return Slices(turned, False)
 
 
@@ -86,19 +100,18 @@ def slicing(layer: Layer, finer: int = 1) -> Generator[float, None, Slices]:
     """The slices of a layer, yielding how much is done; each triangle's mean is taken over 4^finer parts of it, or, −1,
     from one level coarser, in a quarter of the time of 0."""
     is_isotropic = looks_isotropic(layer)
-    n_azimuths = N_AZIMUTHS if is_isotropic else N_AROUND
-    span = SECTOR if is_isotropic else 2.0 * np.pi * (N_AROUND - 1) / N_AROUND
+    n_azimuths, span = (N_AZIMUTHS, SECTOR) if is_isotropic else (N_AROUND + 1, 2.0 * np.pi)
     polar, azimuth = np.linspace(0.0, _STEEPEST, N_POLAR), np.linspace(0.0, span, n_azimuths)
-    values = np.empty((len(upper()), N_POLAR, n_azimuths, 3), np.float32)
+    packed = np.empty((len(upper()), N_POLAR, n_azimuths, 3), np.uint16)
     for i in range(N_POLAR):
         around = spherical(np.full(n_azimuths, polar[i]), azimuth)
 
         def part(j: int, i: int = i, around: NDArray[np.float64] = around) -> None:
-            values[:, i, j] = _reflected(layer, around[j], finer)
+            packed[:, i, j] = kernels.packed(_reflected(layer, around[j], finer))
 
         on_threads(part, range(n_azimuths))
         yield (i + 1) / N_POLAR
-    return Slices(values, is_isotropic)
+    return Slices(packed, is_isotropic)
 
 
 def spherical(polar: NDArray[np.floating], azimuth: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -136,26 +149,64 @@ def _pairs() -> NDArray[np.float64]:
 
 
 @lru_cache(maxsize=1)
+def _rows() -> NDArray[np.int64]:
+    """The coefficients of functions that are 0 below the surface that need not be 0, ascending."""
+    above = np.zeros((geodesic(LEVEL).n_triangles, 1))
+    above[upper(), 0] = np.random.default_rng(1).random(len(upper()))
+    return np.flatnonzero(forward(above)[:, 0])
+
+
+@lru_cache(maxsize=1)
 def _inverse_images() -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """(10, 5120) and (10, 2560): the coefficient, and the upper triangle by its place, of an unmoved function that
-    becomes each when a symmetry moves it."""
+    """(10, 5120) and (10, 2560): of an unmoved function the row of `_rows`, and the upper triangle by its place, that
+    become each coefficient and triangle when a symmetry moves it."""
     turns = [
         *((N_TURNS - k) % N_TURNS for k in range(N_TURNS)),
         *range(N_TURNS, 2 * N_TURNS),
     ]  # mirrors undo themselves
     triangles = images_of_triangles(LEVEL)[turns][:, upper()]
     places = np.searchsorted(upper(), triangles).astype(np.int32)
-    return np.ascontiguousarray(images_of_wavelets(LEVEL)[turns]), np.ascontiguousarray(places)
+    row = np.zeros(geodesic(LEVEL).n_triangles, np.int32)
+    row[_rows()] = np.arange(len(_rows()))
+    return np.ascontiguousarray(row[images_of_wavelets(LEVEL)[turns]]), np.ascontiguousarray(places)
 
 
 def _reflected(layer: Layer, wo: NDArray[np.float64], finer: int) -> Floats:
     """The mean of ρ cos θ (U, 3) over each upper triangle, for one outgoing direction."""
-    sphere = geodesic(LEVEL + finer)
-    above = np.flatnonzero(sphere.centres[:, 1] > 0.0)
-    eye = np.tile(to_shading(wo[None]), (len(above), 1))
-    values = evaluate_layer(layer, to_shading(sphere.centres[above]), eye)
+    values = _at_centres(layer, wo, LEVEL + min(finer, 0))
     if finer < 0:
         return np.repeat(values, 4**-finer, axis=0).astype(np.float32)
-    weights = sphere.solid_angles[above].reshape(-1, 4**finer)
-    parts = values.reshape(*weights.shape, 3)
-    return np.asarray(np.einsum("kp,kpi->ki", weights, parts) / weights.sum(axis=1)[:, None], np.float32)
+    if finer == 0:
+        return values.astype(np.float32)
+    # Where four that stand together are about alike, each of them is even.
+    four = values.reshape(-1, 4, 3)
+    uneven = np.abs(four - four.mean(axis=1, keepdims=True)).max(axis=(1, 2)) > _EVEN * values.max()
+    uneven |= (uneven[_beside()] & (_beside() >= 0)).any(axis=1)  # where a peak ends
+    chosen = np.repeat(uneven, 4)
+    parts = _at_centres(layer, wo, LEVEL + finer, np.repeat(chosen, 4**finer)).reshape(-1, 4**finer, 3)
+    weights = geodesic(LEVEL + finer).solid_angles.reshape(-1, 4**finer)[upper()[chosen]]
+    values[chosen] = np.einsum("kp,kpi->ki", weights, parts) / weights.sum(axis=1)[:, None]
+    return values.astype(np.float32)
+
+
+def _at_centres(
+    layer: Layer, wo: NDArray[np.float64], level: int, which: NDArray[np.bool_] | slice = slice(None)
+) -> NDArray[np.float64]:
+    """ρ cos θ (N, 3) in the middle of the triangles above the surface, or of some of them."""
+    wi = to_shading(_centres_above(level)[which])
+    return evaluate_layer(layer, wi, np.broadcast_to(to_shading(wo[None]), wi.shape))
+
+
+@lru_cache(maxsize=4)
+def _centres_above(level: int) -> NDArray[np.float64]:
+    centres = geodesic(level).centres
+    return centres[centres[:, 1] > 0.0]
+
+
+@lru_cache(maxsize=1)
+def _beside() -> NDArray[np.int32]:
+    """Of the upper triangles one level coarser those with an edge in common (U / 4, 3), −1 for those below."""
+    parents = upper()[::4] // 4
+    place = np.full(geodesic(LEVEL - 1).n_triangles, -1, np.int32)
+    place[parents] = np.arange(len(parents))
+    return place[geodesic(LEVEL - 1).neighbours[parents]]

@@ -62,7 +62,7 @@ class MapSampler:
                 self._footprints = {i_object: _footprints(self._scene, self._caster, self._hits, rows)}
             uv, across, down = (sides * np.array(scale) for sides in self._footprints[i_object])
             self._sampled = dict(list(self._sampled.items())[1 - _MOST_KEPT :])
-            self._sampled[key] = pyramid.over(uv, across, down).astype(np.float32)
+            self._sampled[key] = pyramid.over(uv, across, down)
         return self._sampled[key]
 
 

@@ -17,7 +17,7 @@ from app.mode import OpenedScene
 from app.orbit.events import OrbitPicture
 from app.orbit.messages import DrawOrbit, OrbitAdvanced, OrbitDrawn, OrbitUnknown, PrepareOrbit
 from app.orbit.talk import REST_SECONDS, OrbitTalk
-from app.orbit.wishes import MOVING_SECONDS, SCALES, Pace
+from app.orbit.wishes import MOVING_SECONDS, STEPS, Pace
 from app.placement.messages import ComputeTransport
 from app.status import Gauges, Status
 from app.view_state import ViewState
@@ -180,9 +180,20 @@ def test_as_many_pixels_as_are_drawn_in_time() -> None:
     pace = Pace()
     for _ in range(10):
         pace.took(10.0 * MOVING_SECONDS)
-    assert pace.resolution((400, 200)) == (400 * SCALES[-1], 200 * SCALES[-1])
+    scale, n = STEPS[-1]
+    assert (*pace.resolution((400, 200)), pace.n_coefficients) == (400 * scale, 200 * scale, n)
     for _ in range(10):
         pace.took(0.1 * MOVING_SECONDS)
-    assert pace.resolution((400, 200)) == (400, 200)
+    assert (*pace.resolution((400, 200)), pace.n_coefficients) == (400, 200, STEPS[0][1])
     pace.took(MOVING_SECONDS)
     assert pace.resolution((400, 200)) == (400, 200)  # in time: it stays
+
+
+def test_what_cost_more_than_it_promised_is_tried_less_and_less_often() -> None:
+    # Most of a picture's time does not shrink with its pixels: it must neither stay small nor change its size for ever.
+    pace, sizes = Pace(), []
+    for _ in range(300):
+        width, _ = pace.resolution((400, 200))
+        sizes.append(width)
+        pace.took(MOVING_SECONDS * (0.5 + (width / 400.0) ** 2))
+    assert sizes.count(400) <= 10 and 0.9 < np.mean(np.array(sizes[20:]) == 300)

@@ -7,7 +7,8 @@ from engine.material.layer import make_layer
 from engine.orbit import _incident_kernels as kernels
 from engine.orbit import _slice_kernels as slice_kernels
 from engine.orbit.incident import Lamps, hemisphere, light, lights, more_glossy, no_light, places
-from engine.orbit.picture import PointMesh, interpolated, reflected, shaded, sunlit
+from engine.orbit.picture import PointMesh, interpolated
+from engine.orbit.reflected import no_shades, reflected, shaded, sunlit
 from engine.orbit.sky import MAP_SIDE, make_sky, texel_directions
 from engine.orbit.slices import looks_isotropic, matt_reflectance, slicing, spherical, to_shading
 from engine.orbit.visibility import see_patches, upper
@@ -249,8 +250,8 @@ def test_what_moves_shows_the_colours_of_rest_interpolated(ball_scene, ball, une
     tables, which = finish(slicing(GOLD, 0)).tables, seen.of(1)
     resting = reflected(seen, which, incident, tables)
     colours, moving = np.zeros((len(points), 3), np.float32), np.zeros((48 * 36, 3), np.float32)
-    shaded(seen, np.flatnonzero(seen.points_seen()), incident, tables, 320, colours)
-    interpolated(seen, which, colours, moving, np.ones(3))
+    shaded(seen, np.flatnonzero(seen.points_seen()), incident, tables, 320, no_shades(incident), colours)
+    interpolated(seen, which, colours, np.ones((1, 3), np.float32), moving)
     assert np.sqrt(((moving[which] - resting) ** 2).mean()) < 0.05 * resting.mean()
 
 

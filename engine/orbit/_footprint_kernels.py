@@ -1,0 +1,64 @@
+"""Compiled: over which part of an image a picture's pixels reach."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def footprints(
+    start: int, stop: int, wo: NDArray[np.float32], share: NDArray[np.float32], triangle: NDArray[np.int64],
+    corners: Floats, uvs: Floats, eye: Floats, axes: Floats, uv: Floats, across: Floats, down: Floats,
+) -> None:  # fmt: skip
+    """Fill rows [start, stop) of uv, across and down (N, 2): texture coordinates of samples, and by how much they
+    change over the share (N,) of a pixel, to the right and downwards, as of rays that meet the plane of the sample's
+    own triangle [Igehy99]. wo (N, 3), back to the eye (3,); triangle (N,) into corners (K, 3, 3) and uvs (K, 3, 2);
+    axes (3, 3) as `fill_rays` takes them."""
+    one, two, normal = np.empty(3), np.empty(3), np.empty(3)
+    forward = np.cross(axes[2], axes[1])
+    forward /= math.sqrt(np.dot(forward, forward))
+    for j in range(start, stop):
+        k = triangle[j]
+        a = corners[k, 0]
+        for i in range(3):
+            one[i], two[i] = corners[k, 1, i] - a[i], corners[k, 2, i] - a[i]
+        for i in range(3):
+            i1, i2 = (i + 1) % 3, (i + 2) % 3
+            normal[i] = one[i1] * two[i2] - one[i2] * two[i1]
+        squared = normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2
+        least = 1e-9 * math.sqrt(squared)
+        height = along = 0.0
+        for i in range(3):
+            height += normal[i] * (a[i] - eye[i])
+            along -= forward[i] * wo[j, i]
+        side = math.sqrt(share[j])
+        for way in range(3):
+            slope = 0.0
+            for i in range(3):
+                towards = -wo[j, i] / along + (side * axes[way, i] if way else 0.0)
+                slope += normal[i] * towards
+            slope = math.copysign(max(abs(slope), least), slope)
+            u = v = 0.0
+            for i in range(3):
+                i1, i2 = (i + 1) % 3, (i + 2) % 3
+                towards1 = -wo[j, i1] / along + (side * axes[way, i1] if way else 0.0)
+                towards2 = -wo[j, i2] / along + (side * axes[way, i2] if way else 0.0)
+                p1 = eye[i1] + height / slope * towards1 - a[i1]
+                p2 = eye[i2] + height / slope * towards2 - a[i2]
+                u += normal[i] * (p1 * two[i2] - p2 * two[i1])
+                v += normal[i] * (one[i1] * p2 - one[i2] * p1)
+            u, v = u / squared, v / squared
+            for c in range(2):
+                found = (1.0 - u - v) * uvs[k, 0, c] + u * uvs[k, 1, c] + v * uvs[k, 2, c]
+                if way == 0:
+                    uv[j, c] = found
+                elif way == 1:
+                    across[j, c] = found - uv[j, c]
+                else:
+                    down[j, c] = found - uv[j, c]

@@ -1,0 +1,100 @@
+"""What shading points and pixels reflect to the eye with gloss.
+
+While something moves, the points that are seen are shaded, each towards the eye, and colours are interpolated; at rest
+every pixel takes the light of its three points and reflects it towards its own eye [Ma06, 3.3: functions, not colours].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.material.layer import Layer
+from engine.orbit import _picture_kernels as picture_kernels
+from engine.orbit import _slice_kernels as kernels
+from engine.orbit import _sun_kernels as sun_kernels
+from engine.orbit.incident import Incident, hemisphere
+from engine.orbit.picture import Rows, Seen
+from engine.orbit.sky import Sky
+from engine.render.integrator import evaluate_layers
+from engine.scene.hits import LEAST_COSINE
+from engine.threads import even_parts, on_threads
+
+Floats = NDArray[np.float32]
+_PIXELS = 1024  # at a time
+
+
+def no_shades(incident: Incident) -> kernels.Shades:
+    """Room for what glossy points send to an eye."""
+    n = len(incident.kept.number)
+    return kernels.Shades(np.full(n, -1, np.int64), np.empty((n, 4, 3), np.float32))
+
+
+def shaded(
+    seen: Seen, points: NDArray[np.int64], incident: Incident, tables: kernels.Tables, n: int,
+    shades: kernels.Shades, colours: Floats,
+) -> None:  # fmt: skip
+    """Add to colours (S, 3) of points (N,) what they send to the eye, by n coefficients and by suns. shades: what they
+    sent before, to be forgotten where light changes."""
+    at, frames = seen.points.position, seen.points.frames
+
+    def part(start: int, stop: int) -> None:
+        kernels.shade_points(
+            start, stop, points, seen.eye, n, at, frames, incident.slot, incident.kept, tables, shades, colours
+        )
+
+    on_threads(part, *even_parts(len(points)))
+
+
+def reflected(seen: Seen, which: Rows, incident: Incident, tables: kernels.Tables) -> Floats:
+    """Radiance (N, 3) that samples (N,) of one object reflect to the eye at rest, without suns."""
+    samples = seen.samples
+    asked, first, members = picture_kernels.by_point(which, samples.corners, len(seen.points))
+    towards, at_corners = samples.wo[which], np.empty((3 * len(which), 3), np.float32)
+
+    def part(start: int, stop: int) -> None:
+        kernels.shade_corners(
+            start, stop, asked, first, members, towards, seen.points.frames, incident.slot, incident.kept, tables,
+            at_corners,
+        )  # fmt: skip
+
+    on_threads(part, *even_parts(len(asked)))
+    weights = samples.weights[which]
+    return np.asarray(np.einsum("nk,nki->ni", weights, at_corners.reshape(-1, 3, 3)), np.float32)
+
+
+def sunlit(
+    seen: Seen, which: Rows, incident: Incident, sky: Sky, layers: Sequence[Layer], tables: kernels.Tables,
+    others: Floats, little: float,
+) -> Floats:  # fmt: skip
+    """Radiance (N, 3) that layers reflect of the sky's suns at samples (N,), each in its own direction: a highlight as
+    sharp as the layers are, where slices know it to a triangle's 2.8 degrees. What a pixel sees of a sun is what its
+    points see. tables: the layers' slices, in which suns are looked up that differ less between them than this little
+    share of all that is reflected; others (N, 3): what that is without them."""
+    radiance = np.zeros((len(which), 3), np.float32)
+    if not len(sky.sun_power):
+        return radiance
+    samples, frames = seen.samples, seen.points.frames
+    suns = sun_kernels.Suns(sky.sun_direction, sky.sun_power, incident.kept.sun_bits, hemisphere().children)
+
+    def part(start: int) -> None:
+        some, out = which[start : start + _PIXELS], radiance[start : start + _PIXELS]
+        asked = _room(len(some) * len(sky.sun_power))
+        n = sun_kernels.find_suns(
+            some, samples.corners, samples.weights, samples.wo, frames, suns, tables, little, LEAST_COSINE,
+            others[start : start + _PIXELS], out, asked,
+        )  # fmt: skip
+        if n:
+            sun_kernels.add_asked(n, asked, evaluate_layers(layers, asked.wi[:n], asked.wo[:n]), out)
+
+    on_threads(part, range(0, len(which), _PIXELS))
+    return radiance
+
+
+def _room(n: int) -> sun_kernels.Asked:
+    """For n suns at most, of a few samples."""
+    return sun_kernels.Asked(
+        np.empty(n, np.int32), np.empty((n, 3), np.float32), np.empty((n, 3)), np.empty((n, 3))
+    )  # fmt: skip

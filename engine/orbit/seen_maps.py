@@ -1,0 +1,85 @@
+"""By what textures and weight maps multiply what a picture sees: filtered over the pixel, as in Placement."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.material.layer import Layer
+from engine.material.maps import Images
+from engine.orbit import _footprint_kernels as kernels
+from engine.orbit.picture import Rows, Seen
+from engine.render.canvas import positions_at
+from engine.scene.load import Scene
+from engine.scene.surface_uvs import corner_uvs
+from engine.texture.pyramid import MOST_PROBES, Pyramid
+from engine.texture.strokes import PaintedPoints
+from engine.threads import even_parts, on_threads
+
+Floats = NDArray[np.float32]
+_MOST_PROBES = {"moving": 2}
+
+
+def factors(
+    seen: Seen, which: Rows, scene: Scene, i_object: int, layers: Sequence[Layer], quality: str
+) -> dict[int, Floats]:
+    """By what maps multiply an object's visible layers that have any, by their number: (N, 3) at samples (N,).
+
+    While something moves, a pixel seen at a slant is covered by fewer look-ups.
+    """
+    visible = [layer for layer in layers if layer.visible]
+    mapped = {k: layer.maps for k, layer in enumerate(visible) if not layer.maps.is_plain}
+    at = _Places(seen, which, scene, i_object, _MOST_PROBES.get(quality, MOST_PROBES))
+    return {k: np.asarray(maps.factor(*at.look_up(maps.images)), np.float32) for k, maps in mapped.items()}
+
+
+class _Places:
+    """Where samples of one object lie on its images; what layers share is looked up once."""
+
+    def __init__(self, seen: Seen, which: Rows, scene: Scene, i_object: int, most_probes: int) -> None:
+        self._seen, self._which, self._scene, self._i_object = seen, which, scene, i_object
+        self._most_probes = most_probes
+        self._footprints: tuple[NDArray[np.float64], ...] | None = None
+        self._sampled: dict[tuple[object, ...], Floats] = {}
+
+    def look_up(self, images: Images) -> tuple[Floats, Floats]:
+        """Texture (N, 3) and weight (N,)."""
+        n, store = len(self._which), self._scene.textures
+        colours, shares = np.ones((n, 3), np.float32), np.full(n, images.weight_start, np.float32)
+        if (texture := store.texture(images)) is not None:
+            key = images.texture, images.texture_space, images.texture_scale
+            colours = self._sample(key, texture, images.texture_scale)
+        if (weight := store.weight(images)) is not None:
+            shares = self._sample((images.weight,), weight, (1.0, 1.0))[:, 0]
+        if images.strokes:
+            found = self._seen.in_scene(self._which)
+            places = positions_at(self._scene, found.triangle, found.u, found.v)
+            painted = PaintedPoints(shares, places, self._scene.geometric_normals[found.triangle])
+            shares = painted.weights(images.strokes)
+        return colours, shares
+
+    def _sample(self, key: tuple[object, ...], pyramid: Pyramid, scale: tuple[float, float]) -> Floats:
+        if key not in self._sampled:
+            if self._footprints is None:
+                self._footprints = _footprints(self._seen, self._which, self._scene, self._i_object)
+            uv, across, down = (sides * np.array(scale) for sides in self._footprints)
+            self._sampled[key] = pyramid.over(uv, across, down, self._most_probes)
+        return self._sampled[key]
+
+
+def _footprints(seen: Seen, which: Rows, scene: Scene, i_object: int) -> tuple[NDArray[np.float64], ...]:
+    """Texture coordinates of samples of an object, and their change over a pixel rightwards and downwards, (N, 2)."""
+    begin, end = scene.triangle_ranges[i_object]
+    own = np.arange(begin, end)
+    corners = scene.vertices[scene.triangles[own]].astype(np.float64)
+    triangle = seen.points.source[seen.found[0][which]] - begin
+    out = tuple(np.empty((3, len(which), 2)))
+    what = seen.samples.wo[which], seen.share[which], triangle.astype(np.int64), corners, corner_uvs(scene, own)
+
+    def part(start: int, stop: int) -> None:
+        kernels.footprints(start, stop, *what, seen.eye.astype(np.float64), seen.axes, *out)
+
+    on_threads(part, *even_parts(len(which)))
+    return out
