@@ -35,7 +35,8 @@ class PrepareOrbit(Request):
 @dataclass(frozen=True)
 class DrawOrbit(Request):
     """Draw the scene from a camera, in so many pixels (width, height), of what is ready, while something moves by so
-    many coefficients of light a point; answered by `OrbitDrawn` or `OrbitUnknown`. Built on the scene alone: a camera is drawn long before what it sees has been traced."""
+    many coefficients of light a point; answered by `OrbitDrawn` or `OrbitUnknown`. Built on the scene alone: a camera
+    is drawn long before what it sees has been traced."""
 
     built_on = (OpenScene,)
     quick = 0

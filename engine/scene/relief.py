@@ -108,7 +108,7 @@ class Relief:
         if footprints is None:
             slopes = cover.slopes.at(uvs_at(scene, triangle, u, v) * repeats).astype(np.float64)
         else:
-            slopes = cover.slopes.over(*(each * repeats for each in footprints))
+            slopes = cover.slopes.over(*(each * repeats for each in footprints)).astype(np.float64)
         faces = scene.geometric_normals[triangle].astype(np.float64)
         side = np.where(np.einsum("pk,pk->p", faces, wo) < 0.0, -1.0, 1.0)
         slopes *= -cover.bumps.slope_scale * side[:, None]

@@ -63,10 +63,10 @@ class Pyramid:
     ) -> NDArray[np.float32]:  # fmt: skip
         """Means (N, C) over pixels at (N, 2) whose sides are across and down (N, 2), in texture coordinates."""
         out, levels = np.empty((len(uv), self.texels.shape[1]), np.float32), self._packed
-        places = tuple(np.ascontiguousarray(each, np.float64) for each in (uv, across, down))
+        middle, right, below = (np.ascontiguousarray(each, np.float64) for each in (uv, across, down))
 
         def part(start: int, stop: int) -> None:
-            kernels.fill_over(start, stop, levels, *places, most_probes, out)
+            kernels.fill_over(start, stop, levels, middle, right, below, most_probes, out)
 
         on_threads(part, *even_parts(len(uv)))
         return out

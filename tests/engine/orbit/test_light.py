@@ -273,3 +273,45 @@ def test_a_sun_is_reflected_in_its_own_direction(ball_scene, ball) -> None:
     half = sky.sun_direction.mean(axis=0) / np.linalg.norm(sky.sun_direction.mean(axis=0)) + seen.samples.wo[on_ball]
     half /= np.linalg.norm(half, axis=1, keepdims=True)
     assert (normal * half).sum(axis=1)[found[:, 0].argmax()] > np.cos(np.radians(2.0))
+
+
+def test_a_layer_with_gloss_is_kept_in_five_megabytes() -> None:
+    slices = finish(slicing(GOLD, 0))
+    assert slices.tables.table.nbytes + slices.packed.nbytes < 5e6 and np.shares_memory(
+        slices.tables.values, slices.packed
+    )
+
+
+def test_finer_slices_are_the_means_over_finer_triangles() -> None:
+    # Where a layer is about even, triangles are asked in their middles alone; a highlight is sharper than that.
+    sharp = make_layer(MODELS["rough_conductor"], {"alpha": 0.1})
+    found, weights = finish(slicing(sharp)).values[:, 8, 3], geodesic(5).solid_angles.reshape(-1, 4)[upper()]
+    wi = geodesic(5).centres.reshape(-1, 4, 3)[upper()].reshape(-1, 3)
+    wo = spherical(np.array([np.radians(89.0) / 15 * 8]), np.array([np.radians(4.5 * 3)]))
+    values = evaluate_layers([sharp], to_shading(wi), np.tile(to_shading(wo), (len(wi), 1))).reshape(-1, 4, 3)
+    exact = np.einsum("kp,kpi->ki", weights, values) / weights.sum(axis=1)[:, None]
+    assert np.linalg.norm(found - exact) < 0.005 * np.linalg.norm(exact)
+
+
+def test_all_suns_that_are_asked_are_the_sum_over_them(ball_scene, ball, uneven) -> None:
+    points, _, bits = ball
+    image = uneven.radiance.copy()
+    image[8:11, 40:44] *= 300.0
+    sky = make_sky(Environment(image, "test"), 30.0)
+    assert len(sky.sun_power) > 5
+    incident = lit(ball, sky, 20)
+    seen = PointMesh(ball_scene, points).look(ball_scene.description.camera, (48, 36))
+    which, tables = seen.of(1)[::7], finish(slicing(GOLD, 0)).tables
+    found = sunlit(seen, which, incident, sky, [GOLD], tables, np.zeros((len(which), 3), np.float32), -1.0)
+    for j, row in zip(which, found, strict=True):
+        corners, weights = seen.samples.corners[j], seen.samples.weights[j].astype(np.float64)
+        frame = np.einsum("k,kij->ij", weights, points.frames[corners])
+        normal = frame[1] / np.linalg.norm(frame[1])
+        tangent = frame[0] - (frame[0] @ normal) * normal
+        tangent /= np.linalg.norm(tangent)
+        frame = np.stack([tangent, normal, np.cross(tangent, normal)])
+        seen_by = np.unpackbits(incident.kept.sun_bits[corners], axis=1, bitorder="little")[:, : len(sky.sun_power)]
+        wi, wo = sky.sun_direction @ frame.T, seen.samples.wo[j] @ frame.T
+        values = evaluate_layers([GOLD], to_shading(wi), np.tile(to_shading(wo[None]), (len(wi), 1)))
+        exact = ((weights @ seen_by * (wi[:, 1] > 0.0))[:, None] * sky.sun_power * values).sum(axis=0)
+        np.testing.assert_allclose(row, exact, rtol=0.02, atol=1e-3 * found.max())

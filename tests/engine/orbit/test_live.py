@@ -99,3 +99,27 @@ def test_whatever_is_done_pictures_are_finite_and_nothing_grows(ball_scene, orbi
             pass
         assert np.isfinite(orbit.draw(camera, (16, 12), ("moving", "rest")[k % 2])).all()
     assert orbit.n_bytes == before and orbit._reflections.n_slices <= 1
+
+
+@pytest.mark.parametrize("change", ["light", "layer", "coefficients"])
+def test_what_points_sent_before_is_forgotten_with_what_it_was_made_of(ball_scene, orbit, change: str) -> None:
+    camera, n = ball_scene.description.camera, 64
+    assert [*orbit.work()]
+    before = orbit.draw(camera, SIZE, "moving")
+    sky, layers = SkyState(constant_environment((2.0, 1.0, 0.5))), {0: [MATT], 1: [GOLD]}
+    if change == "light":
+        sky = SkyState(constant_environment((0.5, 1.0, 2.0)))
+    elif change == "layer":
+        layers = {0: [MATT], 1: [GOLD.with_parameter("alpha", 0.5)]}
+    else:
+        n = 20
+    again = Orbit(ball_scene, n_points=300, n_coefficients=64)
+    again.restore(orbit.stored())
+    for each in (orbit, again):
+        each.set_light(sky)
+        each.set_layers(layers)
+        assert each.is_done or [*each.work()]
+    now = orbit.draw(camera, SIZE, "moving", n)
+    np.testing.assert_array_equal(now, again.draw(camera, SIZE, "moving", n))
+    assert np.abs(now - before).max() > 1e-3
+    np.testing.assert_array_equal(now, orbit.draw(camera, SIZE, "moving", n))

@@ -1,0 +1,41 @@
+"""What a picture of Orbit's sees of images: filtered over the pixel, as in Placement."""
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from engine.material import MODELS
+from engine.material.layer import make_layer
+from engine.material.maps import LayerMaps
+from engine.orbit.picture import PointMesh
+from engine.orbit.seen_maps import factors
+from engine.orbit.shading_points import shading_points
+from engine.render.maps import MapFactors
+from engine.scene.description import parse_description
+from engine.scene.load import build_scene
+from engine.transport.pipeline import Placement
+from tests.engine.orbit.conftest import SCENE
+
+SIZE = 48, 36
+
+
+@pytest.mark.parametrize("quality", ["rest", "moving"])
+def test_images_are_filtered_as_in_placement(tmp_path: Path, quality: str) -> None:
+    # A chequerboard finer than the pixels of a floor that is seen at a slant.
+    board = (np.indices((64, 64)).sum(axis=0) % 2 * 255).astype(np.uint8)
+    Image.fromarray(board).save(tmp_path / "board.png")
+    scene = build_scene(parse_description(tomllib.loads(SCENE), "ball"), tmp_path / "ball.toml", SIZE)
+    layer = make_layer(MODELS["lambert"]).replace(maps=LayerMaps(texture="board.png", texture_scale=(3.0, 2.0)))
+    placement = Placement(scene)
+    points = shading_points(scene, placement.caster, 300)
+    seen = PointMesh(scene, points).look(scene.description.camera, SIZE)
+    which = seen.of(0)
+    found = factors(seen, which, scene, 0, [layer], quality)[0]
+    begin, end = placement.hits.object_ranges[0]
+    expected = MapFactors(scene, {0: [layer]}).of_eye(placement)[begin:end, 0]
+    np.testing.assert_array_equal(seen.pixel[which], placement.hits.pixel[begin:end])
+    assert np.abs(found - expected).mean() < (0.006 if quality == "rest" else 0.02)
+    assert expected.std() < 0.15  # one look-up a pixel would give 0 or 1, of 0.5
