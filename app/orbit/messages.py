@@ -46,7 +46,7 @@ class DrawOrbit(Request):
     camera: Camera
     resolution: tuple[int, int]
     quality: Quality
-    n_coefficients: int
+    n_coefficients: int = 64
 
 
 @dataclass(frozen=True)

@@ -238,6 +238,8 @@ class OrbitTalk(ModeTalk):
         return PrepareOrbit(wish.scene, wish.n_bounces)
 
     def _draw_request(self, camera: Camera, wanted: Drawing) -> Request:
+        if wanted.quality == "rest":
+            return DrawOrbit(camera, wanted.resolution, "rest")
         return DrawOrbit(camera, wanted.resolution, wanted.quality, self._pace.n_coefficients)
 
     # --------------------------------------------------------------------------------------------------------- asking

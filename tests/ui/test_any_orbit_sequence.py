@@ -92,7 +92,9 @@ class NamedOrbit:
             self._left, self.version = self._left - 1, self.version + 1
             yield StillProgress(1.0 - self._left / N_STEPS, "work")
 
-    def drawing(self, camera: CameraDescription, resolution: tuple[int, int], quality: str) -> Iterator[StillProgress]:
+    def drawing(
+        self, camera: CameraDescription, resolution: tuple[int, int], quality: str, n_moving: int
+    ) -> Iterator[StillProgress]:
         assert self.is_ready and self._light is not None
         seen = Camera(**{name: getattr(camera, name) for name in Camera.model_fields})
         colour = colour_of(seen, self._light.rotation, self._light.scale, self._layers) * self.is_done
