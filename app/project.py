@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 class Project:
     """A loaded scene, the document that a person would edit, and the view that it is shown in; emitters shine as the
     document says. n_bounces: as many as its session has, None for as many as the scene says or requires;
-    n_lights, n_patches: as its session has, None where there is none."""
+    n_lights, n_patches: as its session has, None where there is none. at_rest: the scene where no object is deformed,
+    None where that is it."""
 
     scene: Scene
     document: Document
@@ -40,6 +41,12 @@ class Project:
     n_bounces: int | None = None
     n_lights: int | None = None
     n_patches: int | None = None
+    at_rest: Scene | None = None
+
+    @property
+    def resting(self) -> Scene:
+        """The scene with all objects as its file has them."""
+        return self.at_rest or self.scene
 
     @property
     def sky(self) -> SkyState:
@@ -99,10 +106,11 @@ def open_project(
         document = _read(fit_session(session, document, str(source.session)))
     for where, value in values:
         document = _read(set_path(document, where, value).apply(document))
-    scene = posed(scene.shining(dict(emission_of(document))), document.poses).bumped(dict(document.new_bumps))
+    at_rest = scene.shining(dict(emission_of(document)))
+    scene = posed(at_rest, document.poses).bumped(dict(document.new_bumps))
     scene.relief.require()
     if session is None:
-        return Project(scene, document)
+        return Project(scene, document, at_rest=at_rest)
     return Project(
         scene,
         document,
@@ -110,6 +118,7 @@ def open_project(
         session.view.n_bounces or None,
         session.view.n_lights,
         session.view.n_patches,
+        at_rest,
     )
 
 

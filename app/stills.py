@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from app.atomic import make_folder_of, save_file
 from app.project import Project
 from engine.colour import ToneMapping
+from engine.deform.still import render_deform
+from engine.deform.transfer import N_RAYS as DEFORM_RAYS
 from engine.errors import InsituError
 from engine.indirect.beyond import BRIGHTEST, held
 from engine.indirect.series import BounceSeries
@@ -43,7 +45,7 @@ REFERENCE_PATCHES = 1024
 ENDINGS = (".exr", ".png")
 
 Report = Callable[[StillProgress], None]
-Mode = Literal["placement", "orbit"]
+Mode = Literal["placement", "orbit", "deform"]
 Steps = Generator[StillProgress, None, NDArray[np.float32]]
 
 
@@ -83,7 +85,7 @@ def render_project(
     series: BounceSeries | None = None, n_samples: int | None = None, estimates_error: bool = False,
     mode: Mode = "placement",
 ) -> Still:  # fmt: skip
-    """A still of a project, with the editor's transport, in Orbit's way (mode "orbit") or by brute force.
+    """A still of a project, with the editor's transport, in the way of the mode or by brute force.
 
     series: None for as many bounces as the scene says, or requires; of the first bounce the document may say how many
     bands; by brute force bands do not matter. n_samples: paths a pixel, by brute force; without them direct light alone
@@ -103,6 +105,11 @@ def render_project(
     if mode == "orbit":
         drawing = render_orbit(placement, _layers_by_object(project), sky, n_patches, n_bounces=series.n_bounces)
         return Still(held(finish(drawing, report) * intensity, BRIGHTEST), warning=bounces.warning)
+    if mode == "deform":
+        scene, poses = project.resting.seen_from(None, placement.hits.resolution), project.document.poses
+        layers_of = _layers_by_object(project)
+        bending = render_deform(scene, poses, layers_of, sky, series.n_bounces, n_rays=DEFORM_RAYS)
+        return Still(held(finish(bending, report) * intensity, BRIGHTEST), warning=bounces.warning)
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
     layers = _at_most(layers, series.first or project.document.first_bands)
     if series.n_bounces > 1:

@@ -43,6 +43,7 @@ class StillMode(Enum):
 
     PLACEMENT = "placement"
     ORBIT = "orbit"
+    DEFORM = "deform"
 
 
 def render(
@@ -74,9 +75,9 @@ def render(
     """Render a picture with the editor's engine, without a window."""
     if reference and mode is not StillMode.PLACEMENT:
         raise InsituError(f"--mode {mode.value} --reference: brute force is the judge of both, expected one of them")
-    if mode is StillMode.ORBIT and (series is not None or lights != N_LIGHTS):
-        hint = "--lights" if series is None else "--series"
-        raise typer.BadParameter("Orbit cuts no lights and has no bands, expected --mode placement", param_hint=hint)
+    if mode is not StillMode.PLACEMENT and (series is not None or lights != N_LIGHTS):
+        hint, name = "--lights" if series is None else "--series", mode.value.capitalize()
+        raise typer.BadParameter(f"{name} cuts no lights and has no bands, expected --mode placement", param_hint=hint)
     chosen = None if series is None else parse_series(series)
     if bounces is not None:
         if chosen is not None and chosen.n_bounces != bounces:
@@ -85,6 +86,8 @@ def render(
     if samples is not None and not reference:
         raise InsituError(f"--samples {samples}: transport takes no samples, expected --reference as well")
     if turntable is not None:
+        if mode is StillMode.DEFORM:
+            raise InsituError(f"--turntable {turntable} --mode deform: expected --mode placement or orbit")
         if reference:
             raise InsituError(f"--turntable {turntable} --reference: expected one of them")
         project = open_project(scene, resolution, assignments(set_, rotation), camera)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from app import stills
 from app.commands import AddDeformer, SetDeformer
 from app.deform.messages import DeformKnown, DrawDeform, PrepareDeform
 from app.deform.talk import DeformTalk
@@ -18,7 +19,9 @@ from app.mode import OpenedScene
 from app.orbit.messages import DrawOrbit, OrbitAdvanced, OrbitDrawn, OrbitUnknown, PrepareOrbit
 from app.project import open_project
 from app.scene_state import scene_state
+from app.stills import render_project
 from engine.deform.pose import Deformation
+from engine.indirect.series import BounceSeries
 from tests.app.orbit.test_talk import Table
 from tests.scene_text import camera, placed
 
@@ -99,3 +102,17 @@ def take_picture(table: Table) -> None:
     """The worker's answer to the newest picture asked for."""
     radiance, prepared = np.ones((2, 2, 3), np.float32), table.id_of(PrepareDeform)
     table.talk.take(OrbitDrawn(radiance, prepared, 1, True, 0.01, id=table.id_of(DrawDeform)))
+
+
+def test_a_still_is_of_the_pose_that_is_set(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stills, "DEFORM_RAYS", 16)
+    at_rest = open_project(str(file)).scene
+    for values, poses in ((), ()), ([("box.bend", 60.0)], POSES):
+        project = open_project(str(file), values=values)
+        assert project.document.poses == poses and np.array_equal(project.resting.vertices, at_rest.vertices)
+        pictures = [
+            render_project(project, lambda _: None, series=BounceSeries(1), **way).picture
+            for way in ({"mode": "deform"}, {"reference": True, "n_samples": 8})
+        ]
+        covered = [np.abs(each - each[0, 0]).sum(axis=2) > 0.0 for each in pictures]
+        assert (covered[0] != covered[1]).mean() < 0.08  # but for the silhouette
