@@ -34,40 +34,21 @@ from app.selecting import seen_layer
 from app.status import Status
 from app.view_state import Bookmark
 from engine.errors import InsituError
-from ui import layout, theme
+from ui import theme
 from ui.actor import Actor, Outcome
 from ui.brdf_feed import BrdfFeed
 from ui.docking import Docking
 from ui.event_queue import ALTS, EventQueue
 from ui.gl.interface import InterfaceRenderer
 from ui.gl.thumbnails import Thumbnails
-from ui.panels import (
-    accuracy,
-    brdf,
-    camera,
-    curve_editor,
-    dialogs,
-    escape,
-    folding,
-    leaving,
-    library,
-    light,
-    material,
-    menus,
-    objects,
-    paint,
-    resolution,
-    status_bar,
-    viewport,
-)
-from ui.panels import (
-    help as shortcuts,
-)
+from ui.panel_windows import draw_panels
+from ui.panels import escape
+from ui.panels import help as shortcuts
 from ui.panels.actions import Action, CancelDrag, SavePicture, SetPanel
 from ui.panels.brdf_board import BrdfBoard
 from ui.panels.context import Fields, Handles, PanelContext
 from ui.panels.dialogs import ENDINGS
-from ui.panels.guard import close_what_is_open, depth_now, draw_fault, guarded
+from ui.panels.guard import close_what_is_open, depth_now, guarded
 from ui.panels.picture import Picture
 from ui.panels.state import Notice, PanelState
 from ui.picture_feed import PictureFeed
@@ -538,74 +519,17 @@ class Shell:
 
     def _panels(self, context: PanelContext) -> list[Action]:
         barrier = self.editor.barrier
-        actions = guarded(barrier, "The menu", menus.draw, context) or []
-        actions += guarded(barrier, "The status bar", status_bar.draw, context) or []
-        actions += guarded(barrier, "The strip of panels", folding.draw_strip, context) or []
-        self._front = self._docking.begin_space(self.theme.scale)
-        actions += self._window(context, layout.OBJECTS, objects.draw)
-        actions += self._window(context, layout.LIBRARY, library.draw)
-        actions += self._window(context, layout.BRDF, brdf.draw)
-        actions += self._picture_window(context)
-        actions += self._window(context, layout.CURVE, curve_editor.draw)
-        actions += self._window(context, layout.MATERIAL, material.draw)
-        actions += self._window(context, layout.LIGHT, light.draw)
-        actions += self._window(context, layout.ACCURACY, accuracy.draw)
-        actions += guarded(barrier, "The tabs", folding.draw_buttons, context) or []
-        actions += guarded(barrier, "The dialog", dialogs.draw, context) or []
-        actions += guarded(barrier, "The resolution", resolution.draw, context) or []
-        actions += guarded(barrier, "The question", leaving.draw, context) or []
-        actions += guarded(barrier, "The help", shortcuts.draw, context) or []
+        actions = draw_panels(context, barrier, self._begin_space)
         if not imgui.is_key_pressed(imgui.Key.escape, False):
             return actions + (guarded(barrier, "The keyboard", shortcuts.keyboard, context) or [])
         answered = escape.answer(context, self._escape_is_imguis, self._hand_is_busy)
         # What the panels ask for in mid-drag belongs to the drag, and goes with it.
         return answered if CancelDrag() in answered else actions + answered
 
-    def _window(
-        self, context: PanelContext, panel: layout.Panel, draw: Callable[[PanelContext], list[Action]], flags: int = 0
-    ) -> list[Action]:
-        """A dockable window around a panel; closing it is an action like any other."""
-        if not is_shown(context, panel):
-            return []
-        if panel.key in context.state.front:
-            imgui.set_next_window_focus()
-        # The narrow tabs of panels behind each other have no room for it; they are folded, or closed in the menu.
-        closable = None if layout.shares_place(panel) else True
-        visible, is_open = imgui.begin(panel.window, closable, flags | imgui.WindowFlags_.no_collapse)
-        actions = self._panel(f"The panel {panel.title}", draw, context) if visible else []
-        imgui.end()
-        return [*actions, layout.closed(panel)] if is_open is False else actions
-
-    def _panel(self, name: str, draw: Callable[[PanelContext], list[Action]], context: PanelContext) -> list[Action]:
-        """A panel's contents, or a word in their place."""
-        actions = guarded(self.editor.barrier, name, draw, context)
-        if actions is None:
-            draw_fault(name)
-        return actions or []
-
-    def _picture_window(self, context: PanelContext) -> list[Action]:
-        imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(0, 0))
-        # Docked, it shows what the window was cleared with: painting that again would be a sixth of a software frame.
-        flags = (
-            imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse | imgui.WindowFlags_.no_background
-        )
-        actions = self._window(context, layout.VIEWPORT, _picture_and_brush, flags)
-        imgui.pop_style_var()
-        return actions
+    def _begin_space(self) -> None:
+        self._front = self._docking.begin_space(self.theme.scale)
 
 
 def _telling(status: Status) -> Status:
     """What of the status is worth a frame of its own."""
     return replace(status, frame_ms=0.0, memory_mb=0.0, seconds_left=None, fraction=round(status.fraction, 2))
-
-
-def is_shown(context: PanelContext, panel: layout.Panel) -> bool:
-    """Whether a panel is in the window; the picture alone is there in any case."""
-    if context.state.alone:
-        return panel is layout.VIEWPORT
-    return context.view.panel_open(panel.key)
-
-
-def _picture_and_brush(context: PanelContext) -> list[Action]:
-    corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
-    return viewport.draw(context) + paint.draw_strip(context, corner, room) + camera.draw(context, corner, room)
