@@ -63,13 +63,16 @@ class Frames:
         return self.folder / f"{self.stem}{i:04d}{self.ending}"
 
     def missing(self, digest: str, resolution: tuple[int, int]) -> list[int]:
-        """Which of them are to be drawn; the digest is noted for the next time. Raises InsituError."""
+        """Which of them are to be drawn; the digest is noted for the next time. Raises InsituError, also where there
+        are files of such names in a folder that no turn has noted: they are somebody's own."""
         record = self.folder / f"{DIGEST}-{self.stem}{self.ending[1:]}"
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             known = record.read_text() if record.exists() else ""
         except (OSError, UnicodeDecodeError) as error:
             raise InsituError(f"{self.folder}: the folder cannot be used, {error}") from error
+        if not known and (others := [self.path(i) for i in range(self.count) if self.path(i).exists()]):
+            raise InsituError(f"{others[0]}: not a frame of an earlier turn; expected a folder without such files")
         if known != digest:
             for i in range(self.count):
                 self.path(i).unlink(missing_ok=True)

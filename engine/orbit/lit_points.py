@@ -27,7 +27,7 @@ class LitPoints:
 
     state (S,): how the light that is wanted is known; traced (S,): whether shadows are; seen (S,): what the last
     picture saw; behind: objects whose backs any saw; is_bounced: of which light the indirect irradiance (S, 3) is;
-    was_lit: whether there has been light everywhere;
+    was_lit: whether there has been light wherever it was seen;
     n_traced: points that were traced since this was stored.
     """
 

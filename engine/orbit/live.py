@@ -52,6 +52,7 @@ _LEAST_COEFFICIENTS = 20
 _BYTES_A_COEFFICIENT = 8
 # Points a piece and thread: some 20 ms.
 _COARSE, _FINE, _TRACED = 2048, 384, 128
+_FIRST_LOOK = 256, 192
 
 
 class Orbit:
@@ -145,7 +146,8 @@ class Orbit:
 
     @property
     def is_ready(self) -> bool:
-        """Whether a picture shows more than black: all points have been lit once, if only without shadows."""
+        """Whether a picture shows more than black: all points that are seen have been lit once, if only without
+        shadows; at first those that the scene's own camera sees."""
         return self._lit is not None and self._lit.was_lit
 
     @property
@@ -189,6 +191,7 @@ class Orbit:
         if len(which := lit.first(lit.state == STALE, _COARSE * n_threads())):
             lit.light(which, self._sky, self._lamps(lit), is_coarse=True)
             lit.is_bounced = STALE
+            lit.was_lit |= not (lit.seen & (lit.state == STALE)).any()
             return "light"
         lit.was_lit = True
         if not self._reflections.is_done:
@@ -277,6 +280,7 @@ class Orbit:
         if self._kept is not None:
             self._lit.restore(*self._kept, self._are_glossy)
             self._kept = None
+        self._lit.seen = self._lit.mesh.look(self.scene.description.camera, _FIRST_LOOK).points_seen()
         self.version += 1
 
     def _within_memory(self, n_points: int) -> int:

@@ -16,6 +16,7 @@ from engine.steps import finish
 from engine.transport.pipeline import Placement
 from tests.app.test_brdf_files import insitu
 from tests.engine.orbit.conftest import SCENE
+from tests.pictures import write_exr
 
 
 def off(found: np.ndarray, truth: np.ndarray) -> tuple[float, float]:
@@ -52,6 +53,24 @@ def test_a_still_of_orbit_is_the_brute_force_picture(name: str, points: int, mos
     where = inner(placement)
     error, difference = off(found[where] * project.document.light.intensity, truth[where])
     assert error < most and abs(difference) < 0.015
+
+
+def test_matt_objects_are_as_bright_as_in_placement(tmp_path: Path, monkeypatch) -> None:
+    # On the mean of each object, by the same camera, under a sky that is dark on one side.
+    monkeypatch.setattr(stills, "render_orbit", partial(render_orbit, n_points=4000))
+    image = np.full((16, 32, 3), 0.1, np.float32)
+    image[2:7, 5:12] = (8.0, 6.0, 4.0)
+    write_exr(tmp_path / "sky.exr", image)
+    matt = SCENE.replace('"rough_conductor"\nalpha = 0.3', '"lambert"')
+    (tmp_path / "ball.toml").write_text(matt.replace("radiance = [1.0, 1.0, 1.0]", 'file = "sky.exr"'))
+    project = open_project(str(tmp_path / "ball.toml"), (48, 36))
+    series, placement = BounceSeries(1), Placement(project.scene)
+    orbit = render_project(project, lambda _: None, mode="orbit", series=series).picture
+    still = render_project(project, lambda _: None, n_lights=2000, series=series).picture
+    for i_object in range(2):
+        where = inner(placement) & (placement.hits.object_image == i_object)
+        assert where.sum() > 50
+        np.testing.assert_allclose(orbit[where].mean(axis=0), still[where].mean(axis=0), rtol=0.01)
 
 
 def test_the_command_writes_it(tmp_path, capsys, monkeypatch) -> None:

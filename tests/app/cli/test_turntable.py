@@ -71,6 +71,15 @@ def test_frames_that_are_there_are_kept_and_others_drawn(scene: Path, tmp_path: 
     assert frames[0].read_bytes() != first[0]
 
 
+def test_somebodys_own_pictures_are_not_replaced(scene: Path, tmp_path: Path, capsys) -> None:
+    own = tmp_path / "out" / "0001.png"
+    own.parent.mkdir()
+    own.write_bytes(b"a holiday")
+    assert turn(scene, own.parent, "--turntable", 2) != 0
+    assert capsys.readouterr().err.count("\n") == 1 and own.read_bytes() == b"a holiday"
+    assert [*own.parent.iterdir()] == [own]
+
+
 def test_the_first_frame_is_the_still(scene: Path, tmp_path: Path) -> None:
     assert turn(scene, tmp_path / "out" / "turn.exr", "--turntable", 1) == 0
     project = open_project(str(scene), (12, 9))

@@ -4,6 +4,8 @@ import pytest
 from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
+from engine.orbit import live
+from engine.orbit.lit_points import STALE
 from engine.orbit.live import Orbit
 from engine.stored_arrays import UnsoundArrays
 from engine.transport.pipeline import SkyState
@@ -123,3 +125,13 @@ def test_what_points_sent_before_is_forgotten_with_what_it_was_made_of(ball_scen
     np.testing.assert_array_equal(now, again.draw(camera, SIZE, "moving", n))
     assert np.abs(now - before).max() > 1e-3
     np.testing.assert_array_equal(now, orbit.draw(camera, SIZE, "moving", n))
+
+
+def test_what_is_seen_is_shown_before_all_points_have_light(ball_scene, orbit, monkeypatch) -> None:
+    monkeypatch.setattr(live, "_COARSE", 16)
+    work, camera = orbit.work(), ball_scene.description.camera
+    while not orbit.is_ready:
+        next(work)
+    assert 0.0 < (orbit._lit.state == STALE).mean() < 1.0
+    first = orbit.draw(camera, SIZE, "moving")
+    assert (first.max(axis=2) > 0.05).all()
