@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 
 from app.measure.accuracy import REFERENCES, Errors, reference_errors, reference_folder
+from app.measure.deform import DeformEffort, deform_figures
 from app.measure.figures import Figure, NotMeasured, not_measured, summary_lines, write_figures
 from app.measure.gloss import GlossEffort, gloss_figures
 from app.measure.indirect import QUICKLY as INDIRECT_QUICKLY
@@ -73,11 +74,12 @@ class Effort:
     rooms: RoomEffort | None = field(default_factory=RoomEffort)
     gloss: GlossEffort | None = field(default_factory=GlossEffort)
     orbit: OrbitEffort | None = field(default_factory=OrbitEffort)
+    deform: DeformEffort | None = field(default_factory=DeformEffort)
 
 
 FULL = Effort("full")
 VISIBILITY_RESOLUTION = 512, 512
-QUICKLY = Effort("quick", 1, 1, 0, 10, 64, 200_000, 300, False, 300.0, QUICK, INDIRECT_QUICKLY, None, None, None)
+QUICKLY = Effort("quick", 1, 1, 0, 10, 64, 200_000, 300, False, 300.0, QUICK, INDIRECT_QUICKLY, None, None, None, None)
 
 
 def run(
@@ -106,6 +108,7 @@ def run(
     figures += room_figures(effort.rooms, report)
     figures += gloss_figures(effort.gloss, report)
     figures += orbit_figures(effort.orbit, output, report)
+    figures += deform_figures(effort.deform, report)
     sweep_source = _open(source, effort.grid.side)
     report(f"sweep at {_size(sweep_source)}")
     swept = run_sweep(sweep_source, effort.grid, _frame_seconds(renderer))

@@ -84,6 +84,12 @@ SPECS |= {
     "orbit_rest_s": Spec("s", 0.5),
     "orbit_edit_s": Spec("s", 0.5),
     "orbit_precompute_s": Spec("s", 30.0),
+    "zh_error_random_6": Spec("RMS", 0.00908),
+    "zh_error_mesh_3": Spec("RMS", 0.045),
+    "zh_fit_s": Spec("s", 60.0),
+    "deform_fps": Spec("frames/s", 30.0, more_is_better=True),
+    "deform_error_bent": Spec("relRMSE", 0.1),
+    "deform_error_undeformed": Spec("relRMSE", None),
 }
 
 

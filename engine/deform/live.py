@@ -101,7 +101,7 @@ class Deform:
     def set_light(self, sky: SkyState) -> None:
         """The distant light from now on."""
         if sky != self._light or self._bands is None:
-            self._light, self._bands = sky, _band_light(sky)
+            self._light, self._bands = sky, band_light_of(sky)
             self.version += 1
 
     def shine(self, emission: Mapping[str, tuple[float, float, float]]) -> None:
@@ -326,7 +326,8 @@ def _open(n_points: int) -> Generator[float, None, Lobes]:
     return Lobes(low.astype(np.float32), axes.astype(np.float32), coefficients.astype(np.float32))
 
 
-def _band_light(sky: SkyState) -> BandLight:
+def band_light_of(sky: SkyState) -> BandLight:
+    """A sky in as many bands as transfer has."""
     if sky.environment is None:
         return band_light(np.zeros((ORDER * ORDER, 3)))
     powers = triangle_integrals(sky.environment, sky.rotation, _LIGHT_LEVEL) * sky.scale

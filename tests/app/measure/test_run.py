@@ -36,10 +36,11 @@ EFFORT = Effort(
     rooms=None,
     gloss=None,
     orbit=None,
+    deform=None,
 )
 pytestmark = pytest.mark.slow
 WINDOW = ("window_s", "first_picture_s", "worst_stall_ms", "exact_picture_s", "first_picture_cold_s")
-NOT_ASKED = {name for name in SPECS if name.startswith(("reference_", "room_", "orbit_"))}
+NOT_ASKED = {name for name in SPECS if name.startswith(("reference_", "room_", "orbit_", "deform_", "zh_"))}
 
 
 @contextlib.contextmanager
