@@ -5,7 +5,8 @@ surface have other rays: where two of them differ by no more than their noise ex
 How much each counts is decided once, from the two halves of the rays under the materials as they are, in the manner of
 filters for path tracers that take their noise from half buffers [Rousselle12; Moon14]. From then on the filter is a
 sparse matrix that light is multiplied by like any other operator, so that bands, powers of an albedo and all edits stay
-linear. A place without noise keeps what it is.
+linear. A place without noise keeps what it is, and so does one where the filter takes away more than noise: what it
+makes of one half of the rays is held against the other half, which has other noise but the same light.
 """
 
 from __future__ import annotations
@@ -30,6 +31,8 @@ _TOLERANCE = 0.1
 _QUIET, _LOUD = 0.02, 0.08
 # Of the mean: what is darker counts as this bright.
 _DARK = 0.1
+# Times its expectation: less may be chance.
+_SURELY = 2.0
 _TINY = 1e-20
 
 
@@ -118,9 +121,29 @@ def _weights(
     weight = closeness * np.exp(-np.maximum(unlike - by_chance, 0.0) / (by_chance + none + _TINY))
     noise = np.sqrt(variance.sum(axis=1)) / (bright + dark + _TINY)
     share = np.clip((noise - _QUIET) / (_LOUD - _QUIET), 0.0, 1.0)[:, None]
-    weight *= share / weight.sum(axis=1, keepdims=True)
+    weight /= weight.sum(axis=1, keepdims=True)
+    share *= _trust(weight, nearest, few, first, second)
+    weight *= share
     weight[:, :1] += 1.0 - share
     return np.asarray(weight, np.float32)
+
+
+def _trust(
+    weight: NDArray[np.floating], nearest: NDArray[np.intp], few: NDArray[np.float32], first: NDArray[np.float32],
+    second: NDArray[np.float32],
+) -> NDArray[np.floating]:  # fmt: skip
+    """How much of the filter pays (p, 1): v / (v + b²), v what chance is in the mean of the halves A and B, b what the
+    filter F blurs.
+
+    F A and B have chance apart: E (F A - B)² is F's error and B's variance, which (A - B)² / 2 estimates. A mirrored
+    lamp of two pixels is told by these few, and looks like noise to a comparison of means.
+    """
+    filtered = [np.einsum("pk,pkc->pc", weight, half[nearest]) for half in (first, second)]
+    crossed = 0.5 * ((filtered[0] - second) ** 2 + (filtered[1] - first) ** 2)
+    chance = 0.5 * (first - second) ** 2
+    crossed, chance = (_mean_of(each, nearest, few).sum(axis=1, keepdims=True) for each in (crossed, chance))
+    blurred = np.maximum(crossed - _SURELY * chance, 0.0)
+    return np.asarray(0.5 * chance / (0.5 * chance + blurred + _TINY), np.float64)
 
 
 def _mean_of(

@@ -21,8 +21,8 @@ from engine.transport import _near_kernels as kernels
 from engine.transport._emitter_kernels import Emitters
 from engine.visibility.points import Visibility
 
-LEAST, NEAR = np.float32(0.005), np.float32(0.35)
-MOST = 64  # leaves of a point
+LEAST, NEAR = np.float32(0.002), np.float32(0.35)
+MOST = 128  # leaves of a point that are looked at
 DEPTH = 1
 BLOCK, AT_ONCE = 1024, 8
 
@@ -31,7 +31,8 @@ _Found = tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float32]]
 
 @dataclass(frozen=True, eq=False)
 class NearLeaves:
-    """Of P points: start (P + 1,) into node (K,), numbers in the tree, and delta (K,): the share seen less the bit."""
+    """Of P points: start (P + 1,) into node (K,), numbers in the tree, and delta (K,), not 0: the share seen less the
+    bit."""
 
     start: NDArray[np.int32]
     node: NDArray[np.int32]
@@ -103,4 +104,6 @@ def _of_block(
     visibility.rays.traced += n_rays
     deltas = np.empty(len(pairs), np.float32)
     kernels.near_shares(pairs, listed, visibility.bits, emitters.first, blocked, weights, n_parts, deltas)
-    return counts, listed, deltas
+    told = deltas != 0.0  # most leaves beside an edge are what their bit says
+    counts = np.bincount(np.repeat(np.arange(len(rows)), counts)[told], minlength=len(rows)).astype(np.int32)
+    return counts, listed[told], deltas[told]
