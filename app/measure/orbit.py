@@ -22,11 +22,13 @@ from engine.light.environment import Environment
 from engine.material.layer import Layer
 from engine.orbit.live import N_POINTS, Orbit
 from engine.render.integrator import integrate_direct
+from engine.scene.camera_moves import orbited
 from engine.scene.hits import PrimaryHits
 from engine.transport.pipeline import Placement, SkyState
 
 JUDGED, SCENE = ("teatray", "bunny"), "rings"
 N_NAMED = 320
+DEGREES_A_FRAME = 3.0  # as a hand goes round in some ten seconds
 TABLE = "orbit.csv"
 SPEEDS = ("orbit_fps_moving", "orbit_rest_s", "orbit_edit_s", "orbit_precompute_s")
 NAMES = (
@@ -126,9 +128,9 @@ def speed_figures(project: Project, effort: OrbitEffort) -> list[Figure]:
     made = time.perf_counter() - begun
     frames = []
     for k in range(effort.n_frames):
+        moved = orbited(camera, np.radians(DEGREES_A_FRAME) * k, 0.0)
         begun = time.perf_counter()
-        x, y, z = camera.position
-        orbit.draw(camera.model_copy(update={"position": (x + 0.01 * k, y, z)}), effort.resolution, "moving")
+        orbit.draw(camera.model_copy(update={"position": moved.position}), effort.resolution, "moving")
         frames.append(time.perf_counter() - begun)
     begun = time.perf_counter()
     orbit.draw(camera, effort.resolution)
@@ -140,7 +142,7 @@ def speed_figures(project: Project, effort: OrbitEffort) -> list[Figure]:
     how = f"{SCENE}, {len(project.scene.vertices)} vertices and {effort.n_points} points between them"
     parts = {"mb": orbit.n_bytes / 1e6, "stored_mb": sum(a.nbytes for a in orbit.stored().values()) / 1e6}
     return [
-        Figure("orbit_fps_moving", tuple(1.0 / each for each in frames), f"{how}, {size}"),
+        Figure("orbit_fps_moving", tuple(1.0 / each for each in frames), f"{how}, {size}, {DEGREES_A_FRAME:g}° each"),
         Figure("orbit_rest_s", (rest,), f"{how}, {size}"),
         Figure("orbit_edit_s", (whole,), f"{how}: a roughness, until all is whole", {"first_s": first}),
         Figure("orbit_precompute_s", (made,), how, parts),
