@@ -173,7 +173,7 @@ class _Copies:
         for (material, made_of), placed in self._placed.items():
             mesh, attached = self._read[made_of]
             if self._rigs and attached:
-                found.setdefault(material, []).extend(self._rigs.binding(mesh, attached, each) for each in placed)
+                found.setdefault(material, []).extend(self._rigs.bindings(mesh, attached, placed))
         return {material: join_bindings(bindings) for material, bindings in found.items()}
 
 

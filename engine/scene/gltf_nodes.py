@@ -87,6 +87,8 @@ def _roots(file: GltfFile, root: JsonObject, parents: dict[int, int]) -> list[in
 
 def node_matrix(node: JsonObject) -> Floats:
     """A node's own transform: `matrix` (column-major) or translation · rotation · scale."""
+    if node.values.keys().isdisjoint(_TRANSFORM):
+        return np.eye(4)
     if node.has("matrix"):
         return np.reshape(node.numbers("matrix", 16, ()), (4, 4)).T
     return matrix_of(*node_parts(node))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from itertools import groupby
 from typing import TypeVar
 
 import numpy as np
@@ -28,6 +29,7 @@ MAX_NOTES = 8
 # Numbers of all tracks, morph targets and bones, one more for every byte: accessors may be shared, and small files must
 # not cost much.
 MOST_NUMBERS = 4_000_000
+OF_A_COPY = 4_000  # numbers that a bent copy costs the time of
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +64,24 @@ class RigReader:
         bones, weights = skinned or (None, None)
         return Attached(bones, weights, targets or ())
 
-    def binding(self, mesh: Mesh, attached: Attached, placed: Placed) -> Binding:
-        """Of a copy of a primitive that stands where a node puts it."""
+    def bindings(self, mesh: Mesh, attached: Attached, placed: list[Placed]) -> list[Binding]:
+        """Of the copies of a primitive that stand where nodes put them, in their order; of those that only follow their
+        nodes one for all that stand together, as there may be many."""
+        found: list[Binding] = []
+        for bends, copies in groupby(placed, lambda each: self._bends(attached, self._file.nodes[each.node])):
+            if bends:
+                found += [self._binding(mesh, attached, each) for each in copies]
+            else:
+                found.append(_following(list(copies), len(mesh.vertices)))
+        return found
+
+    def _bends(self, attached: Attached, node: JsonObject) -> bool:
+        """Whether a copy has a skin or morph targets; no more of them than the file is worth."""
+        if not attached.targets and not node.has("skin"):
+            return False
+        return self._try(node.place, lambda: self._spend(OF_A_COPY, node, "mesh")) is not None
+
+    def _binding(self, mesh: Mesh, attached: Attached, placed: Placed) -> Binding:
         own = np.array([placed.node], np.int32), np.eye(4)[None]
         rigid = Binding(*own, np.zeros((len(mesh.vertices), 1), np.int32), np.ones((len(mesh.vertices), 1)))
         skinned = self._try(f"nodes {placed.node}", lambda: self._hung(attached, self._file.nodes[placed.node], own))
@@ -78,8 +96,9 @@ class RigReader:
         return self._try("animations", lambda: self._moving(bindings))
 
     def _moving(self, bindings: Iterable[Binding]) -> Skeleton | None:
-        parents = parents_of(self._file)
+        parents, bindings = parents_of(self._file), list(bindings)
         wanted = {int(node) for binding in bindings for node in binding.nodes}
+        shaped = sorted({morph.node for binding in bindings for morph in binding.morphs})
         depths: dict[int, int] = {}
         for node in wanted:
             way = [node]
@@ -89,22 +108,21 @@ class RigReader:
                 self._note(f"nodes {node}: deeper than {MAX_DEPTH} levels, nothing is animated")
                 return None
             depths.update({above: len(way) - 1 - i for i, above in enumerate(way)})
-        return self._skeleton(sorted(depths, key=lambda node: (depths[node], node)), parents)
+        return self._skeleton(sorted(depths, key=lambda node: (depths[node], node)), parents, shaped)
 
-    def _skeleton(self, order: list[int], parents: dict[int, int]) -> Skeleton | None:
+    def _skeleton(self, order: list[int], parents: dict[int, int], shaped: list[int]) -> Skeleton | None:
         """Of these nodes, parents before their children; their numbers stay the file's in bindings and tracks."""
         nodes = self._file.nodes
         clips = self._clips(set(order))
         if not any(clip.tracks for clip in clips):
             return None
         moved = {track.node for clip in clips for track in clip.tracks}
-        weights = {k: self._rest_weights(nodes[k]) for k in order if nodes[k].has("mesh")}
         return Skeleton(
             tuple(order),
             {k: parents[k] for k in order if k in parents},
             {k: node_matrix(nodes[k]) for k in order},
             {k: node_parts(nodes[k]) for k in moved},
-            {k: values for k, values in weights.items() if len(values)},
+            {k: self._rest_weights(nodes[k]) for k in shaped},
             tuple(clips),
         )
 
@@ -268,10 +286,20 @@ class RigReader:
     def _note(self, line: str) -> None:
         self._notes[line] = None
 
-    def _spend(self, count: int, owner: JsonObject, key: str) -> None:
+    def _spend(self, count: int, owner: JsonObject, key: str) -> int:
+        """What is left then."""
         self._left -= count
         if self._left < 0:
             raise owner.error(key, f"{count} numbers more", "fewer in a file of this size")
+        return self._left
+
+
+def _following(placed: list[Placed], n_vertices: int) -> Binding:
+    """Of copies that stand on their nodes, each of so many vertices."""
+    nodes = np.array([each.node for each in placed], np.int32)
+    bones = np.repeat(np.arange(len(placed), dtype=np.int32), n_vertices)[:, None]
+    maps = np.linalg.inv(np.stack([each.matrix for each in placed]))
+    return Binding(nodes, maps, bones, np.ones(bones.shape))
 
 
 def _or_zero(offsets: Floats | None, n_vertices: int) -> Floats:
