@@ -18,6 +18,7 @@ import numpy.typing as npt
 from engine.errors import LoadError
 from engine.files import read_regular_file, resolve_inside
 from engine.material.maps import LayerMaps
+from engine.material.bumps import NO_BUMPS, Bumps
 from engine.scene.description import LayerDescription
 from engine.scene.glb import JsonObject, parse_glb
 from engine.scene.gltf_file import FLOATS, INTEGERS, SHARES, GltfFile
@@ -43,6 +44,7 @@ class GlbPart:
     layers: tuple[LayerDescription, ...]
     emission: tuple[float, float, float] | None
     rig: Rig | None = None
+    bumps: Bumps = NO_BUMPS
 
 
 @dataclass(frozen=True)
@@ -90,10 +92,10 @@ def read_glb(path: Path) -> GlbModel:
 
 def _part(meshes: list[Mesh], material: PartMaterial, rig: Rig | None) -> GlbPart:
     """The joined meshes of one material; without texture coordinates it has no textures."""
-    mesh, layers = join_meshes(meshes), material.layers
+    mesh, layers, bumps = join_meshes(meshes), material.layers, material.bumps
     if mesh.uvs is None:
-        layers = tuple(layer.model_copy(update={"maps": LayerMaps()}) for layer in layers)
-    return GlbPart(mesh, layers, material.emission, rig)
+        layers, bumps = tuple(layer.model_copy(update={"maps": LayerMaps()}) for layer in layers), NO_BUMPS
+    return GlbPart(mesh, layers, material.emission, rig, bumps)
 
 
 def _check_extensions(root: JsonObject) -> None:

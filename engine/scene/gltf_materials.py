@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from engine.material.bumps import MAX_STRENGTH, NO_BUMPS, Bumps
 from engine.material.maps import LayerMaps
 from engine.scene.description import LayerDescription
 from engine.scene.glb import JsonObject
@@ -36,12 +37,13 @@ GREY = (LayerDescription(model="lambert", parameters={"albedo": (0.5, 0.5, 0.5)}
 
 @dataclass(frozen=True)
 class PartMaterial:
-    """Layers of a material (glTF's default: white, metal 1, roughness 1, is replaced by plain grey), its emission, and
-    what of it is not shown."""
+    """Layers of a material (glTF's default: white, metal 1, roughness 1, is replaced by plain grey), its emission,
+    what of it is not shown, and its normal map."""
 
     layers: tuple[LayerDescription, ...] = GREY
     emission: RGB | None = None
     notes: tuple[str, ...] = ()
+    bumps: Bumps = NO_BUMPS
 
 
 def read_material(fields: JsonObject, images: GltfImages) -> PartMaterial:
@@ -63,10 +65,23 @@ def read_material(fields: JsonObject, images: GltfImages) -> PartMaterial:
     shines = any(emission) and not fields.has("emissiveTexture")
     base, facing = (red, green, blue), _facing_reflectance(fields.child("extensions"))
     layers = metallic_roughness_layers(base, metallic, roughness, facing, texture)
-    return PartMaterial(layers, emission if shines else None, tuple(notes))
+    bumps = _bumps(fields.child("normalTexture"), images, notes) if fields.has("normalTexture") else NO_BUMPS
+    return PartMaterial(layers, emission if shines else None, tuple(notes), bumps)
 
 
-_NOT_SHOWN = {"emissiveTexture": "emissive textures", "normalTexture": "normal maps"}
+_NOT_SHOWN = {"emissiveTexture": "emissive textures"}
+
+
+def _bumps(info: JsonObject, images: GltfImages, notes: list[str]) -> Bumps:
+    """What a normal texture says, of its file's image by number; nothing where that cannot be had."""
+    used = images.use(info, notes)
+    if used is None:
+        return NO_BUMPS
+    scale = info.number("scale", 1.0)
+    strength = min(max(scale, 0.0), MAX_STRENGTH)
+    if strength != scale:
+        notes.append(f"a normal map's scale of {scale:g} is taken as {strength:g}")
+    return Bumps(normal_map=f"#{used.image}", bump_strength=strength, bump_repeats=used.scale)
 
 
 def metallic_roughness_layers(

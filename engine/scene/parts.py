@@ -87,15 +87,23 @@ def _glb_objects(item: ObjectDescription, model: GlbModel, path: Path, taken: se
         return [ObjectMesh(item, join_meshes([model.parts[k].mesh for k in chosen]), rig)]
     if len(chosen) == 1:
         part = model.parts[chosen[0]]
-        own = {"layers": _layers(part, str(item.mesh)), "emission": part.emission}
+        own = _material(item, part)
         return [ObjectMesh(item.model_copy(update=own), part.mesh, part.rig)]
     items = []
     for k in chosen:
         part = model.parts[k]
-        own = {"layers": _layers(part, str(item.mesh)), "emission": part.emission}
+        own = _material(item, part)
         named = {"name": free_name(f"{item.name[:48]} {k + 1}", taken), "part": k}
         items.append(ObjectMesh(item.model_copy(update=own | named), part.mesh, part.rig))
     return items
+
+
+def _material(item: ObjectDescription, part: GlbPart) -> dict[str, object]:
+    """What a part of its file gives an object; its own bumps stay."""
+    bumps = item.bumps
+    if part.bumps.file and not bumps.file:
+        bumps = replace(part.bumps, normal_map=f"{item.mesh}{part.bumps.normal_map}")
+    return {"layers": _layers(part, str(item.mesh)), "emission": part.emission, "bumps": bumps}
 
 
 def _layers(part: GlbPart, file: str) -> tuple[LayerDescription, ...]:

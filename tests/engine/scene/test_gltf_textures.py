@@ -12,6 +12,7 @@ import pytest
 from PIL import Image
 
 from engine.errors import LoadError
+from engine.material.bumps import Bumps
 from engine.material.maps import LayerMaps
 from engine.render.surface_maps import look_up, uvs_at
 from engine.scene.gltf import GlbModel, read_glb
@@ -87,6 +88,26 @@ def test_a_base_colour_texture_lies_as_in_the_file(
     np.testing.assert_allclose(colours, [[1, 1, 1], [1, 0, 0]], atol=1e-6)
 
 
+def test_a_normal_texture_turns_normals_as_the_file_means_it(
+    textured: Glb, glb_file: Callable[..., Path], scene_file: Callable[..., Path]
+) -> None:
+    tree, binary = textured
+    image = {"uri": "data:image/png;base64," + base64.b64encode(png([[[128, 179, 243]] * 2] * 2)).decode()}
+    transform = {"KHR_texture_transform": {"scale": [2.0, 3.0], "offset": [0.0, -2.0]}}
+    normal = {"index": 0, "scale": 0.5, "extensions": transform}
+    glb_file(tree | {"images": [image], "materials": [{"normalTexture": normal}]}, binary)
+    scene = load_scene(scene_file('[[object]]\nname = "toy"\nmesh = "model.glb"\n'))
+    bumps = scene.description.objects[0].bumps
+    assert bumps == Bumps(normal_map="model.glb#0", bump_strength=0.5, bump_repeats=(2.0, 3.0))
+    up, none = np.array([[0.0, 0.0, 1.0]]), np.zeros(1)
+    turned = scene.relief.turned(np.zeros(1, int), none, none, up, up)[0]
+    # Green is +Y, upwards in the picture: to where v grows here, and where the triangle's own +Y is.
+    assert turned[1] / turned[2] == pytest.approx(0.5 * 51 / 115, rel=1e-3) and abs(turned[0]) < 1e-6
+    own = 'bump_map = { file = "model.glb#0" }\n'
+    scene = load_scene(scene_file('[[object]]\nname = "toy"\nmesh = "model.glb"\n' + own))
+    assert scene.description.objects[0].bumps == Bumps(bump_map="model.glb#0")
+
+
 def test_a_metal_has_the_texture_and_half_a_metal_is_both(read: Callable[..., GlbModel]) -> None:
     def layers(metallic: float) -> list[tuple[str, float, bool]]:
         pbr = {"baseColorTexture": {"index": 0}, "metallicFactor": metallic}
@@ -145,7 +166,7 @@ def test_images_may_be_files_beside_it(
         ({"image": {"uri": "data:image/png;base64,!"}}, "image 0 is not shown: images 0: uri"),
         ({"textures": [{"extensions": {"KHR_texture_basisu": {"source": 0}}}]}, "in a format of an extension"),
         ({"material": {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "texCoord": 1}}}}, "second set"),
-        ({"material": {"normalTexture": {"index": 0}}}, "normal maps are not shown"),
+        ({"material": {"normalTexture": {"index": 0, "scale": 12}}}, "a normal map's scale of 12 is taken as 10"),
         ({"material": {"alphaMode": "BLEND"}}, "transparency is not shown"),
     ],
 )
