@@ -20,6 +20,7 @@ from app.messages import Progress
 from app.mode import ModeWork
 from app.orbit.messages import DrawOrbit, OrbitAdvanced, OrbitDrawn, OrbitUnknown, PrepareOrbit
 from app.scene_state import LayerState
+from engine.material.bumps import Bumps
 from engine.material.layer import Layer
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
@@ -64,6 +65,7 @@ class OrbitWork(ModeWork):
         if scene.emission != self._emission:
             orbit.shine(dict(scene.emission))
             self._emission = scene.emission
+        orbit.set_bumps(_bumps(self._bench.open_placement.scene))
         orbit.set_light(sky)
         orbit.set_layers(layers_by_object(orbit.scene, scene.layers))
         if request.n_bounces:
@@ -106,6 +108,11 @@ class OrbitWork(ModeWork):
 def _key(orbit: Orbit) -> str:
     """Under which its visibility is kept."""
     return content_key("orbit visibility 1", *orbit.geometry)
+
+
+def _bumps(scene: Scene) -> dict[str, Bumps]:
+    """What turns normals of its objects, by name."""
+    return {described.name: described.bumps for described in scene.description.objects}
 
 
 def _rehearsed(orbit: Orbit) -> Steps:

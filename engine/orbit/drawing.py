@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from engine.orbit.lit_points import LitPoints
 from engine.orbit.picture import Seen, interpolated
 from engine.orbit.reflected import reflected, shaded, sunlit
-from engine.orbit.reflections import Reflections
+from engine.orbit.reflections import Reflections, Term
 from engine.orbit.seen_maps import factors
 from engine.orbit.sky import Sky
+from engine.orbit.turned import TurnedSamples, turned_irradiance, turned_reflection, turned_samples
 from engine.render.still import StillProgress
+from engine.scene.description import Camera
 from engine.scene.load import Scene
 
 Floats = NDArray[np.float32]
@@ -26,12 +28,28 @@ _LITTLE = {"rest": 0.005, "still": 0.001}
 
 
 def reflected_light(
-    seen: Seen, lit: LitPoints, reflections: Reflections, scene: Scene, sky: Sky, n_bounces: int, quality: Quality,
-    n_moving: int,
+    seen: Seen, lit: LitPoints, reflections: Reflections, scene: Scene, camera: Camera, sky: Sky, n_bounces: int,
+    quality: Quality, n_moving: int,
 ) -> Generator[StillProgress, None, Floats]:  # fmt: skip
     """Radiance (R, 3) that samples reflect to the eye, found term by term; see `Orbit.draw`."""
     radiance = np.zeros((len(seen.pixel), 3), np.float32)
     everywhere, mapped = np.ones((1, 3), np.float32), dict[int, dict[int, Floats]]()
+    turned: dict[int, TurnedSamples] = {}
+
+    def reflected_by_bumps(which: NDArray[np.int64], term: Term) -> Floats:
+        """What a term sends of direct light where bumps turn normals, without its maps, (N, 3)."""
+        if term.i_object not in turned:
+            turned.clear()
+            turned[term.i_object] = turned_samples(seen, which, scene, camera, term.i_object)
+        samples = turned[term.i_object]
+        if term.reflectance is not None:
+            light = turned_irradiance(seen, samples, lit.incident, sky, quality == "moving")
+            return light * np.array(term.reflectance, np.float32)
+        tables = reflections.tables(term.layers)
+        if tables is None:
+            return np.zeros((len(which), 3), np.float32)
+        return turned_reflection(seen, samples, lit.incident, sky, tables, quality == "still")
+
     for done, term in enumerate(reflections.terms):
         which = seen.of(term.i_object)
         if not len(which):
@@ -42,11 +60,15 @@ def reflected_light(
             mapped[term.i_object] = factors(seen, which, scene, term.i_object, layers, quality)
         factor = everywhere if term.factor is None else mapped[term.i_object][term.factor]
         points = np.flatnonzero(lit.seen & (lit.points.i_object == term.i_object))
-        lit.colours[points] = lit.sent_evenly(points, term.reflectance, reflections.albedo(term), n_bounces)
-        tables = None if term.reflectance is not None else reflections.tables(term.layers)
+        bumpy = term.i_object in scene.relief.objects
+        evenly = None if bumpy else term.reflectance
+        lit.colours[points] = lit.sent_evenly(points, evenly, reflections.albedo(term), n_bounces)
+        tables = None if bumpy or term.reflectance is not None else reflections.tables(term.layers)
         if tables is not None and quality == "moving":
             shaded(seen, points, lit.incident, tables, n_moving, lit.shades, lit.colours)
         interpolated(seen, which, lit.colours, factor, radiance)
+        if bumpy:
+            radiance[which] += factor * reflected_by_bumps(which, term)
         if tables is not None and quality != "moving":
             others = reflected(seen, which, lit.incident, tables)
             suns = sunlit(seen, which, lit.incident, sky, term.layers, tables, others, _LITTLE[quality])

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from engine.errors import InsituError
 from engine.light.emitters import EmitterPatches, emitter_patches
+from engine.material.bumps import Bumps
 from engine.orbit.drawing import N_MOVING, Quality, reflected_light
 from engine.orbit.incident import Lamps
 from engine.orbit.kept_visibility import deflated, inflated
@@ -128,6 +129,15 @@ class Orbit:
             if self._lit is not None:
                 self._lit.mesh.shines(scene)
             self._stale()
+
+    def set_bumps(self, bumps: Mapping[str, Bumps]) -> None:
+        """What turns normals of objects, by name, from now on, see `Scene.bumped`."""
+        scene = self.scene.bumped(bumps)
+        if scene.description != self.scene.description:
+            self.scene = scene
+            if self._lit is not None:
+                self._lit.need_gloss(self._are_glossy)
+            self.version += 1
 
     def set_bounces(self, n_bounces: int) -> None:
         """How often light is reflected between light and eye from now on; at first as the scene says, or 4 times."""
@@ -241,7 +251,7 @@ class Orbit:
             raise ValueError("nothing is ready to be drawn: expected some steps of work before")
         seen = lit.mesh.look(camera, resolution, quality != "moving")
         lit.seen, lit.behind = seen.points_seen(), lit.behind | set(seen.from_behind)
-        what = lit, self._reflections, self.scene, self._sky
+        what = lit, self._reflections, self.scene, camera, self._sky
         radiance = yield from reflected_light(seen, *what, self._n_bounces, quality, n_moving)
         sky = self._light
         return picture(seen, radiance, sky.environment, sky.rotation, sky.scale)
@@ -250,7 +260,9 @@ class Orbit:
 
     @property
     def _are_glossy(self) -> NDArray[np.bool_]:
-        return self._reflections.are_glossy(len(self.scene.smooth))
+        found = self._reflections.are_glossy(len(self.scene.smooth))
+        found[list(self.scene.relief.objects)] = True  # in each pixel's own frame, matt or not
+        return found
 
     def _stale(self) -> None:
         if self._lit is not None:

@@ -63,7 +63,7 @@ class Relief:
             except LoadError as error:
                 self.flaws[described.name] = error
                 continue
-            if slopes is not None:
+            if slopes is not None and slopes.levels[0].any():
                 tangents, hands = np.zeros((0, 3, 3)), np.zeros(0)
                 if described.bumps.normal_map:
                     tangents, hands = corner_tangents(scene, i)

@@ -1,0 +1,201 @@
+"""Compiled: what surfaces whose normals were turned reflect of the light of points whose normals were not."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from engine.orbit._incident_kernels import Kept, child_at
+from engine.orbit._slice_kernels import Cell, Tables, _float, cell_at, corner_at
+
+Floats = NDArray[np.float32]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _powers(number: NDArray[np.int16], value: NDArray[np.uint16], level: int, words: NDArray[np.uint32]) -> None:
+    """What `_incident_kernels.compress` made coefficients of, by triangles of a level: words (20·4^level, 3) become the
+    power in each, as the bits of float32."""
+    count = 20 << (2 * level)
+    words[:count] = np.uint32(0)
+    for k in range(len(number)):
+        if 0 <= number[k] < count:
+            for i in range(3):
+                if value[k, i]:
+                    words[number[k], i] = np.uint32(value[k, i]) << np.uint32(16)
+    means, parents = words.view(np.float32), 20
+    quarters = np.empty((count, 3), np.float32)
+    while parents < count:
+        for t in range(parents):
+            for i in range(3):
+                m, at = means[t, i], parents + 3 * t
+                u, v, w = means[at, i], means[at + 1, i], means[at + 2, i]
+                d = np.float32(0.25) * (m + u + v + w)
+                quarters[4 * t, i] = np.float32(4.0) * (d - np.float32(0.5) * (v + w))
+                quarters[4 * t + 1, i] = np.float32(4.0) * (d - np.float32(0.5) * (u + w))
+                quarters[4 * t + 2, i] = np.float32(4.0) * (d - np.float32(0.5) * (u + v))
+                quarters[4 * t + 3, i] = np.float32(4.0) * d
+        parents *= 4
+        for t in range(parents):
+            for i in range(3):
+                means[t, i] = quarters[t, i]
+    times = np.float32(5120.0 / count)
+    for t in range(count):
+        for i in range(3):
+            means[t, i] *= times
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def irradiance(
+    start: int, stop: int, points: NDArray[np.int64], first: NDArray[np.int64], members: NDArray[np.int64],
+    normals: Floats, frame: Floats, slots: NDArray[np.int32], kept: Kept, level: int, directions: Floats, out: Floats,
+) -> None:  # fmt: skip
+    """Fill out (3 N, 3): the irradiance, suns apart, by the light of each corner's point on a surface of normal (N, 3).
+
+    directions (20·4^level, 3): of the level's triangles, in a point's frame. The point points[j] is asked by
+    members[first[j]:first[j + 1]] of the 3 N corners. Unturned it is what the point itself keeps: what the coefficients
+    know of it tells by how much that changes.
+    """
+    words = np.empty((len(directions), 3), np.uint32)
+    powers = words.view(np.float32)
+    for j in range(start, stop):
+        p = points[j]
+        f = frame[p]
+        _powers(kept.number[slots[p]], kept.value[slots[p]], level, words)
+        own = np.zeros(3, np.float32)
+        for m in range(len(directions)):
+            if directions[m, 1] > 0.0:
+                for i in range(3):
+                    own[i] += powers[m, i] * directions[m, 1]
+        for at in range(first[j], first[j + 1]):
+            r = members[at]
+            n = normals[r // 3]
+            x = f[0, 0] * n[0] + f[0, 1] * n[1] + f[0, 2] * n[2]
+            y = f[1, 0] * n[0] + f[1, 1] * n[1] + f[1, 2] * n[2]
+            z = f[2, 0] * n[0] + f[2, 1] * n[1] + f[2, 2] * n[2]
+            red = green = blue = np.float32(0.0)
+            for m in range(len(directions)):
+                cosine = x * directions[m, 0] + y * directions[m, 1] + z * directions[m, 2]
+                if cosine > 0.0 and directions[m, 1] > 0.0:
+                    red += powers[m, 0] * cosine
+                    green += powers[m, 1] * cosine
+                    blue += powers[m, 2] * cosine
+            out[r, 0], out[r, 1], out[r, 2] = red, green, blue
+            for i in range(3):
+                there = max(kept.irradiance[p, i], np.float32(0.0))
+                out[r, i] = max(there + out[r, i] - own[i], np.float32(0.0))
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def shade_broad(
+    start: int, stop: int, points: NDArray[np.int64], first: NDArray[np.int64], members: NDArray[np.int64], wo: Floats,
+    turned: Floats, frame: Floats, slots: NDArray[np.int32], kept: Kept, level: int, directions: Floats,
+    children: NDArray[np.int16], t: Tables, out: Floats,
+) -> None:  # fmt: skip
+    """As `irradiance`, radiance along wo (N, 3) that slices in turned frames (N, 3, 3) reflect, by each triangle."""
+    words = np.empty((len(directions), 3), np.uint32)
+    powers = words.view(np.float32)
+    listed, between = np.empty(len(directions), np.int64), np.empty((3, 3), np.float32)
+    for j in range(start, stop):
+        p = points[j]
+        f = frame[p]
+        _powers(kept.number[slots[p]], kept.value[slots[p]], level, words)
+        n_listed = 0
+        for m in range(len(directions)):
+            if directions[m, 1] > 0.0 and (powers[m, 0] != 0.0 or powers[m, 1] != 0.0 or powers[m, 2] != 0.0):
+                listed[n_listed] = m
+                n_listed += 1
+        for at in range(first[j], first[j + 1]):
+            r = members[at]
+            g, o = turned[r // 3], wo[r // 3]
+            for a in range(3):
+                for b in range(3):
+                    between[a, b] = g[a, 0] * f[b, 0] + g[a, 1] * f[b, 1] + g[a, 2] * f[b, 2]
+            cell = cell_at(
+                g[0, 0] * o[0] + g[0, 1] * o[1] + g[0, 2] * o[2], g[1, 0] * o[0] + g[1, 1] * o[1] + g[1, 2] * o[2],
+                g[2, 0] * o[0] + g[2, 1] * o[1] + g[2, 2] * o[2], t,
+            )  # fmt: skip
+            out[r] = 0.0
+            for k in range(n_listed):
+                d = directions[listed[k]]
+                y = between[1, 0] * d[0] + between[1, 1] * d[1] + between[1, 2] * d[2]
+                if y <= 0.0:
+                    continue
+                x = between[0, 0] * d[0] + between[0, 1] * d[1] + between[0, 2] * d[2]
+                z = between[2, 0] * d[0] + between[2, 1] * d[1] + between[2, 2] * d[2]
+                _add(cell, t, child_at(x, y, z, children) >> 2, powers[listed[k]], out[r])
+            for i in range(3):
+                out[r, i] = max(out[r, i], np.float32(0.0))
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def _add(cell: Cell, t: Tables, k: int, power: Floats, out: Floats) -> None:
+    """Add what slices reflect of power (3,) in the upper triangle k."""
+    at, line = corner_at(cell, k, t), 3 * t.n_columns
+    for i in range(3):
+        v00, v01 = _float(t.values[at + i]), _float(t.values[at + i + 3])
+        v10, v11 = _float(t.values[at + i + line]), _float(t.values[at + i + line + 3])
+        upper = v00 + cell.across * (v01 - v00)
+        out[i] += power[i] * (upper + cell.down * (v10 + cell.across * (v11 - v10) - upper))
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def suns(
+    start: int, stop: int, which: NDArray[np.int64], corners: NDArray[np.int32], weights: Floats, wo: Floats,
+    turned: Floats, frame: Floats, sun_bits: NDArray[np.uint8], sun_direction: Floats, sun_power: Floats,
+    children: NDArray[np.int16], t: Tables, is_matt: bool, unturned: bool, out: Floats,
+) -> None:  # fmt: skip
+    """Fill out (N, 3): what suns, as samples (N,) see them, bring to turned surfaces; by slices, or irradiance where
+    is_matt; that of surfaces that are not turned where `unturned`."""
+    for n in range(start, stop):
+        j = which[n]
+        g = turned[n]
+        cell = cell_at(
+            g[0, 0] * wo[n, 0] + g[0, 1] * wo[n, 1] + g[0, 2] * wo[n, 2],
+            g[1, 0] * wo[n, 0] + g[1, 1] * wo[n, 1] + g[1, 2] * wo[n, 2],
+            g[2, 0] * wo[n, 0] + g[2, 1] * wo[n, 1] + g[2, 2] * wo[n, 2], t,
+        )  # fmt: skip
+        out[n] = 0.0
+        for s in range(len(sun_power)):
+            seen = np.float32(0.0)
+            d = sun_direction[s]
+            for k in range(3):
+                p = corners[j, k]
+                if sun_bits[p, s >> 3] >> (s & 7) & 1:
+                    if unturned:
+                        f = frame[p]
+                        seen += weights[j, k] * (f[1, 0] * d[0] + f[1, 1] * d[1] + f[1, 2] * d[2])
+                    else:
+                        seen += weights[j, k]
+            y = g[1, 0] * d[0] + g[1, 1] * d[1] + g[1, 2] * d[2]
+            if seen <= 0.0 or (y <= 0.0 and not unturned):
+                continue
+            if is_matt:
+                cosine = np.float32(1.0) if unturned else y
+                for i in range(3):
+                    out[n, i] += seen * cosine * sun_power[s, i]
+                continue
+            x = g[0, 0] * d[0] + g[0, 1] * d[1] + g[0, 2] * d[2]
+            z = g[2, 0] * d[0] + g[2, 1] * d[1] + g[2, 2] * d[2]
+            before_0, before_1, before_2 = out[n, 0], out[n, 1], out[n, 2]
+            out[n] = 0.0
+            _add(cell, t, child_at(x, y, z, children) >> 2, sun_power[s], out[n])
+            out[n, 0] = before_0 + seen * out[n, 0]
+            out[n, 1] = before_1 + seen * out[n, 1]
+            out[n, 2] = before_2 + seen * out[n, 2]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def mirrored_eyes(wo: Floats, turned: Floats, normals: Floats, out: Floats) -> None:
+    """Fill out (N, 3): from where a surface of normal (N, 3) would show in the mirror what the turned one shows."""
+    for n in range(len(wo)):
+        g, h = turned[n], normals[n]
+        along = np.float32(2.0) * (g[1, 0] * wo[n, 0] + g[1, 1] * wo[n, 1] + g[1, 2] * wo[n, 2])
+        x, y, z = along * g[1, 0] - wo[n, 0], along * g[1, 1] - wo[n, 1], along * g[1, 2] - wo[n, 2]
+        back = np.float32(2.0) * (h[0] * x + h[1] * y + h[2] * z)
+        out[n, 0], out[n, 1], out[n, 2] = back * h[0] - x, back * h[1] - y, back * h[2] - z
+        length = math.sqrt(out[n, 0] ** 2 + out[n, 1] ** 2 + out[n, 2] ** 2)
+        for i in range(3):
+            out[n, i] /= max(length, 1e-6)
