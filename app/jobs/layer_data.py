@@ -24,8 +24,10 @@ from engine.transport.pipeline import COARSE, DRAG, FINAL, PREVIEW
 from engine.transport.planes import curve_planes
 from engine.transport.projection import LayerShape
 
+# As fine as a preview, of a scene that is lit anew (`app.jobs.relighting`): its pictures have no bands.
+RELIT = replace(PREVIEW, name="relit")
 # The stages by name, coarse to fine.
-STAGES = {quality.name: quality for quality in (DRAG, COARSE, PREVIEW, FINAL)}
+STAGES = {quality.name: quality for quality in (DRAG, COARSE, RELIT, PREVIEW, FINAL)}
 _RANK = {name: rank for rank, name in enumerate(STAGES)}
 Part = dict[str, np.ndarray]
 

@@ -2,7 +2,8 @@
 
 A transport runs through stages, each a whole picture: *coarse* (every fourth pixel, 400 lights) within a second or two,
 *preview* (every pixel, 400 lights), *final* (4,000 lights). A light on the move gets one *drag* stage instead (every
-eighth pixel, nothing traced). Within a stage the selected layer comes first. What a stage has replaced is dropped, and
+eighth pixel, nothing traced); a sky that turns or is exchanged over a scene that was ready for it lights it anew, at
+every pixel (`relighting`). Within a stage the selected layer comes first. What a stage has replaced is dropped, and
 what is there already in such quality is not made again (see `layer_data`).
 
 Visibility, final transport and fine indirect light are kept on disk, the latter two part by part while they are made,
@@ -22,10 +23,11 @@ import numpy as np
 from app.jobs.bands import plan_bands
 from app.jobs.bench import CACHE_VERSION, Bench
 from app.jobs.cache import content_key
-from app.jobs.kernels import COMPILING, ESTIMATE, FIRST_TIME, INDIRECT, PAINTING
-from app.jobs.layer_data import STAGES, LayerData, LitBy, both_curves, joined, kept_of_tile, shape_of, store_of
+from app.jobs.kernels import COMPILING, ESTIMATE, FIRST_TIME, INDIRECT, PAINTING, RELIGHTING
+from app.jobs.layer_data import RELIT, STAGES, LayerData, LitBy, both_curves, joined, kept_of_tile, shape_of, store_of
 from app.jobs.layer_parts import LayerParts
 from app.jobs.measured import ensure_tables
+from app.jobs.relighting import Relighting
 from app.jobs.schedule import Handlers, Steps
 from app.messages import Progress, Response
 from app.mode import ModeWork
@@ -35,6 +37,8 @@ from app.placement.messages import (
     EstimateError,
     Freeze,
     PlanBands,
+    PrepareRelighting,
+    RelightingPrepared,
     SampleMaps,
     StageDone,
     StageFootprint,
@@ -74,6 +78,7 @@ class PlacementWork(ModeWork):
         self._current: dict[str, LayerData] = {}
         self._told: set[str] = set()
         self._maps: MapTasks | None = None
+        self._relighting = Relighting()
 
     @property
     def handlers(self) -> Handlers:
@@ -84,11 +89,12 @@ class PlacementWork(ModeWork):
             Contract: self._contract,
             Freeze: self._freeze,
             EstimateError: self._estimate_error,
+            PrepareRelighting: self._prepare_relighting,
         }
 
     def scene_seen(self) -> None:
         self._layers, self._current, self._light = {}, {}, None
-        self._indirect, self._maps = None, None
+        self._indirect, self._maps, self._relighting = None, None, Relighting()
         self._selected = {}
         self._recall_visibility(self._bench.open_placement)
 
@@ -130,6 +136,12 @@ class PlacementWork(ModeWork):
         found = None if self._indirect is None else self._indirect.light
         yield from estimated(request, self._bench, self._current, found)
 
+    def _prepare_relighting(self, request: PrepareRelighting) -> Steps:
+        yield from self._until_compiled(RELIGHTING)
+        bench, scene = self._bench, request.scene
+        yield from self._relighting.prepare(bench.open_placement, scene, bench.sky(scene.light), self._current)
+        yield RelightingPrepared(self._n_bytes)
+
     # ------------------------------------------------------------------------------------------------------ transport
 
     def _recall_visibility(self, placement: Placement) -> None:
@@ -161,6 +173,7 @@ class PlacementWork(ModeWork):
         yield from self._tell_held(placement, request, lit_by)
         yield from self._kernels_ready()
         yield from self._tell_kept(placement, request, sky, lit_by)
+        yield from self._tell_relit(request, sky, lit_by)
         n_bounces, bounces_told = request.n_bounces, request.n_bounces == 1
         for quality, exact in _stages(request)[-1 if self._bench.fills else 0 :]:
             started = time.monotonic()
@@ -178,10 +191,14 @@ class PlacementWork(ModeWork):
                 tasks = self._indirect_tasks()
                 yield from tasks.find(scene.visible, sky, _lit_key(sky, placement.scene), n_bounces, exact)
             if due or exact:
-                n_bytes = sum(data.store.n_bytes for data in self._layers.values()) + sum(self._filled.values())
-                n_bytes += 0 if self._indirect is None else self._indirect.n_bytes
-                yield StageDone(quality.name, exact, time.monotonic() - started, n_bytes)
+                yield StageDone(quality.name, exact, time.monotonic() - started, self._n_bytes)
             yield from self._bench.noted()
+
+    @property
+    def _n_bytes(self) -> int:
+        """Memory of all that was computed."""
+        n_bytes = sum(data.store.n_bytes for data in self._layers.values()) + sum(self._filled.values())
+        return n_bytes + self._relighting.n_bytes + (0 if self._indirect is None else self._indirect.n_bytes)
 
     def _indirect_tasks(self) -> IndirectTasks:
         """Made, and its kernels read, when a scene first wants more than direct light."""
@@ -219,8 +236,20 @@ class PlacementWork(ModeWork):
                 data = self._hold(LayerData(work, lit_by, quality.name, kept, unit))
                 yield from self._answers(data, self._selected_factor(work.key), self._precision)
 
+    def _tell_relit(self, request: ComputeTransport, sky: SkyState, lit_by: LitBy) -> Steps:
+        """Answer with what is lit anew, where nothing better is there."""
+        light = None
+        for work in self._selected_first(request):
+            if self._is_spared(work, lit_by, RELIT.name, False) or not self._relighting.takes(work, lit_by):
+                continue
+            light = self._relighting.light_of(sky) if light is None else light
+            picture = FixedPicture(self._relighting.picture(work, lit_by, light))
+            yield from self._answers(self._hold(LayerData(work, lit_by, RELIT.name, picture, 1.0)), None, "half")
+
     def _is_spared(self, work: LayerState, lit_by: LitBy, stage: str, is_last: bool) -> bool:
         data = self._layers.get(work.key)
+        if stage == DRAG.name and data is not None and data.stage == RELIT.name:
+            is_last = False  # nobody asks for bands while the light is on the move
         return data is not None and data.is_picture_of(work, lit_by) and data.spares(work, stage, is_last)
 
     def _kernels_ready(self) -> Steps:

@@ -5,15 +5,16 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from app.document import Document, document_from_description
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
-from app.jobs.kernels import ESTIMATE, INDIRECT, PAINTING
+from app.jobs.kernels import ESTIMATE, INDIRECT, PAINTING, RELIGHTING
 from app.jobs.tasks import Tasks
 from app.messages import Failed, LookFrom, OpenScene, Request
-from app.placement.messages import ComputeTransport, EstimateError, Freeze, SampleMaps
+from app.placement.messages import ComputeTransport, EstimateError, Freeze, PrepareRelighting, SampleMaps
 from app.scene_state import LayerState, layer_state, scene_state
 from engine.material.maps import Images
 from engine.material.strokes import Stroke, Strokes, pack_dabs
@@ -66,6 +67,10 @@ def rehearse_later() -> Iterator[str]:
         yield INDIRECT
         _ask(client, EstimateError(state))
         yield ESTIMATE
+        _ask(client, PrepareRelighting(state))
+        turned = replace(state, light=replace(state.light, rotation=90.0))
+        _ask(client, ComputeTransport(turned, "ball.1", "theta_h", 100, 0, 64))
+        yield RELIGHTING
 
 
 def _with_bands(document: Document, key: str) -> LayerState:

@@ -108,6 +108,17 @@ class EstimateError(Request):
     second_bands: int | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class PrepareRelighting(Request):
+    """Make the scene as it is ready to be seen under another sky at once, where the picture of the transport asked last
+    is there; what is there of it already stays. Answered by `RelightingPrepared`."""
+
+    built_on = (ComputeTransport,)
+    once = True
+
+    scene: SceneState
+
+
 @dataclass(frozen=True)
 class SampleMaps(Request):
     """Sample the images of some layers, by key, where the eye sees them; each is answered on its own."""
@@ -251,6 +262,13 @@ class ErrorEstimated(Response):
     """How far off the picture is."""
 
     estimate: ErrorEstimate
+
+
+@dataclass(frozen=True)
+class RelightingPrepared(Response):
+    """The sky may turn; transport_bytes: what is held of the scene, this included."""
+
+    transport_bytes: int
 
 
 @dataclass(frozen=True)

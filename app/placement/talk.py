@@ -42,10 +42,12 @@ from app.placement.messages import (
     MapsRefused,
     MapsSampled,
     PlanBands,
+    RelightingPrepared,
     SampleMaps,
     StageDone,
     StageFootprint,
 )
+from app.placement.relight_talk import RelightTalk
 from app.placement.status import (
     NO_NOISE,
     PlacementStatus,
@@ -74,6 +76,7 @@ class PlacementTalk(ModeTalk):
         self.maps = MapTalk(desk.send, self.curves)
         self._comparison = Comparison(desk.send, self.curves, self.maps.samples)
         self._error = ErrorTalk(desk.send, self.curves)
+        self._relight = RelightTalk(desk.send, self.curves)
         self._told_beyond = False
         self._forget()
 
@@ -92,6 +95,7 @@ class PlacementTalk(ModeTalk):
     def scene_closed(self) -> None:
         self._transport.scene_closed()
         self._error.lost()
+        self._relight.forget()
 
     def scene_stays(self) -> None:
         self._transport.scene_opened(is_new=False)
@@ -112,6 +116,7 @@ class PlacementTalk(ModeTalk):
         self.indirect.scene_opened()
         self.maps.scene_opened()
         self._error.forget()
+        self._relight.forget()
         self._known_light.worked(scene.described.light)
         self.curves.opened(scene.description)
         self.learn(scene.planned)
@@ -142,6 +147,7 @@ class PlacementTalk(ModeTalk):
     def cancelled(self) -> None:
         self._transport.cancelled()
         self._error.stopped()
+        self._relight.stopped()
 
     def resume(self) -> None:
         self._transport.resume()
@@ -149,6 +155,7 @@ class PlacementTalk(ModeTalk):
     def worker_restarted(self) -> None:
         self._transport.worker_restarted()
         self.indirect.worker_restarted()
+        self._relight.forget()
         self._comparison.worker_restarted()
 
     def _picture_changed(self) -> None:
@@ -167,6 +174,8 @@ class PlacementTalk(ModeTalk):
         asked = self._ask(now, document, view)
         rests = self._picture in ("finished", "exact") and not self._desk.history.dragging
         self._error.update(now, document, view, self._transport.revision, rests)
+        turns = rests and self._transport.asked_rotation is not None
+        self._relight.update(now, document, self._transport.revision, turns)
         return asked + self._desk.barrier.run("Side A", compare, none, (document, view))
 
     def _ask(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
@@ -324,6 +333,9 @@ class PlacementTalk(ModeTalk):
                 self._take_bounces(response)  # else a person has chosen meanwhile
             case ErrorEstimated():
                 self._error.took(response)
+            case RelightingPrepared():
+                self._relight.took(response)
+                self._transport_bytes = response.transport_bytes
             case Frozen():
                 self.indirect.took_frozen(response)
             case LayerPicture() if self._comparison.took(response):
@@ -361,6 +373,7 @@ class PlacementTalk(ModeTalk):
         self._transport.took_failure(response)
         self._comparison.took_failure(response.id)
         self._error.took_failure(response.id)
+        self._relight.took_failure(response.id)
         self.maps.took_failure(response.id)
         refused = self._transport.asked_light if self._transport.is_transport(response.id) else None
         if refused is not None and self._known_light.go_back(self._desk.history, refused):

@@ -19,6 +19,8 @@ from app.placement.messages import (
     LayerPicture,
     LayerTransport,
     PlanBands,
+    PrepareRelighting,
+    RelightingPrepared,
     StageDone,
 )
 from engine.material.layer import Layer
@@ -178,8 +180,10 @@ class ServingClient(FakeClient):
         elif isinstance(sent, EstimateError):
             # The error of each request is another one, so that a test can tell which of them was answered.
             self._answers[EstimateError] = [stamped(ErrorEstimated(ErrorEstimate(float(id))), id, sent.revision)]
-        elif isinstance(sent, Cancel) and sent.of == (EstimateError,):
-            self._answers.pop(EstimateError, None)
+        elif isinstance(sent, PrepareRelighting):
+            self._answers[PrepareRelighting] = [stamped(RelightingPrepared(0), id, sent.revision)]
+        elif isinstance(sent, Cancel) and sent.of in ((EstimateError,), (PrepareRelighting,)):
+            self._answers.pop(sent.of[0], None)
         return id
 
     def poll(self, budget_s: float = 0.0) -> list[Response]:
