@@ -6,11 +6,9 @@ l are the spherical Haar coefficients of the environment's power over the 5,120 
 by r; K what each point reflects of them, its shadows in it. r₀ is the light that the exact picture was made under
 [BenArtzi07, eq. 7.4]: what turning does not change stays exact, emitters as well, and a turn begins with no jump.
 
-Every point has a row of its own. What is left out of K is chosen by its effect on the picture, |K_xk| times how much
-l_k changes while the environment goes round once: so most of a row's terms are where the light is. On the tea tray a
-picture of every eighth pixel is 126 % off (relRMSE), of every fourth 91 %, of every second 60 %, for highlights are
-narrower than that on a curved surface; rows of 90 terms at every pixel are 5 % off. Leaving light out instead
-[BenArtzi07, 7.2], by budgets a band, needs 300 terms for as little: see `app.measure.relight`.
+Every point has a row of its own. What is left out of K is chosen by its effect on the picture, |K_xk| times how large
+l_k is while the environment goes round once: so most of a row's terms are where the light is. What that gains, and what
+was measured beside it, stands in docs/relighting.md.
 """
 
 from __future__ import annotations
