@@ -40,7 +40,9 @@ def shown_radiance(window: HeadlessWindow) -> np.ndarray:
 
 
 @pytest.mark.parametrize("mode", [mode.name for mode in MODES])
-@pytest.mark.parametrize("turned", [True, False], ids=["turned away", "opened so"])
+@pytest.mark.parametrize(
+    "turned", [True, pytest.param(False, marks=pytest.mark.sweep)], ids=["turned away", "opened so"]
+)
 def test_a_camera_that_sees_no_surface_shows_the_background(
     context: moderngl.Context, tmp_path: Path, mode: str, turned: bool
 ) -> None:

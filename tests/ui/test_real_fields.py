@@ -41,7 +41,7 @@ def test_a_click_changes_nothing_and_a_drag_is_one_step(real: RealWindow) -> Non
         assert real.n_steps() == steps + (not control.startswith(("view", "accuracy"))), control
 
 
-@pytest.mark.parametrize("milliseconds", [0.0, LONG])
+@pytest.mark.parametrize("milliseconds", [pytest.param(0.0, marks=pytest.mark.sweep), LONG])
 def test_a_double_click_types_over_the_whole_number(real: RealWindow, milliseconds: float) -> None:
     real.fresh()
     real.drag("curve.magnitude", by=(0, -30))

@@ -27,7 +27,7 @@ def lift(real: RealWindow, times: int = 1) -> None:
 # --------------------------------------------------------------------------------------------------------- quick keys
 
 
-@pytest.mark.parametrize("milliseconds", [0.0, LONG])
+@pytest.mark.parametrize("milliseconds", [pytest.param(0.0, marks=pytest.mark.sweep), LONG])
 def test_six_quick_undos_are_six(real: RealWindow, milliseconds: float) -> None:
     real.fresh()
     lift(real, 7)
@@ -38,7 +38,7 @@ def test_six_quick_undos_are_six(real: RealWindow, milliseconds: float) -> None:
     assert real.n_steps() == 5
 
 
-@pytest.mark.parametrize("milliseconds", [0.0, LONG])
+@pytest.mark.parametrize("milliseconds", [pytest.param(0.0, marks=pytest.mark.sweep), LONG])
 def test_a_key_that_is_held_goes_on_as_the_system_repeats_it(real: RealWindow, milliseconds: float) -> None:
     real.fresh()
     lift(real, 8)
