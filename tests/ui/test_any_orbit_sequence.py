@@ -72,6 +72,9 @@ class NamedOrbit:
         self.scene = self.scene.shining(emission)
         self._begin()
 
+    def set_bumps(self, bumps: object) -> None:
+        """No object of the walk has any."""
+
     def set_layers(self, layers_of: Mapping[int, Sequence[Layer]]) -> None:
         layers = [said_of_layers(own) for _, own in sorted(layers_of.items())]
         if layers != self._layers:
@@ -93,7 +96,7 @@ class NamedOrbit:
             yield StillProgress(1.0 - self._left / N_STEPS, "work")
 
     def drawing(
-        self, camera: CameraDescription, resolution: tuple[int, int], quality: str, n_moving: int
+        self, camera: CameraDescription, resolution: tuple[int, int], quality: str, n_moving: int = 64
     ) -> Iterator[StillProgress]:
         assert self.is_ready and self._light is not None
         seen = Camera(**{name: getattr(camera, name) for name in Camera.model_fields})
@@ -226,7 +229,7 @@ def test_the_last_picture_is_of_the_last_document_and_camera(source: str, tmp_pa
         walk.until(lambda: is_whole(walk.editor))
         assert walk.picture.shape == (*RESOLUTION[::-1], 3)
         np.testing.assert_array_equal(walk.picture[0, 0], expected_colour(walk.editor), err_msg=str(done))
-        assert [mode.name for mode in MODES] == ["placement", "orbit"]
+        assert [mode.name for mode in MODES] == ["placement", "orbit", "deform"]
     finally:
         walk.close()
 
