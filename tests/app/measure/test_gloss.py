@@ -14,7 +14,7 @@ from engine.light.image_files import read_radiance_image
 JUDGES = Path(__file__).resolve().parents[2] / "golden" / "rooms"
 # Of the mean, to which a lamp's image is three hundred times as bright: that is off by less than a hundredth. The
 # judges' noise, 0.01 and 0.02 of their pictures, is part of it.
-LIMITS = {("mirror ball", 1): 0.04, ("mirror ball", 2): 0.04, ("gold ball", 1): 0.01, ("gold ball", 2): 0.045}
+LIMITS = {("mirror ball", 1): 0.04, ("mirror ball", 2): 0.04, ("gold ball", 1): 0.01, ("gold ball", 2): 0.055}
 
 
 def test_a_quick_run_leaves_them_out() -> None:
