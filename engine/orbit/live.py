@@ -53,7 +53,7 @@ _LEAST_COEFFICIENTS = 20
 _BYTES_A_COEFFICIENT = 8
 # Points a piece and thread: some 20 ms.
 _COARSE, _FINE, _TRACED = 2048, 384, 128
-_FIRST_LOOK = 256, 192
+_FIRST_LOOK = 256  # pixels across, to find which points come first
 
 
 class Orbit:
@@ -292,7 +292,9 @@ class Orbit:
         if self._kept is not None:
             self._lit.restore(*self._kept, self._are_glossy)
             self._kept = None
-        self._lit.seen = self._lit.mesh.look(self.scene.description.camera, _FIRST_LOOK).points_seen()
+        width, height = self.scene.resolution
+        look = _FIRST_LOOK, max(1, round(_FIRST_LOOK * height / width))
+        self._lit.seen = self._lit.mesh.look(self.scene.description.camera, look).points_seen()
         self.version += 1
 
     def _within_memory(self, n_points: int) -> int:

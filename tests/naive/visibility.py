@@ -11,7 +11,7 @@ def visible(vertices, triangles, hits, targets, row):
     A target counts where it is above the shading horizon and, if it is a point, shows its front. The ray starts from
     the point lifted off its surface, on the side of the surface that faces the target, and ends short of it.
     """
-    position, normal = hits.position[row].astype(float), hits.normal[row].astype(float)
+    position, normal = hits.position[row].astype(float), hits.horizon[row].astype(float)
     lift = hits.offset_position[row].astype(float) - position
     answers = np.zeros(len(targets.positions), bool)
     for t, target in enumerate(targets.positions.astype(float)):

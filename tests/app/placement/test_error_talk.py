@@ -135,7 +135,7 @@ def test_a_picture_in_which_nothing_reflects_is_not_off(desk: Desk) -> None:
     for key, _ in desk.editor.document.layers():
         desk.editor.do(SetVisible(key, False))
     desk.until_finished()
-    desk.frames(20)
+    desk.frames(60)
     found = desk.editor.status.estimate
     assert found is not None and found.is_none
 

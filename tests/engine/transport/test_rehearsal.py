@@ -37,7 +37,7 @@ details = signatures()
 rehearsal.rehearse_projection()
 rehearsed = signatures()
 for name, known in details.items():
-    if name.endswith(("._deposit_split", "._make_scratch", ".encode_bands")):
+    if name.endswith(("._deposit_split", "._make_scratch", ".encode_bands")) and "relight" not in name:
         assert known and known == rehearsed[name], name
 rehearsal.rehearse_light()
 rehearsal.rehearse_contraction()
