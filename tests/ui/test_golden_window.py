@@ -69,7 +69,7 @@ def window(context: moderngl.Context, tmp_path: Path, monkeypatch: pytest.Monkey
         opened.drag_handle("curve.magnitude", (0, -30))
         wait_until_exact(opened)
         editor.notify("")
-        opened.move(600.0, 15.0)
+        opened.move(400.0, 15.0)
         opened.frames(60)  # until the library has been read, a file a frame
         yield opened
 
