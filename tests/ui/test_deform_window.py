@@ -18,7 +18,7 @@ from tests.ui.small_scene import opened_window, wait_until_exact, write_small_sc
 from ui.headless import HeadlessWindow
 from ui.orbit_feed import OrbitFeed
 
-pytestmark = pytest.mark.gl
+pytestmark = [pytest.mark.gl, pytest.mark.sweep]  # a minute
 
 
 @pytest.fixture

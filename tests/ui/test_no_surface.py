@@ -39,7 +39,9 @@ def shown_radiance(window: HeadlessWindow) -> np.ndarray:
     return np.zeros((0, 0, 3)) if still is None else still.radiance
 
 
-@pytest.mark.parametrize("mode", [mode.name for mode in MODES])
+@pytest.mark.parametrize(
+    "mode", [pytest.param(mode.name, marks=[pytest.mark.sweep] * (mode.name == "deform")) for mode in MODES]
+)
 @pytest.mark.parametrize(
     "turned", [True, pytest.param(False, marks=pytest.mark.sweep)], ids=["turned away", "opened so"]
 )
