@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -19,6 +20,13 @@ from ui.picture_feed import PictureFeed
 def state_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Layouts and materials of a test: never the user's own."""
     monkeypatch.setenv("INSITU_STATE", str(tmp_path / "state"))
+
+
+@pytest.fixture(autouse=True)
+def no_rows_for_other_skies(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They take as long as the picture itself. Random walks meet them all the same."""
+    if "sequence" not in request.module.__name__:
+        monkeypatch.setattr("app.placement.relight_talk.REST_SECONDS", math.inf)
 
 
 @pytest.fixture(scope="session")

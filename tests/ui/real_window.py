@@ -32,6 +32,7 @@ from __future__ import annotations
 
 import ctypes
 import json
+import math
 import os
 import pickle
 import shutil
@@ -624,9 +625,11 @@ class Stage:
 def main() -> int:
     """The window's process."""
     from app.jobs.client import Client
+    from app.placement import relight_talk
     from tests.ui.stand_in import StandInClient
     from ui import window
 
+    relight_talk.REST_SECONDS = math.inf  # its rows take as long as the picture; no test of the window waits for them
     words = json.loads(sys.argv[1])
     client = StandInClient() if words["source"] == "stand-in" else Client()
     stage = Stage(Connection(words["pipe"]), client, words["size"])
