@@ -61,9 +61,9 @@ def light_note(talk: TransportTalk) -> str:
         return ""
     asked = f"{talk.asked_rotation:.1f}°"
     if talk.drag_quality:
-        return f"quick picture for {asked}; the final one follows when you let go"
+        return f"quick picture for {asked}, final on release"
     if not talk.light_is_current:
-        return f"shown for {asked}; the new light follows when the hand rests"
+        return f"shown for {asked} until the hand rests"
     if talk.delivered_final:
         return ""
     return f"{'being refined' if talk.running else 'a preview'} for {asked}"

@@ -227,7 +227,7 @@ def test_turning_asks_for_quick_pictures_one_at_a_time(settled: Editor, client: 
         settled.tick(2.0 + 0.01 * degrees)
     (quick,) = computed(client)
     assert quick.n_lights_final == DRAG_QUALITY and quick.scene.light.rotation == 31.0
-    assert settled.status.light_note == "quick picture for 31.0°; the final one follows when you let go"
+    assert settled.status.light_note == "quick picture for 31.0°, final on release"
     client.finish_stage("drag", exact=True)
     settled.tick(2.4)
     assert [request.scene.light.rotation for request in computed(client)] == [31.0, 33.0]

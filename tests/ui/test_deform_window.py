@@ -44,13 +44,13 @@ def test_a_deformer_is_dragged_and_placement_takes_the_pose_over(window: Headles
     editor.select("ball")
     window.frames(2)
     before = shown(window)
-    window.click_handle("pose.add.0")
+    window.click_handle("button.pose.add.0")
     window.frames(3)
     assert editor.document.object("ball").deformations == (Deformation("bend", 0.0),)
     steps = len(editor.history.undo_steps)
-    window.drag_handle("pose.0", (12.0, 0.0))
+    window.drag_handle("pose.0", (60.0, 0.0))
     (bent,) = editor.document.object("ball").deformations
-    assert bent.amount > 10.0 and len(editor.history.undo_steps) == steps + 1
+    assert bent.amount == pytest.approx(30.0, abs=2.0) and len(editor.history.undo_steps) == steps + 1
     wait_until_exact(window)
     assert editor.status.shown_by == "Placement"
     assert np.abs(shown(window) - before).max() > 0.05

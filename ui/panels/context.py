@@ -69,11 +69,13 @@ class Handles:
 
 @dataclass
 class HeldField:
-    """A number that a hand drags: imgui's item, the value there was, and how far the hand has come."""
+    """A number that a hand drags: imgui's item, the value there was, how far the hand has come, and the law by which
+    that changes it: as it was at the press, for the control may grow or shrink under the hand."""
 
     item: int
     start: float
     travel: Travel
+    law: Callable[[float, float], float]
 
 
 @dataclass

@@ -15,6 +15,7 @@ from ui.panels.context import PanelContext
 from ui.theme import Icon
 
 AXES = ("x", "y", "z")
+DEGREES_A_PIXEL = 0.5
 FROM_AFAR = "Shadows from other objects come back when the hand rests."
 
 
@@ -62,10 +63,16 @@ def _row(context: PanelContext, name: str, index: int, deformation: Deformation,
             imgui.same_line(0.0, 0.0)
     imgui.set_next_item_width(-1.0)
     low, high = kind.limits
-    hand, amount = fields.slider(
-        context, "amount", deformation.amount, low, high, _format(kind), handle=f"pose.{index}", origin=0.0,
-        title=kind.title,
-    )  # fmt: skip
+    handle = f"pose.{index}"
+    if kind.unit == "degrees":  # two turns are too much for a trough: a few of its pixels would be a right angle
+        hand, amount = fields.number(
+            context, "amount", deformation.amount, _format(kind), handle, low, high, DEGREES_A_PIXEL, kind.title
+        )
+    else:
+        hand, amount = fields.slider(
+            context, "amount", deformation.amount, low, high, _format(kind), handle=handle, origin=0.0,
+            title=kind.title,
+        )  # fmt: skip
     widgets.tooltip("How much; double-click to type, drag with Shift for fine steps. 0 leaves the object as it is.")
     actions += edits(hand, name, index, amount)
     imgui.pop_id()
@@ -85,14 +92,17 @@ def edits(hand: fields.Touch, name: str, index: int, amount: float) -> list[Acti
 
 
 def _add(context: PanelContext, name: str, count: int) -> list[Action]:
-    """One button for each kind of deformer."""
+    """One button for each kind of deformer, in as many rows as they need."""
     imgui.begin_disabled(count >= MAX_DEFORMERS)
-    hint = "Put one behind the others; then drag its slider."
-    choices = [(kind.title, hint) for kind in KINDS.values()]
-    room = (imgui.get_content_region_avail().x - len(choices) + 1.0) / len(choices)
-    pressed = widgets.segments(context, "pose.add", choices, -1, least=room / context.theme.scale)
+    hint = "Put one behind the others, then drag its amount."
+    actions: list[Action] = []
+    for index, (kind, form) in enumerate(KINDS.items()):
+        if index:
+            widgets.go_on(imgui.calc_text_size(form.title).x + 2.0 * imgui.get_style().frame_padding.x)
+        if widgets.text_button(context, f"pose.add.{index}", form.title, hint):
+            actions.append(AddDeformer(name, kind))
     imgui.end_disabled()
-    return [] if pressed is None else [AddDeformer(name, tuple(KINDS)[pressed])]
+    return actions
 
 
 def _format(kind: Kind) -> str:

@@ -234,7 +234,7 @@ def _moved(context: PanelContext, field: _Field, law: Law, changed: bool, keyed:
     item, active = imgui.get_item_id(), imgui.is_item_active()
     if context.fields.is_held(item):
         if active:
-            return _dragged(context, field, law)
+            return _dragged(context, field)
         context.fields.held = None
         return Touch(ended=True), field.value
     if active and imgui.get_current_context().active_id_source == imgui.internal.InputSource.mouse:
@@ -242,22 +242,22 @@ def _moved(context: PanelContext, field: _Field, law: Law, changed: bool, keyed:
             return Touch(), field.value
         mouse, gone = imgui.get_mouse_pos(), imgui.get_mouse_drag_delta(0)
         pressed = (mouse.x - gone.x, mouse.y - gone.y)
-        context.fields.held = HeldField(item, field.value, Travel(pressed, fine=imgui.get_io().key_shift))
-        hand, to = _dragged(context, field, law)
+        context.fields.held = HeldField(item, field.value, Travel(pressed, fine=imgui.get_io().key_shift), law)
+        hand, to = _dragged(context, field)
         return replace(hand, began=True), to
     changed = changed and _is_allowed(context, field, keyed, f"{keyed:.6g}")
     ended = imgui.is_item_deactivated() and not imgui.is_mouse_released(0)
     return Touch(changed, imgui.is_item_activated(), ended), keyed
 
 
-def _dragged(context: PanelContext, field: _Field, law: Law) -> tuple[Touch, float]:
+def _dragged(context: PanelContext, field: _Field) -> tuple[Touch, float]:
     """The value that the hand has come to, measured from where the drag began."""
     held, mouse = context.fields.held, imgui.get_mouse_pos()
     assert held is not None
     at = (mouse.x, mouse.y)
     held.travel = held.travel.going_on(at, imgui.get_io().key_shift)
     gone, _ = held.travel.moved(at)
-    to = law(held.start, gone) if gone else held.start
+    to = held.law(held.start, gone) if gone else held.start
     return Touch(changed=to != field.value), to
 
 

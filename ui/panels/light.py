@@ -52,9 +52,8 @@ def draw(context: PanelContext) -> list[Action]:
         actions += _mapping(context)
     actions += _rotation(context)
     actions += _intensity(context)
-    if context.status.light_note:
-        note = context.status.light_note
-        widgets.caption(note[0].upper() + note[1:])
+    note = context.status.light_note
+    widgets.caption(note[:1].upper() + note[1:])  # its line stays, so that no scroll bar comes in mid-drag
     return actions
 
 
