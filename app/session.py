@@ -31,6 +31,7 @@ from engine.colour import ToneMapping
 from engine.deform.pose import Deformation
 from engine.errors import InsituError, LoadError
 from engine.material.bumps import Bumps, bump_parts, bumps_of_parts
+from engine.material.layer import object_of, place_of
 from engine.material.parameters import ParameterError
 from engine.plan import N_PATCHES
 from engine.scene.complaints import first_complaint
@@ -322,6 +323,5 @@ def _selection(path: str | None, document: Document) -> Selection | None:
     for key, layer in document.layers():
         for factor in all_factors(layer.model):
             if path == f"{key}.{factor.name}":
-                name, _, index = key.rpartition(".")
-                return Selection(name, int(index), factor.name)
+                return Selection(object_of(key), place_of(key), factor.name)
     return None

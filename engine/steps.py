@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
-from typing import TypeVar
+from typing import Generic, TypeVar
 
 Step = TypeVar("Step")
 Told = TypeVar("Told")
@@ -19,6 +19,24 @@ def finish(steps: Generator[Step, None, Result], report: Callable[[Step], object
             result: Result = end.value
             return result
         report(step)
+
+
+class Stepped(Generic[Result]):
+    """A computation advanced a step at a time, between other work; `result` once `advance` says that it ended."""
+
+    result: Result
+
+    def __init__(self, steps: Generator[object, None, Result]) -> None:
+        self._steps = steps
+
+    def advance(self) -> bool:
+        """One step; whether that was the end."""
+        try:
+            next(self._steps)
+        except StopIteration as end:
+            self.result = end.value
+            return True
+        return False
 
 
 def told_as(steps: Generator[Step, None, Result], word: Callable[[Step], Told]) -> Generator[Told, None, Result]:

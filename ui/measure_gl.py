@@ -33,7 +33,7 @@ from app.view_state import SetView
 from engine.curve.operators import HALF_PI, Operator
 from engine.curve.wavelet import forward
 from engine.errors import InsituError
-from engine.material.layer import Layer, object_of
+from engine.material.layer import Layer, object_of, place_of
 from engine.plan import Precision
 from ui.gl.context import create_headless_context, describe_context
 from ui.gl.placement.renderer import PlacementRenderer, UpdateReport
@@ -139,7 +139,7 @@ class EditorRig:
         """(coefficients, samples, whether its layer's first) of every curve with transport, in the scene's order."""
         found: dict[str, tuple[int, int, bool]] = {}
         for key, _ in self.editor.document.layers():
-            name, index = object_of(key), int(key.rpartition(".")[2])
+            name, index = object_of(key), place_of(key)
             if key not in self.renderer.layer_keys:
                 continue
             n_samples = len(self.renderer.layer_radiance(key))

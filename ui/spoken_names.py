@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 
 from app.document import Document, all_factors
-from engine.material.layer import Layer
+from engine.material.layer import Layer, object_of
 
 
 def spoken(document: Document, text: str) -> str:
@@ -21,9 +21,9 @@ def spoken(document: Document, text: str) -> str:
 
 
 def _spoken_layer(key: str, layer: Layer, text: str) -> str:
-    labels = {factor.name: factor.label.rpartition(" ")[0] for factor in all_factors(layer.model)}
+    labels = {factor.name: factor.word for factor in all_factors(layer.model)}
     labels |= {parameter.name: parameter.label for parameter in layer.table}
-    name = f"{key.rpartition('.')[0]} / {layer.title}"
+    name = f"{object_of(key)} / {layer.title}"
 
     def said(found: re.Match[str]) -> str:
         what = found[1] or ""

@@ -10,7 +10,7 @@ from typing import Any
 from app.document import Document
 from app.linked_layers import Layers
 from engine.errors import InsituError
-from engine.material.maps import set_map_field
+from engine.material.maps import set_map_field, split_image_name
 from engine.scene.builtin import scene_path
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".exr")
@@ -57,9 +57,8 @@ def _renamed(layers: Layers, new_name: Callable[[str], str]) -> Layers:
     """Every file under a new name; of a picture in a GLB file its number stays."""
 
     def renamed(name: str) -> str:
-        file, mark, number = name.rpartition("#")
-        in_glb = mark and file.lower().endswith(".glb")
-        return f"{new_name(file)}#{number}" if in_glb else new_name(name) if name else ""
+        file, number = split_image_name(name)
+        return "" if not name else new_name(file) if number is None else f"{new_name(file)}#{number}"
 
     return tuple(
         layer if layer.maps.is_plain

@@ -21,7 +21,7 @@ from engine.indirect.rays import cosine_tables, pole_tables
 from engine.indirect.second_bounce import SecondRays, joined_records, no_records
 from engine.indirect.turns import Turn, by_turns
 from engine.scene.hits import PrimaryHits
-from engine.transport._projection_kernels import Surface
+from engine.transport._projection_kernels import Viewed
 
 # Metres: no ray is taken for shorter.
 _TOUCHING = np.float32(1e-6)
@@ -74,7 +74,7 @@ def gather(
     show is in cells by distance. Raises TooManyCells.
     """
     tables = cosine_tables(size.n_cosine), pole_tables(size.n_pole)
-    surface = Surface(hits.position, hits.tangent, hits.normal, hits.wo)
+    surface = Viewed(hits.position, hits.tangent, hits.normal, hits.wo)
     step = max(1, CHUNK // size.n_rays)
     point_poles = poles[object_of_rows(hits, rows)]
 

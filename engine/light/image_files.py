@@ -3,6 +3,11 @@
 Regular files only, size and header checked before any pixel is read. OpenEXR says of many broken files that they have
 no parts, without raising, and prints to standard error; both are turned into one LoadError here. Negative and
 non-finite values pass: what they mean is the caller's to say.
+
+OpenImageIO 3.2 was tried (Apache-2.0, 20 MB installed). It reads probes and textures to the same numbers, and refuses
+cut files and headers that claim 10 GB; of processor time HDR takes it half (14 ms a million pixels, 31 here), OpenEXR
+two thirds to four fifths, PNG about as much and JPEG a third more than Pillow. It was not taken: an image is read once,
+the checks below would stay, and so would Pillow and OpenEXR, by which pictures are shown and written.
 """
 
 from __future__ import annotations

@@ -30,6 +30,11 @@ def object_of(key: str) -> str:
     return key.rpartition(".")[0]
 
 
+def place_of(key: str) -> int:
+    """Which of its object's layers it is: 1 of the key "teapot.1"."""
+    return int(key.rpartition(".")[2])
+
+
 @dataclass(frozen=True)
 class GeneratedCurve:
     """The curve that a model generates from parameters, before any edit; angles (N,) to values (N, 3)."""

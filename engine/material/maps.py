@@ -30,6 +30,12 @@ MAX_REPEATS = 1000.0
 MAX_NAME = 4096
 
 
+def split_image_name(name: str) -> tuple[str, str | None]:
+    """The file of an image, and what says which one it is of a GLB file: ("a.glb", "2") of "a.glb#2"."""
+    file, mark, number = name.rpartition("#")
+    return (file, number) if mark and file.lower().endswith(".glb") else (name, None)
+
+
 @dataclass(frozen=True)
 class LayerMaps:
     """The images of one layer. Names are files: relative to the scene's folder, or full paths that a person chose.

@@ -36,6 +36,11 @@ class Factor:
     label: str
     tooltip: str
 
+    @property
+    def word(self) -> str:
+        """Its label without the symbol: "half" of "half θₕ"."""
+        return self.label.rpartition(" ")[0]
+
 
 THETA_I = Factor("theta_i", kinds.THETA_I, "light θᵢ", "Brightness as the light falls in ever more slanted.")
 THETA_O = Factor("theta_o", kinds.THETA_O, "view θₒ", "Brightness as the surface is seen ever more slanted.")

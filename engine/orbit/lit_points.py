@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from engine.orbit.sky import Sky
 from engine.orbit.visibility import N_UPPER, Bits, see, see_patches
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
+from engine.steps import Stepped
 
 Floats = NDArray[np.float32]
 STALE, COARSELY, EXACTLY = 0, 1, 2
@@ -49,7 +50,7 @@ class LitPoints:
         self.behind: set[int] = set()
         self.with_backs: set[int] = set()
         self.bounces: Bounces | None = None
-        self._bouncing: Generator[float, None, Bounces] | None = None
+        self._bouncing: Stepped[Bounces] | None = None
         self.indirect = np.zeros((self._n, 3), np.float32)
         self.is_bounced = STALE
 
@@ -99,12 +100,10 @@ class LitPoints:
     def send_rays(self) -> None:
         """A part of those by which light bounces on."""
         if self._bouncing is None:
-            self._bouncing = bouncing(self.points, self.mesh)
-        try:
-            next(self._bouncing)
-        except StopIteration as end:
-            self.bounces, self._bouncing = end.value, None
-            self.behind |= end.value.behind
+            self._bouncing = Stepped(bouncing(self.points, self.mesh))
+        if self._bouncing.advance():
+            self.bounces, self._bouncing = self._bouncing.result, None
+            self.behind |= self.bounces.behind
 
     def bounce(self, albedos: Floats, n_bounces: int) -> None:
         """Find the indirect light; albedos (M, 3)."""

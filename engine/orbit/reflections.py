@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -14,7 +14,7 @@ from engine.orbit import _slice_kernels
 from engine.orbit.slices import Slices, matt_reflectance, slicing
 from engine.render.surface_maps import mean_factor
 from engine.scene.load import Scene
-from engine.steps import finish
+from engine.steps import Stepped, finish
 
 LayersOf = Mapping[int, Sequence[Layer]]
 
@@ -39,7 +39,7 @@ class Reflections:
         self._slices: dict[Layer, Slices] = {}
         self._fine: set[Layer] = set()
         self._tables: dict[tuple[Layer, ...], _slice_kernels.Tables] = {}
-        self._slicing: tuple[Layer, Generator[float, None, Slices]] | None = None
+        self._slicing: tuple[Layer, Stepped[Slices]] | None = None
 
     def set_layers(self, layers_of: LayersOf) -> bool:
         """The layers of each object, by its index, from now on; whether they are others. What stays keeps slices."""
@@ -80,16 +80,14 @@ class Reflections:
         """A step towards the fine slices of a layer whose are coarse; whether it was the last of them."""
         rough = [layer for layer in self._wanted if layer not in self._fine]
         if self._slicing is None or self._slicing[0] not in rough:
-            self._slicing = rough[0], slicing(rough[0])
+            self._slicing = rough[0], Stepped(slicing(rough[0]))
         layer, steps = self._slicing
-        try:
-            next(steps)
-        except StopIteration as end:
-            self._take(layer, end.value)
-            self._fine.add(layer)
-            self._slicing = None
-            return True
-        return False
+        if not steps.advance():
+            return False
+        self._take(layer, steps.result)
+        self._fine.add(layer)
+        self._slicing = None
+        return True
 
     def tables(self, layers: tuple[Layer, ...]) -> _slice_kernels.Tables | None:
         """The slices of layers that lie on one another; None while they are not known."""

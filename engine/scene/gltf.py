@@ -23,7 +23,7 @@ from engine.scene.description import LayerDescription
 from engine.scene.glb import JsonObject, parse_glb
 from engine.scene.gltf_file import FLOATS, INTEGERS, SHARES, GltfFile
 from engine.scene.gltf_materials import PartMaterial, read_material
-from engine.scene.gltf_nodes import Placed, placed_meshes
+from engine.scene.gltf_nodes import MeshNode, placed_meshes
 from engine.scene.gltf_rig import Attached, RigReader
 from engine.scene.gltf_textures import GltfImages
 from engine.scene.mesh import MAX_MESH_BYTES, Mesh, join_meshes, place_copies, validate_mesh
@@ -137,10 +137,10 @@ class _Copies:
     def __init__(self, file: GltfFile, rigs: RigReader | None) -> None:
         self._file, self._rigs = file, rigs
         self._read: dict[str, tuple[Mesh, Attached | None]] = {}
-        self._placed: dict[tuple[int, str], list[Placed]] = {}
+        self._placed: dict[tuple[int, str], list[MeshNode]] = {}
         self._most, self._n = MOST_COPIED + len(file.binary), 0
 
-    def take(self, primitive: JsonObject, placed: list[Placed]) -> bool:
+    def take(self, primitive: JsonObject, placed: list[MeshNode]) -> bool:
         """Read a primitive and note where copies of it stand; False for points and lines, which are left out."""
         mode = primitive.integer("mode", 0, 6, _TRIANGLES)
         if mode < _TRIANGLES:

@@ -18,19 +18,19 @@ MAX_DEPTH = 256
 _TRANSFORM = ("matrix", "translation", "rotation", "scale")
 
 
-class Placed(NamedTuple):
+class MeshNode(NamedTuple):
     """A node that has a mesh, and its matrix (4, 4) to the file's frame."""
 
     node: int
     matrix: Floats
 
 
-def placed_meshes(file: GltfFile, root: JsonObject) -> dict[int, list[Placed]]:
+def placed_meshes(file: GltfFile, root: JsonObject) -> dict[int, list[MeshNode]]:
     """Of every mesh in the scene the nodes that have it."""
     children = [node.indices("children", len(file.nodes)) for node in file.nodes]
     parents = _parents(file, children)
     stack = [(k, np.eye(4), 0) for k in reversed(_roots(file, root, parents))]
-    placed: dict[int, list[Placed]] = {}
+    placed: dict[int, list[MeshNode]] = {}
     reached = 0
     while stack:
         k, above, depth = stack.pop()
@@ -45,7 +45,7 @@ def placed_meshes(file: GltfFile, root: JsonObject) -> dict[int, list[Placed]]:
         node = file.nodes[k]
         matrix = above if node.values.keys().isdisjoint(_TRANSFORM) else _finite(above @ node_matrix(node), node)
         if node.has("mesh"):
-            placed.setdefault(node.integer("mesh", 0, len(file.meshes) - 1), []).append(Placed(k, matrix))
+            placed.setdefault(node.integer("mesh", 0, len(file.meshes) - 1), []).append(MeshNode(k, matrix))
         stack += [(child, matrix, depth + 1) for child in reversed(children[k])]
     return placed
 

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from engine.errors import LoadError
 from engine.scene.glb import JsonObject
 from engine.scene.gltf_file import ANY_SHARES, FLOATS, SHARES, GltfFile
-from engine.scene.gltf_nodes import MAX_DEPTH, Placed, node_matrix, node_parts, parents_of
+from engine.scene.gltf_nodes import MAX_DEPTH, MeshNode, node_matrix, node_parts, parents_of
 from engine.scene.mesh import Mesh
 from engine.scene.rig import INTERPOLATIONS, PATHS, Binding, Clip, Morph, Skeleton, Track
 
@@ -64,7 +64,7 @@ class RigReader:
         bones, weights = skinned or (None, None)
         return Attached(bones, weights, targets or ())
 
-    def bindings(self, mesh: Mesh, attached: Attached, placed: list[Placed]) -> list[Binding]:
+    def bindings(self, mesh: Mesh, attached: Attached, placed: list[MeshNode]) -> list[Binding]:
         """Of the copies of a primitive that stand where nodes put them, in their order; of those that only follow their
         nodes one for all that stand together, as there may be many."""
         found: list[Binding] = []
@@ -81,7 +81,7 @@ class RigReader:
             return False
         return self._try(node.place, lambda: self._spend(OF_A_COPY, node, "mesh")) is not None
 
-    def _binding(self, mesh: Mesh, attached: Attached, placed: Placed) -> Binding:
+    def _binding(self, mesh: Mesh, attached: Attached, placed: MeshNode) -> Binding:
         own = np.array([placed.node], np.int32), np.eye(4)[None]
         rigid = Binding(*own, np.zeros((len(mesh.vertices), 1), np.int32), np.ones((len(mesh.vertices), 1)))
         skinned = self._try(f"nodes {placed.node}", lambda: self._hung(attached, self._file.nodes[placed.node], own))
@@ -294,7 +294,7 @@ class RigReader:
         return self._left
 
 
-def _following(placed: list[Placed], n_vertices: int) -> Binding:
+def _following(placed: list[MeshNode], n_vertices: int) -> Binding:
     """Of copies that stand on their nodes, each of so many vertices."""
     nodes = np.array([each.node for each in placed], np.int32)
     bones = np.repeat(np.arange(len(placed), dtype=np.int32), n_vertices)[:, None]

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from engine.errors import LoadError
 from engine.files import resolve_inside
 from engine.material.bumps import Bumps
+from engine.material.maps import split_image_name
 from engine.scene.box_projection import box_frame
 from engine.scene.defects import count_defects
 from engine.scene.description import Camera, SceneDescription, load_description
@@ -192,10 +193,10 @@ def _load_maps(scene: Scene) -> None:
         for maps in (layer.maps for layer in described.layers if not layer.maps.is_plain and not described.emits):
             for what, name in (("texture", maps.texture), ("weight", maps.weight)):
                 if name:
-                    resolve_inside(scene.folder, name.rpartition("#")[0] or name, scene.file, what)
+                    resolve_inside(scene.folder, split_image_name(name)[0], scene.file, what)
             wanted.append(maps.images)
         if (name := described.bumps.file) and not described.emits:
-            resolve_inside(scene.folder, name.rpartition("#")[0] or name, scene.file, described.bumps.kind)
+            resolve_inside(scene.folder, split_image_name(name)[0], scene.file, described.bumps.kind)
             bumps.append(described.bumps)
     scene.textures.load(wanted, bumps)
 

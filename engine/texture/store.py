@@ -14,7 +14,7 @@ from threading import Lock
 from engine.errors import LoadError
 from engine.files import read_regular_file, resolve_inside
 from engine.material.bumps import Bumps
-from engine.material.maps import Images, Space
+from engine.material.maps import Images, Space, split_image_name
 from engine.texture.images import MAX_IMAGE_BYTES, read_texture, read_weight
 from engine.texture.pyramid import Pyramid, make_pyramid
 from engine.texture.slopes import read_heights, read_normal_map
@@ -94,14 +94,13 @@ class TextureStore:
 
     def _place(self, what: str, name: str) -> tuple[Path, int | None]:
         """Where an image is, and its number where that is a GLB file."""
-        file, mark, number = name.rpartition("#")
-        inside = bool(mark) and file.lower().endswith(".glb")
-        if inside and not (number.isascii() and number.isdecimal() and len(number) < 6):
+        file, number = split_image_name(name)
+        if number is not None and not (number.isascii() and number.isdecimal() and len(number) < 6):
             raise LoadError(self._scene_file, what, name, "FILE.glb#N with the number of an image")
-        path = Path(file if inside else name)
+        path = Path(file)
         if not path.is_absolute():
             path = resolve_inside(self._scene_file.parent, str(path), self._scene_file, what)
-        return path, int(number) if inside else None
+        return path, None if number is None else int(number)
 
 
 _READ = {

@@ -55,7 +55,7 @@ class Bits(NamedTuple):
     delta: np.ndarray
 
 
-class Surface(NamedTuple):
+class Viewed(NamedTuple):
     """Shading points (P, 3): position, tangent, normal and the direction to the eye."""
 
     position: np.ndarray

@@ -16,7 +16,7 @@ from engine.transport._seen_kernels import gather_local, set_frame
 STEPS = np.float32(32767.0)
 
 
-class Parts(NamedTuple):
+class TriangleParts(NamedTuple):
     """The sphere's T triangles whole, and behind them in n parts each: centres (3, T (1 + n)), shares of their
     triangle's solid angle and which triangle that is, (T (1 + n),)."""
 

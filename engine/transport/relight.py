@@ -31,7 +31,7 @@ from engine.sphere.haar import forward, levels_of_coefficients
 from engine.threads import n_threads, on_threads, pool
 from engine.transport import _relight_kernels as kernels
 from engine.transport._angle_kernels import slope
-from engine.transport._projection_kernels import Surface
+from engine.transport._projection_kernels import Viewed
 from engine.visibility.points import Visibility
 from engine.visibility.targets import VISIBILITY_LEVEL
 
@@ -107,7 +107,7 @@ class RowMaker:
         """Rows of a layer at some points, all of them seen, a tile at a time."""
         reflection, parts = _reflection(layer), _parts()
         least = np.float32(self.least / max(float(layer.scale().max()), 1e-6))
-        surface = Surface(self.hits.position, self.hits.tangent, self.hits.normal, self.hits.wo)
+        surface = Viewed(self.hits.position, self.hits.tangent, self.hits.normal, self.hits.wo)
 
         def make(tile: NDArray[np.int32]) -> kernels.Rows:
             n_most, channels = len(tile) * len(self.effects), reflection.curve_a.shape[1]
@@ -157,14 +157,16 @@ def _measures() -> NDArray[np.float64]:
 
 
 @lru_cache(maxsize=1)
-def _parts() -> kernels.Parts:
+def _parts() -> kernels.TriangleParts:
     """The sphere's triangles, and their parts of one level deeper."""
     sphere, fine = geodesic(VISIBILITY_LEVEL), geodesic(VISIBILITY_LEVEL + PARTED)
     n = sphere.n_triangles
     shares = np.concatenate([np.ones(n), fine.solid_angles / np.repeat(sphere.solid_angles, 4**PARTED)])
     centres = np.concatenate([sphere.centres, fine.centres]).T
     owner = np.concatenate([np.arange(n), np.repeat(np.arange(n), 4**PARTED)])
-    return kernels.Parts(np.ascontiguousarray(centres, np.float32), shares.astype(np.float32), owner.astype(np.int32))
+    return kernels.TriangleParts(
+        np.ascontiguousarray(centres, np.float32), shares.astype(np.float32), owner.astype(np.int32)
+    )
 
 
 def _bends(curve: Floats, kind: int) -> NDArray[np.bool_]:

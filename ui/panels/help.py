@@ -249,7 +249,7 @@ def _copy(context: PanelContext, name: str) -> list[Action]:
 
 def _curve_label(context: PanelContext, selected: Selection) -> str:
     factors = all_factors(context.document.layer(selected.key).model)
-    return next(factor.label.rpartition(" ")[0] for factor in factors if factor.name == selected.factor)
+    return next(factor.word for factor in factors if factor.name == selected.factor)
 
 
 def _tool(tool: Tool, change: str) -> str:

@@ -7,6 +7,7 @@ from imgui_bundle import ImVec2, imgui
 from app.commands.light import SetRotation
 from app.solo import alone
 from app.view_state import SetView
+from engine.material.layer import object_of
 from ui import theme as look
 from ui.panels import orbit_camera, paint, surface_plot, view_sketch, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag, Hold, Select, SetPanel
@@ -236,7 +237,7 @@ def _draw_solo(context: PanelContext, corner: ImVec2) -> None:
     solo = alone(context.document, context.view)
     if solo is None:
         return
-    text = f"{Icon.SOLO}  {solo.rpartition('.')[0]}: {context.document.layer(solo).name} alone"
+    text = f"{Icon.SOLO}  {object_of(solo)}: {context.document.layer(solo).name} alone"
     place = ImVec2(corner.x + context.px(12), corner.y + context.px(10))
     _plate(context, imgui.get_window_draw_list(), place, text, look.ACCENT)
 
