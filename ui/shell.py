@@ -72,6 +72,8 @@ INPUT_FRAMES = 2
 HEARING_SECONDS = 0.03
 # imgui's own 0.3 is less than desktops have, and passes in two frames.
 DOUBLE_CLICK_SECONDS = 0.45
+# imgui wants its clock to go on between two passes; it stands, while what came in earlier is being heard.
+NO_TIME = 1e-4
 # What tells imgui that Alt is not its own to use: it would step to the tabs of panels.
 ALT_OWNER = 0x1A5171
 # How often the worker's progress alone is worth a frame: each takes processor time from the worker.
@@ -126,6 +128,7 @@ class Shell:
         self._io.mouse_double_click_time = DOUBLE_CLICK_SECONDS
         self._io.set_ini_filename("")
         self.events = EventQueue(self._imgui, self._io)
+        self._is_behind = False
         self.theme = theme.apply(scale)
         self._docking = Docking(editor, layout_file, scale)
         self._front: tuple[str, ...] = ()
@@ -243,7 +246,7 @@ class Shell:
     def _whole_frame(self, target: moderngl.Framebuffer, size: tuple[int, int], now: float) -> FrameResult:
         imgui.set_current_context(self._imgui)
         self._io.display_size = ImVec2(float(size[0]), float(size[1]))
-        self._io.delta_time = min(max(now - self._last_frame, 1e-4), 0.25)
+        self._io.delta_time = NO_TIME if self._is_behind else min(max(now - self._last_frame, NO_TIME), 0.25)
         self._last_frame = now
         self._n_frames += 1
         self._told, self._told_at = _telling(self.editor.status), now
@@ -272,9 +275,10 @@ class Shell:
         actions, outcome = self._pass(now)
         while not (self.events.is_empty or outcome.quit or time.perf_counter() > end):
             imgui.end_frame()
-            self._io.delta_time = 1e-4
+            self._io.delta_time = NO_TIME
             asked, later = self._pass(now)
             actions, outcome = actions + asked, later.after(outcome)
+        self._is_behind = not self.events.is_empty  # a double click stays one, however long that takes
         return actions, outcome
 
     def _pass(self, now: float) -> tuple[list[Action], Outcome]:

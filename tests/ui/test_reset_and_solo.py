@@ -78,6 +78,25 @@ def test_double_click_types_a_number(window: HeadlessWindow) -> None:
     assert value(window, "alpha") == pytest.approx(0.37)
 
 
+def test_a_double_click_is_one_however_slowly_it_is_heard(
+    window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ui.shell.HEARING_SECONDS", 0.0)  # one act a frame, and frames of a quarter of a second
+    monkeypatch.setattr("ui.headless.FRAME_SECONDS", 0.25)
+    window.move(*window.shell.handle_position("material.alpha"))
+    window.frames(2)
+    events = window.shell.events
+    for pressed in (True, False, True, False):
+        events.button(0, pressed)
+    for character in "0.41":
+        events.character(ord(character))
+    while not events.is_empty:
+        window.frame()
+    window.key(imgui.Key.enter)
+    window.leave()
+    assert value(window, "alpha") == pytest.approx(0.41)
+
+
 def test_solo_shows_one_layer_and_is_no_edit(window: HeadlessWindow) -> None:
     editor, source = window.shell.editor, window.shell.source
     assert isinstance(source, PictureFeed)
