@@ -69,7 +69,7 @@ def main() -> int:
     """Run the program on its command line; the exit status: 0, 1 (the work failed), 2 (usage), 130 (Ctrl-C)."""
     try:
         from app.cli.console import guarded
-        from app.kernel_cache import use_kernel_cache
+        from app.machine.kernel_cache import use_kernel_cache
 
         use_kernel_cache()
         return guarded(lambda: _run(sys.argv[1:]))

@@ -16,8 +16,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import TypeVar
 
-from app.atomic import private_opener
-from app.paths import log_directory
+from app.machine.atomic import private_opener
+from app.machine.paths import log_directory
 
 REST_SECONDS = 1.0
 _LARGEST_LOG = 1 << 20

@@ -19,7 +19,7 @@ from typing import Literal, NamedTuple
 
 from app.described_layers import layers_from_descriptions
 from app.linked_layers import group_of, with_layer
-from app.paths import is_file_name
+from app.machine.paths import is_file_name
 from engine.deform.deformers import KINDS
 from engine.deform.pose import Deformation, Poses, without_rest
 from engine.errors import InsituError

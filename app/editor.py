@@ -21,10 +21,13 @@ from app.commands import EditCommand
 from app.commands.light import lit_by
 from app.commands.material import SetMaterial
 from app.document import Document, Selection
+from app.files.journal import Journal, Recovery
+from app.files.session import Session
+from app.files.session_keeper import SessionKeeper
 from app.history import History
-from app.journal import Journal, Recovery
 from app.looking import LookTalk, what_is_missing
 from app.looks import Looks
+from app.machine.paths import is_file_name, spoken_name
 from app.messages import (
     Cancel,
     Failed,
@@ -43,12 +46,9 @@ from app.messages import (
 from app.mode import Kept, Mode, ModeTalk, OpenedScene
 from app.modes import MODES
 from app.opening import Opening
-from app.paths import is_file_name, spoken_name
 from app.picture import PictureEvent, SceneFrame, SkyChanged
 from app.reading import Reading, describe_reading, import_measured
 from app.selecting import first_choice, next_choice, next_operator, seen_layer, selection_of
-from app.session import Session
-from app.session_keeper import SessionKeeper
 from app.status import Gauges, Status
 from app.table_talk import TableTalk
 from app.view_state import OpenPanel, SetView, ViewCommand, ViewState

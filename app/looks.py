@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from app.document import Document
 from app.history import History
 from app.looking import LookTalk
-from app.memory import require_memory_for
+from app.machine.memory import require_memory_for
 from app.view_state import Look, Viewpoint, ViewState
 from engine.errors import InsituError
 from engine.scene.description import Camera, SceneDescription

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from app.document import Document, document_from_description
-from app.journal import Recovery
+from app.files.journal import Recovery
+from app.files.session import Session, fit_session, load_session
 from app.measurements import document_with_read, layers_of_document, unread_files
 from app.messages import OpenScene, SceneOpened
-from app.session import Session, fit_session, load_session
 from app.sources import source_of
 from app.view_state import Viewpoint
 from engine.deform.pose import Poses

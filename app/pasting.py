@@ -5,8 +5,8 @@ from __future__ import annotations
 from app.commands.curves import SetOperators
 from app.commands.material import AddLayers, SetMaterial, operators_of_copy
 from app.document import Document, Selection, split_key
+from app.files.material_file import LAYER, Material
 from app.linked_layers import Layers, group_of
-from app.material_file import LAYER, Material
 from engine.errors import InsituError
 
 

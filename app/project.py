@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from app.bookmarks import named
 from app.commands.light import emission_of, lit_by
 from app.document import Document, document_from_description, reflecting_layers
+from app.files.bookmarks import named
+from app.files.session import Session, fit_session, load_session
+from app.machine.memory import require_memory_for
 from app.measurements import document_with_read, layers_of_document, unread_files
-from app.memory import require_memory_for
-from app.session import Session, fit_session, load_session
 from app.set_path import set_path
 from app.sources import find_source, source_of
 from app.view_state import Viewpoint

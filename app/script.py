@@ -20,7 +20,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from app.bookmarks import MAX_NAME, is_name
+from app.files.bookmarks import MAX_NAME, is_name
 from engine.colour import ToneMapping, view_named
 from engine.deform.deformers import KINDS
 from engine.errors import LoadError

@@ -14,9 +14,9 @@ from app.commands.material import SetMaterial
 from app.commands.poses import with_amounts
 from app.commands.series import FIRST_BANDS, set_first_bands
 from app.document import EMISSION, FRESNEL_TERM, MATERIAL, Document, Target, resolve
-from app.library import Library
-from app.material_file import load_material
-from app.paths import is_file_name
+from app.files.library import Library
+from app.files.material_file import load_material
+from app.machine.paths import is_file_name
 from app.probe_file import likely_mapping
 from app.reading import import_measured
 from engine.errors import InsituError, LoadError

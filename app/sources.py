@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.paths import full_path
+from app.machine.paths import full_path
 from engine.errors import InsituError
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 from engine.scene.builtin import DEFAULT_SCENE, builtin_scenes

@@ -7,7 +7,7 @@ import os
 from dataclasses import dataclass
 from typing import Literal
 
-from app.memory import resident_megabytes
+from app.machine.memory import resident_megabytes
 from app.messages import Progress
 from engine.errors import plain_line
 from engine.render.picture_error import ErrorEstimate

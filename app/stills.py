@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from app.atomic import make_folder_of, save_file
+from app.machine.atomic import make_folder_of, save_file
 from app.project import Project
 from engine.colour import ToneMapping
 from engine.deform.still import render_deform

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from app.jobs.kernels import Kernels
-from app.kernel_cache import use_kernel_cache
+from app.machine.kernel_cache import use_kernel_cache
 
 use_kernel_cache()
 # The same examples each time, and no failure for a slow machine: time is measured elsewhere.

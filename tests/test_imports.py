@@ -28,7 +28,7 @@ WINDOW_SIDE = (
     "app/__main__.py",
     "app/document.py",
     "app/commands/*.py",
-    "app/session.py",
+    "app/files/session.py",
     "app/editor.py",
     "app/script.py",
     "app/messages.py",

@@ -12,20 +12,20 @@ from functools import partial
 from pathlib import Path
 from typing import cast
 
-from app.bookmarks import kept, renamed
 from app.commands import EditCommand
 from app.commands.bumps import SetBumps
 from app.commands.light import lit_by
 from app.commands.maps import IMAGE_SUFFIXES, SetMap, image_name, with_full_names
 from app.commands.paint import without_strokes
 from app.editor import Editor
-from app.journal import Recovery
-from app.library import Library
+from app.files.bookmarks import kept, renamed
+from app.files.journal import Recovery
+from app.files.library import Library
+from app.files.material_file import MAX_MATERIAL_BYTES, dump_material, parse_material
+from app.files.preferences import PreferenceFile
+from app.files.recent import RecentFiles
 from app.linked_layers import Layers
-from app.material_file import MAX_MATERIAL_BYTES, dump_material, parse_material
 from app.pasting import pasted
-from app.preferences import PreferenceFile
-from app.recent import RecentFiles
 from app.selecting import seen_layer
 from app.sources import EXPECTED, LIGHT_ENDINGS, PICTURE_ENDINGS, SCENE_ENDINGS, SESSION_ENDING
 from app.view_state import OpenPanel, SetView, ViewCommand, Viewpoint

@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from app.bookmarks import named
 from app.commands import EditCommand
 from app.commands.light import SetRotation
 from app.commands.paint import Paint
@@ -18,6 +17,7 @@ from app.commands.poses import with_amounts
 from app.commands.series import set_series
 from app.document import layer_key, split_key
 from app.editor import Editor, WorkerClient
+from app.files.bookmarks import named
 from app.jobs.client import Client
 from app.placement.status import PlacementStatus
 from app.script import (

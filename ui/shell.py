@@ -27,9 +27,9 @@ from numpy.typing import NDArray
 
 from app.document import Selection
 from app.editor import Editor
-from app.library import LibraryEntry
-from app.preferences import PreferenceFile
-from app.recent import RecentFiles
+from app.files.library import LibraryEntry
+from app.files.preferences import PreferenceFile
+from app.files.recent import RecentFiles
 from app.selecting import seen_layer
 from app.status import Status
 from app.view_state import Bookmark

@@ -12,7 +12,7 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
-from app.atomic import replacing
+from app.machine.atomic import replacing
 from app.status import Status
 
 TIMES_VARIABLE = "INSITU_TIMES"

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from app.atomic import save_file
+from app.machine.atomic import save_file
 from engine.errors import InsituError
 from engine.render.image_files import deep_png, exr_bytes, pixels_png
 

@@ -13,8 +13,8 @@ import moderngl
 import numpy as np
 from PIL import Image
 
-from app.bookmarks import THUMBNAIL_SIZE, with_thumbnail
 from app.editor import Editor
+from app.files.bookmarks import THUMBNAIL_SIZE, with_thumbnail
 from app.view_state import Bookmark, SetView
 from ui.gl.textures import TextureMemory
 from ui.still import ShownStill

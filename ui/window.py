@@ -21,14 +21,14 @@ import glfw
 import numpy as np
 from imgui_bundle import imgui
 
-from app.atomic import save_file
 from app.barrier import Barrier
 from app.editor import Editor, WorkerClient
+from app.files.journal import Journal, Recovery, recoverable_sessions
+from app.files.preferences import PreferenceFile
+from app.files.recent import RecentFiles
 from app.jobs.client import Client
-from app.journal import Journal, Recovery, recoverable_sessions
-from app.paths import layout_file, preference_file, recent_file
-from app.preferences import PreferenceFile
-from app.recent import RecentFiles
+from app.machine.atomic import save_file
+from app.machine.paths import layout_file, preference_file, recent_file
 from engine.errors import InsituError
 from engine.render.image_files import pixels_png
 from engine.scene.builtin import builtin_environments, builtin_scenes

@@ -10,8 +10,8 @@ import sys
 import traceback
 from collections.abc import Callable
 
-from app.atomic import write_atomically
-from app.paths import state_directory
+from app.machine.atomic import write_atomically
+from app.machine.paths import state_directory
 from engine.errors import InsituError, plain_line
 
 FAILED, USAGE, INTERRUPTED = 1, 2, 130

@@ -18,9 +18,9 @@ from typing import Literal
 
 from app.cli.frontend import Frontend
 from app.jobs.cache import cache_folder
-from app.memory import gib, memory_bytes
-from app.paths import state_directory
-from app.system import HAS_ANONYMOUS_FILES, anonymous_file, reserve
+from app.machine.memory import gib, memory_bytes
+from app.machine.paths import state_directory
+from app.machine.system import HAS_ANONYMOUS_FILES, anonymous_file, reserve
 from engine.errors import InsituError
 from engine.threads import n_cores
 

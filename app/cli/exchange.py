@@ -20,7 +20,7 @@ def import_brdf(
     cloth: Annotated[bool, typer.Option("--cloth", help="One layer P(θi) Q(θh) P(θo) in place of two.")] = False,
 ) -> int:
     """Turn measured data into an editable material, and say how well its factors alone fit."""
-    from app.brdf_files import import_file, import_lines
+    from app.files.brdf_files import import_file, import_lines
     from app.jobs.cache import Store
 
     started = time.monotonic()
@@ -39,9 +39,9 @@ def export_brdf(
     set_: Values = None,
 ) -> int:
     """Write an object's material, all its layers and edits: as a table of 90 x 90 x 180 angles, or as it is."""
-    from app.brdf_files import check_merl_name, export_steps
     from app.commands.maps import with_full_names
-    from app.material_file import SUFFIX, Material, save_material
+    from app.files.brdf_files import check_merl_name, export_steps
+    from app.files.material_file import SUFFIX, Material, save_material
     from engine.render.tabulate import left_out
 
     as_it_is = output.suffix == SUFFIX

@@ -28,7 +28,7 @@ from app.cli.options import (
     window_size,
 )
 from app.cli.output import progress, tell_notes
-from app.paths import state_problem
+from app.machine.paths import state_problem
 from app.project import Project, open_project
 from app.sources import find_source
 from engine.colour import view_named

@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from app.atomic import save_file
+from app.files.session import dump_session
 from app.jobs.cache import content_key
+from app.machine.atomic import save_file
 from app.project import Project
-from app.session import dump_session
 from app.stills import ENDINGS, Mode, StillProgress, prepared_orbit, render_project, write_picture
 from app.view_state import ViewState
 from engine.colour import ToneMapping

@@ -12,8 +12,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy.typing import NDArray
 
-from app.atomic import write_atomically
 from app.export.xml_parts import add, add_numbers
+from app.machine.atomic import write_atomically
 from engine.material.layer import Layer
 from engine.material.model import channels
 from engine.render.integrator import evaluate_layers

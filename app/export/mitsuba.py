@@ -20,10 +20,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from app.atomic import replacing_folder, write_atomically
 from app.export.materials import Written, write_material
 from app.export.meshes import ply_bytes
 from app.export.xml_parts import add, add_numbers
+from app.machine.atomic import replacing_folder, write_atomically
 from app.project import Project
 from engine.material.layer import Layer, object_of
 from engine.render.image_files import exr_bytes

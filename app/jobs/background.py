@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import signal
 
-from app.system import step_back_by
+from app.machine.system import step_back_by
 
 _NICENESS = 10  # the window comes first
 _FURTHER = 9  # and the worker before those that help it

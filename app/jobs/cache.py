@@ -22,9 +22,9 @@ import numpy as np
 import platformdirs
 from numpy.typing import NDArray
 
-from app.atomic import make_private_folder, replacing, sweep_temporaries
 from app.jobs.array_record import RecordError, read_record, record_size, write_record
 from app.jobs.tiles import Tiles
+from app.machine.atomic import make_private_folder, replacing, sweep_temporaries
 from engine.errors import InsituError
 from engine.stored_arrays import Arrays, UnsoundArrays, Writable
 

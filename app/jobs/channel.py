@@ -30,8 +30,8 @@ from typing import Any
 import numpy as np
 
 from app.jobs.shared_arrays import Block, Method, create_block, name_of_kept, open_kept
+from app.machine.system import has_hung_up, receive_with, send_with
 from app.messages import Message
-from app.system import has_hung_up, receive_with, send_with
 
 SHARED_FROM = 4096  # bytes: smaller buffers travel inside the message
 _MAGIC = b"INSF"

@@ -6,10 +6,10 @@
       then another:    compiles what is wanted later (`app.jobs.rehearsal`)
 
 Numba compiles under one lock and mostly in Python, so that threads would take turns; processes share what they have
-compiled through the folder of `app.kernel_cache`. A file in it, left when all was ready, says that no other process is
-needed; others say so of each of `LATER`. Who wants one of those meanwhile waits in steps (`Kernels.until_ready`), so
-that other requests are answered. Whatever goes wrong here costs time alone: a kernel that is not ready is compiled when
-it is called.
+compiled through the folder of `app.machine.kernel_cache`. A file in it, left when all was ready, says that no other
+process is needed; others say so of each of `LATER`. Who wants one of those meanwhile waits in steps
+(`Kernels.until_ready`), so that other requests are answered. Whatever goes wrong here costs time alone: a kernel that
+is not ready is compiled when it is called.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from app.jobs.background import step_back
-from app.kernel_cache import NUMBA_VARIABLE, kernel_digest, kernel_folders, use_kernel_cache
-from app.system import end_with_parent
+from app.machine.kernel_cache import NUMBA_VARIABLE, kernel_digest, kernel_folders, use_kernel_cache
+from app.machine.system import end_with_parent
 
 if TYPE_CHECKING:
     from app.jobs.tasks import Tasks

@@ -7,7 +7,7 @@ from collections.abc import Generator, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from app.brdf_files import export_steps
+from app.files.brdf_files import export_steps
 from app.measurements import measured_files, with_read
 from app.messages import (
     FilesWritten,

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from app.system import start_with_socket
+from app.machine.system import start_with_socket
 
 if TYPE_CHECKING:
     from app.jobs.shared_arrays import Method

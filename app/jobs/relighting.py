@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from app.document import LightState
 from app.jobs.layer_data import LayerData, LitBy
-from app.memory import available_memory
+from app.machine.memory import available_memory
 from app.messages import Response
 from app.scene_state import LayerState, SceneState
 from engine.light.environment import Environment

@@ -32,9 +32,9 @@ from typing import Literal
 
 import numpy as np
 
-from app import system
-from app.memory import available_memory
-from app.system import process_lives
+from app.machine import system
+from app.machine.memory import available_memory
+from app.machine.system import process_lives
 from engine.errors import InsituError
 
 Method = Literal["memfd", "named", "kept"]

@@ -20,9 +20,9 @@ from typing import TypeVar
 
 from filelock import FileLock, Timeout
 
-from app.atomic import PRIVATE_FILE, private_opener
 from app.jobs.array_record import RecordError, read_record, write_record
-from app.system import read_at
+from app.machine.atomic import PRIVATE_FILE, private_opener
+from app.machine.system import read_at
 from engine.stored_arrays import Arrays, UnsoundArrays
 
 Made = TypeVar("Made")

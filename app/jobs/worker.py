@@ -18,15 +18,15 @@ import threading
 from collections.abc import Sequence
 from typing import Any, cast
 
-from app.atomic import private_opener
 from app.jobs.channel import Channel, ChannelClosed
 from app.jobs.schedule import Schedule
 from app.jobs.shared_arrays import OutOfMemory, sweep_dead_blocks
-from app.kernel_cache import use_kernel_cache
+from app.machine.atomic import private_opener
+from app.machine.kernel_cache import use_kernel_cache
+from app.machine.paths import log_directory
+from app.machine.system import end_with_parent, inherited_socket
 from app.messages import Failed, Heartbeat, Request, Shutdown
 from app.naming import named
-from app.paths import log_directory
-from app.system import end_with_parent, inherited_socket
 
 _LARGEST_LOG = 1 << 20
 
@@ -100,7 +100,7 @@ def arguments(argv: Sequence[str] | None) -> Any:
     parser.add_argument("--handlers", required=True, help="module:name of what makes the tasks")
     parser.add_argument("--method", choices=("memfd", "named", "kept"), default=None, help="where shared blocks live")
     parser.add_argument("--heartbeat", type=float, default=0.25, help="seconds between signs of life")
-    parser.add_argument("socket", help="where our end of the socket pair is: see `app.system.inherited_socket`")
+    parser.add_argument("socket", help="where our end of the socket pair is: see `app.machine.system.inherited_socket`")
     return parser.parse_args(argv)
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from app.atomic import save_file
+from app.machine.atomic import save_file
 from engine.errors import InsituError
 
 

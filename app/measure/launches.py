@@ -22,8 +22,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from app.machine.system import kill_group
 from app.measure.figures import NotMeasured
-from app.system import kill_group
 
 Milestone = Literal["first_frame", "scene", "first_layer", "first_picture", "exact"]
 ROOT = Path(__file__).resolve().parents[2]

@@ -11,7 +11,7 @@ from typing import Any
 
 import psutil
 
-from app.memory import memory_bytes
+from app.machine.memory import memory_bytes
 from engine.threads import n_cores
 
 PACKAGES = ("numpy", "scipy", "numba", "embreex", "OpenEXR", "moderngl", "glfw", "imgui-bundle")

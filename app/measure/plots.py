@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
-from app.atomic import save_file
+from app.machine.atomic import save_file
 from app.measure.sweep import SweepRow, pareto_front
 
 SIZE = (8.0, 5.0)

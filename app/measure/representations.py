@@ -17,8 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from app.atomic import save_file
 from app.document import document_from_description
+from app.machine.atomic import save_file
 from app.measure.dense import DenseTensor
 from app.measure.growth import SOURCE, cut
 from app.measure.subject import at_most, open_subject

@@ -24,7 +24,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from app.atomic import save_file
+from app.machine.atomic import save_file
 from app.measure.accuracy import Errors, errors, layer_coefficients, oracle, random_rows, reflected, seen_scale
 from app.measure.speed import ComputedLayer, Precomputed, precompute_on, visibility_seconds
 from app.measure.subject import Subject

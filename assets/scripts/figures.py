@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from app.library import Library
+from app.files.library import Library
 from engine.measured.merl import merl_bytes
 from engine.render.tabulate import tabulate_layers
 

@@ -9,13 +9,13 @@ from PIL import Image
 from app.commands.bumps import SetBumps
 from app.document import resolve
 from app.editor import Editor
+from app.files.session import load_session, save_session
 from app.jobs.bench import Bench
 from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks
 from app.looking import REST_SECONDS
 from app.messages import LookFrom, OpenScene, SceneSeen
 from app.project import open_project
-from app.session import load_session, save_session
 from app.set_path import set_path
 from app.view_state import ViewState
 from engine.errors import InsituError

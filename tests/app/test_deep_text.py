@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from app.journal import Recovery
-from app.material_file import load_material, parse_material
+from app.files.journal import Recovery
+from app.files.material_file import load_material, parse_material
+from app.files.session import load_session
 from app.project import parse_assignment
 from app.script import load_script
-from app.session import load_session
 from engine.errors import LoadError
 from engine.scene.description import load_description
 from engine.scene.toml_text import MAX_LEVELS, MAX_PARTS

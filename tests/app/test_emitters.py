@@ -13,11 +13,11 @@ from app.commands.layers import SetFrozen
 from app.commands.light import SetEmission
 from app.document import Document, Selection
 from app.editor import Editor
+from app.files.session import fit_session, load_session, save_session
 from app.placement.messages import ComputeTransport
 from app.placement.transport_talk import DRAG_QUALITY
 from app.placement.wishes import brightened
 from app.project import open_project
-from app.session import fit_session, load_session, save_session
 from app.set_path import set_path
 from app.view_state import ViewState
 from engine.errors import InsituError

@@ -10,7 +10,7 @@ import pytest
 from app.commands.curves import SetOperators
 from app.commands.layers import SetFrozen, SetModel, SetParameter, SetVisible
 from app.document import Document, document_from_description
-from app.session import load_session, save_session
+from app.files.session import load_session, save_session
 from app.view_state import ViewState
 from engine.curve.operators import Operator
 from engine.errors import InsituError, LoadError

@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.bookmarks import kept
 from app.commands.layers import SetParameter, SetVisible
 from app.editor import Editor
-from app.journal import Journal
+from app.files.bookmarks import kept
+from app.files.journal import Journal
+from app.files.session import load_session, save_session
 from app.looking import REST_SECONDS
 from app.messages import Cancel, Failed, LookFrom, OpenScene
 from app.picture import SceneFrame
 from app.placement.messages import ComputeTransport
 from app.project import open_project
-from app.session import load_session, save_session
 from app.view_state import Bookmark, SetView, Viewpoint
 from engine.errors import InsituError
 from engine.scene.description import Camera
@@ -232,7 +232,7 @@ def test_a_kept_view_is_worth_a_question_and_a_journal(client: FakeClient, tmp_p
 
 
 def test_a_view_of_more_pixels_than_there_is_memory_is_refused(editor: Editor, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("app.memory.memory_bytes", lambda: (2**33, 2**33))
+    monkeypatch.setattr("app.machine.memory.memory_bytes", lambda: (2**33, 2**33))
     refusal = editor.looks.look_from(Viewpoint(ASIDE, (16384, 16384)), "a kept view")
     assert refusal is not None and "8.0 GiB are free; choose fewer" in refusal
     assert editor.view.look == (None, None) and editor.looks.undo() is None

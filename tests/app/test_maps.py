@@ -9,7 +9,7 @@ from app.commands.layers import SetFresnelTerm
 from app.commands.maps import SetMap, image_name, scene_folder, with_full_names
 from app.commands.material import AddLayers, SetMaterial
 from app.document import Document
-from app.session import load_session, save_session
+from app.files.session import load_session, save_session
 from app.set_path import set_path
 from app.view_state import ViewState
 from engine.errors import InsituError

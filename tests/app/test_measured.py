@@ -10,10 +10,11 @@ import pytest
 from app.commands.layers import SetFrozen, SetParameter
 from app.document import Document, document_from_description
 from app.editor import Editor
+from app.files.material_file import Material, dump_material, load_material, parse_material
+from app.files.session import load_session
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks
-from app.material_file import Material, dump_material, load_material, parse_material
 from app.measurements import layers_of_document, measured_files, measurement_in, unread_files, with_read
 from app.messages import (
     Failed,
@@ -31,7 +32,6 @@ from app.placement.curves import Curves
 from app.placement.messages import ComputeTransport, LayerPicture, PlanBands
 from app.project import open_project
 from app.reading import import_measured, measured_layers
-from app.session import load_session
 from app.set_path import set_path
 from engine.errors import InsituError, LoadError
 from engine.measured import tables

@@ -13,10 +13,10 @@ from app.commands.maps import SetMap
 from app.commands.paint import BlendByMap, ClearMap, Paint, blended_with, without_strokes
 from app.document import Document
 from app.editor import Editor
+from app.files.session import load_session, save_session
 from app.history import History
 from app.placement.events import LayerMapsChanged
 from app.placement.messages import MapsSampled, SampleMaps
-from app.session import load_session, save_session
 from app.view_state import ViewState
 from engine.errors import InsituError
 from engine.material.maps import LayerMaps, MapMeans

@@ -10,10 +10,10 @@ from app.commands import AddDeformer, EditCommand, MoveDeformer, RemoveDeformer,
 from app.commands.poses import MAX_DEFORMERS
 from app.document import Document
 from app.editor import Editor
+from app.files.session import load_session, save_session
 from app.looking import REST_SECONDS
 from app.messages import Failed, LookFrom
 from app.script import DeformObject, load_script
-from app.session import load_session, save_session
 from app.set_path import set_path
 from app.view_state import ViewState
 from engine.deform.pose import Deformation

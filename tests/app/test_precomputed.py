@@ -10,12 +10,12 @@ import pytest
 
 from app.cli.precompute import precompute
 from app.editor import Editor
+from app.files.session import save_session
 from app.jobs import indirect
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks
 from app.project import open_project
-from app.session import save_session
 from app.view_state import ViewState
 from engine.indirect.solver import ROUGH, Solver
 

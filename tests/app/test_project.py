@@ -12,8 +12,8 @@ import pytest
 from app.commands.layers import SetParameter
 from app.commands.light import SetEnvironment
 from app.document import LightState
+from app.files.session import save_session
 from app.project import open_project, parse_assignment
-from app.session import save_session
 from app.sky import sky_of
 from app.sources import find_source
 from app.view_state import ViewState

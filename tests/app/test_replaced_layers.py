@@ -8,7 +8,7 @@ import pytest
 from app.commands.layers import SetModel
 from app.commands.material import SetMaterial
 from app.editor import Editor
-from app.library import Library, LibraryEntry
+from app.files.library import Library, LibraryEntry
 from app.placement.wishes import same_coefficients
 from engine.material import MODELS
 from tests.app.fake_worker import ServingClient

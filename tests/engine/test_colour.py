@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from app.material_file import load_material
+from app.files.material_file import load_material
 from engine.colour import (
     TABLE_SIDE,
     TABLE_STOPS,

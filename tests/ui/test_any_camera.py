@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from app.bookmarks import looks_of
 from app.commands.layers import SetParameter
 from app.editor import Editor
-from app.session import load_session
+from app.files.bookmarks import looks_of
+from app.files.session import load_session
 from app.view_state import SetView
 from engine.scene.camera import camera_frame
 from tests.ui.stand_in import StandInClient

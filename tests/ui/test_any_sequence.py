@@ -18,11 +18,11 @@ from app.commands.layers import SetEditable, SetFresnelTerm, SetModel, SetParame
 from app.commands.light import SetEnvironment, SetRotation
 from app.commands.material import AddLayers, RemoveLayer, SetMaterial, new_layer
 from app.editor import Editor
+from app.files.library import Library
 from app.jobs.cache import Store
 from app.jobs.schedule import Schedule
 from app.jobs.standing import Standing
 from app.jobs.tasks import Tasks
-from app.library import Library
 from app.messages import Cancel, Failed, Request, Response, WorkerRestarted, stamped
 from app.view_state import SetView
 from engine.curve.operators import Operator

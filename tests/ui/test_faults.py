@@ -14,8 +14,8 @@ from imgui_bundle import imgui
 from app.barrier import Barrier
 from app.commands.layers import SetParameter
 from app.editor import Editor
-from app.journal import Journal
-from app.paths import state_directory
+from app.files.journal import Journal
+from app.machine.paths import state_directory
 from tests.ui.stand_in import StandInClient
 from ui import shell as shell_module
 from ui.headless import HeadlessWindow

@@ -12,7 +12,7 @@ from imgui_bundle import imgui
 
 from app.document import LightState
 from app.editor import Editor
-from app.paths import spoken_name
+from app.machine.paths import spoken_name
 from app.placement.messages import ComputeTransport
 from app.probe_file import likely_mapping, probe_size
 from tests.ui.stand_in import StandInClient

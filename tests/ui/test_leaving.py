@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from app.commands.light import SetRotation
-from app.journal import Journal, recoverable_sessions
-from app.session import load_session
+from app.files.journal import Journal, recoverable_sessions
+from app.files.session import load_session
 from engine.curve.operators import Operator
 from tests.ui.real_window import RealWindow, real_window_fixture
 from ui.headless import HeadlessWindow

@@ -10,7 +10,7 @@ import pytest
 from imgui_bundle import imgui
 from PIL import Image
 
-from app.library import Library
+from app.files.library import Library
 from app.reading import measured_layers
 from engine.material import MODELS, make_layer
 from engine.material.layer import Layer

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from app.commands.layers import SetParameter
 from app.document import Document
 from app.editor import Editor
+from app.files.session import load_session
 from app.jobs.bench import Bench
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
@@ -22,7 +23,6 @@ from app.messages import LookFrom, Request, Response
 from app.mode import Desk, Mode, ModeTalk, ModeWork
 from app.modes import PLACEMENT
 from app.picture import PictureEvent
-from app.session import load_session
 from app.status import Status
 from app.view_state import SetView, ViewState
 from tests.ui.small_scene import linear_picture, wait_until_exact, write_small_scene

@@ -10,7 +10,7 @@ import pytest
 from imgui_bundle import imgui
 
 from app.commands.light import SetRotation
-from app.preferences import PreferenceFile
+from app.files.preferences import PreferenceFile
 from app.view_state import Viewpoint
 from engine.errors import InsituError
 from engine.scene.camera_moves import distance, focal_length, is_level

@@ -16,7 +16,7 @@ real = real_window_fixture()
 small = real_window_fixture(small_scene=True)
 
 SET_MATERIAL = """
-from app.library import Library
+from app.files.library import Library
 from app.commands.material import SetMaterial
 library = Library()
 library.read_all()

@@ -11,13 +11,13 @@ import pytest
 from imgui_bundle import imgui
 
 from app.commands.layers import SetParameter
+from app.files.session import load_session
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks
-from app.memory import memory_bytes
+from app.machine.memory import memory_bytes
 from app.messages import LookFrom
 from app.project import open_project
-from app.session import load_session
 from app.view_state import SetView
 from tests.ui.small_scene import linear_picture, opened_window, wait_until_exact, write_small_scene
 from tests.ui.stand_in import StandInClient
@@ -132,7 +132,7 @@ def test_a_side_is_typed_and_one_out_of_range_is_said(window: HeadlessWindow) ->
 def test_more_than_the_memory_is_refused_before_anything_is_done(
     window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module in ("app.memory", "ui.panels.resolution"):
+    for module in ("app.machine.memory", "ui.panels.resolution"):
         monkeypatch.setattr(f"{module}.memory_bytes", lambda: (10 * 2**20, memory_bytes()[1]))
     shell, asked = window.shell, len(looks(window))
     shell.do(SetPanel({"resolution": (4096, 4096)}))

@@ -14,7 +14,7 @@ import moderngl
 import numpy as np
 from PIL import Image
 
-from app.library import Library, LibraryEntry
+from app.files.library import Library, LibraryEntry
 from app.linked_layers import Layers
 from ui.gl.brdf_stack import BrdfStack
 from ui.gl.context import GraphicsError, create_headless_context

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from app.commands import EditCommand
-from app.journal import Recovery
-from app.material_file import Material
+from app.files.journal import Recovery
+from app.files.material_file import Material
 from app.view_state import OpenPanel, SetView, Viewpoint
 from ui.panels.state import Grip
 
@@ -115,7 +115,7 @@ class RenameView:
 
 @dataclass(frozen=True)
 class SetPreference:
-    """Change what a person is used to (`app.preferences.Preferences`)."""
+    """Change what a person is used to (`app.files.preferences.Preferences`)."""
 
     changes: Mapping[str, str]
 

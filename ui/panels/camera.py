@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
-from app.bookmarks import MAX_NAME, without
+from app.files.bookmarks import MAX_NAME, without
 from app.view_state import Bookmark, SetView, Viewpoint
 from engine.scene.camera_moves import focal_length, is_level, with_focal_length
 from engine.scene.description import MAX_RESOLUTION

@@ -14,12 +14,12 @@ from imgui_bundle import imgui
 from numpy.typing import NDArray
 
 from app.document import Document, Selection
-from app.journal import Recovery
-from app.library import LibraryEntry
+from app.files.journal import Recovery
+from app.files.library import LibraryEntry
+from app.files.preferences import Preferences
+from app.files.recent import Recent
 from app.looks import NO_CAMERA
 from app.mode import Mode
-from app.preferences import Preferences
-from app.recent import Recent
 from app.selecting import seen_layer
 from app.status import Status
 from app.view_state import Bookmark, ViewState

@@ -11,8 +11,8 @@ from datetime import datetime
 
 from imgui_bundle import ImVec2, imgui
 
-from app.journal import Recovery
-from app.paths import spoken_name
+from app.files.journal import Recovery
+from app.machine.paths import spoken_name
 from ui import theme as look
 from ui.panels import widgets
 from ui.panels.actions import Action, Leave, Quit, Recover, SetPanel

@@ -17,7 +17,7 @@ from typing import Literal
 
 from imgui_bundle import imgui
 
-from app.preferences import Mouse, Scroll
+from app.files.preferences import Mouse, Scroll
 from app.view_state import SetView, Viewpoint
 from engine.scene.camera_moves import (
     Side,

@@ -19,11 +19,11 @@ from app import stills
 from app.cli.planning import plan_project
 from app.cli.precompute import precompute
 from app.editor import Editor
+from app.files.session import save_session
 from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks
 from app.messages import Progress
 from app.project import open_project
-from app.session import save_session
 from app.view_state import ViewState
 from engine.scene.builtin import builtin_scenes
 from tests.scene_text import ground

@@ -95,7 +95,7 @@ def test_wrong_usage_is_status_2_and_one_line(words: list[str], said: str, capsy
 def test_failed_work_is_status_1_and_one_line(
     words: list[str], said: str, scene: Path, tmp_path: Path, capsys: Captured, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.memory.memory_bytes", lambda: (8 << 30, 16 << 30))
+    monkeypatch.setattr("app.machine.memory.memory_bytes", lambda: (8 << 30, 16 << 30))
     assert run(*(word.replace("SCENE", str(scene)).replace("OUT", str(tmp_path)) for word in words)) == 1
     error = capsys.readouterr().err
     assert said in error and error.startswith("insitu: ") and error.count("\n") == 1

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app import system
 from app.jobs.channel import Channel, ChannelClosed, ChannelError
 from app.jobs.shared_arrays import Method
+from app.machine import system
 from app.messages import Message, Progress, SceneSeen
 from app.placement.messages import LayerPicture
 

@@ -14,7 +14,7 @@ from app.jobs import kernels
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.kernels import PARTS, Kernels
-from app.kernel_cache import kernel_folders
+from app.machine.kernel_cache import kernel_folders
 from app.messages import Progress, Response
 from app.placement.messages import (
     BandsPlanned,

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app import system
 from app.jobs import shared_arrays
 from app.jobs.shared_arrays import (
     Block,
@@ -22,6 +21,7 @@ from app.jobs.shared_arrays import (
     open_kept,
     sweep_dead_blocks,
 )
+from app.machine import system
 from tests.app.limits import largest_file, open_descriptors, small_disk
 
 METHODS: tuple[Method, ...] = ("memfd", "named", "kept")

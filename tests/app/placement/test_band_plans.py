@@ -9,8 +9,8 @@ from app.commands.layers import SetModel, SetParameter
 from app.commands.material import AddLayers, SetMaterial, new_layer
 from app.document import Document
 from app.editor import Editor
+from app.files.library import Library
 from app.jobs.tasks import Tasks
-from app.library import Library
 from app.messages import Failed
 from app.placement.messages import BandsPlanned, ComputeTransport, PlanBands
 from app.placement.status import RenderReport

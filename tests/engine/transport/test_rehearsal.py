@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numba
 
-from app.kernel_cache import use_kernel_cache
+from app.machine.kernel_cache import use_kernel_cache
 
 use_kernel_cache()
 from app.jobs.cache import Store

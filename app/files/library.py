@@ -1,4 +1,4 @@
-"""The library: materials that come with the program, and a person's own, as files of `app.material_file`.
+"""The library: materials that come with the program, and a person's own, as files of `app.files.material_file`.
 
 Files are read one at a time, a few milliseconds each, between frames: the window opens before its library is there. A
 file that is wrong stays in the list with what is wrong with it, so that it can be found and mended.
@@ -11,9 +11,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from app.files.material_file import MAX_NAME, SUFFIX, Material, load_material, save_material
 from app.linked_layers import Layers
-from app.material_file import MAX_NAME, SUFFIX, Material, load_material, save_material
-from app.paths import material_directory
+from app.machine.paths import material_directory
 from engine.errors import InsituError
 from engine.scene.builtin import builtin_materials
 

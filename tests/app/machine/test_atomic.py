@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from app.atomic import replacing, sweep_temporaries, write_atomically
-from app.system import process_lives
+from app.machine.atomic import replacing, sweep_temporaries, write_atomically
+from app.machine.system import process_lives
 from tests.app.limits import small_disk
 
 # A writer is forked, writes version after version, and is killed at a random moment, 250 times. Each version is one
@@ -17,7 +17,7 @@ from tests.app.limits import small_disk
 KILL_LOOP = """
 import os, random, signal, sys, time
 import psutil  # here once: no writer is to spend its short life on it
-from app.atomic import write_atomically
+from app.machine.atomic import write_atomically
 path, n_kills = sys.argv[1], int(sys.argv[2])
 def version(k):
     return bytes([65 + k % 26]) * 65536 + b"65536"

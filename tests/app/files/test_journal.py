@@ -12,8 +12,8 @@ import pytest
 from app.commands.light import SetIntensity, SetRotation
 from app.document import Document
 from app.editor import Editor
-from app.journal import RETRY_SECONDS, WRITE_SECONDS, Journal, recoverable_sessions
-from app.session import load_session, save_session
+from app.files.journal import RETRY_SECONDS, WRITE_SECONDS, Journal, recoverable_sessions
+from app.files.session import load_session, save_session
 from app.view_state import ViewState
 from tests.app.fake_worker import FakeClient
 from tests.app.limits import largest_file
@@ -97,7 +97,7 @@ EDITOR = textwrap.dedent("""
     import sys, time
     from app.commands.light import SetIntensity
     from app.editor import Editor
-    from app.journal import Journal
+    from app.files.journal import Journal
     from tests.app.fake_worker import FakeClient
 
     client = FakeClient()

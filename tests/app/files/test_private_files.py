@@ -9,11 +9,11 @@ import pytest
 
 from app.barrier import Barrier
 from app.cli.console import guarded
+from app.files.journal import Journal
+from app.files.library import Library
 from app.jobs.cache import Store
 from app.jobs.worker import log_to_file
-from app.journal import Journal
-from app.library import Library
-from app.paths import journal_directory, layout_file, material_directory, state_problem
+from app.machine.paths import journal_directory, layout_file, material_directory, state_problem
 from app.view_state import ViewState
 from engine.errors import InsituError
 from engine.material import MODELS, make_layer

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from app import kernel_cache
-from app.kernel_cache import kernel_folders, use_kernel_cache
+from app.machine import kernel_cache
+from app.machine.kernel_cache import kernel_folders, use_kernel_cache
 
 SWEPT = [("nbi", b""), ("nbc", b""), ("nbi", b"\x80\x05junk")]
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 KERNEL = """
 from numba import njit
 
@@ -23,7 +23,7 @@ def twice(x):
 # The arguments: the largest file that may be written.
 PROGRAM = """
 import resource, sys
-from app.kernel_cache import use_kernel_cache
+from app.machine.kernel_cache import use_kernel_cache
 use_kernel_cache()
 from kernel import twice
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]), resource.getrlimit(resource.RLIMIT_FSIZE)[1]))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from app.atomic import save_file
-from app.material_file import Material, dump_material
+from app.files.material_file import Material, dump_material
+from app.machine.atomic import save_file
 from app.measurements import with_read
 from app.reading import measured_layers
 from engine.errors import InsituError

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from app.bookmarks import looks_of
 from app.document import Document
-from app.journal import Journal, Recovery
-from app.session import SUFFIX, save_session
+from app.files.bookmarks import looks_of
+from app.files.journal import Journal, Recovery
+from app.files.session import SUFFIX, save_session
 from app.view_state import ViewState
 from engine.errors import InsituError
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from app.bookmarks import MAX_BOOKMARKS, Bookmarks, kept, named, renamed, with_thumbnail, without
+from app.files.bookmarks import MAX_BOOKMARKS, Bookmarks, kept, named, renamed, with_thumbnail, without
 from app.view_state import Bookmark, Viewpoint
 from engine.errors import InsituError
 

@@ -10,7 +10,7 @@ import pytest
 from app.__main__ import Desktop
 from app.cli.console import guarded
 from app.cli.program import run
-from app.material_file import load_material
+from app.files.material_file import load_material
 from app.measurements import measurement_in
 from engine.material import MODELS, make_layer
 from engine.measured.coordinates import above_horizon, grid_directions

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from numba.core import caching
 
-from app.kernel_cache import NUMBA_VARIABLE, kernel_folder
+from app.machine.kernel_cache import NUMBA_VARIABLE, kernel_folder
 
 _log = logging.getLogger("insitu.kernels")
 

@@ -23,10 +23,10 @@ from typing import Annotated, Any
 
 from pydantic import Field, ValidationError
 
-from app.atomic import save_file
 from app.described_layers import layers_from_descriptions
-from app.layer_records import MAX_LAYERS, CurveRecord, StrictModel, description_of, operator_lines, with_curves
+from app.files.layer_records import MAX_LAYERS, CurveRecord, StrictModel, description_of, operator_lines, with_curves
 from app.linked_layers import Layers, alike
+from app.machine.atomic import save_file
 from app.measurements import with_full_paths
 from engine.errors import LoadError
 from engine.scene.complaints import first_complaint

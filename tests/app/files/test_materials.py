@@ -11,9 +11,9 @@ import pytest
 from app.commands.layers import SetFresnelTerm, SetParameter
 from app.commands.material import AddLayers, RemoveLayer, SetMaterial, new_layer, operators_of_copy
 from app.document import Document, ObjectState
-from app.library import Library, categories
+from app.files.library import Library, categories
+from app.files.material_file import Material, dump_material, load_material, parse_material, save_material
 from app.linked_layers import with_fresnel
-from app.material_file import Material, dump_material, load_material, parse_material, save_material
 from app.set_path import set_path
 from engine.curve.operators import Operator, Tabulated
 from engine.errors import InsituError, LoadError

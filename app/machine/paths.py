@@ -13,7 +13,7 @@ from pathlib import Path
 
 import platformdirs
 
-from app.atomic import make_private_folder
+from app.machine.atomic import make_private_folder
 
 APPLICATION = "insitu"
 STATE_VARIABLE = "INSITU_STATE"

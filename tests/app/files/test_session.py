@@ -19,7 +19,7 @@ from app.commands.layers import SetFrozen, SetParameter, SetVisible
 from app.commands.light import SetEnvironment
 from app.commands.series import SetFirstBands
 from app.document import Document, Selection, document_from_description
-from app.session import fit_session, load_session, save_session
+from app.files.session import fit_session, load_session, save_session
 from app.view_state import Bookmark, Viewpoint, ViewState
 from engine.curve.operators import Operator, diagonal
 from engine.errors import InsituError, LoadError
@@ -281,7 +281,7 @@ KILL_LOOP = textwrap.dedent("""
     import os, random, signal, sys, time
     from pathlib import Path
     from app.commands.light import SetIntensity
-    from app.session import load_session, save_session
+    from app.files.session import load_session, save_session
     from app.view_state import ViewState
 
     path, n_kills = Path(sys.argv[1]), int(sys.argv[2])

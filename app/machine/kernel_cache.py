@@ -4,7 +4,7 @@ Numba looks at the file of a kernel to see whether its compiled form is out of d
 inlined from other files, so after an update it may run old code. A folder for each state of a file and of what it
 imports cannot be stale; an update compiles what it has changed alone, and two copies of the same sources share theirs.
 The folders lie in the user's cache, for the installed package may not be writable. One that cannot be written costs
-time alone, see `app.kernel_files`.
+time alone, see `app.machine.kernel_files`.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from pathlib import Path
 
 import platformdirs
 
-from app.atomic import make_private_folder
+from app.machine.atomic import make_private_folder
 
 NUMBA_VARIABLE = "NUMBA_CACHE_DIR"
-_ROOT = Path(__file__).resolve().parents[1]
+_ROOT = Path(__file__).resolve().parents[2]
 _ENGINE = _ROOT / "engine"
 _IMPORT = re.compile(rb"^\s*(?:from\s+(engine[\w.]*)\s+import\s+(\w+)|import\s+(engine[\w.]*))", re.MULTILINE)
 
@@ -49,7 +49,7 @@ def kernel_digest() -> str:
 
 def use_kernel_cache() -> None:
     """Tell numba where to keep compiled kernels; call it before the engine is imported. A set variable is kept."""
-    os.environ["NUMBA_CACHE_LOCATOR_CLASSES"] = "app.kernel_files.KernelFiles"
+    os.environ["NUMBA_CACHE_LOCATOR_CLASSES"] = "app.machine.kernel_files.KernelFiles"
     if NUMBA_VARIABLE not in os.environ:
         base = Path(platformdirs.user_cache_dir("insitu", appauthor=False))
         with contextlib.suppress(OSError):

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from app.system import (
+from app.machine.system import (
     has_hung_up,
     kill_group,
     process_lives,
@@ -21,7 +21,7 @@ from app.system import (
     write_at,
 )
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 
 
 @pytest.mark.parametrize("positional", [True, False])
@@ -58,7 +58,7 @@ def test_a_closed_end_is_seen_and_nothing_is_read(polls: bool) -> None:
 
 def test_a_process_finds_the_socket_that_it_was_handed() -> None:
     ours, theirs = socket.socketpair()
-    program = "import sys; from app.system import inherited_socket; inherited_socket(sys.argv[1]).send(b'here')"
+    program = "import sys; from app.machine.system import inherited_socket; inherited_socket(sys.argv[1]).send(b'here')"
     with ours, theirs:
         process = start_with_socket([sys.executable, "-c", program], theirs, {**os.environ, "PYTHONPATH": str(ROOT)})
         assert ours.recv(10) == b"here"

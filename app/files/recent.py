@@ -10,7 +10,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.atomic import replacing
+from app.machine.atomic import replacing
 
 MOST = 10
 MOST_BYTES = 64 * 1024

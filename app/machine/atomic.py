@@ -21,7 +21,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-from app.system import process_lives
+from app.machine.system import process_lives
 from engine.errors import InsituError
 
 PRIVATE_FILE, PRIVATE_FOLDER = 0o600, 0o700

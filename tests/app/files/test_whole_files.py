@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app import atomic
-from app.atomic import replacing_folder, save_file, write_atomically
 from app.document import Document, LightState
 from app.export.mitsuba import export_scene
-from app.material_file import Material, save_material
+from app.files.material_file import Material, save_material
+from app.files.session import save_session
+from app.machine import atomic
+from app.machine.atomic import replacing_folder, save_file, write_atomically
 from app.measure.plots import write_plots
 from app.measure.sweep import SweepRow, write_csv
 from app.project import open_project
-from app.session import save_session
 from app.stills import check_output, write_picture
 from app.view_state import ViewState
 from engine.errors import InsituError

@@ -2,7 +2,7 @@
 
 The scene's own file is referred to and never written. All values are checked by pydantic models and by the parameter
 tables before anything changes; a file that is wrong in one place is refused with that place. A document saved and
-opened is equal to the last bit (see `app.layer_records`).
+opened is equal to the last bit (see `app.files.layer_records`).
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, PlainValidator, ValidationError, field_validator, model_validator
 
-from app.atomic import save_file
-from app.bookmarks import MAX_BOOKMARKS, MAX_NAME, MAX_THUMBNAIL_BYTES, check_thumbnail, is_name
 from app.commands.light import MAX_INTENSITY, check_light
 from app.commands.poses import MAX_DEFORMERS
 from app.commands.series import FirstBands
 from app.document import Document, LightState, ObjectState, Selection, all_factors
-from app.layer_records import MAX_LAYERS, Flag, LayerRecord, StrictModel, layer_lines, layers_of
+from app.files.bookmarks import MAX_BOOKMARKS, MAX_NAME, MAX_THUMBNAIL_BYTES, check_thumbnail, is_name
+from app.files.layer_records import MAX_LAYERS, Flag, LayerRecord, StrictModel, layer_lines, layers_of
+from app.machine.atomic import save_file
+from app.machine.paths import full_path, written_path
 from app.measurements import with_full_paths
-from app.paths import full_path, written_path
 from app.sources import SESSION_ENDING
 from app.view_state import AS_PLANNED, Bookmark, SetView, Viewpoint, ViewState
 from engine.colour import ToneMapping

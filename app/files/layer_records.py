@@ -16,7 +16,7 @@ from app.commands.curves import MAX_OPERATORS, CurveEdit
 from app.described_layers import layers_from_descriptions
 from app.document import all_factors, layer_key
 from app.linked_layers import FRESNEL_NAME, Layers, alike
-from app.paths import written_path
+from app.machine.paths import written_path
 from engine.curve.operators import Operator, Tabulated
 from engine.errors import LoadError
 from engine.material.layer import Layer

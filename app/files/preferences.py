@@ -12,7 +12,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from app.atomic import save_file
+from app.machine.atomic import save_file
 from engine.errors import InsituError
 from engine.scene.toml_text import load_toml, toml_lines
 
