@@ -81,11 +81,13 @@ class RealWindow:
 
     # ------------------------------------------------------------------------------------------------------ the hand
 
-    def events(self, *events: Event) -> None:
+    def events(self, *events: Event, frames: int = LAYOUT_FRAMES) -> None:
         """Let events come in between two frames: ("move", x, y), ("button", button, pressed, modifiers), ("scroll",
-        dx, dy), ("key", GLFW key, pressed, modifiers), ("char", code point), ("drop", names), ("focus", gained)."""
+        dx, dy), ("key", GLFW key, pressed, modifiers), ("char", code point), ("drop", names), ("focus", gained).
+
+        frames: how many are waited for where a picture goes on being refined."""
         self._call("events", events)
-        self.settle()
+        self.settle(frames)
 
     def move(self, place: Place) -> None:
         """Move the mouse there."""
@@ -145,7 +147,7 @@ class RealWindow:
         self.events(*before, ("button", button, PRESS, modifiers))
         for step in range(1, steps + 1):
             share = step / steps
-            self.events(("move", x + share * (end[0] - x), y + share * (end[1] - y)))
+            self.events(("move", x + share * (end[0] - x), y + share * (end[1] - y)), frames=2)
         if let_go:
             self.events(("button", button, RELEASE, modifiers), *after)
 
@@ -202,10 +204,10 @@ class RealWindow:
                 raise AssertionError(f"in {timeout:.0f} s it did not come to {expression}; {said}")
             time.sleep(UNTIL)
 
-    def settle(self, timeout: float = 20.0) -> None:
+    def settle(self, frames: int = LAYOUT_FRAMES, timeout: float = 20.0) -> None:
         """Wait until the window has heard and drawn all that came in, with no help: it must do so by itself."""
         end = time.monotonic() + timeout
-        while not self._call("settled"):
+        while not self._call("settled", frames):
             assert time.monotonic() < end, "the window leaves events lying that came in"
             time.sleep(0.002)
 
@@ -562,11 +564,11 @@ class Stage:
         self.window.shell.note_input()  # which is good for the two frames that `settle` waits for
         self._heard_in = self._frames
 
-    def _settled(self) -> bool:
+    def _settled(self, frames: int) -> bool:
         """Whether what came in was drawn, and nothing of it is left lying."""
         drawn = self._frames - self._heard_in
         # A layout that changes takes a few frames of its own; a picture that refines would take any number.
-        at_rest = drawn >= 2 and (not self._busy or drawn >= LAYOUT_FRAMES)
+        at_rest = drawn >= 2 and (not self._busy or drawn >= frames)
         return at_rest and self.window.shell.events.is_empty
 
     def _place(self, name: str) -> tuple[float, float]:
