@@ -10,6 +10,9 @@ import moderngl
 import numpy as np
 
 from app.editor import Editor, WorkerClient
+from app.jobs.in_process import InProcessClient
+from app.jobs.tasks import Tasks
+from app.messages import Request
 from app.view_state import SetView
 from tests.pictures import write_exr
 from ui.headless import HeadlessWindow
@@ -57,6 +60,22 @@ def coloured_sky(height: int = 16) -> np.ndarray:
     glow = 2.5 * np.exp(-40.0 * ((u - 0.3) ** 2 + (v - 0.35) ** 2))
     sky = 0.4 * np.stack([0.2 + 0.3 * v + glow, 0.3 + 0.1 * v + 0.9 * glow, 0.7 - 0.4 * v + 0.7 * glow], axis=-1)
     return sky.astype(np.float32)
+
+
+class CountingClient(InProcessClient):
+    """Notes what was asked of the worker."""
+
+    def __init__(self, tasks: Tasks) -> None:
+        super().__init__(tasks)
+        self.requests: list[Request] = []
+
+    def send(self, request: Request) -> int:
+        self.requests.append(request)
+        return super().send(request)
+
+    def n_asked(self, *kinds: type[Request]) -> int:
+        """How many requests of these kinds there were."""
+        return sum(isinstance(request, kinds) for request in self.requests)
 
 
 @contextmanager

@@ -11,14 +11,19 @@ import pytest
 
 from app.commands.light import SetEmission
 from app.jobs.cache import Store
-from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks
-from app.messages import Request
 from app.placement.messages import ComputeTransport
 from app.project import open_project
 from app.stills import render_picture
 from engine.indirect.series import BounceSeries
-from tests.ui.small_scene import SCENE, linear_picture, opened_window, wait_until_exact, write_small_scene
+from tests.ui.small_scene import (
+    SCENE,
+    CountingClient,
+    linear_picture,
+    opened_window,
+    wait_until_exact,
+    write_small_scene,
+)
 from ui.headless import HeadlessWindow
 from ui.picture_feed import PictureFeed
 
@@ -27,22 +32,6 @@ pytestmark = pytest.mark.gl
 DARK = SCENE.replace('[environment]\nfile = "sky.exr"\n', "")
 BLUE = (1.0, 3.0, 9.0)
 SCENE_OF_BLUE = SCENE.replace("emission = [9, 7, 5]", "emission = [1, 3, 9]")
-
-
-class CountingClient(InProcessClient):
-    """Notes what was asked of the worker."""
-
-    def __init__(self, tasks: Tasks) -> None:
-        super().__init__(tasks)
-        self.requests: list[Request] = []
-
-    def send(self, request: Request) -> int:
-        self.requests.append(request)
-        return super().send(request)
-
-    @property
-    def work(self) -> int:
-        return sum(isinstance(request, ComputeTransport) for request in self.requests)
 
 
 def opened(context: moderngl.Context, folder: Path, text: str) -> Iterator[tuple[HeadlessWindow, CountingClient]]:
@@ -68,13 +57,13 @@ def lamp_pixels(window: HeadlessWindow) -> np.ndarray:
 
 def test_the_lamp_is_seen_at_once_and_lights_as_if_it_had_always(context: moderngl.Context, tmp_path: Path) -> None:
     for window, client in opened(context, tmp_path / "edited", SCENE):
-        lamp, asked = lamp_pixels(window), client.work
+        lamp, asked = lamp_pixels(window), client.n_asked(ComputeTransport)
         assert lamp.sum() > 20
         window.shell.editor.do(SetEmission("lamp", BLUE))
         window.frames(1)
         np.testing.assert_allclose(linear_picture(window)[lamp], np.broadcast_to(BLUE, (lamp.sum(), 3)), rtol=1e-6)
         wait_until_exact(window)
-        assert client.work == asked + 1
+        assert client.n_asked(ComputeTransport) == asked + 1
         found = linear_picture(window)
     for window, _ in opened(context, tmp_path / "described", SCENE_OF_BLUE):
         # The same lights, patches and bands; here the selected curve has been summed in half floats.
@@ -85,14 +74,14 @@ def test_the_lamp_is_seen_at_once_and_lights_as_if_it_had_always(context: modern
 def test_the_only_light_is_exact_at_once(context: moderngl.Context, tmp_path: Path, bounces: int) -> None:
     text = DARK.replace("bounces = 1", f"bounces = {bounces}")
     for window, client in opened(context, tmp_path, text):
-        before, asked = linear_picture(window), client.work
+        before, asked = linear_picture(window), client.n_asked(ComputeTransport)
         window.shell.editor.do(SetEmission("lamp", (18.0, 3.5, 0.0)))
         window.frames(2)
         # 9, 7 and 5 before: light is linear in its only source, reflected or not.
         np.testing.assert_allclose(linear_picture(window), before * (2.0, 0.5, 0.0), rtol=1e-4, atol=1e-6)
-        assert client.work == asked
+        assert client.n_asked(ComputeTransport) == asked
         wait_until_exact(window)
-        assert client.work == asked
+        assert client.n_asked(ComputeTransport) == asked
 
 
 def test_a_scene_whose_only_light_is_off_is_dark(context: moderngl.Context, tmp_path: Path) -> None:
@@ -106,10 +95,10 @@ def test_a_scene_whose_only_light_is_off_is_dark(context: moderngl.Context, tmp_
 
 def test_a_press_cuts_lamps_more_finely(context: moderngl.Context, tmp_path: Path) -> None:
     for window, client in opened(context, tmp_path, SCENE):
-        asked = client.work
+        asked = client.n_asked(ComputeTransport)
         window.click_handle("accuracy.patches")
         window.click_handle("accuracy.patches.3k patches")
         assert window.shell.editor.view.n_patches == 3000
         wait_until_exact(window)
-        assert client.work == asked + 1
+        assert client.n_asked(ComputeTransport) == asked + 1
         assert [r.n_patches for r in client.requests if isinstance(r, ComputeTransport)][-1] == 3000

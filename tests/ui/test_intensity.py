@@ -11,32 +11,14 @@ import pytest
 
 from app.commands.light import SetIntensity
 from app.jobs.cache import Store
-from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks
-from app.messages import Request
 from app.placement.messages import ComputeTransport, Contract
 from app.view_state import SetView
-from tests.ui.small_scene import SCENE, opened_window, wait_until_exact, write_small_scene
+from tests.ui.small_scene import SCENE, CountingClient, opened_window, wait_until_exact, write_small_scene
 from ui.headless import HeadlessWindow
 from ui.picture_feed import PictureFeed
 
 pytestmark = pytest.mark.gl
-
-
-class CountingClient(InProcessClient):
-    """Notes what was asked of the worker."""
-
-    def __init__(self, tasks: Tasks) -> None:
-        super().__init__(tasks)
-        self.requests: list[Request] = []
-
-    def send(self, request: Request) -> int:
-        self.requests.append(request)
-        return super().send(request)
-
-    @property
-    def work(self) -> int:
-        return sum(isinstance(request, ComputeTransport | Contract) for request in self.requests)
 
 
 @pytest.fixture
@@ -72,7 +54,7 @@ def test_intensity_is_a_factor_on_lamps_and_on_what_they_light(
     window: HeadlessWindow, client: CountingClient, of_the_lamp: bool, exposure: float
 ) -> None:
     editor = window.shell.editor
-    before, asked = shown_radiance(window, exposure), client.work
+    before, asked = shown_radiance(window, exposure), client.n_asked(ComputeTransport, Contract)
     editor.do(SetIntensity(3.0))
     after = shown_radiance(window, exposure)
     part = pixels_within(window, of_the_lamp)
@@ -81,7 +63,7 @@ def test_intensity_is_a_factor_on_lamps_and_on_what_they_light(
     assert part.sum() > 40
     # Eight bits in sRGB: half a step is 2 % of the darkest values compared.
     np.testing.assert_allclose(after[part].mean(axis=0), 3.0 * before[part].mean(axis=0), rtol=0.02)
-    assert client.work == asked
+    assert client.n_asked(ComputeTransport, Contract) == asked
     assert editor.status.picture == "exact"
 
 

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS, make_layer
@@ -16,23 +15,13 @@ from engine.render.still import render_still, still_layers, still_quality
 from engine.scene.load import Scene, load_scene
 from engine.steps import finish
 from engine.transport.pipeline import Placement, SkyState
+from tests.engine.bump_images import FLOOR, TILT, write_bump_images
 from tests.scene_text import camera, placed
-
-TILT = np.arctan(0.5)
-FLOOR = "4,0,0,0, 0,0,4,0, 0,-4,0,0, 0,0,0,1"  # u along +X, v along -Z
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a normal map that leans to the right, a flat one, and round bumps as heights."""
-    folder = tmp_path_factory.mktemp("orbit_bumps")
-    lean = np.array([np.sin(TILT), 0.0, np.cos(TILT)])
-    Image.fromarray(np.tile(np.round(128 + 127 * lean).astype(np.uint8), (4, 4, 1))).save(folder / "lean.png")
-    Image.fromarray(np.tile(np.uint8([128, 128, 255]), (4, 4, 1))).save(folder / "flat.png")
-    u = (np.arange(64) + 0.5) / 32 * np.pi
-    heights = 0.5 + 0.25 * (np.sin(u)[:, None] + np.sin(u))
-    Image.fromarray(np.round(65535 * heights).astype(np.uint16)).save(folder / "bumps.png")
-    return folder
+    return write_bump_images(tmp_path_factory.mktemp("orbit_bumps"))
 
 
 def scene_of(folder: Path, bumps: str, slanted: bool = False) -> Scene:
