@@ -7,13 +7,13 @@ Rejected: a mutable model with change signals, which undo, the journal and the w
 
 Names: a layer's *key* is ``"object.index"``; a *path* names anything a person can reach, written with the layer's
 index or its name: ``"teapot"``, ``"teapot.1"``, ``"teapot.coat.theta_h"``, ``"teapot.1.alpha"``, ``"teapot.bend"``,
-``"lamp.emission"``, ``"light.rotation"``.
+``"bat.time"``, ``"lamp.emission"``, ``"light.rotation"``.
 """
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
@@ -21,13 +21,14 @@ from app.described_layers import layers_from_descriptions
 from app.linked_layers import group_of, with_layer
 from app.machine.paths import is_file_name
 from engine.deform.deformers import KINDS
-from engine.deform.pose import Deformation, Poses, without_rest
+from engine.deform.pose import Deformation, Moment, Poses, Row, without_rest
 from engine.errors import InsituError
 from engine.material.bumps import NO_BUMPS, Bumps, BumpsOf, bump_fields
 from engine.material.layer import Layer, object_of
 from engine.material.maps import map_fields
 from engine.material.model import Factor, Model
 from engine.scene.description import ObjectDescription, SceneDescription
+from engine.scene.rig import Animations
 
 Mapping = Literal["latlong", "angular"]
 RGB = tuple[float, float, float]
@@ -63,7 +64,8 @@ class ObjectState:
     """One object of the scene: its layers and what a person may do with them.
 
     ``frozen`` objects and layers refuse edits of their material until they thaw. ``editable`` False marks an object
-    that the scene declares fixed. It goes through its ``deformations`` one after another.
+    that the scene declares fixed. It goes through its ``deformations`` one after another, from where its file's
+    animation has taken it at a ``moment``; None: from where the file has it. ``animations`` are those of its file.
     ``new_bumps`` take the place of the ``own_bumps`` that the scene's file gives it.
     """
 
@@ -74,8 +76,15 @@ class ObjectState:
     visible: bool = True
     frozen: bool = False
     deformations: tuple[Deformation, ...] = ()
+    moment: Moment | None = None
+    animations: Animations = ()
     own_bumps: Bumps = NO_BUMPS
     new_bumps: Bumps | None = None
+
+    @property
+    def row(self) -> Row:
+        """All that it goes through."""
+        return self.deformations if self.moment is None else (self.moment, *self.deformations)
 
     @property
     def bumps(self) -> Bumps:
@@ -153,8 +162,8 @@ class Document:
 
     @property
     def poses(self) -> Poses:
-        """The deformers of all objects that are not as the scene's file has them, by name."""
-        return without_rest([(state.name, state.deformations) for state in self.objects])
+        """What all objects go through that are not as the scene's file has them, by name."""
+        return without_rest([(state.name, state.row) for state in self.objects])
 
     @property
     def new_bumps(self) -> BumpsOf:
@@ -172,7 +181,7 @@ class Document:
 class Target:
     """What a path names. ``key`` is None for an object or the light, ``name`` None for an object or a layer."""
 
-    kind: Literal["object", "layer", "factor", "parameter", "map", "switch", "deformer", "bumps", "light"]
+    kind: Literal["object", "layer", "factor", "parameter", "map", "switch", "deformer", "time", "bumps", "light"]
     object: str = ""
     layer: int | None = None
     name: str | None = None
@@ -184,6 +193,7 @@ class Target:
 
 SWITCHES = ("visible", "frozen", "editable")
 MATERIAL = "material"
+TIME = "time"
 EMISSION = "emission"
 FRESNEL_TERM = "fresnel_term"
 LIGHT_FIELDS = ("rotation", "intensity", "environment", "mapping")
@@ -218,6 +228,8 @@ def resolve(document: Document, path: str) -> Target:
         return Target("switch", state.name, name=rest)
     if rest in KINDS and rest not in [layer.name for layer in state.layers]:
         return Target("deformer", state.name, name=rest)
+    if rest == TIME and rest not in [layer.name for layer in state.layers]:
+        return Target("time", state.name, name=rest)
     if rest in bump_fields() and rest not in [layer.name for layer in state.layers]:
         return Target("bumps", state.name, name=rest)
     index, rest = _split_layer(state, rest)
@@ -280,9 +292,14 @@ def reflecting_layers(document: Document) -> tuple[tuple[str, Layer], ...]:
     )
 
 
-def document_from_description(source: str, description: SceneDescription) -> Document:
-    """The document of a scene as its file describes it. Raises LoadError that names a bad layer's key."""
+def document_from_description(
+    source: str, description: SceneDescription, animations: Sequence[Animations] = ()
+) -> Document:
+    """The document of a scene as its file describes it; animations: each object's, where there are any. Raises
+    LoadError that names a bad layer's key."""
     objects = tuple(_object_state(source, described) for described in description.objects)
+    if animations:
+        objects = tuple(replace(state, animations=own) for state, own in zip(objects, animations, strict=True))
     environment = description.environment
     return Document(source, objects, LightState(rotation=0.0 if environment is None else environment.rotation))
 

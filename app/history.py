@@ -72,6 +72,10 @@ class History(Generic[Kept]):
         self.document = changed
         return True
 
+    def amend(self, command: Command[Kept]) -> None:
+        """Apply a command that is no step of its own. Raises what it raises; nothing changes then."""
+        self.document, self._merge_key = command.apply(self.document), None
+
     def begin_drag(self, label: str | None = None) -> None:
         """All commands until ``end_drag`` become one step. A drag that is already open goes on."""
         if self._drag is None:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from engine.measured.measurement import Measurement
     from engine.scene.description import Camera
     from engine.scene.picture_frame import PictureFrame
+    from engine.scene.rig import Animations
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,7 +174,7 @@ class SceneOpened(Response):
     `measurements`: what was read, by the names that asked for it. `planned`: what each of the scene's own layers needs,
     and of a session's those that are others, with what was read for them: of each curve, by factor, how many bands;
     planned here because it takes longer than the window may be blocked. `boxes` (M, 2, 3): the least and the largest
-    corner of each object in the world, not a number where it has no surface.
+    corner of each object in the world, not a number where it has no surface. `animations`: each object's.
     """
 
     description: str
@@ -181,6 +182,7 @@ class SceneOpened(Response):
     measurements: dict[str, Measurement] = field(default_factory=dict)
     planned: tuple[tuple[Layer, dict[str, int]], ...] = ()
     boxes: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 2, 3)))
+    animations: tuple[Animations, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -167,7 +167,7 @@ class Mode:
 
     talk: makes its talk at the editor's desk. As "module:name", for only one process or layer imports them: work, its
     `ModeWork`; picture, its `ui.picture_feed.PictureSource`; accuracy, what draws its part of the Accuracy panel;
-    tools, what it has for the selected object, above its material.
+    tools, what it has for the selected object, above its material; strip, what it has below the picture.
     """
 
     name: str
@@ -177,3 +177,4 @@ class Mode:
     picture: str
     accuracy: str = ""
     tools: str = ""
+    strip: str = ""

@@ -31,5 +31,6 @@ DEFORM = Mode(
     picture="ui.orbit_feed:OrbitFeed",
     accuracy="ui.panels.accuracy_deform:draw",
     tools="ui.panels.deformers:draw",
+    strip="ui.panels.timeline:draw",
 )
 MODES = (PLACEMENT, ORBIT, DEFORM)

@@ -69,7 +69,8 @@ class Opening:
 
     def document(self, description: SceneDescription, opened: SceneOpened) -> Document:
         """The scene's own document. Raises InsituError."""
-        return document_with_read(document_from_description(self.source, description), opened.measurements)
+        document = document_from_description(self.source, description, opened.animations)
+        return document_with_read(document, opened.measurements)
 
     def restored(self, session: Session, scene: Document, opened: SceneOpened) -> Document:
         """The session's document in the scene as it is now. Raises InsituError where it does not fit."""

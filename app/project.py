@@ -99,7 +99,7 @@ def open_project(
     path = scene_path(named)
     scene = load_scene(path, resolution).seen_from(look.camera)
     require_memory_for(scene.resolution)
-    document = _read(document_from_description(named, scene.description), scene.folder, path)
+    document = _read(document_from_description(named, scene.description, scene.animations), scene.folder, path)
     if source.light is not None:
         document = lit_by(source.light).apply(document)
     if session is not None:

@@ -54,10 +54,13 @@ class SelectPath:
 
 @dataclass(frozen=True)
 class DeformObject:
-    """Give an object's deformers, by kind, these amounts."""
+    """Give an object's deformers, by kind, these amounts; take it, None: all that are animated, to a time of an
+    animation, see `app.commands.SetTime`."""
 
-    object: str
-    amounts: tuple[tuple[str, float], ...]
+    object: str | None
+    amounts: tuple[tuple[str, float], ...] = ()
+    time: float | None = None
+    clip: str | None = None
 
 
 @dataclass(frozen=True)
@@ -266,24 +269,33 @@ class DragRecord(_Record):
 
 
 class DeformRecord(_Record):
-    """An object, and beside it the amounts of its deformers by kind."""
+    """An object, and beside it the amounts of its deformers by kind; a time, which may be that of all objects."""
 
     model_config = ConfigDict(frozen=True, extra="allow")
 
     __pydantic_extra__: dict[str, Number]
-    object: Text
+    object: Text | None = None
+    time: Number | None = None
+    clip: Text | None = None
 
     @model_validator(mode="after")
     def _deforms(self) -> DeformRecord:
-        unknown = set(self.amounts) - set(KINDS)
-        if unknown or not self.amounts:
-            raise ValueError(f"object, and at least one of {', '.join(KINDS)}")
+        if set(self.amounts) - set(KINDS) or not (self.amounts or self.time is not None):
+            raise ValueError(f"object, and at least one of {', '.join(KINDS)}, time")
+        if self.object is None and self.amounts:
+            raise ValueError(f"object, whose {', '.join(self.amounts)} it is")
+        if self.clip is not None and self.time is None:
+            raise ValueError("time, beside clip")
         return self
 
     @property
     def amounts(self) -> dict[str, float]:
         """By kind."""
         return self.__pydantic_extra__
+
+    def step(self) -> Step:
+        """The step itself."""
+        return DeformObject(self.object, tuple(self.amounts.items()), self.time, self.clip)
 
 
 Share = Annotated[Number, Field(ge=0.0, le=1.0)]
@@ -341,7 +353,7 @@ class StepRecord(_Record):
 _STEPS: dict[str, Callable[[Any, Path], Step]] = {
     "set": lambda values, folder: SetValues(tuple(values.items())),
     "select": lambda path, folder: SelectPath(path),
-    "deform": lambda deform, folder: DeformObject(deform.object, tuple(deform.amounts.items())),
+    "deform": lambda deform, folder: deform.step(),
     "drag": lambda drag, folder: drag.step(),
     "show": lambda panel, folder: Show(panel),
     "view": lambda name, folder: _view(name),

@@ -11,9 +11,9 @@ from app.commands.layers import SetEditable, SetFresnelTerm, SetFrozen, SetParam
 from app.commands.light import SetEmission, SetEnvironment, SetIntensity, SetMapping, SetRotation
 from app.commands.maps import SetMap
 from app.commands.material import SetMaterial
-from app.commands.poses import with_amounts
+from app.commands.poses import with_amounts, with_time
 from app.commands.series import FIRST_BANDS, set_first_bands
-from app.document import EMISSION, FRESNEL_TERM, MATERIAL, Document, Target, resolve
+from app.document import EMISSION, FRESNEL_TERM, MATERIAL, TIME, Document, Target, resolve
 from app.files.library import Library
 from app.files.material_file import load_material
 from app.machine.paths import is_file_name
@@ -30,6 +30,8 @@ def set_path(document: Document, path: str, value: Any) -> EditCommand:
     """
     if path == FIRST_BANDS:
         return set_first_bands(value)
+    if path == TIME and all(state.name != TIME for state in document.objects):
+        return with_time(value)
     target = resolve(document, path)
     if target.kind == "parameter" and target.key is not None and target.name is not None:
         return SetParameter(target.key, target.name, value)
@@ -39,6 +41,8 @@ def set_path(document: Document, path: str, value: Any) -> EditCommand:
         return SetBumps(target.object, target.name, value)
     if target.kind == "deformer" and target.name is not None:
         return with_amounts(document, target.object, {target.name: value})
+    if target.kind == "time":
+        return with_time(value, target.object)
     if target.kind == "light":
         return _set_light(path, target, value)
     if target.kind == "switch":

@@ -10,9 +10,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from app.jobs.cache import Store
+from app.jobs.deform import StoredLobes
 from app.machine.atomic import make_folder_of, save_file
 from app.project import Project
 from engine.colour import ToneMapping
+from engine.deform.live import Deform
 from engine.deform.still import render_deform
 from engine.deform.transfer import N_RAYS as DEFORM_RAYS
 from engine.errors import InsituError
@@ -106,9 +109,9 @@ def render_project(
         drawing = render_orbit(placement, _layers_by_object(project), sky, n_patches, n_bounces=series.n_bounces)
         return Still(held(finish(drawing, report) * intensity, BRIGHTEST), warning=bounces.warning)
     if mode == "deform":
-        scene, poses = project.resting.seen_from(None, placement.hits.resolution), project.document.poses
-        layers_of = _layers_by_object(project)
-        bending = render_deform(scene, poses, layers_of, sky, series.n_bounces, n_rays=DEFORM_RAYS)
+        poses = project.document.poses
+        deform = prepared_deform(project, [name for name, _ in poses], series)
+        bending = render_deform(deform, project.scene.resolution, poses)
         return Still(held(finish(bending, report) * intensity, BRIGHTEST), warning=bounces.warning)
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
     layers = _at_most(layers, series.first or project.document.first_bands)
@@ -132,6 +135,17 @@ def prepared_orbit(project: Project, n_patches: int = N_PATCHES, series: BounceS
     if n_bounces := series.n_bounces if series else project.n_bounces:
         orbit.set_bounces(n_bounces)
     return orbit
+
+
+def prepared_deform(project: Project, posed: Sequence[str], series: BounceSeries | None = None) -> Deform:
+    """What pictures in Deform's way are drawn of, of objects, by name, that bend; all its work is to be done."""
+    deform = Deform(project.resting, n_rays=DEFORM_RAYS, shelf=StoredLobes(Store()))
+    deform.set_light(project.sky)
+    deform.set_layers(_layers_by_object(project))
+    deform.set_posed(posed)
+    if n_bounces := series.n_bounces if series else project.n_bounces:
+        deform.set_bounces(n_bounces)
+    return deform
 
 
 def _reference(placement: Placement, project: Project, n_bounces: int, n_samples: int | None) -> Steps:

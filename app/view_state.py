@@ -79,7 +79,8 @@ class ViewState:
     Unless it is shown to ``fit``, the picture has ``zoom`` screen pixels for each of its own, and the point at the
     shares ``centre`` (across, down) of it stands in the panel's middle.
     ``camera`` and ``resolution``, (width, height) of the picture, stand in for the scene's own, None for those;
-    ``bookmarks`` are views that are kept by name.
+    ``bookmarks`` are views that are kept by name. While an animation is ``playing`` that is the time which is seen,
+    seconds; where it ends it begins anew if it ``loops``.
     ``regions`` are a ≤ b ≤ c ≤ d of the operator being shown or about to be made; ``operator`` is its index in the
     selected curve's list, None for one about to be made. ``curve_zoom`` is (γ low, γ high, y low, y high); None fits.
     The BRDF panel shows ``brdf_plot`` of the selected layer, or with ``brdf_whole`` of all layers of its object, in the
@@ -122,6 +123,8 @@ class ViewState:
     camera: Camera | None = None
     resolution: tuple[int, int] | None = None
     bookmarks: tuple[Bookmark, ...] = ()
+    playing: float | None = None
+    loops: bool = True
 
     @property
     def look(self) -> Viewpoint:
@@ -137,7 +140,8 @@ class ViewState:
         """A scene that was just opened, looked at in the same way: nothing in it is chosen yet."""
         return replace(
             self, selected=None, hovered=None, compare=None, operator=None, curve_zoom=None, solo=None,
-            lobe_pixel=None, camera=None, resolution=None, bookmarks=(), n_bounces=description.bounces or AS_PLANNED,
+            lobe_pixel=None, camera=None, resolution=None, bookmarks=(), playing=None,
+            n_bounces=description.bounces or AS_PLANNED,
         )  # fmt: skip
 
     def seen_from(self, look: Viewpoint) -> ViewState:

@@ -57,6 +57,7 @@ from ui.panels.actions import (
     OpenFile,
     OpenImage,
     Paste,
+    Play,
     Quit,
     Recover,
     Redo,
@@ -178,6 +179,8 @@ class Actor:
                 editor.begin_drag(action.label)
             case EndDrag():
                 editor.end_drag()
+            case Play():
+                (editor.play if action.goes_on else editor.pause)()
             case BeginLook():
                 editor.looks.begin_drag(action.label)
             case DragLook():

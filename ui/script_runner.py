@@ -13,7 +13,7 @@ from pathlib import Path
 from app.commands import EditCommand
 from app.commands.light import SetRotation
 from app.commands.paint import Paint
-from app.commands.poses import with_amounts
+from app.commands.poses import SetTime, with_amounts
 from app.commands.series import set_series
 from app.document import layer_key, split_key
 from app.editor import Editor, WorkerClient
@@ -156,7 +156,8 @@ def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
         case SelectPath():
             _refused(editor.select(step.path))
         case DeformObject():
-            _refused(editor.do(_deforming(editor, step)))
+            for edit in _deforming(editor, step):
+                _refused(editor.do(edit))
         case DragItem():
             _drag_item(window, step)
         case DragPoints():
@@ -253,11 +254,16 @@ def _setting(editor: Editor, path: str, value: object) -> EditCommand | ViewComm
         raise ScriptError(str(error)) from error
 
 
-def _deforming(editor: Editor, step: DeformObject) -> EditCommand:
-    try:
-        return with_amounts(editor.document, step.object, dict(step.amounts))
-    except InsituError as error:
-        raise ScriptError(str(error)) from error
+def _deforming(editor: Editor, step: DeformObject) -> list[EditCommand]:
+    edits: list[EditCommand] = []
+    if step.time is not None:
+        edits.append(SetTime(step.time, step.clip, step.object))
+    if step.object is not None and step.amounts:
+        try:
+            edits.append(with_amounts(editor.document, step.object, dict(step.amounts)))
+        except InsituError as error:
+            raise ScriptError(str(error)) from error
+    return edits
 
 
 def _wait_for_files(window: HeadlessWindow, editor: Editor) -> None:

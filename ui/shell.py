@@ -400,7 +400,8 @@ class Shell:
 
     def _result(self, busy: bool, screenshot: Path | None, quit: bool) -> FrameResult:
         since = self._clock() - self._last_input
-        redraw_in = 0.1 if since < SETTLE_SECONDS else None
+        plays = self.editor.view.playing is not None
+        redraw_in = 0.1 if since < SETTLE_SECONDS or plays else None
         settling = since < 0.05 or self._n_frames < max(FIRST_FRAMES, self._input_frame + INPUT_FRAMES)
         follows = self._library_unread or self._thumbnails_follow or not self.events.is_empty
         return FrameResult(busy or settling or follows, redraw_in, screenshot, quit)

@@ -88,6 +88,8 @@ class Icon:
     WARNING = "\uf071"
     CLOSE = "\uf00d"
     RESUME = "\uf04b"
+    PAUSE = "\uf04c"
+    LOOP = "\uf021"
     CHANGED = "\uf111"
     CLOCK = "\uf017"
     MEMORY = "\uf538"

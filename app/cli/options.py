@@ -49,6 +49,9 @@ KeptView = Annotated[
     str | None, typer.Option("--camera", metavar="NAME", help="Seen from the view that the session keeps so.")
 ]
 Rotation = Annotated[float | None, typer.Option("--rotation", help="Of the environment, degrees about +Y.")]
+Time = Annotated[
+    float | None, typer.Option("--time", metavar="SECONDS", help="Of the scene's animation; beyond its end it repeats.")
+]
 Bounces = Annotated[
     int | None,
     typer.Option("--bounces", min=1, max=MOST_BOUNCES, help="Reflections between light and eye; the scene says too."),
@@ -62,7 +65,10 @@ Samples = Annotated[
 ]
 
 
-def assignments(values: list[str] | None, rotation: float | None = None) -> list[tuple[str, Any]]:
+def assignments(
+    values: list[str] | None, rotation: float | None = None, time: float | None = None
+) -> list[tuple[str, Any]]:
     """Path and value of each."""
     given = [parse_assignment(text) for text in values or ()]
-    return given if rotation is None else [*given, ("light.rotation", rotation)]
+    own = {"light.rotation": rotation, "time": time}
+    return [*given, *((path, value) for path, value in own.items() if value is not None)]

@@ -22,6 +22,7 @@ from app.cli.options import (
     Samples,
     Scene,
     Series,
+    Time,
     Values,
     ViewName,
     assignments,
@@ -56,6 +57,7 @@ def render(
     patches: Patches = N_PATCHES,
     resolution: Resolution = None,
     rotation: Rotation = None,
+    time_: Time = None,
     reference: Annotated[
         bool, typer.Option("--reference", help="By brute force instead of transport: slow, to compare with.")
     ] = False,
@@ -69,6 +71,12 @@ def render(
         int | None,
         typer.Option(
             "--turntable", metavar="N", min=1, max=10_000, help="N frames around the scene, in a folder OUT/."
+        ),
+    ] = None,
+    frames: Annotated[
+        int | None,
+        typer.Option(
+            "--frames", metavar="N", min=1, max=10_000, help="N frames of the scene's animation, in a folder OUT/."
         ),
     ] = None,
 ) -> int:
@@ -85,13 +93,11 @@ def render(
         chosen = chosen or BounceSeries(bounces)
     if samples is not None and not reference:
         raise InsituError(f"--samples {samples}: transport takes no samples, expected --reference as well")
-    if turntable is not None:
-        if mode is StillMode.DEFORM:
-            raise InsituError(f"--turntable {turntable} --mode deform: expected --mode placement or orbit")
-        if reference:
-            raise InsituError(f"--turntable {turntable} --reference: expected one of them")
-        project = open_project(scene, resolution, assignments(set_, rotation), camera)
-        return _turntable(project, output, turntable, mode, lights, patches, chosen, view)
+    values = assignments(set_, rotation, time_)
+    if turntable is not None or frames is not None:
+        _check_frames(turntable, frames, mode, reference, time_)
+        project = open_project(scene, resolution, values, camera)
+        return _frames(project, output, turntable, frames, mode, lights, patches, chosen, view)
     from app.stills import StillProgress, check_output, render_project, write_picture
     from engine.indirect.beyond import TOO_BRIGHT, is_beyond
 
@@ -100,7 +106,7 @@ def render(
     if shown is not None and output.suffix.lower() == ".exr":
         raise InsituError(f"--view {view}: {output} holds light itself, expected a name that ends in .png")
     started = time.monotonic()
-    project = open_project(scene, resolution, assignments(set_, rotation), camera)
+    project = open_project(scene, resolution, values, camera)
     noise: float | None = None
     with progress() as report:
 
@@ -129,18 +135,34 @@ def render(
     return 0
 
 
-def _turntable(
-    project: Project, output: Path, count: int, mode: StillMode, lights: int, patches: int,
-    series: BounceSeries | None, view: str | None,
-) -> int:  # fmt: skip
-    """Frames all around a scene; those that are there already are kept."""
-    from app.cli.turntable import Frames, turn
+def _check_frames(
+    turntable: int | None, frames: int | None, mode: StillMode, reference: bool, time_: float | None
+) -> None:
+    """Refuses what does not go with many frames."""
+    asked, other = (f"--turntable {turntable}", "orbit") if frames is None else (f"--frames {frames}", "deform")
+    if turntable is not None and frames is not None:
+        raise InsituError(f"--turntable {turntable} {asked}: expected one of them")
+    if mode is not StillMode.PLACEMENT and mode.value != other:
+        raise InsituError(f"{asked} --mode {mode.value}: expected --mode placement or {other}")
+    if reference:
+        raise InsituError(f"{asked} --reference: expected one of them")
+    if frames is not None and time_ is not None:
+        raise InsituError(f"{asked} --time {time_:g}: expected one of them")
 
+
+def _frames(
+    project: Project, output: Path, turntable: int | None, animation: int | None, mode: StillMode, lights: int,
+    patches: int, series: BounceSeries | None, view: str | None,
+) -> int:  # fmt: skip
+    """Frames all around a scene or through its animation; those that are there already are kept."""
+    from app.cli.turntable import Frames, animate, turn
+
+    count, draw = (turntable or 0, turn) if animation is None else (animation, animate)
     started, frames = time.monotonic(), Frames.of(output, count)
     if view is not None and frames.ending == ".exr":
         raise InsituError(f"--view {view}: {output} holds light itself, expected a name that ends in .png")
     with progress() as report:
-        drawn = turn(
+        drawn = draw(
             project, frames, lambda step: report(step.fraction, step.text), mode=mode.value, n_lights=lights,
             n_patches=patches, series=series, view=project.view if view is None else view_named(view),
         )  # fmt: skip

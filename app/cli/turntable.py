@@ -1,6 +1,8 @@
-"""Pictures from all around a scene, a file each: what `insitu render --turntable` does.
+"""Pictures from all around a scene, or all through its animation, a file each: what `insitu render --turntable` and
+`--frames` do.
 
-The camera goes round its target once, in equal steps from where the scene has it. A frame that is there and whole is
+The camera goes round its target once, in equal steps from where the scene has it; the animation goes on in equal steps
+from its start, so that the first frame follows the last. A frame that is there and whole is
 kept, so that work that was stopped goes on where it was; a file beside the frames has the digest of all that they
 depend on, and under another one all are drawn anew.
 """
@@ -15,13 +17,25 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from app.commands import SetTime
 from app.files.session import dump_session
 from app.jobs.cache import content_key
 from app.machine.atomic import save_file
 from app.project import Project
-from app.stills import ENDINGS, Mode, StillProgress, prepared_orbit, render_project, write_picture
+from app.stills import (
+    ENDINGS,
+    Mode,
+    StillProgress,
+    prepared_deform,
+    prepared_orbit,
+    render_project,
+    write_picture,
+)
+from app.timeline import timeline
 from app.view_state import ViewState
 from engine.colour import ToneMapping
+from engine.deform.pose import Poses
+from engine.deform.posed_scene import posed
 from engine.errors import InsituError
 from engine.indirect.beyond import BRIGHTEST, held
 from engine.indirect.series import BounceSeries
@@ -34,6 +48,7 @@ from engine.texture.store import TextureStore
 
 DIGEST = ".turntable"
 _PREPARING = 0.3  # of the work, what is done once for all frames of Orbit
+_PREPARING_POSES = 0.95  # and of Deform
 
 Report = Callable[[StillProgress], None]
 Picture = NDArray[np.float32]
@@ -102,6 +117,49 @@ def turn(
     for i, picture in zip(missing, pictures, strict=False):
         write_picture(frames.path(i), picture, view)
     return len(missing)
+
+
+def animate(
+    project: Project, frames: Frames, report: Report, *, mode: Mode, n_lights: int, n_patches: int,
+    series: BounceSeries | None = None, view: ToneMapping = "filmic",
+) -> int:  # fmt: skip
+    """Draw what is missing of the frames of the scene's animation; how many that were. Raises InsituError."""
+    line = timeline(project.document, ViewState())
+    if line is None:
+        raise InsituError("--frames: the scene has no animation")
+    documents = [SetTime(line.duration * i / frames.count).apply(project.document) for i in range(frames.count)]
+    digest = _digest(project, frames.count, mode, n_lights, n_patches, series, view, "animation")
+    missing = frames.missing(digest, project.scene.resolution)
+    poses = [documents[i].poses for i in missing]
+    if mode == "deform":
+        pictures = _bendings(project, poses, report, series)
+    else:
+        seen = [_in_poses(project, each) for each in poses]
+        pictures = _placements(project, seen, report, n_lights, n_patches, series)
+    for i, picture in zip(missing, pictures, strict=False):
+        write_picture(frames.path(i), picture, view)
+    return len(missing)
+
+
+def _in_poses(project: Project, poses: Poses) -> Scene:
+    bumped = posed(project.resting, poses).bumped(dict(project.document.new_bumps))
+    return bumped.seen_from(None, project.scene.resolution)
+
+
+def _bendings(
+    project: Project, poses: Sequence[Poses], report: Report, series: BounceSeries | None
+) -> Iterator[Picture]:
+    """Everything is made ready once; frames differ in their poses alone."""
+    if not poses:
+        return
+    deform = prepared_deform(project, [name for name, _ in poses[0]], series)
+    for step in deform.work():
+        report(replace(step, fraction=_PREPARING_POSES * step.fraction))
+    scene, intensity = project.scene, np.float64(project.document.light.intensity)
+    for i, each in enumerate(poses):
+        report(_frame(i, len(poses), _PREPARING_POSES))
+        picture = deform.draw(scene.description.camera, scene.resolution, each, "rest")
+        yield held(picture * intensity, BRIGHTEST)
 
 
 def _orbits(

@@ -22,7 +22,7 @@ from app.commands.light import SetEmission, SetEnvironment, SetIntensity, SetMap
 from app.commands.maps import SetMap
 from app.commands.material import AddLayers, RemoveLayer, SetMaterial
 from app.commands.paint import BlendByMap, ClearMap, Paint
-from app.commands.poses import AddDeformer, MoveDeformer, RemoveDeformer, SetDeformer, SetPose
+from app.commands.poses import AddDeformer, MoveDeformer, RemoveDeformer, SetDeformer, SetPose, SetTime
 from app.commands.series import SetFirstBands
 
 EditCommand = (
@@ -30,5 +30,5 @@ EditCommand = (
     | MuteOperator | CollapseOperators | ResetCurve | SetVisible | SetFrozen | SetFresnelTerm | SetEditable
     | SetBumps | SetMap | Paint | BlendByMap | ClearMap | SetMaterial | AddLayers | RemoveLayer | SetRotation
     | SetIntensity | SetEnvironment | SetMapping | SetEmission | SetFirstBands | SetPose | AddDeformer | SetDeformer
-    | MoveDeformer | RemoveDeformer
+    | MoveDeformer | RemoveDeformer | SetTime
 )  # fmt: skip

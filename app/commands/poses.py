@@ -1,14 +1,16 @@
-"""The edits of poses: the row of deformers that each object goes through, as commands like those of `app.commands`."""
+"""The edits of poses: the time of animations, and the row of deformers that each object goes through, as commands like
+those of `app.commands`."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import isfinite
 from typing import Any
 
-from app.document import Document
+from app.document import Document, ObjectState
 from engine.deform.deformers import KINDS
-from engine.deform.pose import Deformation
+from engine.deform.pose import Deformation, Moment
 from engine.errors import InsituError, LoadError
 
 MAX_DEFORMERS = 16
@@ -105,6 +107,45 @@ class RemoveDeformer:
         return SetPose(self.object, tuple(row)).apply(document)
 
 
+@dataclass(frozen=True)
+class SetTime:
+    """Show an object, None: all that are animated, as an animation has it at a time, seconds; None: as its file has it.
+    clip: its name; None: the one that is seen, or an object's first. Who has none of that name stays."""
+
+    time: float | None
+    clip: str | None = None
+    object: str | None = None
+
+    @property
+    def label(self) -> str:
+        return "rest" if self.time is None else f"time {self.time:.2f} s"
+
+    def apply(self, document: Document) -> Document:
+        asked = document.objects if self.object is None else (document.object(self.object),)
+        animated = [state for state in asked if state.animations]
+        if not animated:
+            raise InsituError(f"{self.object or 'the scene'} has no animation")
+        there = list(dict.fromkeys(each.name for state in animated for each in state.animations))
+        if self.clip is not None and self.clip not in there:
+            raise InsituError(f"animation {self.clip!r}, expected one of {', '.join(there)}")
+        for state in animated:
+            document = document.with_object(replace(state, moment=self._moment(state)))
+        return document
+
+    def _moment(self, state: ObjectState) -> Moment | None:
+        if self.time is None:
+            return None
+        clip = self.clip or (state.moment.clip if state.moment is not None else state.animations[0].name)
+        return _at(clip, self.time) if clip in [each.name for each in state.animations] else state.moment
+
+
+def with_time(value: Any, name: str | None = None) -> SetTime:
+    """The command that takes an object, None: all, to a time that a file or a command line says. Raises LoadError."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not isfinite(value):
+        raise LoadError(f"{name}.time" if name else "time", "value", value, "a finite number of seconds")
+    return SetTime(float(value), object=name)
+
+
 def with_amounts(document: Document, name: str, amounts: Mapping[str, Any]) -> SetPose:
     """The command that gives an object's deformers, by kind, these amounts: the first of a kind, and where there is
     none a new one behind the others. Raises InsituError."""
@@ -120,6 +161,13 @@ def _row(document: Document, name: str, index: int) -> list[Deformation]:
     if not 0 <= index < len(row):
         raise InsituError(f"{name} has {len(row) or 'no'} deformers, none at {index}")
     return row
+
+
+def _at(clip: str, time: float) -> Moment:
+    try:
+        return Moment(clip, time)
+    except ValueError as error:
+        raise InsituError(str(error)) from None
 
 
 def _deformation(kind: str, amount: Any, axis: str) -> Deformation:

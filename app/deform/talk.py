@@ -17,6 +17,7 @@ from app.orbit.talk import OrbitTalk
 from app.orbit.wishes import Drawing, OrbitWish
 from app.picture import PictureEvent
 from app.status import Status
+from app.timeline import shown_poses
 from app.view_state import ViewState
 from engine.deform.pose import Poses
 from engine.scene.description import Camera
@@ -53,11 +54,11 @@ class DeformTalk(OrbitTalk):
 
     def _wish_of(self, document: Document, view: ViewState) -> OrbitWish:
         wish = OrbitWish.of(document, view)
-        posed = tuple(state.name for state in document.objects if state.deformations)
+        posed = tuple(state.name for state in document.objects if state.deformations or state.animations)
         return DeformWish(wish.scene, wish.n_bounces, posed)
 
-    def _poses_of(self, document: Document) -> Poses:
-        return document.poses
+    def _poses_of(self, document: Document, view: ViewState) -> Poses:
+        return shown_poses(document, view)
 
     def _preparation(self, wish: OrbitWish) -> Request:
         assert isinstance(wish, DeformWish)

@@ -28,7 +28,7 @@ from app.measurements import with_full_paths
 from app.sources import SESSION_ENDING
 from app.view_state import AS_PLANNED, Bookmark, SetView, Viewpoint, ViewState
 from engine.colour import ToneMapping
-from engine.deform.pose import Deformation
+from engine.deform.pose import Deformation, Moment
 from engine.errors import InsituError, LoadError
 from engine.material.bumps import Bumps, bump_parts, bumps_of_parts
 from engine.material.layer import object_of, place_of
@@ -82,7 +82,15 @@ class ObjectRecord(StrictModel):
     emission: Radiance | None = None
     layers: tuple[LayerRecord, ...] = Field(default=(), alias="layer", max_length=MAX_LAYERS)
     bumps: SavedBumps | None = None
+    time: Number | None = None
+    clip: Text | None = None
     deformers: tuple[DeformerRecord, ...] = Field(default=(), alias="deformer", max_length=MAX_DEFORMERS)
+
+    @model_validator(mode="after")
+    def _is_a_moment(self) -> ObjectRecord:
+        if (self.time is None) != (self.clip is None):
+            raise ValueError("time and clip: both or none")
+        return self
 
 
 class LightRecord(StrictModel):
@@ -235,6 +243,8 @@ def fit_session(session: Session, scene: Document, file: str) -> Document:
         found, there = ("not in the session", "all objects") if name in have else ("in the session", "only objects")
         raise LoadError(file, f"object {name!r}", found, f"{there} of the scene")
     saved = {state.name: state for state in session.document.objects}
+    for state in scene.objects:
+        _check_moment(state, saved[state.name].moment, file)
     objects = tuple(_shining_as_in(state, saved[state.name]) for state in scene.objects)
     return Document(scene.source, objects, session.document.light, session.document.first_bands)
 
@@ -245,7 +255,16 @@ def _shining_as_in(scene: ObjectState, saved: ObjectState) -> ObjectState:
     emission = saved.emission or scene.emission if scene.emits else None
     new = saved.new_bumps if saved.new_bumps != scene.own_bumps and not scene.emits else None
     layers = saved.layers or scene.layers
-    return replace(saved, emission=emission, layers=layers, own_bumps=scene.own_bumps, new_bumps=new)
+    return replace(
+        saved, emission=emission, layers=layers, own_bumps=scene.own_bumps, new_bumps=new, animations=scene.animations
+    )
+
+
+def _check_moment(scene: ObjectState, moment: Moment | None, file: str) -> None:
+    names = [each.name for each in scene.animations]
+    if moment is not None and moment.clip not in names:
+        there = f"one of {', '.join(names)}" if names else "no time: it has no animation"
+        raise LoadError(file, f"object {scene.name!r}: clip", moment.clip, there)
 
 
 def dump_session(
@@ -274,6 +293,8 @@ def _object_lines(state: ObjectState, folder: Path | None) -> Iterator[str]:
     yield from toml_lines({"name": state.name, **switches, "emission": state.emission})
     if state.new_bumps is not None:
         yield f"bumps = {toml_value(bump_parts(state.new_bumps))}"
+    if state.moment is not None:
+        yield from toml_lines(vars(state.moment))
     yield from layer_lines(state.layers, "object.layer", folder)
     for deformation in state.deformations:
         yield "[[object.deformer]]"
@@ -301,6 +322,7 @@ def _bookmark_values(bookmark: Bookmark) -> dict[str, Any]:
 def _object(file: str, record: ObjectRecord) -> ObjectState:
     layers = with_full_paths(layers_of(file, record.name, record.layers), Path(file).resolve().parent)
     deformations = tuple(each.deformation for each in record.deformers)
+    moment = None if record.clip is None or record.time is None else Moment(record.clip, record.time)
     return ObjectState(
         record.name,
         layers,
@@ -309,6 +331,7 @@ def _object(file: str, record: ObjectRecord) -> ObjectState:
         record.visible,
         record.frozen,
         deformations,
+        moment,
         new_bumps=record.bumps,
     )
 

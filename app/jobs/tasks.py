@@ -70,7 +70,7 @@ class Tasks:
         own = layers_of_document(document_with_read(document, measurements))
         layers = [*own, *(layer for layer in with_read(request.layers, measurements) if layer not in own)]
         planned = tuple(chain.from_iterable(work.plan(layers) for work in self._works))
-        yield SceneOpened(description, scene.notes, measurements, planned, scene.bounds)
+        yield SceneOpened(description, scene.notes, measurements, planned, scene.bounds, scene.animations)
 
     def _look(self, request: LookFrom) -> Steps:
         yield Progress("scene", 0.5, text="tracing what the camera sees")

@@ -230,7 +230,7 @@ class OrbitTalk(ModeTalk):
         """What pictures are to be drawn of."""
         return OrbitWish.of(document, view)
 
-    def _poses_of(self, document: Document) -> Poses:
+    def _poses_of(self, document: Document, view: ViewState) -> Poses:
         """The poses that are drawn; none where objects stand as the worker has traced them."""
         return ()
 
@@ -265,7 +265,7 @@ class OrbitTalk(ModeTalk):
         wish = self._wish
         if wish is None or self._wish_made_of != made_of:
             wish, self._wish_made_of = self._wish_of(document, view), made_of
-        poses = self._poses_of(document)
+        poses = self._poses_of(document, view)
         if (wish, view.look, poses) != (self._wish, self._look, self._poses):
             self._moved_at = -math.inf if self._wish is None else now
             self._is_stopped = self._is_stopped and wish == self._wish

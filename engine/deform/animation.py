@@ -40,7 +40,7 @@ def sampled(clip: Clip, time: float, loop: bool = True) -> Values:
     """The values of a clip's tracks, by node and path, at a time. Raises ValueError where it is not finite."""
     if not np.isfinite(time):
         raise ValueError(f"time {time}, expected a finite number of seconds")
-    if loop and clip.duration > 0.0:
+    if loop and clip.duration > 0.0 and not 0.0 <= time <= clip.duration:
         time %= clip.duration
     return {(track.node, track.path): _at(track, time) for track in clip.tracks}
 

@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 
 from engine.deform.gloss import add_gloss, low_gloss
 from engine.deform.points import BendingPoints, bending_points
-from engine.deform.pose import Pose, Poses, deformed
+from engine.deform.pose import Pose, Poses, Row, deformed
+from engine.deform.posed_scene import at_moment, deformers
 from engine.deform.raster import BLACK, Backdrop, Drawn, draw, paint
 from engine.deform.shading import BandLight, Lobes, band_light, shade
 from engine.deform.transfer import N_RAYS, bounced, shadowed, unshadowed
@@ -272,9 +273,17 @@ class Deform:
         for i in range(len(self.scene.smooth)):
             row = rows.get(i, ())
             if i not in self._poses or self._poses[i][0] != row:
-                self._poses[i] = row, deformed(self._points.resting(i), row)
+                self._poses[i] = row, self._pose(i, row)
                 self._points.place(i, self._poses[i][1])
         return self._points.places, self._points.frames
+
+    def _pose(self, i: int, row: Row) -> Pose:
+        """Where a row takes all that is drawn of an object."""
+        assert self._points is not None
+        resting = self._points.resting(i)
+        rest, moment = at_moment(self.scene, i, row)
+        carried = resting if moment is rest else self._points.carried(i, resting, rest, moment)
+        return deformed(carried, deformers(row), resting.box)
 
     def _shaded(self, poses: Poses, frames: Singles) -> Singles:
         """What white matt points send (S, 3)."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.deform.pose import Pose
+from engine.deform.pose import Pose, orthonormal
 from engine.deform.raster import Surface
 from engine.deform.transfer import TransferPoints
 from engine.orbit.shading_points import ShadingPoints, shading_points, with_backs
@@ -45,6 +45,8 @@ class BendingPoints:
         self._rest_frames = local_frames(points.tangent, points.normal)
         self.surface = Surface(corners, points.triangles, i_object.astype(np.int32))
         self.source, self.within = points.source, points.within
+        self._vertices, self._shares = _anchors(scene, self.surface, points, len(self._rest))
+        self._first_vertices = scene.vertex_ranges[:, 0]
         self.places = self._rest.astype(np.float32)
         self.frames = self._rest_frames.astype(np.float32)
 
@@ -62,6 +64,16 @@ class BendingPoints:
         is_point = mine < len(self)
         frames[is_point] = self._rest_frames[mine[is_point]]
         return Pose(self._rest[mine], frames)
+
+    def carried(self, i_object: int, resting: Pose, rest: Pose, moved: Pose) -> Pose:
+        """What `resting` gave when the vertices of the object's mesh go from rest to a pose: each goes as the triangle
+        does that it lies on."""
+        mine = np.flatnonzero(self._i_object == i_object)
+        vertices, shares = self._vertices[mine] - self._first_vertices[i_object], self._shares[mine]
+        places = np.einsum("nk,nki->ni", shares, (moved.positions - rest.positions)[vertices])
+        turns = np.einsum("vka,vkb->vab", rest.frames, moved.frames)  # of row vectors
+        turned = resting.frames @ np.einsum("nk,nkab->nab", shares, turns[vertices])
+        return Pose(resting.positions + places, orthonormal(turned, resting.frames))
 
     def place(self, i_object: int, pose: Pose) -> None:
         """Draw an object in a pose of what `resting` gave from now on."""
@@ -95,6 +107,20 @@ def bending_points(scene: Scene, caster: RayCaster, n_points: int) -> BendingPoi
     """About n_points besides the meshes' own vertices; caster: of the scene's triangles."""
     points = shading_points(scene, caster, n_points)
     return BendingPoints(scene, with_backs(points, _is_open(scene)))
+
+
+def _anchors(
+    scene: Scene, surface: Surface, points: ShadingPoints, count: int
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """The vertices (N, 3) of the scene's triangle that each of so many points lies on, and their shares (N, 3)."""
+    vertices, shares = np.zeros((count, 3), np.int64), np.zeros((count, 3))
+    for numbers in (surface.corners, surface.sides[:, 0], surface.sides[:, 1]):
+        for k in range(3):
+            is_point = numbers[:, k] >= 0
+            u, v = points.within[is_point, k].T
+            vertices[numbers[is_point, k]] = scene.triangles[points.source[is_point]]
+            shares[numbers[is_point, k]] = np.stack([1.0 - u - v, u, v], axis=1)
+    return vertices, shares
 
 
 def _is_open(scene: Scene) -> NDArray[np.bool_]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,12 +39,25 @@ class Deformation:
             raise ValueError(f"axis {self.axis!r}, expected one of x, y, z")
 
 
-Poses = tuple[tuple[str, tuple[Deformation, ...]], ...]  # of objects, by name
+@dataclass(frozen=True)
+class Moment:
+    """Where an animation of the object's file has taken it at a time, seconds; beyond its ends it begins anew."""
+
+    clip: str
+    time: float
+
+    def __post_init__(self) -> None:
+        if not isfinite(self.time):
+            raise ValueError(f"time {self.time:g}, expected a finite number of seconds")
 
 
-def without_rest(poses: Sequence[tuple[str, tuple[Deformation, ...]]]) -> Poses:
+Row = tuple[Moment | Deformation, ...]  # what an object goes through, one after another; a moment comes first
+Poses = tuple[tuple[str, Row], ...]  # of objects, by name
+
+
+def without_rest(poses: Sequence[tuple[str, Row]]) -> Poses:
     """What of them moves anything: no deformer of no amount, no object without any."""
-    rows = ((name, tuple(each for each in row if each.amount)) for name, row in poses)
+    rows = ((name, tuple(each for each in row if isinstance(each, Moment) or each.amount)) for name, row in poses)
     return tuple((name, row) for name, row in rows if row)
 
 
@@ -54,11 +68,17 @@ class Pose:
     positions: Floats
     frames: Floats
 
+    @property
+    def box(self) -> Floats:
+        """The least and the largest corner (2, 3)."""
+        return np.stack([self.positions.min(axis=0), self.positions.max(axis=0)])
 
-def deformed(rest: Pose, deformations: Sequence[Deformation]) -> Pose:
-    """The pose after the deformers, one after another, each in the box that the resting mesh has."""
-    positions, jacobians = rest.positions, np.broadcast_to(np.eye(3), rest.frames.shape)
-    low, high = positions.min(axis=0), positions.max(axis=0)
+
+def deformed(pose: Pose, deformations: Sequence[Deformation], box: Floats | None = None) -> Pose:
+    """The pose after the deformers, one after another, each in the same box (2, 3): the resting mesh's, or None where
+    that is the pose's own."""
+    positions, jacobians = pose.positions, np.broadcast_to(np.eye(3), pose.frames.shape)
+    low, high = pose.box if box is None else box
     for deformation in deformations:
         places = list(_AXES[deformation.axis])
         foot, height = (low + high) / 2.0, high[places[1]] - low[places[1]]
@@ -69,7 +89,7 @@ def deformed(rest: Pose, deformations: Sequence[Deformation]) -> Pose:
         back = np.argsort(places)
         positions = moved[:, back] * height + foot
         jacobians = jacobian[:, back][:, :, back] @ jacobians
-    return Pose(positions, deformed_frames(rest.frames, jacobians))
+    return Pose(positions, deformed_frames(pose.frames, jacobians))
 
 
 def deformed_frames(frames: ArrayLike, jacobians: ArrayLike) -> Floats:

@@ -7,14 +7,16 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.deform.pose import Pose, Poses, deformed
+from engine.deform import animation
+from engine.deform.pose import Deformation, Moment, Pose, Poses, Row, deformed
 from engine.scene.frames import local_frames, object_tangents
 from engine.scene.load import Scene
 from engine.scene.mesh import face_normals
 
 
 def posed(scene: Scene, poses: Poses) -> Scene:
-    """The scene with these objects, by name, deformed; names of none do not count. The same scene where nothing is.
+    """The scene with these objects, by name, in these poses; names of none do not count. The same scene where nothing
+    is moved.
 
     A face that has no area left keeps the normal it had.
     """
@@ -22,17 +24,36 @@ def posed(scene: Scene, poses: Poses) -> Scene:
     if not moving:
         return scene
     vertices, normals = scene.vertices.copy(), scene.normals.copy()
-    for i, deformations in moving:
+    for i, row in moving:
+        rest, moment = at_moment(scene, i, row)
         which = np.unique(scene.triangles[slice(*scene.triangle_ranges[i])])
-        pose = deformed(_resting(scene, i, which), deformations)
+        mine = which - scene.vertex_ranges[i, 0]
+        box = Pose(rest.positions[mine], rest.frames[mine]).box
+        pose = deformed(Pose(moment.positions[mine], moment.frames[mine]), deformers(row), box)
         vertices[which], normals[which] = pose.positions, pose.frames[:, 2]
     geometric, solid = face_normals(vertices, scene.triangles)
     geometric = np.where(solid[:, None], geometric, scene.geometric_normals)
     return replace(scene, vertices=vertices, normals=normals, geometric_normals=geometric.astype(np.float32))
 
 
-def _resting(scene: Scene, i: int, which: NDArray[np.integer]) -> Pose:
-    """The vertices (V,) of object i as the scene's file has them."""
+def deformers(row: Row) -> list[Deformation]:
+    """What comes after the moment."""
+    return [each for each in row if isinstance(each, Deformation)]
+
+
+def at_moment(scene: Scene, i: int, row: Row) -> tuple[Pose, Pose]:
+    """The vertices of object i in their range, as the scene's file has them and as the row's moment does: the same
+    where it has none, or the object no such animation."""
+    rest = _resting(scene, i)
+    rig, moment = scene.rigs[i], next((each for each in row if isinstance(each, Moment)), None)
+    if rig is None or moment is None or moment.clip not in [clip.name for clip in rig.skeleton.clips]:
+        return rest, rest
+    triangles = scene.triangles[slice(*scene.triangle_ranges[i])] - scene.vertex_ranges[i, 0]
+    return rest, animation.posed(rig, rest, triangles, moment.clip, moment.time)
+
+
+def _resting(scene: Scene, i: int) -> Pose:
+    which: NDArray[np.int64] = np.arange(*scene.vertex_ranges[i])
     normals = scene.normals[which].astype(np.float64)
     tangents = object_tangents(scene, np.full(len(which), i), normals)
     return Pose(scene.vertices[which].astype(np.float64), local_frames(tangents, normals))

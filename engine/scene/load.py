@@ -25,7 +25,7 @@ from engine.scene.description import Camera, SceneDescription, load_description
 from engine.scene.mesh import MESH_ENDINGS, Mesh, face_normals, join_meshes, join_uvs, place_mesh
 from engine.scene.parts import ObjectMesh, object_meshes
 from engine.scene.relief import Relief
-from engine.scene.rig import Rig
+from engine.scene.rig import Animations, Rig
 from engine.scene.stage import DEFAULT_ENVIRONMENT, stage_mesh
 from engine.texture.store import TextureStore
 
@@ -91,6 +91,11 @@ class Scene:
                 corners = self.vertices[self.triangles[start:stop]].reshape(-1, 3)
                 box[:] = self.origin + np.stack([corners.min(axis=0), corners.max(axis=0)])
         return bounds
+
+    @property
+    def animations(self) -> tuple[Animations, ...]:
+        """Those of each object's file."""
+        return tuple(() if rig is None else rig.animations for rig in self.rigs)
 
     @property
     def object_names(self) -> tuple[str, ...]:

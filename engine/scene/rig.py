@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -41,6 +42,16 @@ class Clip:
     name: str
     duration: float
     tracks: tuple[Track, ...]
+
+
+class Animation(NamedTuple):
+    """What of a clip the window knows: its name, and how long it is, seconds."""
+
+    name: str
+    duration: float
+
+
+Animations = tuple[Animation, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +111,11 @@ class Rig:
     skeleton: Skeleton
     binding: Binding
     frame: Floats
+
+    @property
+    def animations(self) -> Animations:
+        """All that move anything of it."""
+        return tuple(Animation(clip.name, clip.duration) for clip in self.skeleton.clips if clip.tracks)
 
     def placed(self, matrix: Floats, normals: Floats | None) -> Rig:
         """Of the mesh under an affine transform, see `Binding.placed`."""

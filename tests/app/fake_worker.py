@@ -29,6 +29,7 @@ from engine.plan import Precision, band_counts
 from engine.render.picture_error import ErrorEstimate
 from engine.scene.description import parse_description
 from engine.scene.picture_frame import PictureFrame
+from engine.scene.rig import Animations
 
 METAL = {"model": "rough_conductor", "alpha": 0.15}
 SCENE: dict[str, Any] = {
@@ -99,7 +100,7 @@ class FakeClient:
     def open_scene(
         self, scene: dict[str, Any] = SCENE, bands: dict[str, dict[str, int]] | None = None,
         measurements: dict[str, Measurement] | None = None, planned: tuple[tuple[Layer, dict[str, int]], ...] = (),
-        boxes: NDArray[np.float64] | None = None,
+        boxes: NDArray[np.float64] | None = None, animations: tuple[Animations, ...] = (),
     ) -> None:  # fmt: skip
         """Answer the newest OpenScene; bands: those planned, None for all; boxes: of the objects, None for none."""
         description = parse_description(scene, "scene.toml")
@@ -109,7 +110,7 @@ class FakeClient:
         text = description.model_dump_json(by_alias=True)
         planned = (*((document.layer(key), counts) for key, counts in bands.items()), *planned)
         boxes = np.zeros((0, 2, 3)) if boxes is None else boxes
-        opened = SceneOpened(text, ("a note",), measurements=measurements or {}, planned=planned, boxes=boxes)
+        opened = SceneOpened(text, ("a note",), measurements or {}, planned, boxes, animations)
         self.answer(self.sent(OpenScene)[-1], opened)
         self.see_scene()
 

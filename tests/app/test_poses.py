@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from app.commands import AddDeformer, EditCommand, MoveDeformer, RemoveDeformer, SetDeformer, SetPose
+from app.commands import AddDeformer, EditCommand, MoveDeformer, RemoveDeformer, SetDeformer, SetPose, SetTime
 from app.commands.poses import MAX_DEFORMERS
 from app.document import Document
 from app.editor import Editor
-from app.files.session import load_session, save_session
+from app.files.session import fit_session, load_session, save_session
 from app.looking import REST_SECONDS
 from app.messages import Failed, LookFrom
 from app.script import DeformObject, load_script
 from app.set_path import set_path
-from app.view_state import ViewState
-from engine.deform.pose import Deformation
+from app.timeline import shown_poses
+from app.view_state import SetView, ViewState
+from engine.deform.pose import Deformation, Moment
 from engine.errors import InsituError, LoadError
+from engine.scene.rig import Animation
 from tests.app.fake_worker import FakeClient
 
 BEND, TWIST = Deformation("bend", 40.0), Deformation("twist", -90.0, "x")
@@ -92,6 +95,115 @@ def test_a_script_deforms(tmp_path: Path) -> None:
         script.write_text(f"[[step]]\ndeform = {wrong}\n")
         with pytest.raises(LoadError, match="deform"):
             load_script(script)
+
+
+@pytest.fixture
+def flying(document: Document) -> Document:
+    """The pot has two animations, the floor one."""
+    flap, glide = Animation("flap", 1.2), Animation("glide", 3.0)
+    pot, floor, lamp = document.objects
+    moving = replace(pot, animations=(flap, glide)), replace(floor, animations=(flap,)), lamp
+    return replace(document, objects=moving)
+
+
+def moments(document: Document) -> list[Moment | None]:
+    return [state.moment for state in document.objects]
+
+
+def test_time_is_that_of_all_that_are_animated(flying: Document) -> None:
+    document = set_path(flying, "time", 0.4).apply(flying)
+    assert moments(document) == [Moment("flap", 0.4), Moment("flap", 0.4), None]
+    assert document.poses == (("pot", (Moment("flap", 0.4),)), ("floor", (Moment("flap", 0.4),)))
+    document = SetTime(2.0, "glide").apply(document)
+    assert moments(document) == [Moment("glide", 2.0), Moment("flap", 0.4), None]
+    document = set_path(document, "pot.time", 2.5).apply(document)
+    assert moments(document)[:2] == [Moment("glide", 2.5), Moment("flap", 0.4)]
+    bent = SetPose("pot", (BEND,)).apply(document)
+    assert bent.poses[0] == ("pot", (Moment("glide", 2.5), BEND))  # what is animated bends as it is then
+    assert SetTime(None).apply(document) == flying
+
+
+def test_times_that_make_no_sense_are_refused(document: Document, flying: Document) -> None:
+    for edit, said in (
+        (SetTime(1.0), "the scene has no animation"),
+        (SetTime(1.0, object="pot"), "pot has no animation"),
+    ):
+        with pytest.raises(InsituError, match=said):
+            edit.apply(document)
+    with pytest.raises(InsituError, match="animation 'swim', expected one of flap, glide"):
+        SetTime(1.0, "swim").apply(flying)
+    with pytest.raises(InsituError, match="time nan, expected a finite number of seconds"):
+        SetTime(float("nan")).apply(flying)
+    for value in ("soon", True, float("inf")):
+        with pytest.raises(LoadError, match=r"pot\.time: value = .*, expected a finite number of seconds"):
+            set_path(flying, "pot.time", value)
+
+
+def test_a_session_keeps_the_time_and_says_what_of_it_there_is_no_more(flying: Document, tmp_path: Path) -> None:
+    document = SetTime(0.4).apply(flying)
+    session = load_session(save_session(tmp_path / "flying.insitu", document, ViewState()))
+    assert fit_session(session, flying, "flying.insitu") == document
+    resting = replace(flying, objects=tuple(replace(each, animations=()) for each in flying.objects))
+    with pytest.raises(LoadError, match="object 'pot': clip = flap, expected no time: it has no animation"):
+        fit_session(session, resting, "flying.insitu")
+
+
+def test_a_script_says_a_time(tmp_path: Path) -> None:
+    script = tmp_path / "script.toml"
+    script.write_text(
+        '[[step]]\ndeform = {time = 0.4}\n[[step]]\ndeform = {object = "pot", time = 1, clip = "glide", bend = 40.0}\n'
+    )
+    assert load_script(script) == (
+        DeformObject(None, (), 0.4),
+        DeformObject("pot", (("bend", 40.0),), 1.0, "glide"),
+    )
+    for wrong in ('{clip = "flap"}', '{time = "soon"}', "{time = 1.0, bend = 4.0}", "{time = nan}"):
+        script.write_text(f"[[step]]\ndeform = {wrong}\n")
+        with pytest.raises(LoadError, match="deform"):
+            load_script(script)
+
+
+@pytest.fixture
+def playing(client: FakeClient) -> Editor:
+    """An editor in Deform whose pot has an animation of 1.2 seconds, which plays from second 1 on."""
+    editor = Editor(client, "shelf")
+    client.open_scene(animations=((Animation("flap", 1.2),), (), ()))
+    editor.do(SetView.of(mode="deform"))
+    editor.tick(0.0)
+    editor.play()
+    editor.tick(1.0)
+    return editor
+
+
+def test_what_plays_is_no_step_and_stays_where_it_stops(playing: Editor, client: FakeClient) -> None:
+    for now, time in ((1.5, 0.5), (2.0, 1.0), (2.5, 0.3)):  # it begins anew after 1.2 seconds
+        playing.tick(now)
+        ((_, (moment,)),) = shown_poses(playing.document, playing.view)
+        assert isinstance(moment, Moment) and moment.time == pytest.approx(time)
+    assert playing.document.poses == () and not playing.history.undo_steps
+    assert not [look for look in client.sent(LookFrom) if look.poses]  # it does not rest
+    playing.do(AddDeformer("pot", "bend", 40.0))
+    playing.pause()
+    stopped, bend = playing.document.object("pot").row
+    assert isinstance(stopped, Moment) and stopped.time == pytest.approx(0.3) and bend == BEND
+    playing.tick(9.0)
+    assert playing.document.object("pot").moment == stopped
+    assert [step.label for step in playing.history.undo_steps] == ["bend pot"]
+
+
+def test_without_a_loop_it_stops_at_its_end_and_plays_from_the_start_again(playing: Editor) -> None:
+    playing.do(SetView.of(loops=False))
+    playing.tick(5.0)
+    assert playing.view.playing is None and playing.document.object("pot").moment == Moment("flap", 1.2)
+    playing.play()
+    assert playing.view.playing == 0.0
+
+
+def test_another_mode_stops_it(playing: Editor) -> None:
+    playing.tick(1.5)
+    playing.do(SetView.of(mode="placement"))
+    playing.tick(1.6)
+    assert playing.view.playing is None and playing.document.object("pot").moment == Moment("flap", 0.5)
 
 
 @pytest.fixture

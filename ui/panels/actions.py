@@ -61,6 +61,13 @@ class Redo:
 
 
 @dataclass(frozen=True)
+class Play:
+    """Let the scene's animation go on; False: stop it where it is."""
+
+    goes_on: bool = True
+
+
+@dataclass(frozen=True)
 class BeginLook:
     """A hand took hold of the camera: all until `EndLook` is one step of the view's own history."""
 
@@ -293,7 +300,7 @@ class Quit:
 
 WindowAction = (
     BeginDrag | EndDrag | CancelDrag | InOneStep | BeginLook | DragLook | EndLook | LookFromThere | UndoLook | RedoLook
-    | KeepView | RenameView | SetPreference
+    | Play | KeepView | RenameView | SetPreference
     | Hold | Undo | Redo | Select | SetPanel | OpenFile | OpenImage | AskFile
     | ReloadImages | SaveSession | SavePicture | ImportMeasured | ExportMeasured | ExportScene | Screenshot
     | SaveMaterial | DeleteMaterial | Copy | Paste | Recover | Leave | Resize | ShowPanel | ResetLayout | CancelWork

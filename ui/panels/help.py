@@ -13,7 +13,7 @@ from app.solo import toggled
 from app.view_state import SetView, Tool
 from engine.scene.builtin import DEFAULT_SCENE
 from ui import theme as look
-from ui.panels import orbit_camera, paint
+from ui.panels import orbit_camera, paint, timeline
 from ui.panels.actions import (
     Action,
     AskFile,
@@ -83,7 +83,7 @@ SHORTCUTS = (
     Shortcut("Picture", "O", "Placement, or Orbit, where the camera moves freely", "orbit", int(Key.o)),
     Shortcut("Picture", "G", "Placement, or Deform, where objects bend", "deform", int(Key.g)),
     Shortcut("Picture", "C", "Compare: remember this picture as A, show A | B", "compare", int(Key.c)),
-    Shortcut("Picture", "Space", "The picture alone, or with all panels", "alone", int(Key.space)),
+    Shortcut("Picture", "Space", "The picture alone; where it is animated, in Deform: play", "alone", int(Key.space)),
     Shortcut("Picture", "Ctrl Alt wheel", "Magnify the picture about the mouse"),
     Shortcut("Picture", "Ctrl Alt drag", "Move the magnified picture"),
     Shortcut("Picture", "0   1", "Fit the picture, show it pixel for pixel", "whole", int(Key._0), "0"),
@@ -169,7 +169,7 @@ def keyboard(context: PanelContext) -> list[Action]:
         if shortcut.name == "alone" and imgui.get_io().nav_visible:  # it presses the control that has the frame
             continue
         if shortcut.chord is not None and (imgui.is_key_chord_pressed(shortcut.chord) or _repeats(context, shortcut)):
-            actions += perform(context, shortcut.name)
+            actions += (_play(context) if shortcut.name == "alone" else []) or perform(context, shortcut.name)
     return actions
 
 
@@ -227,6 +227,11 @@ def perform(context: PanelContext, name: str) -> list[Action]:
     if name in ("copy_material", "copy_curve"):
         return _copy(context, name)
     return _on_operator(context, name)
+
+
+def _play(context: PanelContext) -> list[Action]:
+    """Where there is a line of time below the picture, it plays or stops."""
+    return timeline.toggled(context) if context.mode.strip else []
 
 
 def _other_mode(context: PanelContext, name: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from imgui_bundle import ImVec2, imgui
 
 from app.commands.light import SetRotation
+from app.naming import named
 from app.solo import alone
 from app.view_state import SetView
 from engine.material.layer import object_of
@@ -31,6 +32,13 @@ def draw(context: PanelContext) -> list[Action]:
         draw_list.add_rect_filled(corner, end, look.pack(look.BACKDROP))
     if room.x < 8 or room.y < 8:
         return []
+    taken, below = named(context.mode.strip)(context, corner, room) if context.mode.strip else (0.0, [])
+    return _draw_picture(context, corner, ImVec2(room.x, room.y - taken)) + below
+
+
+def _draw_picture(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[Action]:
+    """The picture in its room."""
+    end, draw_list = ImVec2(corner.x + room.x, corner.y + room.y), imgui.get_window_draw_list()
     imgui.invisible_button("picture", room)
     context.handles.note_item("viewport.centre")
     picture = context.picture

@@ -16,6 +16,7 @@ from engine.indirect.series import BounceSeries
 from engine.light.image_files import read_radiance_image
 from engine.scene.description import Camera
 from tests.app.test_brdf_files import insitu
+from tests.engine.deform.test_moments import write_bar
 from tests.engine.orbit.conftest import SCENE
 
 
@@ -69,6 +70,38 @@ def test_frames_that_are_there_are_kept_and_others_drawn(scene: Path, tmp_path: 
     assert turn(scene, out, "--mode", mode, "--turntable", 3, "--set", "ball.0.albedo=[0.3, 0.2, 0.1]") == 0
     assert "3 frames" in capsys.readouterr().out
     assert frames[0].read_bytes() != first[0]
+
+
+@pytest.mark.parametrize("mode", ["deform", pytest.param("placement", marks=pytest.mark.sweep)])
+def test_an_animation_is_frames_of_it_and_a_time_one_of_them(
+    tmp_path: Path, mode: str, capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stills, "DEFORM_RAYS", 16)
+    monkeypatch.setattr("engine.deform.live.N_POINTS", 60)
+    (tmp_path / "scene").mkdir()
+    bar, out = write_bar(tmp_path / "scene"), tmp_path / "out"
+    few = ("--resolution", 12, 9, "--bounces", 1, "--mode", mode)
+    assert insitu("render", bar, "-o", out, *few, "--frames", 4) == 0
+    first = [(out / f"000{i}.png").read_bytes() for i in range(4)]
+    assert len(set(first)) == 4
+    (out / "0002.png").unlink()
+    assert insitu("render", bar, "-o", out, *few, "--frames", 4) == 0
+    assert "1 frames, 3 were there" in capsys.readouterr().out and (out / "0002.png").read_bytes() == first[2]
+    assert insitu("render", bar, "-o", tmp_path / "still.png", *few, "--time", 2.5) == 0  # which is 0.5
+    assert np.array_equal(Image.open(tmp_path / "still.png"), Image.open(out / "0002.png"))
+
+
+def test_what_does_not_go_with_an_animation_is_said(scene: Path, tmp_path: Path, capsys) -> None:
+    for words, said in (
+        ((), "the scene has no animation"),
+        (("--time", 1), "--frames 2 --time 1"),
+        (("--mode", "orbit"), "--mode orbit"),
+        (("--turntable", 2), "--turntable 2"),
+    ):
+        assert insitu("render", scene, "-o", tmp_path / "out", "--frames", 2, *words) == 1
+        assert said in capsys.readouterr().err
+    assert insitu("render", scene, "-o", tmp_path / "still.png", "--time", 1) == 1
+    assert "the scene has no animation" in capsys.readouterr().err
 
 
 def test_somebodys_own_pictures_are_not_replaced(scene: Path, tmp_path: Path, capsys) -> None:

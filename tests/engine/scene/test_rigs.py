@@ -126,6 +126,7 @@ def test_times_beyond_the_ends_begin_anew_or_stay(bar: Bar, read: Callable) -> N
     model = read(bar)
     assert (at(model, 2.25).positions == at(model, 0.25).positions).all()
     assert (at(model, -0.75).positions == at(model, 0.25).positions).all()
+    assert (at(model, 1.0).positions == at(model, 1.0, loop=False).positions).all()  # its end is its own, not its start
     assert (at(model, 9.0, loop=False).positions == at(model, 1.0, loop=False).positions).all()
     assert (at(model, -9.0, loop=False).positions == at(model, 0.0).positions).all()
     with pytest.raises(ValueError, match="animation 'walk', expected one of bend"):

@@ -1,0 +1,76 @@
+"""Objects at a time of their file's animation: in a scene that is traced, and where Deform draws them."""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine.deform import animation
+from engine.deform.live import Deform
+from engine.deform.points import bending_points
+from engine.deform.pose import Deformation, Moment, deformed
+from engine.deform.posed_scene import at_moment, posed
+from engine.scene.load import Scene, load_scene
+from tests.engine.scene.test_rigs import Bar
+from tests.scene_text import camera, placed
+
+ROW = (Moment("bend", 0.7),)
+
+
+def write_bar(folder: Path) -> Path:
+    """A scene of a bar on two joints that bends within a second."""
+    bar = Bar()
+    tree = json.dumps(bar.tree | {"buffers": [{"byteLength": len(bar.binary)}]}).encode()
+    tree += b" " * (-len(tree) % 4)
+    chunks = [struct.pack("<II", len(each), kind) + each for each, kind in ((tree, 0x4E4F534A), (bar.binary, 0x4E4942))]
+    (folder / "bar.glb").write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + sum(map(len, chunks))) + b"".join(chunks))
+    path = folder / "bar.toml"
+    bar_object = '[[object]]\nname = "bar"\nmesh = "bar.glb"\n'
+    dice = placed("dice", "cube", "0.2,0,0,0.4, 0,0.2,0,0.5, 0,0,0.2,0.15, 0,0,0,1")  # near by, so that the bar is cut
+    path.write_text(camera((0, 1, 4), 40, (24, 18)) + "[environment]\nradiance = [1, 2, 3]\n" + bar_object + dice)
+    return path
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Scene:
+    return load_scene(write_bar(tmp_path))
+
+
+def test_a_scene_stands_as_its_animation_has_it_and_bends_from_there(scene: Scene) -> None:
+    rest, pose = at_moment(scene, 0, ROW)
+    assert scene.rigs[0] is not None
+    moved = animation.posed(scene.rigs[0], rest, scene.triangles[:3], "bend", 0.7)
+    assert np.array_equal(pose.positions, moved.positions) and np.abs(pose.positions - rest.positions).max() > 0.5
+    traced = posed(scene, (("bar", ROW),))
+    assert traced.vertices[:5] == pytest.approx(moved.positions, abs=1e-6)
+    assert traced.normals[:5] == pytest.approx(moved.frames[:, 2], abs=1e-6)
+    row = (ROW[0], Deformation("bend", 30.0))
+    bent = deformed(moved, [row[1]], rest.box)  # in the box of the mesh at rest, or it would shake as that moves
+    assert posed(scene, (("bar", row),)).vertices[:5] == pytest.approx(bent.positions, abs=1e-6)
+
+
+def test_an_animation_that_is_not_there_moves_nothing(scene: Scene) -> None:
+    assert np.array_equal(posed(scene, (("bar", (Moment("swim", 0.7),)),)).vertices, scene.vertices)
+
+
+def test_what_is_drawn_goes_as_the_triangle_does_that_it_lies_on(scene: Scene) -> None:
+    deform = Deform(scene, n_points=200)
+    deform._points = points = bending_points(scene, deform._caster, 200)
+    resting, pose = points.resting(0), deform._pose(0, ROW)
+    assert len(resting.positions) > 20
+    rest, moved = at_moment(scene, 0, ROW)
+    for number, place in enumerate(rest.positions):
+        (found,) = np.nonzero(np.abs(resting.positions - place).max(axis=1) < 1e-6)
+        assert len(found) >= 2  # on either side
+        assert pose.positions[found] == pytest.approx(np.tile(moved.positions[number], (len(found), 1)), abs=1e-6)
+        sides = np.sign(resting.frames[found, 2] @ rest.frames[number, 2])
+        assert pose.frames[found, 2] == pytest.approx(np.outer(sides, moved.frames[number, 2]), abs=1e-6)
+    # In the middle of a triangle: as far as its corners on average, by their shares.
+    corners = rest.positions[scene.triangles[0]]
+    inside = [k for k, each in enumerate(resting.positions) if (np.abs(corners - each).max(axis=1) > 1e-3).all()]
+    assert inside and np.isfinite(pose.frames).all()
+    assert deform._pose(0, ()).positions == pytest.approx(resting.positions, abs=0.0)

@@ -1,0 +1,95 @@
+"""The line of time below the picture, where files of the scene have animations: play, scrub, loop, which of them."""
+
+from __future__ import annotations
+
+from imgui_bundle import ImVec2, imgui
+
+from app.commands import SetTime
+from app.timeline import Timeline, timeline
+from app.view_state import SetView
+from ui import theme as look
+from ui.panels import fields, widgets
+from ui.panels.actions import Action, BeginDrag, EndDrag, Play
+from ui.panels.context import PanelContext
+from ui.theme import Icon
+
+_PADDING, _CLIP_WIDTH = 6.0, 130.0
+
+
+def draw(context: PanelContext, corner: ImVec2, room: ImVec2) -> tuple[float, list[Action]]:
+    """At the lower end of a room on screen; how much of its height that takes: nothing where nothing is animated."""
+    line = timeline(context.document, context.view)
+    padding = context.px(_PADDING)
+    height = imgui.get_frame_height() + 2.0 * padding
+    if line is None or room.y < 3.0 * height:
+        return 0.0, []
+    upper, lower = ImVec2(corner.x, corner.y + room.y - height), ImVec2(corner.x + room.x, corner.y + room.y)
+    draw_list = imgui.get_window_draw_list()
+    draw_list.add_rect_filled(upper, lower, look.pack(look.SURFACE))
+    draw_list.add_line(upper, ImVec2(lower.x, upper.y), look.pack(look.LINE))
+    imgui.set_cursor_screen_pos(ImVec2(upper.x + padding, upper.y + padding))
+    actions = _play(context)
+    imgui.same_line()
+    actions += _scrub(context, line, lower.x - padding)
+    imgui.same_line()
+    actions += _ways(context, line)
+    imgui.set_cursor_screen_pos(corner)
+    return height, actions
+
+
+def toggled(context: PanelContext) -> list[Action]:
+    """Play, or stop; nothing where nothing is animated."""
+    is_animated = timeline(context.document, context.view) is not None
+    return [Play(context.view.playing is None)] if is_animated else []
+
+
+def _play(context: PanelContext) -> list[Action]:
+    plays = context.view.playing is not None
+    icon, hint = (Icon.PAUSE, "Stop here (Space).") if plays else (Icon.RESUME, "Play (Space).")
+    return toggled(context) if widgets.icon_button(context, "timeline.play", icon, hint, lit=plays) else []
+
+
+def _scrub(context: PanelContext, line: Timeline, end: float) -> list[Action]:
+    """The time under the hand: one drag is one step of the history."""
+    imgui.set_next_item_width(max(end - imgui.get_cursor_screen_pos().x - _width_of_ways(context, line), 1.0))
+    hand, time = fields.slider(
+        context, "time", line.time or 0.0, 0.0, max(line.duration, 1e-3), f"%.2f s of {line.duration:.2f} s",
+        handle="timeline.time", title="Time",
+    )  # fmt: skip
+    widgets.tooltip("Drag through the animation; double-click to type a time. One drag is one step of the history.")
+    actions: list[Action] = [Play(False)] if hand.began and context.view.playing is not None else []
+    if hand.began:
+        actions.append(BeginDrag())
+    if hand.changed:
+        actions.append(SetTime(time))
+    if hand.ended:
+        actions.append(EndDrag())
+    return actions
+
+
+def _ways(context: PanelContext, line: Timeline) -> list[Action]:
+    """Which animation, whether it begins anew, and back to the pose of the file."""
+    actions: list[Action] = []
+    if len(line.clips) > 1:
+        imgui.set_next_item_width(context.px(_CLIP_WIDTH))
+        chosen, index = imgui.combo("##clip", line.clips.index(line.clip), list(line.clips))
+        context.handles.note_item("timeline.clip")
+        widgets.tooltip("Which of the file's animations.")
+        if chosen:
+            actions += [Play(False), SetTime(0.0, line.clips[index])]
+        imgui.same_line()
+    loops = context.view.loops
+    if widgets.icon_button(context, "timeline.loop", Icon.LOOP, "At its end begin anew, or stop.", lit=loops):
+        actions.append(SetView.of(loops=not loops))
+    imgui.same_line(0.0, 0.0)
+    moves = line.time is not None
+    hint = "Back to rest: the pose that the file has without its animation."
+    if widgets.icon_button(context, "timeline.rest", Icon.CLOSE, hint, enabled=moves):
+        actions += [Play(False), SetTime(None)]
+    return actions
+
+
+def _width_of_ways(context: PanelContext, line: Timeline) -> float:
+    gap = imgui.get_style().item_spacing.x
+    clip = context.px(_CLIP_WIDTH) + gap if len(line.clips) > 1 else 0.0
+    return gap + clip + 2.0 * imgui.get_frame_height()
