@@ -31,9 +31,9 @@ def timeline(document: Document, view: ViewState) -> Timeline | None:
     if not animated:
         return None
     lead = next((state for state in animated if state.moment is not None), animated[0])
-    moment, clip = lead.moment, _clip_of(lead)
+    clip, seen = _clip_of(lead), None if lead.moment is None else lead.moment.time
     duration = next(each.duration for each in lead.animations if each.name == clip)
-    time = view.playing if view.playing is not None else moment and moment.time
+    time = seen if view.playing is None else view.playing
     if time is not None and duration > 0.0 and not 0.0 <= time <= duration:
         time %= duration
     clips = dict.fromkeys(each.name for state in animated for each in state.animations)

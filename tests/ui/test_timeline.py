@@ -1,0 +1,71 @@
+"""The line of time below the picture: there where something is animated, Space plays it, and a scrub is one step."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from imgui_bundle import imgui
+
+from app.editor import Editor
+from app.view_state import SetView
+from engine.scene.rig import Animation
+from ui.headless import HeadlessWindow
+
+pytestmark = pytest.mark.gl
+
+
+@pytest.fixture
+def flying(window: HeadlessWindow) -> Editor:
+    """The editor in Deform, its teapot with two animations."""
+    editor = window.shell.editor
+    teapot = replace(editor.document.objects[0], animations=(Animation("flap", 1.2), Animation("glide", 3.0)))
+    editor.history.document = editor.document.with_object(teapot)
+    editor.do(SetView.of(mode="deform"))
+    window.frames(3)
+    return editor
+
+
+def time_of(editor: Editor) -> float | None:
+    moment = editor.document.object("teapot").moment
+    return None if moment is None else moment.time
+
+
+def test_only_what_is_animated_has_a_line_of_time(window: HeadlessWindow) -> None:
+    window.shell.editor.do(SetView.of(mode="deform"))
+    window.frames(2)
+    assert "timeline.time" not in window.shell.handles.names()
+    before = window.shell.state.alone
+    window.key(imgui.Key.space)
+    assert window.shell.state.alone is not before
+
+
+def test_a_scrub_is_one_step(window: HeadlessWindow, flying: Editor) -> None:
+    window.drag_handle("timeline.time", (60, 0))
+    assert 0.0 < (time_of(flying) or 0.0) < 1.2 and len(flying.history.undo_steps) == 1
+    flying.undo()
+    assert time_of(flying) is None
+
+
+def test_space_plays_and_stops(window: HeadlessWindow, flying: Editor) -> None:
+    window.key(imgui.Key.space)
+    assert flying.view.playing is not None and not window.shell.state.alone
+    window.frames(3)
+    window.key(imgui.Key.space)
+    assert flying.view.playing is None and time_of(flying) is not None and not flying.history.undo_steps
+
+
+def test_taking_hold_of_the_time_stops_it(window: HeadlessWindow, flying: Editor) -> None:
+    window.click_handle("button.timeline.play")
+    window.frames(2)
+    window.drag_handle("timeline.time", (30, 0))
+    assert flying.view.playing is None and len(flying.history.undo_steps) == 1
+
+
+def test_the_way_back_to_rest_and_whether_it_loops(window: HeadlessWindow, flying: Editor) -> None:
+    window.drag_handle("timeline.time", (60, 0))
+    window.frames(2)
+    window.click_handle("button.timeline.rest")
+    assert flying.document.object("teapot").moment is None
+    window.click_handle("button.timeline.loop")
+    assert not flying.view.loops
