@@ -14,7 +14,7 @@ from engine.material.layer import Layer
 from engine.orbit.still import render_orbit
 from engine.steps import finish
 from engine.transport.pipeline import Placement
-from tests.app.test_brdf_files import insitu
+from tests.app.files.test_brdf_files import insitu
 from tests.engine.orbit.conftest import SCENE
 from tests.pictures import write_exr
 

@@ -15,7 +15,7 @@ from app.stills import render_project
 from engine.indirect.series import BounceSeries
 from engine.light.image_files import read_radiance_image
 from engine.scene.description import Camera
-from tests.app.test_brdf_files import insitu
+from tests.app.files.test_brdf_files import insitu
 from tests.engine.deform.test_moments import write_bar
 from tests.engine.orbit.conftest import SCENE
 
