@@ -12,7 +12,7 @@ from app.deform.messages import DeformKnown, DrawDeform, PrepareDeform
 from app.deform.status import DeformStatus
 from app.document import Document
 from app.messages import Request, Response
-from app.mode import Desk
+from app.mode import Desk, OpenedScene
 from app.orbit.talk import OrbitTalk
 from app.orbit.wishes import Drawing, OrbitWish
 from app.picture import PictureEvent
@@ -39,7 +39,12 @@ class DeformTalk(OrbitTalk):
 
     def __init__(self, desk: Desk) -> None:
         self._lost: tuple[tuple[str, float], ...] = ()
+        self._alone: tuple[str, ...] = ()
         super().__init__(desk)
+
+    def scene_opened(self, scene: OpenedScene) -> None:
+        self._alone = tuple(each.name for each in scene.description.objects if each.deform is not None)
+        super().scene_opened(scene)
 
     def take(self, response: Response) -> list[PictureEvent]:
         if isinstance(response, DeformKnown):
@@ -49,7 +54,7 @@ class DeformTalk(OrbitTalk):
 
     def status(self, status: Status) -> Status:
         told = super().status(status)
-        own = {"lost": self._lost, "bends": bool(self._poses)}
+        own = {"lost": self._lost, "bends": bool(self._poses), "alone": self._alone}
         return DeformStatus(**(vars(told) | own)) if told.shown_by == self.title else told
 
     def _wish_of(self, document: Document, view: ViewState) -> OrbitWish:
@@ -59,6 +64,11 @@ class DeformTalk(OrbitTalk):
 
     def _poses_of(self, document: Document, view: ViewState) -> Poses:
         return shown_poses(document, view)
+
+    @property
+    def _may_hand_over(self) -> bool:
+        """Only Deform knows membranes, what light goes through, patches and wrinkles."""
+        return not self._alone
 
     def _preparation(self, wish: OrbitWish) -> Request:
         assert isinstance(wish, DeformWish)

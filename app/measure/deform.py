@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.measure.figures import Figure, not_measured
+from engine.deform.fit_errors import MESH, fit_errors, random_vectors, shadowed_mesh
 from engine.deform.live import N_LOBES, ORDER, Deform, band_light_of, finished
 from engine.deform.points import BendingPoints, bending_points
 from engine.deform.pose import Deformation, deformed
@@ -39,16 +40,19 @@ NAMES = (
 # Sockets, a nose and a mouth: where (x, y) on the ball, how far out, how wide.
 _FEATURES = ((0.35, 0.2, -0.22, 0.2), (-0.35, 0.2, -0.22, 0.2), (0.0, 0.0, 0.3, 0.16), (0.0, -0.4, -0.15, 0.25))
 BEND = Deformation("bend", 60.0)
+NORM = "rms of the error over rms of the signal, as [Sloan05] has it"
 
 
 @dataclass(frozen=True)
 class DeformEffort:
-    """Columns and rows of the mesh's vertices, rays a point, random vectors, frames, and their (width, height)."""
+    """Columns and rows of the mesh's vertices, rays a point, random vectors, points of the mesh that lobes are fitted
+    to, frames, and their (width, height)."""
 
     columns: int = 185
     rows: int = 95
     n_rays: int = N_RAYS
     n_random: int = 400
+    n_mesh: int = 1100
     n_frames: int = 40
     resolution: tuple[int, int] = (512, 384)
 
@@ -68,12 +72,14 @@ def deform_figures(effort: DeformEffort | None, report: Callable[[str], None]) -
     seconds, cpu = time.perf_counter() - begun, time.process_time() - cpu
     ours, undeformed = _bent_errors(scene, points, vectors, zonal_lobes=lobes(zonal), n_rays=effort.n_rays)
     how = f"relief of {len(points)} vertices, {effort.n_rays} rays a point, order {ORDER}"
-    random = np.random.default_rng(1).normal(size=(effort.n_random, ORDER * ORDER))
-    random /= np.linalg.norm(random, axis=1, keepdims=True)
+    of_random = finish(fit_errors(random_vectors(effort.n_random), [6]))[6]
+    of_mesh = finish(fit_errors(finish(shadowed_mesh(effort.n_mesh, effort.n_rays)), [3]))[3]
     bent = f"{how}, bent by {BEND.amount:g} degrees: radiance at its vertices against rays in that pose"
     return [
-        Figure("zh_error_random_6", (_rms(finish(fit(random, 6)).errors),), "6 lobes to random vectors of length 1"),
-        Figure("zh_error_mesh_3", (_rms(finish(fit(vectors[::8], 3)).errors),), f"3 lobes, every 8th point of a {how}"),
+        Figure("zh_error_random_6", (of_random,), f"6 lobes to random vectors of order {ORDER}; {NORM}"),
+        Figure(
+            "zh_error_mesh_3", (of_mesh,), f"3 lobes, points of the built-in {' '.join(MESH)} with its shadows; {NORM}"
+        ),
         Figure("zh_fit_s", (seconds,), f"rays and {N_LOBES} lobes, {how}", {"processor_s": cpu}),
         Figure("deform_fps", tuple(_frames(scene, effort)), f"{how}, {N_LOBES} lobes, matt, another pose each frame"),
         Figure("deform_error_bent", (ours,), bent),
@@ -140,10 +146,6 @@ def _bent_errors(
 
 def _relative(found: NDArray[np.floating], truth: Floats) -> float:
     return float(np.sqrt(((found - truth) ** 2).mean()) / truth.mean())
-
-
-def _rms(errors: Floats) -> float:
-    return float(np.sqrt((errors**2).mean()))
 
 
 def _frames(scene: Scene, effort: DeformEffort) -> list[float]:

@@ -197,7 +197,9 @@ class OrbitTalk(ModeTalk):
     def _picture(self) -> PictureState:
         if self._shown is None:
             return "waiting"
-        return "refining" if self._is_whole else "preview"
+        if self._is_whole:
+            return "refining" if self._may_hand_over else "finished"
+        return "preview"
 
     @property
     def _is_known_to_be_done(self) -> bool:
@@ -234,6 +236,11 @@ class OrbitTalk(ModeTalk):
         """The poses that are drawn; none where objects stand as the worker has traced them."""
         return ()
 
+    @property
+    def _may_hand_over(self) -> bool:
+        """Whether Placement can show what this mode does."""
+        return True
+
     def _preparation(self, wish: OrbitWish) -> Request:
         return PrepareOrbit(wish.scene, wish.n_bounces)
 
@@ -252,7 +259,7 @@ class OrbitTalk(ModeTalk):
         if not self._placement_follows:
             self._prepare()
             self._draw(now)
-            if self._is_whole and not (self._hands_over or self.is_away or self._is_stopped):
+            if self._is_whole and self._may_hand_over and not (self._hands_over or self.is_away or self._is_stopped):
                 self._hands_over = True
                 self.placement.looked_back()
         elif not (self.placement.is_running or self._desk.history.dragging):

@@ -42,48 +42,6 @@ def shade_range(
                     radiance[p, c] += coefficients[p, i, l] * bands[l, c]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def weigh_range(
-    rows: Singles, views: Singles, frames: Singles, to_eye: Singles, start: int, stop: int, radiance: Singles
-) -> None:
-    """Fill radiance[start:stop] (P, 3): what the rows (P, K, 3) send to the eye, by their weights (S, S, K, 3) over a
-    square map of views; 0 where the eye is below (eq. 16)."""
-    side = views.shape[0]
-    for p in range(start, stop):
-        radiance[p] = 0.0
-        frame, eye = frames[p], to_eye[p]
-        x = frame[0, 0] * eye[0] + frame[0, 1] * eye[1] + frame[0, 2] * eye[2]
-        y = frame[1, 0] * eye[0] + frame[1, 1] * eye[1] + frame[1, 2] * eye[2]
-        z = frame[2, 0] * eye[0] + frame[2, 1] * eye[1] + frame[2, 2] * eye[2]
-        if not z > 0.0:
-            continue
-        a, b = _on_square(x, y, z)
-        row = min(max((a + 1.0) * (0.5 * side) - 0.5, 0.0), side - 1.0)
-        column = min(max((b + 1.0) * (0.5 * side) - 0.5, 0.0), side - 1.0)
-        top, left = min(int(row), side - 2), min(int(column), side - 2)
-        below, beside = row - top, column - left
-        for k in range(rows.shape[1]):
-            for c in range(3):
-                above = (1.0 - beside) * views[top, left, k, c] + beside * views[top, left + 1, k, c]
-                under = (1.0 - beside) * views[top + 1, left, k, c] + beside * views[top + 1, left + 1, k, c]
-                radiance[p, c] += ((1.0 - below) * above + below * under) * rows[p, k, c]
-
-
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _on_square(x: float, y: float, z: float) -> tuple[float, float]:
-    """Where on [-1, 1]^2 a direction of the upper hemisphere is: see `glossy.view_directions`."""
-    radius = math.sqrt(max(1.0 - z, 0.0))
-    if abs(x) > abs(y):
-        along = radius if x > 0.0 else -radius
-        turned = math.atan2(y, x) if x > 0.0 else math.atan2(-y, -x)
-        return along, along * turned * (4.0 / math.pi)
-    if y == 0.0:
-        return 0.0, 0.0
-    along = radius if y > 0.0 else -radius
-    turned = math.pi / 2.0 - math.atan2(y, x) if y > 0.0 else math.pi / 2.0 - math.atan2(-y, -x)
-    return along * turned * (4.0 / math.pi), along
-
-
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _to_world(frame: Singles, x: float, y: float, z: float) -> tuple[float, float, float]:
     return (

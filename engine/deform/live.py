@@ -8,7 +8,8 @@
     picture = deform.draw(camera, (512, 384), poses)
 
 What an object's points see of itself turns with them when it bends. What they see of other objects does not: an object
-that is to bend has its own shadows alone, those that stay have one another's. Distant light alone is known here.
+that is to bend has its own shadows alone, those that stay have one another's. Distant light alone is known here. What
+the scene's file says of an object's surface (`engine.scene.surface_kinds`) takes the place of its own transfer.
 """
 
 from __future__ import annotations
@@ -21,16 +22,20 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.deform.details import Detail, detail, heights, shaded, simulated, surface_axes
 from engine.deform.gloss import add_gloss, low_gloss
+from engine.deform.membrane import membrane
 from engine.deform.points import BendingPoints, bending_points
 from engine.deform.pose import Pose, Poses, Row, deformed
 from engine.deform.posed_scene import at_moment, deformers
 from engine.deform.raster import BLACK, Backdrop, Drawn, draw, paint
 from engine.deform.shading import BandLight, Lobes, band_light, shade
+from engine.deform.subsurface import Medium, simulate_subsurface
 from engine.deform.transfer import N_RAYS, bounced, shadowed, unshadowed
 from engine.deform.zonal import Zonal, fit
 from engine.light.environment import LUMINANCE, triangle_integrals
 from engine.material.layer import Layer
+from engine.material.maps import Images
 from engine.orbit.slices import matt_reflectance
 from engine.render.maps import MapFactors
 from engine.render.still import StillProgress
@@ -38,6 +43,8 @@ from engine.render.surface_maps import mean_factor
 from engine.scene.description import CameraDescription
 from engine.scene.load import Scene
 from engine.scene.raycaster import Intersections, RayCaster
+from engine.scene.surface_kinds import DeformSurface
+from engine.scene.surface_uvs import uvs_at
 from engine.sphere.harmonics import project
 from engine.steps import finish, told_as
 from engine.transport.pipeline import SkyState
@@ -95,6 +102,8 @@ class Deform:
         self._job: tuple[_Wanted, Generator[float, None, Zonal]] | None = None
         self._lobes: Lobes | None = None
         self._poses: dict[int, tuple[object, Pose]] = {}
+        self._details: dict[int, Detail] = {}
+        self._axes: dict[int, tuple[object, Singles]] = {}
         self._white: tuple[tuple[object, ...], Singles] | None = None
 
     # ------------------------------------------------------------------------------------------------ what is wanted
@@ -191,7 +200,7 @@ class Deform:
         resting = tuple(i for i in range(len(self.scene.smooth)) if i not in self._posed)
         found = []
         for i in self._layers_of:
-            casters = (i,) if i in self._posed else resting
+            casters = (i,) if i in self._posed or self._says(i) is not None else resting
             albedo = round(float(self._albedos[i] @ LUMINANCE) * _ALBEDO_STEPS) if self._n_bounces else 0
             found.append(_Wanted(i, casters, min(albedo, _ALBEDO_STEPS - 1), self._rays[1]))
         return found
@@ -199,6 +208,10 @@ class Deform:
     def _share(self, wanted: _Wanted) -> float:
         known = self._known.get(wanted.i_object)
         return 0.0 if known is None else 1.0 if known == wanted else 0.1
+
+    def _says(self, i: int) -> DeformSurface | None:
+        """What the scene's file says of an object's surface."""
+        return self.scene.description.objects[i].deform
 
     def _next(self) -> _Wanted | None:
         """What is most urgent: of every object something before of any all."""
@@ -220,10 +233,25 @@ class Deform:
             self._n_bounces,
             wanted.n_rays,
         )
+        says = self._says(wanted.i_object)
+        if says is not None:
+            made_of = self._made_of(says, wanted)
         if is_final and self._shelf is not None and (found := self._shelf.get(made_of)) is not None:
             return found
-        vectors = yield from shadowed(mesh, caster, ORDER, wanted.n_rays)
-        if wanted.albedo:
+        if says is not None and says.membrane is not None:
+            return membrane(self._translucency(wanted.i_object, says.membrane.translucency), ORDER)
+        if says is not None and says.is_mapped:
+            zonal = yield from simulated(self.scene, says, ORDER, N_LOBES if is_final else 1, wanted.n_rays)
+            if is_final and self._shelf is not None:
+                self._shelf.put(made_of, zonal)
+            return zonal
+        if says is not None and says.subsurface is not None:
+            medium = Medium(**dict(says.subsurface))
+            own = mesh.corners[mesh.corners[:, 0] >= 0]
+            vectors = yield from simulate_subsurface(mesh, caster, own, ORDER, medium, wanted.n_rays)
+        else:
+            vectors = yield from shadowed(mesh, caster, ORDER, wanted.n_rays)
+        if wanted.albedo and says is None:
             albedo = wanted.albedo / _ALBEDO_STEPS
             vectors = yield from told_as(bounced(mesh, caster, vectors, albedo, self._n_bounces), lambda share: 0.99)
         zonal = yield from told_as(fit(vectors, N_LOBES if is_final else 1), lambda _: 1.0)
@@ -231,8 +259,32 @@ class Deform:
             self._shelf.put(made_of, zonal)
         return zonal
 
+    def _made_of(self, says: DeformSurface, wanted: _Wanted) -> tuple[object, ...]:
+        """All that the transfer of such a surface hangs on."""
+        assert self._points is not None
+        own = says.model_dump_json(), wanted.n_rays
+        if says.patch is not None:
+            return *own, heights(self.scene, says.patch)
+        if says.wrinkles is not None:
+            return ("wrinkles",)
+        return *own, *self._points.geometry(wanted.i_object, wanted.casters)
+
+    def _translucency(self, i: int, says: float | str) -> NDArray[np.float64]:
+        """Of an object's points (P,), 0 to 1."""
+        assert self._points is not None
+        if not isinstance(says, str):
+            return np.full(len(self._points.of(i)), says)
+        image = self.scene.textures.weight(Images(weight=says))
+        assert image is not None
+        return np.clip(image.at(self._points.uvs(i))[:, 0].astype(np.float64), 0.0, 1.0)
+
     def _take(self, wanted: _Wanted, zonal: Zonal) -> None:
         assert self._points is not None and self._lobes is not None
+        says = self._says(wanted.i_object)
+        if says is not None and says.is_mapped:
+            self._details[wanted.i_object], self._known[wanted.i_object] = detail(self.scene, says, zonal), wanted
+            self.version += 1
+            return
         mine, n = self._points.of(wanted.i_object), zonal.axes.shape[1]
         lobes = Lobes(self._lobes.low.copy(), self._lobes.axes.copy(), self._lobes.coefficients.copy())
         lobes.low[mine], lobes.axes[mine, :n], lobes.coefficients[mine] = zonal.low, zonal.axes, 0.0
@@ -260,10 +312,12 @@ class Deform:
         drawn = draw(self._points.surface, places, camera, eye, size)
         environment, turn = self._light.environment, math.radians(self._light.rotation % 360.0)
         backdrop = BLACK if environment is None else Backdrop(environment.radiance, turn, self._light.scale)
-        picture = paint(drawn, self._points.surface, white, gloss, self._albedos, self.scene.emission, backdrop)
+        albedos = self._albedos.copy()
+        albedos[list(self._details)] = 0.0
+        picture = paint(drawn, self._points.surface, white, gloss, albedos, self.scene.emission, backdrop)
         for i, own in self._layers_of.items():
-            if any(_matt(each) is not None and not each.maps.is_plain for each in own):
-                self._add_mapped(i, drawn, white, picture)
+            if i in self._details or any(not each.maps.is_plain for each in own):
+                self._add_by_pixel(i, drawn, white, picture)
         return _halved(picture) if fine == 2 else picture
 
     def _posed_points(self, poses: Poses) -> tuple[Singles, Singles]:
@@ -305,8 +359,8 @@ class Deform:
                 add_gloss(low, factor, self._points.of(i), places, normals, eye, self._bands, white, sent)
         return sent
 
-    def _add_mapped(self, i: int, drawn: Drawn, white: Singles, picture: Singles) -> None:
-        """Add matt layers that images lie on, pixel by pixel."""
+    def _add_by_pixel(self, i: int, drawn: Drawn, white: Singles, picture: Singles) -> None:
+        """Add matt layers that images lie on, or all where there is detail on the object."""
         assert self._points is not None
         surface, own = self._points.surface, self._layers_of[i]
         sees = drawn.found >= 0
@@ -314,14 +368,30 @@ class Deform:
         if not len(rows):
             return
         triangle, weights = drawn.found[rows, columns], drawn.weights(rows, columns)
-        points = surface.sides[triangle, np.where(drawn.front[triangle] > 0.0, 0, 1)]
-        matt = np.einsum("nk,nki->ni", weights, white[points]) * (points[:, :1] >= 0)
+        is_front = drawn.front[triangle] > 0.0
+        points = surface.sides[triangle, np.where(is_front, 0, 1)]
         u, v = np.einsum("nk,nki->in", weights, self._points.within[triangle])
         at = Intersections(self._points.source[triangle], u, v, np.zeros(len(u), np.float32))
+        if i in self._details and self._bands is not None:
+            uvs = uvs_at(self.scene, at.triangle, u, v)
+            matt = shaded(self._details[i], uvs, self._axes_of(i)[triangle], weights, is_front, self._bands)
+        else:
+            matt = np.einsum("nk,nki->ni", weights, white[points])
+        matt = matt * (points[:, :1] >= 0)
         factors = MapFactors(self.scene, {i: own}).of_hits(at, np.full(len(u), i), np.arange(len(u)))
         for k, layer in enumerate(own):
-            if not layer.maps.is_plain and not _is_glossy(layer):
-                picture[rows, columns] += np.maximum(matt * factors[:, k] * (np.pi * _matt(layer)), 0.0)
+            if _is_glossy(layer) or layer.maps.is_plain and i not in self._details:
+                continue
+            factor = 1.0 if layer.maps.is_plain else factors[:, k]
+            picture[rows, columns] += np.maximum(matt * factor * (np.pi * _matt(layer)), 0.0)
+
+    def _axes_of(self, i: int) -> Singles:
+        """Axes along texture coordinates at the corners of an object's triangles as they stand now."""
+        assert self._points is not None
+        pose = self._poses[i][1]
+        if i not in self._axes or self._axes[i][0] is not pose:
+            self._axes[i] = pose, surface_axes(self.scene, self._points, i)
+        return self._axes[i][1]
 
 
 def _open(n_points: int) -> Generator[float, None, Lobes]:

@@ -17,6 +17,7 @@ from engine.scene.frames import local_frames
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
 from engine.scene.surface_points import SurfacePoints
+from engine.scene.surface_uvs import uvs_at
 
 Singles = NDArray[np.float32]
 Floats = NDArray[np.float64]
@@ -45,8 +46,8 @@ class BendingPoints:
         self._rest_frames = local_frames(points.tangent, points.normal)
         self.surface = Surface(corners, points.triangles, i_object.astype(np.int32))
         self.source, self.within = points.source, points.within
-        self._vertices, self._shares = _anchors(scene, self.surface, points, len(self._rest))
-        self._first_vertices = scene.vertex_ranges[:, 0]
+        self._scene = scene
+        self._at = _anchors(self.surface, points, len(self._rest))
         self.places = self._rest.astype(np.float32)
         self.frames = self._rest_frames.astype(np.float32)
 
@@ -69,11 +70,18 @@ class BendingPoints:
         """What `resting` gave when the vertices of the object's mesh go from rest to a pose: each goes as the triangle
         does that it lies on."""
         mine = np.flatnonzero(self._i_object == i_object)
-        vertices, shares = self._vertices[mine] - self._first_vertices[i_object], self._shares[mine]
+        source, (u, v) = self._at[0][mine], self._at[1][mine].T
+        vertices = self._scene.triangles[source] - self._scene.vertex_ranges[i_object, 0]
+        shares = np.stack([1.0 - u - v, u, v], axis=1)
         places = np.einsum("nk,nki->ni", shares, (moved.positions - rest.positions)[vertices])
         turns = np.einsum("vka,vkb->vab", rest.frames, moved.frames)  # of row vectors
         turned = resting.frames @ np.einsum("nk,nkab->nab", shares, turns[vertices])
         return Pose(resting.positions + places, orthonormal(turned, resting.frames))
+
+    def uvs(self, i_object: int) -> Floats:
+        """Texture coordinates (P, 2) of an object's points; of one that has several, any of them."""
+        mine = self.of(i_object)
+        return uvs_at(self._scene, self._at[0][mine], *self._at[1][mine].T)
 
     def place(self, i_object: int, pose: Pose) -> None:
         """Draw an object in a pose of what `resting` gave from now on."""
@@ -109,18 +117,15 @@ def bending_points(scene: Scene, caster: RayCaster, n_points: int) -> BendingPoi
     return BendingPoints(scene, with_backs(points, _is_open(scene)))
 
 
-def _anchors(
-    scene: Scene, surface: Surface, points: ShadingPoints, count: int
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """The vertices (N, 3) of the scene's triangle that each of so many points lies on, and their shares (N, 3)."""
-    vertices, shares = np.zeros((count, 3), np.int64), np.zeros((count, 3))
+def _anchors(surface: Surface, points: ShadingPoints, count: int) -> tuple[NDArray[np.int64], Floats]:
+    """The scene's triangle (N,) that each of so many points lies on, and u and v (N, 2) there."""
+    source, within = np.zeros(count, np.int64), np.zeros((count, 2))
     for numbers in (surface.corners, surface.sides[:, 0], surface.sides[:, 1]):
         for k in range(3):
             is_point = numbers[:, k] >= 0
-            u, v = points.within[is_point, k].T
-            vertices[numbers[is_point, k]] = scene.triangles[points.source[is_point]]
-            shares[numbers[is_point, k]] = np.stack([1.0 - u - v, u, v], axis=1)
-    return vertices, shares
+            source[numbers[is_point, k]] = points.source[is_point]
+            within[numbers[is_point, k]] = points.within[is_point, k]
+    return source, within
 
 
 def _is_open(scene: Scene) -> NDArray[np.bool_]:

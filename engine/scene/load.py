@@ -18,7 +18,7 @@ import numpy.typing as npt
 from engine.errors import LoadError
 from engine.files import resolve_inside
 from engine.material.bumps import Bumps
-from engine.material.maps import split_image_name
+from engine.material.maps import Images, split_image_name
 from engine.scene.box_projection import box_frame
 from engine.scene.defects import count_defects
 from engine.scene.description import Camera, SceneDescription, load_description
@@ -200,6 +200,9 @@ def _load_maps(scene: Scene) -> None:
                 if name:
                     resolve_inside(scene.folder, split_image_name(name)[0], scene.file, what)
             wanted.append(maps.images)
+        for what, name in () if described.deform is None else described.deform.files:
+            resolve_inside(scene.folder, name, scene.file, what)
+            wanted.append(Images(weight=name))
         if (name := described.bumps.file) and not described.emits:
             resolve_inside(scene.folder, split_image_name(name)[0], scene.file, described.bumps.kind)
             bumps.append(described.bumps)

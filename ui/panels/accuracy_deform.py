@@ -11,6 +11,10 @@ LEFT_OUT = (
     "While it bends, an object has its own shadows alone, and light from afar. Shadows from one object on another, and "
     "the light of lamps, come back when the hand rests and Placement takes over."
 )
+LEFT_OUT_AND_STAYS = (
+    "Objects that bend have their own shadows alone, and light from afar. The surface of {} is Deform's alone, so that "
+    "Placement does not take over when the hand rests: choose it (G) to see shadows from one object on another."
+)
 
 
 def draw(context: PanelContext) -> list[Action]:
@@ -25,5 +29,5 @@ def draw(context: PanelContext) -> list[Action]:
             "a bending mesh. The rest is a soft highlight; Placement has all of it."
         )
         accuracy_placement.figure(context, f"Lost of {name}", f"{share:.0%}", hint)
-    widgets.caption(LEFT_OUT)
+    widgets.caption(LEFT_OUT_AND_STAYS.format(", ".join(status.alone)) if status.alone else LEFT_OUT)
     return actions

@@ -33,7 +33,8 @@ def draw(context: PanelContext) -> list[Action]:
         hint = "Takes all deformers away; Ctrl+Z brings them back."
         if widgets.text_button(context, "pose.reset", "Back to rest", hint):
             actions.append(SetPose(state.name))
-        widgets.caption(FROM_AFAR)
+        if not getattr(context.status, "alone", ()):
+            widgets.caption(FROM_AFAR)
     imgui.separator_text("Material")
     return actions
 

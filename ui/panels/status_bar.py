@@ -34,6 +34,7 @@ VIEW_BEFORE = (
     "this one is traced, once it rests. In Orbit the picture goes with the hand. Esc in mid-drag goes back."
 )
 JUDGED_LATER = "Nothing more comes. How far off the picture is will be found out while the hand rests."
+MODES_OWN = "Nothing more comes: this is all that this way to look shows. What it leaves out the Accuracy panel says."
 JUDGED = (
     "How far off the picture is, relative to its mean, by its own judgement: some hundred points are held against more "
     "lights, patches and bands, and against paths through the scene. True within a factor of about two."
@@ -119,6 +120,8 @@ def picture_state(status: Status) -> tuple[look.Colour, str, str]:
 def _finished_state(status: Status) -> tuple[look.Colour, str, str]:
     """The same of a picture to which nothing comes: its error as it is estimated, until then what is known of it."""
     estimate, noise = status.estimate, status.image_error or 0.0
+    if status.goes_with_hand:
+        return look.TEXT_SOFT, "finished", MODES_OWN
     if estimate is None and status.picture == "finished":
         return look.BAD if noise > NOISY else look.TEXT_SOFT, f"finished, noise {percent(noise)}", FINISHED_HINT
     if estimate is None:

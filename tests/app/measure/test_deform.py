@@ -5,7 +5,7 @@ from __future__ import annotations
 from app.measure.deform import NAMES, DeformEffort, deform_figures
 from app.measure.figures import SPECS
 
-TINY = DeformEffort(24, 14, 64, 20, 2, (48, 36))
+TINY = DeformEffort(24, 14, 64, 20, 40, 2, (48, 36))
 
 
 def test_a_bent_mesh_is_nearer_to_the_truth_than_one_that_is_not_turned() -> None:
