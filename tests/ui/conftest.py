@@ -10,6 +10,7 @@ import moderngl
 import pytest
 
 from app.editor import Editor
+from tests.fineness import light_quickly
 from tests.ui.stand_in import StandInClient
 from ui.gl.context import create_headless_context
 from ui.headless import HeadlessWindow
@@ -27,6 +28,12 @@ def no_rows_for_other_skies(request: pytest.FixtureRequest, monkeypatch: pytest.
     """They take as long as the picture itself. Random walks meet them all the same."""
     if "sequence" not in request.module.__name__:
         monkeypatch.setattr("app.placement.relight_talk.REST_SECONDS", math.inf)
+
+
+@pytest.fixture(autouse=True)
+def quick_indirect_light(monkeypatch: pytest.MonkeyPatch) -> None:
+    """How good it is, is asked elsewhere."""
+    light_quickly(monkeypatch)
 
 
 @pytest.fixture(scope="session")

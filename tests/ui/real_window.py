@@ -57,6 +57,7 @@ RELEASE, PRESS, REPEAT = 0, 1, 2
 LAYOUT_FRAMES = 6
 PATIENCE = 60.0
 UNTIL = 0.02  # seconds between two questions of `wait_until`
+PAUSE = 0.1  # seconds that a frame takes meanwhile
 
 
 class RealWindow:
@@ -184,13 +185,20 @@ class RealWindow:
         self.settle()
 
     def wait_until(self, expression: str, timeout: float = PATIENCE) -> None:
-        """Wait for an expression to become true; AssertionError with what the window says when it does not."""
+        """Wait for an expression to become true; AssertionError with what the window says when it does not.
+
+        The window draws seldom meanwhile: no display holds its frames up, and the worker steps back for it.
+        """
         end = time.monotonic() + timeout
+        if self.ask(expression):
+            return
+        self._call("pause", PAUSE)
         while not self.ask(expression):
             if time.monotonic() > end:
                 said = self.ask("(editor.status, state.notice)")
                 raise AssertionError(f"in {timeout:.0f} s it did not come to {expression}; {said}")
             time.sleep(UNTIL)
+        self._call("pause", 0.0)
 
     def settle(self, frames: int = LAYOUT_FRAMES, timeout: float = 20.0) -> None:
         """Wait until the window has heard and drawn all that came in, with no help: it must do so by itself."""

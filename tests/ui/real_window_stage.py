@@ -35,7 +35,7 @@ class Stage:
         self._calls: list[tuple[str, tuple[Any, ...]]] = []
         self._lock = threading.Lock()
         self._frames = self._heard_in = 0
-        self._slow = 0.0
+        self._slow = self._paused = 0.0
         self._busy = True
         self._shot: str | None = None
         self._mouse = (0.0, 0.0)
@@ -87,7 +87,7 @@ class Stage:
         def swapped(handle: Any) -> None:
             self._take_shot()
             swap(handle)
-            time.sleep(self._slow)
+            time.sleep(max(self._slow, self._paused))
 
         glfw.poll_events, glfw.wait_events_timeout, glfw.swap_buffers = polled, waited, swapped
         glfw.get_cursor_pos = lambda handle: self._mouse
@@ -195,6 +195,9 @@ class Stage:
     def _slow_by(self, milliseconds: float) -> None:
         self._slow = 1e-3 * milliseconds
 
+    def _pause(self, seconds: float) -> None:
+        self._paused = seconds
+
     def _reopen(self) -> None:
         editor = self.window.editor
         self._source, self._left = self._source or editor.document.source, editor.document
@@ -241,12 +244,13 @@ def main() -> int:
     """The window's process."""
     from app.jobs.client import Client
     from app.placement import relight_talk
+    from tests.ui.quick_worker import HANDLERS
     from tests.ui.stand_in import StandInClient
     from ui import window
 
     relight_talk.REST_SECONDS = math.inf  # its rows take as long as the picture; no test of the window waits for them
     words = json.loads(sys.argv[1])
-    client = StandInClient() if words["source"] == "stand-in" else Client()
+    client = StandInClient() if words["source"] == "stand-in" else Client(HANDLERS)
     stage = Stage(Connection(words["pipe"]), client, words["size"])
     resolution = words["resolution"] and tuple(words["resolution"])
     return window.run(words["source"], resolution=resolution, client=client, on_frame=stage.on_frame)

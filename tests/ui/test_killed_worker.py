@@ -18,7 +18,7 @@ from ui.panels.status_bar import picture_state
 
 pytestmark = [pytest.mark.gl, pytest.mark.slow]
 
-RESOLUTION, N_LIGHTS = (150, 100), 2000
+RESOLUTION, N_LIGHTS = (96, 64), 2000
 CURVE = "ball.1.theta_h"
 
 

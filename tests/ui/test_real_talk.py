@@ -13,7 +13,7 @@ from tests.ui.real_window import RealWindow, real_window_fixture
 pytestmark = pytest.mark.window
 
 real = real_window_fixture()
-small = real_window_fixture(small_scene=True)
+small = real_window_fixture(small_scene=True, resolution=(48, 32))
 
 SET_MATERIAL = """
 from app.files.library import Library

@@ -1,0 +1,22 @@
+"""A worker's process whose finest indirect light is the quick one."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from app.jobs.kernels import prepared_tasks
+
+if TYPE_CHECKING:
+    from app.jobs.tasks import Tasks
+
+HANDLERS = "tests.ui.quick_worker:quick_tasks"
+
+
+def quick_tasks() -> Tasks:
+    """The worker's own, but for that."""
+    tasks = prepared_tasks()
+    from app.jobs import indirect
+    from tests.fineness import QUICK
+
+    indirect.FINE = QUICK
+    return tasks
