@@ -167,7 +167,8 @@ class Mode:
 
     talk: makes its talk at the editor's desk. As "module:name", for only one process or layer imports them: work, its
     `ModeWork`; picture, its `ui.picture_feed.PictureSource`; accuracy, what draws its part of the Accuracy panel;
-    tools, what it has for the selected object, above its material; strip, what it has below the picture.
+    tools, what it has for the selected object, above its material; strip, what it has below the picture;
+    handles, what of it in the picture a hand can drag (`ui.panels.picture_handles`).
     """
 
     name: str
@@ -178,3 +179,4 @@ class Mode:
     accuracy: str = ""
     tools: str = ""
     strip: str = ""
+    handles: str = ""

@@ -18,7 +18,7 @@ from engine.deform.deformers import KINDS
 Floats = NDArray[np.float64]
 
 _SHORT = 1e-12
-_AXES = {"x": (1, 0, 2), "y": (0, 1, 2), "z": (0, 2, 1)}  # places of across, axis, depth
+AXES = {"x": (1, 0, 2), "y": (0, 1, 2), "z": (0, 2, 1)}  # places of across, axis, depth
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Deformation:
         low, high = KINDS[self.kind].limits
         if not low <= self.amount <= high:
             raise ValueError(f"{self.kind} {self.amount:g}, expected {low:g} to {high:g}")
-        if self.axis not in _AXES:
+        if self.axis not in AXES:
             raise ValueError(f"axis {self.axis!r}, expected one of x, y, z")
 
 
@@ -80,7 +80,7 @@ def deformed(pose: Pose, deformations: Sequence[Deformation], box: Floats | None
     positions, jacobians = pose.positions, np.broadcast_to(np.eye(3), pose.frames.shape)
     low, high = pose.box if box is None else box
     for deformation in deformations:
-        places = list(_AXES[deformation.axis])
+        places = list(AXES[deformation.axis])
         foot, height = (low + high) / 2.0, high[places[1]] - low[places[1]]
         if not height > 0.0:
             continue  # flat along that axis: there is nothing to bend

@@ -10,11 +10,12 @@ from app.solo import alone
 from app.view_state import SetView
 from engine.material.layer import object_of
 from ui import theme as look
-from ui.panels import orbit_camera, paint, surface_plot, view_sketch, widgets
+from ui.panels import orbit_camera, paint, picture_handles, surface_plot, view_sketch, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag, Hold, Select, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.library import apply, dropped_material
 from ui.panels.picture import Picture
+from ui.panels.picture_handles import PictureHandle
 from ui.panels.picture_place import PAN, Placed, Room, gestures, room_of
 from ui.panels.state import Grip, PaintGrip
 from ui.theme import Icon
@@ -52,7 +53,9 @@ def _draw_picture(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[A
     far = ImVec2(placed.x + placed.width, placed.y + placed.height)
     draw_list.add_image(picture.reference, ImVec2(placed.x, placed.y), far, upper, lower)
     view_sketch.draw(context, placed)
-    actions = _hand(context, picture, space, placed)
+    handles = picture_handles.handles_of(context, placed)
+    picture_handles.draw(context, handles)
+    actions = _hand(context, picture, space, placed, handles)
     if context.view.compare is not None:
         _draw_divider(context, placed, corner.y, end.y)
     surface_plot.draw(context, placed.x, placed.y, placed.scale)
@@ -64,13 +67,15 @@ def _draw_picture(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[A
     return actions
 
 
-def _hand(context: PanelContext, picture: Picture, space: Room, placed: Placed) -> list[Action]:
+def _hand(
+    context: PanelContext, picture: Picture, space: Room, placed: Placed, handles: list[PictureHandle]
+) -> list[Action]:
     """What the hand does over the picture: it moves the camera, or the picture in its panel, or is at work in it."""
     moved = orbit_camera.navigate(context, placed, picture)
     if moved is not None:
         clicked = orbit_camera.was_a_click(context, moved)
         return [*moved, *_pick_lobe(context, picture, placed)] if clicked else moved
-    return gestures(context, space, placed) or _interact(context, picture, placed)
+    return gestures(context, space, placed) or _interact(context, picture, placed, handles)
 
 
 def divider_x(context: PanelContext, placed: Placed) -> float:
@@ -78,7 +83,7 @@ def divider_x(context: PanelContext, placed: Placed) -> float:
     return placed.x + context.view.compare_divider * placed.width
 
 
-def _interact(context: PanelContext, picture: Picture, placed: Placed) -> list[Action]:
+def _interact(context: PanelContext, picture: Picture, placed: Placed, handles: list[PictureHandle]) -> list[Action]:
     mouse = imgui.get_mouse_pos()
     grip = context.state.grip
     comparing = context.view.compare is not None
@@ -89,12 +94,20 @@ def _interact(context: PanelContext, picture: Picture, placed: Placed) -> list[A
     actions: list[Action] = []
     if grip is not None and grip.handle == PAN:
         return actions
-    if imgui.is_item_hovered() and grip is None:
+    handle = picture_handles.held(context, handles) or picture_handles.under_mouse(context, handles)
+    if handle is not None and imgui.is_item_hovered() and grip is None:
+        picture_handles.hover(handle)
+        actions += [SetView.of(hovered=None)] if context.view.hovered is not None else []
+    elif imgui.is_item_hovered() and grip is None:
         actions += _hover(context, picture, placed, on_divider)
     elif context.view.hovered is not None and not imgui.is_item_active():
         actions.append(SetView.of(hovered=None))
-    if imgui.is_item_activated():
+    if imgui.is_item_activated() and handle is not None:
+        actions += picture_handles.take_hold(handle)
+    elif imgui.is_item_activated():
         actions += _take_hold(context, picture, placed, on_divider)
+    elif imgui.is_item_active() and grip is not None and handle is not None and handle.name == grip.handle:
+        actions += picture_handles.dragged(context, handle)
     elif imgui.is_item_active() and grip is not None:
         actions += _drag(context, picture, placed, grip, mouse)
     if imgui.is_item_deactivated() and grip is not None:

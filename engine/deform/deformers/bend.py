@@ -17,4 +17,6 @@ def _move(points: Array, angle: float) -> tuple[Array, Array]:
     return moved, in_plane(cosine, sine * stretched, -sine, cosine * stretched)
 
 
-KIND = Kind("bend", "Bend", "degrees", (-720.0, 720.0), lambda points, amount: _move(points, np.radians(amount)))
+KIND = Kind(
+    "bend", "Bend", "degrees", (-720.0, 720.0), lambda points, amount: _move(points, np.radians(amount)), (0.0, 1.0)
+)

@@ -10,4 +10,4 @@ def _move(points: Array, amount: float) -> tuple[Array, Array]:
     return scaled_across(points, 1.0 + 4.0 * amount * y * (1.0 - y), 4.0 * amount * (1.0 - 2.0 * y))
 
 
-KIND = Kind("bulge", "Bulge", "", (-1.0, 4.0), _move)
+KIND = Kind("bulge", "Bulge", "", (-1.0, 4.0), _move, (1.0, 0.5))

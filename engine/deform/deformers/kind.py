@@ -19,7 +19,8 @@ Move = Callable[[Array, float], tuple[Array, Array]]
 class Kind(NamedTuple):
     """A deformer by its name and, for people, its title and unit; limits of its amount.
 
-    move: points (V, 3) and an amount to where they go (V, 3) and its Jacobians (V, 3, 3).
+    move: points (V, 3) and an amount to where they go (V, 3) and its Jacobians (V, 3, 3). grip: where a hand takes hold
+    of it, across, in half widths of the object, and upwards, in its height: a place that goes far with the amount.
     """
 
     name: str
@@ -27,6 +28,7 @@ class Kind(NamedTuple):
     unit: str
     limits: tuple[float, float]
     move: Move
+    grip: tuple[float, float]
 
 
 def in_plane(xx: Any, xy: Any, yx: Any, yy: Any) -> Array:

@@ -12,4 +12,4 @@ def _move(points: Array, amount: float) -> tuple[Array, Array]:
     return scaled_across(points, 1.0 + amount * y, np.full_like(y, amount))
 
 
-KIND = Kind("taper", "Taper", "", (-1.0, 4.0), _move)
+KIND = Kind("taper", "Taper", "", (-1.0, 4.0), _move, (1.0, 1.0))

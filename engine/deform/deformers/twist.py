@@ -18,4 +18,6 @@ def _move(points: Array, angle: float) -> tuple[Array, Array]:
     return np.stack([across, y, along], axis=1), jacobians
 
 
-KIND = Kind("twist", "Twist", "degrees", (-1440.0, 1440.0), lambda points, amount: _move(points, np.radians(amount)))
+KIND = Kind(
+    "twist", "Twist", "degrees", (-1440.0, 1440.0), lambda points, amount: _move(points, np.radians(amount)), (1.0, 1.0)
+)

@@ -16,4 +16,4 @@ def _move(points: Array, amplitude: float) -> tuple[Array, Array]:
     return moved, in_plane(one, amplitude * _WAVE_NUMBER * np.cos(_WAVE_NUMBER * y), none, one)
 
 
-KIND = Kind("wave", "Wave", "", (-0.5, 0.5), _move)
+KIND = Kind("wave", "Wave", "", (-0.5, 0.5), _move, (0.0, 0.625))

@@ -1,0 +1,75 @@
+"""Grips of deformers in the picture: they stand where the object's axis ends, and a drag brings them under the hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from imgui_bundle import imgui
+
+from app.commands import AddDeformer
+from app.editor import Editor
+from app.view_state import SetView
+from engine.deform.deformers import KINDS
+from ui.headless import HeadlessWindow
+
+pytestmark = pytest.mark.gl
+
+
+@pytest.fixture
+def bending(window: HeadlessWindow) -> Editor:
+    """The editor in Deform, its teapot selected and a metre high."""
+    editor = window.shell.editor
+    boxes = np.tile([[-0.3, 0.0, -0.3], [0.3, 1.0, 0.3]], (len(editor.document.objects), 1, 1))
+    editor.looks.scene_opened(editor._scene.description, boxes)
+    editor.do(SetView.of(mode="deform"))
+    editor.select("teapot")
+    return editor
+
+
+def amount(editor: Editor) -> float:
+    return editor.document.object("teapot").deformations[-1].amount
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_grip_goes_with_the_hand_in_one_step(window: HeadlessWindow, bending: Editor, kind: str) -> None:
+    bending.do(AddDeformer("teapot", kind, 0.0 if kind != "twist" else 60.0))
+    window.frames(2)
+    before, start = amount(bending), window.shell.handle_position("pose.handle.0")
+    across = 25.0 if kind != "twist" else -15.0
+    window.drag_handle("pose.handle.0", (across, 0.0))
+    window.frames(2)
+    end = window.shell.handle_position("pose.handle.0")
+    assert amount(bending) != before and len(bending.history.undo_steps) == 2
+    assert end[0] - start[0] == pytest.approx(across, abs=8.0)
+    bending.undo()
+    assert amount(bending) == before
+
+
+def test_grips_that_would_lie_on_one_another_stand_apart(window: HeadlessWindow, bending: Editor) -> None:
+    for _ in range(2):
+        bending.do(AddDeformer("teapot", "bend"))
+    window.frames(2)
+    (_, lower), (_, upper) = (window.shell.handle_position(f"pose.handle.{i}") for i in range(2))
+    assert lower - upper > 6.0
+
+
+def test_escape_takes_a_drag_back(window: HeadlessWindow, bending: Editor) -> None:
+    bending.do(AddDeformer("teapot", "bend"))
+    window.frames(2)
+    x, y = window.shell.handle_position("pose.handle.0")
+    window.move(x, y)
+    window.press()
+    window.move(x + 40.0, y)
+    window.frames(2)
+    assert amount(bending) > 1.0
+    window.key(imgui.Key.escape)
+    window.release()
+    assert amount(bending) == 0.0 and len(bending.history.undo_steps) == 1
+
+
+def test_other_modes_and_objects_have_none(window: HeadlessWindow, bending: Editor) -> None:
+    bending.do(AddDeformer("teapot", "bend"))
+    for change in (lambda: bending.select("tray"), lambda: bending.do(SetView.of(mode="placement"))):
+        change()
+        window.frames(2)
+        assert "pose.handle.0" not in window.shell.handles.names()

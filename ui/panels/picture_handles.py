@@ -1,0 +1,90 @@
+"""Things in the picture that a hand can drag: a grip at the end of a line. What they are, a mode says."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from imgui_bundle import ImVec2, imgui
+
+from app.naming import named
+from ui import theme as look
+from ui.panels import widgets
+from ui.panels.actions import Action, BeginDrag, Hold
+from ui.panels.context import PanelContext
+from ui.panels.picture_place import Placed
+from ui.panels.state import Grip
+
+Place = tuple[float, float]
+RADIUS, REACH = 6.0, 10.0
+
+
+@dataclass(frozen=True)
+class PictureHandle:
+    """A grip at a place on screen, the line to it; what dragging it to a place does to the document, as one step of
+    the history called `label`; hint: what it is."""
+
+    name: str
+    place: Place
+    line: Sequence[Place]
+    label: str
+    hint: str
+    drag: Callable[[Place], list[Action]]
+
+
+def handles_of(context: PanelContext, placed: Placed) -> list[PictureHandle]:
+    """Those of the mode; where scripts find them is noted."""
+    found: list[PictureHandle] = named(context.mode.handles)(context, placed) if context.mode.handles else []
+    for handle in found:
+        context.handles.note(handle.name, *handle.place)
+    return found
+
+
+def under_mouse(context: PanelContext, handles: Sequence[PictureHandle]) -> PictureHandle | None:
+    """The one that a press would take: of several the nearest."""
+    mouse = imgui.get_mouse_pos()
+    away = [(abs(complex(*each.place) - complex(mouse.x, mouse.y)), i) for i, each in enumerate(handles)]
+    nearest, i = min(away, default=(float("inf"), 0))
+    return handles[i] if nearest <= context.px(REACH) else None
+
+
+def held(context: PanelContext, handles: Sequence[PictureHandle]) -> PictureHandle | None:
+    """The one in the hand."""
+    grip = context.state.grip
+    return next((each for each in handles if grip is not None and grip.handle == each.name), None)
+
+
+def take_hold(handle: PictureHandle) -> list[Action]:
+    """Of a handle under the mouse, which stays as far from its middle as it was."""
+    mouse = imgui.get_mouse_pos()
+    offset = mouse.x - handle.place[0], mouse.y - handle.place[1]
+    return [BeginDrag(handle.label), Hold(Grip(handle.name, offset))]
+
+
+def dragged(context: PanelContext, handle: PictureHandle) -> list[Action]:
+    """What the hand has made of it by now."""
+    grip, mouse = context.state.grip, imgui.get_mouse_pos()
+    assert grip is not None
+    return handle.drag((mouse.x - grip.offset[0], mouse.y - grip.offset[1]))
+
+
+def hover(handle: PictureHandle) -> None:
+    """Tell what it is."""
+    imgui.set_mouse_cursor(imgui.MouseCursor_.hand)
+    widgets.tooltip(handle.hint)
+
+
+def draw(context: PanelContext, handles: Sequence[PictureHandle]) -> None:
+    """Over the picture, in the panel's draw list: thin, and legible on any ground."""
+    draw_list = imgui.get_window_draw_list()
+    lit = held(context, handles) or (under_mouse(context, handles) if imgui.is_item_hovered() else None)
+    for handle in handles:
+        points: list[ImVec2 | tuple[float, float] | list[float]] = [ImVec2(*place) for place in handle.line]
+        ink = look.ACCENT if handle is lit else look.grey(235, 0.9)
+        for width, colour in ((3.5, look.grey(0, 0.45)), (1.4, ink)):
+            draw_list.add_polyline(points, look.pack(colour), context.px(width), 0)
+    for handle in handles:
+        middle, radius = ImVec2(*handle.place), context.px(RADIUS)
+        ink = look.ACCENT if handle is lit else look.grey(240)
+        draw_list.add_circle_filled(middle, radius + context.px(1.5), look.pack(look.grey(0, 0.55)))
+        draw_list.add_circle_filled(middle, radius, look.pack(ink))
