@@ -25,7 +25,7 @@ def conductor_fresnel(cosine: Array, eta: Array, k: Array) -> Array:
     cos2 = cosine * cosine
     sin2 = 1.0 - cos2
     t = (eta - 1.0) * (eta + 1.0) - k * k + cos2  # eta^2 - k^2 - sin^2 without its cancellation at eta = 1
-    root = np.hypot(t, 2.0 * eta * k)
+    root = np.sqrt(t * t + 4.0 * (eta * k) ** 2)
     a = np.sqrt(np.maximum(0.5 * (root + t), 0.0))
     b2 = np.maximum(0.5 * (root - t), 0.0)
     r_s = _ratio((a - cosine) ** 2 + b2, (a + cosine) ** 2 + b2)

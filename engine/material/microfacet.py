@@ -63,46 +63,82 @@ def v_groove(cosine_h: Array, cosine_i: Array, cosine_o: Array, cosine_d: Array)
     return np.minimum(1.0, 2.0 * cosine_h * np.minimum(cosine_i, cosine_o) / cosine_d)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Directions:
-    """Cosines (N,) that reflection models are written in, of directions in the local frame (z = normal)."""
+    """Unit directions (N, 3) in the local frame (z = normal) and the angles (N,) that reflection models are written in;
+    half: between both, the normal where wi = -wo; length2: of their sum, squared. What few models ask for is found when
+    one does."""
 
-    cos_i: Array
-    cos_o: Array
-    sin2_i: Array
-    sin2_o: Array
-    cos_h: Array
-    sin2_h: Array
-    cos_d: Array
-    cos_r: Array
-    sin2_r: Array
-    cos2_phi_h: Array
-    above: NDArray[np.bool_]
+    wi: Array
+    wo: Array
+    half: Array
+    length2: Array
+
+    @property
+    def cos_i(self) -> Array:
+        return self.wi[:, 2]
+
+    @property
+    def cos_o(self) -> Array:
+        return self.wo[:, 2]
+
+    @property
+    def sin2_i(self) -> Array:
+        return _sin2(self.wi)
+
+    @property
+    def sin2_o(self) -> Array:
+        return _sin2(self.wo)
+
+    @property
+    def cos_h(self) -> Array:
+        return self.half[:, 2]
+
+    @property
+    def sin2_h(self) -> Array:
+        return _sin2(self.half)
+
+    @property
+    def cos_d(self) -> Array:
+        return np.clip(0.5 * np.sqrt(self.length2), 1e-12, 1.0)
+
+    @property
+    def cos_r(self) -> Array:
+        """Between the mirrored wi and wo."""
+        return np.clip(np.einsum("ij,ij->i", self._mirrored, self.wo), -1.0, 1.0)
+
+    @property
+    def sin2_r(self) -> Array:
+        crossed = np.cross(self._mirrored, self.wo)
+        return np.clip(np.einsum("ij,ij->i", crossed, crossed), 0.0, 1.0)
+
+    @property
+    def cos2_phi_h(self) -> Array:
+        """Of the half vector's azimuth; 0.5 where it has none."""
+        sin2_h = self.sin2_h
+        return np.where(sin2_h > 0.0, self.half[:, 0] ** 2 / np.where(sin2_h > 0.0, sin2_h, 1.0), 0.5)
+
+    @property
+    def above(self) -> NDArray[np.bool_]:
+        """Pairs that reflect: both cosines over 1e-12."""
+        return (self.cos_i > GRAZING) & (self.cos_o > GRAZING)
+
+    @property
+    def _mirrored(self) -> Array:
+        return self.wi * np.array([-1.0, -1.0, 1.0])
 
 
 def directions(wi: Array, wo: Array) -> Directions:
-    """From unit directions wi, wo (N, 3). Where wi = -wo the half vector is the normal; no phi_h: 45 degrees.
-
-    `above` marks pairs that reflect: both cosines over 1e-12.
-    """
+    """From unit directions wi, wo (N, 3)."""
     total = wi + wo
     length2 = np.einsum("ij,ij->i", total, total)
     opposite = length2 < 1e-24
-    length = np.sqrt(np.where(opposite, 1.0, length2))
-    half = np.where(opposite[:, None], np.array([0.0, 0.0, 1.0]), total / length[:, None])
-    sin2_h = half[:, 0] ** 2 + half[:, 1] ** 2
-    mirrored = wi * np.array([-1.0, -1.0, 1.0])
-    crossed = np.cross(mirrored, wo)
-    return Directions(
-        cos_i=wi[:, 2],
-        cos_o=wo[:, 2],
-        sin2_i=wi[:, 0] ** 2 + wi[:, 1] ** 2,
-        sin2_o=wo[:, 0] ** 2 + wo[:, 1] ** 2,
-        cos_h=half[:, 2],
-        sin2_h=sin2_h,
-        cos_d=np.clip(0.5 * np.sqrt(length2), 1e-12, 1.0),
-        cos_r=np.clip(np.einsum("ij,ij->i", mirrored, wo), -1.0, 1.0),
-        sin2_r=np.clip(np.einsum("ij,ij->i", crossed, crossed), 0.0, 1.0),
-        cos2_phi_h=np.where(sin2_h > 0.0, half[:, 0] ** 2 / np.where(sin2_h > 0.0, sin2_h, 1.0), 0.5),
-        above=(wi[:, 2] > GRAZING) & (wo[:, 2] > GRAZING),
-    )
+    half = total / np.sqrt(np.where(opposite, 1.0, length2))[:, None]
+    if opposite.any():
+        half[opposite] = 0.0, 0.0, 1.0
+    return Directions(wi, wo, half, length2)
+
+
+def _sin2(direction: Array) -> Array:
+    """Squared sine to the normal (N,)."""
+    return np.asarray(direction[:, 0] ** 2 + direction[:, 1] ** 2)

@@ -71,7 +71,10 @@ class RoughConductor(Model):
         cos_i, cos_o = np.where(d.above, d.cos_i, 1.0), np.where(d.above, d.cos_o, 1.0)
         visible = masking(cos_i, d.sin2_i, alpha) * masking(cos_o, d.sin2_o, alpha)
         grey_part = density(d.cos_h, d.sin2_h, alpha) * visible / (4.0 * cos_i * cos_o)
-        fresnel = conductor_fresnel(d.cos_d[:, None], channels(params, "eta"), channels(params, "k"))
+        eta, k = channels(params, "eta"), channels(params, "k")
+        if np.ptp(eta) == np.ptp(k) == 0.0:  # one for all three channels
+            eta, k = eta[:1], k[:1]
+        fresnel = conductor_fresnel(d.cos_d[:, None], eta, k)
         return channels(params, "scale") * fresnel * np.where(d.above, grey_part, 0.0)[:, None]
 
 

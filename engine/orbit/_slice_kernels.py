@@ -15,12 +15,12 @@ Floats = NDArray[np.float32]
 Halves = NDArray[np.uint16]
 _TURN = 2.0 * math.pi / 5.0
 _MOST_CELLS = 24
-_1, _2, _3, _4, _5 = np.arange(1, 6, dtype=np.uint64)
+_1, _2, _3 = np.arange(1, 4, dtype=np.uint64)
 
 
 class Tables(NamedTuple):
-    """Slices by coefficient (rows, polar, columns, 3) and by upper triangle (2560, polar, columns, 3), bfloat16, flat;
-    where symmetries carry coefficients (10, 5120) and upper triangles (10, 2560), of columns over 36 degrees, or
+    """Slices by coefficient (polar, columns, rows, 3) and by upper triangle (polar, columns, 2560, 3), bfloat16, flat,
+    so that points that look alike find theirs together; where symmetries carry coefficients (10, 5120) and upper triangles (10, 2560), of columns over 36 degrees, or
     (1, ...) of columns all around; polar angles, the last the steepest, columns; serial: another of other tables."""
 
     table: Halves
@@ -42,6 +42,15 @@ class Cell(NamedTuple):
     column: int
     down: np.float32
     across: np.float32
+
+
+class Corners(NamedTuple):
+    """Where the slices of a cell stand: red; green and blue follow. Unsigned, see `_reflect`."""
+
+    first: np.uint64
+    across: np.uint64
+    down: np.uint64
+    last: np.uint64
 
 
 class Shades(NamedTuple):
@@ -101,26 +110,28 @@ def _unpack(value: NDArray[np.uint16], n: int, words: NDArray[np.uint32]) -> Non
 def _reflect(cell: Cell, number: NDArray[np.int16], value: Floats, n: int, t: Tables, out: Floats) -> None:
     """Σ coefficients × those of the cell's four slices, into out (4, 3)."""
     # Unsigned, so that no index is asked whether it counts from the end: twice as fast.
-    table, images, line = t.table, t.images[cell.symmetry], np.uint64(3 * t.n_columns)
-    size, corner = np.uint64(t.n_polar) * line, np.uint64(cell.row) * line + np.uint64(3 * cell.column)
+    table, images, across = t.table, t.images[cell.symmetry], np.uint64(len(t.table) // (t.n_polar * t.n_columns))
+    down = np.uint64(t.n_columns) * across
+    first = np.uint64(cell.row) * down + np.uint64(cell.column) * across
     s00 = s01 = s02 = s10 = s11 = s12 = np.float32(0.0)
     s20 = s21 = s22 = s30 = s31 = s32 = np.float32(0.0)
     for k in range(n):
-        a = np.uint64(images[number[k]]) * size + corner
-        b = a + line
+        a = first + _3 * np.uint64(images[number[k]])
+        b, c = a + across, a + down
+        d = c + across
         red, green, blue = value[k, 0], value[k, 1], value[k, 2]
         s00 += red * _float(table[a])
         s01 += green * _float(table[a + _1])
         s02 += blue * _float(table[a + _2])
-        s10 += red * _float(table[a + _3])
-        s11 += green * _float(table[a + _4])
-        s12 += blue * _float(table[a + _5])
-        s20 += red * _float(table[b])
-        s21 += green * _float(table[b + _1])
-        s22 += blue * _float(table[b + _2])
-        s30 += red * _float(table[b + _3])
-        s31 += green * _float(table[b + _4])
-        s32 += blue * _float(table[b + _5])
+        s10 += red * _float(table[b])
+        s11 += green * _float(table[b + _1])
+        s12 += blue * _float(table[b + _2])
+        s20 += red * _float(table[c])
+        s21 += green * _float(table[c + _1])
+        s22 += blue * _float(table[c + _2])
+        s30 += red * _float(table[d])
+        s31 += green * _float(table[d + _1])
+        s32 += blue * _float(table[d + _2])
     out[0, 0], out[0, 1], out[0, 2] = s00, s01, s02
     out[1, 0], out[1, 1], out[1, 2] = s10, s11, s12
     out[2, 0], out[2, 1], out[2, 2] = s20, s21, s22
@@ -128,9 +139,12 @@ def _reflect(cell: Cell, number: NDArray[np.int16], value: Floats, n: int, t: Ta
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True, inline="always")
-def corner_at(cell: Cell, place: int, t: Tables) -> int:
-    """Where the first of a cell's slices stands in `Tables.values` for an upper triangle."""
-    return ((t.places[cell.symmetry, place] * t.n_polar + cell.row) * t.n_columns + cell.column) * 3
+def corners_at(cell: Cell, place: int, t: Tables) -> Corners:
+    """Where a cell's slices stand in `Tables.values` for an upper triangle."""
+    size = t.places.shape[1]
+    first = np.uint64(((cell.row * t.n_columns + cell.column) * size + t.places[cell.symmetry, place]) * 3)
+    across, down = np.uint64(3 * size), np.uint64(3 * size * t.n_columns)
+    return Corners(first, first + across, first + down, first + across + down)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
@@ -144,16 +158,16 @@ def _between(cell: Cell, corners: Floats, i: int) -> float:
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _add_suns(cell: Cell, place: NDArray[np.int16], power: Floats, t: Tables, corners: Floats) -> None:
     """Add what the cell's four slices reflect of suns, by their triangles, to corners (4, 3)."""
-    line = 3 * t.n_columns
     for s in range(len(place)):
         if place[s] < 0:
             break
-        at = corner_at(cell, place[s], t)
+        at = corners_at(cell, place[s], t)
         for i in range(3):
-            corners[0, i] += power[s, i] * _float(t.values[at + i])
-            corners[1, i] += power[s, i] * _float(t.values[at + i + 3])
-            corners[2, i] += power[s, i] * _float(t.values[at + i + line])
-            corners[3, i] += power[s, i] * _float(t.values[at + i + line + 3])
+            k = np.uint64(i)
+            corners[0, i] += power[s, i] * _float(t.values[at.first + k])
+            corners[1, i] += power[s, i] * _float(t.values[at.across + k])
+            corners[2, i] += power[s, i] * _float(t.values[at.down + k])
+            corners[3, i] += power[s, i] * _float(t.values[at.last + k])
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)

@@ -10,7 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from engine.orbit._incident_kernels import child_at
-from engine.orbit._slice_kernels import Tables, _float, cell_at, corner_at
+from engine.orbit._slice_kernels import Tables, _float, cell_at, corners_at
 
 Floats = NDArray[np.float32]
 
@@ -43,7 +43,7 @@ def find_suns(
     """Fill radiance (N, 3) with what slices say that samples (N,) reflect of suns that differ among the four around the
     sample by no more than this little share of all that is reflected; others (N, 3): that without suns. The others are
     to be asked; how many that are. The frame is that of the nearest point, and between points for those."""
-    n_suns, n_asked, line = len(suns.power), 0, 3 * t.n_columns
+    n_suns, n_asked = len(suns.power), 0
     share, most = np.empty(n_suns, np.float32), np.empty(n_suns, np.float32)
     between, found = np.empty((n_suns, 3), np.float32), np.empty(n_suns, np.int64)
     own, towards = np.empty((3, 3)), np.empty(3)
@@ -77,11 +77,12 @@ def find_suns(
             seen += weights[j, 0] if first[s >> 3] >> (s & 7) & 1 else np.float32(0.0)
             seen += weights[j, 1] if second[s >> 3] >> (s & 7) & 1 else np.float32(0.0)
             seen += weights[j, 2] if third[s >> 3] >> (s & 7) & 1 else np.float32(0.0)
-            at = corner_at(cell, child_at(x, y, z, suns.children) >> 2, t)
+            at = corners_at(cell, child_at(x, y, z, suns.children) >> 2, t)
             largest = np.float32(0.0)
             for i in range(3):
-                v00, v01 = _float(t.values[at + i]), _float(t.values[at + i + 3])
-                v10, v11 = _float(t.values[at + i + line]), _float(t.values[at + i + line + 3])
+                k = np.uint64(i)
+                v00, v01 = _float(t.values[at.first + k]), _float(t.values[at.across + k])
+                v10, v11 = _float(t.values[at.down + k]), _float(t.values[at.last + k])
                 upper = v00 + cell.across * (v01 - v00)
                 power = seen * suns.power[s, i]
                 between[n_found, i] = power * (upper + cell.down * (v10 + cell.across * (v11 - v10) - upper))

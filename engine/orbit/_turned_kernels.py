@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from engine.orbit._incident_kernels import Kept, child_at
-from engine.orbit._slice_kernels import Cell, Tables, _float, cell_at, corner_at
+from engine.orbit._slice_kernels import Cell, Tables, _float, cell_at, corners_at
 
 Floats = NDArray[np.float32]
 
@@ -133,10 +133,11 @@ def shade_broad(
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _add(cell: Cell, t: Tables, k: int, power: Floats, out: Floats) -> None:
     """Add what slices reflect of power (3,) in the upper triangle k."""
-    at, line = corner_at(cell, k, t), 3 * t.n_columns
+    at = corners_at(cell, k, t)
     for i in range(3):
-        v00, v01 = _float(t.values[at + i]), _float(t.values[at + i + 3])
-        v10, v11 = _float(t.values[at + i + line]), _float(t.values[at + i + line + 3])
+        c = np.uint64(i)
+        v00, v01 = _float(t.values[at.first + c]), _float(t.values[at.across + c])
+        v10, v11 = _float(t.values[at.down + c]), _float(t.values[at.last + c])
         upper = v00 + cell.across * (v01 - v00)
         out[i] += power[i] * (upper + cell.down * (v10 + cell.across * (v11 - v10) - upper))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,7 @@ class PointMesh:
 
     def __init__(self, scene: Scene, points: ShadingPoints) -> None:
         self._scene, self._points = scene, points
+        self._last: tuple[tuple[object, ...], Seen] | None = None
         self._caster: RayCaster = points.caster()
         self._surface = kernels.PointTriangles(
             points.triangles, np.ascontiguousarray(scene.geometric_normals[points.source]),
@@ -37,7 +38,16 @@ class PointMesh:
 
     def look(self, camera: CameraDescription, resolution: tuple[int, int], has_soft_edges: bool = False) -> Seen:
         """What the eye sees in a picture of resolution (width, height), one ray through each pixel's centre; where
-        edges are to be soft four through the pixels at them."""
+        edges are to be soft four through the pixels at them. The last of the former is kept, as the camera stays
+        while a material or the light moves."""
+        if has_soft_edges:
+            return self._looked(camera, resolution, has_soft_edges)
+        asked = camera, resolution
+        if self._last is None or self._last[0] != asked:
+            self._last = asked, self._looked(camera, resolution, has_soft_edges)
+        return self._last[1]
+
+    def _looked(self, camera: CameraDescription, resolution: tuple[int, int], has_soft_edges: bool) -> Seen:
         width, height = resolution
         pixel, share = np.arange(width * height), np.ones(width * height, np.float32)
         samples, found = self._trace(camera, resolution, np.empty((0, 2)), len(pixel))
@@ -62,7 +72,7 @@ class PointMesh:
 
     def shines(self, scene: Scene) -> None:
         """Take over what objects emit."""
-        self._scene, self._surface = scene, self._surface._replace(emission=scene.emission)
+        self._scene, self._surface, self._last = scene, self._surface._replace(emission=scene.emission), None
 
     def trace(self, origins: Floats, directions: Floats) -> kernels.Samples:
         """What a few rays (R, 3) from anywhere meet."""
@@ -96,7 +106,7 @@ class PointMesh:
 class Seen:
     """Samples (R,) of a picture: resolution (width, height), eye (3,), axes (3, 3) of its plane, what they meet, their
     pixel (R,) and share of it (R,). order (N,): those that reflect, by object, whose ranges are bounds (M + 1,); found:
-    triangle, u, v of the points' triangles."""
+    triangle, u, v of the points' triangles; footprints, sampled: what `seen_maps` has found for it."""
 
     resolution: tuple[int, int]
     eye: Floats
@@ -108,6 +118,8 @@ class Seen:
     bounds: Rows
     found: tuple[NDArray, ...]
     points: ShadingPoints
+    footprints: dict[int, tuple[NDArray[np.float64], ...]] = field(default_factory=dict)
+    sampled: dict[object, Floats] = field(default_factory=dict)
 
     def of(self, i_object: int) -> Rows:
         """The samples that see an object."""

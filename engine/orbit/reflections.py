@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.material.layer import Layer
+from engine.material.maps import LayerMaps
 from engine.orbit import _slice_kernels
 from engine.orbit.slices import Slices, matt_reflectance, slicing
 from engine.render.surface_maps import mean_factor
@@ -40,6 +41,7 @@ class Reflections:
         self._fine: set[Layer] = set()
         self._tables: dict[tuple[Layer, ...], _slice_kernels.Tables] = {}
         self._slicing: tuple[Layer, Stepped[Slices]] | None = None
+        self._means: dict[tuple[object, ...], NDArray[np.floating]] = {}
 
     def set_layers(self, layers_of: LayersOf) -> bool:
         """The layers of each object, by its index, from now on; whether they are others. What stays keeps slices."""
@@ -112,9 +114,22 @@ class Reflections:
         albedos = np.zeros((len(scene.smooth), 3))
         for term in self.terms:
             maps = term.layers[0].maps
-            mean = 1.0 if maps.is_plain else mean_factor(scene, term.i_object, maps)
+            mean = 1.0 if maps.is_plain else self._mean_factor(scene, term.i_object, maps)
             albedos[term.i_object] += self.albedo(term) * mean
         return albedos.astype(np.float32)
+
+    def _mean_factor(self, scene: Scene, i_object: int, maps: LayerMaps) -> NDArray[np.floating]:
+        """By what maps multiply an object on average, (3,); kept while its files are the same."""
+        images = scene.textures.texture(maps.images), scene.textures.weight(maps.images)
+        key = i_object, maps, images
+        if key not in self._means:
+            self._means = {other: mean for other, mean in self._means.items() if other[1] in self._all_maps}
+            self._means[key] = mean_factor(scene, i_object, maps)
+        return self._means[key]
+
+    @property
+    def _all_maps(self) -> set[LayerMaps]:
+        return {layer.maps for layers in self.layers_of.values() for layer in layers}
 
     @property
     def _wanted(self) -> list[Layer]:

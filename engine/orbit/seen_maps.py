@@ -36,23 +36,21 @@ def factors(
 
 
 class _Places:
-    """Where samples of one object lie on its images; what layers share is looked up once."""
+    """Where samples of one object lie on its images; what layers share, and pictures of one camera, is looked up
+    once."""
 
     def __init__(self, seen: Seen, which: Rows, scene: Scene, i_object: int, most_probes: int) -> None:
         self._seen, self._which, self._scene, self._i_object = seen, which, scene, i_object
         self._most_probes = most_probes
-        self._footprints: tuple[NDArray[np.float64], ...] | None = None
-        self._sampled: dict[tuple[object, ...], Floats] = {}
 
     def look_up(self, images: Images) -> tuple[Floats, Floats]:
         """Texture (N, 3) and weight (N,)."""
         n, store = len(self._which), self._scene.textures
         colours, shares = np.ones((n, 3), np.float32), np.full(n, images.weight_start, np.float32)
         if (texture := store.texture(images)) is not None:
-            key = images.texture, images.texture_space, images.texture_scale
-            colours = self._sample(key, texture, images.texture_scale)
+            colours = self._sample(texture, images.texture_scale)
         if (weight := store.weight(images)) is not None:
-            shares = self._sample((images.weight,), weight, (1.0, 1.0))[:, 0]
+            shares = self._sample(weight, (1.0, 1.0))[:, 0]
         if images.strokes:
             found = self._seen.in_scene(self._which)
             places = positions_at(self._scene, found.triangle, found.u, found.v)
@@ -60,13 +58,21 @@ class _Places:
             shares = painted.weights(images.strokes)
         return colours, shares
 
-    def _sample(self, key: tuple[object, ...], pyramid: Pyramid, scale: tuple[float, float]) -> Floats:
-        if key not in self._sampled:
-            if self._footprints is None:
-                self._footprints = _footprints(self._seen, self._which, self._scene, self._i_object)
-            uv, across, down = (sides * np.array(scale) for sides in self._footprints)
-            self._sampled[key] = pyramid.over(uv, across, down, self._most_probes)
-        return self._sampled[key]
+    def _sample(self, image: Pyramid, scale: tuple[float, float]) -> Floats:
+        known = self._seen.sampled
+        key = self._i_object, image, scale
+        if key not in known:
+            uv, across, down = self._footprints()
+            if scale != (1.0, 1.0):
+                uv, across, down = (sides * np.array(scale) for sides in (uv, across, down))
+            known[key] = image.over(uv, across, down, self._most_probes)
+        return known[key]
+
+    def _footprints(self) -> tuple[NDArray[np.float64], ...]:
+        known = self._seen.footprints
+        if self._i_object not in known:
+            known[self._i_object] = _footprints(self._seen, self._which, self._scene, self._i_object)
+        return known[self._i_object]
 
 
 def _footprints(seen: Seen, which: Rows, scene: Scene, i_object: int) -> tuple[NDArray[np.float64], ...]:

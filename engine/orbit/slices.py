@@ -22,7 +22,7 @@ from engine.render.integrator import evaluate_layer
 from engine.sphere.geodesic import geodesic
 from engine.sphere.haar import forward, levels_of_coefficients
 from engine.sphere.symmetry import N_TURNS, SECTOR, images_of_triangles, images_of_wavelets
-from engine.threads import on_threads
+from engine.threads import n_threads, on_threads
 
 Floats = NDArray[np.float32]
 
@@ -36,8 +36,9 @@ _EVEN = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Slices:
-    """packed (U, polar, columns, 3): the mean of ρ cos θ over each upper triangle, bfloat16 as `kernels.packed` makes
-    them; is_isotropic: the columns are azimuths to 36 degrees; otherwise they go all round, the last the first again.
+    """packed (polar, columns, U, 3): the mean of ρ cos θ over each upper triangle, or, coarse, of the level before,
+    bfloat16 as `kernels.packed` makes them; is_isotropic: the columns are azimuths to 36 degrees; otherwise they go all
+    round, the last the first again.
     """
 
     packed: NDArray[np.uint16]
@@ -48,69 +49,89 @@ class Slices:
         """packed as float32."""
         return kernels.unpacked(self.packed)
 
+    @property
+    def fine(self) -> Slices:
+        """The same over the triangles of the last level."""
+        times = len(upper()) // self.packed.shape[2]
+        return self if times == 1 else Slices(np.repeat(self.packed, times, axis=2), self.is_isotropic)
+
     @cached_property
     def tables(self) -> kernels.Tables:
         """With the coefficients of each slice, times 4^(L − level), so that the integral of powers times a slice is the
         sum of products of coefficients. Of those of the lower hemisphere, where all slices are 0, there are none."""
-        rows = _rows()
-        table = np.empty((len(rows), *self.packed.shape[1:]), np.uint16)
-        scale = (4.0 ** (LEVEL - levels_of_coefficients(LEVEL)))[rows].astype(np.float32)[:, None, None]
+        n_polar, n_columns = self.packed.shape[:2]
+        level, rows = self._level, _rows(self._level)
+        table = np.zeros((n_polar, n_columns, len(_rows(LEVEL)), 3), np.uint16)
+        scale = (4.0 ** (LEVEL - levels_of_coefficients(level)))[rows].astype(np.float32)[:, None, None]
 
         def row(i: int) -> None:
-            values = np.zeros((geodesic(LEVEL).n_triangles, *self.packed.shape[2:]), np.float32)
-            values[upper()] = kernels.unpacked(self.packed[:, i])
-            table[:, i] = kernels.packed(forward(values)[rows] * scale)
+            values = np.zeros((geodesic(level).n_triangles, n_columns, 3), np.float32)
+            values[_above(level)] = kernels.unpacked(self.packed[i]).swapaxes(0, 1)
+            table[i, :, : len(rows)] = kernels.packed(forward(values)[rows] * scale).swapaxes(0, 1)
 
-        on_threads(row, range(table.shape[1]))
+        on_threads(row, range(n_polar))
         images, places = _inverse_images()
-        n, (n_polar, n_columns) = len(images) if self.is_isotropic else 1, self.packed.shape[1:3]
+        n = len(images) if self.is_isotropic else 1
         return kernels.Tables(
-            table.ravel(), self.packed.ravel(), images[:n], places[:n], n_polar, n_columns, _STEEPEST, next(_SERIALS)
+            table.ravel(), self.fine.packed.ravel(), images[:n], places[:n], n_polar, n_columns, _STEEPEST,
+            next(_SERIALS),
         )  # fmt: skip
 
     @cached_property
     def albedo(self) -> NDArray[np.float64]:
         """Of the matt reflection that sends as much light on [BenArtzi07, sect. 5.3], (3,): 1/π ∫∫ ρ cos cos."""
-        solid_angles, around = geodesic(LEVEL).solid_angles[upper()], slice(None, None if self.is_isotropic else -1)
-        sent = np.einsum("k,kpai->pai", solid_angles, self.values, dtype=np.float64)[:, around].mean(axis=1)
+        solid_angles = geodesic(self._level).solid_angles[_above(self._level)].astype(np.float32)
+        around = slice(None, None if self.is_isotropic else -1)
+        sent = np.einsum("k,paki->pai", solid_angles, self.values)[:, around].mean(axis=1, dtype=np.float64)
         polar = np.linspace(0.0, _STEEPEST, N_POLAR)
         return np.asarray(np.trapezoid(sent * np.sin(2.0 * polar)[:, None], polar, axis=0))
+
+    @property
+    def _level(self) -> int:
+        return LEVEL if self.packed.shape[2] == len(upper()) else LEVEL - 1
 
     def __add__(self, other: Slices) -> Slices:
         """Of both one above the other."""
         if self.is_isotropic != other.is_isotropic:
             return self.all_around() + other.all_around()
+        if self._level != other._level:
+            return self.fine + other.fine
         return Slices(kernels.packed(self.values + other.values), self.is_isotropic)
 
     def all_around(self) -> Slices:
         """The same with slices over all azimuths."""
         if not self.is_isotropic:
             return self
+        if self._level != LEVEL:
+            return self.fine.all_around()
         _, places = _inverse_images()
-        turned = np.empty((*self.packed.shape[:2], N_AROUND + 1, 3), np.uint16)
+        turned = np.empty((N_POLAR, N_AROUND + 1, len(upper()), 3), np.uint16)
         half = N_AROUND // N_TURNS // 2  # of a fifth of a turn: from there on it is mirrored
         for i in range(N_AROUND + 1):
             turn, inside = divmod(i % N_AROUND, 2 * half)
             symmetry, at = (turn, inside) if inside <= half else (N_TURNS + (turn + 1) % N_TURNS, 2 * half - inside)
-            turned[:, :, i] = self.packed[places[symmetry]][:, :, at * (N_AZIMUTHS - 1) // half]
+            turned[:, i] = self.packed[:, at * (N_AZIMUTHS - 1) // half][:, places[symmetry]]
         return Slices(turned, False)
 
 
 def slicing(layer: Layer, finer: int = 1) -> Generator[float, None, Slices]:
     """The slices of a layer, yielding how much is done; each triangle's mean is taken over 4^finer parts of it, or, −1,
-    from one level coarser, in a quarter of the time of 0."""
+    by the triangles of the level before, in a quarter of the time of 0."""
     is_isotropic = looks_isotropic(layer)
     n_azimuths, span = (N_AZIMUTHS, SECTOR) if is_isotropic else (N_AROUND + 1, 2.0 * np.pi)
     polar, azimuth = np.linspace(0.0, _STEEPEST, N_POLAR), np.linspace(0.0, span, n_azimuths)
-    packed = np.empty((len(upper()), N_POLAR, n_azimuths, 3), np.uint16)
-    for i in range(N_POLAR):
+    packed = np.empty((N_POLAR, n_azimuths, len(_above(LEVEL + min(finer, 0))), 3), np.uint16)
+
+    def part(i: int) -> None:
         around = spherical(np.full(n_azimuths, polar[i]), azimuth)
+        for j in range(n_azimuths):
+            packed[i, j] = kernels.packed(_reflected(layer, around[j], finer))
 
-        def part(j: int, i: int = i, around: NDArray[np.float64] = around) -> None:
-            packed[:, i, j] = kernels.packed(_reflected(layer, around[j], finer))
-
-        on_threads(part, range(n_azimuths))
-        yield (i + 1) / N_POLAR
+    step = N_POLAR if finer < 0 else n_threads()
+    for begin in range(0, N_POLAR, step):
+        end = min(begin + step, N_POLAR)
+        on_threads(part, range(begin, end))
+        yield end / N_POLAR
     return Slices(packed, is_isotropic)
 
 
@@ -148,11 +169,17 @@ def _pairs() -> NDArray[np.float64]:
     return np.stack([spherical(polar[0], azimuth[0]), spherical(polar[1], azimuth[1])])
 
 
-@lru_cache(maxsize=1)
-def _rows() -> NDArray[np.int64]:
+@lru_cache(maxsize=2)
+def _above(level: int) -> NDArray[np.int32]:
+    """The triangles of the last level or the one before above the surface, ascending."""
+    return upper() if level == LEVEL else upper()[::4] // 4
+
+
+@lru_cache(maxsize=2)
+def _rows(level: int) -> NDArray[np.int64]:
     """The coefficients of functions that are 0 below the surface that need not be 0, ascending."""
-    above = np.zeros((geodesic(LEVEL).n_triangles, 1))
-    above[upper(), 0] = np.random.default_rng(1).random(len(upper()))
+    above = np.zeros((geodesic(level).n_triangles, 1))
+    above[_above(level), 0] = np.random.default_rng(1).random(len(_above(level)))
     return np.flatnonzero(forward(above)[:, 0])
 
 
@@ -167,16 +194,14 @@ def _inverse_images() -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     triangles = images_of_triangles(LEVEL)[turns][:, upper()]
     places = np.searchsorted(upper(), triangles).astype(np.int32)
     row = np.zeros(geodesic(LEVEL).n_triangles, np.int32)
-    row[_rows()] = np.arange(len(_rows()))
+    row[_rows(LEVEL)] = np.arange(len(_rows(LEVEL)))
     return np.ascontiguousarray(row[images_of_wavelets(LEVEL)[turns]]), np.ascontiguousarray(places)
 
 
 def _reflected(layer: Layer, wo: NDArray[np.float64], finer: int) -> Floats:
     """The mean of ρ cos θ (U, 3) over each upper triangle, for one outgoing direction."""
     values = _at_centres(layer, wo, LEVEL + min(finer, 0))
-    if finer < 0:
-        return np.repeat(values, 4**-finer, axis=0).astype(np.float32)
-    if finer == 0:
+    if finer <= 0:
         return values.astype(np.float32)
     # Where four that stand together are about alike, each of them is even.
     four = values.reshape(-1, 4, 3)
@@ -206,7 +231,7 @@ def _centres_above(level: int) -> NDArray[np.float64]:
 @lru_cache(maxsize=1)
 def _beside() -> NDArray[np.int32]:
     """Of the upper triangles one level coarser those with an edge in common (U / 4, 3), −1 for those below."""
-    parents = upper()[::4] // 4
+    parents = _above(LEVEL - 1)
     place = np.full(geodesic(LEVEL - 1).n_triangles, -1, np.int32)
     place[parents] = np.arange(len(parents))
     return place[geodesic(LEVEL - 1).neighbours[parents]]

@@ -129,8 +129,8 @@ def _suns(
 
 
 def _is_highlight(tables: _slice_kernels.Tables) -> bool:
-    values = _slice_kernels.unpacked(tables.values).reshape(-1, tables.n_polar * tables.n_columns, 3)
-    upright = values[:, 0].sum(axis=1)
+    size = tables.places.shape[1]
+    upright = _slice_kernels.unpacked(tables.values[: 3 * size]).reshape(size, 3).sum(axis=1)
     return bool(upright.max() > _HIGHLIGHT * upright.mean())
 
 

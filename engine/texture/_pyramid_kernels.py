@@ -52,7 +52,7 @@ def _add_level(levels: Levels, i: int, u: float, v: float, share: float, out: Te
         out[j, k] += np.float32(share) * (above + fy * (below - above))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _add_depth(levels: Levels, depth: float, u: float, v: float, share: float, out: Texels, j: int) -> None:
     """Add a share of what lies between the two levels around a depth."""
     depth = min(max(depth, 0.0), len(levels.sizes) - 1.0)
@@ -77,7 +77,7 @@ def _finite(coordinate: float) -> float:
     return coordinate if abs(coordinate) < 1e15 else 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _bounded(texels: float) -> float:
     """At the horizon of a plane a pixel sees no end of it."""
     if math.isnan(texels):
@@ -96,7 +96,7 @@ def fill_over(
         bx, by = _bounded(down[j, 0] * width), _bounded(down[j, 1] * height)
         # Of the ellipse with these conjugate diameters, the longer diameter and the lengths of both.
         xx, yy, xy = ax * ax + bx * bx, ay * ay + by * by, ax * ay + bx * by
-        spread = math.hypot(0.5 * (xx - yy), xy)
+        spread = math.sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy)
         longer = math.sqrt(max(0.5 * (xx + yy) + spread, 0.0))
         shorter = abs(ax * by - ay * bx) / max(longer, 1e-30)
         twice = 0.5 * (xx - yy) / spread if spread > 0.0 else 1.0  # the cosine of twice the longer one's angle

@@ -90,6 +90,27 @@ def test_all_cores_are_used_by_default() -> None:
     assert threads.on_threads(lambda a, b: a + b, range(5), range(5)) == [0, 2, 4, 6, 8]
 
 
+def test_work_may_share_work_of_its_own() -> None:
+    # As the first look at a level of the sphere does, wherever that is asked for: nobody waits for himself.
+    def sums(i: int) -> int:
+        return sum(threads.on_threads(lambda j: i * j, range(4)))
+
+    assert threads.on_threads(sums, range(3 * threads.n_threads())) == [6 * i for i in range(3 * threads.n_threads())]
+
+
+def test_what_fails_is_raised_when_all_others_are_done() -> None:
+    done = []
+
+    def fail(i: int) -> None:
+        done.append(i)
+        if i == 1:
+            raise ValueError("the second")
+
+    with pytest.raises(ValueError, match="the second"):
+        threads.on_threads(fail, range(5))
+    assert sorted(done) == [0, 1, 2, 3, 4]
+
+
 @pytest.mark.parametrize("count", [0, 1, 3, 100])
 def test_parts_are_all_of_it_once(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(threads, "n_cores", lambda: 4)

@@ -200,6 +200,18 @@ def test_a_lamp_lights_a_floor_as_the_closed_form_says(ball) -> None:
 GOLD = make_layer(MODELS["rough_conductor"], {"alpha": 0.3})
 MATT = make_layer(MODELS["lambert"], {"albedo": [0.5, 0.25, 1.0]})
 BRUSHED = make_layer(MODELS["ward_anisotropic"])
+MATT_LIKE = make_layer(MODELS["oren_nayar"], {"sigma": 0.3})
+
+
+def test_a_look_is_kept_until_what_it_shows_changes(ball_scene, ball) -> None:
+    points, camera = ball[0], ball_scene.description.camera
+    mesh = PointMesh(ball_scene, points)
+    seen = mesh.look(camera, (24, 18))
+    assert mesh.look(camera, (24, 18)) is seen and mesh.look(camera, (24, 18), True) is not seen
+    assert mesh.look(camera, (24, 18)) is seen and mesh.look(camera, (25, 18)) is not seen
+    again = mesh.look(camera, (24, 18))
+    mesh.shines(ball_scene)  # what it emits is in it
+    assert mesh.look(camera, (24, 18)) is not again
 
 
 def test_what_turns_with_its_grain_is_told_from_what_does_not() -> None:
@@ -282,10 +294,23 @@ def test_a_layer_with_gloss_is_kept_in_five_megabytes() -> None:
     )
 
 
+@pytest.mark.parametrize("layer", [GOLD, BRUSHED], ids=["isotropic", "brushed"])
+def test_coarse_slices_are_read_as_even_fine_ones(layer) -> None:
+    coarse = finish(slicing(layer, -1))
+    fine = coarse.fine
+    assert coarse.packed.shape[2] == 640 and fine.packed.shape[2] == 2560
+    np.testing.assert_array_equal(coarse.tables.values, fine.tables.values)
+    near, far = (slice_kernels.unpacked(slices.tables.table) for slices in (coarse, fine))
+    np.testing.assert_allclose(near, far, rtol=0.01, atol=1e-6 * far.max())
+    np.testing.assert_allclose(coarse.albedo, fine.albedo, rtol=0.01)
+    both, twice = coarse + finish(slicing(MATT_LIKE, 0)), fine + finish(slicing(MATT_LIKE, 0))
+    np.testing.assert_array_equal(both.packed, twice.packed)
+
+
 def test_finer_slices_are_the_means_over_finer_triangles() -> None:
     # Where a layer is about even, triangles are asked in their middles alone; a highlight is sharper than that.
     sharp = make_layer(MODELS["rough_conductor"], {"alpha": 0.1})
-    found, weights = finish(slicing(sharp)).values[:, 8, 3], geodesic(5).solid_angles.reshape(-1, 4)[upper()]
+    found, weights = finish(slicing(sharp)).values[8, 3], geodesic(5).solid_angles.reshape(-1, 4)[upper()]
     wi = geodesic(5).centres.reshape(-1, 4, 3)[upper()].reshape(-1, 3)
     wo = spherical(np.array([np.radians(89.0) / 15 * 8]), np.array([np.radians(4.5 * 3)]))
     values = evaluate_layers([sharp], to_shading(wi), np.tile(to_shading(wo), (len(wi), 1))).reshape(-1, 4, 3)
