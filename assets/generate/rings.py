@@ -11,6 +11,7 @@ from .surfaces import carried, circle, panel, parametric, rounded_profile
 
 AROUND, ACROSS = 280, 46
 SIDE = 512  # texels of the floor's images
+JOINT = 0.006  # half the width of a joint, of an image's side
 
 
 def meshes() -> dict[str, Mesh]:
@@ -44,26 +45,40 @@ def rope(radius: float, thickness: float, lobes: int, turns: int) -> Mesh:
 
 def images() -> dict[str, NDArray[np.uint8]]:
     """By file name, (H, W, 3) sRGB or (H, W) shares."""
-    inlay, grain = _inlay()
+    inlay, joints, grain = _inlay()
     light, dark = np.array([0.62, 0.57, 0.49]), np.array([0.055, 0.085, 0.095])
     colour = (inlay[..., None] * dark + (1.0 - inlay[..., None]) * light) * (0.82 + 0.36 * grain[..., None])
     polished = np.clip(0.12 + 0.88 * inlay, 0.0, 1.0)
+    relief = 1.0 - 0.55 * joints - 0.45 * (1.0 - inlay) * (1.0 - joints) * _dressing()
     return {
         "inlay.png": np.round(255.0 * encode_srgb(np.clip(colour, 0.0, 1.0))).astype(np.uint8),
         "polish.png": np.round(255.0 * polished).astype(np.uint8),
+        "relief.png": np.round(255.0 * relief).astype(np.uint8),
     }
 
 
-def _inlay() -> tuple[Floats, Floats]:
-    """(H, W): the share of dark stone, rings of interlaced arcs that repeat without a seam, and the stones' grain."""
+def _inlay() -> tuple[Floats, Floats, Floats]:
+    """(H, W): the share of dark stone, rings of interlaced arcs that repeat without a seam, the joints around it, and
+    the stones' grain."""
     y, x = (np.mgrid[0:SIDE, 0:SIDE] + 0.5) / SIDE
     distance = np.full((SIDE, SIDE), np.inf)
     for cx in (0.0, 0.5, 1.0):
         for cy in (0.0, 0.5, 1.0):
             distance = np.minimum(distance, np.abs(np.hypot(x - cx, y - cy) - 0.29) - 0.028)
     inlay = np.clip(0.5 - distance * SIDE / 2.0, 0.0, 1.0)
+    joints = np.exp(-((distance / JOINT) ** 2))
     random, grain = np.random.default_rng(5), np.zeros((SIDE, SIDE))
     for k in range(1, 25):
         a, b = random.integers(-k, k + 1, 2)
         grain += np.sin(2.0 * np.pi * (a * x + b * y + random.random())) / (1.0 + np.hypot(a, b))
-    return inlay, (grain - grain.min()) / np.ptp(grain)
+    return inlay, joints, (grain - grain.min()) / np.ptp(grain)
+
+
+def _dressing() -> Floats:
+    """(H, W): how deep a chisel went into the light stone, 0 to 1, without a seam."""
+    y, x = (np.mgrid[0:SIDE, 0:SIDE] + 0.5) / SIDE
+    random, depth = np.random.default_rng(6), np.zeros((SIDE, SIDE))
+    for _ in range(80):
+        a, b = random.integers(-36, 37, 2)
+        depth += np.sin(2.0 * np.pi * (a * x + b * y + random.random()))
+    return 1.0 / (1.0 + np.exp(-depth / 4.0))

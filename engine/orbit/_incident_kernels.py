@@ -61,8 +61,8 @@ class Places(NamedTuple):
 
 class Kept(NamedTuple):
     """What points keep: irradiance (S, 3), bits of the suns that they see (S, ⌈M / 8⌉); by slot the coefficients'
-    number (G, n) and value (G, n, 3), bfloat16, largest first, and the suns by place (G, 40), −1 for none, and power
-    (G, 40, 3)."""
+    number (G, n) and value (G, n, 3), bfloat16, largest first, the suns by place (G, 40), −1 for none, and power
+    (G, 40, 3), and leaning (G, 2, 3): Σ power × x and Σ power × z of all light's directions in the point's frame."""
 
     irradiance: Floats
     sun_bits: Bytes
@@ -70,6 +70,7 @@ class Kept(NamedTuple):
     value: NDArray[np.uint16]
     sun_place: NDArray[np.int16]
     sun_power: Floats
+    leaning: Floats
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
@@ -105,8 +106,9 @@ def _look_up(
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def add_sky(p: int, at: Places, half: Hemisphere, light: Light, powers: Floats, irradiance: Floats) -> None:
-    """Fill powers (5120, 3), radiance × solid angle of each triangle that point p sees, and their irradiance (3,)."""
+def add_sky(p: int, at: Places, half: Hemisphere, light: Light, powers: Floats, moments: Floats) -> None:
+    """Fill powers (5120, 3), radiance × solid angle of each triangle that point p sees, and add to moments (3, 3) their
+    sums times x, y, which makes irradiance, and z."""
     powers[:] = 0.0
     for k in range(len(half.number)):
         seen = at.bits[p, k >> 1] >> (4 * (k & 1)) & 15
@@ -116,16 +118,29 @@ def add_sky(p: int, at: Places, half: Hemisphere, light: Light, powers: Floats, 
             share = half.solid_angle[k] * part
             m = half.number[k]
             powers[m, 0], powers[m, 1], powers[m, 2] = red * share, green * share, blue * share
-            share *= half.cosine[k]
-            irradiance[0] += red * share
-            irradiance[1] += green * share
-            irradiance[2] += blue * share
+            _add_moments(moments, red * share, green * share, blue * share, half.direction[k], half.cosine[k])
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True, inline="always")
+def _add_moments(
+    moments: Floats, red: np.float32, green: np.float32, blue: np.float32, direction: Floats, cosine: np.float32
+) -> None:
+    x, z = direction[0], direction[2]
+    moments[0, 0] += red * x
+    moments[0, 1] += green * x
+    moments[0, 2] += blue * x
+    moments[1, 0] += red * cosine
+    moments[1, 1] += green * cosine
+    moments[1, 2] += blue * cosine
+    moments[2, 0] += red * z
+    moments[2, 1] += green * z
+    moments[2, 2] += blue * z
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _add_coarse_sky(
     p: int, coarse_bits: NDArray[np.uint64], at: Places, half: Hemisphere, light: Light, powers: Floats,
-    irradiance: Floats,
+    moments: Floats,
 ) -> None:  # fmt: skip
     """The same by triangles of level 2: fills the first 320 of powers with a sixteenth of what each of them has."""
     powers[:320] = 0.0
@@ -138,10 +153,8 @@ def _add_coarse_sky(
             share = half.coarse_solid_angle[k] * np.float32(seen / 64.0)
             m, part = half.number[16 * k] >> 4, share / np.float32(16.0)
             powers[m, 0], powers[m, 1], powers[m, 2] = red * part, green * part, blue * part
-            share *= half.coarse_cosine[k]
-            irradiance[0] += red * share
-            irradiance[1] += green * share
-            irradiance[2] += blue * share
+            red, green, blue = red * share, green * share, blue * share
+            _add_moments(moments, red, green, blue, half.coarse_direction[k], half.coarse_cosine[k])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -187,6 +200,9 @@ def _add_suns(p: int, at: Places, half: Hemisphere, light: Light, kept: Kept) ->
         for i in range(3):
             kept.irradiance[p, i] += light.sun_power[s, i] * y
         if slot >= 0:
+            for i in range(3):
+                kept.leaning[slot, 0, i] += light.sun_power[s, i] * x
+                kept.leaning[slot, 1, i] += light.sun_power[s, i] * z
             j = 0
             while j < n_found and kept.sun_place[slot, j] != k:
                 j += 1
@@ -201,7 +217,7 @@ def _add_suns(p: int, at: Places, half: Hemisphere, light: Light, kept: Kept) ->
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def add_patches(
-    p: int, at: Places, half: Hemisphere, light: Light, is_coarse: bool, powers: Floats, irradiance: Floats
+    p: int, at: Places, half: Hemisphere, light: Light, is_coarse: bool, powers: Floats, moments: Floats
 ) -> None:
     """Add what a point sees of patches, each put whole into the triangle that holds its centre's direction."""
     position, frame = at.position[p], at.frame[p]
@@ -223,8 +239,11 @@ def add_patches(
             if is_coarse:
                 m, part = m >> 4, solid * np.float32(1.0 / 16.0)
             for i in range(3):
+                power = light.flux[j, i] * solid
                 powers[m, i] += light.flux[j, i] * part
-                irradiance[i] += light.flux[j, i] * solid * np.float32(y / distance)
+                moments[0, i] += power * np.float32(x / distance)
+                moments[1, i] += power * np.float32(y / distance)
+                moments[2, i] += power * np.float32(z / distance)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -308,16 +327,18 @@ def light_range(
     n = len(half.place)
     powers, wavelets, sizes = np.empty((n, 3), np.float32), np.empty((n, 3), np.float32), np.empty(n, np.float32)
     coarse_bits = at.bits.view(np.uint64)
-    irradiance = np.empty(3, np.float32)
+    moments = np.empty((3, 3), np.float32)
     for j in range(start, stop):
         p = points[j]
-        irradiance[:] = 0.0
+        moments[:] = 0.0
         if is_coarse:
-            _add_coarse_sky(p, coarse_bits, at, half, light, powers, irradiance)
+            _add_coarse_sky(p, coarse_bits, at, half, light, powers, moments)
         else:
-            add_sky(p, at, half, light, powers, irradiance)
-        add_patches(p, at, half, light, is_coarse, powers, irradiance)
-        kept.irradiance[p] = irradiance
+            add_sky(p, at, half, light, powers, moments)
+        add_patches(p, at, half, light, is_coarse, powers, moments)
+        kept.irradiance[p] = moments[1]
+        if at.slot[p] >= 0:
+            kept.leaning[at.slot[p], 0], kept.leaning[at.slot[p], 1] = moments[0], moments[2]
         _add_suns(p, at, half, light, kept)
         if at.slot[p] >= 0:
             slot, size = at.slot[p], 320 if is_coarse else n

@@ -19,9 +19,10 @@ _1, _2, _3 = np.arange(1, 4, dtype=np.uint64)
 
 
 class Tables(NamedTuple):
-    """Slices by coefficient (polar, columns, rows, 3) and by upper triangle (polar, columns, 2560, 3), bfloat16, flat,
-    so that points that look alike find theirs together; where symmetries carry coefficients (10, 5120) and upper triangles (10, 2560), of columns over 36 degrees, or
-    (1, ...) of columns all around; polar angles, the last the steepest, columns; serial: another of other tables."""
+    """Slices by coefficient (polar, columns, rows, 3) and by upper triangle (polar, columns, 2560, 3), bfloat16, flat:
+    what points that look alike ask for stands together. Where symmetries carry coefficients (10, 5120) and upper
+    triangles (10, 2560), of columns over 36 degrees, or (1, ...) of columns all around; polar angles, the last the
+    steepest, columns; serial: another of other tables."""
 
     table: Halves
     values: Halves

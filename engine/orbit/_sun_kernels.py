@@ -80,9 +80,9 @@ def find_suns(
             at = corners_at(cell, child_at(x, y, z, suns.children) >> 2, t)
             largest = np.float32(0.0)
             for i in range(3):
-                k = np.uint64(i)
-                v00, v01 = _float(t.values[at.first + k]), _float(t.values[at.across + k])
-                v10, v11 = _float(t.values[at.down + k]), _float(t.values[at.last + k])
+                channel = np.uint64(i)
+                v00, v01 = _float(t.values[at.first + channel]), _float(t.values[at.across + channel])
+                v10, v11 = _float(t.values[at.down + channel]), _float(t.values[at.last + channel])
                 upper = v00 + cell.across * (v01 - v00)
                 power = seen * suns.power[s, i]
                 between[n_found, i] = power * (upper + cell.down * (v10 + cell.across * (v11 - v10) - upper))

@@ -89,6 +89,33 @@ def irradiance(
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def leaning_irradiance(
+    start: int, stop: int, which: NDArray[np.int64], corners: NDArray[np.int32], weights: Floats, leans: Floats,
+    frame: Floats, slots: NDArray[np.int32], kept: Kept, out: Floats,
+) -> None:  # fmt: skip
+    """Fill out (N, 3): the irradiance of surfaces at samples (N,) whose unit normals lean by (N, 3) across them.
+
+    As of light that all comes from above the horizons of both: E (1 + cos) / 2, which an even sky has, and of what
+    comes from one side its cosine with the lean.
+    """
+    for n in range(start, stop):
+        j, lean = which[n], leans[n]
+        cosine = np.float32(1.0) / np.float32(math.sqrt(1.0 + lean[0] ** 2 + lean[1] ** 2 + lean[2] ** 2))
+        out[n] = 0.0
+        for k in range(3):
+            p, weight = corners[j, k], weights[j, k]
+            f, slot = frame[p], slots[p]
+            x = cosine * (f[0, 0] * lean[0] + f[0, 1] * lean[1] + f[0, 2] * lean[2])
+            z = cosine * (f[2, 0] * lean[0] + f[2, 1] * lean[1] + f[2, 2] * lean[2])
+            half = np.float32(0.5) + np.float32(0.5) * cosine
+            for i in range(3):
+                from_side = x * kept.leaning[slot, 0, i] + z * kept.leaning[slot, 1, i]
+                out[n, i] += weight * (half * kept.irradiance[p, i] + from_side)
+        for i in range(3):
+            out[n, i] = max(out[n, i], np.float32(0.0))
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def shade_broad(
     start: int, stop: int, points: NDArray[np.int64], first: NDArray[np.int64], members: NDArray[np.int64], wo: Floats,
     turned: Floats, frame: Floats, slots: NDArray[np.int32], kept: Kept, level: int, directions: Floats,
@@ -142,14 +169,48 @@ def _add(cell: Cell, t: Tables, k: int, power: Floats, out: Floats) -> None:
         out[i] += power[i] * (upper + cell.down * (v10 + cell.across * (v11 - v10) - upper))
 
 
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True, inline="always")
+def _share(bits: NDArray[np.uint8], corners: NDArray[np.int32], weights: Floats, s: int) -> np.float32:
+    """How much of a sun a sample sees between its points."""
+    seen, byte, bit = np.float32(0.0), np.uint64(s >> 3), s & 7
+    for k in range(3):
+        if bits[corners[k], byte] >> bit & 1:
+            seen += weights[k]
+    return seen
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+def sun_irradiance(
+    start: int, stop: int, which: NDArray[np.int64], corners: NDArray[np.int32], weights: Floats, turned: Floats,
+    frame: Floats, sun_bits: NDArray[np.uint8], sun_direction: Floats, sun_power: Floats, out: Floats,
+) -> None:  # fmt: skip
+    """Fill out (N, 3): by how much more suns, as samples (N,) see them, light turned surfaces than those before."""
+    before = np.empty(3, np.float32)
+    for n in range(start, stop):
+        j, normal = which[n], turned[n, 1]
+        for i in range(3):
+            before[i] = np.float32(0.0)
+            for k in range(3):
+                before[i] += weights[j, k] * frame[corners[j, k], 1, i]
+        out[n] = 0.0
+        for s in range(len(sun_power)):
+            seen = _share(sun_bits, corners[j], weights[j], s)
+            if seen > 0.0:
+                d = sun_direction[s]
+                cosine = max(normal[0] * d[0] + normal[1] * d[1] + normal[2] * d[2], np.float32(0.0))
+                more = seen * (cosine - (before[0] * d[0] + before[1] * d[1] + before[2] * d[2]))
+                for i in range(3):
+                    out[n, i] += more * sun_power[s, i]
+
+
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def suns(
     start: int, stop: int, which: NDArray[np.int64], corners: NDArray[np.int32], weights: Floats, wo: Floats,
-    turned: Floats, frame: Floats, sun_bits: NDArray[np.uint8], sun_direction: Floats, sun_power: Floats,
-    children: NDArray[np.int16], t: Tables, is_matt: bool, unturned: bool, out: Floats,
+    turned: Floats, sun_bits: NDArray[np.uint8], sun_direction: Floats, sun_power: Floats,
+    children: NDArray[np.int16], t: Tables, out: Floats,
 ) -> None:  # fmt: skip
-    """Fill out (N, 3): what suns, as samples (N,) see them, bring to turned surfaces; by slices, or irradiance where
-    is_matt; that of surfaces that are not turned where `unturned`."""
+    """Fill out (N, 3): what slices reflect of suns, as samples (N,) see them, on turned surfaces."""
+    found = np.empty(3, np.float32)
     for n in range(start, stop):
         j = which[n]
         g = turned[n]
@@ -160,32 +221,17 @@ def suns(
         )  # fmt: skip
         out[n] = 0.0
         for s in range(len(sun_power)):
-            seen = np.float32(0.0)
+            seen = _share(sun_bits, corners[j], weights[j], s)
             d = sun_direction[s]
-            for k in range(3):
-                p = corners[j, k]
-                if sun_bits[p, s >> 3] >> (s & 7) & 1:
-                    if unturned:
-                        f = frame[p]
-                        seen += weights[j, k] * (f[1, 0] * d[0] + f[1, 1] * d[1] + f[1, 2] * d[2])
-                    else:
-                        seen += weights[j, k]
             y = g[1, 0] * d[0] + g[1, 1] * d[1] + g[1, 2] * d[2]
-            if seen <= 0.0 or (y <= 0.0 and not unturned):
-                continue
-            if is_matt:
-                cosine = np.float32(1.0) if unturned else y
-                for i in range(3):
-                    out[n, i] += seen * cosine * sun_power[s, i]
+            if seen <= 0.0 or y <= 0.0:
                 continue
             x = g[0, 0] * d[0] + g[0, 1] * d[1] + g[0, 2] * d[2]
             z = g[2, 0] * d[0] + g[2, 1] * d[1] + g[2, 2] * d[2]
-            before_0, before_1, before_2 = out[n, 0], out[n, 1], out[n, 2]
-            out[n] = 0.0
-            _add(cell, t, child_at(x, y, z, children) >> 2, sun_power[s], out[n])
-            out[n, 0] = before_0 + seen * out[n, 0]
-            out[n, 1] = before_1 + seen * out[n, 1]
-            out[n, 2] = before_2 + seen * out[n, 2]
+            found[:] = 0.0
+            _add(cell, t, child_at(x, y, z, children) >> 2, sun_power[s], found)
+            for i in range(3):
+                out[n, i] += seen * found[i]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)

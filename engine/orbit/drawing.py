@@ -14,9 +14,8 @@ from engine.orbit.reflected import reflected, shaded, sunlit
 from engine.orbit.reflections import Reflections, Term
 from engine.orbit.seen_maps import factors
 from engine.orbit.sky import Sky
-from engine.orbit.turned import TurnedSamples, turned_irradiance, turned_reflection, turned_samples
+from engine.orbit.turned import TurnedSamples, leaning_irradiance, turned_irradiance, turned_reflection, turned_samples
 from engine.render.still import StillProgress
-from engine.scene.description import Camera
 from engine.scene.load import Scene
 
 Floats = NDArray[np.float32]
@@ -28,7 +27,7 @@ _LITTLE = {"rest": 0.005, "still": 0.001}
 
 
 def reflected_light(
-    seen: Seen, lit: LitPoints, reflections: Reflections, scene: Scene, camera: Camera, sky: Sky, n_bounces: int,
+    seen: Seen, lit: LitPoints, reflections: Reflections, scene: Scene, sky: Sky, n_bounces: int,
     quality: Quality, n_moving: int,
 ) -> Generator[StillProgress, None, Floats]:  # fmt: skip
     """Radiance (R, 3) that samples reflect to the eye, found term by term; see `Orbit.draw`."""
@@ -38,12 +37,15 @@ def reflected_light(
 
     def reflected_by_bumps(which: NDArray[np.int64], term: Term) -> Floats:
         """What a term sends of direct light where bumps turn normals, without its maps, (N, 3)."""
+        if quality == "moving":
+            light = leaning_irradiance(seen, which, lit.incident, scene, term.i_object)
+            return light * np.array(term.reflectance, np.float32)
         if term.i_object not in turned:
             turned.clear()
-            turned[term.i_object] = turned_samples(seen, which, scene, camera, term.i_object)
+            turned[term.i_object] = turned_samples(seen, which, scene, term.i_object)
         samples = turned[term.i_object]
         if term.reflectance is not None:
-            light = turned_irradiance(seen, samples, lit.incident, sky, quality == "moving")
+            light = turned_irradiance(seen, samples, lit.incident, sky)
             return light * np.array(term.reflectance, np.float32)
         tables = reflections.tables(term.layers)
         if tables is None:
@@ -60,7 +62,8 @@ def reflected_light(
             mapped[term.i_object] = factors(seen, which, scene, term.i_object, layers, quality)
         factor = everywhere if term.factor is None else mapped[term.i_object][term.factor]
         points = np.flatnonzero(lit.seen & (lit.points.i_object == term.i_object))
-        bumpy = term.i_object in scene.relief.objects
+        # While something moves, gloss is as without bumps: it is shaded at points, which are further apart than these.
+        bumpy = term.i_object in scene.relief.objects and (quality != "moving" or term.reflectance is not None)
         evenly = None if bumpy else term.reflectance
         lit.colours[points] = lit.sent_evenly(points, evenly, reflections.albedo(term), n_bounces)
         tables = None if bumpy or term.reflectance is not None else reflections.tables(term.layers)

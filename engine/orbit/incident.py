@@ -72,7 +72,7 @@ def no_light(is_glossy: NDArray[np.bool_], n: int) -> Incident:
         np.zeros((len(slot), 3), np.float32), np.zeros((len(slot), MOST_SUNS // 8), np.uint8),
         np.zeros((n_glossy, n), np.int16), np.zeros((n_glossy, n, 3), np.uint16),
         np.full((n_glossy, kernels.N_SUN_PLACES), -1, np.int16),
-        np.zeros((n_glossy, kernels.N_SUN_PLACES, 3), np.float32),
+        np.zeros((n_glossy, kernels.N_SUN_PLACES, 3), np.float32), np.zeros((n_glossy, 2, 3), np.float32),
     ))  # fmt: skip
 
 
@@ -88,6 +88,7 @@ def more_glossy(incident: Incident, new: NDArray[np.bool_], n_more: int = 0) -> 
     return Incident(grown(slot, n_more, -1), kernels.Kept(
         grown(kept.irradiance, n_more), grown(kept.sun_bits, n_more), grown(kept.number, n_new),
         grown(kept.value, n_new), grown(kept.sun_place, n_new, -1), grown(kept.sun_power, n_new),
+        grown(kept.leaning, n_new),
     ))  # fmt: skip
 
 

@@ -251,7 +251,7 @@ class Orbit:
             raise ValueError("nothing is ready to be drawn: expected some steps of work before")
         seen = lit.mesh.look(camera, resolution, quality != "moving")
         lit.seen, lit.behind = seen.points_seen(), lit.behind | set(seen.from_behind)
-        what = lit, self._reflections, self.scene, camera, self._sky
+        what = lit, self._reflections, self.scene, self._sky
         radiance = yield from reflected_light(seen, *what, self._n_bounces, quality, n_moving)
         sky = self._light
         return picture(seen, radiance, sky.environment, sky.rotation, sky.scale)

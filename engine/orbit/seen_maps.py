@@ -13,13 +13,14 @@ from engine.orbit import _footprint_kernels as kernels
 from engine.orbit.picture import Rows, Seen
 from engine.render.canvas import positions_at
 from engine.scene.load import Scene
+from engine.scene.relief import Footprints
 from engine.scene.surface_uvs import corner_uvs
 from engine.texture.pyramid import MOST_PROBES, Pyramid
 from engine.texture.strokes import PaintedPoints
 from engine.threads import even_parts, on_threads
 
 Floats = NDArray[np.float32]
-_MOST_PROBES = {"moving": 2}
+MOVING_PROBES = 2
 
 
 def factors(
@@ -31,7 +32,7 @@ def factors(
     """
     visible = [layer for layer in layers if layer.visible]
     mapped = {k: layer.maps for k, layer in enumerate(visible) if not layer.maps.is_plain}
-    at = _Places(seen, which, scene, i_object, _MOST_PROBES.get(quality, MOST_PROBES))
+    at = _Places(seen, which, scene, i_object, MOVING_PROBES if quality == "moving" else MOST_PROBES)
     return {k: np.asarray(maps.factor(*at.look_up(maps.images)), np.float32) for k, maps in mapped.items()}
 
 
@@ -62,21 +63,23 @@ class _Places:
         known = self._seen.sampled
         key = self._i_object, image, scale
         if key not in known:
-            uv, across, down = self._footprints()
+            uv, across, down = footprints_of(self._seen, self._which, self._scene, self._i_object)
             if scale != (1.0, 1.0):
-                uv, across, down = (sides * np.array(scale) for sides in (uv, across, down))
+                uv, across, down = uv * scale, across * scale, down * scale
             known[key] = image.over(uv, across, down, self._most_probes)
         return known[key]
 
-    def _footprints(self) -> tuple[NDArray[np.float64], ...]:
-        known = self._seen.footprints
-        if self._i_object not in known:
-            known[self._i_object] = _footprints(self._seen, self._which, self._scene, self._i_object)
-        return known[self._i_object]
+
+def footprints_of(seen: Seen, which: Rows, scene: Scene, i_object: int) -> Footprints:
+    """Texture coordinates of the samples of an object, and their change over a pixel rightwards and downwards, (N, 2);
+    found once."""
+    if i_object not in seen.footprints:
+        seen.footprints[i_object] = _footprints(seen, which, scene, i_object)
+    uv, across, down = seen.footprints[i_object]
+    return uv, across, down
 
 
 def _footprints(seen: Seen, which: Rows, scene: Scene, i_object: int) -> tuple[NDArray[np.float64], ...]:
-    """Texture coordinates of samples of an object, and their change over a pixel rightwards and downwards, (N, 2)."""
     begin, end = scene.triangle_ranges[i_object]
     own = np.arange(begin, end)
     corners = scene.vertices[scene.triangles[own]].astype(np.float64)

@@ -18,11 +18,10 @@ from engine.orbit import _picture_kernels, _slice_kernels
 from engine.orbit import _turned_kernels as kernels
 from engine.orbit.incident import Incident, hemisphere
 from engine.orbit.picture import Seen
+from engine.orbit.seen_maps import MOVING_PROBES, footprints_of
 from engine.orbit.sky import Sky
-from engine.scene.description import Camera
 from engine.scene.frames import object_tangents
 from engine.scene.load import Scene
-from engine.scene.surface_uvs import pixel_footprints
 from engine.sphere.geodesic import geodesic, triangle_first_moments
 from engine.threads import even_parts, on_threads
 
@@ -30,7 +29,7 @@ Floats = NDArray[np.float32]
 Rows = NDArray[np.int64]
 # A slice whose peak is so many times its mean is a highlight.
 _HIGHLIGHT = 4.0
-_MATT_LEVEL, _BROAD_LEVEL, _STILL_LEVEL = 3, 2, 4
+_MATT_LEVEL, _BROAD_LEVEL, _STILL_LEVEL = 2, 2, 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,33 +42,68 @@ class TurnedSamples:
     wo: Floats
 
 
-def turned_samples(seen: Seen, which: Rows, scene: Scene, camera: Camera, i_object: int) -> TurnedSamples:
+def turned_samples(seen: Seen, which: Rows, scene: Scene, i_object: int) -> TurnedSamples:
     """The frames of samples (N,) of an object under its bumps, averaged over their pixels."""
-    hit, wo = seen.in_scene(which), np.ascontiguousarray(seen.samples.wo[which])
-    weights, corners = seen.samples.weights[which].astype(np.float64), seen.samples.corners[which]
-    before = np.einsum("nk,nki->ni", weights, seen.points.normal[corners])
-    before /= np.maximum(np.linalg.norm(before, axis=1, keepdims=True), 1e-30)
-    footprints = pixel_footprints(scene.seen_from(camera), hit, seen.pixel[which], seen.resolution)
-    normals = scene.relief.turned(hit.triangle, hit.u, hit.v, before, wo.astype(np.float64), footprints)
-    tangents = object_tangents(scene, np.full(len(which), i_object), normals)
-    frames = np.stack([tangents, normals, np.cross(tangents, normals)], axis=1)
-    return TurnedSamples(which, frames.astype(np.float32), before.astype(np.float32), wo)
+    footprints, samples = footprints_of(seen, which, scene, i_object), seen.samples
+    frames, before = np.empty((len(which), 3, 3), np.float32), np.empty((len(which), 3), np.float32)
+
+    def part(start: int, stop: int) -> None:
+        some = which[start:stop]
+        hit, wo = seen.in_scene(some), samples.wo[some].astype(np.float64)
+        weights, corners = samples.weights[some].astype(np.float64), samples.corners[some]
+        own = np.einsum("nk,nki->ni", weights, seen.points.normal[corners])
+        own /= np.maximum(np.linalg.norm(own, axis=1, keepdims=True), 1e-30)
+        uv, across, down = (each[start:stop] for each in footprints)
+        normals = scene.relief.turned(hit.triangle, hit.u, hit.v, own, wo, (uv, across, down))
+        tangents = object_tangents(scene, np.full(len(some), i_object), normals)
+        frames[start:stop] = np.stack([tangents, normals, np.cross(tangents, normals)], axis=1)
+        before[start:stop] = own
+
+    on_threads(part, *even_parts(len(which)))
+    return TurnedSamples(which, frames, before, np.ascontiguousarray(samples.wo[which]))
 
 
-def turned_irradiance(seen: Seen, samples: TurnedSamples, incident: Incident, sky: Sky, moves: bool) -> Floats:
-    """Irradiance (N, 3) of turned surfaces; by larger triangles while something moves."""
-    level = _BROAD_LEVEL if moves else _MATT_LEVEL
-    normals, tables = np.ascontiguousarray(samples.frames[:, 1]), _no_tables()
+def leaning_irradiance(seen: Seen, which: Rows, incident: Incident, scene: Scene, i_object: int) -> Floats:
+    """Irradiance (N, 3) of samples (N,) of an object under its bumps, while something moves: by the three sums that
+    points keep of all their light."""
+    out = np.empty((len(which), 3), np.float32)
+    footprints, samples = footprints_of(seen, which, scene, i_object), seen.samples
+
+    def part(start: int, stop: int) -> None:
+        some = which[start:stop]
+        hit, wo = seen.in_scene(some), samples.wo[some]
+        normals = np.einsum("nk,nki->ni", samples.weights[some], seen.points.normal[samples.corners[some]])
+        uv, across, down = (each[start:stop] for each in footprints)
+        leans = scene.relief.leans(i_object, hit.triangle, hit.u, hit.v, normals, wo, (uv, across, down), MOVING_PROBES)
+        kernels.leaning_irradiance(
+            0, len(some), some, samples.corners, samples.weights, leans.astype(np.float32), seen.points.frames,
+            incident.slot, incident.kept, out[start:stop],
+        )  # fmt: skip
+
+    on_threads(part, *even_parts(len(which)))
+    return out
+
+
+def turned_irradiance(seen: Seen, samples: TurnedSamples, incident: Incident, sky: Sky) -> Floats:
+    """Irradiance (N, 3) of turned surfaces at rest."""
+    normals, met = np.ascontiguousarray(samples.frames[:, 1]), seen.samples
 
     def fill(start: int, stop: int, points: Rows, first: Rows, members: Rows, out: Floats) -> None:
         kernels.irradiance(
-            start, stop, points, first, members, normals, seen.points.frames, incident.slot, incident.kept, level,
-            _directions(level), out,
+            start, stop, points, first, members, normals, seen.points.frames, incident.slot, incident.kept, _MATT_LEVEL,
+            _directions(_MATT_LEVEL), out,
         )  # fmt: skip
 
-    found = _by_points(seen, samples, fill)
-    turned = _suns(seen, samples, incident, sky, tables, is_matt=True)
-    return np.maximum(found + turned - _suns(seen, samples, incident, sky, tables, is_matt=True, unturned=True), 0.0)
+    found, of_suns = _by_points(seen, samples, fill), np.empty((len(samples.which), 3), np.float32)
+
+    def add_suns(start: int, stop: int) -> None:
+        kernels.sun_irradiance(
+            start, stop, samples.which, met.corners, met.weights, samples.frames, seen.points.frames,
+            incident.kept.sun_bits, sky.sun_direction, sky.sun_power, of_suns,
+        )  # fmt: skip
+
+    on_threads(add_suns, *even_parts(len(of_suns)))
+    return np.maximum(found + of_suns, 0.0)
 
 
 def turned_reflection(
@@ -111,16 +145,14 @@ def _by_points(seen: Seen, samples: TurnedSamples, fill: _Fill) -> Floats:
 
 
 def _suns(
-    seen: Seen, samples: TurnedSamples, incident: Incident, sky: Sky, tables: _slice_kernels.Tables,
-    is_matt: bool = False, unturned: bool = False,
+    seen: Seen, samples: TurnedSamples, incident: Incident, sky: Sky, tables: _slice_kernels.Tables
 ) -> Floats:  # fmt: skip
     out, met = np.zeros((len(samples.which), 3), np.float32), seen.samples
 
     def part(start: int, stop: int) -> None:
         kernels.suns(
-            start, stop, samples.which, met.corners, met.weights, samples.wo, samples.frames, seen.points.frames,
-            incident.kept.sun_bits, sky.sun_direction, sky.sun_power, hemisphere().children, tables, is_matt, unturned,
-            out,
+            start, stop, samples.which, met.corners, met.weights, samples.wo, samples.frames, incident.kept.sun_bits,
+            sky.sun_direction, sky.sun_power, hemisphere().children, tables, out,
         )  # fmt: skip
 
     if len(sky.sun_power):
@@ -139,9 +171,3 @@ def _directions(level: int) -> Floats:
     sphere = geodesic(level)
     moments = triangle_first_moments(sphere.vertices[sphere.triangles]) / sphere.solid_angles[:, None]
     return np.ascontiguousarray(moments, np.float32)
-
-
-def _no_tables() -> _slice_kernels.Tables:
-    """Where none are asked."""
-    none, places = np.zeros(0, np.uint16), np.zeros((1, 0), np.int32)
-    return _slice_kernels.Tables(none, none, places, places, 2, 2, 1.0, 0)

@@ -14,14 +14,16 @@ normal's horizon and the surface's own.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine.errors import LoadError
-from engine.scene.surface_uvs import between, corner_uvs, uvs_at
-from engine.texture.pyramid import Pyramid
+from engine.scene import _relief_kernels as kernels
+from engine.scene.surface_uvs import corner_uvs, uvs_at
+from engine.texture.pyramid import MOST_PROBES, Pyramid
 
 if TYPE_CHECKING:
     from engine.material.bumps import Bumps
@@ -36,14 +38,21 @@ _TINY = 1e-30
 
 @dataclass(frozen=True, eq=False)
 class _Cover:
-    """One object's bumps: their slopes, its first triangle, and for a normal map tangents at corners (t, 3, 3) and on
+    """One object's bumps: their slopes, its triangles, and for a normal map tangents at corners (t, 3, 3) and on
     which side the bitangents are (t,)."""
 
     bumps: Bumps
     slopes: Pyramid
     first: int
+    n_triangles: int
     tangents: Floats
     hands: Floats
+    scene: Scene
+
+    @cached_property
+    def gradients(self) -> Floats:
+        """Of u and v over each of its triangles (t, 2, 3)."""
+        return gradients(self.scene, np.arange(self.first, self.first + self.n_triangles))
 
 
 class Relief:
@@ -67,7 +76,8 @@ class Relief:
                 tangents, hands = np.zeros((0, 3, 3)), np.zeros(0)
                 if described.bumps.normal_map:
                     tangents, hands = corner_tangents(scene, i)
-                self._covers[i] = _Cover(described.bumps, slopes, scene.triangle_ranges[i, 0], tangents, hands)
+                begin, end = map(int, scene.triangle_ranges[i])
+                self._covers[i] = _Cover(described.bumps, slopes, begin, end - begin, tangents, hands, scene)
 
     def require(self) -> None:
         """Raises the LoadError of the first image that cannot be used."""
@@ -89,43 +99,37 @@ class Relief:
         between texels.
         """
         out, objects = normals, self._scene.object_of_triangle[triangle]
-        for i, cover in self._covers.items():
+        for i in self._covers:
             rows = np.flatnonzero(objects == i)
             if not len(rows):
                 continue
             out = out.copy() if out is normals else out
             own = triangle[rows], u[rows], v[rows]
-            lean = self._lean(cover, *own, normals[rows], wo[rows], footprints and _of(footprints, rows))
+            lean = self.leans(i, *own, normals[rows], wo[rows], footprints and _of(footprints, rows))
             out[rows] = leaning(normals[rows], lean, wo[rows])
         return out
 
-    def _lean(
-        self, cover: _Cover, triangle: NDArray[np.integer], u: NDArray, v: NDArray, normals: Floats,
-        wo: NDArray[np.floating], footprints: Footprints | None,
+    def leans(
+        self, i_object: int, triangle: NDArray[np.integer], u: NDArray, v: NDArray, normals: Floats,
+        wo: NDArray[np.floating], footprints: Footprints | None, most_probes: int = MOST_PROBES,
     ) -> Floats:  # fmt: skip
-        """What is added to unit normals (p, 3), within the surface, before they are unit again."""
+        """What is added to unit normals (p, 3) of one of `objects`, within the surface, before they are unit again."""
+        cover = self._covers[i_object]
         scene, repeats = self._scene, np.array(cover.bumps.bump_repeats)
         if footprints is None:
-            slopes = cover.slopes.at(uvs_at(scene, triangle, u, v) * repeats).astype(np.float64)
+            slopes = cover.slopes.at(uvs_at(scene, triangle, u, v) * repeats)
         else:
-            slopes = cover.slopes.over(*(each * repeats for each in footprints)).astype(np.float64)
-        faces = scene.geometric_normals[triangle].astype(np.float64)
-        side = np.where(np.einsum("pk,pk->p", faces, wo) < 0.0, -1.0, 1.0)
-        slopes *= -cover.bumps.slope_scale * side[:, None]
-        if cover.bumps.bump_map:
-            along = gradients(scene, triangle) * repeats[:, None]
-        else:
-            along = self._axes(cover, triangle, u, v, normals * side[:, None]) * np.sign(repeats)[:, None]
-        lean = np.einsum("pa,pak->pk", slopes, along)
-        return lean - np.einsum("pk,pk->p", lean, normals)[:, None] * normals
-
-    def _axes(self, cover: _Cover, triangle: NDArray[np.integer], u: NDArray, v: NDArray, outward: Floats) -> Floats:
-        """Unit tangents and bitangents (p, 2, 3) about normals that point out (p, 3)."""
-        own = triangle - cover.first
-        tangent = between(cover.tangents[own], u, v)
-        tangent -= np.einsum("pk,pk->p", tangent, outward)[:, None] * outward
-        tangent /= np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), _TINY)
-        return np.stack([tangent, cover.hands[own][:, None] * np.cross(outward, tangent)], axis=1)
+            uv, across, down = (each * repeats for each in footprints)
+            slopes = cover.slopes.over(uv, across, down, most_probes)
+        own = np.asarray(triangle - cover.first, np.int64)
+        faces = scene.geometric_normals[cover.first : cover.first + cover.n_triangles]
+        lean = np.empty((len(own), 3))
+        gradients = np.zeros((0, 2, 3)) if cover.bumps.normal_map else cover.gradients
+        kernels.fill_leans(
+            own, np.asarray(u, np.float64), np.asarray(v, np.float64), slopes, gradients, cover.tangents, cover.hands,
+            cover.bumps.slope_scale, repeats, faces, np.asarray(wo, np.float64), np.asarray(normals, np.float64), lean,
+        )  # fmt: skip
+        return lean
 
 
 def leaning(normals: Floats, lean: Floats, wo: NDArray[np.floating]) -> Floats:

@@ -13,11 +13,13 @@ Floats = NDArray[np.float64]
 Texels = NDArray[np.float32]
 Indices = NDArray[np.int64]
 
+_1, _2 = np.uint64(1), np.uint64(2)
 _LONGEST = 1e6  # texels: beyond, a footprint is the whole image anyway
 
 
 class Levels(NamedTuple):
-    """Texels (N C,) of all levels, row by row; sizes (L, 2) height and width, and where each level begins (L,)."""
+    """Texels (N C,) of all levels, of up to three channels, row by row; sizes (L, 2) height and width, and where each
+    level begins (L,)."""
 
     texels: Texels
     sizes: Indices
@@ -31,48 +33,6 @@ def _around(i: int, n: int) -> int:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _add_level(levels: Levels, i: int, u: float, v: float, share: float, out: Texels, j: int) -> None:
-    """Add a share of level i at a place to row j of out (N, C): bilinear, repeating; texels are where their middles
-    are."""
-    height, width = levels.sizes[i, 0], levels.sizes[i, 1]
-    x, y = (u - math.floor(u)) * width - 0.5, (1.0 - (v - math.floor(v))) * height - 0.5
-    left, top = math.floor(x), math.floor(y)
-    fx, fy = np.float32(x - left), np.float32(y - top)
-    x0, y0 = _around(int(left), width), _around(int(top), height)
-    x1, y1 = _around(x0 + 1, width), _around(y0 + 1, height)
-    n, t = out.shape[1], levels.texels
-    upper, lower = levels.first[i] + y0 * width, levels.first[i] + y1 * width
-    # Unsigned, so that no index is asked whether it counts from the end.
-    a, b = np.uint64(n * (upper + x0)), np.uint64(n * (upper + x1))
-    d, e = np.uint64(n * (lower + x0)), np.uint64(n * (lower + x1))
-    for c in range(n):
-        k = np.uint64(c)
-        above = t[a + k] + fx * (t[b + k] - t[a + k])
-        below = t[d + k] + fx * (t[e + k] - t[d + k])
-        out[j, k] += np.float32(share) * (above + fy * (below - above))
-
-
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _add_depth(levels: Levels, depth: float, u: float, v: float, share: float, out: Texels, j: int) -> None:
-    """Add a share of what lies between the two levels around a depth."""
-    depth = min(max(depth, 0.0), len(levels.sizes) - 1.0)
-    lower = min(int(depth), max(len(levels.sizes) - 2, 0))
-    coarser = depth - lower
-    if coarser < 1.0:
-        _add_level(levels, lower, u, v, share * (1.0 - coarser), out, j)
-    if coarser > 0.0:
-        _add_level(levels, lower + 1, u, v, share * coarser, out, j)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def fill_at(levels: Levels, uv: Floats, depths: Floats, out: Texels) -> None:
-    """Fill out (N, C): values at coordinates (N, 2), at depths (N,) into the levels."""
-    out[:] = 0.0
-    for j in range(len(uv)):
-        _add_depth(levels, depths[j], _finite(uv[j, 0]), _finite(uv[j, 1]), 1.0, out, j)
-
-
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _finite(coordinate: float) -> float:
     return coordinate if abs(coordinate) < 1e15 else 0.0
 
@@ -83,6 +43,67 @@ def _bounded(texels: float) -> float:
     if math.isnan(texels):
         return _LONGEST
     return min(max(texels, -_LONGEST), _LONGEST)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _texel(levels: Levels, i: int, n: int, u: float, v: float) -> tuple[np.float32, np.float32, np.float32]:
+    """Level i at a place, in n channels: bilinear, repeating; texels are where their middles are. Not through memory,
+    which takes a third of the time more."""
+    t, height, width, first = levels.texels, levels.sizes[i, 0], levels.sizes[i, 1], levels.first[i]
+    x, y = (u - math.floor(u)) * width - 0.5, (1.0 - (v - math.floor(v))) * height - 0.5
+    left, top = math.floor(x), math.floor(y)
+    fx, fy = np.float32(x - left), np.float32(y - top)
+    x0, y0 = _around(int(left), width), _around(int(top), height)
+    x1, y1 = _around(x0 + 1, width), _around(y0 + 1, height)
+    upper, lower = first + y0 * width, first + y1 * width
+    # Unsigned, so that no index is asked whether it counts from the end.
+    a, b = np.uint64(n * (upper + x0)), np.uint64(n * (upper + x1))
+    d, e = np.uint64(n * (lower + x0)), np.uint64(n * (lower + x1))
+    red = _between(t[a], t[b], t[d], t[e], fx, fy)
+    green = blue = np.float32(0.0)
+    if n > 1:
+        green = _between(t[a + _1], t[b + _1], t[d + _1], t[e + _1], fx, fy)
+    if n > 2:
+        blue = _between(t[a + _2], t[b + _2], t[d + _2], t[e + _2], fx, fy)
+    return red, green, blue
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _between(a: np.float32, b: np.float32, d: np.float32, e: np.float32, fx: np.float32, fy: np.float32) -> np.float32:
+    above, below = a + fx * (b - a), d + fx * (e - d)
+    return above + fy * (below - above)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _at_depth(levels: Levels, n: int, depth: float, u: float, v: float) -> tuple[np.float32, np.float32, np.float32]:
+    """What lies between the two levels around a depth."""
+    last = len(levels.sizes) - 1
+    depth = min(max(depth, 0.0), float(last))
+    lower = min(int(depth), max(last - 1, 0))
+    coarser = np.float32(depth - lower)
+    red, green, blue = _texel(levels, lower, n, u, v)
+    if coarser > 0.0:
+        a, b, c = _texel(levels, lower + 1, n, u, v)
+        finer = np.float32(1.0) - coarser
+        red, green, blue = finer * red + coarser * a, finer * green + coarser * b, finer * blue + coarser * c
+    return red, green, blue
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _store(red: np.float32, green: np.float32, blue: np.float32, out: Texels, j: int) -> None:
+    out[j, 0] = red
+    if out.shape[1] > 1:
+        out[j, 1] = green
+    if out.shape[1] > 2:
+        out[j, 2] = blue
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def fill_at(levels: Levels, uv: Floats, depths: Floats, out: Texels) -> None:
+    """Fill out (N, C): values at coordinates (N, 2), at depths (N,) into the levels."""
+    for j in range(len(uv)):
+        red, green, blue = _at_depth(levels, out.shape[1], depths[j], _finite(uv[j, 0]), _finite(uv[j, 1]))
+        _store(red, green, blue, out, j)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -106,8 +127,9 @@ def fill_over(
         wide = max(shorter, longer / most_probes)
         depth = math.log2(wide) if wide > 1.0 else 0.0
         u, v = _finite(uv[j, 0]), _finite(uv[j, 1])
-        for c in range(out.shape[1]):
-            out[j, c] = 0.0
+        share, red, green, blue = np.float32(1.0 / n), np.float32(0.0), np.float32(0.0), np.float32(0.0)
         for i in range(n):
             place = (i + 0.5) / n - 0.5
-            _add_depth(levels, depth, u + place * du, v + place * dv, 1.0 / n, out, j)
+            a, b, c = _at_depth(levels, out.shape[1], depth, u + place * du, v + place * dv)
+            red, green, blue = red + share * a, green + share * b, blue + share * c
+        _store(red, green, blue, out, j)

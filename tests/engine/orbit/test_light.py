@@ -32,7 +32,7 @@ def visible_powers(points, p: int, bits, sky) -> np.ndarray:
     """Radiance × solid angle of each triangle (5120, 3) of point p's frame, as it is seen there; without suns."""
     powers = np.empty((5120, 3), np.float32)
     at = places(points, bits, np.full(len(points), -1, np.int32), None)
-    kernels.add_sky(p, at, hemisphere(), lights(sky, None), powers, np.zeros(3, np.float32))
+    kernels.add_sky(p, at, hemisphere(), lights(sky, None), powers, np.zeros((3, 3), np.float32))
     return powers
 
 

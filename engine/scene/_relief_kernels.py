@@ -1,0 +1,57 @@
+"""Compiled: what bumps add to normals."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+_TINY = 1e-30
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def fill_leans(
+    triangle: NDArray[np.int64], u: Floats, v: Floats, slopes: NDArray[np.float32], gradients: Floats,
+    tangents: Floats, hands: Floats, scale: float, repeats: Floats, faces: NDArray[np.float32], wo: Floats,
+    normals: Floats, out: Floats,
+) -> None:  # fmt: skip
+    """Fill out (P, 3): −scale × slopes (P, 2) of points of an object's triangles (P,) along the gradients of u and v
+    (t, 2, 3), or, where there are tangents at corners (t, 3, 3), along these and their bitangents, on the side of hands
+    (t,); without what lies along the normals (P, 3)."""
+    along = np.empty((2, 3))
+    for j in range(len(triangle)):
+        k = triangle[j]
+        n, face = normals[j], faces[k]
+        side = -1.0 if face[0] * wo[j, 0] + face[1] * wo[j, 1] + face[2] * wo[j, 2] < 0.0 else 1.0
+        if len(tangents):
+            _tangents_between(tangents[k], 1.0 - u[j] - v[j], u[j], v[j], n, along[0])
+            for i in range(3):
+                a, b = (i + 1) % 3, (i + 2) % 3
+                along[1, i] = hands[k] * side * (n[a] * along[0, b] - n[b] * along[0, a])
+        p, q = -scale * side * slopes[j, 0], -scale * side * slopes[j, 1]
+        if len(tangents):
+            p, q = math.copysign(1.0, repeats[0]) * p, math.copysign(1.0, repeats[1]) * q
+        else:
+            p, q = repeats[0] * p, repeats[1] * q
+            along[:] = gradients[k]
+        x, y, z = (p * along[0, 0] + q * along[1, 0], p * along[0, 1] + q * along[1, 1],
+                   p * along[0, 2] + q * along[1, 2])  # fmt: skip
+        upwards = x * n[0] + y * n[1] + z * n[2]
+        out[j, 0], out[j, 1], out[j, 2] = x - upwards * n[0], y - upwards * n[1], z - upwards * n[2]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _tangents_between(corners: Floats, first: float, second: float, third: float, normal: Floats, out: Floats) -> None:
+    """The tangent between those of three corners, across a normal, unit."""
+    along = 0.0
+    for i in range(3):
+        out[i] = first * corners[0, i] + second * corners[1, i] + third * corners[2, i]
+        along += out[i] * normal[i]
+    for i in range(3):
+        out[i] -= along * normal[i]
+    length = max(math.sqrt(out[0] ** 2 + out[1] ** 2 + out[2] ** 2), _TINY)
+    for i in range(3):
+        out[i] /= length
