@@ -295,9 +295,11 @@ class Deform:
     # ---------------------------------------------------------------------------------------------------- pictures
 
     def draw(
-        self, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = (), quality: Quality = "moving"
-    ) -> Singles:
-        """Radiance (H, W, 3) as it is known by now; resolution (width, height). "rest": four samples a pixel.
+        self, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = (), quality: Quality = "moving",
+        turned: bool = True,
+    ) -> Singles:  # fmt: skip
+        """Radiance (H, W, 3) as it is known by now; resolution (width, height). "rest": four samples a pixel. turned:
+        whether transfer turns with the surface; False shows what one would get if it did not.
 
         Raises ValueError before `is_ready`.
         """
@@ -305,7 +307,7 @@ class Deform:
             raise ValueError("nothing is ready to be drawn: expected some steps of work before")
         eye = np.subtract(camera.position, self.scene.origin).astype(np.float64)
         places, frames = self._posed_points(poses)
-        white = self._shaded(poses, frames)
+        white = self._shaded(poses, frames if turned else self._points.resting_frames)
         gloss = self._gloss(places, frames, eye, white)
         fine = 2 if quality == "rest" else 1
         size = (resolution[0] * fine, resolution[1] * fine)
@@ -341,8 +343,8 @@ class Deform:
 
     def _shaded(self, poses: Poses, frames: Singles) -> Singles:
         """What white matt points send (S, 3)."""
-        assert self._lobes is not None and self._bands is not None
-        made_of = (poses, self._lobes, self._bands)
+        assert self._points is not None and self._lobes is not None and self._bands is not None
+        made_of = (poses, frames is self._points.frames, self._lobes, self._bands)
         if self._white is None or self._white[0] != made_of:
             self._white = made_of, np.maximum(shade(self._lobes, frames, self._bands), np.float32(0.0))
         return self._white[1]

@@ -50,6 +50,7 @@ class BendingPoints:
         self._at = _anchors(self.surface, points, len(self._rest))
         self.places = self._rest.astype(np.float32)
         self.frames = self._rest_frames.astype(np.float32)
+        self.resting_frames = self.frames.copy()
 
     def __len__(self) -> int:
         return len(self._points)

@@ -1,0 +1,132 @@
+"""Whatever a hand does in Deform, at whatever stage: no fault, and in the end the picture of what there is.
+
+As in `test_any_orbit_sequence` the worker is the real one with a stand-in for Deform's engine, whose pictures name all
+that they are drawn of.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.commands import AddDeformer, MoveDeformer, RemoveDeformer, SetDeformer, SetPose, SetTime
+from app.commands.layers import SetParameter
+from app.commands.light import SetRotation
+from app.deform.talk import DeformTalk
+from app.editor import Editor
+from app.jobs.cache import Store
+from app.orbit.wishes import OrbitWish
+from app.view_state import SetView
+from engine.deform.pose import Poses
+from engine.scene.description import Camera, CameraDescription
+from tests.engine.deform.test_moments import write_bar
+from tests.ui.test_any_orbit_sequence import CAMERAS, NamedOrbit, OrbitWalk, colour_of, said_of_layers
+from tests.ui.test_any_sequence import MAY_BE_TOLD, RESOLUTION, LateClient
+
+
+class NamedDeform(NamedOrbit):
+    """As `engine.deform.live.Deform`, drawn as `NamedOrbit` is."""
+
+    lost: Mapping[int, float] = {}  # noqa: RUF012 - it has none
+
+    def __init__(self, scene: object, **_: object) -> None:
+        super().__init__(scene)  # type: ignore[arg-type]
+        self._posed: tuple[str, ...] = ()
+
+    def set_posed(self, names: Sequence[str]) -> None:
+        if tuple(names) != self._posed:
+            self._posed = tuple(names)
+            self._begin()
+
+    def draw(
+        self, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = (), quality: str = "moving"
+    ) -> np.ndarray:
+        assert self.is_ready and self._light is not None
+        seen = Camera(**{name: getattr(camera, name) for name in Camera.model_fields})
+        colour = colour_of(seen, self._light.rotation, self._layers, self._posed, poses) * self.is_done
+        return np.broadcast_to(colour, (*resolution[::-1], 3)).astype(np.float32)
+
+
+def expected_colour(editor: Editor) -> np.ndarray:
+    document = editor.document
+    layers = OrbitWish.of(document, editor.view).scene.layers
+    names = [state.name for state in document.objects]
+    own = [said_of_layers([each.layer for each in layers if each.object == name]) for name in names]
+    posed = tuple(state.name for state in document.objects if state.deformations or state.animations)
+    return colour_of(editor.looks.camera, document.light.rotation, own, posed, document.poses)
+
+
+def first(editor: Editor, name: str, command: Callable[[int], object]) -> None:
+    """Do something to the first deformer of an object, where it has one."""
+    if editor.document.object(name).deformations:
+        editor.do(command(0))  # type: ignore[arg-type]
+
+
+COMMANDS: dict[str, Callable[[OrbitWalk], object]] = {
+    "bend the bar": lambda w: w.editor.do(AddDeformer("bar", "bend", 30.0)),
+    "twist the dice": lambda w: w.editor.do(AddDeformer("dice", "twist", -90.0, "x")),
+    "a bend of nothing": lambda w: w.editor.do(AddDeformer("dice", "bend")),
+    "more": lambda w: first(w.editor, "bar", lambda i: SetDeformer("bar", i, amount=w.now * 10.0 % 1.0)),
+    "too much": lambda w: first(w.editor, "bar", lambda i: SetDeformer("bar", i, amount=1e9)),
+    "another axis": lambda w: first(w.editor, "dice", lambda i: SetDeformer("dice", i, axis="z")),
+    "later": lambda w: first(w.editor, "bar", lambda i: MoveDeformer("bar", i, i + 1)),
+    "take one away": lambda w: first(w.editor, "bar", lambda i: RemoveDeformer("bar", i)),
+    "back to rest": lambda w: w.editor.do(SetPose("dice")),
+    "a time": lambda w: w.editor.do(SetTime(0.4)),
+    "a time beyond the end": lambda w: w.editor.do(SetTime(7.3)),
+    "the file's pose": lambda w: w.editor.do(SetTime(None)),
+    "play": lambda w: w.editor.play(),
+    "pause": lambda w: w.editor.pause(),
+    "no loop": lambda w: w.editor.do(SetView.of(loops=False)),
+    "loop": lambda w: w.editor.do(SetView.of(loops=True)),
+    "undo": lambda w: w.editor.undo(),
+    "undo again": lambda w: w.editor.undo(),
+    "redo": lambda w: w.editor.redo(),
+    "take hold": lambda w: w.editor.begin_drag(),
+    "let go": lambda w: w.editor.end_drag(),
+    "give up": lambda w: w.editor.cancel_drag(),
+    "select the bar": lambda w: w.editor.select("bar"),
+    "select the dice": lambda w: w.editor.select("dice"),
+    "select nothing": lambda w: w.editor.select(None),
+    "Placement": lambda w: w.editor.do(SetView.of(mode="placement")),
+    "Deform": lambda w: w.editor.do(SetView.of(mode="deform")),
+    "back to Deform": lambda w: w.editor.do(SetView.of(mode="deform")),
+    "paint it": lambda w: w.editor.do(SetParameter("dice.0", "albedo", (0.1, 0.2, w.now % 1.0))),
+    "turn the light": lambda w: w.editor.do(SetRotation(w.editor.document.light.rotation + 20.0)),
+    "a camera": lambda w: w.editor.do(SetView.of(camera=CAMERAS[0])),
+    "the scene's camera": lambda w: w.editor.do(SetView.of(camera=None)),
+    "stop and go on": lambda w: (w.editor.cancel_work(), w.editor.resume_work()),
+    "kill": lambda w: w.client.kill(),
+}
+
+
+@pytest.mark.parametrize("seed", [*range(3), *(pytest.param(s, marks=pytest.mark.sweep) for s in range(3, 100))])
+def test_the_last_picture_is_of_the_last_document(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
+    monkeypatch.setattr("engine.deform.live.Deform", NamedDeform)
+    random = np.random.default_rng(seed)
+    walk = OrbitWalk(str(write_bar(tmp_path)), LateClient(random, Store(tmp_path / "cache")), None, mode="deform")
+    done = []
+    try:
+        walk.open()
+        for name in map(str, random.choice(sorted(COMMANDS), 25)):
+            done.append(name)
+            COMMANDS[name](walk)
+            walk.frames(int(random.choice([0, 1, 3, 10, 30])))
+        walk.editor.pause()
+        walk.begin_again()
+        walk.editor.do(SetView.of(mode="deform"))
+        walk.until(lambda: isinstance(walk.editor.talk, DeformTalk) and walk.editor.status.picture == "refining")
+        told = [
+            line for line in walk.told if not any(known in line for known in (*MAY_BE_TOLD, "expected -720 to 720"))
+        ]
+        assert not told, done
+        assert walk.picture.shape == (*RESOLUTION[::-1], 3)
+        np.testing.assert_array_equal(walk.picture[0, 0], expected_colour(walk.editor), err_msg=str(done))
+        document, n_steps = walk.editor.document, len(walk.editor.history.undo_steps)
+        assert all(walk.editor.undo() for _ in range(n_steps)) and all(walk.editor.redo() for _ in range(n_steps))
+        assert walk.editor.document == document
+    finally:
+        walk.close()
