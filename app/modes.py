@@ -32,6 +32,6 @@ DEFORM = Mode(
     accuracy="ui.panels.accuracy_deform:draw",
     tools="ui.panels.deformers:draw",
     strip="ui.panels.timeline:draw",
-    handles="ui.panels.pose_handles:handles",
+    handles="ui.panels.deform_handles:handles",
 )
 MODES = (PLACEMENT, ORBIT, DEFORM)

@@ -80,7 +80,8 @@ class ViewState:
     shares ``centre`` (across, down) of it stands in the panel's middle.
     ``camera`` and ``resolution``, (width, height) of the picture, stand in for the scene's own, None for those;
     ``bookmarks`` are views that are kept by name. While an animation is ``playing`` that is the time which is seen,
-    seconds; where it ends it begins anew if it ``loops``.
+    seconds; where it ends it begins anew if it ``loops``. ``split``: where Deform's picture gives way, from left to
+    right, from what paths show to transfer that does not turn, and to its own (0 the left edge, 1 the right).
     ``regions`` are a ≤ b ≤ c ≤ d of the operator being shown or about to be made; ``operator`` is its index in the
     selected curve's list, None for one about to be made. ``curve_zoom`` is (γ low, γ high, y low, y high); None fits.
     The BRDF panel shows ``brdf_plot`` of the selected layer, or with ``brdf_whole`` of all layers of its object, in the
@@ -125,6 +126,7 @@ class ViewState:
     bookmarks: tuple[Bookmark, ...] = ()
     playing: float | None = None
     loops: bool = True
+    split: tuple[float, float] | None = None
 
     @property
     def look(self) -> Viewpoint:
@@ -205,6 +207,8 @@ ViewCommand = SetView | OpenPanel
 
 
 def _in_range(name: str, value: Any) -> Any:
+    if name == "split":
+        return value and tuple(sorted(min(max(float(x), 0.0), 1.0) for x in value))
     if name == "regions":
         return _ordered_regions(value)
     if name in LIMITS:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from app.messages import LookFrom, OpenScene, Request, Response
 from app.orbit.messages import Quality
@@ -14,12 +14,21 @@ if TYPE_CHECKING:
     from engine.scene.description import Camera
 
 
+class Traced(NamedTuple):
+    """What paths are to show: from where, in how many pixels (width, height), in which poses."""
+
+    camera: Camera
+    resolution: tuple[int, int]
+    poses: Poses = ()
+
+
 @dataclass(frozen=True)
 class PrepareDeform(Request):
     """From now on draw this scene, whose layers are those that are seen; and make ready the transfer of all objects,
     coarse first. Answered by `OrbitAdvanced` as often as pictures change by it, and by `DeformKnown`.
 
-    posed: the objects that bend, by name, which have shadows of their own alone.
+    posed: the objects that bend, by name, which have shadows of their own alone. traced: what is to be traced by paths
+    after that, as long as nothing else is asked for; each pass of it makes the pictures' version another.
     """
 
     built_on = (LookFrom,)
@@ -27,12 +36,13 @@ class PrepareDeform(Request):
     scene: SceneState
     n_bounces: int = 0
     posed: tuple[str, ...] = ()
+    traced: Traced | None = None
 
 
 @dataclass(frozen=True)
 class DrawDeform(Request):
     """Draw the scene from a camera, in so many pixels (width, height), in poses, of what is ready; answered by
-    `OrbitDrawn` or `OrbitUnknown`."""
+    `OrbitDrawn` or `OrbitUnknown`. split: see `ViewState`."""
 
     built_on = (OpenScene,)
     quick = 0
@@ -43,6 +53,7 @@ class DrawDeform(Request):
     resolution: tuple[int, int]
     quality: Quality
     poses: Poses = ()
+    split: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)

@@ -6,14 +6,14 @@ rests: the worker traces the scene in its new pose, as it traces a new view.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from app.deform.messages import DeformKnown, DrawDeform, PrepareDeform
+from app.deform.messages import DeformKnown, DrawDeform, PrepareDeform, Traced
 from app.deform.status import DeformStatus
 from app.document import Document
 from app.messages import Request, Response
 from app.mode import Desk, OpenedScene
-from app.orbit.talk import OrbitTalk
+from app.orbit.talk import REST_SECONDS, OrbitTalk
 from app.orbit.wishes import Drawing, OrbitWish
 from app.picture import PictureEvent
 from app.status import Status
@@ -25,9 +25,11 @@ from engine.scene.description import Camera
 
 @dataclass(frozen=True)
 class DeformWish(OrbitWish):
-    """All that pictures are drawn of, but for camera and amounts; posed: the objects that bend."""
+    """All that pictures are drawn of, but for camera and amounts; posed: the objects that bend; traced: what paths are
+    to show beside them."""
 
     posed: tuple[str, ...] = ()
+    traced: Traced | None = None
 
 
 class DeformTalk(OrbitTalk):
@@ -67,12 +69,23 @@ class DeformTalk(OrbitTalk):
 
     @property
     def _may_hand_over(self) -> bool:
-        """Only Deform knows membranes, what light goes through, patches and wrinkles."""
-        return not self._alone
+        """Only Deform knows membranes, what light goes through, patches and wrinkles; and it alone is split."""
+        return not self._alone and self._split is None
+
+    def _follow(self, now: float, document: Document, view: ViewState) -> None:
+        """Where the picture is split and rests, what paths are to show is a part of the wish."""
+        super()._follow(now, document, view)
+        self._split, wish = view.split, self._wish
+        assert isinstance(wish, DeformWish) and self._own_camera is not None and self._look is not None
+        if view.split is None:
+            self._wish = replace(wish, traced=None)
+        elif now - self._moved_at >= REST_SECONDS:
+            traced = Traced(self._look.camera or self._own_camera, self._whole, self._poses)
+            self._wish = replace(wish, traced=traced)
 
     def _preparation(self, wish: OrbitWish) -> Request:
         assert isinstance(wish, DeformWish)
-        return PrepareDeform(wish.scene, wish.n_bounces, wish.posed)
+        return PrepareDeform(wish.scene, wish.n_bounces, wish.posed, wish.traced)
 
     def _draw_request(self, camera: Camera, wanted: Drawing) -> Request:
-        return DrawDeform(camera, wanted.resolution, wanted.quality, wanted.poses)
+        return DrawDeform(camera, wanted.resolution, wanted.quality, wanted.poses, wanted.split)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from app.deform.messages import DeformKnown, DrawDeform, PrepareDeform
+from app.deform.messages import DeformKnown, DrawDeform, PrepareDeform, Traced
 from app.jobs.bench import Bench
 from app.jobs.cache import Store, content_key
 from app.jobs.kernels import FIRST_TIME, are_compiled, note_compiled
@@ -21,11 +21,15 @@ from app.jobs.schedule import Handlers, Steps
 from app.messages import Progress
 from app.mode import ModeWork
 from app.orbit.messages import OrbitAdvanced, OrbitDrawn, OrbitUnknown
+from engine.scene.description import CameraDescription
 from engine.scene.load import Scene
 from engine.stored_arrays import ArrayReader, Arrays
+from engine.transport.pipeline import SkyState
 
 if TYPE_CHECKING:
+    from app.scene_state import SceneState
     from engine.deform.live import Deform
+    from engine.deform.truth import Truth
     from engine.deform.zonal import Zonal
 
 STAGE = DEFORM = "deform"
@@ -40,6 +44,7 @@ class DeformWork(ModeWork):
         self._bench = bench
         self._deform: Deform | None = None
         self._scene: Scene | None = None
+        self._truth: tuple[tuple[Traced, SceneState, int], Truth] | None = None
         self._prepared = 0
 
     @property
@@ -49,7 +54,7 @@ class DeformWork(ModeWork):
     def scene_seen(self) -> None:
         scene = self._bench.resting_scene
         if scene is not self._scene:  # another one, not the same from elsewhere or in another pose
-            self._deform, self._scene = None, scene
+            self._deform, self._scene, self._truth = None, scene, None
 
     def _prepare(self, request: PrepareDeform) -> Steps:
         scene = request.scene
@@ -80,6 +85,24 @@ class DeformWork(ModeWork):
         names = deform.scene.object_names
         yield DeformKnown(tuple((names[i], share) for i, share in deform.lost.items()))
         yield OrbitAdvanced(deform.version, deform.is_done, deform.n_bytes)
+        if request.traced is not None:
+            yield from self._trace(deform, request, sky, request.traced)
+
+    def _trace(self, deform: Deform, request: PrepareDeform, sky: SkyState, wanted: Traced) -> Steps:
+        """By paths, pass by pass; goes on where it was left off."""
+        from engine.deform.truth import N_PASSES, Truth
+
+        layers, n_bounces = layers_by_object(deform.scene, request.scene.layers), request.n_bounces or 1
+        made_of = wanted, request.scene, n_bounces
+        if self._truth is None or self._truth[0] != made_of:
+            scene = deform.scene.seen_from(wanted.camera, wanted.resolution)
+            self._truth = made_of, Truth(scene, wanted.poses)
+        truth = self._truth[1]
+        while truth.n_passes < N_PASSES:
+            for _ in truth.trace(layers, sky, n_bounces):
+                yield Progress(STAGE, truth.n_passes / N_PASSES, text="paths")
+            deform.version += 1
+            yield OrbitAdvanced(deform.version, deform.is_done, deform.n_bytes)
 
     def _draw(self, request: DrawDeform) -> Steps:
         deform = self._deform
@@ -89,7 +112,24 @@ class DeformWork(ModeWork):
         started = time.monotonic()
         camera = deform.scene.seen_from(request.camera).description.camera
         picture = deform.draw(camera, request.resolution, request.poses, request.quality)
+        if request.split is not None:
+            picture = self._beside(picture, deform, camera, request, request.split)
         yield OrbitDrawn(picture, self._prepared, deform.version, deform.is_done, time.monotonic() - started)
+
+    def _beside(
+        self, picture: NDArray[np.float32], deform: Deform, camera: CameraDescription, request: DrawDeform,
+        split: tuple[float, float],
+    ) -> NDArray[np.float32]:  # fmt: skip
+        """The picture, right of what paths show of the same and of transfer that does not turn."""
+        from engine.deform.truth import side_by_side
+
+        stays = deform.draw(camera, request.resolution, request.poses, request.quality, turned=False)
+        traced = None
+        if self._truth is not None:
+            wanted, *_ = self._truth[0]
+            is_same = (dict(wanted.camera), wanted.poses) == (dict(request.camera), request.poses)
+            traced = self._truth[1].picture if is_same else None
+        return side_by_side(traced, stays, picture, split)
 
     def _made(self) -> Deform:
         if self._deform is None:

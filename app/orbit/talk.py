@@ -66,6 +66,7 @@ class OrbitTalk(ModeTalk):
         self._moved_at = -math.inf
         self._look: Viewpoint | None = None
         self._poses: Poses = ()
+        self._split: tuple[float, float] | None = None
         self._prepare_id = 0
         self._is_stopped = False
         self._known_light = KnownLight()
@@ -343,7 +344,7 @@ class OrbitTalk(ModeTalk):
         rests = now - self._moved_at >= REST_SECONDS
         quality: Quality = "rest" if rests and self._is_known_to_be_done else "moving"
         resolution = whole if rests else self._pace.resolution(whole)
-        return Drawing(self._look, resolution, quality, self._known, self._poses)
+        return Drawing(self._look, resolution, quality, self._known, self._poses, self._split)
 
     @property
     def _whole(self) -> tuple[int, int]:

@@ -46,18 +46,19 @@ class Known:
 
 @dataclass(frozen=True)
 class Drawing:
-    """A picture that was asked for, or has come: from where, in how many pixels (width, height), how well, of what, and
-    in which poses."""
+    """A picture that was asked for, or has come: from where, in how many pixels (width, height), how well, of what, in
+    which poses, and beside what else (`ViewState.split`)."""
 
     look: Viewpoint
     resolution: tuple[int, int]
     quality: Quality
     made_of: Known = Known()
     poses: Poses = ()
+    split: tuple[float, float] | None = None
 
     def is_as_good_as(self, other: Drawing) -> bool:
         """Whether it shows the same, in as many pixels and as well."""
-        if (self.look, self.made_of, self.poses) != (other.look, other.made_of, other.poses):
+        if (self.look, self.made_of, self.poses, self.split) != (other.look, other.made_of, other.poses, other.split):
             return False
         return self.resolution >= other.resolution and (self.quality == "rest" or other.quality == "moving")
 

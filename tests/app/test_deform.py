@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 from app import stills
 from app.commands import AddDeformer, SetDeformer
-from app.deform.messages import DeformKnown, DrawDeform, PrepareDeform
+from app.deform.messages import DeformKnown, DrawDeform, PrepareDeform, Traced
 from app.deform.talk import DeformTalk
 from app.jobs.deform import DeformWork
 from app.jobs.in_process import InProcessClient
@@ -73,6 +74,51 @@ def test_a_scene_is_made_ready_once_and_drawn_in_any_pose(file: Path) -> None:
     client.send(DrawDeform(eye, SIZE, "rest", POSES))
     (again,) = [each for each in answers(client) if isinstance(each, OrbitDrawn)]
     assert again.radiance == pytest.approx(pictures[1], abs=1e-4)
+
+
+def test_a_split_picture_is_traced_pass_by_pass(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("engine.deform.truth.N_PASSES", 2)
+    client = InProcessClient(Tasks())
+    client.send(LookFrom(client.send(OpenScene(str(file)))))
+    answers(client)
+    project = open_project(str(file))
+    eye, scene = project.scene.description.camera, scene_state(project.document)
+    prepare = PrepareDeform(scene, 1, ("box",), Traced(eye, SIZE, POSES))
+    client.send(prepare)
+    versions = [each.version for each in answers(client) if isinstance(each, OrbitAdvanced) and each.is_done]
+    assert len(set(versions)) == 3  # ready, and two passes
+    pictures = []
+    for split, poses in ((None, POSES), ((0.5, 0.5), POSES), ((0.5, 0.5), ())):
+        client.send(DrawDeform(eye, SIZE, "moving", poses, split))
+        (drawn,) = [each for each in answers(client) if isinstance(each, OrbitDrawn)]
+        pictures.append(drawn.radiance)
+    whole, parted, other = pictures
+    assert np.array_equal(parted[:, 12:], whole[:, 12:])
+    # The sky is the same on both sides; where another pose than was traced is asked for, it waits in the dark.
+    assert parted[0, 0] == pytest.approx(whole[0, 0], rel=1e-3) and other[0, 0] == pytest.approx(0.2 * whole[0, 0])
+    client.send(prepare)  # nothing is traced a second time
+    assert len({each.version for each in answers(client) if isinstance(each, OrbitAdvanced)}) == 1
+
+
+def test_what_is_split_and_rests_is_traced_and_not_handed_over() -> None:
+    table = Table()
+    talk = DeformTalk(table)
+    table.talk = talk
+    talk.scene_opened(OpenedScene(1, (), table.description, table.document, table.document))
+    table.view = replace(table.view, split=(0.3, 0.6))
+    (asked,) = table.update()
+    assert isinstance(asked, PrepareDeform) and asked.traced is not None and asked.traced.poses == ()
+    talk.take(OrbitAdvanced(1, True, id=table.id_of(PrepareDeform)))
+    (drawn,) = [each for each in table.update() if isinstance(each, DrawDeform)]
+    assert drawn.split == (0.3, 0.6)
+    take_picture(table)
+    for _ in range(3):
+        table.now += 1.0
+        table.update()
+    assert not talk.hands_over
+    table.view = replace(table.view, split=None)
+    (asked,) = [each for each in table.update() if isinstance(each, PrepareDeform)]
+    assert asked.traced is None
 
 
 def test_a_hand_that_bends_has_one_picture_a_frame_and_nothing_made_ready_anew() -> None:

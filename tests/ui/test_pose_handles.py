@@ -67,6 +67,20 @@ def test_escape_takes_a_drag_back(window: HeadlessWindow, bending: Editor) -> No
     assert amount(bending) == 0.0 and len(bending.history.undo_steps) == 1
 
 
+def test_dividers_of_a_split_picture_stop_at_each_other(window: HeadlessWindow, bending: Editor) -> None:
+    window.frames(2)
+    window.click_handle("button.deform.split")
+    assert bending.view.split == pytest.approx((1 / 3, 2 / 3))
+    window.frames(2)
+    window.drag_handle("split.0", (20.0, 0.0))
+    assert bending.view.split is not None and bending.view.split[0] > 1 / 3
+    window.drag_handle("split.0", (2000.0, 0.0))
+    assert bending.view.split[0] == bending.view.split[1] == pytest.approx(2 / 3)
+    assert not bending.history.undo_steps  # the view is no edit
+    window.click_handle("button.deform.split")
+    assert bending.view.split is None
+
+
 def test_other_modes_and_objects_have_none(window: HeadlessWindow, bending: Editor) -> None:
     bending.do(AddDeformer("teapot", "bend"))
     for change in (lambda: bending.select("tray"), lambda: bending.do(SetView.of(mode="placement"))):

@@ -1,0 +1,51 @@
+"""A pose as paths show it, pass by pass; and that beside Deform's own picture and transfer that does not turn, as three
+parts of one [Sloan05, figure 6]."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.deform.live import LayersOf
+from engine.deform.pose import Poses
+from engine.deform.posed_scene import posed
+from engine.render.path_tracer import render_paths
+from engine.render.still import StillProgress
+from engine.scene.load import Scene
+from engine.transport.pipeline import Placement, SkyState
+
+Singles = NDArray[np.float32]
+
+N_PASSES, N_SAMPLES = 32, 4  # of so many paths a pixel each
+_MISSING = 0.2  # how bright the own picture stands where paths have not come yet
+
+
+class Truth:
+    """What paths have shown by now: picture (H, W, 3), None before the first pass."""
+
+    def __init__(self, scene: Scene, poses: Poses) -> None:
+        """scene: at rest, seen as it is to be traced."""
+        self._placement = Placement(posed(scene, poses))
+        self.n_passes = 0
+        self.picture: Singles | None = None
+
+    def trace(self, layers_of: LayersOf, sky: SkyState, n_bounces: int) -> Generator[StillProgress, None, None]:
+        """One pass more."""
+        found = yield from render_paths(self._placement, layers_of, sky, n_bounces, N_SAMPLES, seed=self.n_passes)
+        self.n_passes += 1
+        before = np.zeros_like(found) if self.picture is None else self.picture
+        self.picture = before + (found - before) / np.float32(self.n_passes)
+
+
+def side_by_side(traced: Singles | None, stays: Singles, own: Singles, split: tuple[float, float]) -> Singles:
+    """One picture (H, W, 3) of three: up to the first share of its width what paths show, up to the second transfer
+    that does not turn, then the own. traced may have other pixels; None: not there yet, so that the own stands dark."""
+    height, width = own.shape[:2]
+    first, second = (round(share * width) for share in split)
+    left = own * np.float32(_MISSING)
+    if traced is not None:
+        rows, columns = (np.arange(n) * m // n for n, m in zip((height, width), traced.shape, strict=False))
+        left = traced[rows[:, None], columns]
+    return np.concatenate([left[:, :first], stays[:, first:second], own[:, second:]], axis=1)
