@@ -30,7 +30,7 @@ def _dividers(placed: Placed, split: tuple[float, float]) -> list[PictureHandle]
     found = []
     for i, (share, parts) in enumerate(zip(split, zip(PARTS, PARTS[1:], strict=False), strict=True)):
         x, middle = placed.x + share * placed.width, placed.y + 0.5 * placed.height
-        line = [(x, placed.y), (x, placed.y + placed.height), (x, middle)]
+        line = [(x, placed.y), (x, placed.y + placed.height)]
         hint = f"{parts[0]} | {parts[1]}: drag it."
         found.append(PictureHandle(f"split.{i}", (x, middle), line, "", hint, partial(_dragged, placed, split, i)))
     return found

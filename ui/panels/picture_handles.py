@@ -21,7 +21,7 @@ RADIUS, REACH = 6.0, 10.0
 
 @dataclass(frozen=True)
 class PictureHandle:
-    """A grip at a place on screen, the line to it; what dragging it to a place does to the document, as one step of
+    """A grip at a place on screen, a line with it; what dragging it to a place does to the document, as one step of
     the history called `label`; hint: what it is."""
 
     name: str
