@@ -1,6 +1,7 @@
 """The direction of imports (engine <- app <- ui), and what the window's process may load."""
 
 import ast
+import functools
 import graphlib
 import subprocess
 import sys
@@ -42,11 +43,16 @@ WINDOW_SIDE = (
 SLOW_LIBRARIES = ("numba", "trimesh", "scipy", "embreex", "matplotlib", "OpenEXR", "PyOpenColorIO")
 
 
+@functools.cache
+def parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def imported_modules(path: Path) -> list[tuple[int, str]]:
     """(line, absolute name) of each module that a file imports, wherever in the file that stands."""
     package = list(path.relative_to(ROOT).parent.parts)
     found: list[tuple[int, str]] = []
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(parsed(path)):
         if isinstance(node, ast.Import):
             found += [(node.lineno, alias.name) for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -70,7 +76,7 @@ def imported_at_once(path: Path) -> list[str]:
             elif isinstance(node, (ast.If, ast.Try, ast.With, ast.ClassDef)):
                 walk([each for each in ast.iter_child_nodes(node) if isinstance(each, ast.stmt)])
 
-    walk(ast.parse(path.read_text(encoding="utf-8")).body)
+    walk(parsed(path).body)
     return found
 
 

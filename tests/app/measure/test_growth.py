@@ -10,6 +10,7 @@ import pytest
 from app.measure.growth import GrowthRow, cut, growth_figure, memory_of, write_rows
 from app.measure.subject import open_subject
 from engine.scene.load import Scene
+from tests.fineness import light_quickly
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +34,8 @@ def test_a_cut_room_is_the_same_room(room: Scene, n_objects: int) -> None:
 
 
 @pytest.mark.slow
-def test_memory_is_counted_and_hardly_grows(room: Scene) -> None:
+def test_memory_is_counted_and_hardly_grows(room: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    light_quickly(monkeypatch)
     few, many = (memory_of(cut(room, n), n) for n in (2, 8))
     assert few.kept_mb > 1.0 and few.frozen_mb > 0.0  # the table of cells alone takes more than that
     assert growth_figure([few, many], 24).value < 0.5

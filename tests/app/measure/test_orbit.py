@@ -10,7 +10,7 @@ from app.measure.orbit import NAMES, TABLE, OrbitEffort, errors_by_coefficients,
 from app.project import open_project
 from tests.engine.orbit.conftest import SCENE
 
-TINY = OrbitEffort(20, 3, (20, 320), (24, 18), 2, 100, 3000)
+TINY = OrbitEffort(20, 3, (20, 320), (24, 18), 2, 100, 1000)
 
 
 def test_more_frames_are_better() -> None:

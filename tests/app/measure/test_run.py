@@ -61,6 +61,7 @@ def measured(tiny_scene: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     twice.write_text(Path(tiny_scene).read_text().replace("bounces = 1", "bounces = 2"))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(measuring, "open_screen", no_screen)
+        patch.setattr("app.measure.launches.INDIRECT", "tests.app.measure.quick_indirect")
         patch.setattr(indirect, "measure_indirect", lambda _, *others: measure_indirect(str(twice), *others))
         patch.setattr(indirect, "memory_rows", lambda *_: [GrowthRow(2, 10.0, 0.0), GrowthRow(4, 15.0, 0.0)])
         run(tiny_scene, folder, report=lambda line: None, effort=EFFORT)

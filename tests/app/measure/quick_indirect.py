@@ -1,0 +1,12 @@
+"""`python -m ui.measure_indirect` over a worker whose finest light is the quick one."""
+
+import functools
+import sys
+
+from app.jobs.client import Client
+from tests.ui.quick_worker import HANDLERS
+from ui import measure_gl, measure_indirect
+
+if __name__ == "__main__":
+    measure_gl.Client = functools.partial(Client, HANDLERS)
+    sys.exit(measure_indirect.main())
