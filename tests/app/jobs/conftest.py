@@ -1,11 +1,13 @@
-"""A worker with faulty tasks, and folders of its own."""
+"""A worker with faulty tasks, folders of its own, and a tiny scene."""
 
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from app.jobs.cache import Store
 from app.jobs.client import Client
+from tests.app.jobs.ball_and_lamp import SCENE
 from tests.app.jobs.faulty_tasks import HANDLERS
 
 
@@ -21,3 +23,15 @@ def state_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def client(state_folder: Path) -> Iterator[Client]:
     with Client(HANDLERS, heartbeat=0.05) as client:
         yield client
+
+
+@pytest.fixture
+def source(tmp_path: Path) -> str:
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE)
+    return str(path)
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    return Store(tmp_path / "cache")

@@ -20,7 +20,7 @@ from app.placement.curves import Curves
 from app.placement.messages import ComputeTransport, Contract, Freeze, Frozen, LayerPicture
 from engine.indirect.solver import ROUGH
 from engine.scene.load import load_scene
-from tests.app.jobs.test_tasks import GLOSS, SCENE, compute, twice
+from tests.app.jobs.ball_and_lamp import GLOSS, SCENE, compute, twice
 from tests.opened import ask_for_scene
 
 RESOLUTION = (32, 24)

@@ -23,7 +23,7 @@ from engine.indirect.gather import Gathered, gather
 from engine.indirect.solver import ROUGH, Solver
 from engine.scene.load import Scene, load_scene
 from engine.transport.pipeline import Placement
-from tests.app.jobs.test_tasks import SCENE
+from tests.app.jobs.ball_and_lamp import SCENE
 
 N_BOUNCES = 3
 ROOT = Path(__file__).parents[3]

@@ -28,9 +28,7 @@ from app.placement.messages import (
 )
 from engine.material.maps import Images
 from engine.material.strokes import Stroke, Strokes, pack_dabs
-from tests.app.jobs.test_tasks import compute, opened, source
-
-__all__ = ["source"]  # a fixture
+from tests.app.jobs.ball_and_lamp import compute, opened
 
 ROOT = Path(__file__).resolve().parents[3]
 

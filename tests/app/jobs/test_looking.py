@@ -16,7 +16,7 @@ from app.messages import Failed, LookFrom, SceneSeen
 from app.placement.messages import LayerPicture, StageDone
 from engine.scene.description import Camera
 from engine.transport.pipeline import Placement
-from tests.app.jobs.test_tasks import SCENE, assert_same_pictures, compute, pictures
+from tests.app.jobs.ball_and_lamp import SCENE, assert_same_pictures, compute, pictures
 from tests.opened import ask_for_scene, open_in_process
 
 OWN = "position = [0.4, 1.6, 2.6]\ntarget = [0, 0.3, 0]\nfov_y = 45\n"

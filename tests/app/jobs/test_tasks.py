@@ -1,9 +1,5 @@
-"""The worker's work on a tiny scene: what it says in which order, what it keeps, and that it goes on where it was."""
+"""The worker's work on a tiny scene: what it says in which order, and what it says of what goes wrong."""
 
-import os
-import signal
-import time
-from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,16 +8,13 @@ import pytest
 
 from app.document import LightState
 from app.jobs import placement as placement_module
-from app.jobs.array_record import read_record, write_record
 from app.jobs.cache import Store
-from app.jobs.client import Client
 from app.jobs.in_process import InProcessClient
 from app.jobs.placement import _stages
 from app.jobs.tasks import Tasks
 from app.looking import what_is_missing
-from app.messages import Failed, Progress, Response, SceneOpened, SceneSeen, SkyImage, WorkerRestarted
+from app.messages import Progress, Response, SceneOpened, SceneSeen, SkyImage
 from app.placement.messages import (
-    ComputeTransport,
     Contract,
     ErrorEstimated,
     EstimateError,
@@ -30,105 +23,28 @@ from app.placement.messages import (
     StageDone,
     StageFootprint,
 )
-from app.scene_state import LayerState, SceneState
 from engine.curve import wavelet
-from engine.curve.operators import Operator
 from engine.light.environment import load_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
-from engine.plan import N_PATCHES
-from engine.transport.bandstore import BandTile
 from engine.transport.pipeline import COARSE, PREVIEW
-from engine.transport.projection import project_layer
-from tests.opened import ask_for_scene, open_in_process, run_in_process
+from tests.app.jobs.ball_and_lamp import (
+    BANDS,
+    GLOSS,
+    PREVIEW_LIGHTS,
+    SCENE,
+    compute,
+    contraction,
+    failure,
+    lit,
+    opened,
+    pictures,
+    with_layer,
+    without_progress,
+    work,
+)
+from tests.opened import open_in_process, run_in_process
 from tests.pictures import write_exr
-
-SCENE = """version = 1
-bounces = 1
-[camera]
-position = [0.4, 1.6, 2.6]
-target = [0, 0.3, 0]
-fov_y = 45
-resolution = [48, 48]
-[environment]
-radiance = [0.4, 0.5, 0.7]
-[[object]]
-name = "ground"
-primitive = "quad"
-transform = [5,0,0,0, 0,0,5,0, 0,-5,0,0, 0,0,0,1]
-layer = [{ model = "lambert" }]
-[[object]]
-name = "ball"
-primitive = "sphere"
-transform = [0.9,0,0,0, 0,0.9,0,0.5, 0,0,0.9,0, 0,0,0,1]
-layer = [{ model = "lambert" }, { model = "rough_conductor", alpha = 0.3 }]
-[[object]]
-name = "lamp"
-primitive = "quad"
-transform = [1,0,0,-1.2, 0,0,-1,2.4, 0,1,0,0, 0,0,0,1]
-emission = [6, 5, 4]
-"""
-PREVIEW_LIGHTS, FINAL_LIGHTS = 80, 480
-BANDS = {"lambert": (8,), "rough_conductor": (16, 4)}
-GLOSS = "ball.1"
-TWICE = Operator("amplify", "y", 0.0, 0.0, np.pi / 2, np.pi / 2, magnitude=2.0)
-
-
-def work(key: str, model: str, **parameters: object) -> LayerState:
-    return LayerState(key, make_layer(MODELS[model], parameters), BANDS[model])
-
-
-def compute(selected: str | None = GLOSS, factor: str | None = "theta_h", **changes: object) -> ComputeTransport:
-    layers = (work("ground.0", "lambert"), work("ball.0", "lambert"), work(GLOSS, "rough_conductor", alpha=0.3))
-    scene = SceneState(LightState(), layers)
-    request = ComputeTransport(scene, selected, factor, PREVIEW_LIGHTS, FINAL_LIGHTS, N_PATCHES)
-    return replace(request, **changes)
-
-
-def lit(request: ComputeTransport, light: LightState) -> ComputeTransport:
-    """The request under another light."""
-    return replace(request, scene=replace(request.scene, light=light))
-
-
-def twice(state: LayerState, *factors: str) -> LayerState:
-    """The layer with some of its curves twice as high."""
-    for factor in factors:
-        state = replace(state, layer=state.layer.with_operators(factor, [TWICE]))
-    return state
-
-
-@pytest.fixture
-def source(tmp_path: Path) -> str:
-    path = tmp_path / "scene.toml"
-    path.write_text(SCENE)
-    return str(path)
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Store:
-    return Store(tmp_path / "cache")
-
-
-def opened(source: str, store: Store) -> Tasks:
-    tasks = Tasks(store)
-    assert any(isinstance(answer, SceneSeen) for answer in open_in_process(tasks, source))
-    return tasks
-
-
-def without_progress(answers: list[Response]) -> list[Response]:
-    return [answer for answer in answers if not isinstance(answer, Progress)]
-
-
-def pictures(answers: list[Response], stage: str = "final") -> dict[str, np.ndarray]:
-    return {a.key: np.array(a.radiance) for a in answers if isinstance(a, LayerPicture) and a.stage == stage}
-
-
-def assert_same_pictures(found: dict[str, np.ndarray], expected: dict[str, np.ndarray]) -> None:
-    assert set(found) == set(expected) == {"ground.0", "ball.0", GLOSS}
-    for key, picture in expected.items():
-        assert picture.max() > 0
-        np.testing.assert_array_equal(found[key], picture)
-
 
 # ----------------------------------------------------------------------------------------------------------- messages
 
@@ -242,11 +158,6 @@ def test_transport_times_the_curve_is_the_picture(source: str, store: Store) -> 
 # ------------------------------------------------------------------------------------------------------- contractions
 
 
-def contraction(factor: str | None, brighter: bool = False) -> Contract:
-    asked = work(GLOSS, "rough_conductor", alpha=0.3)
-    return Contract(twice(asked, *asked.factors) if brighter else asked, factor)
-
-
 def test_a_curve_is_switched_after_the_transport(source: str, store: Store) -> None:
     tasks = opened(source, store)
     before = pictures(run_in_process(tasks, compute()))[GLOSS]
@@ -341,223 +252,7 @@ def test_a_contraction_before_its_transport_is_answered_by_it(source: str, store
     assert (first.key, first.factor) == (GLOSS, "theta_d")
 
 
-# ------------------------------------------------------------------------------------------ what is not made again
-
-
-def with_layer(request: ComputeTransport, key: str, **changes: object) -> ComputeTransport:
-    """The request with one of its layers changed."""
-    layers = tuple(replace(w, **changes) if w.key == key else w for w in request.scene.layers)
-    return replace(request, scene=replace(request.scene, layers=layers))
-
-
-def done(answers: list[Response]) -> dict[str, int]:
-    """The stages that were made, with the bytes of transport after each."""
-    return {a.stage: a.transport_bytes for a in answers if isinstance(a, StageDone)}
-
-
-FIXED = with_layer(compute(selected="ground.0", factor="theta_i"), GLOSS, fixed=True)
-FREE = compute(selected="ground.0", factor="theta_i")
-
-
-def test_a_fixed_layer_looks_the_same_and_keeps_no_bands(source: str, store: Store, tmp_path: Path) -> None:
-    free = run_in_process(opened(source, store), FREE)
-    fixed = run_in_process(opened(source, Store(tmp_path / "another")), FIXED)
-    for stage in ("coarse", "preview", "final"):
-        for key, picture in pictures(free, stage).items():
-            np.testing.assert_array_equal(pictures(fixed, stage)[key], picture)
-    n_bands = 16 * 4
-    n_points = len(pictures(fixed)[GLOSS])
-    # Its picture takes 12 bytes a point; its bands take a scale, a start, two bytes a row and some of 4 an entry.
-    assert done(fixed)["final"] < done(free)["final"] + n_points * (12 - 4 - 8 - 2 * 16)
-    assert done(fixed)["final"] > done(free)["final"] + n_points * (12 - 4 - 8 - 2 * 16 - 4 * n_bands)
-
-
-def test_a_fixed_layer_has_no_transport_to_hand_out(source: str, store: Store) -> None:
-    tasks = opened(source, store)
-    answers = run_in_process(tasks, with_layer(compute(), GLOSS, fixed=True))
-    assert not [a for a in answers if isinstance(a, LayerTransport)]
-    assert run_in_process(tasks, contraction("theta_h")) == []
-
-
-def test_a_layer_that_becomes_editable_is_made_alone_and_in_one_stage(
-    source: str, store: Store, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    tasks = opened(source, store)
-    before = pictures(run_in_process(tasks, FIXED))
-    recorder = Recorder()
-    monkeypatch.setattr(placement_module, "project_layer", recorder)
-    answers = without_progress(run_in_process(tasks, replace(FREE, selected=GLOSS, factor="theta_h")))
-    assert recorder.n_tiles == tiles_of(before[GLOSS])
-    # What is there is told at once, so that the picture stays; then come the bands, which give the same picture.
-    told = [(type(a), a.key) for a in answers if isinstance(a, LayerPicture | LayerTransport)]
-    assert {key for _, key in told[:3]} == set(before)
-    assert told[3:] == [(LayerPicture, GLOSS), (LayerTransport, GLOSS)]
-    assert {a.stage for a in answers if isinstance(a, LayerPicture)} == {"final"} == set(done(answers))
-    for picture in (a for a in answers if isinstance(a, LayerPicture)):
-        np.testing.assert_allclose(picture.radiance, before[picture.key], rtol=1e-5)
-
-
-def test_a_layer_that_becomes_fixed_is_not_made_again(
-    source: str, store: Store, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    tasks = opened(source, store)
-    first = run_in_process(tasks, FREE)
-    recorder = Recorder()
-    monkeypatch.setattr(placement_module, "project_layer", recorder)
-    second = run_in_process(tasks, FIXED)
-    assert recorder.n_tiles == 0
-    assert_same_pictures(pictures(second), pictures(first))
-    assert done(second)["final"] < done(first)["final"]
-
-
-def test_another_curve_of_a_fixed_layer_is_another_picture(source: str, store: Store) -> None:
-    tasks = opened(source, store)
-    before = pictures(run_in_process(tasks, FIXED))
-    brighter = twice(work(GLOSS, "rough_conductor", alpha=0.3), "theta_h").layer
-    after = run_in_process(tasks, with_layer(FIXED, GLOSS, layer=brighter))
-    assert set(pictures(after)) == set(before) and set(pictures(after, "coarse")) == {GLOSS}
-    np.testing.assert_allclose(pictures(after)[GLOSS], 2 * before[GLOSS], rtol=1e-5)
-    np.testing.assert_array_equal(pictures(after)["ground.0"], before["ground.0"])
-
-
-def test_a_quotient_is_made_again_coarse_to_fine_and_for_its_layer_alone(
-    source: str, store: Store, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    tasks = opened(source, store)
-    run_in_process(tasks, FREE)
-    rough = work(GLOSS, "rough_conductor", alpha=0.5).layer
-    recorder = Recorder()
-    monkeypatch.setattr(placement_module, "project_layer", recorder)
-    answers = run_in_process(tasks, with_layer(FREE, GLOSS, layer=rough))
-    shown = [pictures(answers, stage) for stage in ("coarse", "preview", "final")]
-    assert [set(stage) for stage in shown] == [{GLOSS}, {GLOSS}, {GLOSS, "ball.0", "ground.0"}]
-    assert recorder.n_tiles == tiles_of(*(stage[GLOSS] for stage in shown))
-    expected = with_layer(FREE, GLOSS, layer=rough)
-    for key, picture in pictures(run_in_process(opened(source, store), expected)).items():
-        np.testing.assert_allclose(shown[-1][key], picture, rtol=1e-6)
-
-
-def test_each_picture_that_is_told_comes_with_its_footprint(source: str, store: Store) -> None:
-    client = InProcessClient(opened(source, store))
-    client.send(FREE)
-    answers: list[Response] = []
-    while done(answers).keys() != {"coarse"}:
-        answers += client.poll(0.0)
-    client.send(replace(FREE, revision=1))
-    again = without_progress(client.poll(float("inf")))
-    kinds = [(type(a).__name__, a.stage) for a in again if a.revision == 1 and not isinstance(a, StageDone)]
-    assert kinds[:3] == [("StageFootprint", "coarse"), ("LayerPicture", "coarse"), ("LayerTransport", "coarse")]
-    assert list(done([a for a in again if a.revision == 1])) == ["preview", "final"]
-
-
-def test_what_belongs_to_the_view_outlives_the_request_that_brought_it(source: str, store: Store) -> None:
-    client = InProcessClient(opened(source, store))
-    view = ask_for_scene(client, source)
-    first = client.send(FREE)
-    answers = client.poll(float("inf"))
-    of_view = [a for a in answers if isinstance(a, StageFootprint | SkyImage)]
-    assert {a.id for a in of_view} == {view} and len(of_view) == 2
-    assert {a.id for a in answers if isinstance(a, LayerPicture)} == {first}
-
-
-def test_only_what_was_made_under_the_newest_light_is_handed_out(source: str, store: Store) -> None:
-    client = InProcessClient(opened(source, store))
-    client.send(FREE)
-    client.poll(float("inf"))
-    client.send(replace(lit(FREE, LightState(rotation=90.0)), revision=1))
-    client.poll(0.0)  # it has begun
-    client.send(replace(contraction("theta_h"), revision=1))
-    answers = client.poll(float("inf"))
-    first = next(a for a in answers if isinstance(a, LayerPicture))
-    assert first.stage == "coarse"
-    names = [type(a).__name__ for a in answers]
-    assert names.index("StageFootprint") < names.index("LayerPicture")
-
-
-def test_another_light_makes_all_of_it_again(source: str, store: Store) -> None:
-    tasks = opened(source, store)
-    run_in_process(tasks, FREE)
-    turned = run_in_process(tasks, lit(FREE, LightState(rotation=90.0)))
-    assert [len(pictures(turned, stage)) for stage in ("coarse", "preview", "final")] == [3, 3, 3]
-
-
-# ---------------------------------------------------------------------------------------------------- cache and resume
-
-
-class Recorder:
-    """Stands in for `project_layer`: counts the tiles computed, and raises after so many."""
-
-    def __init__(self, fail_after: int | None = None) -> None:
-        self.n_tiles = 0
-        self.fail_after = fail_after
-
-    def __call__(self, hits, rows, light, layer, skip=frozenset()) -> Iterator[BandTile]:
-        for tile in project_layer(hits, rows, light, layer, skip):
-            if self.n_tiles == self.fail_after:
-                raise RuntimeError("the power went out")
-            self.n_tiles += 1
-            yield tile
-
-
-def tiles_of(*shown: np.ndarray) -> int:
-    """How many tiles of 256 points layers with these pictures have."""
-    return sum(-(-len(picture) // 256) for picture in shown)
-
-
-def test_what_was_computed_before_comes_from_the_cache(source: str, store: Store, monkeypatch) -> None:
-    expected = pictures(run_in_process(opened(source, store), compute()))
-    recorder = Recorder()
-    monkeypatch.setattr(placement_module, "project_layer", recorder)
-    assert_same_pictures(pictures(run_in_process(opened(source, store), compute())), expected)
-    assert recorder.n_tiles == 0
-
-
-@pytest.mark.parametrize(
-    "n_kept", [pytest.param(0, marks=pytest.mark.sweep), 1, pytest.param(4, marks=pytest.mark.sweep)]
-)
-def test_it_resumes_after_the_last_complete_tile(source: str, tmp_path: Path, monkeypatch, n_kept: int) -> None:
-    whole = Recorder()
-    monkeypatch.setattr(placement_module, "project_layer", whole)
-    expected = pictures(run_in_process(opened(source, Store(tmp_path / "fresh")), compute()))
-    broken = Recorder(whole.n_tiles - tiles_of(*expected.values()) + n_kept)
-    monkeypatch.setattr(placement_module, "project_layer", broken)
-    assert "a defect" in failure(run_in_process(opened(source, Store(tmp_path / "cache")), compute()))
-    again = Recorder()
-    monkeypatch.setattr(placement_module, "project_layer", again)
-    assert_same_pictures(pictures(run_in_process(opened(source, Store(tmp_path / "cache")), compute())), expected)
-    assert again.n_tiles == whole.n_tiles - n_kept
-
-
-def test_a_cancelled_transport_keeps_what_is_whole(source: str, store: Store, monkeypatch) -> None:
-    steps = opened(source, store).handle(compute())
-    final_pictures = (a for a in steps if isinstance(a, LayerPicture) and a.stage == "final")
-    assert next(final_pictures).key == GLOSS
-    steps.close()
-    recorder = Recorder()
-    monkeypatch.setattr(placement_module, "project_layer", recorder)
-    answers = run_in_process(opened(source, store), compute())
-    coarse, final = pictures(answers, "coarse"), pictures(answers)
-    # The selected layer's final transport was there already; all else is computed, in three stages.
-    assert coarse.keys() == final.keys() - {GLOSS}
-    others = [final[key] for key in coarse]
-    assert recorder.n_tiles == tiles_of(*coarse.values()) + 2 * tiles_of(*others)
-
-
-def test_a_damaged_cache_is_computed_again(source: str, store: Store, tmp_path: Path) -> None:
-    expected = pictures(run_in_process(opened(source, store), compute()))
-    for path in (tmp_path / "cache").iterdir():
-        data = bytearray(path.read_bytes())
-        data[len(data) // 2] ^= 1
-        path.write_bytes(data)
-    assert_same_pictures(pictures(run_in_process(opened(source, store), compute())), expected)
-
-
 # ----------------------------------------------------------------------------------------------------- what goes wrong
-
-
-def failure(answers: list[Response]) -> str:
-    assert isinstance(answers[-1], Failed) and "\n" not in answers[-1].line
-    return answers[-1].line
 
 
 def test_a_missing_environment_is_named(source: str, store: Store) -> None:
@@ -619,89 +314,3 @@ def test_a_constant_sky_of_the_document_replaces_the_scenes(source: str, store: 
         for v in (0.0, 2.0)
     )
     assert (bright >= dark).all() and bright.mean() > dark.mean() + 0.5
-
-
-# ------------------------------------------------------------------------------------------------------- a real process
-
-
-def test_a_killed_worker_goes_on_to_the_same_pictures(source: str, tmp_path: Path, monkeypatch) -> None:
-    expected = pictures(run_in_process(opened(source, Store(tmp_path / "fresh")), compute()))
-    monkeypatch.setenv("INSITU_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setenv("INSITU_STATE", str(tmp_path / "state"))
-    answers: list[Response] = []
-    killed = False
-    deadline = time.monotonic() + 600  # only a worker that hangs needs so long
-    with Client() as client:
-        ask_for_scene(client, source)
-        client.send(compute())
-        while not any(isinstance(a, StageDone) and a.exact for a in answers):
-            assert time.monotonic() < deadline
-            client.wait(0.05)
-            answers += client.poll()
-            if not killed and any(isinstance(a, StageDone) and a.stage == "preview" for a in answers):
-                os.kill(client.pid, signal.SIGKILL)
-                killed = True
-    assert any(isinstance(a, WorkerRestarted) for a in answers) and not any(isinstance(a, Failed) for a in answers)
-    # The scene is opened and the stages are gone through once more, to the last bit as if nothing had been.
-    assert sum(isinstance(a, SceneOpened) for a in answers) == 2
-    assert_same_pictures(pictures(answers), expected)
-
-
-def rewritten(folder: Path, forge: Callable[[dict[str, np.ndarray]], dict[str, np.ndarray]]) -> int:
-    """Forge what stands in the cache, under the keys and checksums it should have; how many records."""
-    count = 0
-    for path in folder.iterdir():
-        data, records = memoryview(path.read_bytes()), []
-        while data:
-            records.append(read_record(data))
-            data = data[records[-1].n_bytes :]
-        with open(path, "wb") as file:
-            for record in records:
-                write_record(file, record.label, forge(record.arrays))
-        count += len(records)
-    return count
-
-
-FORGERIES = {
-    "nothing": lambda arrays: {},
-    "another name": lambda arrays: {f"{name}s": array for name, array in arrays.items()},
-    "another type": lambda arrays: {name: array.astype(np.complex64) for name, array in arrays.items()},
-    "too short": lambda arrays: {name: array[:-1] for name, array in arrays.items()},
-    "too long": lambda arrays: {name: np.concatenate([array, array]) for name, array in arrays.items()},
-    "beyond": lambda arrays: {
-        name: array + np.float32(np.inf) if array.dtype.kind == "f" else np.full_like(array, np.iinfo(array.dtype).max)
-        for name, array in arrays.items()
-        if name != "bits"  # any bit may be set
-    },
-}
-
-
-def some_of(*forgeries: str) -> pytest.MarkDecorator:
-    """These in every run, all of them in the sweep."""
-    rest = [pytest.param(name, marks=pytest.mark.sweep) for name in FORGERIES if name not in forgeries]
-    return pytest.mark.parametrize("forgery", [*forgeries, *rest])
-
-
-@some_of("nothing", "beyond")
-def test_a_forged_cache_is_computed_again(source: str, store: Store, tmp_path: Path, forgery: str) -> None:
-    expected = pictures(run_in_process(opened(source, store), compute()))
-    assert rewritten(tmp_path / "cache", FORGERIES[forgery]) == 5  # visibility, three layers, and the unit they are in
-    assert_same_pictures(pictures(run_in_process(opened(source, store), compute())), expected)
-    # What was computed again is kept again.
-    assert rewritten(tmp_path / "cache", dict) == 5
-    assert_same_pictures(pictures(run_in_process(opened(source, store), compute())), expected)
-
-
-@some_of("too short")
-def test_forged_tiles_are_computed_again(
-    source: str, store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, forgery: str
-) -> None:
-    expected = pictures(run_in_process(opened(source, Store(tmp_path / "fresh")), compute()))
-    n_coarse = tiles_of(*pictures(run_in_process(opened(source, store), compute(n_lights_final=80)), "coarse").values())
-    broken = Recorder(n_coarse + tiles_of(*expected.values()) + 2)  # two tiles of the final stage
-    monkeypatch.setattr(placement_module, "project_layer", broken)
-    run_in_process(opened(source, store), compute())
-    monkeypatch.undo()
-    assert [path.suffix for path in (tmp_path / "cache").iterdir()].count(".tiles") == 1
-    rewritten(tmp_path / "cache", FORGERIES[forgery])
-    assert_same_pictures(pictures(run_in_process(opened(source, store), compute())), expected)

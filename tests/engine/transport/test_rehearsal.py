@@ -21,7 +21,7 @@ from tests.opened import ask_for_scene
 from app.placement.messages import StageDone
 from app.jobs.tasks import Tasks
 from engine.transport import rehearsal
-from tests.app.jobs.test_tasks import SCENE, compute
+from tests.app.jobs.ball_and_lamp import SCENE, compute
 
 
 def signatures():
