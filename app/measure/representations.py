@@ -76,7 +76,7 @@ def compare(
 
     def row(name: str, made: Representation, made_s: float, read: int) -> RepresentationRow:
         times, frozen = zip(*(_timed(made, layers, 0) for _ in range(REPETITIONS)), strict=True)
-        counts, error = (n_objects, n_bounces, len(light.points.gathered.rows)), edit_error(light, layers, frozen[0])
+        counts, error = (n_objects, n_bounces, len(light.points.gathered.points)), edit_error(light, layers, frozen[0])
         return RepresentationRow(name, *counts, (made.n_bytes + read) / 1e6, made_s, statistics.median(times), error)
 
     gather = GatherPolynomial(light)

@@ -4,7 +4,7 @@ A fan joins two sets: the first by the cosine, the second about the pole of the 
 as 1 / (1 - cos t + ε), so that every octave of the angle t gets its share and a band near the pole is not starved,
 whichever curve will be edited. Both count with the density of the whole fan (the balance heuristic [Veach97, sect.
 9.2.2]). Directions come from tables of stratified patterns, each point's turned about the normal by an angle of its
-own.
+own. Where a point has several fans, each goes on in the pattern where the one before it ended.
 """
 
 import math
@@ -24,6 +24,7 @@ HORIZON = np.float32(1e-4)
 # EVEN: not a gather point's.
 MATT, GLOSSY, SHARP, EVEN = 0, 1, 2, 3
 _SHARP_FROM = np.float32(1.0)
+N_PATTERNS = 64
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
@@ -99,6 +100,12 @@ def turn_of(row):
     return seed, np.cos(angle), np.sin(angle)
 
 
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def pattern_of(seed, nth):
+    """Where the tables have the pattern of a point, by its seed, for the nth of its fans."""
+    return np.int64(seed & np.uint64(N_PATTERNS - 1)) + N_PATTERNS * np.int64(nth)
+
+
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def local_eye(tangent, normal, wo):
     """(ox, oy, oz) in the frame of tangent, bitangent, normal."""
@@ -114,12 +121,14 @@ def local_eye(tangent, normal, wo):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def fan_rays(
-    rows, poles, surface, geometric, horizon, offset, tables_cosine, tables_pole, begin, end, origins, directions, there
-):
-    """Rays [begin, end) of the fans of the points `rows` into origins and directions (p · (end - begin), 3).
+    rows, nth, poles, surface, geometric, horizon, offset, tables_cosine, tables_pole, begin, end, origins, directions,
+    there,
+):  # fmt: skip
+    """Rays [begin, end) of the nth (q,) fans of the points `rows` (q,) into origins and directions
+    (q · (end - begin), 3).
 
-    poles (p,); surface: the hits' position, tangent, normal, wo; geometric and horizon (P, 3) normals; offset: how far
-    an origin is lifted, to the side the ray leaves on; there (p · (end - begin),) becomes False where a fan has no ray.
+    poles (q,); surface: the hits' position, tangent, normal, wo; geometric and horizon (P, 3) normals; offset: how far
+    an origin is lifted, to the side the ray leaves on; there (q · (end - begin),) becomes False where a fan has no ray.
     """
     n_cosine = tables_cosine.shape[1]
     for i in range(rows.shape[0]):
@@ -127,7 +136,7 @@ def fan_rays(
         tangent, normal, position, g = surface.tangent[r], surface.normal[r], surface.position[r], geometric[r]
         ox, oy, oz = local_eye(tangent, normal, surface.wo[r])
         seed, cosine, sine = turn_of(r)
-        pattern = np.int64(seed & np.uint64(tables_cosine.shape[0] - 1))
+        pattern = pattern_of(seed, nth[i])
         for m in range(begin, end):
             out = i * (end - begin) + m - begin
             is_cosine = m < n_cosine

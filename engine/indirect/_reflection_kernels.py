@@ -7,7 +7,7 @@ import numba as nb
 import numpy as np
 
 from engine.indirect._cell_kernels import NO_CELL
-from engine.indirect._ray_kernels import HORIZON, fan_density, fan_direction, local_eye, turn_of
+from engine.indirect._ray_kernels import HORIZON, fan_density, fan_direction, local_eye, pattern_of, turn_of
 from engine.material._kernels import gamma, quotient_cosine
 
 # In place of an angle: the curve is the same at all of them.
@@ -54,11 +54,12 @@ class Second(NamedTuple):
 
 
 class FanArrays(NamedTuple):
-    """p gather points: rows (p,) of the hits, poles (p,), the cells their rays see (p, R) uint16; which half of the
-    rays counts (of each table the first, 0, or the second, 1; −1 for all); tables (64, R_c, 3), (64, R_p, 3); the hits'
-    tangent, normal, wo (P, 3)."""
+    """q fans: rows (q,) of the hits, which of its point's each is (q,), poles (q,), the cells their rays see (q, R)
+    uint16; which half of the rays counts (of each table the first, 0, or the second, 1; −1 for all); tables
+    (64 n, R_c, 3), (64 n, R_p, 3), see `pattern_of`; the hits' tangent, normal, wo (P, 3)."""
 
     rows: np.ndarray
+    nth: np.ndarray
     poles: np.ndarray
     seen: np.ndarray
     half: int
@@ -137,7 +138,7 @@ def aim(fans, begin, end, optics, aimed):
         r, at = fans.rows[i], i - aimed.base
         ox, oy, oz = local_eye(fans.tangent[r], fans.normal[r], fans.wo[r])
         seed, cosine, sine = turn_of(r)
-        pattern = np.int64(seed & np.uint64(fans.tables_cosine.shape[0] - 1))
+        pattern = pattern_of(seed, fans.nth[i])
         weights[:] = ZERO
         most = ZERO
         for m in range(fans.seen.shape[1]):

@@ -14,7 +14,16 @@ import numba as nb
 import numpy as np
 
 from engine.indirect._cell_kernels import NO_CELL, _point_in_triangle, _shading_normal
-from engine.indirect._ray_kernels import HORIZON, fan_density, fan_direction, local_eye, mixed, turn_of, uniform
+from engine.indirect._ray_kernels import (
+    HORIZON,
+    fan_density,
+    fan_direction,
+    local_eye,
+    mixed,
+    pattern_of,
+    turn_of,
+    uniform,
+)
 from engine.indirect._reflection_kernels import HALF_PI, ONE, ZERO, _counts, _node, _ray
 from engine.material._kernels import gamma, quotient_cosine
 
@@ -89,8 +98,9 @@ class Records(NamedTuple):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _seed(row, m, vertex):
-    ray = np.uint64(row) * np.uint64(0x10001) + np.uint64(m)
+def _seed(row, nth, n_rays, m, vertex):
+    """Of a vertex of ray m of the nth fan of a point."""
+    ray = np.uint64(row) * np.uint64(0x10001) + np.uint64(m + n_rays * np.int64(nth))
     return mixed(ray + np.uint64(vertex) * np.uint64(0x55E68000000))
 
 
@@ -203,10 +213,11 @@ def _candidate(lamps, table, c, m, seed, pole, frame, place, eye):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def choose_lights(which, at, vertex, n_rays, rows, hits, origins, directions, mesh, poles, axes, lamps, table, offset,
-                  normals, lights, candidates, weights, to_light, limits, starts):  # fmt: skip
+def choose_lights(which, at, vertex, n_rays, rows, nth, hits, origins, directions, mesh, poles, axes, lamps, table,
+                  offset, normals, lights, candidates, weights, to_light, limits, starts):  # fmt: skip
     """A light for each of the places that rays (R,) numbered `at` (n,) end at: the vertex, 2 or 3, that the paths come
-    to which begin with the rays `which` (n,) of a chunk of fans, numbered point by point.
+    to which begin with the rays `which` (n,) of a chunk of fans, numbered fan by fan: the nth (q,) of the points `rows`
+    (q,).
 
     Writes normals (n, 3), the light chosen (n,), which candidate it was and its weight (n,), 0 for none; of a ray to it
     the direction to_light, its origin starts (n, 3) and its limit (n,).
@@ -221,7 +232,8 @@ def choose_lights(which, at, vertex, n_rays, rows, hits, origins, directions, me
         normals[i, 0], normals[i, 1], normals[i, 2] = nx, ny, nz
         far = hits.distance[r]
         px, py, pz = origins[r, 0] + far * dx, origins[r, 1] + far * dy, origins[r, 2] + far * dz
-        seed = _seed(rows[which[i] // n_rays], which[i] % n_rays, vertex)
+        fan, m = divmod(which[i], n_rays)
+        seed = _seed(rows[fan], nth[fan], n_rays, m, vertex)
         tx, ty, tz = _tangent(axes, o, nx, ny, nz)
         ox, oy, oz = _to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
         frame, place, eye = (tx, ty, tz, nx, ny, nz), (px, py, pz), (ox, oy, oz)
@@ -253,7 +265,7 @@ def _lifted(face, px, py, pz, x, y, z, offset, start):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def aim_about_poles(which, n_rays, rows, hits, origins, directions, normals, mesh, poles, axes, table, offset,
+def aim_about_poles(which, n_rays, rows, nth, hits, origins, directions, normals, mesh, poles, axes, table, offset,
                     to_pole, starts, there):  # fmt: skip
     """From where the rays `which` (n,) of a chunk of fans end, with these normals (n, 3), rays about the poles: their
     directions to_pole and origins starts (n, 3), and which of them are there (n,)."""
@@ -264,7 +276,8 @@ def aim_about_poles(which, n_rays, rows, hits, origins, directions, normals, mes
         nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
         tx, ty, tz = _tangent(axes, o, nx, ny, nz)
         ox, oy, oz = _to_local(tx, ty, tz, nx, ny, nz, -dx, -dy, -dz)
-        x, y, z = _about_pole(table, _seed(rows[w // n_rays], w % n_rays, 2), poles[o], ox, oy, oz)
+        fan, m = divmod(w, n_rays)
+        x, y, z = _about_pole(table, _seed(rows[fan], nth[fan], n_rays, m, 2), poles[o], ox, oy, oz)
         there[i] = z > HORIZON
         if not there[i]:
             x, y, z = ZERO, ZERO, ONE
@@ -340,13 +353,13 @@ def second_light(fans, position, records, begin, end, objects, g, lamps, table, 
     the objects that are not wanted (M,) nothing changes.
     """
     n_cosine, n_pole = np.float32(fans.tables_cosine.shape[1]), np.float32(fans.tables_pole.shape[1])
-    gloss = np.zeros(3, np.float32)
+    n_rays, gloss = fans.seen.shape[1], np.zeros(3, np.float32)
     for i in range(begin, end):
         r = fans.rows[i]
         tangent, normal = fans.tangent[r], fans.normal[r]
         eye_x, eye_y, eye_z = local_eye(tangent, normal, fans.wo[r])
         turn, cosine, sine = turn_of(r)
-        pattern = np.int64(turn & np.uint64(fans.tables_cosine.shape[0] - 1))
+        pattern = pattern_of(turn, fans.nth[i])
         times = records.times[i]
         for e in range(records.start[i], records.start[i + 1]):
             n = e - first
@@ -367,7 +380,8 @@ def second_light(fans, position, records, begin, end, objects, g, lamps, table, 
             if oz <= HORIZON:
                 continue
             fan = fan_density(n_cosine, n_pole, fans.poles[i], x, y, z, eye_x, eye_y, eye_z) / times
-            slant, seed, third = z, _seed(r, m, 2), _seed(r, m, 3)
+            slant = z
+            seed, third = _seed(r, fans.nth[i], n_rays, m, 2), _seed(r, fans.nth[i], n_rays, m, 3)
             light = np.int64(records.light[e])
             if light != NO_LIGHT:
                 frame, place, eye = (tx, ty, tz, nx, ny, nz), (px, py, pz), (ox, oy, oz)

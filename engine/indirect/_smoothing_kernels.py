@@ -6,7 +6,7 @@ import numpy as np
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def smooth_rows(start, neighbour, weight, values, out):
-    """values (p, m) of p points, filtered, into out (p, m)."""
+    """values (q, m), filtered, into out (p, m)."""
     for i in range(out.shape[0]):
         for c in range(out.shape[1]):
             out[i, c] = np.float32(0.0)
@@ -18,7 +18,7 @@ def smooth_rows(start, neighbour, weight, values, out):
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def smooth_planes(start, neighbour, weight, values, begin, end, out):
-    """The planes [begin, end) of values (m, p), filtered along p, into out (m, p)."""
+    """The planes [begin, end) of values (m, q), filtered along q, into out (m, p)."""
     for plane in range(begin, end):
         for i in range(out.shape[1]):
             total = np.float32(0.0)

@@ -3,13 +3,14 @@
 Light that has been reflected is soft, so that a few of the picture's points stand for all. They lie on a lattice of
 every eighth pixel, of fewer in small pictures, refined in quarters down to single pixels where a block of the lattice
 shows a silhouette or a crease, where what its corners gather differs, or where something else is near; the others
-interpolate between the corners of their block.
+interpolate between the corners of their block. Each point has a fan of rays, and further ones where it is noisy.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ from engine.indirect.turns import Turn, by_turns
 from engine.scene.hits import PrimaryHits
 from engine.transport._projection_kernels import Viewed
 
+MOST_FANS = 8  # of one gather point
 # Metres: no ray is taken for shorter.
 _TOUCHING = np.float32(1e-6)
 _OPEN = 1e18  # farther than anything, and its square is a float32
@@ -42,58 +44,75 @@ class FanSize:
 
 @dataclass(frozen=True, eq=False)
 class Gathered:
-    """p gather points: rows (p,) int32 of the hits, ascending; seen (p, R) uint16: the cell each ray hits; records of
-    the rays that end on glossy surfaces; clearance (p,) float32: the harmonic mean distance of what is around."""
+    """q fans of p gather points: rows (q,) int32 of the hits, ascending; nth (q,) uint8: which fan of its point each is;
+    seen (q, R) uint16: the cell each ray hits; records of the rays that end on glossy surfaces; clearance (q,) float32:
+    the harmonic mean distance of what is around."""
 
     rows: NDArray[np.int32]
+    nth: NDArray[np.uint8]
     seen: NDArray[np.uint16]
     records: Records
     clearance: NDArray[np.float32]
 
+    @cached_property
+    def points(self) -> NDArray[np.int32]:
+        """The rows (p,) of the gather points, ascending."""
+        return self.rows[self.nth == 0]
+
     @property
     def n_bytes(self) -> int:
-        return self.rows.nbytes + self.seen.nbytes + self.clearance.nbytes + sum(a.nbytes for a in self.records)
+        own = (self.rows, self.nth, self.seen, self.clearance)
+        return sum(array.nbytes for array in (*own, *self.records))
 
 
 def joined(parts: Sequence[Gathered]) -> Gathered:
-    """All of the points as one set, by row."""
+    """All of the fans as one set, by row; of one point the further ones come in later parts, or behind."""
     rows = np.concatenate([part.rows for part in parts])
     order = np.argsort(rows, kind="stable")
+    nth = np.concatenate([part.nth for part in parts])[order]
     seen = np.concatenate([part.seen for part in parts])[order]
     clearance = np.concatenate([part.clearance for part in parts])[order]
-    return Gathered(rows[order], seen, joined_records([part.records for part in parts], order), clearance)
+    return Gathered(rows[order], nth, seen, joined_records([part.records for part in parts], order), clearance)
 
 
 def gather(
-    hits: PrimaryHits, cells: Cells, rows: NDArray[np.int32], poles: NDArray[np.int64], size: FanSize,
-    second: SecondRays | None = None, focused: bool = True,
+    hits: PrimaryHits, cells: Cells, rows: NDArray[np.int32], nth: NDArray[np.uint8], poles: NDArray[np.int64],
+    size: FanSize, second: SecondRays | None = None, focused: bool = True, first_open: int = 0,
 ) -> Iterator[Gathered]:  # fmt: skip
-    """Trace the fans of the points `rows` (ascending), two chunks at a time.
+    """Trace the nth (q,) fans of the points `rows` (q,), ascending, two chunks at a time.
 
     poles: of every object; second: None to record nothing of glossy surfaces; focused: whether what glossy surfaces
-    show is in cells by distance. Raises TooManyCells.
+    show is in cells by distance; first_open: the first cell that takes its places from these rays. Raises
+    TooManyCells.
     """
-    tables = cosine_tables(size.n_cosine), pole_tables(size.n_pole)
+    tables = fan_tables(size)
     surface = Viewed(hits.position, hits.tangent, hits.normal, hits.wo)
     step = max(1, CHUNK // size.n_rays)
     point_poles = poles[object_of_rows(hits, rows)]
 
     def trace(begin: int, turn: Turn) -> Gathered:
-        chunk = rows[begin : begin + step]
+        chunk, which = rows[begin : begin + step], nth[begin : begin + step]
         rays = room_for_rays(len(chunk) * size.n_rays)
         kernels.fan_rays(
-            chunk, point_poles[begin : begin + step], surface, hits.geometric_normal, hits.horizon,
+            chunk, which, point_poles[begin : begin + step], surface, hits.geometric_normal, hits.horizon,
             np.float32(cells.caster.offset), *tables, 0, size.n_rays, rays.origins, rays.directions, rays.there,
         )  # fmt: skip
         mirrored = np.zeros(len(rays.there), np.uint8)
         if focused:
             kernels.mark_mirrored(chunk, point_poles[begin : begin + step], surface, rays.directions, mirrored)
-        seen, found = cells.hit_by(rays, mirrored=mirrored, turn=turn)
-        records = no_records(len(chunk)) if second is None else second.trace(cells, chunk, rays, seen, found, turn)
+        seen, found = cells.hit_by(rays, first_open, mirrored, turn)
+        records = no_records(len(chunk))
+        if second is not None:
+            records = second.trace(cells, chunk, which, rays, seen, found, first_open, turn)
         distances = found.distance.reshape(len(chunk), -1)[:, : size.n_cosine]
-        return Gathered(chunk, seen.reshape(len(chunk), -1), records, _clearance(distances))
+        return Gathered(chunk, which, seen.reshape(len(chunk), -1), records, _clearance(distances))
 
     yield from by_turns(trace, range(0, len(rows), step), 1 if second is None else 2)
+
+
+def fan_tables(size: FanSize) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """The patterns of fans of this size, by the cosine and about poles."""
+    return cosine_tables(size.n_cosine, MOST_FANS), pole_tables(size.n_pole, MOST_FANS)
 
 
 def _clearance(distances: NDArray[np.float32]) -> NDArray[np.float32]:

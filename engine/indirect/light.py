@@ -91,7 +91,7 @@ class GatherPoints:
         self, layers: Sequence[IndirectLayer], light: SentLight, half: int | None = None
     ) -> NDArray[np.float32]:
         """Radiance (p, 3) towards the eye of light that no object is edited in."""
-        out = np.zeros((len(self.gathered.rows), 3), np.float32)
+        out = np.zeros((len(self.gathered.points), 3), np.float32)
         for mine, radiance in self.reflected_by_object(layers, light, half):
             out[mine] = radiance
         return out
@@ -100,7 +100,7 @@ class GatherPoints:
         self, layers: Sequence[IndirectLayer], light: SentLight, half: int | None = None
     ) -> Iterator[tuple[NDArray[np.intp], NDArray[np.float32]]]:
         """The same in steps: the numbers of one object's gather points, and their radiance."""
-        rows = self.gathered.rows
+        rows = self.gathered.points
         objects = object_of_rows(self.hits, rows)
         for i_object in sorted({layer.i_object for layer in layers}):
             mine = np.flatnonzero(objects == i_object)
@@ -140,7 +140,7 @@ class IndirectLight:
         """The footprint with gather points numbered within each object."""
         rows, weights = self.footprint
         ranges = self.points.hits.object_ranges
-        firsts = np.searchsorted(self.points.gathered.rows, ranges[:, 0])
+        firsts = np.searchsorted(self.points.gathered.points, ranges[:, 0])
         own = np.repeat(firsts, ranges[:, 1] - ranges[:, 0])[:, None]
         return np.asarray(np.where(weights > 0.0, rows - own, 0), np.int32), weights
 
@@ -153,7 +153,7 @@ class IndirectLight:
         points, light = self.unfiltered().points, self.sent(layers)
         first, second = (held(points.reflected(layers, light, half), SQUARED) for half in (0, 1))
         turns = least_alike(self.points.poles != NORMAL)
-        smoothing = smoothing_for(self.points.hits, self.points.gathered.rows, turns, first, second)
+        smoothing = smoothing_for(self.points.hits, self.points.gathered.points, turns, first, second)
         return replace(self, points=replace(self.points, smoothing=smoothing))
 
     def radiosity(self, layers: Sequence[IndirectLayer], edited: int = NOBODY) -> NDArray[np.float32]:
@@ -184,7 +184,7 @@ class IndirectLight:
         light, (rows, weights) = self.sent(layers), self.footprint
         if not len(rows):  # nothing in the picture reflects
             return 0.0, 0.0
-        halves = np.zeros((2, len(self.points.gathered.rows), 3), np.float32)
+        halves = np.zeros((2, len(self.points.gathered.points), 3), np.float32)
         for half in (0, 1):
             for mine, radiance in self.points.reflected_by_object(layers, light, half):
                 halves[half, mine] = held(radiance, SQUARED)

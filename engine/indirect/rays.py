@@ -5,24 +5,23 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.indirect._ray_kernels import EPSILON
+from engine.indirect._ray_kernels import EPSILON, N_PATTERNS
 
-N_PATTERNS = 64
 _SEED = 20260711
 
 
 @lru_cache(maxsize=8)
-def cosine_tables(n_rays: int) -> NDArray[np.float32]:
-    """(64, R, 3) unit vectors about +z with density cos θ / π."""
-    u, v = _patterns(n_rays, 0)
+def cosine_tables(n_rays: int, n_fans: int = 1) -> NDArray[np.float32]:
+    """(64 n_fans, R, 3) unit vectors about +z with density cos θ / π; the nth fan of each pattern 64 (n − 1) on."""
+    u, v = _patterns(n_rays, n_fans, 0)
     radius, angle = np.sqrt(u), 2 * np.pi * v
     return _vectors(np.sqrt(1.0 - u), radius, angle)
 
 
 @lru_cache(maxsize=8)
-def pole_tables(n_rays: int) -> NDArray[np.float32]:
-    """(64, R, 3) unit vectors within 90° of +z with density 1 / (2π ln(1 + 1/ε) (1 - cos θ + ε))."""
-    return pole_vectors(*_patterns(n_rays, 1))
+def pole_tables(n_rays: int, n_fans: int = 1) -> NDArray[np.float32]:
+    """The same within 90° of +z with density 1 / (2π ln(1 + 1/ε) (1 - cos θ + ε))."""
+    return pole_vectors(*_patterns(n_rays, n_fans, 1))
 
 
 def pole_vectors(u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -38,8 +37,8 @@ def _vectors(z: NDArray[np.float64], radius: NDArray[np.float64], angle: NDArray
     return vectors
 
 
-def _sobol(n_rays: int) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
-    """The first R points of Sobol's sequence in two dimensions, as fractions of 2³²: every 2^k of them a net."""
+def _sobol(n_rays: int) -> NDArray[np.uint32]:
+    """The first R points of Sobol's sequence in two dimensions, (2, R), in 1/2³²: every 2^k of them a net."""
     index = np.arange(n_rays, dtype=np.uint32)
     first, second = np.zeros(n_rays, np.uint32), np.zeros(n_rays, np.uint32)
     matrix = np.uint32(1 << 31)
@@ -48,11 +47,13 @@ def _sobol(n_rays: int) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
         first ^= is_set << np.uint32(31 - bit)
         second ^= is_set * matrix
         matrix ^= matrix >> np.uint32(1)
-    return first, second
+    return np.stack([first, second])
 
 
-def _patterns(n_rays: int, kind: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Two coordinates in (0, 1) of 64 Sobol sets of R points, each shifted digit by digit [Kollig02], (64, R) each."""
+def _patterns(n_rays: int, n_fans: int, kind: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Two coordinates in (0, 1) of 64 Sobol sequences, each shifted digit by digit [Kollig02]: of its first R points,
+    of the next R, and so on, (64 n_fans, R) each."""
     shifts = np.random.default_rng((_SEED, kind)).integers(0, 1 << 32, (2, N_PATTERNS, 1), np.uint32)
-    u, v = ((points ^ shift).astype(np.float64) + 0.5 for points, shift in zip(_sobol(n_rays), shifts, strict=True))
-    return u / 2.0**32, v / 2.0**32
+    points = _sobol(n_rays * n_fans).reshape(2, n_fans, 1, n_rays)
+    u, v = ((points ^ shifts[:, None]).reshape(2, N_PATTERNS * n_fans, n_rays) + 0.5) / 2.0**32
+    return u, v

@@ -7,7 +7,7 @@ faster than they could be read. Stills, which sum once, keep nothing at all.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +18,10 @@ from engine.indirect._smoothing_kernels import smooth_planes, smooth_rows
 from engine.indirect.aim import Aim, SecondAim, n_angles_of
 from engine.indirect.beyond import held
 from engine.indirect.curves import LayerCurves
-from engine.indirect.gather import FanSize, Gathered, object_of_rows
+from engine.indirect.gather import FanSize, Gathered, fan_tables, object_of_rows
 from engine.indirect.photons import Landed, PhotonMap, Sent, land, landed_of, nothing_landed
-from engine.indirect.rays import cosine_tables, pole_tables
 from engine.indirect.second_bounce import SecondLight
-from engine.indirect.smoothing import Smoothing
+from engine.indirect.smoothing import Smoothing, mean_of_fans
 from engine.scene.hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.threads import even_parts, on_threads
@@ -50,7 +49,8 @@ class SentLight:
 
 
 class Fans:
-    """The gather points of one object, all their rays or one half of them."""
+    """The fans of the gather points of one object, all their rays or one half of them; a point has the mean of its
+    fans."""
 
     def __init__(
         self, hits: PrimaryHits, gathered: Gathered, i_object: int, pole: int, size: FanSize,
@@ -59,18 +59,21 @@ class Fans:
         """keeps: what does not depend on curves, for the next sums over the same rays; landed: photons about all of the
         gather points, if any were looked for; smoothing: of all of them, None for the sums as they are."""
         begin, end = np.searchsorted(object_of_rows(hits, gathered.rows), (i_object, i_object + 1))
-        rows = gathered.rows[begin:end]
+        rows, nth = gathered.rows[begin:end], gathered.nth[begin:end]
         records = gathered.records
         records = records._replace(start=records.start[begin : end + 1], times=records.times[begin:end])
         self._fans = kernels.FanArrays(
-            rows, np.full(len(rows), pole, np.int64), gathered.seen[begin:end], -1 if half is None else half,
-            cosine_tables(size.n_cosine), pole_tables(size.n_pole), hits.tangent, hits.normal, hits.wo,
+            rows, nth, np.full(len(rows), pole, np.int64), gathered.seen[begin:end], -1 if half is None else half,
+            *fan_tables(size), hits.tangent, hits.normal, hits.wo,
         )  # fmt: skip
         self._keeps = keeps
         self._aims: dict[tuple[int, bytes], Aim] = {}
         self._landed = nothing_landed(len(rows)) if landed is None else landed_of(landed, int(begin), int(end))
         self._second = SecondAim(self._fans, hits.position, records, self._landed.area, keeps)
-        self._smoothing = None if smoothing is None else smoothing.part(int(begin), int(end))
+        self._means = [mean_of_fans(nth)] if nth.any() else []
+        if smoothing is not None:
+            first, last = np.searchsorted(object_of_rows(hits, gathered.points), (i_object, i_object + 1))
+            self._means.append(smoothing.part(int(first), int(last)))
         self._hits, self._times, self._clearance = hits, records.times, gathered.clearance[begin:end]
 
     def __len__(self) -> int:
@@ -82,11 +85,11 @@ class Fans:
         return self._second.n_bytes + sum(aim.n_bytes for aim in self._aims.values())
 
     def landing(self, photon_map: PhotonMap, i_object: int, farthest: NDArray[np.float32], caster: RayCaster) -> Landed:
-        """The photons about the points, no farther than (p,)."""
+        """The photons about the points of the fans, no farther than (q,)."""
         return land(photon_map, i_object, self._hits, self._fans, self._times, farthest, self._clearance, caster)
 
     def reflected(self, layers: Sequence[LayerCurves], light: SentLight) -> list[NDArray[np.float32]]:
-        """Radiance (p, D, 3) of each layer towards the eye, without f_q and f_o."""
+        """Radiance (p, D, 3) of each layer at the p points towards the eye, without f_q and f_o."""
         out = [np.empty((len(self), light.n_powers, 3), np.float32) for _ in layers]
         optics = [layer.optics(folded=True) for layer in layers]
         aims = [self._aim(each) for each in optics]
@@ -101,8 +104,7 @@ class Fans:
         for layer, result in zip(layers, out, strict=True):
             if layer.is_tinted:
                 result *= layer.tint.astype(np.float32)
-        out = [held(each) for each in out]
-        return out if self._smoothing is None else [_smooth(self._smoothing, each) for each in out]
+        return [reduce(_mean_rows, self._means, held(each)) for each in out]
 
     def by_band(self, layer: LayerCurves, factor: int, light: SentLight) -> NDArray[np.float32]:
         """Of one layer by band of its first or second curve: (3, J, D, p); times the curve and summed over J it is
@@ -120,8 +122,7 @@ class Fans:
         self._in_parts(light, work, [aim])
         if layer.is_tinted:
             out *= layer.tint.astype(np.float32)[:, None, None, None]
-        out = held(out)
-        return out if self._smoothing is None else _smooth_planes(self._smoothing, out)
+        return reduce(_mean_planes, self._means, held(out))
 
     def _aim(self, optics: kernels.ReflectingLayer) -> Aim:
         """What is kept for such a layer, or new."""
@@ -156,17 +157,17 @@ class Fans:
             self._second.complete(glossy)
 
 
-def _smooth(smoothing: Smoothing, light: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Light (p, D, 3), filtered; p may be 0."""
+def _mean_rows(light: NDArray[np.float32], means: Smoothing) -> NDArray[np.float32]:
+    """Means (p, D, 3) of light (q, D, 3); q may be 0."""
     values = light.reshape(len(light), math.prod(light.shape[1:]))
-    out = np.empty_like(values)
-    smooth_rows(*smoothing, values, out)
-    return out.reshape(light.shape)
+    out = np.empty((means.n_rows, values.shape[1]), np.float32)
+    smooth_rows(*means, values, out)
+    return out.reshape(len(out), *light.shape[1:])
 
 
-def _smooth_planes(smoothing: Smoothing, light: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Light (..., p), filtered; p may be 0."""
+def _mean_planes(light: NDArray[np.float32], means: Smoothing) -> NDArray[np.float32]:
+    """Means (..., p) of light (..., q); q may be 0."""
     planes = light.reshape(math.prod(light.shape[:-1]), light.shape[-1])
-    out = np.empty_like(planes)
-    on_threads(lambda begin, end: smooth_planes(*smoothing, planes, begin, end, out), *even_parts(len(planes)))
-    return out.reshape(light.shape)
+    out = np.empty((len(planes), means.n_rows), np.float32)
+    on_threads(lambda begin, end: smooth_planes(*means, planes, begin, end, out), *even_parts(len(planes)))
+    return out.reshape(*light.shape[:-1], means.n_rows)

@@ -82,22 +82,23 @@ class SecondRays:
     thrice: bool
 
     def trace(
-        self, cells: Cells, rows: NDArray[np.int32], rays: Rays, seen: NDArray[np.uint16], found: Intersections,
-        turn: AbstractContextManager[None] = NO_TURN,
+        self, cells: Cells, rows: NDArray[np.int32], nth: NDArray[np.uint8], rays: Rays, seen: NDArray[np.uint16],
+        found: Intersections, first_open: int = 0, turn: AbstractContextManager[None] = NO_TURN,
     ) -> kernels.Records:  # fmt: skip
-        """The records of a chunk of fans: rays and what they hit, (p · R), by points; turn: see `Cells.seen_by`."""
+        """The records of a chunk of fans, the nth of the points `rows`: rays and what they hit, (q · R); first_open,
+        turn: see `Cells.seen_by`."""
         n_rays = len(seen) // max(len(rows), 1)
         which, times = _thinned(self._on_glossy(cells, seen, found), n_rays, len(rows), self.most)
-        vertex = _Lit(self, cells, rows, n_rays)
+        vertex = _Lit(self, cells, rows, nth, n_rays)
         lit = vertex.of(which, which, 2, rays, found)
         starts, to_pole = np.empty((2, len(which), 3), np.float32)
         there = np.empty(len(which), bool)
         kernels.aim_about_poles(
-            which, n_rays, rows, _hits(found), rays.origins, rays.directions, lit[0], cells.mesh, self.poles, self.axes,
-            pole_tables(N_POLE_RAYS), np.float32(cells.caster.offset), to_pole, starts, there,
+            which, n_rays, rows, nth, _hits(found), rays.origins, rays.directions, lit[0], cells.mesh, self.poles,
+            self.axes, pole_tables(N_POLE_RAYS), np.float32(cells.caster.offset), to_pole, starts, there,
         )  # fmt: skip
         onward = Rays(starts, to_pole, there)
-        beyond, found_3 = cells.hit_by(onward, turn=turn)
+        beyond, found_3 = cells.hit_by(onward, first_open, turn=turn)
         at = self._on_glossy(cells, beyond, found_3) if self.thrice else np.zeros(0, np.int64)
         lit_3 = _spread(vertex.of(which[at], at, 3, onward, found_3), at, len(which))
         start = np.searchsorted(which, np.arange(len(rows) + 1) * n_rays)
@@ -124,11 +125,12 @@ def _spread(places: kernels.LitPlaces, at: NDArray[np.intp], n: int) -> kernels.
 
 @dataclass(frozen=True, eq=False)
 class _Lit:
-    """Chooses lights for places that the rays of a chunk of fans come to, n_rays a row."""
+    """Chooses lights for places that the rays of a chunk of fans come to: the nth of the points `rows`, n_rays each."""
 
     second: SecondRays
     cells: Cells
     rows: NDArray[np.int32]
+    nth: NDArray[np.uint8]
     n_rays: int
 
     def of(
@@ -141,9 +143,9 @@ class _Lit:
         lights, candidates = np.empty(n, np.uint16), np.empty(n, np.uint8)
         weights, limits = np.empty((2, n), np.float32)
         kernels.choose_lights(
-            which, at, vertex, self.n_rays, self.rows, _hits(found), rays.origins, rays.directions, self.cells.mesh,
-            self.second.poles, self.second.axes, self.second.lamps, pole_tables(N_POLE_RAYS), np.float32(caster.offset),
-            normals, lights, candidates, weights, to_light, limits, starts,
+            which, at, vertex, self.n_rays, self.rows, self.nth, _hits(found), rays.origins, rays.directions,
+            self.cells.mesh, self.second.poles, self.second.axes, self.second.lamps, pole_tables(N_POLE_RAYS),
+            np.float32(caster.offset), normals, lights, candidates, weights, to_light, limits, starts,
         )  # fmt: skip
         asked = np.flatnonzero(weights > 0.0)
         blocked = np.ones(n, bool)

@@ -37,11 +37,16 @@ _TINY = 1e-20
 
 
 class Smoothing(NamedTuple):
-    """A sparse matrix (p, p): start (p + 1,) of each row's entries, neighbour (n,) and weight (n,), rows sum to 1."""
+    """A sparse matrix (p, q) of means: start (p + 1,) of each row's entries, neighbour (n,) and weight (n,), rows sum
+    to 1; square where it is a filter."""
 
     start: NDArray[np.int64]
     neighbour: NDArray[np.int32]
     weight: NDArray[np.float32]
+
+    @property
+    def n_rows(self) -> int:
+        return len(self.start) - 1
 
     def part(self, begin: int, end: int) -> Smoothing:
         """Of the points [begin, end), which have no neighbours but themselves."""
@@ -55,6 +60,13 @@ def no_smoothing(n_points: int) -> Smoothing:
     return Smoothing(
         np.arange(n_points + 1, dtype=np.int64), np.arange(n_points, dtype=np.int32), np.ones(n_points, np.float32)
     )
+
+
+def mean_of_fans(nth: NDArray[np.uint8]) -> Smoothing:
+    """What each of p points has, by all of its fans alike; nth (q,): which fan of its point each is."""
+    start = np.append(np.flatnonzero(nth == 0), len(nth))
+    weight = np.repeat(1.0 / np.diff(start), np.diff(start))
+    return Smoothing(start, np.arange(len(nth), dtype=np.int32), weight.astype(np.float32))
 
 
 def smoothing_for(
@@ -75,13 +87,13 @@ def smoothing_for(
             weights.append(np.ones((end - begin, 1), np.float32))
             continue
         own = slice(int(begin), int(end))
-        nearest, closeness = _about(hits, rows[own], float(least))
+        nearest, closeness = neighbours_of(hits, rows[own], float(least))
         neighbours.append((nearest + begin).astype(np.int32))
         weights.append(_weights(nearest, closeness, first[own], second[own], dark))
     return _sparse(neighbours, weights)
 
 
-def _about(
+def neighbours_of(
     hits: PrimaryHits, rows: NDArray[np.int32], least_alike: float
 ) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
     """The nearest points (p, K) in the picture of each, itself first, and how close (p, K) in [0, 1] they are; 0 beyond
@@ -110,10 +122,10 @@ def _weights(
     """How much neighbours (p, K) count, each row 1 in all; the first is the point itself."""
     there = (closeness > 0.0).astype(np.float32)
     value, variance = 0.5 * (first + second), (0.5 * (first - second)) ** 2
-    variance = _mean_of(variance, nearest, there)
+    variance = mean_of_neighbours(variance, nearest, there)
     # What is compared are means of a few: single values would be told apart by their noise alone.
     few = there * (np.arange(there.shape[1]) < _N_GUIDE)
-    guide, doubt = _mean_of(value, nearest, few), variance.sum(axis=1) / few.sum(axis=1)
+    guide, doubt = mean_of_neighbours(value, nearest, few), variance.sum(axis=1) / few.sum(axis=1)
     bright = guide.sum(axis=1)
     unlike = ((guide[nearest] - guide[:, None]) ** 2).sum(axis=2)
     by_chance = doubt[nearest] + doubt[:, None]
@@ -141,12 +153,12 @@ def _trust(
     filtered = [np.einsum("pk,pkc->pc", weight, half[nearest]) for half in (first, second)]
     crossed = 0.5 * ((filtered[0] - second) ** 2 + (filtered[1] - first) ** 2)
     chance = 0.5 * (first - second) ** 2
-    crossed, chance = (_mean_of(each, nearest, few).sum(axis=1, keepdims=True) for each in (crossed, chance))
+    crossed, chance = (mean_of_neighbours(each, nearest, few).sum(axis=1, keepdims=True) for each in (crossed, chance))
     blurred = np.maximum(crossed - _SURELY * chance, 0.0)
     return np.asarray(0.5 * chance / (0.5 * chance + blurred + _TINY), np.float64)
 
 
-def _mean_of(
+def mean_of_neighbours(
     values: NDArray[np.float32], nearest: NDArray[np.intp], counts: NDArray[np.float32]
 ) -> NDArray[np.float32]:
     """Means (p, 3) of the neighbours' values."""

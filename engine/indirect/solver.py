@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 
 from engine.indirect._cell_kernels import NO_CELL, CellTable
 from engine.indirect._ray_kernels import HALF, NORMAL
+from engine.indirect.allotment import fans_of_points
 from engine.indirect.beyond import SQUARED, held
 from engine.indirect.cells import Cells, TooManyCells
 from engine.indirect.curves import any_glossy, pole_of
 from engine.indirect.gather import FanSize, Gathered, gather, joined, object_of_rows
 from engine.indirect.irradiance import CellLight, connect, direct_irradiance, radiosity
-from engine.indirect.lattice import COARSEST, Lattice
+from engine.indirect.lattice import COARSEST, Lattice, least_alike
 from engine.indirect.layers import IndirectLayer, albedos_of
 from engine.indirect.light import Footprint, GatherPoints, IndirectLight
 from engine.indirect.parts import Keeper, Parts
@@ -49,7 +50,8 @@ from engine.transport.pipeline import Placement, SkyState
 class Fineness:
     """How finely indirect light is found.
 
-    n_rays a gather point, of which n_records at most are followed where they end on glossy surfaces; n_photons that
+    n_rays a fan, of which n_records at most are followed where they end on glossy surfaces; n_fans a gather point, on
+    average, further ones where it is noisy; n_photons that
     glossy surfaces throw; n_cells to aim at; n_cell_rays between cells, a cell; n_samples of each kind of light, a
     cell; adaptive: refine the lattice of gather points, else every eighth pixel; close: down to single pixels beside
     edges and contacts, which doubles what an editor would hold and freeze.
@@ -57,6 +59,7 @@ class Fineness:
 
     name: str
     n_rays: int
+    n_fans: float
     n_records: int
     n_photons: int
     n_cells: int
@@ -66,9 +69,9 @@ class Fineness:
     close: bool = False
 
 
-ROUGH = Fineness("rough", 128, 32, 1 << 15, 4000, 64, 64, False)
-FINE = Fineness("fine", 512, 96, 1 << 19, 24000, 128, 256, True)
-STILL = Fineness("still", 1024, 1024, 1 << 20, 16000, 64, 128, True, True)
+ROUGH = Fineness("rough", 128, 1, 32, 1 << 15, 4000, 64, 64, False)
+FINE = Fineness("fine", 256, 2, 48, 1 << 19, 24000, 128, 256, True)
+STILL = Fineness("still", 512, 2, 512, 1 << 20, 16000, 64, 128, True, True)
 # What a first look at the scene takes.
 _PILOT_POINTS, _PILOT_RAYS = 1024, 64
 _GROWTH = 1.26
@@ -78,8 +81,8 @@ _PHOTONS_SHARE = np.float32(0.3)
 
 Progress = tuple[float, str]
 # Where in the whole its phases end, by processor time: a first look, light between what it saw (only where more looks
-# follow), these looks, light between all, and light on it; what is left is the filter's.
-_LOOKED, _ROUGHLY_LIT, _LOOKED_CLOSER, _LIT, _SHONE_ON = 0.1, 0.35, (0.45, 0.6, 0.75), 0.93, 0.96
+# follow), these looks, further fans, light between all, and light on it; what is left is the filter's.
+_LOOKED, _ROUGHLY_LIT, _LOOKED_CLOSER, _FURTHER, _LIT, _SHONE_ON = 0.1, 0.3, (0.35, 0.45, 0.55), 0.75, 0.93, 0.96
 
 
 class Solver:
@@ -147,7 +150,9 @@ class Solver:
             size = (low * high) ** 0.5
             cells = Cells(scene, self._placement.caster, size)
             try:
-                pilot = gather(hits, cells, rows, self._poles, _fan_size(_PILOT_RAYS, HALF), focused=False)
+                pilot = gather(
+                    hits, cells, rows, _first(rows), self._poles, _fan_size(_PILOT_RAYS, HALF), focused=False
+                )
                 n_hits = sum(int((part.seen != NO_CELL).sum()) for part in pilot)
                 too_fine = len(cells) > min(self._fineness.n_cells / 2, max(n_hits / 2, 1.0))
             except TooManyCells:
@@ -159,14 +164,15 @@ class Solver:
         self, cells: Cells, layers: Sequence[IndirectLayer], parts: Parts
     ) -> Generator[Progress, None, IndirectLight]:
         none = np.zeros((0, self._fineness.n_rays), np.uint16)
-        nothing = Gathered(np.zeros(0, np.int32), none, no_records(0), np.zeros(0, np.float32))
+        rows = np.zeros(0, np.int32)
+        nothing = Gathered(rows, _first(rows), none, no_records(0), np.zeros(0, np.float32))
         yield 0.0, "looking around"
         photons = self._photons(cells)
         if self._fineness.adaptive:
             points, found = yield from self._refined(cells, nothing, layers, photons, parts)
         else:
             points, found = yield from self._even(cells, nothing, photons, parts)
-        begin = _LOOKED_CLOSER[-1] if self._fineness.adaptive else _LOOKED
+        begin = _FURTHER if self._fineness.adaptive else _LOOKED
         light = yield from self._light(cells, self._fineness, parts, (begin, _LIT))
         yield _SHONE_ON, "taking out noise"
         return self._found(points, found, cells, light).smoothed(layers)
@@ -189,7 +195,8 @@ class Solver:
         """Every eighth pixel."""
         hits = self._placement.hits
         rows = lattice_rows(hits, COARSEST)
-        points = self._points((yield from self._gather(cells, nothing, rows, parts, (0.0, _LOOKED))), photons)
+        gathered = yield from self._gather(cells, nothing, rows, _first(rows), parts, (0.0, _LOOKED))
+        points = self._points(gathered, photons)
         numbers, weights = footprint(hits, rows, COARSEST)
         return points, (_among_all(hits, rows, numbers), weights)
 
@@ -205,7 +212,8 @@ class Solver:
         looks = iter(pairwise((_ROUGHLY_LIT, *_LOOKED_CLOSER)))
         span = 0.0, _LOOKED
         while True:
-            gathered = yield from self._gather(cells, gathered, lattice.wanted(), parts, span)
+            rows = lattice.wanted()
+            gathered = yield from self._gather(cells, gathered, rows, _first(rows), parts, span)
             span = next(looks, (_LOOKED_CLOSER[-1],) * 2)
             if bright is None:
                 coarser = replace(self._fineness, n_cell_rays=n_rays, n_samples=n_samples)
@@ -221,7 +229,24 @@ class Solver:
             values[gathered.rows], noise[gathered.rows] = 0.5 * (first + second), 0.5 * abs(first - second)
             clearance[gathered.rows] = gathered.clearance
             if not lattice.refine(values, noise, clearance):
-                return points, lattice.footprint()
+                found = lattice.footprint()
+                rows, nth = self._further(gathered.rows, noise[gathered.rows], found)
+                # Cells keep their places: these rays come from where it is noisy, and so find the bright ones.
+                gathered = yield from self._gather(
+                    cells, gathered, rows, nth, parts, (_LOOKED_CLOSER[-1], _FURTHER), len(cells)
+                )
+                return self._points(gathered, photons), found
+
+    def _further(
+        self, rows: NDArray[np.int32], noise: NDArray[np.float32], found: Footprint
+    ) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
+        """The further fans of gather points at `rows` (p,) with this noise (p, 3): of which row each is, and nth."""
+        numbers, weights = found
+        shown = np.bincount(numbers.ravel(), weights.ravel() ** 2, len(rows)).astype(np.float64)
+        alike = least_alike(self._poles != NORMAL)
+        n = fans_of_points(self._placement.hits, rows, alike, noise, shown, self._fineness.n_fans) - 1
+        nth = np.arange(1, n.sum() + 1) - np.repeat(np.cumsum(n) - n, n)
+        return np.repeat(rows, n), nth.astype(np.uint8)
 
     def _points(self, gathered: Gathered, photons: PhotonMap) -> GatherPoints:
         points = GatherPoints(
@@ -231,31 +256,36 @@ class Solver:
         return points.reached_by(photons, self._placement.scene, self._placement.caster)
 
     def _gather(
-        self, cells: Cells, before: Gathered, rows: NDArray[np.int32], parts: Parts, span: tuple[float, float]
-    ) -> Generator[Progress, None, Gathered]:
-        """The gather points with those of some more rows; span: from where to where in the whole this is."""
+        self, cells: Cells, before: Gathered, rows: NDArray[np.int32], nth: NDArray[np.uint8], parts: Parts,
+        span: tuple[float, float], first_open: int = 0,
+    ) -> Generator[Progress, None, Gathered]:  # fmt: skip
+        """The fans with some more, the nth (q,) of rows (q,); span: from where to where in the whole this is;
+        first_open: see `gather`."""
         found = [before]
         n_pole = np.array([size.n_pole for size in self._sizes])[object_of_rows(self._placement.hits, rows)]
         done = 0
         for n in np.unique(n_pole):
-            own, size = rows[n_pole == n], FanSize(self._fineness.n_rays - int(n), int(n))
+            own, size = np.flatnonzero(n_pole == n), FanSize(self._fineness.n_rays - int(n), int(n))
             for begin in range(0, len(own), PART_POINTS):
                 part = own[begin : begin + PART_POINTS]
-                for gathered in self._gathered(cells, part, size, parts):
+                for gathered in self._gathered(cells, rows[part], nth[part], size, parts, first_open):
                     found.append(gathered)
                     done += len(gathered.rows)
                     yield span[0] + (span[1] - span[0]) * done / len(rows), "looking around"
         return joined(found)
 
-    def _gathered(self, cells: Cells, rows: NDArray[np.int32], size: FanSize, parts: Parts) -> Iterator[Gathered]:
-        """One part of the gather points: what was kept of it, or what is traced."""
-        kept = parts.begin(self._kept_fans, b"fans", rows.tobytes(), repr((size, cells.size)).encode())
+    def _gathered(
+        self, cells: Cells, rows: NDArray[np.int32], nth: NDArray[np.uint8], size: FanSize, parts: Parts,
+        first_open: int,
+    ) -> Iterator[Gathered]:  # fmt: skip
+        """One part of the fans: what was kept of it, or what is traced."""
+        kept = parts.begin(self._kept_fans, b"fans", rows.tobytes(), nth.tobytes(), repr((size, cells.size)).encode())
         if kept is not None:
             cells.restore(kept[0])
             yield kept[1]
             return
         found = []
-        for each in gather(self._placement.hits, cells, rows, self._poles, size, self._second):
+        for each in gather(self._placement.hits, cells, rows, nth, self._poles, size, self._second, True, first_open):
             found.append(each)
             yield each
         parts.keep({**arrays_of_gathered(joined(found)), **arrays_of_table(cells.table())})
@@ -296,6 +326,11 @@ def relit(
     shining = shining_on(placement, sky)
     light = replace(found.light, direct=direct_irradiance(found.cells, shining.lights, fineness.n_samples))
     return replace(found.by_albedo(), light=light, n_bounces=n_bounces, unit=shining.unit)
+
+
+def _first(rows: NDArray[np.int32]) -> NDArray[np.uint8]:
+    """That a fan is the first of its point."""
+    return np.zeros(len(rows), np.uint8)
 
 
 def _fan_size(n_rays: int, pole: int) -> FanSize:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from engine.indirect._cell_kernels import MOST_CELLS, N_PLACES, NO_CELL, CellTable
 from engine.indirect._second_kernels import N_BY_POLE, N_BY_POWER, NO_LIGHT, LitPlaces, Records
 from engine.indirect.cells import N_SLOTS
-from engine.indirect.gather import Gathered
+from engine.indirect.gather import MOST_FANS, Gathered
 from engine.indirect.irradiance import CellLight
 from engine.indirect.light import Footprint, IndirectLight
 from engine.indirect.smoothing import Smoothing, no_smoothing
@@ -22,7 +22,7 @@ from engine.stored_arrays import ArrayReader, UnsoundArrays
 Arrays = dict[str, NDArray[np.generic]]
 N_CANDIDATES = N_BY_POWER + N_BY_POLE
 _RECORDS, _CELLS, _SMOOTHING = "records.", "cells.", "smoothing."
-_OWN = ("rows", "seen", "clearance", "footprint", "footprint_weights", "cell_seen", "direct", "cell_size")
+_OWN = ("rows", "nth", "seen", "clearance", "footprint", "footprint_weights", "cell_seen", "direct", "cell_size")
 NAMES = (
     *_OWN, *(_RECORDS + name for name in Records._fields), *(_CELLS + name for name in CellTable._fields),
     *(_SMOOTHING + name for name in Smoothing._fields),
@@ -33,17 +33,18 @@ def arrays_of(light: IndirectLight) -> Arrays:
     """The light's arrays, by `NAMES`."""
     gathered, cells = light.points.gathered, light.cells
     own = (
-        gathered.rows, gathered.seen, gathered.clearance, *light.footprint, light.light.seen, light.light.direct,
-        np.array([cells.size]),
+        gathered.rows, gathered.nth, gathered.seen, gathered.clearance, *light.footprint, light.light.seen,
+        light.light.direct, np.array([cells.size]),
     )  # fmt: skip
-    smoothing = light.points.smoothing or no_smoothing(len(gathered.rows))
+    smoothing = light.points.smoothing or no_smoothing(len(gathered.points))
     return dict(zip(NAMES, (*own, *gathered.records, *cells.table(), *smoothing), strict=True))
 
 
 def arrays_of_gathered(gathered: Gathered) -> Arrays:
     """What `read_gathered` reads."""
     records = {_RECORDS + name: array for name, array in zip(Records._fields, gathered.records, strict=True)}
-    return {"rows": gathered.rows, "seen": gathered.seen, "clearance": gathered.clearance, **records}
+    own: Arrays = {"rows": gathered.rows, "nth": gathered.nth, "seen": gathered.seen, "clearance": gathered.clearance}
+    return own | records
 
 
 def arrays_of_table(table: CellTable) -> Arrays:
@@ -77,22 +78,25 @@ def read_table(reader: ArrayReader) -> CellTable:
 
 def read_gathered(reader: ArrayReader) -> Gathered:
     """The gather points, after the cells. The reader knows P points of the picture, R rays a gather point and L lights,
-    and learns p."""
+    and learns q fans and p gather points."""
     known = reader.sizes
-    rows = reader.take("rows", np.int32, "p", below=known["P"])
-    if (np.diff(rows) <= 0).any():
+    rows = reader.take("rows", np.int32, "q", below=known["P"])
+    nth = reader.take("nth", np.uint8, "q", below=MOST_FANS)
+    if (np.diff(rows * np.int64(MOST_FANS) + nth) <= 0).any():
         raise UnsoundArrays("gather points that do not ascend")
-    seen = reader.take("seen", np.uint16, "p", "R", below=known["C"], or_else=NO_CELL)
-    clearance = reader.take("clearance", np.float32, "p")
-    return Gathered(rows, seen, _read_records(reader, seen), clearance)
+    seen = reader.take("seen", np.uint16, "q", "R", below=known["C"], or_else=NO_CELL)
+    clearance = reader.take("clearance", np.float32, "q")
+    gathered = Gathered(rows, nth, seen, _read_records(reader, seen), clearance)
+    known["p"] = len(gathered.points)
+    return gathered
 
 
 def _read_records(reader: ArrayReader, seen: NDArray[np.uint16]) -> Records:
     known = reader.sizes
-    start = reader.runs(_RECORDS + "start", "p", "n")
-    times = reader.take(_RECORDS + "times", np.float32, "p")
+    start = reader.runs(_RECORDS + "start", "q", "n")
+    times = reader.take(_RECORDS + "times", np.float32, "q")
     ray = reader.take(_RECORDS + "ray", np.uint16, "n", below=known["R"])
-    if (seen[np.repeat(np.arange(known["p"]), np.diff(start)), ray] == NO_CELL).any():
+    if (seen[np.repeat(np.arange(known["q"]), np.diff(start)), ray] == NO_CELL).any():
         raise UnsoundArrays("records of rays that hit nothing")
     second = _read_lit(reader, "")
     beyond = reader.take(_RECORDS + "beyond", np.uint16, "n", below=known["C"], or_else=NO_CELL)

@@ -56,7 +56,7 @@ def _reflected(
     found: IndirectLight, layers: Sequence[IndirectLayer], light: SentLight
 ) -> Generator[None, None, NDArray[np.float32]]:
     """What some layers reflect of light that all of them sent, (P, 3)."""
-    at_points = np.zeros((len(found.points.gathered.rows), 3), np.float32)
+    at_points = np.zeros((len(found.points.gathered.points), 3), np.float32)
     for mine, radiance in found.points.reflected_by_object(layers, light):
         at_points[mine] = radiance
         yield

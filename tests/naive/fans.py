@@ -15,7 +15,7 @@ def reflected(fans: FanArrays, i: int, layer: LayerCurves, radiosity: np.ndarray
     eye = rays.local_eye(fans.tangent[row], fans.normal[row], fans.wo[row])
     seed, cosine, sine = rays.turn_of(row)
     tables = fans.tables_cosine, fans.tables_pole
-    pattern, sizes = int(seed) % len(tables[0]), [np.float32(table.shape[1]) for table in tables]
+    pattern, sizes = rays.pattern_of(np.uint64(seed), fans.nth[i]), [np.float32(table.shape[1]) for table in tables]
     total, m = np.zeros(radiosity.shape[1:]), 0
     for table, is_cosine in zip(tables, (True, False), strict=True):
         for k in range(table.shape[1]):

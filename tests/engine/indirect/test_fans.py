@@ -81,6 +81,15 @@ def test_patterns_are_unit_and_differ():
     assert pole_tables(0).shape == (N_PATTERNS, 0, 3)
 
 
+def test_further_fans_go_on_where_the_first_ended():
+    # Two fans of 64 are one of 128: together as even as one, which two patterns of their own are not.
+    for tables in (cosine_tables, pole_tables):
+        two = tables(64, 2).reshape(2, N_PATTERNS, 64, 3)
+        np.testing.assert_array_equal(two[0], tables(64))
+        np.testing.assert_array_equal(np.concatenate(list(two), axis=1), tables(128))
+    assert kernels.pattern_of(np.uint64(3 + 64 * 9), 2) == 3 + 2 * N_PATTERNS
+
+
 def test_albedo_of_a_matt_surface_is_its_albedo():
     layer = make_layer(MODELS["lambert"], {"albedo": [0.2, 0.5, 1.0]})
     for n_bands in (1, 16, 512):

@@ -156,13 +156,12 @@ def test_photons_bring_what_a_sum_over_the_wall_brings(lean):
     placement = Placement(replace(plain, normals=normals))
     gold = make_layer(MODELS["rough_conductor"], GOLD | {"alpha": 0.3})
     layers = [matt(0, 0.7), indirect_layer(1, gold, (128, 16))]
-    found = solve(placement, layers, 2, replace(FINENESS, n_photons=1 << 19))
-    rows = found.points.gathered.rows
-    on_floor = rows < placement.hits.object_ranges[0, 1]
-    ours = found.at_points(layers)[on_floor]
-    truth = 0.7 / np.pi * _irradiance_by_wall(placement, gold, normal, placement.hits.position[rows[on_floor]])
-    # 0.8 % low in the floor's middle, 14 % at its rim: the mean, 1.6 % low, depends on where gather points lie.
-    np.testing.assert_allclose(ours.mean(axis=0), truth.mean(axis=0), rtol=0.02)
+    # At every pixel: means over fewer points say where these lie. Other photons and rays make it 0.7 % more or less,
+    # the mean of a dozen tries is 0.03 % off.
+    found = solve(placement, layers, 2, replace(FINENESS, n_photons=1 << 19, close=True)).unfiltered()
+    ours = _on_floor(found, layers, placement)
+    truth = 0.7 / np.pi * _irradiance_by_wall(placement, gold, normal, placement.hits.position[placement.rows_of(0)])
+    np.testing.assert_allclose(ours.mean(axis=0), truth.mean(axis=0), rtol=0.012)
 
 
 def _irradiance_by_wall(placement, layer, normal, points, n=20):

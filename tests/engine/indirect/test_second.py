@@ -60,7 +60,8 @@ def ray_of(fans: Fans, i: int, m: int) -> np.ndarray:
     turn, cosine, sine = rays.turn_of(row)
     tables, n = (each.tables_cosine, each.tables_pole), each.tables_cosine.shape[1]
     table, k = (tables[0], m) if m < n else (tables[1], m - n)
-    local = rays.fan_direction(table[int(turn) % len(table)], k, m < n, cosine, sine, each.poles[i], *eye)
+    pattern = rays.pattern_of(np.uint64(turn), each.nth[i])
+    local = rays.fan_direction(table[pattern], k, m < n, cosine, sine, each.poles[i], *eye)
     frame = np.stack([each.tangent[row], np.cross(each.normal[row], each.tangent[row]), each.normal[row]])
     return np.array(local) @ frame.astype(float)
 
