@@ -44,7 +44,7 @@ class FanSize:
 
 @dataclass(frozen=True, eq=False)
 class Gathered:
-    """q fans of p gather points: rows (q,) int32 of the hits, ascending; nth (q,) uint8: which fan of its point each is;
+    """q fans of p gather points: rows (q,) int32 of the hits, ascending; nth (q,) uint8: which fan of its point it is;
     seen (q, R) uint16: the cell each ray hits; records of the rays that end on glossy surfaces; clearance (q,) float32:
     the harmonic mean distance of what is around."""
 

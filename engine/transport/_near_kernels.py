@@ -15,7 +15,7 @@ def list_near(rows, position, normal, bits, emitters, least, near, counts, nodes
     """For each of the rows the leaves that are worth rays of their own: counts (B,), nodes (B, most).
 
     A leaf is, if all of it would bring the point more than `least` of the light that it is thought to see, and either
-    one beside it is seen otherwise or it is larger than `near` radians.
+    of those beside it some are seen and some are not, or it is larger than `near` radians.
     """
     triangle, unit = np.empty((3, 3), np.float32), np.empty((3, 3), np.float32)
     shares, marked = np.empty(emitters.n_roots, np.float32), np.empty(bits.shape[1], np.uint64)
@@ -48,25 +48,29 @@ def list_near(rows, position, normal, bits, emitters, least, near, counts, nodes
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _mark_edges(words, leaves, place, near, shares, marked):
-    """Mark leaves with one beside them that is seen otherwise, and those that are seen and large; fill in the share of
-    each root that is seen."""
+    """Mark leaves beside which some are seen and some are not, and large ones; fill in the share of each root that is
+    seen.
+
+    A leaf's own bit has no say: it would be held against rays more often where it is the rarer one, and what is seen
+    through a railing would grow by that, or shrink.
+    """
     shares[:], marked[:] = _ZERO, _NONE
     x, y, z = place[0], place[1], place[2]
-    for w in range(words.shape[0]):
-        ones = words[w]
-        while ones != _NONE:
-            bit = lowest_bit(ones)
-            leaf = 64 * w + bit
-            ones &= ones - np.uint64(1)
+    for leaf in range(leaves.node.shape[0]):
+        if _bit(words, leaf):
             shares[leaves.root[leaf]] += leaves.part[leaf]
-            large = leaves.ball[leaf, 3] > near * near * _squared(leaves.ball, leaf, x, y, z)
-            for k in range(leaves.beside.shape[1]):
-                m = leaves.beside[leaf, k]
-                if m >= 0 and (words[m >> 6] >> np.uint64(m & 63)) & np.uint64(1) == _NONE:
-                    marked[m >> 6] |= np.uint64(1) << np.uint64(m & 63)
-                    large = True
-            if large:
-                marked[w] |= np.uint64(1) << np.uint64(bit)
+        n, n_seen = 0, 0
+        for k in range(leaves.beside.shape[1]):
+            m = leaves.beside[leaf, k]
+            if m >= 0:
+                n, n_seen = n + 1, n_seen + _bit(words, m)
+        if 0 < n_seen < n or leaves.ball[leaf, 3] > near * near * _squared(leaves.ball, leaf, x, y, z):
+            marked[leaf >> 6] |= np.uint64(1) << np.uint64(leaf & 63)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _bit(words, leaf):
+    return np.int64((words[leaf >> 6] >> np.uint64(leaf & 63)) & np.uint64(1))
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")

@@ -2,8 +2,8 @@
 
 One ray a leaf is enough where leaves are many and small. Beside a lamp's frame one leaf is half of all there is, and in
 a narrow penumbra a few leaves are: there the shadow's edge would show each of them. A leaf that could bring more than
-`LEAST` of a point's light, while others beside it are seen otherwise or it is larger than `NEAR`, is cut into four
-parts that are even on the point's sphere, one ray each, and their sum is taken by solid angle and cosine.
+`LEAST` of a point's light, while of those beside it some are seen and some are not, or it is larger than `NEAR`, is cut
+into four parts that are even on the point's sphere, one ray each, and their sum is taken by solid angle and cosine.
 """
 
 from __future__ import annotations

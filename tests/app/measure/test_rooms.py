@@ -33,9 +33,10 @@ JUDGES = Path(__file__).resolve().parents[2] / "golden" / "rooms"
 # pixels, in which paths are quiet.
 # The noise of the stairwell's judge is 0.005 in direct light; by patches of equal area it was 0.085 off, and 0.033 in
 # the mean; the storeroom 0.0101.
-DIRECT = {"stairwell": (0.016, 0.003), "ajar": (0.012, 0.002), "storeroom": (0.005, 0.002)}
-BOUNCES = {"stairwell": (0.011, 0.006), "ajar": (0.010, 0.003), "storeroom": (0.006, 0.004)}
-# The stairwell is 0.5 to 0.9 % off and 0.2 to 0.5 % too light, by the processor, whose rounding chooses other rays.
+DIRECT = {"stairwell": (0.015, 0.003), "ajar": (0.012, 0.002), "storeroom": (0.005, 0.002)}
+BOUNCES = {"stairwell": (0.009, 0.005), "ajar": (0.010, 0.006), "storeroom": (0.006, 0.004)}
+# The stairwell is 0.5 to 0.9 % off and 0.2 to 0.5 % too light, by the processor, whose rounding chooses other rays;
+# `ajar` 0.0 to 0.5 % too dark, by their seed.
 # Nor is any of these blocks farther off; through thin walls one in `ajar` was 0.038.
 BLOTCH = 0.03
 
@@ -78,7 +79,8 @@ def test_light_between_walls_is_that_of_paths(name: str) -> None:
 
 
 def test_direct_light_is_that_of_every_patch() -> None:
-    # The slow twin: no tree, no cut, one ray to each of 32,768 patches, which are 0.5 % off themselves.
+    # The slow twin: no tree, no cut, one ray to each of 32,768 patches, which are 0.5 % off themselves, and 0.2 % too
+    # dark: against 131,072 of them ours is 0.15 % too light.
     project, ours, _ = judged("stairwell", 1)
     placement = Placement(project.scene)
     rows = np.linspace(0, len(placement.hits.pixel) - 1, 48).astype(int)
@@ -87,7 +89,7 @@ def test_direct_light_is_that_of_every_patch() -> None:
         placement.hits, rows, placement.caster,
         lambda i: [layer for own, layer in project.indexed_layers if own == i], None, 0.0, patches,
     )  # fmt: skip
-    assert_within(errors(ours.reshape(-1, 3)[placement.hits.pixel[rows]], truth), (0.012, 0.006))
+    assert_within(errors(ours.reshape(-1, 3)[placement.hits.pixel[rows]], truth), (0.012, 0.004))
 
 
 def test_a_blotch_is_told_beside_what_is_seen_of_it() -> None:
