@@ -106,7 +106,7 @@ def render_project(
         steps = _reference(placement, project, series.n_bounces, n_samples)
         return Still(held(finish(steps, report) * intensity, BRIGHTEST), warning=bounces.warning)
     if mode == "orbit":
-        drawing = render_orbit(placement, _layers_by_object(project), sky, n_patches, n_bounces=series.n_bounces)
+        drawing = render_orbit(placement, layers_by_object(project), sky, n_patches, n_bounces=series.n_bounces)
         return Still(held(finish(drawing, report) * intensity, BRIGHTEST), warning=bounces.warning)
     if mode == "deform":
         poses = project.document.poses
@@ -131,7 +131,7 @@ def prepared_orbit(project: Project, n_patches: int = N_PATCHES, series: BounceS
     bounces as the session or the scene says, or Orbit takes."""
     orbit = Orbit(project.scene, n_patches=n_patches)
     orbit.set_light(project.sky)
-    orbit.set_layers(_layers_by_object(project))
+    orbit.set_layers(layers_by_object(project))
     if n_bounces := series.n_bounces if series else project.n_bounces:
         orbit.set_bounces(n_bounces)
     return orbit
@@ -141,7 +141,7 @@ def prepared_deform(project: Project, posed: Sequence[str], series: BounceSeries
     """What pictures in Deform's way are drawn of, of objects, by name, that bend; all its work is to be done."""
     deform = Deform(project.resting, n_rays=DEFORM_RAYS, shelf=StoredLobes(Store()))
     deform.set_light(project.sky)
-    deform.set_layers(_layers_by_object(project))
+    deform.set_layers(layers_by_object(project))
     deform.set_posed(posed)
     if n_bounces := series.n_bounces if series else project.n_bounces:
         deform.set_bounces(n_bounces)
@@ -149,7 +149,7 @@ def prepared_deform(project: Project, posed: Sequence[str], series: BounceSeries
 
 
 def _reference(placement: Placement, project: Project, n_bounces: int, n_samples: int | None) -> Steps:
-    layers, sky = _layers_by_object(project), project.sky
+    layers, sky = layers_by_object(project), project.sky
     if n_bounces == 1 and n_samples is None:
         return render_reference(placement, layers, sky, REFERENCE_PATCHES, REFERENCE_LEVEL)
     return render_paths(placement, layers, sky, n_bounces, n_samples or N_SAMPLES)
@@ -175,7 +175,8 @@ def write_picture(path: Path, radiance: NDArray[np.float32], view: ToneMapping =
     save_file(path, png_bytes(radiance, tone_mapping=view) if is_png else exr_bytes(radiance, comment))
 
 
-def _layers_by_object(project: Project) -> Mapping[int, tuple[Layer, ...]]:
+def layers_by_object(project: Project) -> Mapping[int, tuple[Layer, ...]]:
+    """The layers of each object, by its index in the scene."""
     names = project.object_names
     layers = project.layers
     return {

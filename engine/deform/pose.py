@@ -77,6 +77,8 @@ class Pose:
 def deformed(pose: Pose, deformations: Sequence[Deformation], box: Floats | None = None) -> Pose:
     """The pose after the deformers, one after another, each in the same box (2, 3): the resting mesh's, or None where
     that is the pose's own."""
+    if not deformations:
+        return pose
     positions, jacobians = pose.positions, np.broadcast_to(np.eye(3), pose.frames.shape)
     low, high = pose.box if box is None else box
     for deformation in deformations:
