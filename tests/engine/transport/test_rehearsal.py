@@ -54,7 +54,8 @@ answers = []
 while not any(isinstance(answer, StageDone) for answer in answers):
     answers = client.poll(budget_s=0.0)
 used = signatures()
-new = {name: used[name] - rehearsed[name] for name in used if used[name] != rehearsed[name]}
+new = {name: kinds - rehearsed.get(name, set()) for name, kinds in used.items()}
+new = {name: kinds for name, kinds in new.items() if kinds}
 assert not new, new
 assert sum(map(len, used.values())) > 15
 """
