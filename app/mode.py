@@ -163,7 +163,7 @@ class ModeWork(Protocol):
 
 @dataclass(frozen=True)
 class Mode:
-    """A mode by its name and, for people, its title.
+    """A mode by its name and, for people, its title and what it is for.
 
     talk: makes its talk at the editor's desk. As "module:name", for only one process or layer imports them: work, its
     `ModeWork`; picture, its `ui.picture_feed.PictureSource`; accuracy, what draws its part of the Accuracy panel;
@@ -176,6 +176,7 @@ class Mode:
     talk: Callable[[Desk], ModeTalk]
     work: str
     picture: str
+    tooltip: str = ""
     accuracy: str = ""
     tools: str = ""
     strip: str = ""

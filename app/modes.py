@@ -13,6 +13,7 @@ PLACEMENT = Mode(
     PlacementTalk,
     work="app.jobs.placement:PlacementWork",
     picture="ui.placement_feed:PlacementFeed",
+    tooltip="Exact light and shadows from this camera; edits follow the hand.",
     accuracy="ui.panels.accuracy_placement:draw",
 )
 ORBIT = Mode(
@@ -21,6 +22,7 @@ ORBIT = Mode(
     OrbitTalk,
     work="app.jobs.orbit:OrbitWork",
     picture="ui.orbit_feed:OrbitFeed",
+    tooltip="Move the camera under the full light; Placement takes over when it rests.",
     accuracy="ui.panels.accuracy_orbit:draw",
 )
 DEFORM = Mode(
@@ -29,6 +31,7 @@ DEFORM = Mode(
     DeformTalk,
     work="app.jobs.deform:DeformWork",
     picture="ui.orbit_feed:OrbitFeed",
+    tooltip="Bend and animate objects under soft light and shadows.",
     accuracy="ui.panels.accuracy_deform:draw",
     tools="ui.panels.deformers:draw",
     strip="ui.panels.timeline:draw",

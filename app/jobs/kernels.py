@@ -1,6 +1,6 @@
 """Compiled kernels made ready while the scene is being opened; the first time on a machine, compiled by two processes.
 
-    worker:  opens the scene ─► waits ─► coarse picture ─► ... indirect light ─► estimate ─► another light
+    worker:  opens the scene ─► waits ─► coarse picture ─► ... indirect light ─► estimate ─► other light, cameras
       a thread of it:  waits ─► reads what is compiled
       two processes:   compile, a part each, where nothing is compiled yet
       then another:    compiles what is wanted later (`app.jobs.rehearsal`)
@@ -40,7 +40,9 @@ GC_THRESHOLD = 100_000
 # which has compiled the first's details when it comes to them.
 PARTS = ("projection", "the rest")
 # What a scene may want some time after its first picture, in the order in which it is compiled.
-PAINTING, INDIRECT, ESTIMATE, RELIGHTING = LATER = ("painting", "indirect", "estimate", "relighting")
+PAINTING, INDIRECT, ESTIMATE, RELIGHTING, ORBIT = LATER = (
+    "painting", "indirect", "estimate", "relighting", "orbit",
+)  # fmt: skip
 LATER_PART = "later"
 COMPILING = "compiling, first start only"
 FIRST_TIME = "compiling for this computer, kept for later starts"

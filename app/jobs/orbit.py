@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from app.document import RGB
 from app.jobs.bench import Bench
 from app.jobs.cache import content_key
-from app.jobs.kernels import FIRST_TIME, are_compiled, note_compiled
+from app.jobs.kernels import FIRST_TIME, ORBIT, are_compiled, note_compiled
 from app.jobs.measured import ensure_tables
 from app.jobs.schedule import Handlers, Steps
 from app.messages import Progress
@@ -29,7 +29,7 @@ from engine.steps import told_as
 if TYPE_CHECKING:
     from engine.orbit.live import Orbit
 
-STAGE = ORBIT = "orbit"
+STAGE = "orbit"
 
 
 class OrbitWork(ModeWork):

@@ -3,6 +3,7 @@ worker's own tasks carried out on a few pixels, so that each kernel gets exactly
 
 from __future__ import annotations
 
+import shutil
 import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
@@ -11,14 +12,16 @@ from pathlib import Path
 from app.document import Document, document_from_description
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
-from app.jobs.kernels import ESTIMATE, INDIRECT, PAINTING, RELIGHTING
+from app.jobs.kernels import ESTIMATE, INDIRECT, ORBIT, PAINTING, RELIGHTING
 from app.jobs.tasks import Tasks
 from app.messages import Failed, LookFrom, OpenScene, Request
+from app.orbit.messages import DrawOrbit, PrepareOrbit
 from app.placement.messages import ComputeTransport, EstimateError, Freeze, PrepareRelighting, SampleMaps
 from app.scene_state import LayerState, layer_state, scene_state
 from engine.material.maps import Images
 from engine.material.strokes import Stroke, Strokes, pack_dabs
 from engine.plan import band_counts
+from engine.scene.builtin import scene_path
 from engine.scene.description import parse_description
 from engine.scene.toml_text import parse_toml
 
@@ -46,6 +49,16 @@ primitive = "quad"
 transform = [1,0,0,0, 0,0,-1,2, 0,1,0,0, 0,0,0,1]
 emission = [5, 5, 5]
 """
+# What Orbit reads besides: an image, bumps, and a sky with suns, a brushed layer.
+_ORBIT_CHANGES = (
+    ("radiance = 0.5", 'file = "sky.exr"'),
+    ('{ model = "rough_conductor", alpha = 0.2 }', '{ model = "ward_anisotropic" }, { model = "rough_conductor" }'),
+    (
+        'layer = [{ model = "lambert" }]\n[[object]]\nname = "lamp"',
+        'bump_map = { file = "relief.png" }\nlayer = [{ model = "lambert", texture = "relief.png" }, '
+        '{ model = "rough_conductor", weight = "relief.png" }]\n[[object]]\nname = "lamp"',
+    ),
+)
 
 
 def rehearse_later() -> Iterator[str]:
@@ -71,6 +84,25 @@ def rehearse_later() -> Iterator[str]:
         turned = replace(state, light=replace(state.light, rotation=90.0))
         _ask(client, ComputeTransport(turned, "ball.1", "theta_h", 100, 0, 64))
         yield RELIGHTING
+        _rehearse_orbit(client, Path(folder))
+        yield ORBIT
+
+
+def _rehearse_orbit(client: InProcessClient, folder: Path) -> None:
+    text = _SCENE
+    for before, after in _ORBIT_CHANGES:
+        text = text.replace(before, after)
+    for name in ("sky.exr", "relief.png"):
+        shutil.copy(scene_path("rings").parent / {"sky.exr": "studio.exr"}.get(name, name), folder / name)
+    scene = folder / "orbit.toml"
+    scene.write_text(text)
+    _ask(client, OpenScene(str(scene), id=1))
+    _ask(client, LookFrom(1))
+    description = parse_description(parse_toml(text, scene.name), scene.name)
+    state = scene_state(document_from_description(str(scene), description))
+    _ask(client, PrepareOrbit(state, 3))
+    for quality in ("moving", "rest"):
+        _ask(client, DrawOrbit(description.camera, (8, 8), quality))  # type: ignore[arg-type]
 
 
 def _with_bands(document: Document, key: str) -> LayerState:

@@ -6,7 +6,8 @@
     cornell, room ─► indirect light ────────┤
     stairwell, ajar, storeroom ─► rooms ────┤
     the storeroom's balls ─► gloss ─────────┤
-    teatray, bunny, rings ─► orbit ─────────┘
+    teatray, bunny, rings ─► orbit ─────────┤
+    teatray, turned ─► relighting ──────────┘
 
 `figures` names what was promised and its limits; `speed` and `accuracy` measure in this process, `launches` starts the
 window and the renderer's measurements as programs of their own, because nothing here may touch GL. What cannot be
@@ -34,6 +35,7 @@ from app.measure.launches import Launch, Screen, launch, measure_renderer, open_
 from app.measure.machine import load_average, machine_facts
 from app.measure.orbit import OrbitEffort, orbit_figures
 from app.measure.plots import write_plots
+from app.measure.relighting import RelightEffort, relight_figures
 from app.measure.rooms import RoomEffort, room_figures
 from app.measure.speed import (
     RAW_RAYS,
@@ -75,11 +77,14 @@ class Effort:
     gloss: GlossEffort | None = field(default_factory=GlossEffort)
     orbit: OrbitEffort | None = field(default_factory=OrbitEffort)
     deform: DeformEffort | None = field(default_factory=DeformEffort)
+    relight: RelightEffort | None = field(default_factory=RelightEffort)
 
 
 FULL = Effort("full")
 VISIBILITY_RESOLUTION = 512, 512
-QUICKLY = Effort("quick", 1, 1, 0, 10, 64, 200_000, 300, False, 300.0, QUICK, INDIRECT_QUICKLY, None, None, None, None)
+QUICKLY = Effort(
+    "quick", 1, 1, 0, 10, 64, 200_000, 300, False, 300.0, QUICK, INDIRECT_QUICKLY, None, None, None, None, None
+)
 
 
 def run(
@@ -108,6 +113,7 @@ def run(
     figures += room_figures(effort.rooms, report)
     figures += gloss_figures(effort.gloss, report)
     figures += orbit_figures(effort.orbit, output, report)
+    figures += relight_figures(effort.relight, report)
     figures += deform_figures(effort.deform, report)
     sweep_source = _open(source, effort.grid.side)
     report(f"sweep at {_size(sweep_source)}")

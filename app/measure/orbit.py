@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +30,7 @@ JUDGED, SCENE = ("teatray", "bunny"), "rings"
 N_NAMED = 320
 DEGREES_A_FRAME = 3.0  # as a hand goes round in some ten seconds
 TABLE = "orbit.csv"
-SPEEDS = ("orbit_fps_moving", "orbit_rest_s", "orbit_edit_s", "orbit_precompute_s")
+SPEEDS = ("orbit_fps_moving", "orbit_rest_s", "orbit_edit_s", "orbit_turn_stall_ms", "orbit_precompute_s")
 NAMES = (
     *(f"orbit_error_{name}_{N_NAMED}" for name in JUDGED),
     *(f"orbit_rest_error_{name}" for name in JUDGED),
@@ -138,6 +138,7 @@ def speed_figures(project: Project, effort: OrbitEffort) -> list[Figure]:
     for _step in orbit.work():  # backs that these pictures have seen are no part of an edit
         pass
     first, whole = _edit_seconds(orbit, project, layers, effort.resolution)
+    stall = _turn_stall(orbit, project.sky, effort.n_frames)
     size = f"{effort.resolution[0]}x{effort.resolution[1]}"
     how = f"{SCENE}, {len(project.scene.vertices)} vertices and {effort.n_points} points between them"
     parts = {"mb": orbit.n_bytes / 1e6, "stored_mb": sum(a.nbytes for a in orbit.stored().values()) / 1e6}
@@ -145,8 +146,22 @@ def speed_figures(project: Project, effort: OrbitEffort) -> list[Figure]:
         Figure("orbit_fps_moving", tuple(1.0 / each for each in frames), f"{how}, {size}, {DEGREES_A_FRAME:g}° each"),
         Figure("orbit_rest_s", (rest,), f"{how}, {size}"),
         Figure("orbit_edit_s", (whole,), f"{how}: a roughness, until all is whole", {"first_s": first}),
+        Figure("orbit_turn_stall_ms", stall, f"{how}: for which a frame waits while the sky turns"),
         Figure("orbit_precompute_s", (made,), how, parts),
     ]
+
+
+def _turn_stall(orbit: Orbit, sky: SkyState, n_turns: int) -> tuple[float, ...]:
+    """For how many milliseconds at most a frame waits while a sky turns, for it comes between two pieces of work."""
+    longest = []
+    for k in range(n_turns):
+        begun, pieces = time.perf_counter(), []
+        orbit.set_light(replace(sky, rotation=sky.rotation + DEGREES_A_FRAME * (k + 1)))
+        for _, _step in zip(range(8), orbit.work(), strict=False):
+            pieces.append(time.perf_counter() - begun)
+            begun = time.perf_counter()
+        longest.append(1e3 * max(pieces))
+    return tuple(longest)
 
 
 def _edit_seconds(

@@ -258,7 +258,7 @@ def _controls(context: PanelContext) -> list[Action]:
 
 def _modes(context: PanelContext) -> list[Action]:
     """Which mode makes the picture, where there are several."""
-    choices = [(mode.title, f"{mode.title}: make the picture in this way.") for mode in context.modes]
+    choices = [(mode.title, mode.tooltip or mode.title) for mode in context.modes]
     pressed = widgets.segments(context, "mode", choices, context.modes.index(context.mode), least=MODE_WIDTH)
     return [] if pressed is None else [SetView.of(mode=context.modes[pressed].name)]
 
