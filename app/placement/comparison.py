@@ -40,7 +40,7 @@ Samples = Callable[[str, LayerMaps], NDArray[np.float16] | None]
 
 
 @dataclass(frozen=True)
-class Contraction:
+class Awaited:
     """A layer's radiance under way."""
 
     id: int
@@ -63,7 +63,7 @@ class Comparison:
         self._serves = False
         self._coefficients: dict[str, Coefficients] = {}
         self._pictures: dict[str, NDArray[np.floating]] = {}
-        self._asked: Contraction | None = None
+        self._asked: Awaited | None = None
         self._stage_came = self._failed = False
 
     def begin(self, document: Document | None, is_exact: bool) -> None:
@@ -172,7 +172,7 @@ class Comparison:
         return found
 
     def _ask(self, layer: LayerState, revision: int, now: float) -> None:
-        self._asked = Contraction(self._send(Contract(layer, None, revision=revision)), layer.key, now)
+        self._asked = Awaited(self._send(Contract(layer, None, revision=revision)), layer.key, now)
         self._ids.add(self._asked.id)
 
     def _looks(self, compared: Document, differing: list[str], light_gain: Array) -> Mapping[str, LayerLook]:
