@@ -16,9 +16,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from app.project import Project, open_project
-from assets.scripts.bounces import GAP, save
+from assets.scripts.bounces import GAP
 from engine.material.layer import Layer
 from engine.orbit.drawing import Quality
 from engine.orbit.live import N_COEFFICIENTS, Orbit
@@ -169,7 +170,7 @@ def row(name: str, height: int = HEIGHT) -> NDArray[np.uint8]:
 def main() -> None:
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else "docs/images")
     for name in sys.argv[2:] or ROWS:
-        save(folder / f"orbit_{name}.png", row(name))
+        Image.fromarray(row(name)).save(folder / f"orbit_{name}.png", optimize=True)
 
 
 if __name__ == "__main__":
