@@ -70,8 +70,9 @@ class Fineness:
 
 
 ROUGH = Fineness("rough", 128, 1, 32, 1 << 15, 4000, 64, 64, False)
-FINE = Fineness("fine", 256, 2, 48, 1 << 19, 24000, 128, 256, True)
-STILL = Fineness("still", 512, 2, 512, 1 << 20, 16000, 64, 128, True, True)
+# Two fans of half as many rays by noise: ajar 4.20 to 4.15 %, stairwell 1.72 to 1.74 %, tea tray 2.58 to 2.84 %.
+FINE = Fineness("fine", 512, 1, 96, 1 << 19, 24000, 128, 256, True)
+STILL = Fineness("still", 1024, 1, 1024, 1 << 20, 16000, 64, 128, True, True)
 # What a first look at the scene takes.
 _PILOT_POINTS, _PILOT_RAYS = 1024, 64
 _GROWTH = 1.26
