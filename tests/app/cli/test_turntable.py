@@ -72,7 +72,8 @@ def test_frames_that_are_there_are_kept_and_others_drawn(scene: Path, tmp_path: 
     assert frames[0].read_bytes() != first[0]
 
 
-@pytest.mark.parametrize("mode", ["deform", pytest.param("placement", marks=pytest.mark.sweep)])
+@pytest.mark.sweep  # half a minute
+@pytest.mark.parametrize("mode", ["deform", "placement"])
 def test_an_animation_is_frames_of_it_and_a_time_one_of_them(
     tmp_path: Path, mode: str, capsys, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -81,14 +82,14 @@ def test_an_animation_is_frames_of_it_and_a_time_one_of_them(
     (tmp_path / "scene").mkdir()
     bar, out = write_bar(tmp_path / "scene"), tmp_path / "out"
     few = ("--resolution", 12, 9, "--bounces", 1, "--mode", mode)
-    assert insitu("render", bar, "-o", out, *few, "--frames", 4) == 0
-    first = [(out / f"000{i}.png").read_bytes() for i in range(4)]
-    assert len(set(first)) == 4
-    (out / "0002.png").unlink()
-    assert insitu("render", bar, "-o", out, *few, "--frames", 4) == 0
-    assert "1 frames, 3 were there" in capsys.readouterr().out and (out / "0002.png").read_bytes() == first[2]
+    assert insitu("render", bar, "-o", out, *few, "--frames", 2) == 0
+    first = [(out / f"000{i}.png").read_bytes() for i in range(2)]
+    assert first[0] != first[1]
+    (out / "0001.png").unlink()
+    assert insitu("render", bar, "-o", out, *few, "--frames", 2) == 0
+    assert "1 frames, 1 were there" in capsys.readouterr().out and (out / "0001.png").read_bytes() == first[1]
     assert insitu("render", bar, "-o", tmp_path / "still.png", *few, "--time", 2.5) == 0  # which is 0.5
-    assert np.array_equal(Image.open(tmp_path / "still.png"), Image.open(out / "0002.png"))
+    assert np.array_equal(Image.open(tmp_path / "still.png"), Image.open(out / "0001.png"))
 
 
 def test_what_does_not_go_with_an_animation_is_said(scene: Path, tmp_path: Path, capsys) -> None:

@@ -37,6 +37,7 @@ EFFORT = Effort(
     gloss=None,
     orbit=None,
     deform=None,
+    relight=None,
 )
 pytestmark = pytest.mark.slow
 WINDOW = ("window_s", "first_picture_s", "worst_stall_ms", "exact_picture_s", "first_picture_cold_s")

@@ -103,7 +103,7 @@ def test_whatever_is_done_pictures_are_finite_and_nothing_grows(ball_scene, orbi
     assert orbit.n_bytes == before and orbit._reflections.n_slices <= 1
 
 
-@pytest.mark.parametrize("change", ["light", "layer", "coefficients"])
+@pytest.mark.parametrize("change", ["light", "layer", pytest.param("coefficients", marks=pytest.mark.sweep)])
 def test_what_points_sent_before_is_forgotten_with_what_it_was_made_of(ball_scene, orbit, change: str) -> None:
     camera, n = ball_scene.description.camera, 64
     assert [*orbit.work()]
