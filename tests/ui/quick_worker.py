@@ -1,4 +1,4 @@
-"""A worker's process whose finest indirect light is the quick one."""
+"""A worker's process whose finest indirect light is the quick one, and whose Orbit has few points."""
 
 from __future__ import annotations
 
@@ -13,10 +13,12 @@ HANDLERS = "tests.ui.quick_worker:quick_tasks"
 
 
 def quick_tasks() -> Tasks:
-    """The worker's own, but for that."""
+    """The worker's own, but for these."""
     tasks = prepared_tasks()
     from app.jobs import indirect
+    from app.jobs.orbit import OrbitWork
     from tests.fineness import QUICK
 
     indirect.FINE = QUICK
+    OrbitWork.n_points = 1000
     return tasks
