@@ -37,7 +37,7 @@ from engine.transport.pipeline import Placement, SkyState
 
 Steps = Iterator[Response | None]
 # Raised when anything changes the numbers in what is kept on disk.
-STORED_VERSION = 6
+STORED_VERSION = 7
 MOST_PARTS = 1024
 # Of the work on indirect light, the share until it is found; then surfaces reflect it, and its noise is told.
 FOUND_AT = 0.9

@@ -3,7 +3,8 @@
 Light that has been reflected is soft, so that a few of the picture's points stand for all. They lie on a lattice of
 every eighth pixel, of fewer in small pictures, refined in quarters down to single pixels where a block of the lattice
 shows a silhouette or a crease, where what its corners gather differs, or where something else is near; the others
-interpolate between the corners of their block. Each point has a fan of rays, and further ones where it is noisy.
+interpolate between the corners of their block. Each point has a fan of rays, and further ones where it asks for them,
+see `further`.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from engine.indirect.turns import Turn, by_turns
 from engine.scene.hits import PrimaryHits
 from engine.transport._projection_kernels import Viewed
 
-MOST_FANS = 8  # of one gather point
+MOST_FANS = 4  # of one gather point
 # Metres: no ray is taken for shorter.
 _TOUCHING = np.float32(1e-6)
 _OPEN = 1e18  # farther than anything, and its square is a float32

@@ -102,8 +102,8 @@ def neighbours_of(
 
     width, height = hits.resolution
     places = np.stack(np.divmod(hits.pixel[rows], width), axis=1).astype(np.float64)
-    k = min(N_NEIGHBOURS, len(rows))
-    distance, nearest = cKDTree(places).query(places, k=k)
+    order = np.arange(1, min(N_NEIGHBOURS, len(rows)) + 1)
+    distance, nearest = cKDTree(places).query(places, k=order)
     normal, position = hits.normal[rows], hits.position[rows]
     alike = np.einsum("pd,pkd->pk", normal, normal[nearest])
     step = position[nearest] - position[:, None]
@@ -161,7 +161,7 @@ def _trust(
 def mean_of_neighbours(
     values: NDArray[np.float32], nearest: NDArray[np.intp], counts: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """Means (p, 3) of the neighbours' values."""
+    """Means (p, m) of the neighbours' values (p, m)."""
     total = np.einsum("pk,pkc->pc", counts, values[nearest])
     return np.asarray(total / counts.sum(axis=1, keepdims=True), np.float32)
 

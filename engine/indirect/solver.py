@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from engine.indirect._cell_kernels import NO_CELL, CellTable
 from engine.indirect._ray_kernels import HALF, NORMAL
-from engine.indirect.allotment import fans_of_points
 from engine.indirect.beyond import SQUARED, held
 from engine.indirect.cells import Cells, TooManyCells
 from engine.indirect.curves import any_glossy, pole_of
+from engine.indirect.further import further_fans
 from engine.indirect.gather import FanSize, Gathered, gather, joined, object_of_rows
 from engine.indirect.irradiance import CellLight, connect, direct_irradiance, radiosity
 from engine.indirect.lattice import COARSEST, Lattice, least_alike
@@ -50,16 +50,16 @@ from engine.transport.pipeline import Placement, SkyState
 class Fineness:
     """How finely indirect light is found.
 
-    n_rays a fan, of which n_records at most are followed where they end on glossy surfaces; n_fans a gather point, on
-    average, further ones where it is noisy; n_photons that
-    glossy surfaces throw; n_cells to aim at; n_cell_rays between cells, a cell; n_samples of each kind of light, a
-    cell; adaptive: refine the lattice of gather points, else every eighth pixel; close: down to single pixels beside
-    edges and contacts, which doubles what an editor would hold and freeze.
+    n_rays a fan, of which n_records at most are followed where they end on glossy surfaces; most_further fans, a gather
+    point on average, where the first ones are noisy; n_photons that glossy surfaces throw; n_cells to aim at;
+    n_cell_rays between cells, a cell; n_samples of each kind of light, a cell; adaptive: refine the lattice of gather
+    points, else every eighth pixel; close: down to single pixels beside edges and contacts, which doubles what an
+    editor would hold and freeze.
     """
 
     name: str
     n_rays: int
-    n_fans: float
+    most_further: float
     n_records: int
     n_photons: int
     n_cells: int
@@ -69,8 +69,7 @@ class Fineness:
     close: bool = False
 
 
-ROUGH = Fineness("rough", 128, 1, 32, 1 << 15, 4000, 64, 64, False)
-# Two fans of half as many rays by noise: ajar 4.20 to 4.15 %, stairwell 1.72 to 1.74 %, tea tray 2.58 to 2.84 %.
+ROUGH = Fineness("rough", 128, 0, 32, 1 << 15, 4000, 64, 64, False)
 FINE = Fineness("fine", 512, 1, 96, 1 << 19, 24000, 128, 256, True)
 STILL = Fineness("still", 1024, 1, 1024, 1 << 20, 16000, 64, 128, True, True)
 # What a first look at the scene takes.
@@ -82,8 +81,10 @@ _PHOTONS_SHARE = np.float32(0.3)
 
 Progress = tuple[float, str]
 # Where in the whole its phases end, by processor time: a first look, light between what it saw (only where more looks
-# follow), these looks, further fans, light between all, and light on it; what is left is the filter's.
-_LOOKED, _ROUGHLY_LIT, _LOOKED_CLOSER, _FURTHER, _LIT, _SHONE_ON = 0.1, 0.3, (0.35, 0.45, 0.55), 0.75, 0.93, 0.96
+# follow), these looks, light between all, and light on it; what is left is the filter's. Further fans, where they are
+# asked for, share with the latter; as many as there were first ones take as long as all looks did.
+_LOOKED, _ROUGHLY_LIT, _LOOKED_CLOSER, _LIT, _SHONE_ON = 0.1, 0.35, (0.45, 0.6, 0.75), 0.93, 0.96
+_ALL_LOOKS = _LOOKED + _LOOKED_CLOSER[-1] - _ROUGHLY_LIT
 
 
 class Solver:
@@ -170,10 +171,9 @@ class Solver:
         yield 0.0, "looking around"
         photons = self._photons(cells)
         if self._fineness.adaptive:
-            points, found = yield from self._refined(cells, nothing, layers, photons, parts)
+            points, found, begin = yield from self._refined(cells, nothing, layers, photons, parts)
         else:
-            points, found = yield from self._even(cells, nothing, photons, parts)
-        begin = _FURTHER if self._fineness.adaptive else _LOOKED
+            points, found, begin = yield from self._even(cells, nothing, photons, parts)
         light = yield from self._light(cells, self._fineness, parts, (begin, _LIT))
         yield _SHONE_ON, "taking out noise"
         return self._found(points, found, cells, light).smoothed(layers)
@@ -192,19 +192,20 @@ class Solver:
 
     def _even(
         self, cells: Cells, nothing: Gathered, photons: PhotonMap, parts: Parts
-    ) -> Generator[Progress, None, tuple[GatherPoints, Footprint]]:
-        """Every eighth pixel."""
+    ) -> Generator[Progress, None, tuple[GatherPoints, Footprint, float]]:
+        """Every eighth pixel; and how much of the whole is done."""
         hits = self._placement.hits
         rows = lattice_rows(hits, COARSEST)
         gathered = yield from self._gather(cells, nothing, rows, _first(rows), parts, (0.0, _LOOKED))
         points = self._points(gathered, photons)
         numbers, weights = footprint(hits, rows, COARSEST)
-        return points, (_among_all(hits, rows, numbers), weights)
+        return points, (_among_all(hits, rows, numbers), weights), _LOOKED
 
     def _refined(
         self, cells: Cells, gathered: Gathered, layers: Sequence[IndirectLayer], photons: PhotonMap, parts: Parts
-    ) -> Generator[Progress, None, tuple[GatherPoints, Footprint]]:
-        """As many points as the picture of these layers needs, by a quarter of the light between cells."""
+    ) -> Generator[Progress, None, tuple[GatherPoints, Footprint, float]]:
+        """As many points as the picture of these layers needs, by a quarter of the light between cells; and how much of
+        the whole is done."""
         n_rays, n_samples = self._fineness.n_cell_rays // 4, self._fineness.n_samples // 4
         lattice = Lattice(self._placement.hits, self._poles != NORMAL, self._fineness.close)
         values, noise = np.zeros((2, len(self._placement.hits.pixel), 3), np.float32)
@@ -231,21 +232,27 @@ class Solver:
             clearance[gathered.rows] = gathered.clearance
             if not lattice.refine(values, noise, clearance):
                 found = lattice.footprint()
-                rows, nth = self._further(gathered.rows, noise[gathered.rows], found)
+                rows, nth = self._further(gathered.rows, values, noise, found)
+                if not len(rows):
+                    return points, found, _LOOKED_CLOSER[-1]
+                done = _further_done(len(rows) / len(gathered.rows))
                 # Cells keep their places: these rays come from where it is noisy, and so find the bright ones.
                 gathered = yield from self._gather(
-                    cells, gathered, rows, nth, parts, (_LOOKED_CLOSER[-1], _FURTHER), len(cells)
+                    cells, gathered, rows, nth, parts, (_LOOKED_CLOSER[-1], done), len(cells)
                 )
-                return self._points(gathered, photons), found
+                return self._points(gathered, photons), found, done
 
     def _further(
-        self, rows: NDArray[np.int32], noise: NDArray[np.float32], found: Footprint
+        self, rows: NDArray[np.int32], values: NDArray[np.float32], noise: NDArray[np.float32], found: Footprint
     ) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
-        """The further fans of gather points at `rows` (p,) with this noise (p, 3): of which row each is, and nth."""
+        """The further fans (q,) that gather points at `rows` (p,) ask for by values and noise (P, 3): of which row each
+        is, and nth."""
         numbers, weights = found
         shown = np.bincount(numbers.ravel(), weights.ravel() ** 2, len(rows)).astype(np.float64)
         alike = least_alike(self._poles != NORMAL)
-        n = fans_of_points(self._placement.hits, rows, alike, noise, shown, self._fineness.n_fans) - 1
+        n = further_fans(
+            self._placement.hits, rows, alike, values[rows], noise[rows], shown, self._fineness.most_further
+        )
         nth = np.arange(1, n.sum() + 1) - np.repeat(np.cumsum(n) - n, n)
         return np.repeat(rows, n), nth.astype(np.uint8)
 
@@ -332,6 +339,12 @@ def relit(
 def _first(rows: NDArray[np.int32]) -> NDArray[np.uint8]:
     """That a fan is the first of its point."""
     return np.zeros(len(rows), np.uint8)
+
+
+def _further_done(times: float) -> float:
+    """How much of the whole is done after further fans, so many times as many as there were first ones."""
+    work, left = times * _ALL_LOOKS, _LIT - _LOOKED_CLOSER[-1]
+    return _LOOKED_CLOSER[-1] + left * work / (work + left)
 
 
 def _fan_size(n_rays: int, pole: int) -> FanSize:

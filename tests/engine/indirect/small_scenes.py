@@ -18,7 +18,7 @@ from engine.scene.load import build_scene
 from engine.steps import finish
 from engine.transport.pipeline import Placement, SkyState
 
-QUICK = replace(FINE, n_rays=256, n_fans=1, n_records=96, n_cells=600, n_cell_rays=64, n_samples=512)
+QUICK = replace(FINE, n_rays=256, most_further=0, n_cells=600, n_cell_rays=64, n_samples=512)
 IDENTITY = [1.0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
 
 

@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from engine.indirect import cells as cells_module
+from engine.indirect import further
 from engine.indirect import solver as solver_module
 from engine.indirect.layers import IndirectLayer, indirect_layer
 from engine.indirect.parts import Keeper
@@ -24,7 +25,7 @@ from engine.transport.pipeline import SkyState
 from tests.engine.forging import forged_numbers, forged_shapes
 from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placed, placement_of
 
-FINENESS = replace(QUICK, n_rays=64, n_cells=300, n_cell_rays=32, n_samples=32, n_photons=1 << 10)
+FINENESS = replace(QUICK, n_rays=64, most_further=0.5, n_cells=300, n_cell_rays=32, n_samples=32, n_photons=1 << 10)
 MODELS_OF = {0: ["lambert"], 1: ["rough_conductor"], 2: ["lambert"]}
 LAMP = {"name": "lamp", "primitive": "cube", "emission": [30.0] * 3, "transform": placed(0.3, 1.5, 0.3, 0.2)}
 
@@ -57,6 +58,7 @@ class Memory:
 @pytest.fixture(autouse=True)
 def small_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(solver_module, "PART_POINTS", POINTS)
+    monkeypatch.setattr(further, "NOISY", 0.0)  # further fans are parts as well
 
 
 def layers_of(albedo: float = 0.5) -> list[IndirectLayer]:
@@ -77,7 +79,10 @@ def assert_same(one: Arrays, two: Arrays) -> None:
 def at_once() -> Arrays:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(solver_module, "PART_POINTS", POINTS)  # cells are numbered part by part
-        return found(None)
+        patch.setattr(further, "NOISY", 0.0)
+        once = found(None)
+        assert once["nth"].any()
+        return once
 
 
 def test_what_is_resumed_is_what_is_found_at_once(at_once: Arrays) -> None:

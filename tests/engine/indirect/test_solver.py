@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from engine.indirect import further
 from engine.indirect.beyond import is_beyond
 from engine.indirect.irradiance import NOBODY
 from engine.indirect.layers import indirect_layer
@@ -192,11 +193,12 @@ def test_curves_that_make_light_of_nothing_are_bright_and_never_black():
     assert np.isfinite(all_three).all() and is_beyond(all_three)
 
 
-def test_its_progress_grows_to_near_its_end(corner):
+def test_its_progress_grows_to_near_its_end(corner, monkeypatch):
+    monkeypatch.setattr(further, "NOISY", 0.0)
     placement, (_, layers) = placement_of(CORNER, **CORNER_VIEW), corner
     models = {layer.i_object: [layer.curves.model.name] for layer in layers}
-    for adaptive in (False, True):
+    for changes in ({"adaptive": False}, {}, {"most_further": 1}):
         sky = SkyState(constant_environment((1.0, 1.0, 1.0)))
-        steps = Solver(placement, models, sky, 3, replace(QUICK, adaptive=adaptive)).solve(layers)
+        steps = Solver(placement, models, sky, 3, replace(QUICK, **changes)).solve(layers)
         told = [fraction for fraction, _ in steps]
         assert told == sorted(told) and told[0] == 0.0 and 0.9 < told[-1] < 1.0
