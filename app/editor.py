@@ -507,7 +507,7 @@ class Editor:
     def _shown(self, scene: OpenedScene, seen: SceneSeen) -> OpenedScene:
         """A scene as it was traced; the renderer is to be told of it."""
         described = scene.description.seen_from(self._tracing.seen.camera)
-        self._shown_scene = [SceneFrame(scene.document.source, described, seen.frame)]
+        self._shown_scene = [SceneFrame(self._tracing.scene, scene.document.source, described, seen.frame)]
         self._scene = scene = replace(scene, view_id=seen.id)
         return scene
 

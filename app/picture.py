@@ -21,8 +21,11 @@ class PictureEvent:
 
 @dataclass(frozen=True, eq=False)
 class SceneFrame(PictureEvent):
-    """A scene was opened, or is seen from another camera, that of its description: all pictures before it are void."""
+    """A scene was opened, or is seen from another camera, that of its description: all pictures before it are void.
 
+    opening: the number of the request that opened it; the same where it is the same scene, seen otherwise."""
+
+    opening: int
     source: str
     description: SceneDescription
     frame: PictureFrame

@@ -6,7 +6,7 @@
 `draw` is part of a frame where the hand does something, else a step before it; `take` comes between two frames: so the
 hand is heard in the meantime. Everything slow is sliced: answers are taken for a few milliseconds and the rest the next
 time. Before there is a scene `take` rehearses, after which no shader is left to compile. Where another mode is chosen,
-the picture of the one before stays until that one has something to show of the same view.
+or the scene is seen from elsewhere, the picture before that stays until there is something to show.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from app.naming import named
 from app.picture import PictureEvent, SceneFrame, SkyChanged
 from ui.brush import Spot
 from ui.gl.context import GraphicsError
+from ui.gl.textures import TextureMemory
 from ui.scene_view import SceneView
 from ui.still import ShownStill
 from ui.surface_lobe import SurfacePoint
@@ -72,6 +73,22 @@ class PictureSource(Protocol):
         """Free GL objects."""
 
 
+class KeptPicture:
+    """A display picture as it was, whatever becomes of its own. Raises GraphicsError where there is no room for it."""
+
+    def __init__(self, context: moderngl.Context, picture: moderngl.Texture) -> None:
+        self._memory = TextureMemory(context)
+        self._picture = self._memory.copied(picture)
+
+    @property
+    def picture(self) -> moderngl.Texture:
+        return self._picture
+
+    def close(self) -> None:
+        """Free it."""
+        self._memory.release(self._picture)
+
+
 class PictureFeed:
     """Feeds the source of the mode that is chosen; source: that of `mode`, where it is made already."""
 
@@ -83,7 +100,8 @@ class PictureFeed:
         self._stepped = False
         self._took = False
         self._shown_scene: SceneFrame | None = None
-        self._left: PictureSource | None = None
+        self._left: PictureSource | KeptPicture | None = None
+        self._left_scene: SceneFrame | None = None
         self._choose(mode, source or named(mode.picture)(context))
 
     def _choose(self, mode: Mode, source: PictureSource) -> None:
@@ -104,6 +122,11 @@ class PictureFeed:
     def heading(self) -> float:
         """Where the camera looks, degrees clockwise from -Z seen from above."""
         return self._scene.heading
+
+    @property
+    def shows_view_before(self) -> bool:
+        """Whether the picture is of the view before, for want of one from this."""
+        return self._left is not None and self._left_scene is not self._shown_scene
 
     @property
     def is_behind(self) -> bool:
@@ -133,7 +156,7 @@ class PictureFeed:
             self._waiting.append(event)
         if editor.mode is not self._mode:
             if self._left is None and self.source.picture is not None:
-                self._left = self.source
+                self._left, self._left_scene = self.source, self._shown_scene
             else:
                 self.source.close()
             self._choose(editor.mode, named(editor.mode.picture)(self._context))
@@ -169,7 +192,7 @@ class PictureFeed:
             thumbnail_came = self._scene.follow()
             editor.gauges.frame_ms = self._frame_ms
             busy = self.source.draw(editor, last_frame_ms, not self._waiting) or thumbnail_came
-            if self._left is not None and editor.status.picture != "waiting":
+            if editor.status.picture != "waiting" or self.shows_view_before and editor.status.stopped:
                 self._leave()
         except GraphicsError as error:
             editor.notify(str(error), True)
@@ -196,10 +219,23 @@ class PictureFeed:
         self.source.close()
 
     def _leave(self) -> None:
-        """The mode before has had its time."""
+        """What was shown before has had its time."""
         if self._left is not None:
             self._left.close()
+        if self.shows_view_before and self._shown_scene is not None:
+            self._scene.take_scene(self._shown_scene)
         self._left = None
+
+    def _keep_view_before(self, event: SceneFrame) -> None:
+        """What is shown goes with another scene; of the same seen otherwise it stays."""
+        before = self._shown_scene
+        if before is None or before.opening != event.opening:
+            self._leave()
+        elif self._left is None and self.source.picture is not None:
+            try:
+                self._left, self._left_scene = KeptPicture(self._context, self.source.picture), before
+            except GraphicsError:
+                pass  # objects are lit from the eye meanwhile
 
     @property
     def _scene_waits(self) -> bool:
@@ -214,11 +250,12 @@ class PictureFeed:
                 return
 
     def _take(self, editor: Editor, event: PictureEvent) -> None:
+        if isinstance(event, SceneFrame) and event is not self._shown_scene:  # else it is told again, to another mode
+            self._keep_view_before(event)
         self.source.take(editor, event)
         if isinstance(event, SceneFrame):
-            if event is not self._shown_scene:  # else it is told again, to another mode
-                self._leave()
             self._shown_scene = event
-            self._scene.take_scene(event)
+            if not self.shows_view_before:
+                self._scene.take_scene(event)
         elif isinstance(event, SkyChanged):
             self._scene.take_sky(event.radiance)

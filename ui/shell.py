@@ -485,6 +485,7 @@ class Shell:
             return context
         return replace(
             context,
+            status=replace(context.status, is_away=status.is_away or source.shows_view_before),
             picture=self._picture(source.picture, sharp=not editor.view.fit and editor.view.zoom > SHARP_ZOOM),
             environment=self._picture(source.environment),
             map_thumbnails=self._map_thumbnails(source),

@@ -273,6 +273,35 @@ def test_another_scene_replaces_what_is_shown_within_a_frame(opening: Opening) -
     assert (calls[0], calls[-1]) == ("set_frame", "composite") and opening.feed.picture is not shown
 
 
+def test_the_view_before_stays_until_another_is_lit(opening: Opening) -> None:
+    while opening.editor.status.picture != "exact":
+        opening.step()
+        opening.draw()
+    feed, editor = opening.feed, opening.editor
+    before, n_frames = shown(feed), 0
+    camera = editor.looks.camera.model_copy(update={"position": (1.0, 1.0, 4.0)})
+    editor.do(SetView.of(camera=camera))
+    for now in np.arange(1.0, 30.0, 0.1):
+        feed.take(editor, float(now))
+        feed.draw(editor, 10.0)
+        if feed.shows_view_before:
+            n_frames += 1
+            assert (
+                shown(feed) == before and feed.source.picture.read() != before
+            )  # in which objects are lit from the eye
+            assert editor.status.picture == "waiting" and feed.heading == 0.0
+        elif n_frames:
+            break
+    assert n_frames and feed.picture is feed.source.picture and feed.heading < 0.0
+    assert editor.status.picture != "waiting"
+
+
+def shown(feed: PictureFeed) -> bytes:
+    """The display picture's texels."""
+    assert feed.picture is not None
+    return feed.picture.read()
+
+
 def test_before_anything_is_computed_objects_are_lit_from_the_eye(opening: Opening) -> None:
     opening.step()
     feed, editor = opening.feed.source, opening.editor

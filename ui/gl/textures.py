@@ -65,6 +65,14 @@ class TextureMemory:
         made.repeat_x = made.repeat_y = made.repeat_z = False
         return made  # type: ignore[no-any-return]
 
+    def copied(self, texture: moderngl.Texture) -> moderngl.Texture:
+        """Another texture of the same texels; raises GraphicsError when it does not fit."""
+        made = self.texture(texture.size, texture.components, texture.dtype)
+        source = self.context.framebuffer([texture])
+        self.context.copy_framebuffer(made, source)
+        self.release_framebuffer(source)
+        return made
+
     def release(self, texture: AnyTexture | None) -> None:
         if texture is None:
             return
