@@ -79,7 +79,8 @@ def test_nothing_is_left(
             if impatient:
                 time.sleep(0.01)
                 measuring.send_signal(number)
-            assert measuring.wait(20.0) == status
+            # A second signal may find the interpreter ending, where it is the system's: a shell tells the same number.
+            assert measuring.wait(20.0) in (status, -number)
             assert processes(mark) == []
             assert list(scratch.iterdir()) == []
             assert words.read() == b""
