@@ -3,8 +3,15 @@ PYTHON := .venv/bin/python
 JOBS ?= 2
 PLATFORMS := linux win32 darwin
 STAMP := .venv/.insitu-setup
+# Bytecode is kept, whatever the environment says: tests and the editor start processes that would compile all sources.
+export PYTHONDONTWRITEBYTECODE :=
+# Small tests: what runs with the bounds of each index checked, and what can wait for kernels that are not compiled.
+BOUNDS_CHECKED := $(addprefix tests/engine/,curve deform indirect light material measured orbit render scene sphere texture transport visibility)
+UNCOMPILED := $(addprefix tests/engine/,curve material texture deform/test_pose.py deform/test_extremes.py \
+	indirect/test_smoothing.py light/test_image_files.py measured/test_cornell.py sphere/test_harmonics.py \
+	sphere/test_symmetry.py transport/test_bandstore.py)
 
-.PHONY: setup run test sweep lint measure clean
+.PHONY: setup run test sweep checked coverage fuzz lint measure clean
 
 setup: $(STAMP)
 
@@ -17,10 +24,21 @@ run: setup
 	@bash scripts/run.sh $(ARGS)
 
 test: setup
-	$(PYTHON) -m pytest -n $(JOBS) --dist loadfile $(ARGS)
+	$(PYTHON) -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder $(ARGS)
 
 sweep: setup
-	$(PYTHON) -m pytest -n $(JOBS) --dist loadfile -m sweep $(ARGS)
+	$(PYTHON) -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m sweep $(ARGS)
+
+# Kernels that check their bounds are other ones than those that are kept for the program.
+checked: setup
+	NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR=$(CURDIR)/out/checked $(PYTHON) -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder $(BOUNDS_CHECKED) $(ARGS)
+	NUMBA_DISABLE_JIT=1 $(PYTHON) -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder $(UNCOMPILED) $(ARGS)
+
+coverage: setup
+	NUMBA_DISABLE_JIT=1 $(PYTHON) -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder --cov --cov-report=term --cov-report=html:out/coverage $(UNCOMPILED) $(ARGS)
+
+fuzz: setup
+	$(PYTHON) -m tests.fuzz.run --jobs $(JOBS) $(ARGS)
 
 lint: setup
 	.venv/bin/ruff check .

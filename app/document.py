@@ -7,7 +7,7 @@ Rejected: a mutable model with change signals, which undo, the journal and the w
 
 Names: a layer's *key* is ``"object.index"``; a *path* names anything a person can reach, written with the layer's
 index or its name: ``"teapot"``, ``"teapot.1"``, ``"teapot.coat.theta_h"``, ``"teapot.1.alpha"``, ``"teapot.bend"``,
-``"bat.time"``, ``"lamp.emission"``, ``"light.rotation"``.
+``"bat.time"``, ``"bat.membrane.translucency"``, ``"lamp.emission"``, ``"light.rotation"``.
 """
 
 from __future__ import annotations
@@ -29,8 +29,12 @@ from engine.material.maps import map_fields
 from engine.material.model import Factor, Model
 from engine.scene.description import ObjectDescription, SceneDescription
 from engine.scene.rig import Animations
+from engine.scene.surface_kinds import NO_SURFACE, SURFACES, DeformSurface, SurfacesOf
 
 Mapping = Literal["latlong", "angular"]
+Kind = Literal[
+    "object", "layer", "factor", "parameter", "map", "switch", "deformer", "time", "bumps", "surface", "light"
+]
 RGB = tuple[float, float, float]
 
 SCENE_ENVIRONMENT = "scene"
@@ -66,7 +70,8 @@ class ObjectState:
     ``frozen`` objects and layers refuse edits of their material until they thaw. ``editable`` False marks an object
     that the scene declares fixed. It goes through its ``deformations`` one after another, from where its file's
     animation has taken it at a ``moment``; None: from where the file has it. ``animations`` are those of its file.
-    ``new_bumps`` take the place of the ``own_bumps`` that the scene's file gives it.
+    ``new_bumps`` take the place of the ``own_bumps`` that the scene's file gives it, ``new_surface`` that of
+    ``own_surface``, which Deform alone knows.
     """
 
     name: str
@@ -80,6 +85,8 @@ class ObjectState:
     animations: Animations = ()
     own_bumps: Bumps = NO_BUMPS
     new_bumps: Bumps | None = None
+    own_surface: DeformSurface = NO_SURFACE
+    new_surface: DeformSurface | None = None
 
     @property
     def row(self) -> Row:
@@ -90,6 +97,11 @@ class ObjectState:
     def bumps(self) -> Bumps:
         """What turns its normals."""
         return self.own_bumps if self.new_bumps is None else self.new_bumps
+
+    @property
+    def surface(self) -> DeformSurface:
+        """What Deform knows of its surface beyond its material."""
+        return self.own_surface if self.new_surface is None else self.new_surface
 
     @property
     def emits(self) -> bool:
@@ -170,6 +182,11 @@ class Document:
         """The bumps of all objects that are not as the scene's file has them, by name."""
         return tuple((state.name, state.new_bumps) for state in self.objects if state.new_bumps is not None)
 
+    @property
+    def new_surfaces(self) -> SurfacesOf:
+        """The surfaces for Deform of all objects that are not as the scene's file has them, by name."""
+        return tuple((state.name, state.new_surface) for state in self.objects if state.new_surface is not None)
+
     def is_visible(self, key: str) -> bool:
         """Whether the layer takes part in the picture."""
         name, index = split_key(self, key)
@@ -181,7 +198,7 @@ class Document:
 class Target:
     """What a path names. ``key`` is None for an object or the light, ``name`` None for an object or a layer."""
 
-    kind: Literal["object", "layer", "factor", "parameter", "map", "switch", "deformer", "time", "bumps", "light"]
+    kind: Kind
     object: str = ""
     layer: int | None = None
     name: str | None = None
@@ -194,6 +211,7 @@ class Target:
 SWITCHES = ("visible", "frozen", "editable")
 MATERIAL = "material"
 TIME = "time"
+SURFACE = "surface"
 EMISSION = "emission"
 FRESNEL_TERM = "fresnel_term"
 LIGHT_FIELDS = ("rotation", "intensity", "environment", "mapping")
@@ -224,20 +242,28 @@ def resolve(document: Document, path: str) -> Target:
     state, rest = _split_object(document, path)
     if not rest:
         return Target("object", state.name)
-    if rest in (*SWITCHES, MATERIAL, EMISSION) and rest not in [layer.name for layer in state.layers]:
-        return Target("switch", state.name, name=rest)
-    if rest in KINDS and rest not in [layer.name for layer in state.layers]:
-        return Target("deformer", state.name, name=rest)
-    if rest == TIME and rest not in [layer.name for layer in state.layers]:
-        return Target("time", state.name, name=rest)
-    if rest in bump_fields() and rest not in [layer.name for layer in state.layers]:
-        return Target("bumps", state.name, name=rest)
+    kind = _kind_of(rest)
+    if kind is not None and rest.partition(".")[0] not in [layer.name for layer in state.layers]:
+        return Target(kind, state.name, name=rest)
     index, rest = _split_layer(state, rest)
     if not rest:
         return Target("layer", state.name, index)
     if rest in ("visible", "frozen", FRESNEL_TERM):
         return Target("switch", state.name, index, rest)
     return _resolve_in_layer(state, index, rest)
+
+
+def _kind_of(name: str) -> Kind | None:
+    """What an object has by this name besides its layers."""
+    if name in (*SWITCHES, MATERIAL, EMISSION):
+        return "switch"
+    if name in KINDS:
+        return "deformer"
+    if name == TIME:
+        return "time"
+    if name in bump_fields():
+        return "bumps"
+    return "surface" if name.partition(".")[0] in (SURFACE, *SURFACES) else None
 
 
 def _resolve_in_layer(state: ObjectState, index: int, name: str) -> Target:
@@ -307,4 +333,6 @@ def document_from_description(
 def _object_state(source: str, described: ObjectDescription) -> ObjectState:
     layers = layers_from_descriptions(source, described.name, described.layers)
     emission = described.emission if described.emits else None
-    return ObjectState(described.name, layers, emission, described.editable, own_bumps=described.bumps)
+    return ObjectState(
+        described.name, layers, emission, described.editable, own_bumps=described.bumps, own_surface=described.deform
+    )

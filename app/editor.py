@@ -20,7 +20,6 @@ from app.barrier import Barrier
 from app.commands import EditCommand
 from app.commands.light import lit_by
 from app.commands.material import SetMaterial
-from app.commands.poses import SetTime
 from app.document import Document, Selection
 from app.files.journal import Journal, Recovery
 from app.files.session import Session
@@ -48,11 +47,12 @@ from app.mode import Kept, Mode, ModeTalk, OpenedScene
 from app.modes import MODES
 from app.opening import Opening
 from app.picture import PictureEvent, SceneFrame, SkyChanged
+from app.player import Player
 from app.reading import Reading, describe_reading, import_measured
 from app.selecting import first_choice, next_choice, next_operator, seen_layer, selection_of
 from app.status import Gauges, Status
 from app.table_talk import TableTalk
-from app.timeline import played_on, shown_poses, timeline
+from app.timeline import shown_poses
 from app.view_state import OpenPanel, SetView, ViewCommand, ViewState
 from app.writing import written_material, written_scene
 from engine.errors import InsituError
@@ -114,9 +114,9 @@ class Editor:
         self._tables = TableTalk(client.send)
         self._tracing = LookTalk(client.send)
         self.looks = Looks(self, self._tracing)
+        self.player = Player(self)
         self._opening: Opening | None = None
         self._given_up: Opening | None = None
-        self._played_at: float | None = None
         self._cancelled = -1
         self._kept: dict[type, Any] = {}
         self.modes = tuple(modes)
@@ -202,33 +202,6 @@ class Editor:
             self.view = replace(self.view, selected=selected, operator=None, curve_zoom=None)
             self.talk.edited()
         return None
-
-    def play(self) -> None:
-        """Let the scene's animation go on from where it stands, or from its start where it stands at its end."""
-        line = timeline(self.document, self.view)
-        if line is not None and self.view.playing is None:
-            starts_anew = line.time is None or not self.view.loops and line.time >= line.duration
-            self._played_at = None
-            self.view = replace(self.view, playing=0.0 if starts_anew else line.time)
-
-    def pause(self) -> None:
-        """Stop it; the document stays at the time that is seen, which is no step of the history."""
-        time, self.view = self.view.playing, replace(self.view, playing=None)
-        if time is not None and timeline(self.document, self.view) is not None:
-            self.history.amend(SetTime(time))
-            self._document_changed()
-
-    def _play_on(self, now: float) -> None:
-        line, before, self._played_at = timeline(self.document, self.view), self._played_at, now
-        if self.view.playing is None:
-            return
-        if line is None:
-            self.view = replace(self.view, playing=None)
-            return
-        time, goes_on = played_on(line, 0.0 if before is None else max(now - before, 0.0), self.view.loops)
-        self.view = replace(self.view, playing=time)
-        if not goes_on:
-            self.pause()
 
     def notify(self, text: str, is_error: bool = False) -> None:
         """Put one line into ``status.message``."""
@@ -354,13 +327,14 @@ class Editor:
         """Take the worker's answers and ask for what is missing; once a frame. ``now``: a steady clock, seconds."""
         now = time.monotonic() if now is None else now
         events = self._follow_mode()
-        self._play_on(now)
+        self.player.advance(now)
         none: list[PictureEvent] = []
         run, silence = self.barrier.run, list[Response]()
         for response in run("The talk with the worker", partial(self._client.poll, POLL_SECONDS), silence, ()):
             events = events + run("An answer of the worker", partial(self._take, response), none)
         if self.scene_is_open:
-            sight = self.view.look, shown_poses(self.document, self.view), self.document.new_bumps
+            poses = shown_poses(self.document, self.view)
+            sight = self.view.look, poses, self.document.new_bumps, self.view.n_edge_rays
             if self._opening is None and self._tracing.update(now, *sight):
                 (self.talk.looked_away if self._tracing.is_away else self.talk.looked_back)()
             made_of = self.document, self.view
@@ -519,7 +493,7 @@ class Editor:
         if chosen is None:  # a session's, of a program that has more
             self.view = replace(self.view, mode=self.mode.name)
             return []
-        self.pause()
+        self.player.pause()
         self.talk.left()
         self.mode, self.talk, self.gauges.progress = chosen, chosen.talk(self), None
         if self._scene is None:
@@ -573,7 +547,7 @@ class Editor:
     def _open(self, opening: Opening) -> None:
         self.talk.scene_closed()
         id = self._client.send(opening.request())
-        self._tracing.ask(opening.look(self.resolution), id, opening.poses, opening.bumps)
+        self._tracing.ask(opening.look(self.resolution), id, opening.poses, opening.bumps, self.view.n_edge_rays)
         self._reading.forget()
         self._opening = replace(opening, id=id)
         self.gauges.progress = None

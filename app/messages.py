@@ -87,8 +87,8 @@ class OpenScene(Request):
 @dataclass(frozen=True)
 class LookFrom(Request):
     """Trace what the scene of this number (that of its `OpenScene`) shows from a camera, in so many pixels (width,
-    height), None: as its file has them; with objects in these poses and under these bumps.
-    Answered by `SceneSeen`."""
+    height), None: as its file has them; with objects in these poses and under these bumps; so many rays go
+    through a pixel at an edge, None: as many as the scene requires. Answered by `SceneSeen`."""
 
     built_on = (OpenScene,)
     alone = True
@@ -98,6 +98,7 @@ class LookFrom(Request):
     resolution: tuple[int, int] | None = None
     poses: Poses = ()
     bumps: BumpsOf = ()
+    n_edge_rays: int | None = 0
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ DEFORM = Mode(
     "Deform",
     DeformTalk,
     work="app.jobs.deform:DeformWork",
-    picture="ui.orbit_feed:OrbitFeed",
+    picture="ui.deform_feed:DeformFeed",
     tooltip="Bend and animate objects under soft light and shadows.",
     accuracy="ui.panels.accuracy_deform:draw",
     tools="ui.panels.deformers:draw",

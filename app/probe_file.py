@@ -6,6 +6,7 @@ should not have to know. Where the guess is wrong, they say so (`app.commands.li
 
 from __future__ import annotations
 
+import os
 import re
 import struct
 from pathlib import Path
@@ -17,7 +18,7 @@ HEADER_BYTES = 8192
 
 def probe_size(file: Path) -> tuple[int, int] | None:
     """(width, height) of an OpenEXR or Radiance HDR image, by its header alone; None where that cannot be told."""
-    if not file.is_file():
+    if not os.path.isfile(file):
         return None
     try:
         with file.open("rb") as stream:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +12,7 @@ from app.document import Document, document_from_description, reflecting_layers
 from app.files.bookmarks import named
 from app.files.session import Session, fit_session, load_session
 from app.machine.memory import require_memory_for
+from app.machine.paths import full_path
 from app.measurements import document_with_read, layers_of_document, unread_files
 from app.set_path import set_path
 from app.sources import find_source, source_of
@@ -19,7 +20,8 @@ from app.view_state import Viewpoint
 from engine.colour import ToneMapping
 from engine.errors import InsituError, LoadError
 from engine.material.layer import object_of
-from engine.scene.builtin import scene_path
+from engine.plan import EDGE_RAYS
+from engine.scene.builtin import DEFAULT_SCENE, scene_path
 from engine.scene.toml_text import parse_toml
 
 if TYPE_CHECKING:
@@ -31,9 +33,12 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Project:
     """A loaded scene, the document that a person would edit, and the view that it is shown in; emitters shine as the
-    document says. n_bounces: as many as its session has, None for as many as the scene says or requires;
-    n_lights, n_patches: as its session has, None where there is none. at_rest: the scene where no object is deformed,
-    None where that is it."""
+    document says.
+
+    n_bounces: as many as its session has, None for as many as the scene says or requires; n_lights, n_patches: as its
+    session has, None where there is none; n_edge_rays: None for as many as the scene requires. at_rest: the scene where
+    no object is deformed, None where that is it. overrules: lines of the plan, and what a person sets them to.
+    """
 
     scene: Scene
     document: Document
@@ -41,7 +46,9 @@ class Project:
     n_bounces: int | None = None
     n_lights: int | None = None
     n_patches: int | None = None
+    n_edge_rays: int | None = None
     at_rest: Scene | None = None
+    overrules: tuple[tuple[str, int | str], ...] = ()
 
     @property
     def resting(self) -> Scene:
@@ -72,8 +79,36 @@ class Project:
         return frozenset(key for key in self.layers if self.document.object(object_of(key)).editable)
 
     @property
+    def overruled(self) -> dict[str, int | str]:
+        """Lines of the plan that its session, or a person, has set."""
+        edges: dict[str, int | str] = {} if self.n_edge_rays is None else {"edges": self.n_edge_rays}
+        return edges | dict(self.overrules)
+
+    @property
     def object_names(self) -> tuple[str, ...]:
         return self.scene.object_names
+
+
+@dataclass(frozen=True)
+class ProjectWords:
+    """What opens a project, here or on another machine: a scene or session by name, and what a person says of it; see
+    `open_project`, `with_edges` and `overruled`."""
+
+    name: str | None
+    resolution: tuple[int, int] | None = None
+    values: tuple[tuple[str, Any], ...] = ()
+    camera: str | None = None
+    n_edge_rays: int | None = None
+    overrules: tuple[tuple[str, int | str], ...] = ()
+
+    def open(self) -> Project:
+        """The project. Raises InsituError with one line for a person."""
+        project = open_project(self.name, self.resolution, self.values, self.camera)
+        return overruled(with_edges(project, self.n_edge_rays), dict(self.overrules))
+
+    def from_anywhere(self) -> ProjectWords:
+        """The same, wherever it is opened from."""
+        return replace(self, name=full_path(self.name or DEFAULT_SCENE))
 
 
 def open_project(
@@ -118,8 +153,24 @@ def open_project(
         session.view.n_bounces or None,
         session.view.n_lights,
         session.view.n_patches,
+        session.view.n_edge_rays,
         at_rest,
     )
+
+
+def overruled(project: Project, lines: Mapping[str, int | str]) -> Project:
+    """The project with these lines of its plan; whether there are such, and such values, `engine.plan` says."""
+    return replace(project, overrules=(*project.overrules, *lines.items()))
+
+
+def with_edges(project: Project, n_edge_rays: int | None) -> Project:
+    """The project with so many rays through pixels at edges, None: as it has them. Raises InsituError for a number that
+    there is not."""
+    if n_edge_rays is None:
+        return project
+    if n_edge_rays not in EDGE_RAYS:
+        raise InsituError(f"--edges {n_edge_rays}: expected one of {', '.join(map(str, EDGE_RAYS))}")
+    return replace(project, n_edge_rays=n_edge_rays)
 
 
 def _look_of(session: Session | None, camera: str | None) -> Viewpoint:

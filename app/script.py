@@ -53,6 +53,13 @@ class SelectPath:
 
 
 @dataclass(frozen=True)
+class SetAccuracy:
+    """Move the knobs of the mode at hand to a place between speed, 0, and accuracy, 1 (`app.front`)."""
+
+    share: float
+
+
+@dataclass(frozen=True)
 class DeformObject:
     """Give an object's deformers, by kind, these amounts; take it, None: all that are animated, to a time of an
     animation, see `app.commands.SetTime`."""
@@ -217,6 +224,7 @@ class MoveCamera(BaseModel):
 Step = (
     SetValues
     | SelectPath
+    | SetAccuracy
     | DeformObject
     | DragItem
     | DragPoints
@@ -334,6 +342,7 @@ class StepRecord(_Record):
     measured: ImportRecord | None = None
     undo: Count | None = None
     redo: Count | None = None
+    accuracy: Share | None = None
     wait: Awaited | None = None
     capture: Text | None = None
     assert_error_below: Annotated[Number, Field(gt=0.0)] | None = None
@@ -367,6 +376,7 @@ _STEPS: dict[str, Callable[[Any, Path], Step]] = {
     "measured": lambda measured, folder: ImportFile(Path(measured.file), measured.cloth),
     "undo": lambda count, folder: UndoSteps(count),
     "redo": lambda count, folder: RedoSteps(count),
+    "accuracy": lambda share, folder: SetAccuracy(share),
     "wait": lambda picture, folder: WaitFor(picture),
     "capture": lambda name, folder: Capture((folder / name).resolve()),
     "assert_error_below": lambda bound, folder: AssertErrorBelow(bound),

@@ -13,6 +13,7 @@ from app.commands.maps import SetMap
 from app.commands.material import SetMaterial
 from app.commands.poses import with_amounts, with_time
 from app.commands.series import FIRST_BANDS, set_first_bands
+from app.commands.surfaces import surface_named
 from app.document import EMISSION, FRESNEL_TERM, MATERIAL, TIME, Document, Target, resolve
 from app.files.library import Library
 from app.files.material_file import load_material
@@ -39,6 +40,8 @@ def set_path(document: Document, path: str, value: Any) -> EditCommand:
         return SetMap(target.key, target.name, value)
     if target.kind == "bumps" and target.name is not None:
         return SetBumps(target.object, target.name, value)
+    if target.kind == "surface" and target.name is not None:
+        return surface_named(target.object, target.name, value)
     if target.kind == "deformer" and target.name is not None:
         return with_amounts(document, target.object, {target.name: value})
     if target.kind == "time":

@@ -6,11 +6,13 @@ session names a scene. Light alone opens the built-in scene under it.
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
 from app.machine.paths import full_path
 from engine.errors import InsituError
+from engine.files import is_there
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 from engine.scene.builtin import DEFAULT_SCENE, builtin_scenes
 from engine.scene.mesh import MESH_ENDINGS
@@ -41,13 +43,13 @@ def source_of(name: str) -> Source:
     path, ending = Path(name), Path(name).suffix.lower()
     if name in builtin_scenes():
         return Source(name)
-    if path.is_dir():
+    if os.path.isdir(path):
         raise InsituError(f"{name}: a folder, expected {EXPECTED}")
     if ending in LIGHT_ENDINGS:
         return Source(light=path.resolve())
     if ending == SESSION_ENDING:
         return Source(session=path.resolve())
-    if ending in SCENE_ENDINGS or not path.exists():
+    if ending in SCENE_ENDINGS or not os.path.exists(path):
         return Source(full_path(name))
     raise InsituError(f"{name}: {_said_of(ending)}")
 
@@ -55,7 +57,7 @@ def source_of(name: str) -> Source:
 def find_source(name: str | None) -> str:
     """The name of a built-in scene, or of a file that is there and can be opened. Raises InsituError."""
     name = name or DEFAULT_SCENE
-    if name not in builtin_scenes() and not Path(name).exists():
+    if name not in builtin_scenes() and not is_there(name):
         there = ", ".join(builtin_scenes())
         raise InsituError(f"{name}: no such file, and no built-in scene of that name; built-in scenes are {there}")
     source_of(name)

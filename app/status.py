@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import math
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
 
 from app.machine.memory import resident_megabytes
 from app.messages import Progress
@@ -23,11 +26,13 @@ class Status:
     ``picture``: "waiting" (nothing shaded yet), "preview" (coarse, few lights, or not yet the present light or
     roughness), "refining" (in final quality; some of it still to come), "finished" (nothing more comes, but chance is
     left in it), "exact" (all sums are complete). ``estimate`` is how far off the picture is though nothing more
-    comes, once it is finished and that has been found out; only it can tell that nothing is left.
+    comes, once it is finished and that has been found out; only it can tell that nothing is left. ``error_colours``
+    (H, W, 4) are where, as far as that was asked for.
     ``stage``, ``fraction`` (0 to 1), ``seconds_left`` and ``text`` tell how far the worker is; ``stage`` is empty when
     it has nothing to do. ``image_error`` is what is left to the exact picture, relative RMS, None while unknown.
     ``light_note``, ``material_note`` and ``emitter_note`` say what is shown for light, roughness, and what emitters
-    throw on the scene, empty when there is nothing to say; ``missing_note`` what a picture that is being refined lacks.
+    throw on the scene, empty when there is nothing to say; ``missing_note`` what a picture that is being refined lacks,
+    ``error_note`` what of its error is known by parts.
     ``precomputed_mb`` is what the worker keeps for the picture, ``gpu_mb`` what the picture takes there.
     ``shown_by``: which mode's picture is seen, where a mode shows those of two; else empty.
     ``is_away``: whether the view has moved on from the one that was traced last.
@@ -43,6 +48,7 @@ class Status:
     picture: PictureState = "waiting"
     image_error: float | None = None
     estimate: ErrorEstimate | None = None
+    error_colours: NDArray[np.uint8] | None = field(default=None, compare=False)
     frame_ms: float = 0.0
     memory_mb: float = 0.0
     precomputed_mb: float = 0.0
@@ -51,6 +57,7 @@ class Status:
     material_note: str = ""
     emitter_note: str = ""
     missing_note: str = ""
+    error_note: str = ""
     shown_by: str = ""
     compared_exact: bool = True
     is_away: bool = False

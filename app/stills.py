@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
@@ -35,12 +36,14 @@ from engine.render.still import (
     REFERENCE_LEVEL,
     StillLayer,
     StillProgress,
+    compose,
+    reflected,
     render_reference,
-    render_still,
     still_layers,
     still_quality,
     with_maps,
 )
+from engine.scene.raycaster import RayCaster
 from engine.steps import finish
 from engine.transport.pipeline import Placement
 
@@ -86,19 +89,20 @@ def render_picture(
 def render_project(
     project: Project, report: Report, *, n_lights: int = N_LIGHTS, n_patches: int = N_PATCHES, reference: bool = False,
     series: BounceSeries | None = None, n_samples: int | None = None, estimates_error: bool = False,
-    mode: Mode = "placement",
+    mode: Mode = "placement", caster: RayCaster | None = None, knobs: Mapping[str, int] = MappingProxyType({}),
 ) -> Still:  # fmt: skip
     """A still of a project, with the editor's transport, in the way of the mode or by brute force.
 
     series: None for as many bounces as the scene says, or requires; of the first bounce the document may say how many
     bands; by brute force bands do not matter. n_samples: paths a pixel, by brute force; without them direct light alone
     is integrated over all directions, without noise. estimates_error: whether its error is estimated; not by brute
-    force, which knows its noise.
+    force, which knows its noise. caster: the rays of the scene's triangles, where there are some already; knobs: of
+    Orbit and Deform where they are others than usual, see `app.front`.
     """
     sky = project.sky
-    placement = Placement(project.scene)
-    plan = replace(plan_still(project, sky.environment is not None, n_lights), n_patches=n_patches)
-    wanted = series.n_bounces if series else project.n_bounces or plan.bounces
+    plan = plan_still(project, n_lights, n_patches)
+    placement = Placement(project.scene, caster, plan.n_edge_rays)
+    wanted = series.n_bounces if series else wanted_bounces(project, plan)
     bounces = planned_bounces(placement, project.indexed_layers, wanted)
     series = series or BounceSeries(bounces.n_bounces)
     intensity, error, indirect = np.float64(project.document.light.intensity), None, None
@@ -106,11 +110,16 @@ def render_project(
         steps = _reference(placement, project, series.n_bounces, n_samples)
         return Still(held(finish(steps, report) * intensity, BRIGHTEST), warning=bounces.warning)
     if mode == "orbit":
-        drawing = render_orbit(placement, layers_by_object(project), sky, n_patches, n_bounces=series.n_bounces)
+        drawing = render_orbit(
+            placement, layers_by_object(project), sky, n_patches, n_bounces=series.n_bounces,
+            **knobs,
+        )  # fmt: skip
         return Still(held(finish(drawing, report) * intensity, BRIGHTEST), warning=bounces.warning)
     if mode == "deform":
         poses = project.document.poses
         deform = prepared_deform(project, [name for name, _ in poses], series)
+        if knobs:
+            deform.set_effort(**knobs)
         bending = render_deform(deform, project.scene.resolution, poses)
         return Still(held(finish(bending, report) * intensity, BRIGHTEST), warning=bounces.warning)
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
@@ -118,11 +127,11 @@ def render_project(
     if series.n_bounces > 1:
         indirect = finish(indirect_radiance(placement, layers, sky, series), report)
     quality = still_quality(plan)
-    picture = finish(render_still(placement, layers, sky, quality, indirect), report)
+    radiance = finish(reflected(placement, layers, sky, quality, indirect), report)
     if estimates_error:
-        reflected = picture.reshape(-1, 3)[placement.hits.pixel]
-        estimating = estimate_error(placement, layers, sky, quality, series.n_bounces, reflected, indirect)
+        estimating = estimate_error(placement, layers, sky, quality, series.n_bounces, radiance, indirect)
         error = finish(estimating, report)
+    picture = compose(placement, radiance, sky)
     return Still(held(picture * intensity, BRIGHTEST), error, bounces.warning)
 
 
@@ -142,6 +151,7 @@ def prepared_deform(project: Project, posed: Sequence[str], series: BounceSeries
     deform = Deform(project.resting, n_rays=DEFORM_RAYS, shelf=StoredLobes(Store()))
     deform.set_light(project.sky)
     deform.set_layers(layers_by_object(project))
+    deform.set_surfaces(project.document.new_surfaces)
     deform.set_posed(posed)
     if n_bounces := series.n_bounces if series else project.n_bounces:
         deform.set_bounces(n_bounces)
@@ -162,10 +172,18 @@ def _at_most(layers: Sequence[StillLayer], most: int | None) -> tuple[StillLayer
     return tuple(replace(each, bands=(min(each.bands[0], most), min(each.bands[1], most))) for each in layers)
 
 
-def plan_still(project: Project, has_sky: bool, n_lights: int = N_LIGHTS) -> Plan:
-    """The plan of a still."""
-    layers = project.layers
-    return plan_scene(project.scene, layers, has_sky=has_sky, still=True, n_lights=n_lights)
+def plan_still(project: Project, n_lights: int = N_LIGHTS, n_patches: int = N_PATCHES) -> Plan:
+    """The plan of a still, with so many lights and patches where nobody has overruled them."""
+    has_sky = project.sky.environment is not None
+    overrides = {"patches": n_patches} | project.overruled
+    return plan_scene(
+        project.scene, project.layers, has_sky=has_sky, still=True, n_lights=n_lights, overrides=overrides
+    )
+
+
+def wanted_bounces(project: Project, plan: Plan) -> int | None:
+    """As many as a person has overruled the plan with, the session has, or the scene says; None: to be planned."""
+    return plan.bounces if "bounces" in plan.overruled else project.n_bounces or plan.bounces
 
 
 def write_picture(path: Path, radiance: NDArray[np.float32], view: ToneMapping = "filmic", comment: str = "") -> None:

@@ -74,14 +74,19 @@ class ViewState:
     ``n_lights`` cut the environment in the finished picture, ``n_patches`` what shines in the scene; ``n_bounces`` are
     the reflections between light and eye (``AS_PLANNED`` until the worker has found how many the scene requires),
     the second of at most ``second_bands`` bands a curve (1: by albedo; None: as many as it has), ``precision`` is that
-    of transport on the GPU.
+    of transport on the GPU; ``n_edge_rays`` of `engine.plan.EDGE_RAYS` go through a pixel at an edge (None: as many as
+    the scene requires). Orbit has ``n_points`` beside the meshes' own, and
+    keeps ``n_coefficients`` of light at each; Deform sends ``n_rays`` from each
+    and keeps ``n_lobes``.
     ``compare`` is the document that A/B shows left of ``compare_divider`` (0 the left edge, 1 the right).
     Unless it is shown to ``fit``, the picture has ``zoom`` screen pixels for each of its own, and the point at the
     shares ``centre`` (across, down) of it stands in the panel's middle.
     ``camera`` and ``resolution``, (width, height) of the picture, stand in for the scene's own, None for those;
     ``bookmarks`` are views that are kept by name. While an animation is ``playing`` that is the time which is seen,
     seconds; where it ends it begins anew if it ``loops``. ``split``: where Deform's picture gives way, from left to
-    right, from what paths show to transfer that does not turn, and to its own (0 the left edge, 1 the right).
+    right, from what paths show to transfer that does not turn, and to its own (0 the left edge, 1 the right);
+    ``fit_error``: whether in its place is seen how far its lobes are off. ``shows_error``: whether over the picture is
+    seen where it is off.
     ``regions`` are a ≤ b ≤ c ≤ d of the operator being shown or about to be made; ``operator`` is its index in the
     selected curve's list, None for one about to be made. ``curve_zoom`` is (γ low, γ high, y low, y high); None fits.
     The BRDF panel shows ``brdf_plot`` of the selected layer, or with ``brdf_whole`` of all layers of its object, in the
@@ -119,6 +124,11 @@ class ViewState:
     n_patches: int = N_PATCHES
     n_bounces: int = 1
     second_bands: int | None = None
+    n_edge_rays: int | None = None
+    n_points: int = 40_000
+    n_coefficients: int = 320
+    n_rays: int = 5000
+    n_lobes: int = 4
     panels: Mapping[str, bool] = field(default_factory=lambda: DEFAULT_PANELS)
     show_shortcuts: bool = False
     camera: Camera | None = None
@@ -127,6 +137,8 @@ class ViewState:
     playing: float | None = None
     loops: bool = True
     split: tuple[float, float] | None = None
+    fit_error: bool = False
+    shows_error: bool = False
 
     @property
     def look(self) -> Viewpoint:
@@ -172,6 +184,10 @@ LIMITS: dict[str, tuple[float, float]] = {
     "n_lights": (20, 20000),
     "n_patches": (20, 20000),
     "n_bounces": (1, 8),
+    "n_points": (0, 200_000),
+    "n_coefficients": (20, 1280),
+    "n_rays": (32, 20000),
+    "n_lobes": (1, 4),
 }
 
 

@@ -30,7 +30,7 @@ import numpy as np
 
 from engine.curve.bands import band_nodes, band_values, band_weights
 from engine.errors import InsituError
-from engine.material import kinds
+from engine.material import MODELS, kinds
 from engine.material.layer import Layer
 from engine.material.model import Model
 from engine.scene.description import MAX_BOUNCES
@@ -65,6 +65,8 @@ FEWEST_LIGHTS, MOST_LIGHTS = 20, 80_000
 # Tracing the lights of the cut costs less than the sphere's 5,120 directions up to about this many of them.
 SPHERE_PAYS_FROM = 1280
 N_FINE = 512
+# Rays through a pixel at an edge (`engine.scene.edges`); 0: through its centre alone.
+EDGE_RAYS = (0, 4, 8, 16)
 
 Precision = Literal["half", "float"]
 
@@ -91,26 +93,29 @@ class LayerPlan:
 
 @dataclass(frozen=True)
 class Cost:
-    """What the plan will cost, extrapolated from `n_sampled` points a layer: an estimate, within about a factor of two.
+    """What the plan will cost whom nothing is kept for, extrapolated from `n_sampled` points: within 30 %.
 
-    seconds in all, of which `visibility_seconds` for shadows; memory, disk and gpu in MiB (2^20 bytes): main memory of
-    who precomputes it, within 30 %, and the GPU's for the largest layer when it is selected.
+    seconds: of the processors in all, of which for shadows and for indirect light; memory, disk and gpu in MiB (2^20
+    bytes): main memory of who precomputes it, and the GPU's for the largest layer when it is selected. n_cores: that
+    share the seconds.
     """
 
     seconds: float
     visibility_seconds: float
+    indirect_seconds: float
     memory_mib: float
     disk_mib: float
     gpu_mib: float
     n_points: int
     n_sampled: int
+    n_cores: int = 1
 
 
 @dataclass(frozen=True)
 class Plan:
     """What will be computed for one scene. `reasons` says why, by line; `overruled` which lines a person set.
 
-    bounces: None until a pilot has said (`engine.render.bounces`).
+    bounces: None until a pilot has said (`engine.render.bounces`); n_edge_rays: one of `EDGE_RAYS`.
     """
 
     layers: tuple[LayerPlan, ...]
@@ -119,6 +124,7 @@ class Plan:
     needs_sphere: bool
     precision: Precision
     bounces: int | None
+    n_edge_rays: int
     reasons: Mapping[str, str]
     overruled: frozenset[str] = frozenset()
     cost: Cost | None = None
@@ -187,8 +193,9 @@ def plan_scene(
     """The plan for the layers by key ("object.index"); `editable` names the keys that a person will edit; `still`:
     nothing is kept, so bands cost time alone and each curve gets twice what an editable one would.
 
-    overrides: "lights", "patches", "sphere" (0 or 1), "bounces", "precision" ("half", "float") or "KEY.FACTOR" (bands)
-    to its value. Raises InsituError for a line that is not in the plan or a value that cannot be.
+    overrides: "lights", "patches", "sphere" (0 or 1), "bounces", "edges" (of `EDGE_RAYS`, or "off"), "precision"
+    ("half", "float") or "KEY.FACTOR" (bands) to its value. Raises InsituError for a line that is not in the plan or a
+    value that cannot be.
     """
     has_emitters = bool(scene.emitters.any())
     needs_sphere = has_sky and n_lights >= SPHERE_PAYS_FROM
@@ -199,17 +206,30 @@ def plan_scene(
         needs_sphere=needs_sphere,
         precision="half",
         bounces=scene.description.bounces,
+        n_edge_rays=planned_edge_rays(scene),
         reasons={
             "lights": "triangles cut from the sky where it is bright" if has_sky else "no sky",
             "patches": "of the objects that shine" if has_emitters else "nothing shines",
             "sphere": _sphere_reason(has_sky, needs_sphere),
             "precision": "each coefficient's plane has its own scale, so half floats hold it to 0.05 %",
             "bounces": "as the scene says",
+            "edges": _edge_reason(planned_edge_rays(scene)),
         },
     )
     for line, value in (overrides or {}).items():
         plan = _overrule(plan, line, value)
     return plan
+
+
+def planned_edge_rays(scene: Scene) -> int:
+    """Rays through pixels at edges: for a scene whose materials have highlights twice as many as for a matt one, since
+    on narrow rims light differs from one to the next. By the scene's file: edits do not trace the view anew."""
+    models = {layer.model for each in scene.description.objects for layer in each.layers}
+    return 8 if all(MODELS[name].is_matt for name in models if name in MODELS) else 16
+
+
+def _edge_reason(n_rays: int) -> str:
+    return "highlights may be narrower than a pixel" if n_rays > 8 else "where objects meet; nothing is glossy"
 
 
 def plan_lines(plan: Plan) -> Iterator[tuple[str, str, str]]:
@@ -223,6 +243,7 @@ def plan_lines(plan: Plan) -> Iterator[tuple[str, str, str]]:
         "sphere": "5,120 directions" if plan.needs_sphere else "not needed",
         "precision": plan.precision,
         "bounces": plan.bounces or "to be planned",
+        "edges": f"{plan.n_edge_rays} rays a pixel" if plan.n_edge_rays else "off",
     }
     for line, value in values.items():
         yield line, f"{value:,}" if isinstance(value, int) else value, plan.reasons[line]
@@ -261,9 +282,9 @@ def _sphere_reason(has_sky: bool, needs_sphere: bool) -> str:
 
 def _overrule(plan: Plan, line: str, value: int | str) -> Plan:
     overruled = plan.overruled | {line}
-    if line in ("lights", "patches", "sphere", "bounces", "precision"):
+    if line in ("lights", "patches", "sphere", "bounces", "precision", "edges"):
         changed = _switch(plan, line, value)
-        return replace(changed, reasons={**plan.reasons, line: "overruled"}, overruled=overruled)
+        return replace(changed, reasons={**changed.reasons, line: "overruled"}, overruled=overruled)
     for index, layer in enumerate(plan.layers):
         for place, factor in enumerate(layer.factors):
             if line == f"{layer.key}.{factor}":
@@ -278,12 +299,18 @@ def _switch(plan: Plan, line: str, value: int | str) -> Plan:
         if value not in ("half", "float"):
             raise _refused(line, value, "half or float")
         return replace(plan, precision="half" if value == "half" else "float")
+    if line == "edges" and value == "off":
+        value = 0
     if not isinstance(value, int) or isinstance(value, bool):
         raise _refused(line, value, "a whole number")
     if line == "sphere":
         if value not in (0, 1):
             raise _refused(line, value, "0 or 1")
         return replace(plan, needs_sphere=bool(value) and plan.n_lights > 0)
+    if line == "edges":
+        if value not in EDGE_RAYS:
+            raise _refused(line, value, "off, 4, 8 or 16")
+        return replace(plan, n_edge_rays=value)
     if line == "bounces":
         if not 1 <= value <= MAX_BOUNCES:
             raise _refused(line, value, f"1 to {MAX_BOUNCES}")
@@ -291,8 +318,17 @@ def _switch(plan: Plan, line: str, value: int | str) -> Plan:
     if not FEWEST_LIGHTS <= value <= MOST_LIGHTS:
         raise _refused(line, value, f"{FEWEST_LIGHTS} to {MOST_LIGHTS:,}")
     if line == "lights":
-        return replace(plan, n_lights=value if plan.n_lights else 0)
+        return _with_lights(plan, value if plan.n_lights else 0)
     return replace(plan, n_patches=value if plan.n_patches else 0)
+
+
+def _with_lights(plan: Plan, n_lights: int) -> Plan:
+    """With so many lights, and the sphere where it then pays, unless a person has decided on it."""
+    if "sphere" in plan.overruled:
+        return replace(plan, n_lights=n_lights)
+    needs_sphere = n_lights >= SPHERE_PAYS_FROM
+    reasons = {**plan.reasons, "sphere": _sphere_reason(n_lights > 0, needs_sphere)}
+    return replace(plan, n_lights=n_lights, needs_sphere=needs_sphere, reasons=reasons)
 
 
 def _with_bands(layer: LayerPlan, place: int, line: str, value: int | str) -> LayerPlan:

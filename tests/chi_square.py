@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from engine.sphere.geodesic import geodesic, locate
 
@@ -28,4 +28,4 @@ def p_of_directions(drawn: NDArray, pdf: Callable[[NDArray], NDArray]) -> float:
     counts = np.append(counts[~few], counts[few].sum())
     expected = np.append(expected[~few], expected[few].sum())
     counts, expected = (each[expected > _FEWEST] for each in (counts, expected))
-    return float(chi2.sf(((counts - expected) ** 2 / expected).sum(), len(counts) - 1))
+    return float(chdtrc(len(counts) - 1, ((counts - expected) ** 2 / expected).sum()))

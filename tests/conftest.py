@@ -1,5 +1,6 @@
 """Fixtures shared by all tests: data beside the checkout, a cache of its own, NumPy's float errors raised."""
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,6 +17,13 @@ settings.register_profile("insitu", derandomize=True, deadline=None, suppress_he
 settings.load_profile("insitu")
 
 COMPILING_SECONDS = 600.0
+UNCOMPILED = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Kernels that are not compiled count bits and hash by NumPy's integers, which tell where they wrap around."""
+    if UNCOMPILED:
+        config.addinivalue_line("filterwarnings", "ignore:overflow encountered in scalar:RuntimeWarning")
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
@@ -23,9 +31,16 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     if not getattr(session.config.option, "numprocesses", None):
         return
     kernels = Kernels()
+    session.config.add_cleanup(kernels.close)  # else it is a process that nobody has waited for
     if kernels.first_time:
         kernels.prepare()
         kernels.wait(COMPILING_SECONDS)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files with long tests first: where several processes take the next file each, none has a long one at the end."""
+    long = {item.path for item in items if item.get_closest_marker("slow") or item.get_closest_marker("window")}
+    items.sort(key=lambda item: item.path not in long)
 
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -62,7 +77,7 @@ def cache_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 @pytest.fixture(autouse=True)
 def raised_float_errors() -> Iterator[None]:
     """NumPy raises on overflow, division by zero and invalid operations; underflow to 0 is wanted."""
-    with np.errstate(all="raise", under="ignore"):
+    with np.errstate(all="raise", under="ignore", over="warn" if UNCOMPILED else "raise"):
         yield
 
 

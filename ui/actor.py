@@ -5,6 +5,7 @@ The only place where an action becomes a change.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -12,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import cast
 
-from app.commands import EditCommand
+from app.commands import EditCommand, SetSurface
 from app.commands.bumps import SetBumps
 from app.commands.light import lit_by
 from app.commands.maps import IMAGE_SUFFIXES, SetMap, image_name, with_full_names
@@ -33,6 +34,7 @@ from engine.errors import InsituError
 from engine.material.bumps import BUMP_KINDS
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 from engine.scene.builtin import builtin_scenes
+from engine.scene.surface_kinds import SURFACE_IMAGES
 from ui.clipboard import Clipboard
 from ui.panels.actions import (
     Action,
@@ -180,7 +182,7 @@ class Actor:
             case EndDrag():
                 editor.end_drag()
             case Play():
-                (editor.play if action.goes_on else editor.pause)()
+                (editor.player.play if action.goes_on else editor.player.pause)()
             case BeginLook():
                 editor.looks.begin_drag(action.label)
             case DragLook():
@@ -288,16 +290,21 @@ class Actor:
             self._open_image(path, selected.key, "texture")
 
     def _open_image(self, path: Path, key: str, name: str) -> None:
-        if self._is_there(path):
-            file = image_name(path, self._editor.document.source)
+        if not self._is_there(path):
+            return
+        file = image_name(path, self._editor.document.source)
+        if name in SURFACE_IMAGES:
+            kind, value = SURFACE_IMAGES[name]
+            self._editor.do(SetSurface(key, kind, ((value, file),)))
+        else:
             self._editor.do(SetBumps(key, name, file) if name in BUMP_KINDS else SetMap(key, name, file))
 
     def _is_there(self, path: Path) -> bool:
         """Whether it is a file, and if so its folder remembered; else that is said."""
-        if path.is_file():
+        if os.path.isfile(path):  # Path.is_file raises where no system takes the name
             self._folder = path.resolve().parent
             return True
-        what = "is a folder" if path.is_dir() else "there is no such file"
+        what = "is a folder" if os.path.isdir(path) else "there is no such file"
         self._editor.notify(f"{path}: {what}; nothing was changed", True)
         return False
 
@@ -337,7 +344,7 @@ class Actor:
         match action:
             case OpenFile():
                 path = Path(action.path)
-                is_scene = path.suffix.lower() in (*SCENE_ENDINGS, SESSION_ENDING) and path.is_file()
+                is_scene = path.suffix.lower() in (*SCENE_ENDINGS, SESSION_ENDING) and os.path.isfile(path)
                 return is_scene or action.path in builtin_scenes()
             case Recover():
                 return action.accept

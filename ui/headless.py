@@ -1,7 +1,8 @@
 """The window without a display: the same frames in a framebuffer, the same events as a mouse and a keyboard make.
 
 `insitu screenshot` and the tests run this. A hand moves in steps, one frame each, because what a drag does may depend
-on the frames between.
+on the frames between. Of most frames nobody asks for the pixels, and to fill them is two thirds of a frame's work where
+OpenGL is software: each is drawn into a single pixel, and into all of them when they are read.
 """
 
 from __future__ import annotations
@@ -44,6 +45,8 @@ class HeadlessWindow:
         self.context = context or create_headless_context()
         self.size = size
         self._make_target()
+        self._pixel = self.context.simple_framebuffer((1, 1))
+        self._is_filled = False
         self.shell = Shell(self.context, editor, scale=scale, layout_file=layout_file, clock=self._now)
         self._time = 0.0
 
@@ -77,7 +80,8 @@ class HeadlessWindow:
     def draw(self) -> FrameResult:
         """Draw what is there."""
         started = time.perf_counter()
-        result = self.shell.frame(self._target, self.size, self._time)
+        result = self.shell.frame(self._pixel, self.size, self._time)
+        self._is_filled = self._is_filled and not result.drawn
         self.context.finish()  # as the swap of a window's buffers does: frames never pile up
         self.shell.note_frame_time(1e3 * (time.perf_counter() - started))
         if result.screenshot is not None:
@@ -195,6 +199,9 @@ class HeadlessWindow:
 
     def pixels(self) -> NDArray[np.uint8]:
         """The window's pixels (H,W,3), row 0 at the top."""
+        if not self._is_filled:
+            self.shell.draw_interface(self._target)
+            self._is_filled = True
         data = np.frombuffer(self._target.read(components=3, alignment=1), dtype=np.uint8)
         return data.reshape(self.size[1], self.size[0], 3)[::-1].copy()
 
@@ -206,8 +213,8 @@ class HeadlessWindow:
     def close(self) -> None:
         """Free what was made here; a context that was handed in stays."""
         self.shell.close()
-        self._target.release()
-        self._texture.release()
+        for thing in (self._pixel, self._target, self._texture):
+            thing.release()
 
     def _make_target(self) -> None:
         self._texture = self.context.texture(self.size, 4)

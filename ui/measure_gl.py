@@ -60,7 +60,8 @@ class EditorRig:
         """wait: until the picture is exact."""
         self.context = create_headless_context()
         mode = replace(PLACEMENT, talk=partial(PlacementTalk, curves=curves))
-        self.editor = Editor(Client(), source, resolution=resolution, modes=(mode,))
+        self.client = Client()
+        self.editor = Editor(self.client, source, resolution=resolution, modes=(mode,))
         if n_lights is not None:
             self.editor.do(SetView.of(n_lights=n_lights))
         self.renderer = PlacementRenderer(self.context)

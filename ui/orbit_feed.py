@@ -2,6 +2,9 @@
 
 take: OrbitPicture ─► canvas;  all other events ─► PlacementFeed, which draws as soon as it has a part
 draw: the one or the other, or for a quarter of a second both ─► display texture
+
+Where there is a graphics card, moving pictures are drawn here, of parts that the worker tells (`ui.gl.moving`);
+where it fails, the worker draws them from then on.
 """
 
 from __future__ import annotations
@@ -9,15 +12,19 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator, Mapping
+from typing import Protocol
 
 import moderngl
 import numpy as np
 
 from app.editor import Editor
-from app.orbit.events import OrbitPicture
+from app.orbit.events import OrbitPartCame, OrbitPicture
 from app.orbit.talk import OrbitTalk
 from app.picture import PictureEvent, SceneFrame
+from ui.gl.context import GraphicsError
+from ui.gl.moving import shader_bytes
 from ui.gl.orbit.canvas import PictureCanvas
+from ui.gl.orbit.shaded_picture import ShadedPicture
 from ui.gl.tonemap import DisplayView
 from ui.picture_feed import PictureSource
 from ui.placement_feed import PlacementFeed, stops
@@ -27,12 +34,31 @@ from ui.still import ShownStill
 FADE_SECONDS = 0.25
 
 
+class Shaded(Protocol):
+    """Draws moving pictures on a graphics card."""
+
+    def rehearse(self) -> Iterator[None]:
+        """Compile all shaders, one a step; raises GraphicsError."""
+
+    def forget(self) -> None:
+        """Another scene was opened: give its memory back."""
+
+    def release(self) -> None: ...
+
+
 class OrbitFeed(PictureSource):
     """Feeds a canvas, and Placement's renderer beside it."""
 
     def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
         self.placement = PlacementFeed(context)
         self.canvas = PictureCanvas(context)
+        self.shaded: Shaded | None = None
+        self._rehearsal: Iterator[None] | None = None
+        self._is_chosen = False
+        self._shaded_of: object = None
+        self._n_parts = 0
+        self._opening = 0
         self._scene: object = None
         self._names: list[str] = []
         self._view = ShownView()
@@ -40,6 +66,7 @@ class OrbitFeed(PictureSource):
         self._compared: object = None
         self._placement_since = math.inf
         self._drawn: object = None
+        self._is_measure = False
 
     @property
     def picture(self) -> moderngl.Texture | None:
@@ -49,9 +76,12 @@ class OrbitFeed(PictureSource):
         return self.placement.rehearse()
 
     def take(self, editor: Editor, event: PictureEvent) -> None:
+        if isinstance(event, OrbitPartCame):
+            self._take_part(editor, event)
+            return
         if isinstance(event, OrbitPicture):
             self.canvas.set_picture(event.radiance)
-            self._drawn = None
+            self._is_measure, self._drawn, self._shaded_of = event.is_measure, None, None
             return
         if isinstance(event, SceneFrame):
             self._take_scene(event)
@@ -62,14 +92,21 @@ class OrbitFeed(PictureSource):
         scene = event.source, event.description.objects
         if scene != self._scene:
             self.canvas.clear()
+        if event.opening != self._opening and self.shaded is not None:
+            self.shaded.forget()
+        self._opening = event.opening
         self.canvas.set_frame(event.frame)
         self._scene, self._names = scene, [described.name for described in event.description.objects]
         self._compared, self._drawn = None, None
 
     def draw(self, editor: Editor, last_frame_ms: float, all_taken: bool) -> bool:
         talk = _talk(editor)
-        busy = talk.hands_over and self.placement.draw(editor, last_frame_ms, all_taken)
-        share = self._share_of_placement(talk)
+        busy = self._prepare_shaders(editor, talk)
+        self._draw_shaded(editor, talk)
+        # Before there is a first picture, Placement's feed shows objects lit from the eye.
+        is_first = self.canvas.is_empty
+        busy |= (talk.hands_over or is_first) and self.placement.draw(editor, last_frame_ms, all_taken)
+        share = 1.0 if is_first else self._share_of_placement(talk)
         self._follow_comparison(editor, share)
         if share == 1.0:
             self._texture = self.placement.picture
@@ -77,6 +114,59 @@ class OrbitFeed(PictureSource):
         else:
             self._draw_canvas(editor, talk, share)
         return busy or 0.0 < share < 1.0 or self._view.waits
+
+    def _prepare_shaders(self, editor: Editor, talk: OrbitTalk) -> bool:
+        """Where moving pictures are to be drawn here: compile a shader, and tell the talk after the last; whether there
+        are more."""
+        if self._is_chosen:
+            return False
+        try:
+            if self._rehearsal is None:
+                if not shader_bytes(self._context):
+                    self._is_chosen = True
+                    return False
+                self.shaded = self._new_shaded()
+                self._rehearsal = self.shaded.rehearse()
+            if next(self._rehearsal, self) is self:
+                self._is_chosen = True
+                talk.draw_in_window(shader_bytes(self._context))
+        except (GraphicsError, moderngl.Error) as error:
+            self._give_shaders_up(editor, error)
+        return not self._is_chosen
+
+    def _new_shaded(self) -> Shaded:
+        return ShadedPicture(self._context)
+
+    def _take_part(self, editor: Editor, event: OrbitPartCame) -> None:
+        if isinstance(self.shaded, ShadedPicture):
+            self._n_parts += 1
+            try:
+                self.shaded.buffers.take(event.part)
+            except (GraphicsError, moderngl.Error) as error:
+                self._give_shaders_up(editor, error)
+
+    def _draw_shaded(self, editor: Editor, talk: OrbitTalk) -> None:
+        """The moving picture, where it is drawn here and would be another one."""
+        wanted, shaded = talk.drawn_in_window, self.shaded
+        if not isinstance(shaded, ShadedPicture) or wanted is None or not shaded.buffers.is_ready:
+            return
+        if (wanted, self._n_parts) == self._shaded_of:
+            return
+        try:
+            self.canvas.show(shaded.draw(*wanted))
+            talk.drew(shaded.seconds)
+        except (GraphicsError, moderngl.Error) as error:
+            self._give_shaders_up(editor, error)
+        self._shaded_of, self._drawn, self._is_measure = (wanted, self._n_parts), None, False
+
+    def _give_shaders_up(self, editor: Editor, error: Exception) -> None:
+        """From now on the worker draws."""
+        self.canvas.show(None)
+        if self.shaded is not None:
+            self.shaded.release()
+        self.shaded, self._is_chosen = None, True
+        _talk(editor).draw_in_window(0)
+        editor.notify(f"{_talk(editor).title} is drawn by the processor: {error}", True)
 
     def _share_of_placement(self, talk: OrbitTalk) -> float:
         """How much of Placement's picture is seen, 0 to 1."""
@@ -106,17 +196,18 @@ class OrbitFeed(PictureSource):
         self._compared, self._drawn = compared, None
 
     def _display_view(self, editor: Editor, talk: OrbitTalk) -> DisplayView:
-        """Silhouettes, outlines and the divider belong to the view that was traced last."""
+        """Outlines and the divider belong to the view that was traced last; over a picture from elsewhere, which is
+        seen until the next has been drawn, they would lie beside their objects."""
         view, compared = editor.view, editor.view.compare
-        rests = not talk.is_away
+        rests = not talk.is_away and talk.shows_look
+        tone_mapping = self._view.follow(view.tone_mapping)
         return DisplayView(
-            exposure=view.exposure + stops(editor.document.light),
+            exposure=0.0 if self._is_measure else view.exposure + stops(editor.document.light),
             compare_exposure=None if compared is None else view.exposure + stops(compared.light),
-            tone_mapping=self._view.follow(view.tone_mapping),
+            tone_mapping="false_colour" if self._is_measure else tone_mapping,
             selected=self._index(view.selected.object if view.selected and rests else None),
             hovered=self._index(view.hovered if rests else None),
             compare_divider=view.compare_divider if compared is not None and rests else None,
-            antialias=rests,
         )
 
     def _index(self, name: str | None) -> int | None:
@@ -131,7 +222,6 @@ class OrbitFeed(PictureSource):
         return ShownStill(
             self.canvas.finished_image(self._display_view(editor, talk)),
             self.canvas.linear_image() * np.float32(editor.document.light.intensity),
-            (frame.edge_pixels, frame.edge_neighbours, frame.edge_weights),
         )
 
     def map_thumbnails(self, key: str) -> Mapping[str, moderngl.Texture]:
@@ -143,6 +233,8 @@ class OrbitFeed(PictureSource):
     def close(self) -> None:
         self.placement.close()
         self.canvas.release()
+        if self.shaded is not None:
+            self.shaded.release()
 
 
 def _talk(editor: Editor) -> OrbitTalk:

@@ -93,7 +93,6 @@ class PlacementFeed(PictureSource):
         return ShownStill(
             self.renderer.finished_image(self._display_view(editor)),
             self.renderer.linear_image() * np.float32(editor.document.light.intensity),
-            (frame.edge_pixels, frame.edge_neighbours, frame.edge_weights),
         )
 
     def close(self) -> None:

@@ -18,6 +18,7 @@ from app.commands.series import set_series
 from app.document import layer_key, split_key
 from app.editor import Editor, WorkerClient
 from app.files.bookmarks import named
+from app.front import front
 from app.jobs.client import Client
 from app.placement.status import PlacementStatus
 from app.script import (
@@ -38,6 +39,7 @@ from app.script import (
     RedoSteps,
     Rotate,
     SelectPath,
+    SetAccuracy,
     SetValues,
     Show,
     Step,
@@ -187,6 +189,8 @@ def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
         case ImportFile():
             _refused(editor.import_measured(step.file, step.cloth))
             _wait_for_files(window, editor)
+        case SetAccuracy():
+            _refused(editor.do(front().stop(editor.mode.name, step.share).command))
         case UndoSteps():
             _repeat(editor.undo, step.count, "undo")
         case RedoSteps():

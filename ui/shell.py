@@ -30,6 +30,7 @@ from app.editor import Editor
 from app.files.library import LibraryEntry
 from app.files.preferences import PreferenceFile
 from app.files.recent import RecentFiles
+from app.record import Record
 from app.selecting import seen_layer
 from app.status import Status
 from app.view_state import Bookmark
@@ -39,6 +40,7 @@ from ui.actor import Actor, Outcome
 from ui.brdf_feed import BrdfFeed
 from ui.docking import Docking
 from ui.event_queue import ALTS, EventQueue
+from ui.gl.error_overlay import ErrorOverlay
 from ui.gl.interface import InterfaceRenderer
 from ui.gl.thumbnails import Thumbnails
 from ui.panel_windows import draw_panels
@@ -75,7 +77,7 @@ DOUBLE_CLICK_SECONDS = 0.45
 # imgui wants its clock to go on between two passes; it stands, while what came in earlier is being heard.
 NO_TIME = 1e-4
 # What tells imgui that Alt is not its own to use: it would step to the tabs of panels.
-ALT_OWNER = 0x1A5171
+SHORTCUT_OWNER = 0x1A5171
 # How often the worker's progress alone is worth a frame: each takes processor time from the worker.
 PROGRESS_SECONDS = 0.1
 # Beyond this zoom a person looks at pixels, which are then squares.
@@ -139,6 +141,7 @@ class Shell:
         self._brdf = BrdfFeed(context, self._brdf_board, self._picture, self._tables)
         self._escape_is_imguis = False
         self._frame_ms = 0.0
+        self._record, self._error_overlay = Record(), ErrorOverlay(context)
         self._prepared: bool | None = None
         self._prepared_ms = 0.0
         self._last_frame = clock()
@@ -250,6 +253,7 @@ class Shell:
         self._last_frame = now
         self._n_frames += 1
         self._told, self._told_at = _telling(self.editor.status), now
+        self._record.note(now, self._frame_ms, self._told.image_error)
         self._take_message(now)
         self.editor.barrier.run("The library", self._read_library, None, ())
         self._docking.take_size(size, self.theme.scale)
@@ -261,13 +265,18 @@ class Shell:
         working = self._draw_brdf(now) or working
         if outcome.picture is not None:
             self._save_picture(outcome.picture)
-        target.use()
-        target.clear(*theme.BACKDROP)
-        self._interface.render(target)
+        self.draw_interface(target)
         self.editor.barrier.run("A thumbnail", self._thumbnails_go_on, None, ())
         self.editor.barrier.run("A view's picture", self._view_thumbnails_go_on, None, ())
         self._docking.remember()
         return self._result(working or bool(actions) or self._docking.is_settling, outcome.screenshot, outcome.quit)
+
+    def draw_interface(self, target: moderngl.Framebuffer) -> None:
+        """Draw what the panels of this frame, or of the last, asked for into `target`."""
+        imgui.set_current_context(self._imgui)
+        target.use()
+        target.clear(*theme.BACKDROP)
+        self._interface.render(target)
 
     def _hear(self, now: float) -> tuple[list[Action], Outcome]:
         """Pass through the panels until all events that came in are heard; what the panels asked for, carried out."""
@@ -286,10 +295,12 @@ class Shell:
         keys_taken, self._escape_is_imguis = escape.keys_are_taken(), escape.is_imguis()
         self.events.hand_over()
         self._docking.make_room(self.state.front)
+        if not keys_taken:  # else imgui would step to a control of the panel that was last in use, too
+            imgui.internal.set_key_owner(imgui.Key.home, SHORTCUT_OWNER)
         imgui.new_frame()
         self._depth = depth_now()
         for key in ALTS:
-            imgui.internal.set_key_owner(key, ALT_OWNER)
+            imgui.internal.set_key_owner(key, SHORTCUT_OWNER)
         self.handles.begin_frame()
         self._brdf_board.begin_frame()
         events = self.events
@@ -352,6 +363,7 @@ class Shell:
         self._interface.release()
         self._thumbnails.release()
         self._view_thumbnails.release()
+        self._error_overlay.release()
         imgui.destroy_context(self._imgui)
 
     @property
@@ -461,6 +473,7 @@ class Shell:
             handles=self.handles,
             fields=self._fields,
             brdf=self._brdf_board,
+            record=self._record,
             undo_label=undo and spoken(document, undo),
             redo_label=redo and spoken(document, redo),
             environments=self.environments,
@@ -487,6 +500,7 @@ class Shell:
             context,
             status=replace(context.status, is_away=status.is_away or source.shows_view_before),
             picture=self._picture(source.picture, sharp=not editor.view.fit and editor.view.zoom > SHARP_ZOOM),
+            error_overlay=self._picture(self._error_overlay.texture(status.error_colours)),
             environment=self._picture(source.environment),
             map_thumbnails=self._map_thumbnails(source),
             map_refusal=self._map_refusal(source),

@@ -16,36 +16,23 @@ from app.machine.atomic import save_file
 from engine.errors import InsituError
 from engine.render.image_files import deep_png, exr_bytes, pixels_png
 
-Edges = tuple[NDArray[np.integer], NDArray[np.integer], NDArray[np.floating]]
-
 
 @dataclass(frozen=True)
 class ShownStill:
     """One picture at the scene's resolution.
 
     shown: (H,W,3) in the screen's values, sRGB; radiance: (H,W,3) linear, the light's intensity in it, without
-    exposure and tone mapping; edges: silhouette pixels (E,), the pixels (E,) beyond the silhouette, row-major, and the
-    share (E,) of those: what they see is mixed into `shown` already.
+    exposure and tone mapping.
     """
 
     shown: NDArray[np.float32]
     radiance: NDArray[np.float32]
-    edges: Edges
 
     def encoded(self, ending: str, deep: bool) -> bytes:
         """The bytes of a file: ".exr" linear, 32 bits; ".png" as shown, 8 bits or `deep` 16."""
         if ending == ".exr":
-            return exr_bytes(self._smooth_radiance())
+            return exr_bytes(np.nan_to_num(self.radiance, posinf=0.0, neginf=0.0))  # black, as on screen
         return deep_png(self.shown) if deep else pixels_png(np.round(255.0 * self.shown).astype(np.uint8))
-
-    def _smooth_radiance(self) -> NDArray[np.float32]:
-        """With smooth silhouettes, as `shown` has them; what is no number is black, as on screen."""
-        radiance = np.nan_to_num(self.radiance, posinf=0.0, neginf=0.0)
-        flat, (pixels, beyond, weights) = radiance.reshape(-1, 3), self.edges
-        mixed = flat[pixels] + (flat[beyond] - flat[pixels]) * np.asarray(weights, np.float32)[:, None]
-        smooth = flat.copy()
-        smooth[pixels] = mixed
-        return smooth.reshape(radiance.shape)
 
 
 class StillSaver:

@@ -93,6 +93,7 @@ class Icon:
     CHANGED = "\uf111"
     CLOCK = "\uf017"
     MEMORY = "\uf538"
+    IMAGE = "\uf03e"
 
 
 @dataclass

@@ -59,10 +59,30 @@ Bounces = Annotated[
 Series = Annotated[
     str | None, typer.Option("--series", metavar="J,1,...", help="Bands of each bounce, from the eye: 64,1,1,1.")
 ]
+Edges = Annotated[
+    int | None,
+    typer.Option("--edges", metavar="N", help="Rays through pixels where objects meet: 0 (off), 4, 8 or 16."),
+]
+Overrule = Annotated[
+    list[str] | None,
+    typer.Option("--overrule", metavar="LINE=VALUE", help="A line of `insitu plan`, such as teapot.1.theta_h=64."),
+]
+Accuracy = Annotated[
+    float | None,
+    typer.Option("--accuracy", min=0.0, max=1.0, help="From speed, 0, to accuracy, 1, in place of single knobs."),
+]
+Scheduler = Annotated[
+    str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Of a Dask cluster that does the work, HOST:PORT.")
+]
 Samples = Annotated[
     int | None,
     typer.Option("--samples", min=1, max=1 << 20, help="Paths a pixel of --reference; four times: half the noise."),
 ]
+
+
+def lines(overrule: list[str] | None) -> dict[str, Any]:
+    """What a person sets lines of the plan to."""
+    return dict(parse_assignment(text) for text in overrule or ())
 
 
 def assignments(

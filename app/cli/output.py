@@ -5,9 +5,13 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from app.project import Project
 from engine.plan import Plan, plan_lines
+
+if TYPE_CHECKING:
+    from app.measure.planning import Carried
 
 Report = Callable[[float, str], None]
 
@@ -27,14 +31,26 @@ def describe_plan(plan: Plan) -> Iterator[str]:
     if plan.cost is not None:
         cost = plan.cost
         yield (
-            f"about {cost.seconds:.0f} s ({cost.visibility_seconds:.0f} s of them shadows), "
+            f"about {cost.seconds / cost.n_cores:.0f} s on {cost.n_cores} cores ({cost.seconds:.0f} s of processors, "
+            f"{cost.visibility_seconds:.0f} s of them shadows, {cost.indirect_seconds:.0f} s indirect light), "
             f"{cost.memory_mib:.0f} MiB of main memory, {cost.disk_mib:.0f} MiB on disk, "
             f"{cost.gpu_mib:.0f} MiB on the GPU (largest layer selected)"
         )
-        yield (
-            f"extrapolated from {cost.n_sampled:,} of {cost.n_points:,} points: time within about a factor of two, "
-            "main memory within a third, what is stored within a tenth"
-        )
+        yield f"tried on {cost.n_sampled:,} of {cost.n_points:,} points and a few windows: within about 30 %"
+
+
+def describe_check(plan: Plan, was: Carried) -> str:
+    """What a plan cost when it was carried out, as one line."""
+    cost = plan.cost
+    if cost is None:
+        raise ValueError("expected a plan with its cost")
+    pairs = (
+        (was.seconds, cost.seconds, "s of processors"),
+        (was.memory_mib, cost.memory_mib, "MiB of main memory"),
+        (was.disk_mib, cost.disk_mib, "MiB on disk"),
+    )
+    said = (f"{is_:.0f} {unit} (planned {100 * (planned / max(is_, 1e-9) - 1):+.0f} %)" for is_, planned, unit in pairs)
+    return "carried out: " + ", ".join(said)
 
 
 @contextmanager

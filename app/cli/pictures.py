@@ -6,37 +6,45 @@ import sys
 import time
 from enum import Enum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from app.cli.console import complain
 from app.cli.frontend import Frontend
 from app.cli.options import (
+    Accuracy,
     Bounces,
+    Edges,
     KeptView,
     Lights,
+    Overrule,
     Patches,
     Resolution,
     Rotation,
     Samples,
     Scene,
+    Scheduler,
     Series,
     Time,
     Values,
     ViewName,
     assignments,
+    lines,
     window_size,
 )
 from app.cli.output import progress, tell_notes
 from app.machine.paths import state_problem
-from app.project import Project, open_project
+from app.project import ProjectWords
 from app.sources import find_source
 from engine.colour import view_named
 from engine.errors import InsituError
 from engine.indirect.series import BounceSeries, parse_series
 from engine.plan import N_LIGHTS, N_PATCHES
 from engine.scene.builtin import DEFAULT_SCENE
+
+if TYPE_CHECKING:
+    from app.frames import Frames
 
 
 class StillMode(Enum):
@@ -61,6 +69,8 @@ def render(
     reference: Annotated[
         bool, typer.Option("--reference", help="By brute force instead of transport: slow, to compare with.")
     ] = False,
+    edges: Edges = None,
+    overrule: Overrule = None,
     samples: Samples = None,
     view: ViewName = None,
     camera: KeptView = None,
@@ -79,6 +89,8 @@ def render(
             "--frames", metavar="N", min=1, max=10_000, help="N frames of the scene's animation, in a folder OUT/."
         ),
     ] = None,
+    scheduler: Scheduler = None,
+    accuracy: Accuracy = None,
 ) -> int:
     """Render a picture with the editor's engine, without a window."""
     if reference and mode is not StillMode.PLACEMENT:
@@ -86,18 +98,37 @@ def render(
     if mode is not StillMode.PLACEMENT and (series is not None or lights != N_LIGHTS):
         hint, name = "--lights" if series is None else "--series", mode.value.capitalize()
         raise typer.BadParameter(f"{name} cuts no lights and has no bands, expected --mode placement", param_hint=hint)
+    knobs = _knobs(accuracy, mode, reference, lights, patches)
+    lights, patches = knobs.pop("n_lights", lights), knobs.pop("n_patches", patches)
     chosen = None if series is None else parse_series(series)
     if bounces is not None:
         if chosen is not None and chosen.n_bounces != bounces:
             raise InsituError(f"--bounces {bounces} --series {series}: expected as many bounces in both")
         chosen = chosen or BounceSeries(bounces)
+    planned = lines(overrule)
+    if planned and (reference or mode is not StillMode.PLACEMENT):
+        other = "--reference" if reference else f"--mode {mode.value}"
+        raise InsituError(f"--overrule {next(iter(planned))} {other}: the plan is Placement's, expected one of them")
+    if "precision" in planned:
+        raise InsituError("--overrule precision: a still is made in single floats, expected another line of the plan")
     if samples is not None and not reference:
         raise InsituError(f"--samples {samples}: transport takes no samples, expected --reference as well")
     values = assignments(set_, rotation, time_)
+    if (turntable is not None or frames is not None) and mode is not StillMode.PLACEMENT and knobs:
+        many = "--turntable" if frames is None else "--frames"
+        raise InsituError(f"--accuracy {accuracy:g} {many}: expected --mode placement, or one picture")
     if turntable is not None or frames is not None:
+        from app.frames import Frames
+
         _check_frames(turntable, frames, mode, reference, time_)
-        project = open_project(scene, resolution, values, camera)
-        return _frames(project, output, turntable, frames, mode, lights, patches, chosen, view)
+        count, animated = (frames, True) if turntable is None else (turntable, False)
+        asked = Frames(count or 0, animated, mode.value, lights, patches, chosen)
+        words = ProjectWords(scene, resolution, tuple(values), camera, edges, tuple(planned.items()))
+        return _frames(words, output, asked, view, scheduler)
+    if scheduler is not None:
+        raise InsituError(
+            f"--scheduler {scheduler}: one picture is drawn here, expected --turntable or --frames as well"
+        )
     from app.stills import StillProgress, check_output, render_project, write_picture
     from engine.indirect.beyond import TOO_BRIGHT, is_beyond
 
@@ -106,7 +137,7 @@ def render(
     if shown is not None and output.suffix.lower() == ".exr":
         raise InsituError(f"--view {view}: {output} holds light itself, expected a name that ends in .png")
     started = time.monotonic()
-    project = open_project(scene, resolution, values, camera)
+    project = ProjectWords(scene, resolution, tuple(values), camera, edges, tuple(planned.items())).open()
     noise: float | None = None
     with progress() as report:
 
@@ -117,7 +148,7 @@ def render(
 
         still = render_project(
             project, follow, n_lights=lights, n_patches=patches, reference=reference, series=chosen, n_samples=samples,
-            estimates_error=True, mode=mode.value,
+            estimates_error=True, mode=mode.value, knobs=knobs,
         )  # fmt: skip
     tell_notes(project)
     picture, error = still.picture, still.error
@@ -135,6 +166,18 @@ def render(
     return 0
 
 
+def _knobs(accuracy: float | None, mode: StillMode, reference: bool, lights: int, patches: int) -> dict[str, int]:
+    """The knobs of the mode by name, where they are set by one number."""
+    if accuracy is None:
+        return {}
+    if reference or (lights, patches) != (N_LIGHTS, N_PATCHES):
+        other = "--reference" if reference else "--lights, --patches"
+        raise InsituError(f"--accuracy {accuracy:g} {other}: expected one of them")
+    from app.front import front
+
+    return dict(front().stop(mode.value, accuracy).knobs)
+
+
 def _check_frames(
     turntable: int | None, frames: int | None, mode: StillMode, reference: bool, time_: float | None
 ) -> None:
@@ -150,25 +193,23 @@ def _check_frames(
         raise InsituError(f"{asked} --time {time_:g}: expected one of them")
 
 
-def _frames(
-    project: Project, output: Path, turntable: int | None, animation: int | None, mode: StillMode, lights: int,
-    patches: int, series: BounceSeries | None, view: str | None,
-) -> int:  # fmt: skip
+def _frames(words: ProjectWords, output: Path, frames: Frames, view: str | None, scheduler: str | None) -> int:
     """Frames all around a scene or through its animation; those that are there already are kept."""
-    from app.cli.turntable import Frames, animate, turn
+    from app.cli.turntable import FrameFiles, draw_frames
+    from app.cluster.opened import opened
+    from app.frames import draw_here
 
-    count, draw = (turntable or 0, turn) if animation is None else (animation, animate)
-    started, frames = time.monotonic(), Frames.of(output, count)
-    if view is not None and frames.ending == ".exr":
+    started, files = time.monotonic(), FrameFiles.of(output, frames.count)
+    if view is not None and files.ending == ".exr":
         raise InsituError(f"--view {view}: {output} holds light itself, expected a name that ends in .png")
-    with progress() as report:
-        drawn = draw(
-            project, frames, lambda step: report(step.fraction, step.text), mode=mode.value, n_lights=lights,
-            n_patches=patches, series=series, view=project.view if view is None else view_named(view),
+    with progress() as report, opened(words, scheduler) as (project, cluster):
+        drawn = draw_frames(
+            project, frames, files, lambda step: report(step.fraction, step.text),
+            project.view if view is None else view_named(view), draw_here if cluster is None else cluster.draw,
         )  # fmt: skip
     tell_notes(project)
-    kept = f", {count - drawn} were there" if drawn < count else ""
-    print(f"{frames.folder}: {drawn} frames{kept}, {time.monotonic() - started:.1f} s")
+    kept = f", {frames.count - drawn} were there" if drawn < frames.count else ""
+    print(f"{files.folder}: {drawn} frames{kept}, {time.monotonic() - started:.1f} s")
     return 0
 
 

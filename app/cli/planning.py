@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import time
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 from app.project import Project
+from app.stills import wanted_bounces
 from engine.plan import N_LIGHTS, Plan, plan_scene
 from engine.render.bounces import planned_bounces
 from engine.render.pilot import estimate_cost
@@ -20,19 +21,24 @@ def plan_project(
     report: Callable[[StillProgress], None],
     *,
     n_lights: int = N_LIGHTS,
-    overrides: Mapping[str, Any] | None = None,
+    opening_seconds: float = 0.0,
 ) -> Plan:
-    """What the project requires and what that will cost. Raises InsituError for what cannot be overruled."""
+    """What the project requires and what that will cost; opening_seconds: what it took the processors to open it.
+
+    Raises InsituError for what cannot be overruled.
+    """
     layers, sky = project.layers, project.sky
     plan = plan_scene(
         project.scene, layers, has_sky=sky.environment is not None, editable=project.editable, n_lights=n_lights,
-        overrides=overrides,
+        overrides=project.overruled,
     )  # fmt: skip
-    placement = Placement(project.scene)
+    started = time.process_time()
+    placement = Placement(project.scene, n_edge_rays=plan.n_edge_rays)
+    opening_seconds += time.process_time() - started
     planned_layers = with_maps(placement, still_layers(layers.items(), project.object_names, plan))
-    wanted = plan.bounces if "bounces" in plan.overruled else project.n_bounces or plan.bounces
+    wanted = wanted_bounces(project, plan)
     bounces = planned_bounces(placement, project.indexed_layers, wanted)
     said = bounces.reason or ("as the session says" if wanted == project.n_bounces else plan.reasons["bounces"])
     reason = "; ".join(filter(None, (said, bounces.warning)))
     plan = replace(plan, bounces=bounces.n_bounces, reasons={**plan.reasons, "bounces": reason})
-    return finish(estimate_cost(placement, planned_layers, sky, plan), report)
+    return finish(estimate_cost(placement, planned_layers, sky, plan, opening_seconds=opening_seconds), report)

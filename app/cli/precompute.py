@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TypeVar
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeVar
 
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
@@ -19,11 +19,15 @@ from app.placement.curves import Curves
 from app.placement.messages import ErrorEstimated, EstimateError, StageDone
 from app.placement.transport_talk import TransportTalk
 from app.project import Project
+from app.scene_state import SceneState
 from app.view_state import AS_PLANNED
 from engine.errors import InsituError
-from engine.plan import N_LIGHTS, N_PATCHES
+from engine.plan import N_LIGHTS, N_PATCHES, plan_scene
 from engine.render.error_estimate import WHAT
 from engine.render.picture_error import ErrorEstimate
+
+if TYPE_CHECKING:
+    from app.cluster.opened import OnCluster
 
 Report = Callable[[Progress], None]
 Answer = TypeVar("Answer", bound=Response)
@@ -37,43 +41,83 @@ class CacheContents:
     error: ErrorEstimate
 
 
+@dataclass(frozen=True)
+class Filled:
+    """The worker that has filled a cache, the transport it was asked for, and how many bytes there are of it."""
+
+    client: InProcessClient
+    transport: int
+    scene: SceneState
+    n_bytes: int
+
+
 def precompute(
-    project: Project, report: Report, n_lights: int | None = None, store: Store | None = None
-) -> CacheContents:
+    project: Project, report: Report, n_lights: int | None = None, store: Store | None = None,
+    cluster: OnCluster | None = None,
+) -> CacheContents:  # fmt: skip
     """Compute all transport of a project into the cache, and its indirect light.
 
-    n_lights: None for as many as the editor would take; store: None for the editor's. Raises InsituError when it cannot
+    n_lights: None for as many as the editor would take; store: None for the editor's; cluster: who does the long work,
+    None for this process. Raises InsituError when it cannot
     be computed, or not be kept.
     """
-    store = store or Store()
+    filled = fill(project, report, n_lights, store or Store(), cluster)
+    report(Progress(WHAT, 0.0))
+    filled.client.send(EstimateError(filled.scene, revision=filled.transport))
+    return CacheContents(filled.n_bytes, _until(filled.client, ErrorEstimated, report).estimate)
+
+
+def fill(
+    project: Project, report: Report, n_lights: int | None, store: Store, cluster: OnCluster | None = None
+) -> Filled:
+    """The same as far as something is kept: the error is not estimated."""
+    planned = _overruled(project)
     store.require()
-    client = InProcessClient(Tasks(store, fills=True))
+    document, seen = project.document, project.scene
+    scene = OpenScene(document.source)
+    camera, bumps, n_edge_rays = seen.description.camera, document.new_bumps, planned["edges"]
+    view = LookFrom(0, camera, seen.resolution, document.poses, bumps, n_edge_rays)
+    labour = None if cluster is None else cluster.labour(scene, view, document)
+    client = InProcessClient(Tasks(store, fills=True, labour=labour))
     curves = Curves()
     talk = TransportTalk(client.send, curves)
-    scene = client.send(OpenScene(project.document.source))
+    number = client.send(scene)
     _until(client, SceneOpened, report)
-    document, seen = project.document, project.scene
-    camera = seen.description.camera
-    client.send(LookFrom(scene, camera, seen.resolution, document.poses, document.new_bumps))
+    client.send(replace(view, scene=number))
     _until(client, SceneSeen, report)
     talk.scene_opened()
-    n_bounces = project.n_bounces or project.scene.description.bounces or AS_PLANNED
-    n_lights = n_lights or project.n_lights or N_LIGHTS
     talk.update(
         time.monotonic(),
-        project.document,
+        document,
         None,
-        n_lights,
+        n_lights or planned["lights"] or N_LIGHTS,
         False,
-        n_bounces=n_bounces,
-        n_patches=project.n_patches or N_PATCHES,
+        n_bounces=planned["bounces"] or seen.description.bounces or AS_PLANNED,
+        n_patches=planned["patches"] or N_PATCHES,
     )
     while not (stage := _until(client, StageDone, report)).exact:
         pass
     store.require_kept()
-    report(Progress(WHAT, 0.0))
-    client.send(EstimateError(curves.scene_state(project.document), revision=talk.revision))
-    return CacheContents(stage.transport_bytes, _until(client, ErrorEstimated, report).estimate)
+    return Filled(client, talk.revision, curves.scene_state(document), stage.transport_bytes)
+
+
+def _overruled(project: Project) -> dict[str, int | None]:
+    """Lights, patches, bounces and rays at edges as a person or the session has overruled them, None: as planned.
+
+    Raises InsituError for another line: an editor that opens the scene would look for what it plans itself.
+    """
+    has = {
+        "lights": project.n_lights, "patches": project.n_patches, "bounces": project.n_bounces,
+        "edges": project.n_edge_rays,
+    }  # fmt: skip
+    lines = dict(project.overrules)
+    if others := [line for line in lines if line not in has]:
+        raise InsituError(f"--overrule {others[0]}: the editor plans that itself, expected one of {', '.join(has)}")
+    if not lines:
+        return has
+    plan = plan_scene(project.scene, {}, has_sky=project.sky.environment is not None, overrides=lines)
+    found = {"lights": plan.n_lights, "patches": plan.n_patches, "bounces": plan.bounces, "edges": plan.n_edge_rays}
+    return {**has, **{line: found[line] for line in lines}}
 
 
 def _until(client: InProcessClient, kind: type[Answer], report: Report) -> Answer:

@@ -12,10 +12,10 @@ import typer
 from app.cli.console import FAILED, INTERRUPTED, USAGE, complain
 from app.cli.exchange import export, export_brdf, import_brdf
 from app.cli.frontend import Frontend
-from app.cli.options import LIGHTS, Lights, Resolution, Scene, Values, assignments
-from app.cli.output import describe_plan, progress, tell_notes
+from app.cli.options import LIGHTS, Lights, Overrule, Resolution, Scene, Scheduler, Values, assignments, lines
+from app.cli.output import describe_check, describe_plan, progress, tell_notes
 from app.cli.pictures import render, screenshot
-from app.project import open_project, parse_assignment
+from app.project import ProjectWords
 from app.sources import find_source
 from engine.plan import N_LIGHTS
 from engine.scene.builtin import DEFAULT_SCENE, builtin_scenes
@@ -29,15 +29,16 @@ def edit(context: typer.Context, scene: Scene = DEFAULT_SCENE) -> int:
 
 def precompute(
     scene: Scene = DEFAULT_SCENE, set_: Values = None, lights: Annotated[int | None, LIGHTS] = None,
-    resolution: Resolution = None,
+    resolution: Resolution = None, overrule: Overrule = None, scheduler: Scheduler = None,
 ) -> int:  # fmt: skip
     """Fill the cache, so that the editor opens the scene at once; of a session with as many lights as it has."""
     from app.cli.precompute import precompute as fill
+    from app.cluster.opened import opened
 
     started = time.monotonic()
-    project = open_project(scene, resolution, assignments(set_))
-    with progress() as report:
-        done = fill(project, lambda step: report(step.fraction, f"{step.stage}: {step.text}"), lights)
+    words = ProjectWords(scene, resolution, tuple(assignments(set_)), overrules=tuple(lines(overrule).items()))
+    with progress() as report, opened(words, scheduler) as (project, cluster):
+        done = fill(project, lambda step: report(step.fraction, f"{step.stage}: {step.text}"), lights, cluster=cluster)
     megabytes, seconds = done.n_bytes / 2**20, time.monotonic() - started
     print(f"{scene}: {megabytes:.0f} MiB of transport, {seconds:.1f} s, {done.error.text}")
     if done.error.is_poor:
@@ -48,23 +49,30 @@ def precompute(
 def plan(
     scene: Scene = DEFAULT_SCENE,
     set_: Values = None,
-    overrule: Annotated[
-        list[str] | None, typer.Option("--overrule", metavar="LINE=VALUE", help="For example teapot.1.theta_h=64.")
-    ] = None,
+    overrule: Overrule = None,
     lights: Lights = N_LIGHTS,
     resolution: Resolution = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Carry it out as well, into an empty cache, and say what it did cost.")
+    ] = False,
 ) -> int:
     """Say what the scene requires, why, and what it will cost."""
     from app.cli.planning import plan_project
 
-    project = open_project(scene, resolution, assignments(set_))
+    started = time.process_time()
+    words = ProjectWords(scene, resolution, tuple(assignments(set_)), overrules=tuple(lines(overrule).items()))
+    project = words.open()
+    opening = time.process_time() - started
     with progress() as report:
         planned = plan_project(
-            project, lambda step: report(step.fraction, step.text), n_lights=lights,
-            overrides=dict(parse_assignment(text) for text in overrule or ()),
-        )  # fmt: skip
+            project, lambda step: report(step.fraction, step.text), n_lights=lights, opening_seconds=opening
+        )
     for line in describe_plan(planned):
         print(line)
+    if check:
+        from app.measure.planning import carried_out
+
+        print(describe_check(planned, carried_out(words, lights)))
     tell_notes(project)
     return 0
 
@@ -73,13 +81,17 @@ def measure(
     output: Annotated[Path, typer.Option("-o", "--output", help="The folder for figures, CSV and plots.")],
     scene: Scene = DEFAULT_SCENE,
     quick: Annotated[bool, typer.Option("--quick", help="Tiny pictures, to see that all works.")] = False,
+    only: Annotated[
+        list[str] | None,
+        typer.Option("--only", metavar="PART", help="A part alone: knobs, visibility, planning or figures."),
+    ] = None,
 ) -> int:
     """Measure speed against accuracy on this machine: CSV, plots, figures.json."""
     from app import measure as measuring
     from app.measure.ending import ended_in_order
 
     with ended_in_order():
-        measuring.run(find_source(scene), output, quick)
+        measuring.run(find_source(scene), output, quick, only=only or measuring.PARTS)
     return 0
 
 

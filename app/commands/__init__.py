@@ -24,11 +24,12 @@ from app.commands.material import AddLayers, RemoveLayer, SetMaterial
 from app.commands.paint import BlendByMap, ClearMap, Paint
 from app.commands.poses import AddDeformer, MoveDeformer, RemoveDeformer, SetDeformer, SetPose, SetTime
 from app.commands.series import SetFirstBands
+from app.commands.surfaces import SetSurface
 
 EditCommand = (
     SetParameter | SetModel | SetOperators | AddOperator | ReplaceOperator | RemoveOperator | MoveOperator
     | MuteOperator | CollapseOperators | ResetCurve | SetVisible | SetFrozen | SetFresnelTerm | SetEditable
     | SetBumps | SetMap | Paint | BlendByMap | ClearMap | SetMaterial | AddLayers | RemoveLayer | SetRotation
     | SetIntensity | SetEnvironment | SetMapping | SetEmission | SetFirstBands | SetPose | AddDeformer | SetDeformer
-    | MoveDeformer | RemoveDeformer | SetTime
+    | MoveDeformer | RemoveDeformer | SetTime | SetSurface
 )  # fmt: skip

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 from app.messages import LookFrom, OpenScene, Request, Response
-from app.orbit.messages import Quality
+from app.orbit.messages import EstimateDrawn, OrbitDrawn, Quality
 
 if TYPE_CHECKING:
     from app.scene_state import SceneState
+    from engine.deform.parts import Told
     from engine.deform.pose import Poses
     from engine.scene.description import Camera
+    from engine.scene.surface_kinds import SurfacesOf
 
 
 class Traced(NamedTuple):
@@ -25,10 +27,13 @@ class Traced(NamedTuple):
 @dataclass(frozen=True)
 class PrepareDeform(Request):
     """From now on draw this scene, whose layers are those that are seen; and make ready the transfer of all objects,
-    coarse first. Answered by `OrbitAdvanced` as often as pictures change by it, and by `DeformKnown`.
+    coarse first. Answered by `OrbitAdvanced` as often as pictures change by it, by `DeformKnown`, and where
+    paths are traced by `PathsTraced`.
 
-    posed: the objects that bend, by name, which have shadows of their own alone. traced: what is to be traced by paths
-    after that, as long as nothing else is asked for; each pass of it makes the pictures' version another.
+    posed: the objects that bend, by name, which have shadows of their own alone. surfaces: what is said of objects'
+    surfaces in the place of what the scene's file says. traced: what is to be traced by paths
+    after that, as long as nothing else is asked for; each pass of it makes the pictures' version another. n_rays: from
+    each point; n_lobes: that stand for what these find.
     """
 
     built_on = (LookFrom,)
@@ -36,13 +41,17 @@ class PrepareDeform(Request):
     scene: SceneState
     n_bounces: int = 0
     posed: tuple[str, ...] = ()
+    surfaces: SurfacesOf = ()
     traced: Traced | None = None
+    n_rays: int = 5000
+    n_lobes: int = 4
 
 
 @dataclass(frozen=True)
 class DrawDeform(Request):
     """Draw the scene from a camera, in so many pixels (width, height), in poses, of what is ready; answered by
-    `OrbitDrawn` or `OrbitUnknown`. split: see `ViewState`."""
+    `OrbitDrawn` or `OrbitUnknown`. split, fit_error: see `ViewState`. known: where the window draws it itself, the
+    numbers of the parts that it has (`engine.deform.parts`); then answered by `PoseTold`, where that can draw it."""
 
     built_on = (OpenScene,)
     quick = 0
@@ -54,6 +63,20 @@ class DrawDeform(Request):
     quality: Quality
     poses: Poses = ()
     split: tuple[float, float] | None = None
+    fit_error: bool = False
+    known: tuple[int, int] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class PoseTold(OrbitDrawn):
+    """What the window draws a picture of; radiance is empty."""
+
+    told: Told = field(kw_only=True)
+
+
+@dataclass(frozen=True)
+class EstimateDeform(EstimateDrawn):
+    """How far off pictures are that `DrawDeform` asks for."""
 
 
 @dataclass(frozen=True)
@@ -62,3 +85,11 @@ class DeformKnown(Response):
     name; of objects that are not matt alone."""
 
     lost: tuple[tuple[str, float], ...]
+
+
+@dataclass(frozen=True)
+class PathsTraced(Response):
+    """So many passes of paths are in pictures, of so many that are to be."""
+
+    n_passes: int
+    of: int

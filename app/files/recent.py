@@ -6,6 +6,7 @@ nothing but the memory.
 
 from __future__ import annotations
 
+import os
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,7 +40,7 @@ class RecentFiles:
         """The newest first."""
         now = time.monotonic()
         if now - self._looked_at > FRESH_SECONDS:
-            self._looked = tuple(Recent(path, path.is_file()) for path in self._paths)
+            self._looked = tuple(Recent(path, os.path.isfile(path)) for path in self._paths)
             self._looked_at = now
         return self._looked
 

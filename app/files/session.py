@@ -36,6 +36,7 @@ from engine.material.parameters import ParameterError
 from engine.plan import N_PATCHES
 from engine.scene.complaints import first_complaint
 from engine.scene.description import MAX_BOUNCES, MAX_OBJECTS, Camera, Name, Number, Pixels, Radiance, Text
+from engine.scene.surface_kinds import DeformSurface
 from engine.scene.toml_text import check_version, load_toml, toml_lines, toml_value
 
 SUFFIX = SESSION_ENDING
@@ -82,6 +83,7 @@ class ObjectRecord(StrictModel):
     emission: Radiance | None = None
     layers: tuple[LayerRecord, ...] = Field(default=(), alias="layer", max_length=MAX_LAYERS)
     bumps: SavedBumps | None = None
+    deform: DeformSurface | None = None
     time: Number | None = None
     clip: Text | None = None
     deformers: tuple[DeformerRecord, ...] = Field(default=(), alias="deformer", max_length=MAX_DEFORMERS)
@@ -113,6 +115,11 @@ class ViewRecord(StrictModel):
     n_patches: Annotated[int, Field(ge=20, le=20000, strict=True)] = N_PATCHES
     n_bounces: Annotated[int, Field(ge=AS_PLANNED, le=MAX_BOUNCES, strict=True)] = 1
     second_bands: Literal[1, 8, 16] | None = None
+    n_edge_rays: Literal[0, 4, 8, 16] | None = None
+    n_points: Annotated[int, Field(ge=0, le=200_000, strict=True)] = 40_000
+    n_coefficients: Annotated[int, Field(ge=20, le=1280, strict=True)] = 320
+    n_rays: Annotated[int, Field(ge=32, le=20000, strict=True)] = 5000
+    n_lobes: Annotated[int, Field(ge=1, le=4, strict=True)] = 4
     precision: Literal["half", "float"] = "half"
     camera: Camera | None = None
     resolution: tuple[Pixels, Pixels] | None = None
@@ -254,10 +261,11 @@ def _shining_as_in(scene: ObjectState, saved: ObjectState) -> ObjectState:
     saved."""
     emission = saved.emission or scene.emission if scene.emits else None
     new = saved.new_bumps if saved.new_bumps != scene.own_bumps and not scene.emits else None
-    layers = saved.layers or scene.layers
+    surface = saved.new_surface if saved.new_surface != scene.own_surface and not scene.emits else None
     return replace(
-        saved, emission=emission, layers=layers, own_bumps=scene.own_bumps, new_bumps=new, animations=scene.animations
-    )
+        saved, emission=emission, layers=saved.layers or scene.layers, animations=scene.animations,
+        own_bumps=scene.own_bumps, new_bumps=new, own_surface=scene.own_surface, new_surface=surface,
+    )  # fmt: skip
 
 
 def _check_moment(scene: ObjectState, moment: Moment | None, file: str) -> None:
@@ -293,6 +301,8 @@ def _object_lines(state: ObjectState, folder: Path | None) -> Iterator[str]:
     yield from toml_lines({"name": state.name, **switches, "emission": state.emission})
     if state.new_bumps is not None:
         yield f"bumps = {toml_value(bump_parts(state.new_bumps))}"
+    if state.new_surface is not None:
+        yield f"deform = {toml_value(state.new_surface.model_dump(exclude_none=True))}"
     if state.moment is not None:
         yield from toml_lines(vars(state.moment))
     yield from layer_lines(state.layers, "object.layer", folder)
@@ -333,6 +343,7 @@ def _object(file: str, record: ObjectRecord) -> ObjectState:
         deformations,
         moment,
         new_bumps=record.bumps,
+        new_surface=record.deform,
     )
 
 

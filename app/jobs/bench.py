@@ -16,18 +16,20 @@ import numpy as np
 from app.document import LightState
 from app.jobs.cache import Store, content_key
 from app.jobs.kernels import Kernels
+from app.jobs.labour import Here, Labour
 from app.messages import LookFrom, Noted, SkyImage
 from app.sky import sky_of
 from engine.deform.pose import Poses
 from engine.deform.posed_scene import posed
 from engine.errors import InsituError
 from engine.light.environment import Environment, downsampled, load_environment
+from engine.plan import planned_edge_rays
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
 from engine.transport.pipeline import Placement, SkyState
 
 # Raised when anything that changes the numbers in a cached array changes.
-CACHE_VERSION = 4
+CACHE_VERSION = 5
 BACKGROUND_HEIGHT = 1024
 
 
@@ -35,13 +37,17 @@ class Bench:
     """The shared state of the worker.
 
     kernels: what is to be ready before the first picture; None where nobody prepares them. fills: only fill the cache;
-    results are neither held nor answered with.
+    results are neither held nor answered with. labour: who does the long work, None for this process.
     """
 
-    def __init__(self, store: Store | None = None, kernels: Kernels | None = None, fills: bool = False) -> None:
+    def __init__(
+        self, store: Store | None = None, kernels: Kernels | None = None, fills: bool = False,
+        labour: Labour | None = None,
+    ) -> None:  # fmt: skip
         self.store = store or Store()
         self.kernels = kernels
         self.fills = fills
+        self.labour = labour or Here()
         self.geometry_key = self.view_key = ""
         self.view_id = 0
         self._placement: Placement | None = None
@@ -73,10 +79,12 @@ class Bench:
         if seen.scene is None:
             raise InsituError("no scene is open")
         scene, caster = seen.posed(request.poses)
-        placement = Placement(scene.bumped(dict(request.bumps)).seen_from(request.camera, request.resolution), caster)
+        n_edge_rays = planned_edge_rays(scene) if request.n_edge_rays is None else request.n_edge_rays
+        scene = scene.bumped(dict(request.bumps)).seen_from(request.camera, request.resolution)
+        placement = Placement(scene, caster, n_edge_rays)
         self._scene, self._loaded = seen, _Loaded()
         self._placement, self.view_id = placement, request.id
-        self.geometry_key = _geometry_key(placement.scene)
+        self.geometry_key = _geometry_key(placement.scene, n_edge_rays)
         self.view_key = _view_key(placement, self.geometry_key)
         self._sky_shown = None
 
@@ -133,10 +141,10 @@ def _view_key(placement: Placement, geometry: str) -> str:
     return content_key(geometry, placement.hits.normal)
 
 
-def _geometry_key(scene: Scene) -> str:
+def _geometry_key(scene: Scene, n_edge_rays: int) -> str:
     """What visibility hangs on of the view."""
     camera = scene.description.camera.model_dump_json()
     return content_key(
-        CACHE_VERSION, camera, scene.resolution, scene.vertices, scene.normals, scene.triangles,
+        CACHE_VERSION, camera, scene.resolution, n_edge_rays, scene.vertices, scene.normals, scene.triangles,
         scene.object_of_triangle, scene.smooth, scene.emission,
     )  # fmt: skip

@@ -6,12 +6,21 @@ Making ready goes on where it was left off, whoever ended that; what was fitted 
 from __future__ import annotations
 
 import time
+from collections.abc import Generator
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from app.deform.messages import DeformKnown, DrawDeform, PrepareDeform, Traced
+from app.deform.messages import (
+    DeformKnown,
+    DrawDeform,
+    EstimateDeform,
+    PathsTraced,
+    PoseTold,
+    PrepareDeform,
+    Traced,
+)
 from app.jobs.bench import Bench
 from app.jobs.cache import Store, content_key
 from app.jobs.kernels import FIRST_TIME, are_compiled, note_compiled
@@ -23,7 +32,7 @@ from app.mode import ModeWork
 from app.orbit.messages import OrbitAdvanced, OrbitDrawn, OrbitUnknown
 from engine.scene.description import CameraDescription
 from engine.scene.load import Scene
-from engine.stored_arrays import ArrayReader, Arrays
+from engine.stored_arrays import ArrayReader, Arrays, UnsoundArrays
 from engine.transport.pipeline import SkyState
 
 if TYPE_CHECKING:
@@ -33,11 +42,14 @@ if TYPE_CHECKING:
     from engine.deform.zonal import Zonal
 
 STAGE = DEFORM = "deform"
+_NO_PICTURE = np.zeros((0, 0, 3), np.float32)
+_ROUNDING = 1e-5  # of axes in single precision
 
 
 class DeformWork(ModeWork):
     """What pictures of the open scene are drawn of, and by which request that is to be changed last."""
 
+    n_points: int | None = None
     n_rays: int | None = None
 
     def __init__(self, bench: Bench) -> None:
@@ -49,7 +61,7 @@ class DeformWork(ModeWork):
 
     @property
     def handlers(self) -> Handlers:
-        return {PrepareDeform: self._prepare, DrawDeform: self._draw}
+        return {PrepareDeform: self._prepare, DrawDeform: self._draw, EstimateDeform: self._estimate}
 
     def scene_seen(self) -> None:
         scene = self._bench.resting_scene
@@ -69,7 +81,9 @@ class DeformWork(ModeWork):
         deform.shine(dict(scene.emission))
         deform.set_light(sky)
         deform.set_layers(layers_by_object(deform.scene, scene.layers))
+        deform.set_surfaces(request.surfaces)
         deform.set_posed(request.posed)
+        deform.set_effort(self.n_rays or request.n_rays, request.n_lobes)
         if request.n_bounces:
             deform.set_bounces(request.n_bounces)
         self._prepared = request.id
@@ -98,10 +112,12 @@ class DeformWork(ModeWork):
             scene = deform.scene.seen_from(wanted.camera, wanted.resolution)
             self._truth = made_of, Truth(scene, wanted.poses)
         truth = self._truth[1]
+        yield PathsTraced(truth.n_passes, N_PASSES)
         while truth.n_passes < N_PASSES:
             for _ in truth.trace(layers, sky, n_bounces):
                 yield Progress(STAGE, truth.n_passes / N_PASSES, text="paths")
             deform.version += 1
+            yield PathsTraced(truth.n_passes, N_PASSES)
             yield OrbitAdvanced(deform.version, deform.is_done, deform.n_bytes)
 
     def _draw(self, request: DrawDeform) -> Steps:
@@ -111,10 +127,33 @@ class DeformWork(ModeWork):
             return
         started = time.monotonic()
         camera = deform.scene.seen_from(request.camera).description.camera
-        picture = deform.draw(camera, request.resolution, request.poses, request.quality)
+        told = None if request.known is None else deform.told(camera, request.poses, request.known)
+        if told is not None:
+            picture = _NO_PICTURE
+        elif request.fit_error:
+            picture = deform.draw_errors(camera, request.resolution, request.poses)
+        else:
+            picture = deform.draw(camera, request.resolution, request.poses, request.quality)
         if request.split is not None:
             picture = self._beside(picture, deform, camera, request, request.split)
-        yield OrbitDrawn(picture, self._prepared, deform.version, deform.is_done, time.monotonic() - started)
+        seconds, carried = time.monotonic() - started, tuple(deform.carried(request.poses).items())
+        drawn = picture, self._prepared, deform.version, deform.is_done, seconds, carried
+        yield OrbitDrawn(*drawn) if told is None else PoseTold(*drawn, told=told)
+
+    def _estimate(self, request: EstimateDeform) -> Steps:
+        from app.jobs.error_estimate import estimated_drawn
+
+        deform = self._deform
+        if deform is None or not deform.is_ready:
+            yield OrbitUnknown()
+            return
+
+        def drawing(wanted: DrawDeform) -> Generator[None, None, NDArray[np.float32]]:
+            camera = deform.scene.seen_from(wanted.camera).description.camera
+            yield
+            return deform.draw(camera, wanted.resolution, wanted.poses, wanted.quality)
+
+        yield from estimated_drawn(request, self._bench, request.n_bounces or 1, drawing)
 
     def _beside(
         self, picture: NDArray[np.float32], deform: Deform, camera: CameraDescription, request: DrawDeform,
@@ -133,10 +172,10 @@ class DeformWork(ModeWork):
 
     def _made(self) -> Deform:
         if self._deform is None:
-            from engine.deform.live import N_RAYS, Deform
+            from engine.deform.live import N_POINTS, Deform
 
-            scene = self._bench.resting_scene
-            self._deform = Deform(scene, n_rays=self.n_rays or N_RAYS, shelf=StoredLobes(self._bench.store))
+            scene, shelf = self._bench.resting_scene, StoredLobes(self._bench.store)
+            self._deform = Deform(scene, self.n_points or N_POINTS, shelf=shelf)
         return self._deform
 
 
@@ -146,9 +185,9 @@ class StoredLobes:
     def __init__(self, store: Store) -> None:
         self._store = store
 
-    def get(self, made_of: tuple[object, ...]) -> Zonal | None:
-        """What was kept; None where there is nothing, or nothing sound."""
-        return self._store.get(_key(made_of), _zonal)
+    def get(self, made_of: tuple[object, ...], n_places: int) -> Zonal | None:
+        """What was kept of so many places; None where there is nothing, or nothing sound."""
+        return self._store.get(_key(made_of), lambda arrays: stored_lobes(arrays, n_places))
 
     def put(self, made_of: tuple[object, ...], zonal: Zonal) -> None:
         arrays: dict[str, NDArray[np.generic]] = {
@@ -161,10 +200,17 @@ def _key(made_of: tuple[object, ...]) -> str:
     return content_key("deform lobes 1", *made_of)  # type: ignore[arg-type]
 
 
-def _zonal(arrays: Arrays) -> Zonal:
+def stored_lobes(arrays: Arrays, n_places: int) -> Zonal:
+    """Lobes of so many places, as pictures are drawn of. Raises UnsoundArrays."""
+    from engine.deform.live import N_LOBES
+    from engine.deform.object_transfer import ORDER
     from engine.deform.zonal import Zonal
 
-    reader = ArrayReader(arrays)
+    reader = ArrayReader(arrays, points=n_places, order=ORDER)
     low, axes = reader.take("low", np.float32, "points", 4), reader.take("axes", np.float32, "points", "lobes", 3)
     coefficients = reader.take("coefficients", np.float32, "points", "lobes", "order")
+    if not 1 <= reader.sizes["lobes"] <= N_LOBES:
+        raise UnsoundArrays(f"{reader.sizes['lobes']} lobes, expected 1 to {N_LOBES}")
+    if (np.abs(np.linalg.norm(axes.astype(np.float64), axis=2) - 1.0) > _ROUNDING).any():
+        raise UnsoundArrays("'axes' are not of length 1")
     return Zonal(low, axes, coefficients, reader.take("errors", np.float32, "points"))

@@ -1,28 +1,37 @@
-"""The worker's estimate of the error of the picture that it made: its radiance once more, and how far off that is.
+"""The worker's estimate of the error of a picture that it made: its radiance once more, and how far off that is.
 
-What the window shows is the same sums: transport under the curves as they are, and indirect light as it was found.
+What the window shows of Placement is the same sums: transport under the curves as they are, and indirect light as it
+was found. What other modes draw is held against the same truth, of the view that is open.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from app.jobs.bench import Bench
+from app.jobs.kernels import ESTIMATE
 from app.jobs.layer_data import STAGES, LayerData, shape_of
 from app.messages import Response
+from app.orbit.messages import DrawnEstimated, EstimateDrawn
 from app.placement.messages import ErrorEstimated, EstimateError
 from app.scene_state import LayerState
 from engine.errors import InsituError
 from engine.indirect.light import IndirectLight
-from engine.render.error_estimate import estimate_error
+from engine.plan import band_counts
+from engine.render.error_estimate import MAP_POINTS, N_POINTS, Judged, judge, judge_drawn
+from engine.render.error_map import Colours, error_colours
 from engine.render.indirect import reflected_light
 from engine.render.picture_error import ErrorEstimate
 from engine.render.still import StillLayer, seen_as, with_maps
 from engine.steps import told_as
 from engine.transport.pipeline import FINAL, Placement, Quality
+
+Drawing = Generator[object, None, NDArray[np.float32]]
 
 
 def estimated(
@@ -54,9 +63,42 @@ def estimated(
         indirect = yield from reflected_light(found, layers, request.second_bands, placement.hits)
         radiance += indirect
     sky = bench.sky(first.lit_by.light)
-    estimating = estimate_error(placement, layers, sky, quality, n_bounces, radiance, indirect)
-    estimate = yield from told_as(estimating, lambda step: None)  # without a word: nobody waits for it
-    yield ErrorEstimated(estimate)
+    n_points = MAP_POINTS if request.has_map else N_POINTS
+    judging = judge(placement, layers, sky, quality, n_bounces, radiance, indirect, n_points=n_points)
+    judged = yield from told_as(judging, lambda step: None)  # without a word: nobody waits for it
+    yield ErrorEstimated(judged.estimate, (yield from _colours(request.has_map, placement, judged)))
+
+
+def estimated_drawn(
+    request: EstimateDrawn, bench: Bench, n_bounces: int, drawing: Callable[[Any], Drawing]
+) -> Iterator[Response | None]:
+    """The answer. drawing: makes a picture (h, w, 3) that is asked for. n_bounces: after how many reflections."""
+    if bench.kernels is not None:
+        for _ in bench.kernels.until_ready(ESTIMATE):
+            yield None
+    pictures = []
+    for wanted in (request.at_rest, request.moving):
+        pictures.append((yield from told_as(drawing(wanted), lambda step: None)))
+    placement, scene = bench.open_placement, request.scene
+    placement.shine(dict(scene.emission))
+    layers = with_maps(placement, (_with_own_bands(state, placement) for state in scene.layers))
+    yield None
+    n_points = MAP_POINTS if request.has_map else N_POINTS
+    judging = judge_drawn(placement, layers, bench.sky(scene.light), n_bounces, pictures, n_points=n_points)
+    at_rest, moving = yield from told_as(judging, lambda step: None)
+    colours = yield from _colours(request.has_map, placement, at_rest)
+    yield DrawnEstimated(at_rest.estimate, moving.estimate, colours)
+
+
+def _colours(is_wanted: bool, placement: Placement, judged: Judged) -> Generator[None, None, Colours | None]:
+    """Where the picture is off."""
+    return (yield from error_colours(placement.hits, judged)) if is_wanted else None
+
+
+def _with_own_bands(state: LayerState, placement: Placement) -> StillLayer:
+    """A layer with the bands that its curves need."""
+    first, second = (*band_counts(state.layer).values(), 1, 1)[:2]
+    return StillLayer(placement.scene.object_index(state.object), state.layer, (first, second), False)
 
 
 def _quality(data: LayerData) -> Quality:

@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from app.jobs.cache import Store, content_key
+from app.jobs.labour import FindingLight
 from app.jobs.tiles import Tiles
 from app.messages import Progress, Response
 from app.placement.messages import BouncesPlanned, Freeze, Frozen, IndirectFound, IndirectNoise
@@ -36,6 +37,7 @@ from engine.stored_arrays import Arrays
 from engine.transport.pipeline import Placement, SkyState
 
 Steps = Iterator[Response | None]
+Elsewhere = Callable[[Sequence[LayerState], str, int], FindingLight | None]
 # Raised when anything changes the numbers in what is kept on disk.
 STORED_VERSION = 7
 MOST_PARTS = 1024
@@ -73,11 +75,12 @@ class IndirectTasks:
     """Indirect light of the scene that is open, and the freezing that was asked for last."""
 
     def __init__(
-        self, placement: Placement, store: Store | None = None, scene_key: str = "", scene_id: int = 0
-    ) -> None:
+        self, placement: Placement, store: Store | None = None, scene_key: str = "", scene_id: int = 0,
+        elsewhere: Elsewhere | None = None,
+    ) -> None:  # fmt: skip
         """store: where fine light is kept for the next time, under keys of the scene, None for nowhere; scene_id: the
-        number of the request that opened it."""
-        self._placement, self._store, self._scene_key = placement, store, scene_key
+        number of the request that opened it; elsewhere: who may find fine light for this process, see `Labour`."""
+        self._placement, self._store, self._scene_key, self._elsewhere = placement, store, scene_key, elsewhere
         self._found: _Found | None = None
         self._wish: Freeze | None = None
         self._scene_id = scene_id
@@ -136,6 +139,12 @@ class IndirectTasks:
         kept = None if self._store is None else self._store.get(key, lambda arrays: solver(FINE).restored(arrays))
         if kept is not None:
             yield from self._hold(_Found(kept, FINE, models, lit_by, n_bounces, 0))
+            return
+        finding = self._elsewhere(layers, lit_by, n_bounces) if is_last and self._elsewhere else None
+        if self._store is not None and finding is not None:
+            arrays = yield from finding
+            self._store.put(key, arrays)
+            yield from self._hold(_Found(solver(FINE).restored(arrays), FINE, models, lit_by, n_bounces, 0))
             return
         reflecting = [self._reflecting(each) for each in layers]
         fineness = FINE if is_last else ROUGH

@@ -15,6 +15,7 @@ is not ready is compiled when it is called.
 from __future__ import annotations
 
 import contextlib
+import functools
 import gc
 import importlib.metadata
 import logging
@@ -47,7 +48,7 @@ LATER_PART = "later"
 COMPILING = "compiling, first start only"
 FIRST_TIME = "compiling for this computer, kept for later starts"
 # How many files the compiled kernels of the first picture are, about equally long to make.
-N_FILES = 52
+N_FILES = 56
 _COMPILER_SECONDS = 300.0
 # How long one step of waiting for them takes.
 _STEP_SECONDS = 0.05
@@ -91,6 +92,13 @@ class Kernels:
                 self._later.wait(_STEP_SECONDS)
                 self._later = None
             yield
+
+    def close(self) -> None:
+        """End the process that still compiles what is wanted later; what it has compiled is kept."""
+        if self._later is not None:
+            self._later.kill()
+            self._later.wait()
+            self._later = None
 
     def prepare_here(self, patience_s: float | None = _COMPILER_SECONDS) -> None:
         """Make all ready, and wait for it; for each of the other processes so long, None for as long as it takes."""
@@ -149,8 +157,13 @@ def _mark(what: str) -> Path | None:
     """The file that says so: by these sources, these compilers, this machine."""
     if NUMBA_VARIABLE not in os.environ:
         return None
-    versions = (importlib.metadata.version("numba"), platform.python_version(), platform.node())
-    return Path(os.environ[NUMBA_VARIABLE]) / "-".join((f"ready{what}", kernel_digest(), *versions))
+    return Path(os.environ[NUMBA_VARIABLE]) / f"ready{what}-{kernel_digest()}-{_compiler()}"
+
+
+@functools.cache
+def _compiler() -> str:
+    """What compiles here; found among the installed packages, which takes milliseconds."""
+    return "-".join((importlib.metadata.version("numba"), platform.python_version(), platform.node()))
 
 
 def compile_all() -> None:
@@ -184,6 +197,7 @@ def rehearse(part: str) -> None:
         rehearsal.rehearse_footprint()
         rehearsal.rehearse_projection()
     else:
+        rehearsal.rehearse_edges()
         rehearsal.rehearse_projection_details()
         rehearsal.rehearse_light()
 

@@ -7,8 +7,11 @@ material, a person. A picture is a quick one; it never waits for more than a ste
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
 
 from app.document import RGB
 from app.jobs.bench import Bench
@@ -18,7 +21,16 @@ from app.jobs.measured import ensure_tables
 from app.jobs.schedule import Handlers, Steps
 from app.messages import Progress
 from app.mode import ModeWork
-from app.orbit.messages import DrawOrbit, OrbitAdvanced, OrbitDrawn, OrbitUnknown, PrepareOrbit
+from app.orbit.messages import (
+    DrawOrbit,
+    EstimateOrbit,
+    LookOrbit,
+    OrbitAdvanced,
+    OrbitDrawn,
+    OrbitTold,
+    OrbitUnknown,
+    PrepareOrbit,
+)
 from app.scene_state import LayerState
 from engine.material.bumps import Bumps
 from engine.material.layer import Layer
@@ -28,6 +40,8 @@ from engine.steps import told_as
 
 if TYPE_CHECKING:
     from engine.orbit.live import Orbit
+    from engine.orbit.telling import Telling
+    from engine.render.still import StillProgress
 
 STAGE = "orbit"
 
@@ -35,18 +49,25 @@ STAGE = "orbit"
 class OrbitWork(ModeWork):
     """What pictures of the open scene are drawn of, and by which request that is to be changed last."""
 
-    n_points = 40_000
+    n_points: int | None = None
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
         self._orbit: Orbit | None = None
         self._caster: RayCaster | None = None
         self._prepared = 0
+        self._telling: tuple[int, Telling] | None = None
         self._emission: tuple[tuple[str, RGB], ...] = ()
+        self._effort: tuple[int, ...] = ()
 
     @property
     def handlers(self) -> Handlers:
-        return {PrepareOrbit: self._prepare, DrawOrbit: self._draw}
+        return {
+            PrepareOrbit: self._prepare,
+            DrawOrbit: self._draw,
+            LookOrbit: self._look,
+            EstimateOrbit: self._estimate,
+        }
 
     def scene_seen(self) -> None:
         caster = self._bench.open_placement.caster
@@ -59,7 +80,7 @@ class OrbitWork(ModeWork):
         sky = self._bench.sky(scene.light)
         if (image := self._bench.sky_image(sky, scene.light)) is not None:
             yield image
-        orbit = self._made()
+        orbit = self._made(self.n_points or request.n_points, request.n_coefficients)
         if not orbit.n_bytes:  # nothing is placed yet
             self._bench.store.get(_key(orbit), orbit.restore)
         if scene.emission != self._emission:
@@ -77,13 +98,32 @@ class OrbitWork(ModeWork):
                 if told is None and first_time:
                     yield from _rehearsed(orbit)
                 told = orbit.version
+                yield from self._tell(orbit, request)
                 yield OrbitAdvanced(orbit.version, orbit.is_done, orbit.n_bytes)
             yield Progress(STAGE, step.fraction, text=FIRST_TIME if first_time else step.text)
         if first_time:
             note_compiled(ORBIT)
+        yield from self._tell(orbit, request)
         yield OrbitAdvanced(orbit.version, orbit.is_done, orbit.n_bytes)
         if orbit.has_traced:
             self._bench.store.put(_key(orbit), orbit.stored())
+
+    def _tell(self, orbit: Orbit, request: PrepareOrbit) -> Steps:
+        """What the listener does not know yet."""
+        from engine.orbit.telling import Telling
+
+        if not request.listener:
+            self._telling = None
+            return
+        if self._telling is None or self._telling[0] != request.listener:
+            self._telling = request.listener, Telling(request.most_bytes)
+        for part in self._telling[1].parts(orbit):
+            yield OrbitTold(part)
+
+    def _look(self, request: LookOrbit) -> Steps:
+        if self._orbit is not None:
+            self._orbit.look(self._orbit.scene.seen_from(request.camera).description.camera)
+        yield from ()
 
     def _draw(self, request: DrawOrbit) -> Steps:
         orbit = self._orbit
@@ -91,23 +131,39 @@ class OrbitWork(ModeWork):
             yield OrbitUnknown()
             return
         started, prepared, version, was_done = time.monotonic(), self._prepared, orbit.version, orbit.is_done
-        camera = orbit.scene.seen_from(request.camera).description.camera
-        drawing = orbit.drawing(camera, request.resolution, request.quality, request.n_coefficients)
-        picture = yield from told_as(drawing, lambda step: None)
+        picture = yield from told_as(_drawing(orbit, request), lambda step: None)
         is_done = was_done and orbit.is_done  # it may have seen what nothing was made ready for, such as backs
         yield OrbitDrawn(picture, prepared, version, is_done, time.monotonic() - started)
 
-    def _made(self) -> Orbit:
-        if self._orbit is None:
+    def _estimate(self, request: EstimateOrbit) -> Steps:
+        from app.jobs.error_estimate import estimated_drawn
+
+        orbit = self._orbit
+        if orbit is None or not orbit.is_ready:
+            yield OrbitUnknown()
+            return
+        yield from estimated_drawn(request, self._bench, orbit.n_bounces, lambda wanted: _drawing(orbit, wanted))
+
+    def _made(self, *effort: int) -> Orbit:
+        """That of the scene which is open; another one where it is to have other points, or coefficients at each."""
+        if self._orbit is None or effort != self._effort:
             from engine.orbit.live import Orbit
 
-            self._orbit = Orbit(self._bench.open_placement.scene, self._caster, self.n_points)
+            scene = self._bench.open_placement.scene
+            self._orbit, self._telling = Orbit(scene, self._caster, *effort), None
+            self._effort, self._emission = effort, ()
         return self._orbit
+
+
+def _drawing(orbit: Orbit, wanted: DrawOrbit) -> Generator[StillProgress, None, NDArray[np.float32]]:
+    """The picture that is asked for, piece by piece."""
+    camera = orbit.scene.seen_from(wanted.camera).description.camera
+    return orbit.drawing(camera, wanted.resolution, wanted.quality, wanted.n_coefficients, has_soft_edges=True)
 
 
 def _key(orbit: Orbit) -> str:
     """Under which its visibility is kept."""
-    return content_key("orbit visibility 1", *orbit.geometry)
+    return content_key("orbit visibility 2", *orbit.geometry)
 
 
 def _bumps(scene: Scene) -> dict[str, Bumps]:

@@ -53,7 +53,7 @@ from engine.stored_arrays import ArrayReader, Arrays, n_bytes_of
 from engine.transport.bandstore import BandStore
 from engine.transport.fixed import FixedPicture
 from engine.transport.pipeline import COARSE, DRAG, FINAL, PREVIEW, Placement, Quality, SkyState
-from engine.transport.projection import TILE, VisibleLight, project_layer
+from engine.transport.projection import TILE, VisibleLight
 
 if TYPE_CHECKING:
     from app.jobs.indirect import IndirectTasks
@@ -206,7 +206,9 @@ class PlacementWork(ModeWork):
             from app.jobs.indirect import IndirectTasks
 
             bench = self._bench
-            self._indirect = IndirectTasks(bench.open_placement, self._cache, bench.view_key, bench.view_id)
+            self._indirect = IndirectTasks(
+                bench.open_placement, self._cache, bench.view_key, bench.view_id, bench.labour.indirect
+            )
         return self._indirect
 
     def _selected_first(self, request: ComputeTransport) -> list[LayerState]:
@@ -313,7 +315,8 @@ class PlacementWork(ModeWork):
     ) -> Generator[Response | None, None, VisibleLight]:
         was_done = bool(placement.sphere.done.all())
         light = yield from told_as(
-            placement.light(sky, quality), lambda fraction: clock.progress(0.3 * fraction, "shadows")
+            self._bench.labour.light(placement, sky, quality),
+            lambda fraction: clock.progress(0.3 * fraction, "shadows"),
         )
         if not was_done and placement.sphere.done.all():
             self._cache.put(content_key("visibility", self._bench.geometry_key), {"bits": placement.sphere.bits})
@@ -327,9 +330,10 @@ class PlacementWork(ModeWork):
         shape = shape_of(work)
         parts: dict[int, dict[str, np.ndarray]] = {}
         if not light_key or not len(rows):
-            for tile in project_layer(placement.hits, rows, light, shape):
-                parts[tile.begin] = kept_of_tile(work, tile)
-                yield clock.progress(0.3 + 0.7 * (done + tile.begin) / total, work.key)
+            for tile in self._bench.labour.project(placement, rows, light, shape):
+                if tile is not None:
+                    parts[tile.begin] = kept_of_tile(work, tile)
+                yield clock.progress(0.3 + 0.7 * (done + len(parts) * TILE) / total, work.key)
             return joined(work, parts)
         key = _transport_key(light_key, work)
         kept = self._cache.get(key, partial(store_of, work, len(rows)))
@@ -340,9 +344,10 @@ class PlacementWork(ModeWork):
             return FixedPicture(kept.radiance(*both_curves(work)))
         with self._cache.open_tiles(key, -(-len(rows) // TILE)) as file:
             tiles = LayerParts(work, len(rows), file, held=not self._bench.fills)
-            for tile in project_layer(placement.hits, rows, light, shape, tiles.complete):
-                tiles.add(tile)
-                yield clock.progress(0.3 + 0.7 * (done + tile.begin) / total, work.key)
+            for tile in self._bench.labour.project(placement, rows, light, shape, tiles.complete):
+                if tile is not None:
+                    tiles.add(tile)
+                yield clock.progress(0.3 + 0.7 * (done + len(tiles.complete) * TILE) / total, work.key)
             arrays = tiles.arrays()
             if self._cache.put(key, arrays):
                 file.finish()

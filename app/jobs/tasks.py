@@ -11,6 +11,7 @@ from app.document import document_from_description
 from app.jobs.bench import Bench
 from app.jobs.cache import Store
 from app.jobs.kernels import Kernels
+from app.jobs.labour import Labour
 from app.jobs.measured import described_paths, hand_out, read_files, read_for, write_file
 from app.jobs.schedule import Steps
 from app.measurements import document_with_read, layers_of_document, unread_files, with_read
@@ -38,9 +39,9 @@ class Tasks:
 
     def __init__(
         self, store: Store | None = None, kernels: Kernels | None = None, fills: bool = False,
-        modes: Sequence[Mode] = MODES,
+        modes: Sequence[Mode] = MODES, labour: Labour | None = None,
     ) -> None:  # fmt: skip
-        self.bench = Bench(store, kernels, fills)
+        self.bench = Bench(store, kernels, fills, labour)
         self._works = [named(mode.work)(self.bench) for mode in modes]
         self._handlers: dict[type[Request], Callable[[Any], Steps]] = {
             OpenScene: self._open,

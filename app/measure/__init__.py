@@ -4,10 +4,14 @@
             ─► sweep (against the oracle) ──┼─► figures.json, sweep.csv, plots
             ─► launches (window, renderer) ─┤
     cornell, room ─► indirect light ────────┤
+    teatray, bunny ─► edges ────────────────┤
     stairwell, ajar, storeroom ─► rooms ────┤
     the storeroom's balls ─► gloss ─────────┤
     teatray, bunny, rings ─► orbit ─────────┤
-    teatray, turned ─► relighting ──────────┘
+    teatray, turned ─► relighting, turning ─┘
+    subject, a relief ─► knobs ─► knobs.csv, front.json, report.md, plots
+    shapes, bunny, plant, dominoes ─► visibility ─► visibility.csv, its tables and plot
+    every scene ─► planning ─► planning.csv
 
 `figures` names what was promised and its limits; `speed` and `accuracy` measure in this process, `launches` starts the
 window and the renderer's measurements as programs of their own, because nothing here may touch GL. What cannot be
@@ -18,22 +22,26 @@ from __future__ import annotations
 
 import statistics
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from app.measure.accuracy import REFERENCES, Errors, reference_errors, reference_folder
 from app.measure.deform import DeformEffort, deform_figures
+from app.measure.edges import EdgeEffort, edge_figures
 from app.measure.figures import Figure, NotMeasured, not_measured, summary_lines, write_figures
 from app.measure.gloss import GlossEffort, gloss_figures
 from app.measure.indirect import QUICKLY as INDIRECT_QUICKLY
 from app.measure.indirect import IndirectEffort, indirect_figures
+from app.measure.knob_study import QUICKLY as KNOBS_QUICKLY
+from app.measure.knob_study import KnobEffort, measure_knobs
 from app.measure.launches import Launch, Screen, launch, measure_renderer, open_screen
 from app.measure.machine import load_average, machine_facts
 from app.measure.orbit import OrbitEffort, orbit_figures
+from app.measure.planning import PlanEffort, measure_plans
 from app.measure.plots import write_plots
 from app.measure.relighting import RelightEffort, relight_figures
 from app.measure.rooms import RoomEffort, room_figures
@@ -48,10 +56,17 @@ from app.measure.speed import (
 )
 from app.measure.subject import Subject, at_most, open_subject
 from app.measure.sweep import QUICK, Grid, SweepResult, largest_on_gpu, run_sweep, write_csv
+from app.measure.turning import TurningEffort, turning_errors, write_turning
+from app.measure.visibility import QUICKLY as VISIBILITY_QUICKLY
+from app.measure.visibility import VisibilityEffort, visibility_rows, write_visibility
+from engine.errors import InsituError
 from engine.scene.builtin import DEFAULT_SCENE
 from engine.transport.pipeline import FINAL, PREVIEW, Placement
 
-__all__ = ["FULL", "QUICKLY", "Effort", "run"]
+__all__ = ["FULL", "PARTS", "QUICKLY", "Effort", "Part", "run"]
+
+Part = Literal["knobs", "figures", "visibility", "planning"]
+PARTS: tuple[Part, ...] = get_args(Part)
 
 
 @dataclass(frozen=True)
@@ -73,18 +88,25 @@ class Effort:
     timeout_s: float = 1800.0
     grid: Grid = field(default_factory=Grid)
     indirect: IndirectEffort = field(default_factory=IndirectEffort)
+    edges: EdgeEffort | None = field(default_factory=EdgeEffort)
     rooms: RoomEffort | None = field(default_factory=RoomEffort)
     gloss: GlossEffort | None = field(default_factory=GlossEffort)
     orbit: OrbitEffort | None = field(default_factory=OrbitEffort)
     deform: DeformEffort | None = field(default_factory=DeformEffort)
     relight: RelightEffort | None = field(default_factory=RelightEffort)
+    turning: TurningEffort | None = field(default_factory=TurningEffort)
+    planning: PlanEffort | None = field(default_factory=PlanEffort)
+    visibility: VisibilityEffort = field(default_factory=VisibilityEffort)
+    knobs: KnobEffort = field(default_factory=KnobEffort)
 
 
 FULL = Effort("full")
 VISIBILITY_RESOLUTION = 512, 512
 QUICKLY = Effort(
-    "quick", 1, 1, 0, 10, 64, 200_000, 300, False, 300.0, QUICK, INDIRECT_QUICKLY, None, None, None, None, None
-)
+    "quick", 1, 1, 0, 10, 64, 200_000, 300, False, 300.0, QUICK, INDIRECT_QUICKLY, edges=None, rooms=None, gloss=None,
+    orbit=None, deform=None, relight=None, turning=None, visibility=VISIBILITY_QUICKLY,
+    knobs=KNOBS_QUICKLY, planning=None,
+)  # fmt: skip
 
 
 def run(
@@ -93,16 +115,31 @@ def run(
     quick: bool = False,
     report: Callable[[str], None] = print,
     effort: Effort | None = None,
+    only: Sequence[str] = PARTS,
 ) -> list[Figure]:
     """Measure a scene (built-in name or file) into a folder: figures.json, tables as CSV and plots; the figures.
 
-    The figures of indirect light are of the built-in Cornell box and room, whatever the scene.
+    The figures of indirect light are of the built-in Cornell box and room, whatever the scene, and visibility is that
+    of scenes after the thesis'.
 
     quick: tiny pictures and single repetitions, to see that all is well; such numbers say nothing about speed. report
-    is told what is at work and, in the end, every figure. Raises InsituError when the scene cannot be opened.
+    is told what is at work and, in the end, every figure. only: which of `PARTS`. Raises InsituError when the scene
+    cannot be opened or there is no such part.
     """
+    if unknown := [name for name in only if name not in PARTS]:
+        raise InsituError(f"no part {unknown[0]!r}, expected one of {', '.join(PARTS)}")
     effort = effort or (QUICKLY if quick else FULL)
     output.mkdir(parents=True, exist_ok=True)
+    if "knobs" in only:
+        measure_knobs(source, output, effort.knobs, report)
+    if "visibility" in only:
+        write_visibility(output, visibility_rows(effort.visibility, report))
+    if "planning" in only and effort.planning is not None:
+        measure_plans(effort.planning, output, report)
+    return _measured_figures(source, output, effort, report) if "figures" in only else []
+
+
+def _measured_figures(source: str, output: Path, effort: Effort, report: Callable[[str], None]) -> list[Figure]:
     facts = machine_facts()
     subject = _open(source, effort.side)
     with tempfile.TemporaryDirectory(prefix="insitu-measure-") as name:
@@ -110,10 +147,13 @@ def run(
         figures += indirect_figures(
             effort.indirect, effort.repetitions, effort.references, Path(name), output, effort.timeout_s, report
         )
+    figures += edge_figures(effort.edges, report)
     figures += room_figures(effort.rooms, report)
     figures += gloss_figures(effort.gloss, report)
     figures += orbit_figures(effort.orbit, output, report)
     figures += relight_figures(effort.relight, report)
+    if effort.turning is not None:
+        write_turning(output, turning_errors(effort.turning, report))
     figures += deform_figures(effort.deform, report)
     sweep_source = _open(source, effort.grid.side)
     report(f"sweep at {_size(sweep_source)}")

@@ -6,6 +6,9 @@ themselves. A bent one is judged against rays in its new pose, beside transfer t
 
 from __future__ import annotations
 
+import json
+import statistics
+import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -15,7 +18,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from app.measure.figures import Figure, not_measured
+from app.measure.figures import Figure, NotMeasured, not_measured
+from app.measure.launches import run_program
 from engine.deform.fit_errors import MESH, fit_errors, random_vectors, shadowed_mesh
 from engine.deform.live import N_LOBES, ORDER, Deform, band_light_of, finished
 from engine.deform.points import BendingPoints, bending_points
@@ -35,11 +39,13 @@ from engine.transport.pipeline import SkyState
 Floats = NDArray[np.float64]
 
 NAMES = (
-    "zh_error_random_6", "zh_error_mesh_3", "zh_fit_s", "deform_fps", "deform_error_bent", "deform_error_undeformed",
+    "zh_error_random_6", "zh_error_mesh_3", "zh_fit_s", "deform_fps", "deform_fps_gpu", "deform_error_bent",
+    "deform_error_undeformed",
 )  # fmt: skip
 # Sockets, a nose and a mouth: where (x, y) on the ball, how far out, how wide.
 _FEATURES = ((0.35, 0.2, -0.22, 0.2), (-0.35, 0.2, -0.22, 0.2), (0.0, 0.0, 0.3, 0.16), (0.0, -0.4, -0.15, 0.25))
 BEND = Deformation("bend", 60.0)
+ON_GRAPHICS_CARD, GRAPHICS_CARD_SECONDS = "ui.measure_deform", 300.0
 NORM = "rms of the error over rms of the signal, as [Sloan05] has it"
 
 
@@ -82,6 +88,7 @@ def deform_figures(effort: DeformEffort | None, report: Callable[[str], None]) -
         ),
         Figure("zh_fit_s", (seconds,), f"rays and {N_LOBES} lobes, {how}", {"processor_s": cpu}),
         Figure("deform_fps", tuple(_frames(scene, effort)), f"{how}, {N_LOBES} lobes, matt, another pose each frame"),
+        _on_graphics_card(effort),
         Figure("deform_error_bent", (ours,), bent),
         Figure("deform_error_undeformed", (undeformed,), f"{bent}; transfer as at rest, not turned"),
     ]
@@ -118,7 +125,7 @@ def _scene(vertices: Floats, triangles: NDArray[np.integer]) -> Scene:
         return load_scene(Path(folder, "relief.toml"))
 
 
-def _sky() -> SkyState:
+def varied_sky() -> SkyState:
     """A bright side, and another colour from below."""
     image = np.full((32, 64, 3), 0.15, np.float32)
     image[4:12, 40:52] = (6.0, 5.0, 4.0)
@@ -130,7 +137,7 @@ def _bent_errors(
     scene: Scene, points: BendingPoints, vectors: Floats, zonal_lobes: Lobes, n_rays: int
 ) -> tuple[float, float]:
     """relRMSE of lobes that turn, and of transfer that does not."""
-    light = band_light_of(_sky())
+    light = band_light_of(varied_sky())
     harmonics = np.asarray(light.harmonics, np.float64)
     rest = points.resting(0)
     pose = deformed(rest, (BEND,))
@@ -148,16 +155,40 @@ def _relative(found: NDArray[np.floating], truth: Floats) -> float:
     return float(np.sqrt(((found - truth) ** 2).mean()) / truth.mean())
 
 
+def _on_graphics_card(effort: DeformEffort) -> Figure:
+    """Frames a second there, where there is one."""
+    name = "deform_fps_gpu"
+    with tempfile.TemporaryDirectory(prefix="insitu-measure-") as folder:
+        output = Path(folder, "frames.json")
+        command = [sys.executable, "-m", ON_GRAPHICS_CARD, str(output), "--frames", str(effort.n_frames)]
+        try:
+            run_program(command, Path(folder), GRAPHICS_CARD_SECONDS)
+        except NotMeasured as reason:
+            return not_measured(name, str(reason))
+        found = json.loads(output.read_text())
+    how = f"shaders on {found['renderer']}: matt, another pose each frame, which is computed and sent"
+    return Figure(name, tuple(found["matt"]), how, {"glossy": statistics.median(found["glossy"])})
+
+
 def _frames(scene: Scene, effort: DeformEffort) -> list[float]:
     """Frames a second, each in another pose."""
-    deform = Deform(scene, n_points=0, n_rays=16)  # by how many rays lobes came about, no frame knows
-    deform.set_light(_sky())
-    deform.set_layers({0: (make_layer(MODELS["lambert"], {"albedo": (0.6, 0.5, 0.4)}),)})
-    deform.set_posed(["relief"])
-    finished(deform)
+    deform = _drawn(scene)
     camera, rates = scene.description.camera, []
     for i in range(effort.n_frames + 1):
         begun = time.perf_counter()
         deform.draw(camera, effort.resolution, (("relief", (Deformation("bend", 1.0 + i),)),))
         rates.append(1.0 / (time.perf_counter() - begun))
     return rates[1:]  # the first compiles
+
+
+def mesh_for_frames(effort: DeformEffort) -> Deform:
+    """What frames are drawn of, ready; its relief bends."""
+    return _drawn(relief(effort.columns, effort.rows))
+
+
+def _drawn(scene: Scene) -> Deform:
+    deform = Deform(scene, n_points=0, n_rays=16)  # by how many rays lobes came about, no frame knows
+    deform.set_light(varied_sky())
+    deform.set_layers({0: (make_layer(MODELS["lambert"], {"albedo": (0.6, 0.5, 0.4)}),)})
+    deform.set_posed(["relief"])
+    return finished(deform)

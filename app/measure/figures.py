@@ -75,12 +75,15 @@ SPECS |= {
     for kind, limit in _OF_A_ROOM.items()
 }
 SPECS |= {name: Spec("relRMSE", 0.05) for name in ("room_gloss_direct_error", "room_gloss_error")}
+SPECS |= {f"edge_error_{name}": Spec("relRMSE", 0.025) for name in ("teatray", "bunny")}
+SPECS |= {f"edge_cost_{name}": Spec("of transport without edges", 1.5) for name in ("teatray", "bunny")}
 SPECS |= {
     "orbit_error_teatray_320": Spec("relRMSE", 0.06),
     "orbit_error_bunny_320": Spec("relRMSE", 0.06),
     "orbit_rest_error_teatray": Spec("relRMSE", 0.04),
     "orbit_rest_error_bunny": Spec("relRMSE", 0.025),
     "orbit_fps_moving": Spec("frames/s", 15.0, more_is_better=True),
+    "orbit_fps_gpu": Spec("frames/s", 100.0, more_is_better=True),
     "orbit_rest_s": Spec("s", 0.5),
     "orbit_edit_s": Spec("s", 0.5),
     "orbit_precompute_s": Spec("s", 30.0),
@@ -92,6 +95,7 @@ SPECS |= {
     "zh_error_mesh_3": Spec("RMS", 0.045),
     "zh_fit_s": Spec("s", 60.0),
     "deform_fps": Spec("frames/s", 30.0, more_is_better=True),
+    "deform_fps_gpu": Spec("frames/s", 500.0, more_is_better=True),
     "deform_error_bent": Spec("relRMSE", 0.1),
     "deform_error_undeformed": Spec("relRMSE", None),
 }

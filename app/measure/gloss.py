@@ -56,12 +56,13 @@ def _figure(name: str, n_bounces: int, effort: GlossEffort) -> Figure:
 
 
 def ball_in_view(ball: str, resolution: tuple[int, int] = WINDOW) -> Project:
-    """The room through a window in whose middle the ball is, in so many pixels."""
+    """The room through a window in whose middle the ball is, in so many pixels; rays pass through their centres, as
+    the judges' do."""
     project = open_project(ROOM)
     camera = project.scene.description.camera
     fov_y = 2.0 * math.degrees(math.atan(math.tan(math.radians(camera.fov_y) / 2) * WINDOW[1] / HEIGHT))
     close = camera.model_copy(update={"target": BALLS[ball], "fov_y": fov_y})
-    return replace(project, scene=project.scene.seen_from(close, resolution))
+    return replace(project, scene=project.scene.seen_from(close, resolution), n_edge_rays=0)
 
 
 def error_on_ball(ball: str, project: Project, ours: NDArray[np.floating], truth: NDArray[np.floating]) -> Errors:

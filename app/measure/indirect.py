@@ -20,7 +20,7 @@ from app.measure.representations import CSV as REPRESENTATIONS_CSV
 from app.measure.representations import representation_rows
 from app.measure.representations import write_rows as write_representations
 from app.measure.subject import at_most, open_subject
-from app.project import open_project
+from app.project import open_project, with_edges
 from app.stills import render_picture
 from engine.indirect.series import parse_series
 from engine.transport.pipeline import Placement
@@ -176,7 +176,7 @@ def _reference_figures(name: str) -> Sequence[Figure]:
 def series_errors(folder: Path, name: str, text: str) -> Errors:
     """A reference scene with four bounces against the path-traced picture of as many."""
     series = parse_series(text)
-    project = open_project(str(folder / f"{name}.toml"))
+    project = with_edges(open_project(str(folder / f"{name}.toml")), 0)  # rays of the references pass centres alone
     ours = render_picture(project, lambda step: None, series=series)
     truth, mask = masked_reference(folder, name, series.n_bounces, Placement(project.scene).hits)
     if ours.shape != truth.shape:

@@ -29,6 +29,7 @@ Milestone = Literal["first_frame", "scene", "first_layer", "first_picture", "exa
 ROOT = Path(__file__).resolve().parents[2]
 RENDERER = "ui.measure_gl"
 INDIRECT = "ui.measure_indirect"
+ORBIT = "ui.measure_orbit"
 SCREEN = "1440x900x24"
 LOOK_SECONDS = 0.02
 GRACE_SECONDS = 5.0
@@ -189,6 +190,14 @@ def measure_indirect(
     options = ["--repetitions", str(repetitions), "--rounds", str(rounds), *_resolution(resolution)]
     run_program([sys.executable, "-m", INDIRECT, source, str(output), *options], folder, timeout_s)
     return json.loads(output.read_text()), output.with_suffix(".npz")
+
+
+def measure_orbit(source: str, options: Sequence[str], folder: Path, timeout_s: float) -> dict[str, Any]:
+    """What `python -m ui.measure_orbit` finds. Raises NotMeasured with its words, as where OpenGL is software."""
+    output = folder / "orbit.json"
+    run_program([sys.executable, "-m", ORBIT, source, str(output), *options], folder, timeout_s)
+    found: dict[str, Any] = json.loads(output.read_text())
+    return found
 
 
 def run_program(command: Sequence[str], folder: Path, timeout_s: float) -> None:

@@ -6,6 +6,7 @@ Right is judged at random pixels inside of objects, in direct light, against bru
 from __future__ import annotations
 
 import csv
+import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from app.measure.accuracy import errors, reference_folder
 from app.measure.figures import Figure, NotMeasured, not_measured
+from app.measure.launches import measure_orbit
 from app.measure.truncation import Truncated, truncation_errors, write_truncation
 from app.project import Project, open_project
 from engine.light.environment import Environment
@@ -35,13 +37,15 @@ NAMES = (
     *(f"orbit_error_{name}_{N_NAMED}" for name in JUDGED),
     *(f"orbit_rest_error_{name}" for name in JUDGED),
     *SPEEDS,
+    "orbit_fps_gpu",
 )
 
 
 @dataclass(frozen=True)
 class OrbitEffort:
     """Pixels that are judged and in how many directions, 20·4^level; coefficients; the speeds' picture and frames; and
-    points besides the meshes' own vertices, where the speed and where the error is measured."""
+    points besides the meshes' own vertices, where the speed and where the error is measured; the picture that a
+    graphics card draws, and for how long it may."""
 
     n_pixels: int = 300
     level: int = 6
@@ -50,6 +54,8 @@ class OrbitEffort:
     n_frames: int = 30
     n_points: int = 256 * 256
     n_judged_points: int = N_POINTS
+    gpu_resolution: tuple[int, int] = (1024, 768)
+    timeout_s: float = 600.0
 
 
 def orbit_figures(effort: OrbitEffort | None, output: Path, report: Callable[[str], None]) -> list[Figure]:
@@ -78,7 +84,22 @@ def orbit_figures(effort: OrbitEffort | None, output: Path, report: Callable[[st
     if truncated:
         write_truncation(output, truncated)
     report(f"Orbit's speed: {SCENE}")
-    return figures + speed_figures(open_project(SCENE, effort.resolution), effort)
+    return [*figures, *speed_figures(open_project(SCENE, effort.resolution), effort), gpu_figure(effort)]
+
+
+def gpu_figure(effort: OrbitEffort) -> Figure:
+    """Frames a second that shaders draw while the camera moves, by 320 coefficients; by fewer among its parts."""
+    width, height = map(str, effort.gpu_resolution)
+    options = ["--resolution", width, height, "--points", str(effort.n_points), "--frames", str(effort.n_frames)]
+    try:
+        with tempfile.TemporaryDirectory(prefix="insitu-orbit-") as folder:
+            found = measure_orbit(SCENE, options, Path(folder), effort.timeout_s)
+    except NotMeasured as error:
+        return not_measured("orbit_fps_gpu", str(error))
+    rates = found.pop("fps")
+    how = f"{SCENE}, {effort.n_points} points between its vertices, {width}x{height}, {N_NAMED} coefficients"
+    medians = {f"fps_{n}": float(np.median(each)) for n, each in rates.items()}
+    return Figure("orbit_fps_gpu", tuple(rates[str(N_NAMED)]), how, medians | found)
 
 
 def _truncation(name: str, project: Project, effort: OrbitEffort) -> list[Truncated]:
@@ -117,14 +138,14 @@ def errors_by_coefficients(project: Project, effort: OrbitEffort) -> list[tuple[
 
 def speed_figures(project: Project, effort: OrbitEffort) -> list[Figure]:
     """Of one scene: making ready, frames while the camera moves, a picture at rest, an edit until it is whole."""
-    layers, camera = _layers_of(project), project.scene.description.camera
+    layers, camera, sky = _layers_of(project), project.scene.description.camera, project.sky
     orbit = Orbit(project.scene, n_points=200)
-    _wait(orbit, project.sky, layers, n_bounces=2)
+    _wait(orbit, sky, layers, n_bounces=2)
     for quality in ("moving", "rest"):  # compiled before anything is timed
         orbit.draw(camera, (32, 24), quality)  # type: ignore[arg-type]
     begun = time.perf_counter()
     orbit = Orbit(project.scene, n_points=effort.n_points)
-    _wait(orbit, project.sky, layers, n_bounces=project.scene.description.bounces or 1)
+    _wait(orbit, sky, layers, n_bounces=project.scene.description.bounces or 1)
     made = time.perf_counter() - begun
     frames = []
     for k in range(effort.n_frames):
@@ -138,7 +159,7 @@ def speed_figures(project: Project, effort: OrbitEffort) -> list[Figure]:
     for _step in orbit.work():  # backs that these pictures have seen are no part of an edit
         pass
     first, whole = _edit_seconds(orbit, project, layers, effort.resolution)
-    stall = _turn_stall(orbit, project.sky, effort.n_frames)
+    stall = _turn_stall(orbit, sky, effort.n_frames)
     size = f"{effort.resolution[0]}x{effort.resolution[1]}"
     how = f"{SCENE}, {len(project.scene.vertices)} vertices and {effort.n_points} points between them"
     parts = {"mb": orbit.n_bytes / 1e6, "stored_mb": sum(a.nbytes for a in orbit.stored().values()) / 1e6}

@@ -18,7 +18,7 @@ from __future__ import annotations
 import os
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -49,12 +49,14 @@ Pictures = NDArray[np.floating]
 
 @dataclass(frozen=True, eq=False)
 class Stills:
-    """The peer's stills: pictures (n, H, W, 3), seconds (n,) with compiled kernels, samples each."""
+    """The peer's stills: pictures (n, H, W, 3), seconds (n,) with compiled kernels, samples each; cpu_seconds (n,): of
+    processor time."""
 
     pictures: Pictures
     seconds: NDArray[np.floating]
     samples: int
     made_with: str
+    cpu_seconds: NDArray[np.floating] | None = None
 
     def still_seconds(self, mask: NDArray[np.bool_], error: float) -> float:
         """What one still with this error would take."""
@@ -126,14 +128,15 @@ def peer_python() -> str:
 
 def render_stills(
     python: str, source: Path, resolution: tuple[int, int], n_bounces: int, scratch: Path, timeout_s: float,
-    samples: int = SAMPLES, n_stills: int = N_STILLS,
+    samples: int = SAMPLES, n_stills: int = N_STILLS, edit: Sequence[str] = (),
 ) -> Stills:  # fmt: skip
-    """Have the peer render; raises NotMeasured with its last words."""
+    """Have the peer render; edit: object, layer, parameter and JSON value that are not as the file has them. Raises
+    NotMeasured with its last words."""
     output = scratch / "stills.npz"
     numbers = (*resolution, n_bounces, samples, n_stills)
-    run_program([python, str(PROGRAM), str(source), str(output), *map(str, numbers)], scratch, timeout_s)
+    run_program([python, str(PROGRAM), str(source), str(output), *map(str, numbers), *edit], scratch, timeout_s)
     with np.load(output) as found:
-        return Stills(found["pictures"], found["seconds"], samples, str(found["made_with"]))
+        return Stills(found["pictures"], found["seconds"], samples, str(found["made_with"]), found["cpu_seconds"])
 
 
 def inner_pixels(hits: PrimaryHits) -> NDArray[np.bool_]:

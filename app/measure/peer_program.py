@@ -1,18 +1,21 @@
 """Stills of a scene by Mitsuba 3: run by an interpreter that has it, never imported by the project.
 
-    PYTHON peer_program.py SCENE.toml OUT.npz WIDTH HEIGHT BOUNCES SAMPLES STILLS
+    PYTHON peer_program.py SCENE.toml OUT.npz WIDTH HEIGHT BOUNCES SAMPLES STILLS [OBJECT LAYER PARAMETER VALUE]
 
-Writes pictures (n, H, W, 3), each from its own seed, the seconds (n,) of each, and what they were made with. A small
-still before them, which is not timed, has Mitsuba's kernels compiled. A pixel is averaged over its area, as in a usual
-still.
+Writes pictures (n, H, W, 3), each from its own seed, the seconds (n,) of each and of processor time, and what they were
+made with. The last four arguments change one parameter of a layer, by its number, to a JSON value. A small still before
+them, which is not timed, has Mitsuba's kernels compiled. A pixel is averaged over its area, as in a usual still.
 
-Understood are layers `lambert` and `rough_conductor` (at most one of each on an object) and emission; other scenes end
-with one line. Mitsuba has no sum of two materials, but a blend: w a/w + (1 - w) b/(1 - w) = a + b.
+Understood are layers `lambert` and `rough_conductor` (at most one of each on an object), emission and a lat-long file
+as environment; other scenes end with one line. Mitsuba reads row i of an environment of H rows at i / (H - 1), others
+at the middles of pixels: it gets a map that it reads as it was meant. Mitsuba has no sum of two materials, but a blend:
+w a/w + (1 - w) b/(1 - w) = a + b.
 """
 
 from __future__ import annotations
 
 import ctypes.util
+import json
 import os
 import sys
 import time
@@ -91,9 +94,26 @@ def shape(described: dict[str, Any], folder: Path) -> dict[str, Any]:
     return made
 
 
+def environment(described: dict[str, Any], folder: Path) -> dict[str, Any]:
+    image = mi.Bitmap(str(folder / described["file"])).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False)
+    radiance = np.array(image, np.float64)
+    n_rows, n_columns = radiance.shape[:2]
+    y = np.clip(np.arange(2 * n_rows + 1) / 2 - 0.5, 0, n_rows - 1)
+    x = (np.arange(2 * n_columns) + 0.5) / 2 - 0.5
+    row, column = np.minimum(y.astype(int), n_rows - 2), np.floor(x).astype(int)
+    down, right = (y - row)[:, None, None], (x - column)[None, :, None]
+    across = radiance[:, column % n_columns] * (1 - right) + radiance[:, (column + 1) % n_columns] * right
+    return {
+        "type": "envmap",
+        "bitmap": mi.Bitmap((across[row] * (1 - down) + across[row + 1] * down).astype(np.float32)),
+        "scale": float(described.get("scale", 1.0)),
+        "to_world": mi.ScalarTransform4f().rotate([0, 1, 0], 180.0 + described.get("rotation", 0.0)),
+    }
+
+
 def scene_of(described: dict[str, Any], folder: Path, size: tuple[int, int], bounces: int) -> Any:
-    if "environment" in described:
-        sys.exit("environment: no counterpart")
+    if "file" not in described.get("environment", {"file": ""}) or "mapping" in described.get("environment", {}):
+        sys.exit("environment: no counterpart but of a lat-long file")
     camera = described["camera"]
     up = camera.get("up", [0, 1, 0])
     film = {"type": "hdrfilm", "width": size[0], "height": size[1], "pixel_format": "rgb"}
@@ -110,6 +130,8 @@ def scene_of(described: dict[str, Any], folder: Path, size: tuple[int, int], bou
             "sampler": {"type": "multijitter"},
         },
     }
+    if "environment" in described:
+        parts["environment"] = environment(described["environment"], folder)
     for i, each in enumerate(described["object"]):
         parts[f"object{i}"] = shape(each, folder)
     return mi.load_dict(parts)
@@ -118,16 +140,22 @@ def scene_of(described: dict[str, Any], folder: Path, size: tuple[int, int], bou
 def main() -> None:
     source, output = Path(sys.argv[1]), Path(sys.argv[2])
     width, height, bounces, samples, n_stills = map(int, sys.argv[3:8])
+    described = tomllib.loads(source.read_text())
+    for name, layer, parameter, value in [sys.argv[8:]] if sys.argv[8:] else []:
+        changed = next(each for each in described["object"] if each["name"] == name)
+        changed["layer"][int(layer)][parameter] = json.loads(value)
     mi.set_variant(VARIANT)
-    scene = scene_of(tomllib.loads(source.read_text()), source.parent, (width, height), bounces)
+    scene = scene_of(described, source.parent, (width, height), bounces)
     np.array(mi.render(scene, seed=n_stills, spp=WARM_UP))
-    pictures, seconds = [], []
+    pictures, seconds, used = [], [], []
     for seed in range(n_stills):
-        started = time.perf_counter()
+        started, before = time.perf_counter(), time.process_time()
         pictures.append(np.array(mi.render(scene, seed=seed, spp=samples), np.float32))
         seconds.append(time.perf_counter() - started)
+        used.append(time.process_time() - before)
     made_with = f"Mitsuba {mi.__version__} ({VARIANT})"
-    np.savez(output, pictures=np.stack(pictures), seconds=np.array(seconds), made_with=np.array(made_with))
+    times = np.array(seconds), np.array(used)
+    np.savez(output, pictures=np.stack(pictures), seconds=times[0], cpu_seconds=times[1], made_with=np.array(made_with))
 
 
 if __name__ == "__main__":

@@ -16,7 +16,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
 from app.machine.atomic import save_file
-from app.measure.sweep import SweepRow, pareto_front
+from app.measure.knobs import pareto_front
+from app.measure.sweep import SweepRow
 
 SIZE = (8.0, 5.0)
 DPI = 150

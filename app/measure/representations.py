@@ -14,13 +14,16 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import astuple, dataclass, fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from app.document import document_from_description
 from app.machine.atomic import save_file
 from app.measure.dense import DenseTensor
 from app.measure.growth import SOURCE, cut
+from app.measure.knobs import Knob, Shown
 from app.measure.subject import at_most, open_subject
 from app.sky import sky_of
 from engine.indirect.layers import IndirectLayer, indirect_layer
@@ -67,11 +70,7 @@ def compare(
     scene: Scene, n_objects: int, n_bounces: int, fineness: Fineness = FINENESS
 ) -> tuple[RepresentationRow, RepresentationRow]:
     """Both representations of a cut scene."""
-    layers = [indirect_layer(i, make_layer(MODELS[MODEL]), (N_BANDS,)) for i in range(n_objects)]
-    sky = sky_of(scene, document_from_description(SOURCE, scene.description).light)
-    models = {layer.i_object: [MODEL] for layer in layers}
-    solver = Solver(Placement(scene), models, sky, n_bounces, fineness, glossy=False)
-    light = finish(solver.solve(layers))
+    light, layers = _traced(scene, n_objects, n_bounces, fineness)
     traced = light.points.gathered.n_bytes + light.light.n_bytes
 
     def row(name: str, made: Representation, made_s: float, read: int) -> RepresentationRow:
@@ -87,15 +86,53 @@ def compare(
     return first, row(DENSE, dense, time.process_time() - started, 0)
 
 
+def _traced(
+    scene: Scene, n_objects: int, n_bounces: int, fineness: Fineness
+) -> tuple[IndirectLight, list[IndirectLayer]]:
+    layers = [indirect_layer(i, make_layer(MODELS[MODEL]), (N_BANDS,)) for i in range(n_objects)]
+    sky = sky_of(scene, document_from_description(SOURCE, scene.description).light)
+    models = {layer.i_object: [MODEL] for layer in layers}
+    return finish(Solver(Placement(scene), models, sky, n_bounces, fineness, glossy=False).solve(layers)), layers
+
+
 def edit_error(light: IndirectLight, layers: Sequence[IndirectLayer], frozen: FrozenLight) -> float:
     """Of the first object after an edit of its curve, from what was frozen for it."""
+    found, plain = edited_pictures(light, layers, frozen)
+    return float(np.sqrt(np.mean((found - plain) ** 2)) / plain.mean())
+
+
+def edited_pictures(
+    light: IndirectLight, layers: Sequence[IndirectLayer], frozen: FrozenLight
+) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """What the first object reflects after that edit (p, 3): from what was frozen, and as the plain sum."""
     curve = layers[0].curves.curves[0] * np.linspace(0.2, 1.5, N_BANDS)[:, None]
     albedo = layers[0].albedo * 0.7
     edited = replace(layers[0], curves=replace(layers[0].curves, curves=(curve,)), albedo=albedo)
     [plain] = light.points.fans(0).reflected([edited.curves], light.sent([edited, *layers[1:]]))
     powers = albedo ** np.arange(frozen.bands.shape[2])[:, None]
-    found = np.einsum("cjnp,jc,nc->pc", frozen.bands, curve, powers)
-    return float(np.sqrt(np.mean((found - plain[:, 0]) ** 2)) / plain.mean())
+    return np.einsum("cjnp,jc,nc->pc", frozen.bands, curve, powers), plain[:, 0]
+
+
+def representation_knob(n_objects: int, n_bounces: int, side: int) -> Knob:
+    """The same choice as a knob: seconds of a freezing, memory of what it reads."""
+    scene = open_subject(SOURCE).scene
+    scene = cut(replace(scene, resolution=at_most(scene.resolution, side)), n_objects)
+    light, layers = _traced(scene, n_objects, n_bounces, FINENESS)
+    frozen = finish(GatherPolynomial(light).freeze(layers, 0, Selected(0, 0)))
+    truth = edited_pictures(light, layers, frozen)[1]
+
+    def make(name: Any) -> Any:
+        made = GatherPolynomial(light) if name == GATHER else DenseTensor(light, layers)
+        _timed(made, layers, n_objects - 1)  # what the first freezing keeps is a part of making it
+
+        def compute() -> Shown:
+            found = finish(made.freeze(layers, layers[0].i_object, Selected(0, 0)))
+            return Shown(edited_pictures(light, layers, found)[0], made.n_bytes / 2**20)
+
+        return compute
+
+    cost = f"freezing for an object, {n_objects} objects, {n_bounces} bounces"
+    return Knob("placement", "representation of indirect light", (GATHER, DENSE), make, truth, GATHER, cost)
 
 
 def write_rows(file: Path, rows: Sequence[RepresentationRow]) -> None:

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from app.machine.atomic import save_file
 from app.measure.accuracy import Errors, errors, layer_coefficients, oracle, random_rows, reflected, seen_scale
+from app.measure.knobs import pareto_front
 from app.measure.speed import ComputedLayer, Precomputed, precompute_on, visibility_seconds
 from app.measure.subject import Subject
 from engine.curve.operators import HALF_PI, Operator
@@ -99,18 +100,6 @@ class SweepResult:
 
     rows: tuple[SweepRow, ...]
     against_oracle: dict[int, Errors]
-
-
-def pareto_front(costs: Sequence[float], wrongs: Sequence[float]) -> list[bool]:
-    """Which settings no other one beats: none is as cheap and as right, and better in one of the two.
-
-    Both smaller is better; equal settings stand or fall together. NaN is beaten by everything.
-    """
-    points = [(float(c), float(w)) for c, w in zip(costs, wrongs, strict=True)]
-    return [
-        not any(math.isnan(x) for x in p) and not any(q[0] <= p[0] and q[1] <= p[1] and q != p for q in points)
-        for p in points
-    ]
 
 
 def run_sweep(

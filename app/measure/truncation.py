@@ -8,7 +8,7 @@ truncation is judged: no tables, no interpolation between points or angles.
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import get_args
@@ -69,26 +69,37 @@ def truncation_errors(
 
     The truth is the sum over the triangles of level `fine`; the wavelets are those of level `coarse`.
     """
-    assert sky.environment is not None
-    power = triangle_integrals(sky.environment, sky.rotation, fine)
-    children = 4 ** (fine - coarse)
-    truth, found = np.zeros((len(rows), 3)), dict[tuple[str, Rule, int], list[Floats]]()
-    objects = hits.object_image.ravel()[hits.pixel]
-    for i, row in enumerate(rows):
-        own = layers.get(int(objects[row]), ())
-        visible, reflected = _factors(hits, int(row), caster, own, geodesic(fine).centres)
-        truth[i] = (power * visible[:, None] * reflected).sum(axis=0)
-        means = (
-            power.reshape(-1, children, 3).sum(axis=1),
-            visible.reshape(-1, children, 1).mean(axis=1),
-            reflected.reshape(-1, children, 3).mean(axis=1),
-        )
-        for key, radiance in _truncated(*means, counts):
+    truth, means = direct_factors(hits, rows, caster, layers, sky, fine, coarse)
+    found = dict[tuple[str, Rule, int], list[Floats]]()
+    for factors in means:
+        for key, radiance in _truncated(*factors, counts):
             found.setdefault(key, []).append(radiance)
     return [
         Truncated(scene, way, rule, n, errors(np.array(radiance), truth).rmse)
         for (way, rule, n), radiance in found.items()
     ]
+
+
+def direct_factors(
+    hits: PrimaryHits, rows: NDArray[np.integer], caster: RayCaster, layers: Mapping[int, Sequence[Layer]],
+    sky: SkyState, fine: int = FINE, coarse: int = COARSE,
+) -> tuple[Floats, list[tuple[Floats, Floats, Floats]]]:  # fmt: skip
+    """Direct light (p, 3) from the environment at rows of the hits, and for each of them the means over the triangles
+    of level `coarse` of its three factors: power (T, 3), visibility (T, 1), BRDF times cosine (T, 3)."""
+    assert sky.environment is not None
+    power = triangle_integrals(sky.environment, sky.rotation, fine) * sky.scale
+    children, objects = 4 ** (fine - coarse), hits.objects
+    truth, means = np.zeros((len(rows), 3)), []
+    for i, row in enumerate(rows):
+        own = layers.get(int(objects[row]), ())
+        visible, reflected = _factors(hits, int(row), caster, own, geodesic(fine).centres)
+        truth[i] = (power * visible[:, None] * reflected).sum(axis=0)
+        means.append((
+            power.reshape(-1, children, 3).sum(axis=1),
+            visible.reshape(-1, children, 1).mean(axis=1),
+            reflected.reshape(-1, children, 3).mean(axis=1),
+        ))  # fmt: skip
+    return truth, means
 
 
 def _factors(

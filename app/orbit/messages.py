@@ -12,8 +12,11 @@ from app.messages import LookFrom, OpenScene, Request, Response
 
 if TYPE_CHECKING:
     from app.scene_state import SceneState
+    from engine.orbit.parts import Part
+    from engine.render.picture_error import ErrorEstimate
     from engine.scene.description import Camera
 
+Carried = tuple[tuple[str, tuple[float, float, float]], ...]
 Quality = Literal["moving", "rest"]
 
 
@@ -21,7 +24,9 @@ Quality = Literal["moving", "rest"]
 class PrepareOrbit(Request):
     """From now on draw this scene, whose layers are those that are seen; and make ready all that pictures are drawn of,
     coarse first. Answered by `OrbitAdvanced` as often as pictures change by it. n_bounces: reflections between light
-    and eye; 0: as many as the engine takes.
+    and eye; 0: as many as the engine takes. listener: who draws moving pictures itself, and is told all that they are
+    drawn of by `OrbitTold` before that; another number has been told nothing; 0: nobody. most_bytes: of any one array.
+    n_points: beside the meshes' own; n_coefficients: of light that each keeps.
 
     Another camera cancels it, for a camera is traced before anything slow goes on; what it has made ready stays.
     """
@@ -30,6 +35,22 @@ class PrepareOrbit(Request):
 
     scene: SceneState
     n_bounces: int = 0
+    listener: int = 0
+    most_bytes: int = 0
+    n_points: int = 40_000
+    n_coefficients: int = 320
+
+
+@dataclass(frozen=True)
+class LookOrbit(Request):
+    """What this camera sees is to be made ready first, though no picture is asked for. Not answered."""
+
+    built_on = (OpenScene,)
+    quick = 1
+    once = True
+    stops = False
+
+    camera: Camera
 
 
 @dataclass(frozen=True)
@@ -50,6 +71,38 @@ class DrawOrbit(Request):
 
 
 @dataclass(frozen=True)
+class EstimateDrawn(Request):
+    """Say how far off two pictures of the view that is open are: as they are drawn at rest, and while something moves.
+    scene, n_bounces: what they show, see `PrepareOrbit`; has_map: with where the former is off. Answered by
+    `DrawnEstimated`. Each mode that draws in the worker has a kind of its own."""
+
+    built_on = (LookFrom,)
+    quick = 8
+    once = True
+    stops = False
+
+    scene: SceneState
+    n_bounces: int
+    at_rest: Request
+    moving: Request
+    has_map: bool = False
+
+
+@dataclass(frozen=True)
+class EstimateOrbit(EstimateDrawn):
+    """Of pictures that `DrawOrbit` asks for."""
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnEstimated(Response):
+    """How far off the picture at rest is, and those while something moves; colours: see `ErrorEstimated`."""
+
+    at_rest: ErrorEstimate
+    moving: ErrorEstimate
+    colours: NDArray[np.uint8] | None = None
+
+
+@dataclass(frozen=True)
 class OrbitAdvanced(Response):
     """Pictures drawn now are others than under a lower `version`; is_done: they are the last; n_bytes: what is
     kept for them."""
@@ -57,6 +110,13 @@ class OrbitAdvanced(Response):
     version: int
     is_done: bool
     n_bytes: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class OrbitTold(Response):
+    """A part of what moving pictures are drawn of, see `engine.orbit.parts`."""
+
+    part: Part
 
 
 @dataclass(frozen=True)
@@ -67,10 +127,12 @@ class OrbitUnknown(Response):
 @dataclass(frozen=True, eq=False)
 class OrbitDrawn(Response):
     """Linear radiance (H, W, 3) without the light's intensity, drawn in so many seconds of what was ready; `prepared`
-    is the number of the `PrepareOrbit` that was heard last, version and is_done are as in `OrbitAdvanced`."""
+    is the number of the `PrepareOrbit` that was heard last, version and is_done are as in `OrbitAdvanced`; carried: how
+    far animations have carried objects as wholes in it, by name: x, y, z."""
 
     radiance: NDArray[np.float32]
     prepared: int
     version: int
     is_done: bool
     seconds: float
+    carried: Carried = ()

@@ -5,7 +5,9 @@
 
 As in Placement, states are compared and not events followed: what the document and the view want, what was asked for,
 what has come. One picture is under way at a time; the next has the camera, light and materials of then, so that nothing
-piles up behind a hand. One that is drawn at rest, which takes longer, gives way to a hand at once.
+piles up behind a hand. One that is drawn at rest, which takes longer, gives way to a hand at once. Where the window has
+a graphics card that draws moving pictures itself (`draw_in_window`), the worker tells it what they are drawn of, and
+draws those at rest alone.
 
 Placement's talk is a part of this one, held back until Orbit's picture of a resting view is whole, and again as soon as
 it could not follow: so either mode's files know nothing of what the other asks. Rejected: to change the mode at rest,
@@ -17,15 +19,32 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from itertools import count
+
+import numpy as np
+from numpy.typing import NDArray
 
 from app.commands import EditCommand
 from app.document import Document
 from app.messages import Cancel, Failed, Request, Response
 from app.mode import Desk, ModeTalk, OpenedScene
-from app.orbit.events import OrbitPicture
-from app.orbit.messages import DrawOrbit, OrbitAdvanced, OrbitDrawn, OrbitUnknown, PrepareOrbit, Quality
+from app.orbit.error_talk import DrawnErrorTalk, Seen
+from app.orbit.events import OrbitPartCame, OrbitPicture
+from app.orbit.messages import (
+    DrawnEstimated,
+    DrawOrbit,
+    EstimateDrawn,
+    EstimateOrbit,
+    LookOrbit,
+    OrbitAdvanced,
+    OrbitDrawn,
+    OrbitTold,
+    OrbitUnknown,
+    PrepareOrbit,
+    Quality,
+)
 from app.orbit.status import OrbitStatus
-from app.orbit.wishes import Drawing, Known, OrbitWish, Pace
+from app.orbit.wishes import WINDOW_SECONDS, WINDOW_STEPS, Drawing, Known, OrbitWish, Pace
 from app.picture import PictureEvent
 from app.placement.known_light import KnownLight
 from app.placement.messages import ComputeTransport
@@ -34,12 +53,14 @@ from app.status import PictureState, Status
 from app.view_state import Viewpoint, ViewState
 from engine.deform.pose import Poses
 from engine.material.layer import Layer
+from engine.render.picture_error import ErrorEstimate
 from engine.scene.description import Camera, CameraDescription
 
 # A hand that was still for so long rests.
 REST_SECONDS = 0.2
 # While pictures become better by themselves, how much longer than drawing one the worker has for that.
 _WORK_SHARE = 4.0
+_listeners = count(1)
 PLACEMENT_FOLLOWS = "Placement computes this view, and fades in when it is there."
 
 
@@ -50,11 +71,14 @@ class OrbitTalk(ModeTalk):
     title = "Orbit"
     prepares: type[Request] = PrepareOrbit
     draws: type[Request] = DrawOrbit
+    estimates: type[EstimateDrawn] = EstimateOrbit
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
         self.placement = PlacementTalk(desk)
+        self._error = DrawnErrorTalk(desk.send, self.estimates)
         self._is_open = False
+        self._listener = self._most_bytes = 0
         self._forget()
 
     def _forget(self) -> None:
@@ -67,11 +91,13 @@ class OrbitTalk(ModeTalk):
         self._look: Viewpoint | None = None
         self._poses: Poses = ()
         self._split: tuple[float, float] | None = None
+        self._fit_error = False
         self._prepare_id = 0
         self._is_stopped = False
         self._known_light = KnownLight()
-        self._pace = Pace()
+        self._pace = self._new_pace()
         self._hands_over = self._placement_follows = self._shows_placement = False
+        self._error.forget()
         self._forget_worker()
 
     def _forget_worker(self) -> None:
@@ -115,6 +141,7 @@ class OrbitTalk(ModeTalk):
     def scene_seen(self, scene: OpenedScene) -> None:
         self.is_away = False
         self._go_on()
+        self._error.forget()
         self._hands_over = self._placement_follows = self._shows_placement = False
         self.placement.scene_seen(scene)
         self.placement.looked_away()
@@ -125,7 +152,7 @@ class OrbitTalk(ModeTalk):
             self._asked = None
 
     def left(self) -> None:
-        self._desk.send(Cancel(of=(self.prepares, self.draws)))
+        self._desk.send(Cancel(of=(self.prepares, self.draws, self.estimates)))
         self.placement.left()
 
     def edited(self, command: EditCommand | None = None) -> None:
@@ -157,10 +184,40 @@ class OrbitTalk(ModeTalk):
     def _begin_anew(self) -> None:
         """Nothing is ready any more; what is shown stays."""
         shown = self._shown
+        self._error.forget()
         self._forget_worker()
         self._shown = shown and replace(shown, made_of=Known())
 
+    def draw_in_window(self, most_bytes: int) -> None:
+        """The window draws moving pictures itself from now on, of arrays of so many bytes; 0: the worker does."""
+        self._listener, self._most_bytes = next(_listeners) if most_bytes else 0, most_bytes
+        self._pace = self._new_pace()
+        self._asked = self._shown = None
+
+    def _new_pace(self) -> Pace:
+        return Pace(WINDOW_SECONDS, WINDOW_STEPS, 2) if self._listener else Pace()
+
+    def drew(self, seconds: float) -> None:
+        """A picture took the window so long."""
+        self._seconds = seconds
+        if self._shown is not None and self._shown.resolution == self._pace.resolution(self._whole):
+            self._pace.took(seconds)
+
     # --------------------------------------------------------------------------------------------- what is to be told
+
+    @property
+    def drawn_in_window(self) -> tuple[Camera, tuple[int, int], int] | None:
+        """From which camera, in how many pixels (width, height) and by how many coefficients a point the window is to
+        draw what it was told; None where it is to show a picture of the worker's."""
+        shown = self._shown
+        if not self._listener or shown is None or shown.quality != "moving":
+            return None
+        return self._camera(shown.look), shown.resolution, self._pace.n_coefficients
+
+    @property
+    def shows_look(self) -> bool:
+        """Whether the picture is from where the view looks now, and not from where it did a moment ago."""
+        return self._shows_placement or self._shown is not None and self._shown.look == self._desk.view.look
 
     @property
     def hands_over(self) -> bool:
@@ -191,8 +248,30 @@ class OrbitTalk(ModeTalk):
             "missing_note": note,
             "shown_by": self.title,
             "precomputed_mb": self._n_bytes / 1e6,
+            "estimate": self._estimate,
+            "error_colours": self._error_colours,
+            "image_error": None if self._estimate is None else self._estimate.total,
         }
         return OrbitStatus(**(vars(status) | said), drawn_resolution=resolution, drawn_seconds=self._seconds)
+
+    @property
+    def _estimate(self) -> ErrorEstimate | None:
+        """How far off the picture is that is shown: at rest by itself, else as those are that are drawn like it."""
+        if self._shown is None or self._seen is None or not self._can_be_judged:
+            return None
+        return self._error.at_rest(self._seen) if self._is_whole else self._error.moving(self._seen.wish)
+
+    @property
+    def _error_colours(self) -> NDArray[np.uint8] | None:
+        return self._error.colours(self._seen) if self._seen is not None and self._is_whole else None
+
+    @property
+    def _seen(self) -> Seen | None:
+        return (
+            None
+            if self._wish is None or self._look is None
+            else Seen(self._wish, self._look, self._poses, self._desk.view.shows_error)
+        )
 
     @property
     def _picture(self) -> PictureState:
@@ -221,13 +300,13 @@ class OrbitTalk(ModeTalk):
     def _has_followed(self) -> bool:
         """Whether document and view are as they were at the last update."""
         view = self._desk.view
-        return (
-            self._desk.history.document,
-            view.solo,
-            view.n_bounces,
-        ) == self._wish_made_of and view.look == self._look
+        return self._inputs(self._desk.history.document, view) == self._wish_made_of and view.look == self._look
 
     # ------------------------------------------------------------------------------------------- what modes differ in
+
+    def _inputs(self, document: Document, view: ViewState) -> tuple[object, ...]:
+        """All that a wish is made of."""
+        return document, view.solo, view.n_bounces, view.n_points, view.n_coefficients, view.n_rays, view.n_lobes
 
     def _wish_of(self, document: Document, view: ViewState) -> OrbitWish:
         """What pictures are to be drawn of."""
@@ -242,8 +321,15 @@ class OrbitTalk(ModeTalk):
         """Whether Placement can show what this mode does."""
         return True
 
+    @property
+    def _can_be_judged(self) -> bool:
+        """Whether paths know all that this mode shows."""
+        return True
+
     def _preparation(self, wish: OrbitWish) -> Request:
-        return PrepareOrbit(wish.scene, wish.n_bounces)
+        return PrepareOrbit(
+            wish.scene, wish.n_bounces, self._listener, self._most_bytes, wish.n_points, wish.n_coefficients
+        )
 
     def _draw_request(self, camera: Camera, wanted: Drawing) -> Request:
         if wanted.quality == "rest":
@@ -265,11 +351,29 @@ class OrbitTalk(ModeTalk):
                 self.placement.looked_back()
         elif not (self.placement.is_running or self._desk.history.dragging):
             self._prepare()  # so that the view can move at once
+        self._judge(now)
         return events
+
+    def _judge(self, now: float) -> None:
+        """Ask how far off the picture is that is shown, if it is this mode's."""
+        if (seen := self._seen) is not None:
+            rests = self._is_whole and not (self.is_away or self._shows_placement or self._desk.history.dragging)
+            self._error.update(now, seen, rests and self._can_be_judged, lambda: self._estimate_request(seen))
+
+    def _estimate_request(self, seen: Seen) -> EstimateDrawn:
+        """Of the picture at rest, and of one as it is drawn while something moves."""
+        at_rest = Drawing(seen.look, self._whole, "rest", self._known, seen.poses)
+        moving = replace(at_rest, resolution=self._pace.resolution(self._whole), quality="moving")
+        first, other = (self._draw_request(self._camera(seen.look), each) for each in (at_rest, moving))
+        return self.estimates(seen.wish.scene, seen.wish.n_bounces, first, other, seen.has_map)
+
+    def _camera(self, look: Viewpoint) -> Camera:
+        assert self._own_camera is not None
+        return look.camera or self._own_camera
 
     def _follow(self, now: float, document: Document, view: ViewState) -> None:
         """What is wanted now, and since when."""
-        made_of = document, view.solo, view.n_bounces
+        made_of = self._inputs(document, view)
         wish = self._wish
         if wish is None or self._wish_made_of != made_of:
             wish, self._wish_made_of = self._wish_of(document, view), made_of
@@ -327,14 +431,25 @@ class OrbitTalk(ModeTalk):
             and self._shown.is_as_good_as(wanted)
         ):
             return
+        if self._listener and wanted.quality == "moving":
+            self._show_in_window(wanted)
+            return
         if self._drawing is not None and self._drawing.quality == "moving":
             return
         if self._only_better(wanted) and now - self._drawn_at < _WORK_SHARE * self._seconds:
             return
-        assert self._own_camera is not None
         self._drawing, self._drawn_at = wanted, now
-        camera = wanted.look.camera or self._own_camera
-        self._drawing_id = self._desk.send(self._draw_request(camera, wanted))
+        self._drawing_id = self._desk.send(self._draw_request(self._camera(wanted.look), wanted))
+
+    def _show_in_window(self, wanted: Drawing) -> None:
+        """Nothing is asked for but that what is seen be made ready first."""
+        if self._drawing is not None:
+            self._desk.send(Cancel(of=(self.draws,)))
+            self._drawing, self._drawing_id = None, 0
+        looked, self._shown = self._shown and self._shown.look, wanted
+        self._shows_placement = self._placement_follows
+        if looked != wanted.look and not self._known.is_done:
+            self._desk.send(LookOrbit(self._camera(wanted.look)))
 
     def _wanted(self, now: float) -> Drawing | None:
         """The best picture that there could be now; None before there could be any."""
@@ -344,7 +459,7 @@ class OrbitTalk(ModeTalk):
         rests = now - self._moved_at >= REST_SECONDS
         quality: Quality = "rest" if rests and self._is_known_to_be_done else "moving"
         resolution = whole if rests else self._pace.resolution(whole)
-        return Drawing(self._look, resolution, quality, self._known, self._poses, self._split)
+        return Drawing(self._look, resolution, quality, self._known, self._poses, self._split, self._fit_error)
 
     @property
     def _whole(self) -> tuple[int, int]:
@@ -365,11 +480,16 @@ class OrbitTalk(ModeTalk):
         match response:
             case OrbitAdvanced():
                 self._take_advance(response)
+            case OrbitTold():
+                return [OrbitPartCame(response.part)] if self._listener else []
             case OrbitDrawn():
                 return self._take_picture(response)
             case OrbitUnknown() if response.id == self._drawing_id:
                 self._begin_anew()
+            case DrawnEstimated():
+                self._error.took(response)
             case Failed():
+                self._error.took_failure(response)
                 self._take_failure(response)
                 return self.placement.take(response)
             case _:
@@ -383,7 +503,7 @@ class OrbitTalk(ModeTalk):
         self._n_bytes = response.n_bytes
         if self._asked is not None:
             self._known_light.worked(self._asked.scene.light)
-        if response.is_done:
+        if response.is_done and not self.is_running:
             self._desk.gauges.progress = None
 
     def _take_picture(self, response: OrbitDrawn) -> list[PictureEvent]:
@@ -400,7 +520,7 @@ class OrbitTalk(ModeTalk):
         self._shows_placement = self._placement_follows
         if drawing.quality == "moving" and drawing.resolution == self._pace.resolution(self._whole):
             self._pace.took(response.seconds)
-        return [OrbitPicture(response.radiance)]
+        return [OrbitPicture(response.radiance, drawing.fit_error)]
 
     def _take_failure(self, response: Failed) -> None:
         if response.id == self._drawing_id:

@@ -12,6 +12,9 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from app.document import Document
 from app.messages import Cancel, Request
 from app.placement.curves import Curves
@@ -45,6 +48,7 @@ class ErrorTalk:
         self._known: deque[tuple[_Picture, ErrorEstimate]] = deque(maxlen=MOST_KNOWN)
         self._rests_since = math.inf
         self._estimate: ErrorEstimate | None = None
+        self._colours: NDArray[np.uint8] | None = None
         self._asked: int | None = None
         self._stopped = False
 
@@ -52,10 +56,15 @@ class ErrorTalk:
         """What was told of the picture of this document; None while that is not known."""
         return self._estimate if self._picture is not None and document is self._picture.document else None
 
+    def colours_of(self, document: Document) -> NDArray[np.uint8] | None:
+        """Where it is off, see `ErrorEstimated`; None while that is not known."""
+        return None if self.estimate_of(document) is None else self._colours
+
     def update(self, now: float, document: Document, view: ViewState, revision: int, rests: bool) -> None:
         """Ask where it is time to. revision: of the transport that the picture is made with; rests: whether nothing of
         the picture is left to come, and no hand has hold of anything."""
-        picture = _Picture(document, (view.n_lights, view.n_patches, view.n_bounces, view.second_bands))
+        knobs = view.n_lights, view.n_patches, view.n_bounces, view.second_bands
+        picture = _Picture(document, (*knobs, view.shows_error))
         if not picture.is_same(self._picture) or revision != self._revision:
             self._give_up()
             self._picture, self._revision = picture, revision
@@ -65,7 +74,9 @@ class ErrorTalk:
             return
         self._rests_since = min(self._rests_since, now)
         if now - self._rests_since >= REST_SECONDS:
-            wanted = EstimateError(self._curves.scene_state(document), view.second_bands, revision=revision)
+            wanted = EstimateError(
+                self._curves.scene_state(document), view.second_bands, view.shows_error, revision=revision
+            )
             self._asked = self._send(wanted)
 
     def forget(self) -> None:
@@ -77,7 +88,7 @@ class ErrorTalk:
         """The picture is another one: an answer that is still to come is given up."""
         if self._asked is not None:
             self._send(Cancel(of=(EstimateError,)))
-        self._estimate = self._asked = None
+        self._estimate = self._asked = self._colours = None
         self._stopped = False
         self._rests_since = math.inf
 
@@ -93,7 +104,9 @@ class ErrorTalk:
         """The answer."""
         if response.id == self._asked and self._picture is not None:
             self._estimate, self._asked = response.estimate, None
-            self._known.append((self._picture, response.estimate))
+            self._colours = response.colours
+            if response.colours is None:  # maps are large, and are found again
+                self._known.append((self._picture, response.estimate))
 
     def took_failure(self, id: int) -> None:
         """It could not be found out, and is not asked for again."""

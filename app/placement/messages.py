@@ -99,13 +99,14 @@ class Freeze(Request):
 @dataclass(frozen=True, eq=False)
 class EstimateError(Request):
     """Say how far off the picture of this scene is under the transport asked last, `second_bands` as in `Freeze`;
-    answered by `ErrorEstimated`, once that picture is there."""
+    answered by `ErrorEstimated`, once that picture is there. has_map: with where it is off."""
 
     built_on = (ComputeTransport,)
     once = True
 
     scene: SceneState
     second_bands: int | None = None
+    has_map: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,11 +258,12 @@ class MapsRefused(Response):
     line: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ErrorEstimated(Response):
-    """How far off the picture is."""
+    """How far off the picture is; colours (H, W, 4): where, see `engine.render.error_map`, None where nobody asked."""
 
     estimate: ErrorEstimate
+    colours: NDArray[np.uint8] | None = None
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from app.placement.transport_talk import TransportTalk
 from app.status import Status
 from engine.plan import Precision
-from engine.render.picture_error import NONE
+from engine.render.picture_error import NONE, percent
 
 # Noise of the whole picture below which it counts as none.
 NO_NOISE = NONE
@@ -53,6 +53,16 @@ class RenderReport:
     precision: Precision | None = None
     gpu_mb: float = 0.0
     mean_radiance: float = 0.0
+
+
+def error_note(curve_error: float | None, noise: float | None) -> str:
+    """What of the error is of coefficients, and the chance in indirect light, see `PlacementStatus`, in words."""
+    lines = []
+    if curve_error is not None:
+        lines.append(f"coefficients of the curve still to come: {percent(curve_error)}")
+    if noise is not None:
+        lines.append(f"chance left in the light of further bounces, as its two halves apart tell it: {percent(noise)}")
+    return "\n".join(lines)
 
 
 def light_note(talk: TransportTalk) -> str:

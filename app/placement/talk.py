@@ -53,6 +53,7 @@ from app.placement.status import (
     PlacementStatus,
     RenderReport,
     emitter_note,
+    error_note,
     light_note,
     material_note,
     transport_note,
@@ -256,14 +257,17 @@ class PlacementTalk(ModeTalk):
         n_bounces, bounces_note = self._bounces
         said = {
             "picture": picture,
-            "image_error": error if estimate is None else estimate.total,
+            # That nothing is left to be added says nothing of how far off the picture is.
+            "image_error": error or None if estimate is None else estimate.total,
             "estimate": estimate,
+            "error_colours": None if estimate is None else self._error.colours_of(self._document),
             "precomputed_mb": self._transport_bytes / 1e6,
             "gpu_mb": report.gpu_mb,
             "light_note": light_note(talk) if self._has_picture else "",
             "material_note": material_note(talk) if self._has_picture else "",
             "emitter_note": emitter_note(talk) if self._has_picture else "",
             "missing_note": missing or "Wavelet coefficients, or light of further bounces, are still being added.",
+            "error_note": error_note(report.image_error if known else None, self.indirect.noise),
             "compared_exact": self._comparison.exact,
         }
         return PlacementStatus(

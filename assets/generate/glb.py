@@ -1,4 +1,4 @@
-"""GLB 2 files of meshes that hang on joints, and of an animation that turns these."""
+"""GLB 2 files of meshes that hang on joints or have morph targets, and of an animation of these."""
 
 import json
 import struct
@@ -44,6 +44,14 @@ class Motion:
     values: Floats
 
 
+@dataclass(frozen=True)
+class Shape:
+    """A morph target: what it adds to positions (V, 3); normals follow from its triangles."""
+
+    name: str
+    positions: Floats
+
+
 @dataclass
 class _Buffer:
     data: bytearray = field(default_factory=bytearray)
@@ -75,10 +83,42 @@ def save_glb(
         "scenes": [{"nodes": [0, *(i + 1 for i, joint in enumerate(joints) if joint.parent < 0)]}],
         "nodes": [{"name": name, "mesh": 0, "skin": 0}, *_nodes(joints)],
         "meshes": [{"primitives": [_primitive(buffer, part, i) for i, part in enumerate(parts)]}],
-        "materials": [_material(part) for part in parts],
+        "materials": [_material(part.name, part.colour) for part in parts],
         "skins": [{"joints": [i + 1 for i in range(len(joints))], "inverseBindMatrices": matrices}],
         "animations": [_animation(buffer, name, joints, motions)],
     }
+    _write(path, tree, buffer)
+
+
+def save_morphing_glb(
+    path: Path, mesh: Mesh, colour: tuple[float, float, float], shapes: Sequence[Shape], name: str, times: Floats,
+    weights: Floats,
+) -> None:  # fmt: skip
+    """One node with one mesh, and an animation that gives each shape a weight at times (K,): weights (K, N)."""
+    buffer = _Buffer()
+    primitive = {
+        "attributes": {"POSITION": _places(buffer, mesh.positions), "NORMAL": buffer.add(mesh.normals, "<f4")},
+        "targets": [{"POSITION": _places(buffer, shape.positions)} for shape in shapes],
+        "indices": buffer.add(mesh.faces.ravel(), "<u2" if len(mesh.positions) < 1 << 16 else "<u4"),
+        "material": 0,
+    }
+    bounds = {"min": [float(times.min())], "max": [float(times.max())]}
+    keys = {"input": buffer.add(times, "<f4", **bounds), "output": buffer.add(weights.reshape(-1), "<f4")}
+    tree = {
+        "asset": {"version": "2.0", "generator": "insitu"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"name": name, "mesh": 0}],
+        "meshes": [{"primitives": [primitive], "extras": {"targetNames": [shape.name for shape in shapes]}}],
+        "materials": [_material(name, colour)],
+        "animations": [
+            {"name": name, "samplers": [keys], "channels": [{"sampler": 0, "target": {"node": 0, "path": "weights"}}]}
+        ],
+    }
+    _write(path, tree, buffer)
+
+
+def _write(path: Path, tree: dict[str, Any], buffer: _Buffer) -> None:
     tree |= {"accessors": buffer.accessors, "bufferViews": buffer.views, "buffers": [{"byteLength": len(buffer.data)}]}
     text = json.dumps(tree, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
@@ -100,10 +140,8 @@ def _nodes(joints: Sequence[Joint]) -> list[dict[str, Any]]:
 def _primitive(buffer: _Buffer, part: Skinned, material: int) -> dict[str, Any]:
     most = np.argsort(-part.weights, axis=1, kind="stable")[:, :4]
     weights = np.take_along_axis(part.weights, most, axis=1)
-    positions = part.mesh.positions.astype("<f4")
-    bounds = {"min": positions.min(axis=0).tolist(), "max": positions.max(axis=0).tolist()}
     attributes = {
-        "POSITION": buffer.add(positions, "<f4", **bounds),
+        "POSITION": _places(buffer, part.mesh.positions),
         "NORMAL": buffer.add(part.mesh.normals, "<f4"),
         "JOINTS_0": buffer.add(most, "<u2"),
         "WEIGHTS_0": buffer.add(weights / weights.sum(axis=1, keepdims=True), "<f4"),
@@ -111,9 +149,14 @@ def _primitive(buffer: _Buffer, part: Skinned, material: int) -> dict[str, Any]:
     return {"attributes": attributes, "indices": buffer.add(part.mesh.faces.ravel(), "<u4"), "material": material}
 
 
-def _material(part: Skinned) -> dict[str, Any]:
-    surface = {"baseColorFactor": [*part.colour, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.8}
-    return {"name": part.name, "doubleSided": True, "pbrMetallicRoughness": surface}
+def _places(buffer: _Buffer, positions: Floats) -> int:
+    places = positions.astype("<f4")
+    return buffer.add(places, "<f4", min=places.min(axis=0).tolist(), max=places.max(axis=0).tolist())
+
+
+def _material(name: str, colour: tuple[float, float, float]) -> dict[str, Any]:
+    surface = {"baseColorFactor": [*colour, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.8}
+    return {"name": name, "doubleSided": True, "pbrMetallicRoughness": surface}
 
 
 def _animation(buffer: _Buffer, name: str, joints: Sequence[Joint], motions: Sequence[Motion]) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from . import (
     dominoes,
     earrings,
     idol,
+    mime,
     plant,
     plate,
     ring,
@@ -41,6 +42,7 @@ LIT_BY = {
     "idol": "studio",
     "bat": "studio",
     "amphora": "studio",
+    "mime": "studio",
 }
 
 SCENES: dict[str, Callable[[], dict[str, Mesh]]] = {
@@ -60,10 +62,11 @@ SCENES: dict[str, Callable[[], dict[str, Mesh]]] = {
     "rings": rings.meshes,
     "idol": idol.meshes,
     "amphora": amphora.meshes,
+    "mime": mime.meshes,
 }
 
 # Scenes whose mesh moves: what writes it to a file, by its name.
-MODELS: dict[str, dict[str, Callable[[Path], None]]] = {"bat": {"bat.glb": bat.save}}
+MODELS: dict[str, dict[str, Callable[[Path], None]]] = {"bat": {"bat.glb": bat.save}, "mime": {"face.glb": mime.save}}
 
 # Textures and weight maps: for each scene, file name -> (H, W, 3) sRGB or (H, W) shares, 8 bits.
 IMAGES: dict[str, Callable[[], dict[str, NDArray[np.uint8]]]] = {

@@ -7,8 +7,7 @@ animated PNG.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -25,8 +24,7 @@ from engine.deform.posed_scene import posed
 from engine.indirect.beyond import BRIGHTEST, held
 from engine.render.display import display_picture
 from engine.render.path_tracer import render_paths
-from engine.scene.load import Scene
-from engine.scene.surface_kinds import DeformSurface
+from engine.scene.surface_kinds import NO_SURFACE, DeformSurface, SurfacesOf
 from engine.steps import finish
 from engine.transport.pipeline import Placement
 
@@ -53,8 +51,8 @@ def main(folder: Path, names: Sequence[str]) -> None:
 def truth(file: Path) -> None:
     """The bent head: by paths, by transfer that stays as it was at rest, as Deform draws it."""
     project = open_project("idol", SIZE)
-    scene = _with_surfaces(project.resting, {"head": None})
-    deform = _ready(project, scene, ("head",))
+    scene = project.resting
+    deform = _ready(project, ("head",), (("head", NO_SURFACE),))
     camera, layers = scene.description.camera, layers_by_object(project)
     traced = finish(render_paths(Placement(posed(scene, BENT)), layers, project.sky, 2, 128))
     drawn = [deform.draw(camera, SIZE, BENT, "rest", turned) for turned in (False, True)]
@@ -64,16 +62,16 @@ def truth(file: Path) -> None:
 def surfaces(file: Path) -> None:
     """The bent head matt and of alabaster; the jar under two patches, and wrinkled."""
     idol, amphora = (open_project(name, SIZE) for name in ("idol", "amphora"))
-    row = [_still(idol, {"head": None}, BENT), _still(idol, {}, BENT)]
+    row = [_still(idol, (("head", NO_SURFACE),), BENT), _still(idol, (), BENT)]
     bent: Poses = (("jar", (Deformation("bend", 25.0), Deformation("bulge", 0.2))),)
-    row += [_still(amphora, {"jar": DeformSurface.model_validate(each)}, bent) for each in PATCHES]
+    row += [_still(amphora, (("jar", DeformSurface.model_validate(each)),), bent) for each in PATCHES]
     save(file, np.hstack(row))
 
 
 def flap(file: Path) -> None:
     """The bat's flight, looping."""
     project = open_project("bat", SMALL, [("light.rotation", BEHIND)])
-    deform = _ready(project, project.resting, ("fur", "wings"))
+    deform = _ready(project, ("fur", "wings"))
     camera = project.resting.description.camera.model_copy(update=NEARER)
     frames = []
     for i in range(N_FRAMES):
@@ -82,26 +80,19 @@ def flap(file: Path) -> None:
     frames[0].save(file, save_all=True, append_images=frames[1:], duration=FRAME_MS, loop=0, optimize=True)
 
 
-def _still(project: Project, surfaces: Mapping[str, DeformSurface | None], poses: Poses) -> Picture:
-    scene = _with_surfaces(project.resting, surfaces)
-    deform = _ready(project, scene, tuple(name for name, _ in poses))
+def _still(project: Project, surfaces: SurfacesOf, poses: Poses) -> Picture:
+    deform, scene = _ready(project, tuple(name for name, _ in poses), surfaces), project.resting
     return _shown(deform.draw(scene.description.camera, scene.resolution, poses, "rest"))
 
 
-def _ready(project: Project, scene: Scene, bends: tuple[str, ...]) -> Deform:
-    deform = Deform(scene, N_POINTS, N_RAYS)
+def _ready(project: Project, bends: tuple[str, ...], surfaces: SurfacesOf = ()) -> Deform:
+    """surfaces: of objects, by name, instead of the file's."""
+    deform = Deform(project.resting, N_POINTS, N_RAYS)
     deform.set_light(project.sky)
     deform.set_layers(layers_by_object(project))
+    deform.set_surfaces(surfaces)
     deform.set_posed(bends)
     return finished(deform)
-
-
-def _with_surfaces(scene: Scene, surfaces: Mapping[str, DeformSurface | None]) -> Scene:
-    """With these of objects, by name, instead of the file's."""
-    objects = tuple(
-        each.model_copy(update={"deform": surfaces.get(each.name, each.deform)}) for each in scene.description.objects
-    )
-    return replace(scene, description=scene.description.model_copy(update={"objects": objects}))
 
 
 def _shown(radiance: NDArray[np.float32]) -> Picture:

@@ -13,6 +13,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from engine.fast_math import FAST
+
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 Indices = NDArray[np.int32]
@@ -97,7 +99,7 @@ def fill_rows(start: int, stop: int, shares: Singles, boxes: Indices, nearness: 
                     nearness[row, column], found[row, column] = total, t
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def paint_rows(
     start: int, stop: int, found: Indices, shares: Singles, sides: Indices, front: Singles, i_object: Indices,
     white: Singles, gloss: Singles, albedos: Singles, emission: Singles, plane: Floats, sky: Singles, turn: float,

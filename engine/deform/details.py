@@ -13,20 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.deform.heights import PATTERNS, of_image
+from engine.deform.heights import SIDE as TEXELS
 from engine.deform.patches import Patch, patch, simulate_patch, uv_frames
 from engine.deform.points import BendingPoints
 from engine.deform.pose import orthonormal
 from engine.deform.shading import BandLight, Lobes, lobes, shade
 from engine.deform.wrinkle import SIDE, wrinkles
 from engine.deform.wrinkle import Wrinkles as WrinkleMap
-from engine.deform.zonal import Zonal, fit
+from engine.deform.zonal import Zonal
 from engine.material.maps import Images
 from engine.scene.load import Scene
 from engine.scene.surface_kinds import DeformSurface
 from engine.scene.surface_kinds import Detail as PatchSays
 from engine.scene.surface_kinds import Wrinkles as WrinklesSay
 from engine.scene.surface_uvs import uvs_at
-from engine.steps import told_as
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -38,6 +38,9 @@ class Detail(Protocol):
     def at(self, uvs: Floats) -> Lobes:
         """At (P, 2), in axes along u, along v, outwards."""
 
+    def errors_at(self, uvs: Floats) -> Floats:
+        """How far they are off what they were fitted to (P,), as a share of it."""
+
 
 class Patched(Detail):
     """A patch that repeats."""
@@ -48,6 +51,9 @@ class Patched(Detail):
     def at(self, uvs: Floats) -> Lobes:
         return self._patch.at(uvs * self._repeats)
 
+    def errors_at(self, uvs: Floats) -> Floats:
+        return self._patch.errors_at(uvs * self._repeats)
+
 
 class Wrinkled(Detail):
     """Grooves across u or v."""
@@ -56,44 +62,53 @@ class Wrinkled(Detail):
         self._map, self._says = found, says
 
     def at(self, uvs: Floats) -> Lobes:
-        places = uvs[:, 0 if self._says.across == "u" else 1] * self._says.repeats
-        found = self._map.at(places, np.full(len(uvs), self._says.depth))
+        found = self._lobes_at(uvs)
         if self._says.across == "v":  # the groove's own axes are across it, along it, outwards: v, -u
             found = found.turned(np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
         return lobes(found)
 
+    def errors_at(self, uvs: Floats) -> Floats:
+        return self._lobes_at(uvs).relative_errors
+
+    def _lobes_at(self, uvs: Floats) -> Zonal:
+        places = uvs[:, 0 if self._says.across == "u" else 1] * self._says.repeats
+        return self._map.at(places, np.full(len(uvs), self._says.depth))
+
 
 def heights(scene: Scene, says: PatchSays) -> Floats:
-    """(H, W), in sides of the patch."""
+    """(H, W), in sides of the patch; of an image as many texels as there are to be at most."""
     if says.kind is not None:
         return PATTERNS[says.kind]() * says.height
     image = scene.textures.weight(Images(weight=says.file or ""))
     assert image is not None
-    return of_image(image.levels[0][..., 0]) * says.height
+    coarse = next(each for each in image.levels if max(each.shape[:2]) <= TEXELS)[..., 0]
+    whole = np.tile(coarse, [2 if n == 1 else 1 for n in coarse.shape])
+    return of_image(whole) * says.height
 
 
-def simulated(scene: Scene, says: DeformSurface, n: int, n_lobes: int, n_rays: int) -> Generator[float, None, Zonal]:
-    """The lobes of a patch's texels or of a map of wrinkles, row by row. Yields the share that is done."""
-    if says.wrinkles is not None:
-        found = yield from wrinkles(n)
-        low, axes, coefficients = (
-            each.reshape(-1, *each.shape[2:]) for each in (found.low, found.axes, found.coefficients)
-        )
-        return Zonal(low, axes, coefficients, np.full(SIDE * SIDE, found.error))
-    assert says.patch is not None
-    tracing = simulate_patch(heights(scene, says.patch), n, n_rays=n_rays)
-    vectors = yield from told_as(tracing, lambda share: 0.9 * share)
-    return (yield from told_as(fit(vectors, n_lobes), lambda share: 0.9 + 0.1 * share))
+def patch_vectors(scene: Scene, says: PatchSays, n: int, n_rays: int) -> Generator[float, None, Floats]:
+    """The vectors of a patch's texels, row by row. Yields the share that is done."""
+    return (yield from simulate_patch(heights(scene, says), n, n_rays=n_rays))
+
+
+def wrinkle_lobes(n: int) -> Generator[float, None, Zonal]:
+    """The lobes of a map of wrinkles, row by row. Yields the share that is done."""
+    found = yield from wrinkles(n)
+    maps = (found.low, found.axes, found.coefficients, found.errors)
+    return Zonal(*(each.reshape(-1, *each.shape[2:]) for each in maps))
+
+
+def n_texels(scene: Scene, says: DeformSurface) -> int:
+    """How many texels of a patch, or nodes of a map of wrinkles, have lobes."""
+    return SIDE * SIDE if says.patch is None else heights(scene, says.patch).size
 
 
 def detail(scene: Scene, says: DeformSurface, zonal: Zonal) -> Detail:
-    """Of what `simulated` found."""
+    """Of lobes of `n_texels`."""
     if says.wrinkles is not None:
-        low, axes, coefficients = (
-            each.reshape(SIDE, SIDE, *each.shape[1:]).astype(np.float64)
-            for each in (zonal.low, zonal.axes, zonal.coefficients)
-        )
-        return Wrinkled(WrinkleMap(low, axes, coefficients, float(zonal.errors[0])), says.wrinkles)
+        maps = (zonal.low, zonal.axes, zonal.coefficients, zonal.errors)
+        of_nodes = (each.reshape(SIDE, SIDE, *each.shape[1:]).astype(np.float64) for each in maps)
+        return Wrinkled(WrinkleMap(*of_nodes), says.wrinkles)
     assert says.patch is not None
     height, width = heights(scene, says.patch).shape
     return Patched(patch(zonal, (height, width)), says.patch.repeats)

@@ -3,7 +3,7 @@
     deform = Deform(scene)
     deform.set_light(sky)             what is wanted: costs nothing, and may be said again at any time
     deform.set_layers(layers_of)
-    for progress in deform.work():    transfer, unshadowed at once, then by few rays, then by all, object by object
+    for progress in deform.work():    transfer, unshadowed at once, then roughly, then by all rays, object by object
         ...                           between two pieces anything may be set or drawn
     picture = deform.draw(camera, (512, 384), poses)
 
@@ -16,94 +16,86 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal, Protocol
+from dataclasses import replace
+from itertools import count
+from secrets import randbits
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.deform.details import Detail, detail, heights, shaded, simulated, surface_axes
-from engine.deform.gloss import add_gloss, low_gloss
-from engine.deform.membrane import membrane
+from engine.deform.details import Detail, detail, shaded
+from engine.deform.gloss import LowGloss, add_gloss, low_gloss
+from engine.deform.object_transfer import ALBEDO_STEPS, N_LOBES, ORDER, FoundTransfer, ObjectTransfer, Shelf
+from engine.deform.parts import LookPart, ShapePart, Told
+from engine.deform.pixels import pixels_of
 from engine.deform.points import BendingPoints, bending_points
-from engine.deform.pose import Pose, Poses, Row, deformed
-from engine.deform.posed_scene import at_moment, deformers
+from engine.deform.pose import Poses
+from engine.deform.posed_points import PosedPoints
 from engine.deform.raster import BLACK, Backdrop, Drawn, draw, paint
 from engine.deform.shading import BandLight, Lobes, band_light, shade
-from engine.deform.subsurface import Medium, simulate_subsurface
-from engine.deform.transfer import N_RAYS, bounced, shadowed, unshadowed
+from engine.deform.telling import look_part, posed_part, shape_part
+from engine.deform.transfer import N_RAYS, unshadowed
 from engine.deform.zonal import Zonal, fit
 from engine.light.environment import LUMINANCE, triangle_integrals
 from engine.material.layer import Layer
 from engine.material.maps import Images
 from engine.orbit.slices import matt_reflectance
+from engine.render.error_colours import shown
 from engine.render.maps import MapFactors
 from engine.render.still import StillProgress
 from engine.render.surface_maps import mean_factor
 from engine.scene.description import CameraDescription
 from engine.scene.load import Scene
-from engine.scene.raycaster import Intersections, RayCaster
-from engine.scene.surface_kinds import DeformSurface
-from engine.scene.surface_uvs import uvs_at
+from engine.scene.raycaster import RayCaster
+from engine.scene.surface_kinds import DeformSurface, SurfacesOf
 from engine.sphere.harmonics import project
-from engine.steps import finish, told_as
+from engine.steps import finish
 from engine.transport.pipeline import SkyState
 
 Singles = NDArray[np.float32]
 LayersOf = Mapping[int, Sequence[Layer]]
 Quality = Literal["moving", "rest"]
 
-ORDER, N_LOBES = 6, 4
 N_POINTS = 12_000  # besides the meshes' own vertices
 N_BOUNCES = 2  # of an object's light onto itself
-FEW_RAYS = 256
+FEW_RAYS = 128  # of what stands in until there is better
 _LIGHT_LEVEL = 5
-_ALBEDO_STEPS = 8  # in which albedos count for what an object reflects onto itself
-
-
-class Shelf(Protocol):
-    """Where fitted transfer is kept, by all that it hangs on."""
-
-    def get(self, made_of: tuple[object, ...]) -> Zonal | None: ...
-
-    def put(self, made_of: tuple[object, ...], zonal: Zonal) -> None: ...
-
-
-@dataclass(frozen=True)
-class _Wanted:
-    """The transfer of an object: the objects that shade its points, its albedo in steps, rays a point."""
-
-    i_object: int
-    casters: tuple[int, ...]
-    albedo: int
-    n_rays: int
+_numbers = count(1 + randbits(48))  # of parts: another worker's are others
 
 
 class Deform:
     """A scene of which pictures are drawn in any pose, from anywhere; see above."""
 
     def __init__(
-        self, scene: Scene, n_points: int = N_POINTS, n_rays: int = N_RAYS, shelf: Shelf | None = None,
+        self, scene: Scene, n_points: int | None = None, n_rays: int = N_RAYS, shelf: Shelf | None = None,
         caster: RayCaster | None = None,
     ) -> None:  # fmt: skip
-        """scene: at rest; n_points: besides the meshes' vertices; n_rays: a point; caster: of the scene's triangles."""
+        """scene: at rest; n_points: besides the meshes' vertices, None for `N_POINTS`; n_rays: a point; caster: of the
+        scene's triangles."""
         self.scene = scene
         self.version = 0
         self._caster = caster or RayCaster(scene.vertices, scene.triangles)
-        self._n_points, self._rays, self._shelf = n_points, (min(FEW_RAYS, n_rays), n_rays), shelf
+        self._n_points, self._shelf = N_POINTS if n_points is None else n_points, shelf
+        self._rays, self._n_lobes = (min(FEW_RAYS, n_rays), n_rays), N_LOBES
         self._points: BendingPoints | None = None
         self._light = SkyState(None)
         self._bands: BandLight | None = None
         self._layers_of: dict[int, tuple[Layer, ...]] = {}
         self._albedos = np.zeros((len(scene.smooth), 3), np.float32)
+        self._surfaces: dict[str, DeformSurface] = {}
         self._posed: frozenset[int] = frozenset()
         self._n_bounces = N_BOUNCES
-        self._known: dict[int, _Wanted] = {}
-        self._job: tuple[_Wanted, Generator[float, None, Zonal]] | None = None
+        self._known: dict[int, ObjectTransfer] = {}
+        self._found: FoundTransfer | None = None
+        self._even: frozenset[int] = frozenset()
+        self._job: tuple[ObjectTransfer, Generator[float, None, Zonal]] | None = None
         self._lobes: Lobes | None = None
-        self._poses: dict[int, tuple[object, Pose]] = {}
+        self._posed_points: PosedPoints | None = None
+        self._errors: Singles | None = None
         self._details: dict[int, Detail] = {}
-        self._axes: dict[int, tuple[object, Singles]] = {}
+        self._shape: tuple[Lobes, ShapePart] | None = None
+        self._look: tuple[int, LookPart] | None = None
         self._white: tuple[tuple[object, ...], Singles] | None = None
 
     # ------------------------------------------------------------------------------------------------ what is wanted
@@ -133,8 +125,18 @@ class Deform:
             self.version += 1
 
     def set_posed(self, names: Sequence[str]) -> None:
-        """The objects, by name, that are to bend: they have their own shadows alone, and cast none on others."""
+        """The objects, by name, that bend: they have their own shadows alone, and cast none on others."""
         self._posed = frozenset(self.scene.object_index(each) for each in names if each in self.scene.object_names)
+
+    def set_surfaces(self, surfaces: SurfacesOf) -> None:
+        """What is said of the surfaces of objects, by name, from now on, in the place of what the scene's file says.
+        Raises LoadError where an image cannot be used."""
+        self.scene.textures.load(Images(weight=file) for _, says in surfaces for _, file in says.files)
+        self._surfaces = dict(surfaces)
+
+    def set_effort(self, n_rays: int, n_lobes: int) -> None:
+        """How many rays go from a point, and how many lobes, 1 to `N_LOBES`, stand for what they found, from now on."""
+        self._rays, self._n_lobes = (min(FEW_RAYS, n_rays), n_rays), n_lobes
 
     def set_bounces(self, n_bounces: int) -> None:
         """How often light is reflected between light and eye from now on."""
@@ -177,15 +179,12 @@ class Deform:
 
     def work(self) -> Iterator[StillProgress]:
         """All that is missing, piece by piece; ends where nothing is. What is set meanwhile is taken up at once."""
-        if self._points is None:
+        if self._points is None or self._even != self._translucent():
             yield StillProgress(0.0, "points")
-            self._points = bending_points(self.scene, self._caster, self._n_points)
+            self._make_points()
         for layer in [each for own in self._layers_of.values() for each in own if _is_glossy(each)]:
             low_gloss(layer, ORDER)  # kept: no picture waits for it
             yield StillProgress(self.fraction, "reflection")
-        if self._lobes is None:
-            self._lobes = yield from told_as(_open(len(self._points)), lambda _: StillProgress(0.0, "transfer"))
-            self.version += 1
         while (wanted := self._next()) is not None:
             if self._job is None or self._job[0] != wanted:
                 self._job = wanted, self._simulate(wanted)
@@ -195,102 +194,87 @@ class Deform:
                 self._job = None
                 self._take(wanted, end.value)
 
-    def _all(self) -> list[_Wanted]:
+    def _translucent(self) -> frozenset[int]:
+        """Objects that light goes through: a sum over points that lie unevenly would show where triangles are cut."""
+        return frozenset(i for i in range(len(self.scene.smooth)) if self._says(i).subsurface is not None)
+
+    def _make_points(self) -> None:
+        """All points, and lobes for them as if nothing shaded them; where there were some before, as near ones had."""
+        before, had, errors = self._points, self._lobes, self._errors
+        self._even = self._translucent()
+        even = np.isin(np.arange(len(self.scene.smooth)), list(self._even))
+        points = bending_points(self.scene, self._caster, self._n_points, even)
+        self._points, self._found = points, FoundTransfer(self.scene, points, self._shelf)
+        self._lobes, self._errors = _open(len(points)), np.zeros(len(points), np.float32)
+        if before is not None and had is not None and errors is not None:
+            near = points.nearest_of(before)
+            self._lobes, self._errors = Lobes(had.low[near], had.axes[near], had.coefficients[near]), errors[near]
+            self._known = {i: each for i, each in self._known.items() if points.stands_as(before, i)}
+        self._posed_points = PosedPoints(self.scene, points)
+        self._white, self._job = None, None
+        self.version += 1
+
+    def _all(self) -> list[ObjectTransfer]:
         """The best transfer of all objects that there is to be."""
         resting = tuple(i for i in range(len(self.scene.smooth)) if i not in self._posed)
         found = []
         for i in self._layers_of:
-            casters = (i,) if i in self._posed or self._says(i) is not None else resting
-            albedo = round(float(self._albedos[i] @ LUMINANCE) * _ALBEDO_STEPS) if self._n_bounces else 0
-            found.append(_Wanted(i, casters, min(albedo, _ALBEDO_STEPS - 1), self._rays[1]))
+            says = self._says(i)
+            casters = (i,) if i in self._posed or says.kind else resting
+            albedo = round(float(self._albedos[i] @ LUMINANCE) * ALBEDO_STEPS) if self._n_bounces else 0
+            albedo = 0 if says.kind else min(albedo, ALBEDO_STEPS - 1)
+            n_bounces = self._n_bounces if albedo else 0
+            found.append(ObjectTransfer(i, casters, says, albedo, n_bounces, self._rays[1], self._n_lobes))
         return found
 
-    def _share(self, wanted: _Wanted) -> float:
+    def _share(self, wanted: ObjectTransfer) -> float:
         known = self._known.get(wanted.i_object)
         return 0.0 if known is None else 1.0 if known == wanted else 0.1
 
-    def _says(self, i: int) -> DeformSurface | None:
-        """What the scene's file says of an object's surface."""
-        return self.scene.description.objects[i].deform
+    def _says(self, i: int) -> DeformSurface:
+        """What is said of an object's surface."""
+        described = self.scene.description.objects[i]
+        return self._surfaces.get(described.name, described.deform)
 
-    def _next(self) -> _Wanted | None:
-        """What is most urgent: of every object something before of any all."""
+    def _next(self) -> ObjectTransfer | None:
+        """What is most urgent: of every object something before of any all; those that rest first, for on them stand
+        shadows that have gone."""
         missing = [each for each in self._all() if self._known.get(each.i_object) != each]
+        missing.sort(key=lambda each: each.i_object in self._posed)
         for each in missing:
             known = self._known.get(each.i_object)
-            if known is None or known.casters != each.casters:
-                return _Wanted(each.i_object, each.casters, 0, self._rays[0])
+            is_other = known is None or (known.casters, known.says) != (each.casters, each.says)
+            if is_other:
+                is_there = self._found is not None and self._found.get(each) is not None
+                return each if is_there else replace(each, albedo=0, n_rays=self._rays[0], n_lobes=1)
         return missing[0] if missing else None
 
-    def _simulate(self, wanted: _Wanted) -> Generator[float, None, Zonal]:
-        """Rays, then lobes; yields the share of the rays that is done."""
-        assert self._points is not None
-        mesh, caster = self._points.mesh(wanted.i_object), self._points.caster(wanted.casters)
-        is_final = wanted.n_rays == self._rays[1]
-        made_of = (
-            *self._points.geometry(wanted.i_object, wanted.casters),
-            wanted.albedo,
-            self._n_bounces,
-            wanted.n_rays,
-        )
-        says = self._says(wanted.i_object)
-        if says is not None:
-            made_of = self._made_of(says, wanted)
-        if is_final and self._shelf is not None and (found := self._shelf.get(made_of)) is not None:
-            return found
-        if says is not None and says.membrane is not None:
-            return membrane(self._translucency(wanted.i_object, says.membrane.translucency), ORDER)
-        if says is not None and says.is_mapped:
-            zonal = yield from simulated(self.scene, says, ORDER, N_LOBES if is_final else 1, wanted.n_rays)
-            if is_final and self._shelf is not None:
-                self._shelf.put(made_of, zonal)
-            return zonal
-        if says is not None and says.subsurface is not None:
-            medium = Medium(**dict(says.subsurface))
-            own = mesh.corners[mesh.corners[:, 0] >= 0]
-            vectors = yield from simulate_subsurface(mesh, caster, own, ORDER, medium, wanted.n_rays)
-        else:
-            vectors = yield from shadowed(mesh, caster, ORDER, wanted.n_rays)
-        if wanted.albedo and says is None:
-            albedo = wanted.albedo / _ALBEDO_STEPS
-            vectors = yield from told_as(bounced(mesh, caster, vectors, albedo, self._n_bounces), lambda share: 0.99)
-        zonal = yield from told_as(fit(vectors, N_LOBES if is_final else 1), lambda _: 1.0)
-        if is_final and self._shelf is not None:
-            self._shelf.put(made_of, zonal)
+    def _simulate(self, wanted: ObjectTransfer) -> Generator[float, None, Zonal]:
+        """What was kept of it, or found anew; yields the share of the rays that is done."""
+        assert self._points is not None and self._found is not None
+        is_final = (wanted.n_rays, wanted.n_lobes) == (self._rays[1], self._n_lobes)
+        if is_final and (kept := self._found.get(wanted)) is not None:
+            return kept
+        zonal = yield from wanted.found(self.scene, self._points)
+        if is_final:
+            self._found.keep(wanted, zonal)
         return zonal
 
-    def _made_of(self, says: DeformSurface, wanted: _Wanted) -> tuple[object, ...]:
-        """All that the transfer of such a surface hangs on."""
-        assert self._points is not None
-        own = says.model_dump_json(), wanted.n_rays
-        if says.patch is not None:
-            return *own, heights(self.scene, says.patch)
-        if says.wrinkles is not None:
-            return ("wrinkles",)
-        return *own, *self._points.geometry(wanted.i_object, wanted.casters)
-
-    def _translucency(self, i: int, says: float | str) -> NDArray[np.float64]:
-        """Of an object's points (P,), 0 to 1."""
-        assert self._points is not None
-        if not isinstance(says, str):
-            return np.full(len(self._points.of(i)), says)
-        image = self.scene.textures.weight(Images(weight=says))
-        assert image is not None
-        return np.clip(image.at(self._points.uvs(i))[:, 0].astype(np.float64), 0.0, 1.0)
-
-    def _take(self, wanted: _Wanted, zonal: Zonal) -> None:
-        assert self._points is not None and self._lobes is not None
-        says = self._says(wanted.i_object)
-        if says is not None and says.is_mapped:
-            self._details[wanted.i_object], self._known[wanted.i_object] = detail(self.scene, says, zonal), wanted
-            self.version += 1
+    def _take(self, wanted: ObjectTransfer, zonal: Zonal) -> None:
+        assert self._points is not None and self._lobes is not None and self._errors is not None
+        i, says = wanted.i_object, wanted.says
+        self._known[i] = wanted
+        self.version += 1
+        self._details.pop(i, None)
+        if says.is_mapped:
+            self._details[i] = detail(self.scene, says, zonal)
             return
-        mine, n = self._points.of(wanted.i_object), zonal.axes.shape[1]
+        mine, n = self._points.of(i), zonal.axes.shape[1]
+        self._errors[mine] = zonal.relative_errors
         lobes = Lobes(self._lobes.low.copy(), self._lobes.axes.copy(), self._lobes.coefficients.copy())
         lobes.low[mine], lobes.axes[mine, :n], lobes.coefficients[mine] = zonal.low, zonal.axes, 0.0
         lobes.coefficients[mine, :n] = zonal.coefficients
-        self._lobes, self._known[wanted.i_object] = lobes, wanted
-        self.version += 1
+        self._lobes = lobes
 
     # ---------------------------------------------------------------------------------------------------- pictures
 
@@ -303,43 +287,73 @@ class Deform:
 
         Raises ValueError before `is_ready`.
         """
-        if self._points is None or self._lobes is None or self._bands is None:
+        if self._points is None or self._posed_points is None or self._lobes is None or self._bands is None:
             raise ValueError("nothing is ready to be drawn: expected some steps of work before")
-        eye = np.subtract(camera.position, self.scene.origin).astype(np.float64)
-        places, frames = self._posed_points(poses)
+        eye, fine = self._eye(camera), 2 if quality == "rest" else 1
+        places, frames = self._posed_points.at(poses)
         white = self._shaded(poses, frames if turned else self._points.resting_frames)
         gloss = self._gloss(places, frames, eye, white)
-        fine = 2 if quality == "rest" else 1
         size = (resolution[0] * fine, resolution[1] * fine)
         drawn = draw(self._points.surface, places, camera, eye, size)
-        environment, turn = self._light.environment, math.radians(self._light.rotation % 360.0)
-        backdrop = BLACK if environment is None else Backdrop(environment.radiance, turn, self._light.scale)
         albedos = self._albedos.copy()
         albedos[list(self._details)] = 0.0
-        picture = paint(drawn, self._points.surface, white, gloss, albedos, self.scene.emission, backdrop)
+        picture = paint(drawn, self._points.surface, white, gloss, albedos, self.scene.emission, self._backdrop())
         for i, own in self._layers_of.items():
             if i in self._details or any(not each.maps.is_plain for each in own):
                 self._add_by_pixel(i, drawn, white, picture)
         return _halved(picture) if fine == 2 else picture
 
-    def _posed_points(self, poses: Poses) -> tuple[Singles, Singles]:
-        """Places (V, 3) of all that is drawn, and axes (S, 3, 3) of points; what did not move stays."""
-        assert self._points is not None
-        rows = {self.scene.object_index(name): row for name, row in poses if name in self.scene.object_names}
-        for i in range(len(self.scene.smooth)):
-            row = rows.get(i, ())
-            if i not in self._poses or self._poses[i][0] != row:
-                self._poses[i] = row, self._pose(i, row)
-                self._points.place(i, self._poses[i][1])
-        return self._points.places, self._points.frames
+    def draw_errors(self, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = ()) -> Singles:
+        """How far the lobes of what is seen are off the transfer they were fitted to (H, W, 3): see `error_colours`.
+        Raises ValueError before `is_ready`."""
+        if self._points is None or self._posed_points is None or self._errors is None:
+            raise ValueError("nothing is ready to be drawn: expected some steps of work before")
+        drawn = draw(self._points.surface, self._posed_points.at(poses)[0], camera, self._eye(camera), resolution)
+        errors = np.repeat(shown(self._errors).astype(np.float32)[:, None], 3, axis=1)
+        one = np.ones_like(self._albedos)
+        picture = paint(drawn, self._points.surface, errors, np.zeros_like(errors), one, np.zeros_like(one))
+        for i, found in self._details.items():
+            if (pixels := pixels_of(i, drawn, self._points)) is not None:
+                of_pixels = shown(found.errors_at(pixels.uvs(self.scene))).astype(np.float32)
+                picture[pixels.rows, pixels.columns] = of_pixels[:, None]
+        return picture
 
-    def _pose(self, i: int, row: Row) -> Pose:
-        """Where a row takes all that is drawn of an object."""
-        assert self._points is not None
-        resting = self._points.resting(i)
-        rest, moment = at_moment(self.scene, i, row)
-        carried = resting if moment is rest else self._points.carried(i, resting, rest, moment)
-        return deformed(carried, deformers(row), resting.box)
+    def told(self, camera: CameraDescription, poses: Poses, known: tuple[int, int] = (0, 0)) -> Told | None:
+        """What a graphics card draws the same picture of, but for parts whose numbers are known; None where images or
+        detail lie on what is seen. Raises ValueError before `is_ready`."""
+        if self._points is None or self._posed_points is None or self._lobes is None or self._bands is None:
+            raise ValueError("nothing is ready to be drawn: expected some steps of work before")
+        layers = [each for own in self._layers_of.values() for each in own]
+        if self._details or any(not each.maps.is_plain for each in layers):
+            return None
+        places, frames = self._posed_points.at(poses)
+        if self._shape is None or self._shape[0] is not self._lobes:
+            self._shape = self._lobes, shape_part(next(_numbers), self._points, self._lobes)
+        if self._look is None or self._look[0] != self.version:
+            glosses = {i: list(self._glosses_of(i)) for i in self._layers_of}
+            made = look_part(
+                next(_numbers), self._bands, self._albedos, self.scene.emission, glosses, self._backdrop()
+            )  # fmt: skip
+            self._look = self.version, made
+        posed, shape, look = posed_part(places, frames, self._eye(camera)), self._shape[1], self._look[1]
+        is_known = shape.number == known[0], look.number == known[1]
+        return Told(posed, None if is_known[0] else shape, None if is_known[1] else look)
+
+    def carried(self, poses: Poses) -> dict[str, tuple[float, float, float]]:
+        """How far animations have carried the objects in these poses, by name: x, y, z."""
+        return {} if self._posed_points is None else self._posed_points.carried(poses)
+
+    def _eye(self, camera: CameraDescription) -> NDArray[np.float64]:
+        return np.subtract(camera.position, self.scene.origin).astype(np.float64)
+
+    def _backdrop(self) -> Backdrop:
+        environment, turn = self._light.environment, math.radians(self._light.rotation % 360.0)
+        return BLACK if environment is None else Backdrop(environment.radiance, turn, self._light.scale)
+
+    def _glosses_of(self, i: int) -> Iterator[tuple[LowGloss, NDArray[np.floating]]]:
+        """Of an object's layers that are not matt, and by what images multiply them on average (3,)."""
+        for layer in filter(_is_glossy, self._layers_of[i]):
+            yield low_gloss(layer, ORDER), mean_factor(self.scene, i, layer.maps)
 
     def _shaded(self, poses: Poses, frames: Singles) -> Singles:
         """What white matt points send (S, 3)."""
@@ -354,51 +368,36 @@ class Deform:
         assert self._points is not None and self._bands is not None
         sent = np.zeros_like(white)
         normals = np.ascontiguousarray(frames[:, 2])
-        for i, own in self._layers_of.items():
-            for layer in filter(_is_glossy, own):
-                factor = mean_factor(self.scene, i, layer.maps)
-                low = low_gloss(layer, ORDER)
+        for i in self._layers_of:
+            for low, factor in self._glosses_of(i):
                 add_gloss(low, factor, self._points.of(i), places, normals, eye, self._bands, white, sent)
         return sent
 
     def _add_by_pixel(self, i: int, drawn: Drawn, white: Singles, picture: Singles) -> None:
         """Add matt layers that images lie on, or all where there is detail on the object."""
-        assert self._points is not None
-        surface, own = self._points.surface, self._layers_of[i]
-        sees = drawn.found >= 0
-        rows, columns = np.nonzero(sees & (surface.i_object[np.where(sees, drawn.found, 0)] == i))
-        if not len(rows):
+        assert self._points is not None and self._posed_points is not None
+        pixels, own = pixels_of(i, drawn, self._points), self._layers_of[i]
+        if pixels is None:
             return
-        triangle, weights = drawn.found[rows, columns], drawn.weights(rows, columns)
-        is_front = drawn.front[triangle] > 0.0
-        points = surface.sides[triangle, np.where(is_front, 0, 1)]
-        u, v = np.einsum("nk,nki->in", weights, self._points.within[triangle])
-        at = Intersections(self._points.source[triangle], u, v, np.zeros(len(u), np.float32))
         if i in self._details and self._bands is not None:
-            uvs = uvs_at(self.scene, at.triangle, u, v)
-            matt = shaded(self._details[i], uvs, self._axes_of(i)[triangle], weights, is_front, self._bands)
+            axes = self._posed_points.axes_of(i)[pixels.triangle]
+            uvs = pixels.uvs(self.scene)
+            matt = shaded(self._details[i], uvs, axes, pixels.weights, pixels.is_front, self._bands)
         else:
-            matt = np.einsum("nk,nki->ni", weights, white[points])
-        matt = matt * (points[:, :1] >= 0)
-        factors = MapFactors(self.scene, {i: own}).of_hits(at, np.full(len(u), i), np.arange(len(u)))
+            matt = np.einsum("nk,nki->ni", pixels.weights, white[pixels.points])
+        matt = matt * (pixels.points[:, :1] >= 0)
+        n = len(pixels.rows)
+        factors = MapFactors(self.scene, {i: own}).of_hits(pixels.at, np.full(n, i), np.arange(n))
         for k, layer in enumerate(own):
             if _is_glossy(layer) or layer.maps.is_plain and i not in self._details:
                 continue
             factor = 1.0 if layer.maps.is_plain else factors[:, k]
-            picture[rows, columns] += np.maximum(matt * factor * (np.pi * _matt(layer)), 0.0)
-
-    def _axes_of(self, i: int) -> Singles:
-        """Axes along texture coordinates at the corners of an object's triangles as they stand now."""
-        assert self._points is not None
-        pose = self._poses[i][1]
-        if i not in self._axes or self._axes[i][0] is not pose:
-            self._axes[i] = pose, surface_axes(self.scene, self._points, i)
-        return self._axes[i][1]
+            picture[pixels.rows, pixels.columns] += np.maximum(matt * factor * (np.pi * _matt(layer)), 0.0)
 
 
-def _open(n_points: int) -> Generator[float, None, Lobes]:
-    """Lobes of points that see all that is above them."""
-    one = yield from fit(unshadowed(1, ORDER), 1)
+def _open(n_points: int) -> Lobes:
+    """Of points that see all that is above them."""
+    one = finish(fit(unshadowed(1, ORDER), 1))
     low, axes = np.repeat(one.low, n_points, axis=0), np.zeros((n_points, N_LOBES, 3))
     axes[:, :, 2] = 1.0
     axes[:, 0] = one.axes[0, 0]

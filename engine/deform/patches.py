@@ -66,11 +66,13 @@ def simulate_patch(
 
 @dataclass(frozen=True, eq=False)
 class Patch:
-    """A patch's lobes as they are looked up: low (H, W, 4), axes (H, W, N, 3), coefficients (H, W, N, n)."""
+    """A patch's lobes as they are looked up: low (H, W, 4), axes (H, W, N, 3), coefficients (H, W, N, n); errors (H, W)
+    of their fit, as shares."""
 
     low: NDArray[np.float32]
     axes: NDArray[np.float32]
     coefficients: NDArray[np.float32]
+    errors: Floats
 
     def at(self, uvs: ArrayLike) -> Lobes:
         """The lobes at texture coordinates (P, 2), which repeat: bands that are kept as they are lie between texels,
@@ -85,6 +87,12 @@ class Patch:
         )
         return found
 
+    def errors_at(self, uvs: ArrayLike) -> Floats:
+        """Of the texels (P,) that hold texture coordinates (P, 2)."""
+        height, width = self.errors.shape
+        u, v = np.mod(np.asarray(uvs, np.float64), 1.0).T
+        return self.errors[np.minimum(((1.0 - v) * height).astype(int), height - 1), (u * width).astype(int) % width]
+
     def _maps(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
         return self.low, self.axes, self.coefficients
 
@@ -92,7 +100,9 @@ class Patch:
 def patch(zonal: Zonal, shape: tuple[int, int]) -> Patch:
     """Of lobes fitted to the vectors of a patch's texels."""
     flat = lobes(zonal)
-    return Patch(*(each.reshape(*shape, *each.shape[1:]) for each in (flat.low, flat.axes, flat.coefficients)))
+    maps = flat.low, flat.axes, flat.coefficients
+    low, axes, coefficients = (each.reshape(*shape, *each.shape[1:]) for each in maps)
+    return Patch(low, axes, coefficients, zonal.relative_errors.reshape(shape))
 
 
 def uv_frames(positions: ArrayLike, triangles: NDArray[np.int32], uvs: ArrayLike, frames: ArrayLike) -> Floats:

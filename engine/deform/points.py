@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from engine.deform.pose import Pose, orthonormal
 from engine.deform.raster import Surface
@@ -24,6 +25,7 @@ Floats = NDArray[np.float64]
 Indices = NDArray[np.int32]
 
 _SAME_PLACE = 1e-6  # of the scene's size
+_FACING = 0.05  # of an object's size, that what faces another way is farther off
 
 
 class BendingPoints:
@@ -54,6 +56,11 @@ class BendingPoints:
 
     def __len__(self) -> int:
         return len(self._points)
+
+    @property
+    def owners(self) -> Indices:
+        """The object (S,) of each point."""
+        return self._points.i_object
 
     def of(self, i_object: int) -> NDArray[np.int64]:
         """The points of an object."""
@@ -106,15 +113,38 @@ class BendingPoints:
         corners[others] = corners[~others][0, 0] if (~others).any() else 0.0
         return RayCaster(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
 
+    def stands_as(self, other: BendingPoints, i_object: int) -> bool:
+        """Whether an object has the same points among these as among others of the scene."""
+        mine, its = self.of(i_object), other.of(i_object)
+        return len(mine) == len(its) and np.array_equal(self._rest[mine], other._rest[its])
+
+    def nearest_of(self, other: BendingPoints) -> NDArray[np.int64]:
+        """For each point the nearest (S,) among others of the scene, of the same object and facing the same way."""
+        found = np.zeros(len(self), np.int64)
+        for i in np.unique(self._points.i_object):
+            mine, its = self.of(i), other.of(i)
+            if self.stands_as(other, i):
+                found[mine] = its
+                continue
+            reach = _FACING * float(np.ptp(self._rest[mine], axis=0).max(initial=0.0))
+            here, there = (
+                np.hstack([each._rest[own], reach * each._rest_frames[own, 2]])
+                for each, own in ((self, mine), (other, its))
+            )
+            found[mine] = its[cKDTree(there).query(here)[1]]
+        return found
+
     def geometry(self, i_object: int, casters: tuple[int, ...]) -> tuple[NDArray[np.generic], ...]:
         """All that an object's transfer hangs on, but for materials."""
         mesh, shade = self.mesh(i_object), np.isin(self.surface.i_object, casters)
         return (mesh.points.offset_position, mesh.frames, self._points.corners[shade])
 
 
-def bending_points(scene: Scene, caster: RayCaster, n_points: int) -> BendingPoints:
-    """About n_points besides the meshes' own vertices; caster: of the scene's triangles."""
-    points = shading_points(scene, caster, n_points)
+def bending_points(
+    scene: Scene, caster: RayCaster, n_points: int, even: NDArray[np.bool_] | None = None
+) -> BendingPoints:
+    """About n_points besides the meshes' own vertices; caster: of the scene's triangles; even: see `shading_points`."""
+    points = shading_points(scene, caster, n_points, even)
     return BendingPoints(scene, with_backs(points, _is_open(scene)))
 
 

@@ -26,9 +26,10 @@ def posed(scene: Scene, poses: Poses) -> Scene:
     vertices, normals = scene.vertices.copy(), scene.normals.copy()
     for i, row in moving:
         rest, moment = at_moment(scene, i, row)
+        shift = shifted(rest, moment)
         which = np.unique(scene.triangles[slice(*scene.triangle_ranges[i])])
         mine = which - scene.vertex_ranges[i, 0]
-        box = Pose(rest.positions[mine], rest.frames[mine]).box
+        box = Pose(rest.positions[mine], rest.frames[mine]).box + shift
         pose = deformed(Pose(moment.positions[mine], moment.frames[mine]), deformers(row), box)
         vertices[which], normals[which] = pose.positions, pose.frames[:, 2]
     geometric, solid = face_normals(vertices, scene.triangles)
@@ -39,6 +40,11 @@ def posed(scene: Scene, poses: Poses) -> Scene:
 def deformers(row: Row) -> list[Deformation]:
     """What comes after the moment."""
     return [each for each in row if isinstance(each, Deformation)]
+
+
+def shifted(rest: Pose, moment: Pose) -> NDArray[np.float64]:
+    """How far an animation has carried an object as a whole (3,): the box that deformers stand in goes along."""
+    return np.asarray((moment.positions - rest.positions).mean(axis=0))
 
 
 def at_moment(scene: Scene, i: int, row: Row) -> tuple[Pose, Pose]:

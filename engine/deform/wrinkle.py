@@ -11,10 +11,11 @@ and 1 are kept as they are. Axes are those of the surface that is wrinkled: acro
 from __future__ import annotations
 
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import uniform_filter
 from scipy.optimize import minimize
 
 from engine.deform import _wrinkle_kernels as kernels
@@ -39,13 +40,13 @@ _HORIZON_STEPS = 512
 @dataclass(frozen=True, eq=False)
 class Wrinkles:
     """Lobes at the nodes of a map, rows by position from 0 to 1, columns by depth from 0 to `DEEPEST`: low (H, W, 4),
-    axes (H, W, N, 3), coefficients (H, W, N, n). error: of all samples of the fit, as a share of their signal, both
-    root mean squares."""
+    axes (H, W, N, 3), coefficients (H, W, N, n); errors (H, W): the length of what they leave of what they were fitted
+    to, at a node and half way to the next."""
 
     low: Floats
     axes: Floats
     coefficients: Floats
-    error: float
+    errors: Floats
 
     def at(self, position: ArrayLike, depth: ArrayLike) -> Zonal:
         """The lobes of points (P,) of grooves; positions repeat, depths are held between 0 and `DEEPEST`."""
@@ -55,13 +56,13 @@ class Wrinkles:
         column = np.clip(depth / DEEPEST, 0.0, 1.0) * (n_columns - 1)
         top, left = np.minimum(row.astype(int), n_rows - 2), np.minimum(column.astype(int), n_columns - 2)
         found = []
-        for each in (self.low, self.axes, self.coefficients):
+        for each in (self.low, self.axes, self.coefficients, self.errors):
             down, right = (part.reshape(-1, *[1] * (each.ndim - 2)) for part in (row - top, column - left))
             above = (1.0 - right) * each[top, left] + right * each[top, left + 1]
             below = (1.0 - right) * each[top + 1, left] + right * each[top + 1, left + 1]
             found.append((1.0 - down) * above + down * below)
-        low, axes, coefficients = found
-        return Zonal(low, _unit(axes), coefficients, np.zeros(len(low)))
+        low, axes, coefficients, errors = found
+        return Zonal(low, _unit(axes), coefficients, errors)
 
 
 def wrinkles(n: int = ORDER, side: int = SIDE) -> Generator[float, None, Wrinkles]:
@@ -80,8 +81,12 @@ def wrinkles(n: int = ORDER, side: int = SIDE) -> Generator[float, None, Wrinkle
         values = minimize(_error, values, (targets, places, shapes), "L-BFGS-B", jac=True, options=options).x
         yield 0.1 + 0.9 * (round_ + 1) / _ROUNDS
     axes, coefficients = _parted(values, shapes)
-    error = float(np.sqrt(_error(values, targets, places, shapes)[0]) / np.linalg.norm(targets))
-    return Wrinkles(at_nodes[:, :4].reshape(side, side, 4), _unit(axes), coefficients, error)
+    low, none = at_nodes[:, :4].reshape(side, side, 4), np.zeros((side, side))
+    fitted = Wrinkles(low, _unit(axes), coefficients, none)
+    position, depth = places.T / (side - 1)
+    squares = ((fitted.at(position, depth * DEEPEST).harmonics() - targets) ** 2).sum(axis=1)
+    about_nodes = uniform_filter(squares.reshape(n_samples, n_samples), 2 * _PER_CELL - 1, mode="nearest")
+    return replace(fitted, errors=np.sqrt(np.maximum(about_nodes[::_PER_CELL, ::_PER_CELL], 0.0)))
 
 
 def _error(values: Floats, targets: Floats, places: Floats, shapes: tuple) -> tuple[float, Floats]:

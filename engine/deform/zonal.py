@@ -49,6 +49,12 @@ class Zonal:
         of_lobes[:, : min(4, n * n)] += self.low[:, : min(4, n * n)]
         return of_lobes
 
+    @property
+    def relative_errors(self) -> Floats:
+        """(P,): as shares of what the lobes were fitted to, which is at right angles to what they leave of it."""
+        kept = np.linalg.norm(self.harmonics(), axis=1)
+        return np.asarray(self.errors / np.maximum(np.hypot(kept, self.errors), 1e-30))
+
     def turned(self, rotations: ArrayLike) -> Zonal:
         """With all points turned, by one rotation (3, 3) or one each (P, 3, 3) (eq. 10)."""
         turns = np.broadcast_to(np.asarray(rotations, np.float64), (len(self.axes), 3, 3))
@@ -89,6 +95,24 @@ def fit(vectors: ArrayLike, n_lobes: int, n_restarts: int = N_RESTARTS) -> Gener
         on_threads(part, *even_parts(count))
         yield (start + count) / n_points
     return Zonal(low, axes, coefficients, errors)
+
+
+def about_linear(vectors: ArrayLike) -> Zonal:
+    """One lobe for each of the vectors (P, n^2) about the direction of its linear band, in closed form (eq. 18): nearly
+    as near as the best one, for a hundredth of the time. The constant band is kept as it is."""
+    targets = np.asarray(vectors, np.float64)
+    n = order_of(targets)
+    linear = targets[:, [3, 1, 2]] * (-1.0, -1.0, 1.0) if n > 1 else np.zeros((len(targets), 3))
+    lengths = np.linalg.norm(linear, axis=1, keepdims=True)
+    axes = np.where(lengths > 0.0, linear / np.where(lengths > 0.0, lengths, 1.0), (0.0, 0.0, 1.0))
+    values = basis(axes, n)
+    of_bands = np.add.reduceat(values * targets, np.arange(n) ** 2, axis=1)
+    coefficients = of_bands * (4.0 * np.pi / (2.0 * np.arange(n) + 1.0))
+    coefficients[:, 0] = 0.0
+    left = targets - values * coefficients[:, bands(n)]
+    low = np.zeros((len(targets), 4))
+    low[:, 0], left[:, 0] = targets[:, 0], 0.0
+    return Zonal(low, axes[:, None], coefficients[:, None], np.linalg.norm(left, axis=1))
 
 
 @cache

@@ -100,8 +100,8 @@ def neighbours_of(
     an edge."""
     from scipy.spatial import cKDTree
 
-    width, height = hits.resolution
-    places = np.stack(np.divmod(hits.pixel[rows], width), axis=1).astype(np.float64)
+    _, height = hits.resolution
+    places = hits.places[rows]
     order = np.arange(1, min(N_NEIGHBOURS, len(rows)) + 1)
     distance, nearest = cKDTree(places).query(places, k=order)
     normal, position = hits.normal[rows], hits.position[rows]

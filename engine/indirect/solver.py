@@ -5,10 +5,10 @@ on the cells on the light as well; curves, albedos and which object is edited co
 asks for the cells' irradiance anew, a material for nothing but sums.
 """
 
+import itertools
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from engine.indirect.curves import any_glossy, pole_of
 from engine.indirect.further import further_fans
 from engine.indirect.gather import FanSize, Gathered, gather, joined, object_of_rows
 from engine.indirect.irradiance import CellLight, connect, direct_irradiance, radiosity
-from engine.indirect.lattice import COARSEST, Lattice, least_alike
+from engine.indirect.lattice import COARSEST, Lattice, count_by_shape, least_alike
 from engine.indirect.layers import IndirectLayer, albedos_of
 from engine.indirect.light import Footprint, GatherPoints, IndirectLight
 from engine.indirect.parts import Keeper, Parts
@@ -74,7 +74,12 @@ FINE = Fineness("fine", 512, 1, 96, 1 << 19, 24000, 128, 256, True)
 STILL = Fineness("still", 1024, 1, 1024, 1 << 20, 16000, 64, 128, True, True)
 # What a first look at the scene takes.
 _PILOT_POINTS, _PILOT_RAYS = 1024, 64
-_GROWTH = 1.26
+# How much larger cells are where there were too many, at least; with what power of the fans there are more of them.
+_GROWTH, CELLS_BY_FANS = 1.26, 0.4
+# Of the cells that there may be, those that are aimed at then.
+FULL = 0.85
+# Gather points, by those that silhouettes and creases alone call for.
+_BY_LIGHT = 1.25
 # Gather points a part that is kept: a second or two of work, so that keeping it costs little.
 PART_POINTS = 4096
 _PHOTONS_SHARE = np.float32(0.3)
@@ -109,6 +114,7 @@ class Solver:
             glossy_objects, self._poles, self._axes, self._shining.lamps, fineness.n_records, n_bounces > 2
         )
         self._second = second if glossy else None
+        self._n_traced = 0
 
     def solve(
         self, layers: Sequence[IndirectLayer], keeper: Keeper | None = None
@@ -119,12 +125,13 @@ class Solver:
         """
         size, parts = self._cell_size(), Parts(keeper)
         while True:
+            self._n_traced = PART_POINTS // 2  # of the part that is given up
             cells = Cells(self._placement.scene, self._placement.caster, size)
             try:
                 return (yield from self._solve(cells, layers, parts))
             except TooManyCells:
                 parts.too_fine()
-                size *= _GROWTH
+                size *= self._growth()
 
     def restored(self, arrays: Arrays) -> IndirectLight:
         """What `solve` gave and `stored.arrays_of` made arrays of. Raises UnsoundArrays for anything else."""
@@ -207,11 +214,11 @@ class Solver:
         """As many points as the picture of these layers needs, by a quarter of the light between cells; and how much of
         the whole is done."""
         n_rays, n_samples = self._fineness.n_cell_rays // 4, self._fineness.n_samples // 4
-        lattice = Lattice(self._placement.hits, self._poles != NORMAL, self._fineness.close)
+        lattice = self._lattice()
         values, noise = np.zeros((2, len(self._placement.hits.pixel), 3), np.float32)
         clearance = np.zeros(len(self._placement.hits.pixel), np.float32)
         bright = None
-        looks = iter(pairwise((_ROUGHLY_LIT, *_LOOKED_CLOSER)))
+        looks = iter(itertools.pairwise((_ROUGHLY_LIT, *_LOOKED_CLOSER)))
         span = 0.0, _LOOKED
         while True:
             rows = lattice.wanted()
@@ -241,6 +248,15 @@ class Solver:
                     cells, gathered, rows, nth, parts, (_LOOKED_CLOSER[-1], done), len(cells)
                 )
                 return self._points(gathered, photons), found, done
+
+    def _growth(self) -> float:
+        """By how much cells are to be larger, that were too many after the fans so far: to begin anew once costs less
+        than to do so at every step."""
+        expected = _BY_LIGHT * count_by_shape(self._lattice()) if self._fineness.adaptive else 0
+        return max(float(((expected / self._n_traced) ** CELLS_BY_FANS / FULL) ** 0.5), _GROWTH)
+
+    def _lattice(self) -> Lattice:
+        return Lattice(self._placement.hits, self._poles != NORMAL, self._fineness.close)
 
     def _further(
         self, rows: NDArray[np.int32], values: NDArray[np.float32], noise: NDArray[np.float32], found: Footprint
@@ -291,12 +307,14 @@ class Solver:
         if kept is not None:
             cells.restore(kept[0])
             yield kept[1]
+            self._n_traced += len(rows)
             return
         found = []
         for each in gather(self._placement.hits, cells, rows, nth, self._poles, size, self._second, True, first_open):
             found.append(each)
             yield each
         parts.keep({**arrays_of_gathered(joined(found)), **arrays_of_table(cells.table())})
+        self._n_traced += len(rows)
 
     def _light(
         self, cells: Cells, fineness: Fineness, parts: Parts, span: tuple[float, float]

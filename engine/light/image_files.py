@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.errors import LoadError
+from engine.files import place_of
 
 MAX_FILE_BYTES = 1 << 30
 MAX_SIDE = 16_384
@@ -39,6 +40,10 @@ def read_radiance_image(file: Path) -> NDArray[np.float32]:
 
     Raises LoadError for what cannot be read as one whole RGB image of at most 2^25 pixels.
     """
+    try:
+        file = place_of(file)
+    except OSError as error:
+        raise LoadError(file, "file", str(error), "a readable file") from None
     start = _check_regular_file(file)
     if start.startswith(_EXR_MAGIC):
         return _read_exr(file)

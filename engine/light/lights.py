@@ -7,11 +7,12 @@ The cut splits the triangle with the largest  luminance integral^1 * solid angle
 never grows from a parent to its child, so the greedy cut is simply the n largest inner nodes of the tree, found by one
 sort; no queue is needed. Ties (black regions) go to the coarser triangle.
 
-Where it is known which share of the picture's points sees each direction, luminance counts times its square root: the
-mean square error of the picture goes with the share. What few points see also costs little, so that more lights are
-cut where most of the sky is hidden: each counts by four times its share (a point in the open sees half of the sky), up
-to twice as many in all. In the built-in room, whose sky stands in the windows, edges of windows across lights of one
-bit each drew stripes of 5 % on the walls; so they are 2 %.
+Where it is known which share of the picture's points sees each direction, what none of them sees does not count, and
+what few see costs little, so that more lights are cut where most of the sky is hidden: each counts by four times its
+share (a point in the open sees half of the sky), up to twice as many in all. In the built-in room, whose sky stands in
+the windows, edges of windows across lights of one bit each drew stripes of 5 % on the walls; so they are 2 %. Rejected:
+luminance times the root of the share, by which the mean square error would go were all surfaces matt. What copper on
+the tea tray mirrors at grazing angles few points see, and it was 0.9 % off with 10,000 lights instead of 0.3 %.
 """
 
 from __future__ import annotations
@@ -123,7 +124,8 @@ def _importance(
     share = np.repeat(np.asarray(seen, np.float64), len(luminance) // len(seen))
     # The mean over what is below; of children that are finer than what is known, that of their parent.
     means = [total[:, 0] * len(total) / len(share) for total in _pyramid(share[:, None], max_level)[:-1]]
-    return _inner(_pyramid((luminance * np.sqrt(share))[:, None], max_level)), [np.minimum(_OPEN * m, 1) for m in means]
+    seen_by_any = np.where(share > 0.0, luminance, 0.0)
+    return _inner(_pyramid(seen_by_any[:, None], max_level)), [np.minimum(_OPEN * m, 1) for m in means]
 
 
 def _inner(levels: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:

@@ -1,4 +1,4 @@
-"""Compiled: over which part of an image a picture's pixels reach."""
+"""Compiled: where a picture's pixels lie on surfaces, and over which part of an image they reach."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import math
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+
+from engine.fast_math import FAST
 
 Floats = NDArray[np.float64]
 
@@ -62,3 +64,28 @@ def footprints(
                     across[j, c] = found - uv[j, c]
                 else:
                     down[j, c] = found - uv[j, c]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def places(
+    start: int, stop: int, which: NDArray[np.int64], part: NDArray[np.int32], corners: NDArray[np.int32],
+    weights: NDArray[np.float32], points: NDArray[np.float32], within: NDArray[np.float32], source: NDArray[np.int32],
+    triangle: NDArray[np.int64], u: Floats, v: Floats, normals: Floats,
+) -> None:  # fmt: skip
+    """Fill rows [start, stop) of triangle, u and v (N,): where samples (N,) lie on the scene's triangles; and normals
+    (N, 3), unit, between those of the points (S, 3) at their corners, by weights (R, 3). part (R,): the triangle
+    between points that each meets; source (T,): the scene's triangle that this is a part of, within (T, 3, 2)."""
+    for n in range(start, stop):
+        j = which[n]
+        t, squared = part[j], 0.0
+        triangle[n], u[n], v[n] = source[t], 0.0, 0.0
+        for i in range(3):
+            normals[n, i] = 0.0
+            for k in range(3):
+                normals[n, i] += weights[j, k] * points[corners[j, k], i]
+            squared += normals[n, i] * normals[n, i]
+            u[n] += weights[j, i] * within[t, i, 0]
+            v[n] += weights[j, i] * within[t, i, 1]
+        scale = 1.0 / max(math.sqrt(squared), 1e-30)
+        for i in range(3):
+            normals[n, i] *= scale

@@ -9,6 +9,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from engine.fast_math import FAST
+
 Floats = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
 
@@ -73,7 +75,7 @@ class Kept(NamedTuple):
     leaning: Floats
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def child_at(x: float, y: float, z: float, children: NDArray[np.int16]) -> int:
     """The entry of `Hemisphere.children` for a direction above the surface."""
     side = children.shape[0]
@@ -83,7 +85,7 @@ def child_at(x: float, y: float, z: float, children: NDArray[np.int16]) -> int:
     return int(children[max(row, 0), max(column, 0)])
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def _look_up(
     sky: Floats, direction: Floats, frame: Floats, cosine: float, sine: float
 ) -> tuple[np.float32, np.float32, np.float32]:
@@ -105,7 +107,7 @@ def _look_up(
     return sky[row, column, 0], sky[row, column, 1], sky[row, column, 2]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def add_sky(p: int, at: Places, half: Hemisphere, light: Light, powers: Floats, moments: Floats) -> None:
     """Fill powers (5120, 3), radiance × solid angle of each triangle that point p sees, and add to moments (3, 3) their
     sums times x, y, which makes irradiance, and z."""
@@ -121,7 +123,7 @@ def add_sky(p: int, at: Places, half: Hemisphere, light: Light, powers: Floats, 
             _add_moments(moments, red * share, green * share, blue * share, half.direction[k], half.cosine[k])
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True, inline="always")
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST, inline="always")
 def _add_moments(
     moments: Floats, red: np.float32, green: np.float32, blue: np.float32, direction: Floats, cosine: np.float32
 ) -> None:
@@ -137,7 +139,7 @@ def _add_moments(
     moments[2, 2] += blue * z
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def _add_coarse_sky(
     p: int, coarse_bits: NDArray[np.uint64], at: Places, half: Hemisphere, light: Light, powers: Floats,
     moments: Floats,
@@ -166,7 +168,7 @@ def _count(word: np.uint64) -> int:
     return int((word * np.uint64(0x0101010101010101)) >> np.uint64(56))
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def _nearest(places: NDArray[np.int16], directions: Floats, x: float, y: float, z: float) -> int:
     """Which of the places looks most towards a direction."""
     best, found = -math.inf, 0
@@ -178,7 +180,7 @@ def _nearest(places: NDArray[np.int16], directions: Floats, x: float, y: float, 
     return found
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def _add_suns(p: int, at: Places, half: Hemisphere, light: Light, kept: Kept) -> None:
     """What point p sees of the suns: bits, irradiance and, if it is glossy, where in its hemisphere they stand."""
     frame, slot, n_found = at.frame[p], at.slot[p], 0
@@ -215,7 +217,7 @@ def _add_suns(p: int, at: Places, half: Hemisphere, light: Light, kept: Kept) ->
                 kept.sun_power[slot, j, i] += light.sun_power[s, i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def add_patches(
     p: int, at: Places, half: Hemisphere, light: Light, is_coarse: bool, powers: Floats, moments: Floats
 ) -> None:
@@ -318,7 +320,7 @@ def _transform(means: Floats, place: NDArray[np.int32], wavelets: Floats, sizes:
                 sizes[t] = np.inf
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def light_range(
     start: int, stop: int, points: NDArray[np.int64], is_coarse: bool, at: Places, half: Hemisphere, light: Light,
     kept: Kept,

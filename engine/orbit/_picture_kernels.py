@@ -8,6 +8,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from engine.fast_math import FAST
+
 Floats = NDArray[np.float32]
 Indices = NDArray[np.int32]
 
@@ -34,7 +36,7 @@ class Samples(NamedTuple):
     behind: NDArray[np.bool_]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def fill_rays(
     start: int, stop: int, places: NDArray[np.float64], width: int, axes: NDArray[np.float64], directions: Floats
 ) -> None:
@@ -52,7 +54,7 @@ def fill_rays(
         directions[j, 0], directions[j, 1], directions[j, 2] = x * scale, y * scale, z * scale
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def resolve(
     start: int, triangle: Indices, u: Floats, v: Floats, directions: Floats, surface: PointTriangles, out: Samples
 ) -> None:
@@ -81,7 +83,7 @@ def resolve(
         out.weights[j, 0], out.weights[j, 1], out.weights[j, 2] = np.float32(1.0) - u[k] - v[k], u[k], v[k]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def mark(start: int, stop: int, corners: Indices, seen: NDArray[np.bool_]) -> None:
     """Set seen (S,) at the points that are corners of samples."""
     for j in range(start, stop):
@@ -90,7 +92,7 @@ def mark(start: int, stop: int, corners: Indices, seen: NDArray[np.bool_]) -> No
                 seen[corners[j, k]] = True
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def add_between(
     start: int, stop: int, samples: NDArray[np.int64], corners: Indices, weights: Floats, values: Floats,
     factor: Floats, radiance: Floats,
@@ -104,6 +106,36 @@ def add_between(
         for i in range(3):
             between = weights[j, 0] * values[a, i] + weights[j, 1] * values[b, i] + weights[j, 2] * values[c, i]
             radiance[j, i] += factor[row, i] * between
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def add_at(
+    start: int, stop: int, samples: NDArray[np.int64], values: Floats, factor: Floats, radiance: Floats
+) -> None:  # fmt: skip
+    """Add values (N, 3) times factor (N or 1, 3) to radiance (R, 3) of samples (N,)."""
+    several = len(factor) > 1
+    for at in range(start, stop):
+        row = at if several else 0
+        for i in range(3):
+            radiance[samples[at], i] += factor[row, i] * values[at, i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def by_object(
+    i_object: Indices, reflects: NDArray[np.bool_], n_objects: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Those samples (R,) that reflect, by object and in their order, and where each object's begin (M + 1,)."""
+    bounds = np.zeros(n_objects + 1, np.int64)
+    for j in range(len(i_object)):
+        if reflects[j]:
+            bounds[i_object[j] + 1] += 1
+    bounds = np.cumsum(bounds)
+    at, order = bounds.copy(), np.empty(bounds[-1], np.int64)
+    for j in range(len(i_object)):
+        if reflects[j]:
+            order[at[i_object[j]]] = j
+            at[i_object[j]] += 1
+    return order, bounds
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -130,7 +162,7 @@ def by_point(
     return points, first, members
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def silhouettes(i_object: Indices, edges: NDArray[np.bool_]) -> None:
     """Set edges (H, W) where one of four neighbours shows another object (H, W)."""
     height, width = i_object.shape
@@ -145,7 +177,7 @@ def silhouettes(i_object: Indices, edges: NDArray[np.bool_]) -> None:
             )
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def add_background(
     start: int, stop: int, i_object: Indices, wo: Floats, image: Floats, turn: float, scale: float, radiance: Floats
 ) -> None:
@@ -168,7 +200,7 @@ def add_background(
             radiance[j, i] += np.float32(scale) * (upper + down * (lower - upper))
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def gather(ends: Indices, sent: Floats, found: Floats) -> None:
     """Fill found (G, 3): the mean over each row of ends (G, R) of what is sent (S, 3) there; −1 sends nothing."""
     for g in range(ends.shape[0]):
@@ -182,7 +214,7 @@ def gather(ends: Indices, sent: Floats, found: Floats) -> None:
         found[g, 0], found[g, 1], found[g, 2] = red / ends.shape[1], green / ends.shape[1], blue / ends.shape[1]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def spread(beside: Indices, share: Floats, gathered: Floats, found: Floats) -> None:
     """Fill found (S, 3): gathered (G, 3) at the places beside (S, K), by their share (S, K)."""
     found[:] = 0.0

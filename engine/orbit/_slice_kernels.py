@@ -9,20 +9,21 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from engine import lanes
+from engine.fast_math import FAST
 from engine.orbit._incident_kernels import Kept
 
 Floats = NDArray[np.float32]
 Halves = NDArray[np.uint16]
 _TURN = 2.0 * math.pi / 5.0
-_MOST_CELLS = 24
-_1, _2, _3 = np.arange(1, 4, dtype=np.uint64)
+_3 = np.uint64(3)
 
 
 class Tables(NamedTuple):
-    """Slices by coefficient (polar, columns, rows, 3) and by upper triangle (polar, columns, 2560, 3), bfloat16, flat:
-    what points that look alike ask for stands together. Where symmetries carry coefficients (10, 5120) and upper
-    triangles (10, 2560), of columns over 36 degrees, or (1, ...) of columns all around; polar angles, the last the
-    steepest, columns; serial: another of other tables."""
+    """Slices by coefficient (polar, columns, rows, 3) and by upper triangle (polar, columns, 2560, 3), bfloat16, flat,
+    with one number behind the last, see `engine.lanes`: what points that look alike ask for stands together. Where
+    symmetries carry coefficients (10, 5120) and upper triangles (10, 2560), of columns over 36 degrees, or (1, ...) of
+    columns all around; polar angles, the last the steepest, columns; serial: another of other tables."""
 
     table: Halves
     values: Halves
@@ -55,8 +56,8 @@ class Corners(NamedTuple):
 
 
 class Shades(NamedTuple):
-    """What glossy points sent to the four slices around the eye (G, 4, 3) when it was asked last, and the key (G,) of
-    those slices, −1 for none."""
+    """What glossy points sent to the four slices around the eye (G, 4, 4), the last of them of no meaning, when it was
+    asked last, and the key (G,) of those slices, −1 for none."""
 
     key: NDArray[np.int64]
     corners: Floats
@@ -74,12 +75,7 @@ def unpacked(values: Halves) -> Floats:
     return (values.astype(np.uint32) << np.uint32(16)).view(np.float32)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True, inline="always")
-def _float(half: np.uint16) -> np.float32:
-    return np.uint32(np.uint32(half) << np.uint32(16)).view(np.float32)
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def cell_at(x: float, y: float, z: float, t: Tables) -> Cell:
     """The cell of a unit direction in a point's frame."""
     polar = min(math.acos(min(max(y, 0.0), 1.0)), t.steepest) / t.steepest * (t.n_polar - 1)
@@ -99,47 +95,37 @@ def cell_at(x: float, y: float, z: float, t: Tables) -> Cell:
     return Cell(symmetry, row, column, np.float32(polar - row), np.float32(place - column))
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _unpack(value: NDArray[np.uint16], n: int, words: NDArray[np.uint32]) -> None:
-    """bfloat16 values (n, 3) as the bits of float32."""
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def unpack(value: Halves, n: int, words: NDArray[np.uint32]) -> None:
+    """The first n bfloat16 values (n, 3) as the bits of float32 (3 n + 1,)."""
     for k in range(n):
         for i in range(3):
-            words[k, i] = np.uint32(value[k, i]) << np.uint32(16)
+            words[3 * k + i] = np.uint32(value[k, i]) << np.uint32(16)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _reflect(cell: Cell, number: NDArray[np.int16], value: Floats, n: int, t: Tables, out: Floats) -> None:
-    """Σ coefficients × those of the cell's four slices, into out (4, 3)."""
-    # Unsigned, so that no index is asked whether it counts from the end: twice as fast.
-    table, images, across = t.table, t.images[cell.symmetry], np.uint64(len(t.table) // (t.n_polar * t.n_columns))
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def reflect(cell: Cell, number: NDArray[np.int16], value: Floats, n: int, t: Tables, out: Floats) -> None:
+    """Σ coefficients × those of the cell's four slices, into out (4, 4)."""
+    images, across = t.images[cell.symmetry], np.uint64(len(t.table) // (t.n_polar * t.n_columns))
     down = np.uint64(t.n_columns) * across
     first = np.uint64(cell.row) * down + np.uint64(cell.column) * across
-    s00 = s01 = s02 = s10 = s11 = s12 = np.float32(0.0)
-    s20 = s21 = s22 = s30 = s31 = s32 = np.float32(0.0)
+    s0 = s1 = s2 = s3 = lanes.zeros()
     for k in range(n):
-        a = first + _3 * np.uint64(images[number[k]])
+        # Unsigned, so that no index is asked whether it counts from the end.
+        a = first + _3 * np.uint64(images[np.uint64(number[k])])
         b, c = a + across, a + down
-        d = c + across
-        red, green, blue = value[k, 0], value[k, 1], value[k, 2]
-        s00 += red * _float(table[a])
-        s01 += green * _float(table[a + _1])
-        s02 += blue * _float(table[a + _2])
-        s10 += red * _float(table[b])
-        s11 += green * _float(table[b + _1])
-        s12 += blue * _float(table[b + _2])
-        s20 += red * _float(table[c])
-        s21 += green * _float(table[c + _1])
-        s22 += blue * _float(table[c + _2])
-        s30 += red * _float(table[d])
-        s31 += green * _float(table[d + _1])
-        s32 += blue * _float(table[d + _2])
-    out[0, 0], out[0, 1], out[0, 2] = s00, s01, s02
-    out[1, 0], out[1, 1], out[1, 2] = s10, s11, s12
-    out[2, 0], out[2, 1], out[2, 2] = s20, s21, s22
-    out[3, 0], out[3, 1], out[3, 2] = s30, s31, s32
+        light = lanes.floats(value, _3 * np.uint64(k))
+        s0 = lanes.plus_product(s0, light, lanes.halves(t.table, a))
+        s1 = lanes.plus_product(s1, light, lanes.halves(t.table, b))
+        s2 = lanes.plus_product(s2, light, lanes.halves(t.table, c))
+        s3 = lanes.plus_product(s3, light, lanes.halves(t.table, c + across))
+    lanes.store(out, 0, s0)
+    lanes.store(out, 4, s1)
+    lanes.store(out, 8, s2)
+    lanes.store(out, 12, s3)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True, inline="always")
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST, inline="always")
 def corners_at(cell: Cell, place: int, t: Tables) -> Corners:
     """Where a cell's slices stand in `Tables.values` for an upper triangle."""
     size = t.places.shape[1]
@@ -148,30 +134,45 @@ def corners_at(cell: Cell, place: int, t: Tables) -> Corners:
     return Corners(first, first + across, first + down, first + across + down)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _between(cell: Cell, corners: Floats, i: int) -> float:
-    """Channel i of what stands at a cell's corners (4, 3), at its place."""
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def between(cell: Cell, corners: Floats, i: int) -> float:
+    """Channel i of what stands at a cell's corners (4, 4), at its place."""
     upper = corners[0, i] + cell.across * (corners[1, i] - corners[0, i])
     lower = corners[2, i] + cell.across * (corners[3, i] - corners[2, i])
     return float(upper + cell.down * (lower - upper))
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST, inline="always")
+def reflected_between(cell: Cell, place: int, t: Tables):  # type: ignore[no-untyped-def]
+    """The slices' values for an upper triangle at the cell's place, as lanes."""
+    at = corners_at(cell, place, t)
+    across, down = lanes.even(cell.across), lanes.even(cell.down)
+    upper, lower = lanes.halves(t.values, at.first), lanes.halves(t.values, at.down)
+    upper = lanes.plus_product(upper, across, lanes.minus(lanes.halves(t.values, at.across), upper))
+    lower = lanes.plus_product(lower, across, lanes.minus(lanes.halves(t.values, at.last), lower))
+    return lanes.plus_product(upper, down, lanes.minus(lower, upper))
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST, inline="always")
+def add_corners(at: Corners, red: float, green: float, blue: float, t: Tables, corners: Floats) -> None:
+    """Add what a cell's slices reflect of power in an upper triangle, where these stand, to corners (4, 4)."""
+    light = lanes.of(red, green, blue)
+    lanes.store(corners, 0, lanes.plus_product(lanes.floats(corners, 0), light, lanes.halves(t.values, at.first)))
+    lanes.store(corners, 4, lanes.plus_product(lanes.floats(corners, 4), light, lanes.halves(t.values, at.across)))
+    lanes.store(corners, 8, lanes.plus_product(lanes.floats(corners, 8), light, lanes.halves(t.values, at.down)))
+    lanes.store(corners, 12, lanes.plus_product(lanes.floats(corners, 12), light, lanes.halves(t.values, at.last)))
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def _add_suns(cell: Cell, place: NDArray[np.int16], power: Floats, t: Tables, corners: Floats) -> None:
-    """Add what the cell's four slices reflect of suns, by their triangles, to corners (4, 3)."""
+    """Add what the cell's four slices reflect of suns, by their triangles, to corners (4, 4)."""
     for s in range(len(place)):
         if place[s] < 0:
             break
-        at = corners_at(cell, place[s], t)
-        for i in range(3):
-            k = np.uint64(i)
-            corners[0, i] += power[s, i] * _float(t.values[at.first + k])
-            corners[1, i] += power[s, i] * _float(t.values[at.across + k])
-            corners[2, i] += power[s, i] * _float(t.values[at.down + k])
-            corners[3, i] += power[s, i] * _float(t.values[at.last + k])
+        add_corners(corners_at(cell, place[s], t), power[s, 0], power[s, 1], power[s, 2], t, corners)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def shade_points(
     start: int, stop: int, points: NDArray[np.int64], eye: Floats, n_most: int, position: Floats, frame: Floats,
     slots: NDArray[np.int32], kept: Kept, t: Tables, shades: Shades, radiance: Floats,
@@ -179,7 +180,7 @@ def shade_points(
     """Add to rows `points[start:stop]` of radiance (S, 3) what each sends to the eye by its first n_most coefficients
     and the suns, these by their triangles. Where the eye is still in the cell in which it was, it asks for no sums."""
     n = min(n_most, kept.number.shape[1])
-    words = np.empty((n, 3), np.uint32)
+    words = np.zeros(3 * n + 1, np.uint32)
     value = words.view(np.float32)
     for j in range(start, stop):
         p = points[j]
@@ -194,48 +195,8 @@ def shade_points(
         key = (((t.serial * 8192 + n) * 16 + cell.symmetry) * 64 + cell.row) * 64 + cell.column
         if shades.key[slot] != key:
             shades.key[slot] = key
-            _unpack(kept.value[slot], n, words)
-            _reflect(cell, kept.number[slot], value, n, t, corners)
+            unpack(kept.value[slot], n, words)
+            reflect(cell, kept.number[slot], value, n, t, corners)
             _add_suns(cell, kept.sun_place[slot], kept.sun_power[slot], t, corners)
         for i in range(3):
-            radiance[p, i] += _between(cell, corners, i)
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def shade_corners(
-    start: int, stop: int, points: NDArray[np.int64], first: NDArray[np.int64], members: NDArray[np.int64], wo: Floats,
-    frame: Floats, slots: NDArray[np.int32], kept: Kept, t: Tables, radiance: Floats,
-) -> None:  # fmt: skip
-    """Fill radiance (3 N, 3): what points send along wo (N, 3) of the world, without suns.
-
-    The point points[j] is asked by members[first[j]:first[j + 1]] of the 3 N corners. These look at it from about one
-    side: most find a cell that another of them has paid for.
-    """
-    n = kept.number.shape[1]
-    words, cells = np.empty((n, 3), np.uint32), np.empty((_MOST_CELLS, 4, 3), np.float32)
-    keys = np.empty(_MOST_CELLS, np.int64)
-    value = words.view(np.float32)
-    for j in range(start, stop):
-        p = points[j]
-        slot, f, n_cells = slots[p], frame[p], 0
-        number = kept.number[slot]
-        _unpack(kept.value[slot], n, words)
-        for at in range(first[j], first[j + 1]):
-            r = members[at]
-            a, b, c = wo[r // 3, 0], wo[r // 3, 1], wo[r // 3, 2]
-            x = f[0, 0] * a + f[0, 1] * b + f[0, 2] * c
-            y = f[1, 0] * a + f[1, 1] * b + f[1, 2] * c
-            z = f[2, 0] * a + f[2, 1] * b + f[2, 2] * c
-            cell = cell_at(x, y, z, t)
-            key = (cell.symmetry * 64 + cell.row) * 64 + cell.column
-            i_cell = 0
-            while i_cell < n_cells and keys[i_cell] != key:
-                i_cell += 1
-            if i_cell == n_cells:
-                if n_cells == _MOST_CELLS:
-                    i_cell = n_cells = 0
-                keys[i_cell] = key
-                n_cells += 1
-                _reflect(cell, number, value, n, t, cells[i_cell])
-            for i in range(3):
-                radiance[r, i] = _between(cell, cells[i_cell], i)
+            radiance[p, i] += between(cell, corners, i)

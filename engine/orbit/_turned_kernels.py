@@ -8,8 +8,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from engine import lanes
+from engine.fast_math import FAST
 from engine.orbit._incident_kernels import Kept, child_at
-from engine.orbit._slice_kernels import Cell, Tables, _float, cell_at, corners_at
+from engine.orbit._slice_kernels import Tables, cell_at, reflected_between
 
 Floats = NDArray[np.float32]
 
@@ -47,7 +49,7 @@ def _powers(number: NDArray[np.int16], value: NDArray[np.uint16], level: int, wo
             means[t, i] *= times
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def irradiance(
     start: int, stop: int, points: NDArray[np.int64], first: NDArray[np.int64], members: NDArray[np.int64],
     normals: Floats, frame: Floats, slots: NDArray[np.int32], kept: Kept, level: int, directions: Floats, out: Floats,
@@ -60,15 +62,22 @@ def irradiance(
     """
     words = np.empty((len(directions), 3), np.uint32)
     powers = words.view(np.float32)
+    above = np.flatnonzero(directions[:, 1] > 0.0)
+    # Each number by itself in a row, so that several triangles are summed at once.
+    way, light = np.empty((3, len(above)), np.float32), np.empty((3, len(above)), np.float32)
+    for k in range(len(above)):
+        for i in range(3):
+            way[i, k] = directions[above[k], i]
+    own = np.empty(3, np.float32)
     for j in range(start, stop):
         p = points[j]
         f = frame[p]
         _powers(kept.number[slots[p]], kept.value[slots[p]], level, words)
-        own = np.zeros(3, np.float32)
-        for m in range(len(directions)):
-            if directions[m, 1] > 0.0:
-                for i in range(3):
-                    own[i] += powers[m, i] * directions[m, 1]
+        own[:] = 0.0
+        for i in range(3):
+            for k in range(len(above)):
+                light[i, k] = powers[above[k], i]
+                own[i] += light[i, k] * way[1, k]
         for at in range(first[j], first[j + 1]):
             r = members[at]
             n = normals[r // 3]
@@ -76,19 +85,18 @@ def irradiance(
             y = f[1, 0] * n[0] + f[1, 1] * n[1] + f[1, 2] * n[2]
             z = f[2, 0] * n[0] + f[2, 1] * n[1] + f[2, 2] * n[2]
             red = green = blue = np.float32(0.0)
-            for m in range(len(directions)):
-                cosine = x * directions[m, 0] + y * directions[m, 1] + z * directions[m, 2]
-                if cosine > 0.0 and directions[m, 1] > 0.0:
-                    red += powers[m, 0] * cosine
-                    green += powers[m, 1] * cosine
-                    blue += powers[m, 2] * cosine
+            for k in range(len(above)):
+                cosine = max(x * way[0, k] + y * way[1, k] + z * way[2, k], np.float32(0.0))
+                red += light[0, k] * cosine
+                green += light[1, k] * cosine
+                blue += light[2, k] * cosine
             out[r, 0], out[r, 1], out[r, 2] = red, green, blue
             for i in range(3):
                 there = max(kept.irradiance[p, i], np.float32(0.0))
                 out[r, i] = max(there + out[r, i] - own[i], np.float32(0.0))
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def leaning_irradiance(
     start: int, stop: int, which: NDArray[np.int64], corners: NDArray[np.int32], weights: Floats, leans: Floats,
     frame: Floats, slots: NDArray[np.int32], kept: Kept, out: Floats,
@@ -115,7 +123,7 @@ def leaning_irradiance(
             out[n, i] = max(out[n, i], np.float32(0.0))
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def shade_broad(
     start: int, stop: int, points: NDArray[np.int64], first: NDArray[np.int64], members: NDArray[np.int64], wo: Floats,
     turned: Floats, frame: Floats, slots: NDArray[np.int32], kept: Kept, level: int, directions: Floats,
@@ -125,6 +133,7 @@ def shade_broad(
     words = np.empty((len(directions), 3), np.uint32)
     powers = words.view(np.float32)
     listed, between = np.empty(len(directions), np.int64), np.empty((3, 3), np.float32)
+    colour = np.empty(4, np.float32)
     for j in range(start, stop):
         p = points[j]
         f = frame[p]
@@ -144,47 +153,49 @@ def shade_broad(
                 g[0, 0] * o[0] + g[0, 1] * o[1] + g[0, 2] * o[2], g[1, 0] * o[0] + g[1, 1] * o[1] + g[1, 2] * o[2],
                 g[2, 0] * o[0] + g[2, 1] * o[1] + g[2, 2] * o[2], t,
             )  # fmt: skip
-            out[r] = 0.0
+            total = lanes.zeros()
             for k in range(n_listed):
-                d = directions[listed[k]]
+                d, power = directions[listed[k]], powers[listed[k]]
                 y = between[1, 0] * d[0] + between[1, 1] * d[1] + between[1, 2] * d[2]
                 if y <= 0.0:
                     continue
                 x = between[0, 0] * d[0] + between[0, 1] * d[1] + between[0, 2] * d[2]
                 z = between[2, 0] * d[0] + between[2, 1] * d[1] + between[2, 2] * d[2]
-                _add(cell, t, child_at(x, y, z, children) >> 2, powers[listed[k]], out[r])
+                reflected = reflected_between(cell, child_at(x, y, z, children) >> 2, t)
+                total = lanes.plus_product(total, lanes.of(power[0], power[1], power[2]), reflected)
+            lanes.store(colour, 0, total)
             for i in range(3):
-                out[r, i] = max(out[r, i], np.float32(0.0))
+                out[r, i] = max(colour[i], np.float32(0.0))
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _add(cell: Cell, t: Tables, k: int, power: Floats, out: Floats) -> None:
-    """Add what slices reflect of power (3,) in the upper triangle k."""
-    at = corners_at(cell, k, t)
-    for i in range(3):
-        c = np.uint64(i)
-        v00, v01 = _float(t.values[at.first + c]), _float(t.values[at.across + c])
-        v10, v11 = _float(t.values[at.down + c]), _float(t.values[at.last + c])
-        upper = v00 + cell.across * (v01 - v00)
-        out[i] += power[i] * (upper + cell.down * (v10 + cell.across * (v11 - v10) - upper))
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+def _shares(
+    bits: NDArray[np.uint8], corners: NDArray[np.int32], weights: Floats, seen: NDArray[np.int64], share: Floats
+) -> int:
+    """How many suns a sample sees between its points; which (n,), and how much of each (n,)."""
+    n = 0
+    for byte in range(bits.shape[1]):
+        first, second, third = bits[corners[0], byte], bits[corners[1], byte], bits[corners[2], byte]
+        left, s = first | second | third, 8 * byte
+        while left:
+            if left & 1:
+                bit = s & 7
+                seen[n] = s
+                share[n] = weights[0] * np.float32(first >> bit & 1) + weights[1] * np.float32(second >> bit & 1)
+                share[n] += weights[2] * np.float32(third >> bit & 1)
+                n += 1
+            left >>= 1
+            s += 1
+    return n
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True, inline="always")
-def _share(bits: NDArray[np.uint8], corners: NDArray[np.int32], weights: Floats, s: int) -> np.float32:
-    """How much of a sun a sample sees between its points."""
-    seen, byte, bit = np.float32(0.0), np.uint64(s >> 3), s & 7
-    for k in range(3):
-        if bits[corners[k], byte] >> bit & 1:
-            seen += weights[k]
-    return seen
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def sun_irradiance(
     start: int, stop: int, which: NDArray[np.int64], corners: NDArray[np.int32], weights: Floats, turned: Floats,
     frame: Floats, sun_bits: NDArray[np.uint8], sun_direction: Floats, sun_power: Floats, out: Floats,
 ) -> None:  # fmt: skip
     """Fill out (N, 3): by how much more suns, as samples (N,) see them, light turned surfaces than those before."""
+    seen, share = np.empty(8 * sun_bits.shape[1], np.int64), np.empty(8 * sun_bits.shape[1], np.float32)
     before = np.empty(3, np.float32)
     for n in range(start, stop):
         j, normal = which[n], turned[n, 1]
@@ -192,25 +203,26 @@ def sun_irradiance(
             before[i] = np.float32(0.0)
             for k in range(3):
                 before[i] += weights[j, k] * frame[corners[j, k], 1, i]
-        out[n] = 0.0
-        for s in range(len(sun_power)):
-            seen = _share(sun_bits, corners[j], weights[j], s)
-            if seen > 0.0:
-                d = sun_direction[s]
-                cosine = max(normal[0] * d[0] + normal[1] * d[1] + normal[2] * d[2], np.float32(0.0))
-                more = seen * (cosine - (before[0] * d[0] + before[1] * d[1] + before[2] * d[2]))
-                for i in range(3):
-                    out[n, i] += more * sun_power[s, i]
+        red = green = blue = np.float32(0.0)
+        for m in range(_shares(sun_bits, corners[j], weights[j], seen, share)):
+            d, power = sun_direction[seen[m]], sun_power[seen[m]]
+            cosine = max(normal[0] * d[0] + normal[1] * d[1] + normal[2] * d[2], np.float32(0.0))
+            more = share[m] * (cosine - (before[0] * d[0] + before[1] * d[1] + before[2] * d[2]))
+            red += more * power[0]
+            green += more * power[1]
+            blue += more * power[2]
+        out[n, 0], out[n, 1], out[n, 2] = red, green, blue
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def suns(
     start: int, stop: int, which: NDArray[np.int64], corners: NDArray[np.int32], weights: Floats, wo: Floats,
     turned: Floats, sun_bits: NDArray[np.uint8], sun_direction: Floats, sun_power: Floats,
     children: NDArray[np.int16], t: Tables, out: Floats,
 ) -> None:  # fmt: skip
     """Fill out (N, 3): what slices reflect of suns, as samples (N,) see them, on turned surfaces."""
-    found = np.empty(3, np.float32)
+    seen, share = np.empty(8 * sun_bits.shape[1], np.int64), np.empty(8 * sun_bits.shape[1], np.float32)
+    colour = np.empty(4, np.float32)
     for n in range(start, stop):
         j = which[n]
         g = turned[n]
@@ -219,22 +231,21 @@ def suns(
             g[1, 0] * wo[n, 0] + g[1, 1] * wo[n, 1] + g[1, 2] * wo[n, 2],
             g[2, 0] * wo[n, 0] + g[2, 1] * wo[n, 1] + g[2, 2] * wo[n, 2], t,
         )  # fmt: skip
-        out[n] = 0.0
-        for s in range(len(sun_power)):
-            seen = _share(sun_bits, corners[j], weights[j], s)
-            d = sun_direction[s]
+        total = lanes.zeros()
+        for m in range(_shares(sun_bits, corners[j], weights[j], seen, share)):
+            d, power = sun_direction[seen[m]], sun_power[seen[m]]
             y = g[1, 0] * d[0] + g[1, 1] * d[1] + g[1, 2] * d[2]
-            if seen <= 0.0 or y <= 0.0:
+            if y <= 0.0:
                 continue
             x = g[0, 0] * d[0] + g[0, 1] * d[1] + g[0, 2] * d[2]
             z = g[2, 0] * d[0] + g[2, 1] * d[1] + g[2, 2] * d[2]
-            found[:] = 0.0
-            _add(cell, t, child_at(x, y, z, children) >> 2, sun_power[s], found)
-            for i in range(3):
-                out[n, i] += seen * found[i]
+            light = lanes.of(share[m] * power[0], share[m] * power[1], share[m] * power[2])
+            total = lanes.plus_product(total, light, reflected_between(cell, child_at(x, y, z, children) >> 2, t))
+        lanes.store(colour, 0, total)
+        out[n, 0], out[n, 1], out[n, 2] = colour[0], colour[1], colour[2]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def mirrored_eyes(wo: Floats, turned: Floats, normals: Floats, out: Floats) -> None:
     """Fill out (N, 3): from where a surface of normal (N, 3) would show in the mirror what the turned one shows."""
     for n in range(len(wo)):

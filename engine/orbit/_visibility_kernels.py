@@ -6,19 +6,21 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from engine.fast_math import FAST
+
 Floats = NDArray[np.float32]
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.int32]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def _turn(direction: Floats, frame: Floats, out: Floats) -> None:
     """A direction of a frame in the world."""
     for i in range(3):
         out[i] = direction[0] * frame[0, i] + direction[1] * frame[1, i] + direction[2] * frame[2, i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def first_rays(points: NDArray[np.int64], lifted: Floats, frames: Floats, directions: Floats, origins: Floats,
                ways: Floats) -> None:  # fmt: skip
     """Rays (N · U / 4, 3) of points (N,) through the middle child of each parent: direction 4 j + 3 of (U, 3)."""
@@ -45,7 +47,7 @@ def differing(free: Flags, around: Indices, found: Flags) -> int:
     return total
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def more_rays(
     points: NDArray[np.int64], asked: Flags, lifted: Floats, frames: Floats, directions: Floats, n_children: int,
     origins: Floats, ways: Floats,

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.orbit.lit_points import LitPoints
-from engine.orbit.picture import Seen, interpolated
-from engine.orbit.reflected import reflected, shaded, sunlit
+from engine.orbit.picture import Seen, added, interpolated
+from engine.orbit.reflected import reflected, shaded
 from engine.orbit.reflections import Reflections, Term
 from engine.orbit.seen_maps import factors
 from engine.orbit.sky import Sky
@@ -71,9 +71,8 @@ def reflected_light(
             shaded(seen, points, lit.incident, tables, n_moving, lit.shades, lit.colours)
         interpolated(seen, which, lit.colours, factor, radiance)
         if bumpy:
-            radiance[which] += factor * reflected_by_bumps(which, term)
+            added(which, reflected_by_bumps(which, term), factor, radiance)
         if tables is not None and quality != "moving":
-            others = reflected(seen, which, lit.incident, tables)
-            suns = sunlit(seen, which, lit.incident, sky, term.layers, tables, others, _LITTLE[quality])
-            radiance[which] += factor * (others + suns)
+            found = reflected(seen, which, lit.incident, sky, term.layers, tables, _LITTLE[quality])
+            added(which, found, factor, radiance)
     return radiance

@@ -28,8 +28,8 @@ class LitPoints:
 
     state (S,): how the light that is wanted is known; traced (S,): whether shadows are; seen (S,): what the last
     picture saw; behind: objects whose backs any saw; is_bounced: of which light the indirect irradiance (S, 3) is;
-    was_lit: whether there has been light wherever it was seen;
-    n_traced: points that were traced since this was stored.
+    known (S,): whether it was lit once, by whatever light;
+    n_traced: points that were traced since this was stored; untold (S,): whose light has changed since `parts` told it.
     """
 
     def __init__(
@@ -44,11 +44,10 @@ class LitPoints:
         self.shades = no_shades(self.incident)
         self.colours = np.zeros((self._n, 3), np.float32)
         self.state = np.zeros(self._n, np.uint8)
-        self.traced, self.seen = np.zeros((2, self._n), bool)
-        self.was_lit = False
+        self.traced, self.seen, self.known, self.untold = np.zeros((4, self._n), bool)
         self.n_traced = 0
         self.behind: set[int] = set()
-        self.with_backs: set[int] = set()
+        self.with_backs: list[int] = []
         self.bounces: Bounces | None = None
         self._bouncing: Stepped[Bounces] | None = None
         self.indirect = np.zeros((self._n, 3), np.float32)
@@ -63,7 +62,7 @@ class LitPoints:
 
     @property
     def is_done(self) -> bool:
-        return bool(self.traced.all() and (self.state == EXACTLY).all()) and self.behind <= self.with_backs
+        return bool(self.traced.all() and (self.state == EXACTLY).all()) and self.behind.issubset(self.with_backs)
 
     @property
     def fraction(self) -> float:
@@ -79,6 +78,7 @@ class LitPoints:
         slots = self.incident.slot[which]
         self.shades.key[slots[slots >= 0]] = -1
         self.state[which] = COARSELY if is_coarse else EXACTLY
+        self.known[which] = self.untold[which] = True
 
     def trace(
         self, which: NDArray[np.int64], caster: RayCaster, patches: tuple[EmitterPatches, NDArray[np.intp]] | None
@@ -133,15 +133,17 @@ class LitPoints:
             self.state[new] = STALE
 
     def add_backs(self, objects: Sequence[int], is_glossy: NDArray[np.bool_]) -> None:
-        behind = np.zeros(len(self._scene.smooth), bool)
-        behind[objects] = True
-        before, self.points = self._n, with_backs(self.points, behind)
+        """One object's after the other, so that `restore` finds those that came at several times where they were."""
+        before = self._n
+        for each in objects:
+            self.points = with_backs(self.points, np.arange(len(self._scene.smooth)) == each)
         self._n = len(self.points)
-        self.mesh, self.with_backs = PointMesh(self._scene, self.points), self.with_backs | set(objects)
+        self.mesh, self.with_backs = PointMesh(self._scene, self.points), [*self.with_backs, *objects]
         self.bits = _longer(self.bits, self._n, 255)
         self.patch_bits = _longer(self.patch_bits, self._n, 255)
         self.colours, self.state = _longer(self.colours, self._n, 0), _longer(self.state, self._n, STALE)
         self.traced, self.seen = _longer(self.traced, self._n, 0), _longer(self.seen, self._n, 0)
+        self.known, self.untold = _longer(self.known, self._n, 0), _longer(self.untold, self._n, 1)
         self.incident = more_glossy(self.incident, np.zeros(before, bool), self._n - before)
         self.indirect, self.is_bounced = _longer(self.indirect, self._n, 0), STALE
         self.bounces = self._bouncing = None

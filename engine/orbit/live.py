@@ -29,14 +29,14 @@ from engine.orbit.kept_visibility import deflated, inflated
 from engine.orbit.lit_points import EXACTLY, STALE, LitPoints
 from engine.orbit.picture import picture
 from engine.orbit.reflections import LayersOf, Reflections
-from engine.orbit.shading_points import shading_points
+from engine.orbit.shading_points import ShadingPoints, placing, shading_points
 from engine.orbit.sky import make_sky
 from engine.orbit.visibility import N_UPPER, Bits
 from engine.render.still import StillProgress
 from engine.scene.description import CameraDescription
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
-from engine.steps import finish
+from engine.steps import Stepped, finish
 from engine.stored_arrays import ArrayReader, Arrays
 from engine.threads import n_threads
 from engine.transport.pipeline import SkyState
@@ -51,8 +51,8 @@ N_BOUNCES = 4  # where a scene does not say
 MOST_BYTES = 3 << 29
 _LEAST_COEFFICIENTS = 20
 _BYTES_A_COEFFICIENT = 8
-# Points a piece and thread: some 20 ms.
-_COARSE, _FINE, _TRACED = 2048, 384, 128
+# Points a piece and thread: some 15 ms.
+_COARSE, _FINE, _TRACED = 1536, 256, 96
 _FIRST_LOOK = 256  # pixels across, to find which points come first
 
 
@@ -71,6 +71,7 @@ class Orbit:
         self._caster = caster or RayCaster(scene.vertices, scene.triangles)
         self._n_points, self._n_coefficients, self._n_patches = n_points, n_coefficients, n_patches
         self._most_bytes = most_bytes
+        self._placing: Stepped[ShadingPoints] | None = None
         self._lit: LitPoints | None = None
         self._kept: tuple[Bits, Bits, list[int]] | None = None
         self._patches = _emitters(scene, n_patches)
@@ -99,7 +100,7 @@ class Orbit:
         lit = self._lit
         lit.n_traced = 0
         arrays = {
-            "backs": np.array(sorted(lit.with_backs), np.int64),
+            "backs": np.array(lit.with_backs, np.int64),
             "n_points": np.array([len(lit.points)], np.int64),
         }
         return arrays | deflated("bits", lit.bits) | deflated("patch_bits", lit.patch_bits)
@@ -152,13 +153,35 @@ class Orbit:
                 self._lit.need_gloss(self._are_glossy)
             self._rebounce()
 
+    # ---------------------------------------------------------------------------------------- what pictures are made of
+
+    @property
+    def lit(self) -> LitPoints | None:
+        """The points and their light; None before they are placed."""
+        return self._lit
+
+    @property
+    def light(self) -> SkyState:
+        """The distant light."""
+        return self._light
+
+    @property
+    def reflections(self) -> Reflections:
+        """What objects reflect."""
+        return self._reflections
+
+    @property
+    def n_bounces(self) -> int:
+        """How often light is reflected between light and eye."""
+        return self._n_bounces
+
     # ----------------------------------------------------------------------------------------------------- the work
 
     @property
     def is_ready(self) -> bool:
         """Whether a picture shows more than black: all points that are seen have been lit once, if only without
         shadows; at first those that the scene's own camera sees."""
-        return self._lit is not None and self._lit.was_lit
+        return self._lit is not None and bool(self._lit.known[self._lit.seen].all())
 
     @property
     def is_done(self) -> bool:
@@ -184,7 +207,7 @@ class Orbit:
 
         Raises InsituError where the meshes have too many vertices.
         """
-        if self._lit is None:
+        while self._lit is None:
             yield StillProgress(0.0, "shading points")
             self._place()
         while (told := self._piece()) is not None:
@@ -201,9 +224,7 @@ class Orbit:
         if len(which := lit.first(lit.state == STALE, _COARSE * n_threads())):
             lit.light(which, self._sky, self._lamps(lit), is_coarse=True)
             lit.is_bounced = STALE
-            lit.was_lit |= not (lit.seen & (lit.state == STALE)).any()
             return "light"
-        lit.was_lit = True
         if not self._reflections.is_done:
             if self._reflections.refine():
                 self._rebounce()
@@ -214,7 +235,7 @@ class Orbit:
         if len(which := lit.first(lit.traced & (lit.state != EXACTLY), _FINE * n_threads())):
             lit.light(which, self._sky, self._lamps(lit), is_coarse=False)
             return "light"
-        if behind := sorted(lit.behind - lit.with_backs):
+        if behind := sorted(lit.behind.difference(lit.with_backs)):
             lit.add_backs(behind, self._are_glossy)
             return "backs"
         if len(which := lit.first(~lit.traced & lit.seen, _TRACED * n_threads())):
@@ -243,14 +264,18 @@ class Orbit:
 
     def drawing(
         self, camera: CameraDescription, resolution: tuple[int, int], quality: Quality = "rest",
-        n_moving: int = N_MOVING,
+        n_moving: int = N_MOVING, has_soft_edges: bool = False,
     ) -> Generator[StillProgress, None, Floats]:  # fmt: skip
-        """The same, piece by piece."""
+        """The same, piece by piece; has_soft_edges: also while something moves, for a fifth of its time more."""
         lit = self._lit
         if lit is None:
             raise ValueError("nothing is ready to be drawn: expected some steps of work before")
-        seen = lit.mesh.look(camera, resolution, quality != "moving")
+        seen = lit.mesh.look(camera, resolution, has_soft_edges or quality != "moving")
         lit.seen, lit.behind = seen.points_seen(), lit.behind | set(seen.from_behind)
+        # Where the camera was led away before all points had light, there is none yet: black.
+        while len(which := np.flatnonzero(lit.seen & ~lit.known)[: _COARSE * n_threads()]):
+            lit.light(which, self._sky, self._lamps(lit), is_coarse=True)
+            yield StillProgress(0.0, "light")
         what = lit, self._reflections, self.scene, self._sky
         radiance = yield from reflected_light(seen, *what, self._n_bounces, quality, n_moving)
         sky = self._light
@@ -275,7 +300,12 @@ class Orbit:
         self.version += 1
 
     def _place(self) -> None:
-        points = shading_points(self.scene, self._caster, self._n_points)
+        """A piece of placing points."""
+        if self._placing is None:
+            self._placing = Stepped(placing(self.scene, self._caster, self._n_points))
+        if not self._placing.advance():
+            return
+        points, self._placing = self._placing.result, None
         n = self._within_memory(len(points))
         if n < self._n_coefficients and self._n_points:
             points = shading_points(self.scene, self._caster, 0)
@@ -292,10 +322,15 @@ class Orbit:
         if self._kept is not None:
             self._lit.restore(*self._kept, self._are_glossy)
             self._kept = None
-        width, height = self.scene.resolution
-        look = _FIRST_LOOK, max(1, round(_FIRST_LOOK * height / width))
-        self._lit.seen = self._lit.mesh.look(self.scene.description.camera, look).points_seen()
+        self.look(self.scene.description.camera)
         self.version += 1
+
+    def look(self, camera: CameraDescription) -> None:
+        """What a camera sees comes first from now on."""
+        lit = self._lit
+        if lit is not None:
+            width, height = self.scene.resolution
+            lit.seen = lit.mesh.look(camera, (_FIRST_LOOK, max(1, round(_FIRST_LOOK * height / width)))).points_seen()
 
     def _within_memory(self, n_points: int) -> int:
         """So many coefficients, at most those wanted, go into memory."""

@@ -38,11 +38,9 @@ class PointMesh:
 
     def look(self, camera: CameraDescription, resolution: tuple[int, int], has_soft_edges: bool = False) -> Seen:
         """What the eye sees in a picture of resolution (width, height), one ray through each pixel's centre; where
-        edges are to be soft four through the pixels at them. The last of the former is kept, as the camera stays
-        while a material or the light moves."""
-        if has_soft_edges:
-            return self._looked(camera, resolution, has_soft_edges)
-        asked = camera, resolution
+        edges are to be soft four through the pixels at them. The last is kept, as the camera stays while a material or
+        the light moves."""
+        asked = camera, resolution, has_soft_edges
         if self._last is None or self._last[0] != asked:
             self._last = asked, self._looked(camera, resolution, has_soft_edges)
         return self._last[1]
@@ -63,9 +61,7 @@ class PointMesh:
             share = np.concatenate([share[inner], np.full(4 * len(outer), 0.25, np.float32)])
         i_object = samples.i_object
         reflects = samples.corners[:, 0] >= 0
-        order = np.flatnonzero(reflects)
-        order = order[np.argsort(i_object[order], kind="stable")]
-        bounds = np.searchsorted(i_object[order], np.arange(len(self._scene.smooth) + 1))
+        order, bounds = kernels.by_object(i_object, reflects, len(self._scene.smooth))
         eye = np.subtract(camera.position, self._scene.origin).astype(np.float32)
         axes = _plane(camera, resolution)
         return Seen((width, height), eye, axes, samples, pixel, share, order, bounds, found, self._points)
@@ -106,7 +102,8 @@ class PointMesh:
 class Seen:
     """Samples (R,) of a picture: resolution (width, height), eye (3,), axes (3, 3) of its plane, what they meet, their
     pixel (R,) and share of it (R,). order (N,): those that reflect, by object, whose ranges are bounds (M + 1,); found:
-    triangle, u, v of the points' triangles; footprints, sampled: what `seen_maps` has found for it."""
+    triangle, u, v of the points' triangles; footprints, sampled, leans: what `seen_maps` and `turned` have found for
+    it."""
 
     resolution: tuple[int, int]
     eye: Floats
@@ -120,6 +117,7 @@ class Seen:
     points: ShadingPoints
     footprints: dict[int, tuple[NDArray[np.float64], ...]] = field(default_factory=dict)
     sampled: dict[object, Floats] = field(default_factory=dict)
+    leans: dict[object, Floats] = field(default_factory=dict)
 
     def of(self, i_object: int) -> Rows:
         """The samples that see an object."""
@@ -150,6 +148,15 @@ def interpolated(seen: Seen, which: Rows, values: Floats, factor: Floats, radian
 
     def part(start: int, stop: int) -> None:
         kernels.add_between(start, stop, which, samples.corners, samples.weights, values, factor, radiance)
+
+    on_threads(part, *even_parts(len(which)))
+
+
+def added(which: Rows, values: Floats, factor: Floats, radiance: Floats) -> None:
+    """Add values (N, 3) of samples (N,), times factor (N or 1, 3), to `radiance`."""
+
+    def part(start: int, stop: int) -> None:
+        kernels.add_at(start, stop, which, values, factor, radiance)
 
     on_threads(part, *even_parts(len(which)))
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.material.layer import Layer
+from engine.orbit import _corner_kernels as corner_kernels
 from engine.orbit import _picture_kernels as picture_kernels
 from engine.orbit import _slice_kernels as kernels
 from engine.orbit import _sun_kernels as sun_kernels
@@ -24,12 +25,13 @@ from engine.threads import even_parts, on_threads
 
 Floats = NDArray[np.float32]
 _PIXELS = 1024  # at a time
+MOST_COEFFICIENTS = 5120
 
 
 def no_shades(incident: Incident) -> kernels.Shades:
     """Room for what glossy points send to an eye."""
     n = len(incident.kept.number)
-    return kernels.Shades(np.full(n, -1, np.int64), np.empty((n, 4, 3), np.float32))
+    return kernels.Shades(np.full(n, -1, np.int64), np.empty((n, 4, 4), np.float32))
 
 
 def shaded(
@@ -48,49 +50,69 @@ def shaded(
     on_threads(part, *even_parts(len(points)))
 
 
-def reflected(seen: Seen, which: Rows, incident: Incident, tables: kernels.Tables) -> Floats:
-    """Radiance (N, 3) that samples (N,) of one object reflect to the eye at rest, without suns."""
+def reflected(
+    seen: Seen, which: Rows, incident: Incident, sky: Sky, layers: Sequence[Layer], tables: kernels.Tables,
+    little: float,
+) -> Floats:  # fmt: skip
+    """Radiance (N, 3) that samples (N,) of one object reflect to the eye at rest.
+
+    tables: the layers' slices, in which suns are looked up that differ less between them than this little share of all
+    that is reflected. The others are reflected by the layers' formulas, each in its own direction: a highlight as sharp
+    as the layers are, where slices know it to a triangle's 2.8 degrees. What a pixel sees of a sun is what its points
+    see.
+    """
+    suns = suns_of(sky, incident, little)
+    sharp = np.zeros((3 * len(which) if len(suns.power) else 0, 2), np.uint64)
+    radiance = at_corners(seen, which, seen.samples.wo[which], incident, suns, tables, sharp)
+    if len(sharp):
+        _add_sharp(seen, which, suns, sharp, layers, radiance)
+    return radiance
+
+
+def suns_of(sky: Sky, incident: Incident, little: float) -> corner_kernels.Suns:
+    """A sky's suns as points see them."""
+    return corner_kernels.Suns(
+        sky.sun_direction, sky.sun_power, incident.kept.sun_bits, hemisphere().children, little
+    )  # fmt: skip
+
+
+def at_corners(
+    seen: Seen, which: Rows, wo: Floats, incident: Incident, suns: corner_kernels.Suns, tables: kernels.Tables,
+    sharp: NDArray[np.uint64], n_most: int = MOST_COEFFICIENTS,
+) -> Floats:  # fmt: skip
+    """What the points around samples (N,) send along wo (N, 3), between them, (N, 3); see `shade_corners`."""
     samples = seen.samples
     asked, first, members = picture_kernels.by_point(which, samples.corners, len(seen.points))
-    towards, at_corners = samples.wo[which], np.empty((3 * len(which), 3), np.float32)
+    found = np.empty((3 * len(which), 3), np.float32)
 
     def part(start: int, stop: int) -> None:
-        kernels.shade_corners(
-            start, stop, asked, first, members, towards, seen.points.frames, incident.slot, incident.kept, tables,
-            at_corners,
+        corner_kernels.shade_corners(
+            start, stop, asked, first, members, wo, n_most, seen.points.frames, incident.slot, incident.kept, suns,
+            tables, found, sharp,
         )  # fmt: skip
 
     on_threads(part, *even_parts(len(asked)))
-    weights = samples.weights[which]
-    return np.asarray(np.einsum("nk,nki->ni", weights, at_corners.reshape(-1, 3, 3)), np.float32)
+    return np.asarray(np.einsum("nk,nki->ni", samples.weights[which], found.reshape(-1, 3, 3)), np.float32)
 
 
-def sunlit(
-    seen: Seen, which: Rows, incident: Incident, sky: Sky, layers: Sequence[Layer], tables: kernels.Tables,
-    others: Floats, little: float,
-) -> Floats:  # fmt: skip
-    """Radiance (N, 3) that layers reflect of the sky's suns at samples (N,), each in its own direction: a highlight as
-    sharp as the layers are, where slices know it to a triangle's 2.8 degrees. What a pixel sees of a sun is what its
-    points see. tables: the layers' slices, in which suns are looked up that differ less between them than this little
-    share of all that is reflected; others (N, 3): what that is without them."""
-    radiance = np.zeros((len(which), 3), np.float32)
-    if not len(sky.sun_power):
-        return radiance
+def _add_sharp(
+    seen: Seen, which: Rows, suns: corner_kernels.Suns, sharp: NDArray[np.uint64], layers: Sequence[Layer],
+    radiance: Floats,
+) -> None:  # fmt: skip
+    """Add what layers reflect of sharp suns to radiance (N, 3)."""
     samples, frames = seen.samples, seen.points.frames
-    suns = sun_kernels.Suns(sky.sun_direction, sky.sun_power, incident.kept.sun_bits, hemisphere().children)
 
     def part(start: int) -> None:
-        some, out = which[start : start + _PIXELS], radiance[start : start + _PIXELS]
-        asked = _room(len(some) * len(sky.sun_power))
-        n = sun_kernels.find_suns(
-            some, samples.corners, samples.weights, samples.wo, frames, suns, tables, little, LEAST_COSINE,
-            others[start : start + _PIXELS], out, asked,
-        )  # fmt: skip
+        some, bits = which[start : start + _PIXELS], sharp[3 * start : 3 * (start + _PIXELS)]
+        asked = _room(len(some) * len(suns.power))
+        n = sun_kernels.ask_suns(
+            some, samples.corners, samples.weights, samples.wo, frames, suns, bits, LEAST_COSINE, asked
+        )
         if n:
-            sun_kernels.add_asked(n, asked, evaluate_layers(layers, asked.wi[:n], asked.wo[:n]), out)
+            found = evaluate_layers(layers, asked.wi[:n], asked.wo[:n])
+            sun_kernels.add_asked(n, asked, found, radiance[start : start + _PIXELS])
 
     on_threads(part, range(0, len(which), _PIXELS))
-    return radiance
 
 
 def _room(n: int) -> sun_kernels.Asked:

@@ -28,11 +28,11 @@ def factors(
 ) -> dict[int, Floats]:
     """By what maps multiply an object's visible layers that have any, by their number: (N, 3) at samples (N,).
 
-    While something moves, a pixel seen at a slant is covered by fewer look-ups.
+    While something moves, a pixel seen at a slant is covered by fewer look-ups, each in one level of the image.
     """
     visible = [layer for layer in layers if layer.visible]
     mapped = {k: layer.maps for k, layer in enumerate(visible) if not layer.maps.is_plain}
-    at = _Places(seen, which, scene, i_object, MOVING_PROBES if quality == "moving" else MOST_PROBES)
+    at = _Places(seen, which, scene, i_object, quality == "moving")
     return {k: np.asarray(maps.factor(*at.look_up(maps.images)), np.float32) for k, maps in mapped.items()}
 
 
@@ -40,9 +40,9 @@ class _Places:
     """Where samples of one object lie on its images; what layers share, and pictures of one camera, is looked up
     once."""
 
-    def __init__(self, seen: Seen, which: Rows, scene: Scene, i_object: int, most_probes: int) -> None:
+    def __init__(self, seen: Seen, which: Rows, scene: Scene, i_object: int, is_quick: bool) -> None:
         self._seen, self._which, self._scene, self._i_object = seen, which, scene, i_object
-        self._most_probes = most_probes
+        self._is_quick, self._most_probes = is_quick, MOVING_PROBES if is_quick else MOST_PROBES
 
     def look_up(self, images: Images) -> tuple[Floats, Floats]:
         """Texture (N, 3) and weight (N,)."""
@@ -63,10 +63,8 @@ class _Places:
         known = self._seen.sampled
         key = self._i_object, image, scale
         if key not in known:
-            uv, across, down = footprints_of(self._seen, self._which, self._scene, self._i_object)
-            if scale != (1.0, 1.0):
-                uv, across, down = uv * scale, across * scale, down * scale
-            known[key] = image.over(uv, across, down, self._most_probes)
+            footprints = footprints_of(self._seen, self._which, self._scene, self._i_object)
+            known[key] = image.over(*footprints, self._most_probes, scale, self._is_quick)
         return known[key]
 
 

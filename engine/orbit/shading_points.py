@@ -7,6 +7,7 @@ triangles gets its texels, most of them where shadows are sharp: what visibility
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -17,6 +18,7 @@ from scipy.spatial import cKDTree
 from engine.scene.frames import object_tangents
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
+from engine.steps import finish
 
 Floats = NDArray[np.float32]
 Vectors = NDArray[np.float64]
@@ -30,6 +32,7 @@ _HALVINGS = 5
 _STEP = 0.7
 # Cosine between two normals of a triangle: what is rounder is cut.
 _MOST_BEND = np.cos(np.radians(15.0))
+_AT_ONCE = 8192  # parts
 # Samples of casters by area, and as many by object.
 _SAMPLES = 20_000
 # Corners of one object that agree to this share of the scene's size, and normals to this, are one point.
@@ -73,16 +76,27 @@ class ShadingPoints:
         return RayCaster(self.corners.reshape(-1, 3), np.arange(3 * len(self.corners)).reshape(-1, 3))
 
 
-def shading_points(scene: Scene, caster: RayCaster, n_points: int) -> ShadingPoints:
+def shading_points(
+    scene: Scene, caster: RayCaster, n_points: int, even: NDArray[np.bool_] | None = None
+) -> ShadingPoints:
     """About `n_points` points besides the meshes' own vertices, spread evenly over what is coarse; on the side that the
     winding faces.
 
-    caster: of the scene's triangles. Raises ValueError unless n_points ≥ 0.
+    caster: of the scene's triangles; even (M,): objects of which all triangles are cut as often, or none. Raises
+    ValueError unless n_points ≥ 0.
     """
+    return finish(placing(scene, caster, n_points, even))
+
+
+def placing(
+    scene: Scene, caster: RayCaster, n_points: int, even: NDArray[np.bool_] | None = None
+) -> Generator[None, None, ShadingPoints]:
+    """The same in pieces of some 30 ms."""
     if n_points < 0:
         raise ValueError(f"n_points = {n_points}, expected 0 or more")
     reflects = ~scene.emitters[scene.object_of_triangle]
-    corners, normals, within, source = _cut_where_coarse(scene, reflects, n_points)
+    even = np.zeros(len(scene.smooth), bool) if even is None else even
+    corners, normals, within, source = yield from _cut_where_coarse(scene, reflects, even, n_points)
     mine = np.flatnonzero(reflects[source])
     ids = np.repeat(scene.object_of_triangle[source[mine]], 3)
     kept, number = _joined(corners[mine], normals[mine], ids)
@@ -128,8 +142,11 @@ def _quarters(corners: NDArray, middles: NDArray) -> NDArray:
     return np.stack([np.stack(part, axis=1) for part in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))], axis=1)
 
 
-def _cut_where_coarse(scene: Scene, reflects: NDArray[np.bool_], n_points: int) -> Parts:
-    """The scene's triangles, those of them quartered that are large beside their distance to what may shade them.
+def _cut_where_coarse(
+    scene: Scene, reflects: NDArray[np.bool_], even: NDArray[np.bool_], n_points: int
+) -> Generator[None, None, Parts]:
+    """The scene's triangles, those of them quartered that are large beside their distance to what may shade them, and
+    of objects that stay even (M,) all or none.
 
     A shadow varies over lengths in proportion to the distance to its caster. So the error of a part is taken for its
     area times its longest edge over that distance, and the largest is cut, until there are n_points more.
@@ -138,7 +155,11 @@ def _cut_where_coarse(scene: Scene, reflects: NDArray[np.bool_], n_points: int) 
     n = len(scene.triangles)
     within = np.tile([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)], (n, 1, 1))
     parts = scene.vertices[scene.triangles].astype(np.float64), _corner_normals(scene), within, np.arange(n)
-    errors = np.where(reflects[parts[3]], _errors(casters, *parts[:2]), 0.0)
+    i_object = scene.object_of_triangle
+    whole = parts
+    yield
+    errors = yield from _errors(casters, *parts[:2])
+    errors = np.where(reflects[parts[3]], errors, 0.0)
     most, bound = n + 2 * n_points, errors.max(initial=0.0)
     while bound > 0.0:
         cut = errors > bound
@@ -147,15 +168,35 @@ def _cut_where_coarse(scene: Scene, reflects: NDArray[np.bool_], n_points: int) 
             continue
         if len(cut) + 3 * cut.sum() > most:
             break
-        halved = (_quarters(a[cut], _middles(a[cut])).reshape(-1, *a.shape[1:]) for a in parts[:3])
-        new = (*halved, np.repeat(parts[3][cut], 4))
-        errors = np.concatenate([errors[~cut], _errors(casters, *new[:2])])
-        corners, normals, within, source = (np.concatenate([a[~cut], b]) for a, b in zip(parts, new, strict=True))
-        parts = corners, normals, within, source
+        n_whole, parts = int((~cut).sum()), _cut(parts, cut)
+        of_new = yield from _errors(casters, parts[0][n_whole:], parts[1][n_whole:])
+        errors = np.concatenate([errors[~cut], of_new])
+    for i in np.flatnonzero(even):  # in the place of what it was cut to, for which the others are cut as they were
+        parts = _with_even(parts, i_object == i, whole, n_points)
     return parts
 
 
-def _errors(casters: cKDTree, corners: Vectors, normals: Vectors) -> NDArray[np.float64]:
+def _with_even(parts: Parts, mine: NDArray[np.bool_], whole: Parts, n_points: int) -> Parts:
+    """The parts with those of an object, whose triangles (T,) are told, cut as often; whole: as they were at first."""
+    own = whole[0][mine], whole[1][mine], whole[2][mine], whole[3][mine]
+    while 0 < 4 * len(own[3]) <= n_points:
+        own = _cut(own, np.ones(len(own[3]), bool))
+    others = ~mine[parts[3]]
+    corners, normals, within = (
+        np.concatenate([each[others], its]) for each, its in zip(parts[:3], own[:3], strict=True)
+    )
+    return corners, normals, within, np.concatenate([parts[3][others], own[3]])
+
+
+def _cut(parts: Parts, cut: NDArray[np.bool_]) -> Parts:
+    """The parts that are not to be cut, and behind them four of each that is."""
+    corners, normals, within = (
+        np.concatenate([a[~cut], _quarters(a[cut], _middles(a[cut])).reshape(-1, *a.shape[1:])]) for a in parts[:3]
+    )
+    return corners, normals, within, np.concatenate([parts[3][~cut], np.repeat(parts[3][cut], 4)])
+
+
+def _errors(casters: cKDTree, corners: Vectors, normals: Vectors) -> Generator[None, None, NDArray[np.float64]]:
     """What parts (T, 3, 3) are off by if they are not cut: area × longest edge / distance to casters, at most the area,
     and that where they bend; 0 for what is fine enough."""
     sides = corners - np.roll(corners, 1, axis=1)
@@ -164,10 +205,13 @@ def _errors(casters: cKDTree, corners: Vectors, normals: Vectors) -> NDArray[np.
     up = normals.mean(axis=1)
     up /= np.linalg.norm(up, axis=1, keepdims=True)
     bend = np.einsum("tki,tki->tk", normals, np.roll(normals, 1, axis=1)).min(axis=1)
-    return twice / 2.0 * np.where(bend < _MOST_BEND, 1.0, _nearness(casters, corners.mean(axis=1), up, longest))
+    nearness = yield from _nearness(casters, corners.mean(axis=1), up, longest)
+    return twice / 2.0 * np.where(bend < _MOST_BEND, 1.0, nearness)
 
 
-def _nearness(casters: cKDTree, places: Vectors, normals: Vectors, lengths: NDArray[np.float64]) -> NDArray[np.float64]:
+def _nearness(
+    casters: cKDTree, places: Vectors, normals: Vectors, lengths: NDArray[np.float64]
+) -> Generator[None, None, NDArray[np.float64]]:
     """Lengths (N,) over the distance to what may shade places (N, 3): 1, ½, ¼, ... or 0.
 
     A ball that touches the surface from above and has the distance for its radius then holds a sample of something; of
@@ -176,9 +220,12 @@ def _nearness(casters: cKDTree, places: Vectors, normals: Vectors, lengths: NDAr
     found = np.zeros(len(places))
     for k in range(_HALVINGS + 1):
         open_ = np.flatnonzero(found == 0.0)
-        radius = lengths[open_] * 2.0**k
-        distance, _ = casters.query(places[open_] + radius[:, None] * normals[open_], workers=-1)
-        found[open_[distance < radius - 1e-3 * lengths[open_]]] = 2.0**-k
+        for start in range(0, len(open_), _AT_ONCE):
+            some = open_[start : start + _AT_ONCE]
+            radius = lengths[some] * 2.0**k
+            distance, _ = casters.query(places[some] + radius[:, None] * normals[some], workers=-1)
+            found[some[distance < radius - 1e-3 * lengths[some]]] = 2.0**-k
+            yield
     return found
 
 

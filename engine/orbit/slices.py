@@ -38,11 +38,22 @@ _EVEN = 0.05
 class Slices:
     """packed (polar, columns, U, 3): the mean of ρ cos θ over each upper triangle, or, coarse, of the level before,
     bfloat16 as `kernels.packed` makes them; is_isotropic: the columns are azimuths to 36 degrees; otherwise they go all
-    round, the last the first again.
+    round, the last the first again. flat: packed with one number behind the last, as the kernels take it.
     """
 
-    packed: NDArray[np.uint16]
+    flat: NDArray[np.uint16]
+    n_columns: int
     is_isotropic: bool
+
+    @classmethod
+    def of(cls, packed: NDArray[np.uint16], is_isotropic: bool) -> Slices:
+        """Of these values."""
+        return cls(np.append(packed, np.uint16(0)), packed.shape[1], is_isotropic)
+
+    @property
+    def packed(self) -> NDArray[np.uint16]:
+        """See above."""
+        return self.flat[:-1].reshape(N_POLAR, self.n_columns, -1, 3)
 
     @property
     def values(self) -> Floats:
@@ -53,7 +64,7 @@ class Slices:
     def fine(self) -> Slices:
         """The same over the triangles of the last level."""
         times = len(upper()) // self.packed.shape[2]
-        return self if times == 1 else Slices(np.repeat(self.packed, times, axis=2), self.is_isotropic)
+        return self if times == 1 else Slices.of(np.repeat(self.packed, times, axis=2), self.is_isotropic)
 
     @cached_property
     def tables(self) -> kernels.Tables:
@@ -61,7 +72,8 @@ class Slices:
         sum of products of coefficients. Of those of the lower hemisphere, where all slices are 0, there are none."""
         n_polar, n_columns = self.packed.shape[:2]
         level, rows = self._level, _rows(self._level)
-        table = np.zeros((n_polar, n_columns, len(_rows(LEVEL)), 3), np.uint16)
+        flat = np.zeros(n_polar * n_columns * len(_rows(LEVEL)) * 3 + 1, np.uint16)
+        table = flat[:-1].reshape(n_polar, n_columns, -1, 3)
         scale = (4.0 ** (LEVEL - levels_of_coefficients(level)))[rows].astype(np.float32)[:, None, None]
 
         def row(i: int) -> None:
@@ -73,7 +85,7 @@ class Slices:
         images, places = _inverse_images()
         n = len(images) if self.is_isotropic else 1
         return kernels.Tables(
-            table.ravel(), self.fine.packed.ravel(), images[:n], places[:n], n_polar, n_columns, _STEEPEST,
+            flat, self.fine.flat, images[:n], places[:n], n_polar, n_columns, _STEEPEST,
             next(_SERIALS),
         )  # fmt: skip
 
@@ -96,7 +108,7 @@ class Slices:
             return self.all_around() + other.all_around()
         if self._level != other._level:
             return self.fine + other.fine
-        return Slices(kernels.packed(self.values + other.values), self.is_isotropic)
+        return Slices.of(kernels.packed(self.values + other.values), self.is_isotropic)
 
     def all_around(self) -> Slices:
         """The same with slices over all azimuths."""
@@ -111,7 +123,7 @@ class Slices:
             turn, inside = divmod(i % N_AROUND, 2 * half)
             symmetry, at = (turn, inside) if inside <= half else (N_TURNS + (turn + 1) % N_TURNS, 2 * half - inside)
             turned[:, i] = self.packed[:, at * (N_AZIMUTHS - 1) // half][:, places[symmetry]]
-        return Slices(turned, False)
+        return Slices.of(turned, False)
 
 
 def slicing(layer: Layer, finer: int = 1) -> Generator[float, None, Slices]:
@@ -124,6 +136,9 @@ def slicing(layer: Layer, finer: int = 1) -> Generator[float, None, Slices]:
 
     def part(i: int) -> None:
         around = spherical(np.full(n_azimuths, polar[i]), azimuth)
+        if finer < 0:  # together: of so few triangles each call costs more than they do
+            packed[i] = kernels.packed(_in_middles(layer, around, LEVEL - 1).astype(np.float32))
+            return
         for j in range(n_azimuths):
             packed[i, j] = kernels.packed(_reflected(layer, around[j], finer))
 
@@ -132,7 +147,7 @@ def slicing(layer: Layer, finer: int = 1) -> Generator[float, None, Slices]:
         end = min(begin + step, N_POLAR)
         on_threads(part, range(begin, end))
         yield end / N_POLAR
-    return Slices(packed, is_isotropic)
+    return Slices.of(packed, is_isotropic)
 
 
 def spherical(polar: NDArray[np.floating], azimuth: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -199,27 +214,29 @@ def _inverse_images() -> tuple[NDArray[np.int32], NDArray[np.int32]]:
 
 
 def _reflected(layer: Layer, wo: NDArray[np.float64], finer: int) -> Floats:
-    """The mean of ρ cos θ (U, 3) over each upper triangle, for one outgoing direction."""
-    values = _at_centres(layer, wo, LEVEL + min(finer, 0))
-    if finer <= 0:
+    """The mean of ρ cos θ (U, 3) over each upper triangle, for one outgoing direction (3,)."""
+    [values] = _in_middles(layer, wo[None], LEVEL)
+    if finer == 0:
         return values.astype(np.float32)
     # Where four that stand together are about alike, each of them is even.
     four = values.reshape(-1, 4, 3)
     uneven = np.abs(four - four.mean(axis=1, keepdims=True)).max(axis=(1, 2)) > _EVEN * values.max()
     uneven |= (uneven[_beside()] & (_beside() >= 0)).any(axis=1)  # where a peak ends
     chosen = np.repeat(uneven, 4)
-    parts = _at_centres(layer, wo, LEVEL + finer, np.repeat(chosen, 4**finer)).reshape(-1, 4**finer, 3)
+    [parts] = _in_middles(layer, wo[None], LEVEL + finer, np.repeat(chosen, 4**finer))
+    parts = parts.reshape(-1, 4**finer, 3)
     weights = geodesic(LEVEL + finer).solid_angles.reshape(-1, 4**finer)[upper()[chosen]]
     values[chosen] = np.einsum("kp,kpi->ki", weights, parts) / weights.sum(axis=1)[:, None]
     return values.astype(np.float32)
 
 
-def _at_centres(
+def _in_middles(
     layer: Layer, wo: NDArray[np.float64], level: int, which: NDArray[np.bool_] | slice = slice(None)
 ) -> NDArray[np.float64]:
-    """ρ cos θ (N, 3) in the middle of the triangles above the surface, or of some of them."""
+    """ρ cos θ (W, N, 3) for outgoing directions (W, 3), in the middle of all triangles above the surface or some."""
     wi = to_shading(_centres_above(level)[which])
-    return evaluate_layer(layer, wi, np.broadcast_to(to_shading(wo[None]), wi.shape))
+    pairs = np.tile(wi, (len(wo), 1)), np.repeat(to_shading(wo), len(wi), axis=0)
+    return evaluate_layer(layer, *pairs).reshape(len(wo), len(wi), 3)
 
 
 @lru_cache(maxsize=4)

@@ -11,6 +11,10 @@ so that their noise cancels instead of being taken for an error, and what is lef
 the number of points. Paths for direct light as well were rejected: they are noisier than it is off, by far in a
 stairwell with lamps close by.
 
+The whole error is found in the same way, of all the light at once, and so is neither the sum of the parts' errors nor
+the root of their squares: the one takes them to be off the same way everywhere, the other not to know of each other. A
+picture that another mode drew has no such parts, and is held against the same truth (`judge_drawn`).
+
 Points are drawn where an error may be: some of every visible object, however small, for a mirror ball can have most of
 the error of a picture, and many where neighbours differ, as along the edges of shadows.
 """
@@ -19,7 +23,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,9 +45,14 @@ from engine.visibility.targets import Targets
 
 N_POINTS = 256
 FINER, FINER_PATCHES = 4, 16  # times as many lights, and as many leaves of the tree of emitters
+FINER_TOLERANCE = 0.05  # of the bands that may bend over a light, most of the error where light grazes a wall
 N_LOOKS = 6
+# Of a map of errors: points, and looks at each.
+MAP_POINTS, MAP_LOOKS = 1024, 2
 # Paths in all: so many a pixel of the picture, within these bounds; a tenth of the time of a still of 512 × 512 pixels.
 PATHS_A_PIXEL, FEWEST_PATHS, MOST_PATHS = 64, 1 << 15, 1 << 18
+# What else a picture that another mode drew is held against.
+DRAWN = Quality("drawn", 1, 1000, 768, 7, 0.5, own_rays=True)
 # What is brighter than all but a thousandth of the picture counts as that bright, as where pictures are compared.
 CLAMP_PERCENTILE = 99.9
 _SEED = 12
@@ -54,40 +63,151 @@ Floats = NDArray[np.float64]
 Steps = Generator[StillProgress, None, Floats]
 
 
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A picture's error, and the relative squares (n,) of it at those of its pixels (n,) that were looked at; chance
+    makes some of them less than 0, and is none on average."""
+
+    estimate: ErrorEstimate
+    pixel: NDArray[np.int32]
+    squares: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class _Truth:
+    """Looks at the light of some rows (n,) with weights (n,): direct (R, n, 3), reflected before (2, n, 3)."""
+
+    rows: NDArray[np.int32]
+    weights: Floats
+    direct: Floats
+    reflected: Floats
+
+    @property
+    def whole(self) -> Floats:
+        """Two looks at all of it (2, n, 3), neither of which has anything of the other's chance."""
+        halves = np.array_split(self.direct, 2)
+        return np.stack([half.mean(axis=0) for half in halves]) + self.reflected
+
+
 def estimate_error(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, quality: Quality, n_bounces: int,
     radiance: NDArray[np.floating], indirect: NDArray[np.floating] | None = None, n_paths: int | None = None,
     seed: int = _SEED,
 ) -> Generator[StillProgress, None, ErrorEstimate]:  # fmt: skip
+    """The error alone; arguments: see `judge`."""
+    judging = judge(placement, layers, sky, quality, n_bounces, radiance, indirect, n_paths, seed)
+    return (yield from judging).estimate
+
+
+def judge(
+    placement: Placement, layers: Sequence[StillLayer], sky: SkyState, quality: Quality, n_bounces: int,
+    radiance: NDArray[np.floating], indirect: NDArray[np.floating] | None = None, n_paths: int | None = None,
+    seed: int = _SEED, n_points: int = N_POINTS,
+) -> Generator[StillProgress, None, Judged]:  # fmt: skip
     """The error of what the points of a picture reflect, radiance (P, 3), of which `indirect` (P, 3) was reflected
     before, without what multiplies all of the light. The same seed gives the same number again.
 
-    quality: how finely its direct light was computed; n_paths: None for as many as the picture is worth.
+    quality: how finely its direct light was computed; n_paths: None for as many as the picture is worth; n_points:
+    how many of its points are looked at.
     """
-    if not len(placement.hits.pixel):
-        return ErrorEstimate(0.0, None if n_bounces == 1 else 0.0)
-    rows, weights = _sample(placement.hits, radiance, np.random.default_rng(seed))
-    top = float(np.percentile(radiance, CLAMP_PERCENTILE))
+    hits = placement.hits
+    if not len(hits.pixel):
+        return _nothing(0.0, None if n_bounces == 1 else 0.0)
+    rows, weights = _sample(hits, radiance, np.random.default_rng(seed), n_points)
+    truth = yield from _look(placement, layers, sky, quality, n_bounces, rows, weights, n_paths, seed)
     shown = np.asarray(radiance[rows], np.float64)
     again = np.zeros_like(shown) if indirect is None else np.asarray(indirect[rows], np.float64)
-    finer = yield from _direct(placement, layers, sky, quality, rows, seed)
-    reflected = np.zeros_like(finer)
+    top, mean = _scale(truth, float(np.percentile(radiance, CLAMP_PERCENTILE)))
+    squares = _squares(shown, truth.whole, top)
+    direct = _relative(weights * _squares(shown - again, truth.direct, top), mean)
+    if n_bounces == 1:
+        return Judged(ErrorEstimate(direct), hits.pixel[rows], _relative_squares(squares, mean))
+    indirectly = _relative(weights * _squares(again, truth.reflected, top), mean)
+    estimate = ErrorEstimate(direct, indirectly, _relative(weights * squares, mean))
+    return Judged(estimate, hits.pixel[rows], _relative_squares(squares, mean))
+
+
+def judge_drawn(
+    placement: Placement, layers: Sequence[StillLayer], sky: SkyState, n_bounces: int,
+    pictures: Sequence[NDArray[np.floating]], n_paths: int | None = None, seed: int = _SEED, n_points: int = N_POINTS,
+) -> Generator[StillProgress, None, tuple[Judged, ...]]:  # fmt: skip
+    """The errors of pictures (h, w, 3), each of all that the placement sees, in its own resolution or one of their own;
+    inside of objects, for where those meet the placement has not the light of the whole pixel."""
+    hits = placement.hits
+    inner = inside(hits)
+    if not inner.any():
+        return tuple(_nothing(None, None) for _ in pictures)
+    every = _at_pixels(pictures[0], hits.pixel, hits.resolution)
+    rows, weights = _sample(hits, every, np.random.default_rng(seed), n_points, inner)
+    truth = yield from _look(placement, layers, sky, DRAWN, n_bounces, rows, weights, n_paths, seed)
+    top, mean = _scale(truth, float(np.percentile(every, CLAMP_PERCENTILE)))
+    found = []
+    for picture in pictures:
+        squares = _squares(_at_pixels(picture, hits.pixel[rows], hits.resolution), truth.whole, top)
+        estimate = ErrorEstimate(None, None, _relative(weights * squares, mean))
+        found.append(Judged(estimate, hits.pixel[rows], _relative_squares(squares, mean)))
+    return tuple(found)
+
+
+def inside(hits: PrimaryHits) -> NDArray[np.bool_]:
+    """Which points (P,) are the whole of a pixel whose eight neighbours show the same object."""
+    height, width = hits.object_image.shape
+    framed = np.pad(hits.object_image, 1, constant_values=-1)
+    shifts = [framed[dy : dy + height, dx : dx + width] for dy in range(3) for dx in range(3)]
+    alike = np.all([shifted == hits.object_image for shifted in shifts], axis=0)
+    return np.asarray(alike.ravel()[hits.pixel] & hits.centred & (hits.share == 1.0))
+
+
+def _nothing(direct: float | None, indirect: float | None) -> Judged:
+    """Of a picture in which nothing reflects."""
+    return Judged(ErrorEstimate(direct, indirect, 0.0), np.zeros(0, np.int32), np.zeros(0))
+
+
+def _at_pixels(picture: NDArray[np.floating], pixel: NDArray[np.integer], resolution: tuple[int, int]) -> Floats:
+    """What a picture (h, w, 3) shows at the centres of pixels (n,) of this resolution (width, height): (n, 3), between
+    its own pixels as it is shown."""
+    if (picture.shape[1], picture.shape[0]) == resolution:
+        return np.asarray(picture.reshape(-1, 3)[pixel], np.float64)
+    places = np.stack(np.divmod(pixel, resolution[0]), axis=1) + 0.5
+    places = places / resolution[::-1] * picture.shape[:2] - 0.5
+    places = np.clip(places, 0.0, np.array(picture.shape[:2]) - 1.0)
+    low = np.floor(places).astype(int)
+    high = np.minimum(low + 1, np.array(picture.shape[:2]) - 1)
+    down, right = (places - low).T[:, :, None]
+    above = picture[low[:, 0], low[:, 1]] * (1.0 - right) + picture[low[:, 0], high[:, 1]] * right
+    below = picture[high[:, 0], low[:, 1]] * (1.0 - right) + picture[high[:, 0], high[:, 1]] * right
+    return np.asarray(above * (1.0 - down) + below * down, np.float64)
+
+
+def _look(
+    placement: Placement, layers: Sequence[StillLayer], sky: SkyState, quality: Quality, n_bounces: int,
+    rows: NDArray[np.int32], weights: Floats, n_paths: int | None, seed: int,
+) -> Generator[StillProgress, None, _Truth]:  # fmt: skip
+    """The light of these rows, as it is."""
+    n_looks = N_LOOKS if len(rows) <= N_POINTS else MAP_LOOKS
+    direct = yield from _direct(placement, layers, sky, quality, rows, seed, n_looks)
+    reflected = np.zeros((2, *direct.shape[1:]))
     if n_bounces > 1:
         wanted = n_paths or int(np.clip(PATHS_A_PIXEL * len(placement.hits.pixel), FEWEST_PATHS, MOST_PATHS))
         n_each = max(wanted // len(rows), 2)
         halves = yield from trace_halves(placement, _by_object(layers), sky, n_bounces, n_each, seed, rows)
         reflected = halves[:, :, 1] - halves[:, :, 0]
-    light = finer.mean(axis=0) + reflected.mean(axis=0)
+    return _Truth(rows, weights, direct, reflected)
+
+
+def _scale(truth: _Truth, top: float) -> tuple[float, float]:
+    """How bright what is brighter counts as, at least `top`, and the mean of the picture by its truth."""
+    light = truth.direct.mean(axis=0) + truth.reflected.mean(axis=0)
     top = max(top, float(np.percentile(light, CLAMP_PERCENTILE)))
-    mean = float(weights @ np.minimum(light, top).mean(axis=1))
-    direct = _relative(weights * _squares(shown - again, finer, top), mean)
-    return ErrorEstimate(direct, None if n_bounces == 1 else _relative(weights * _squares(again, reflected, top), mean))
+    return top, float(truth.weights @ np.minimum(light, top).mean(axis=1))
 
 
 def _sample(
-    hits: PrimaryHits, radiance: NDArray[np.floating], generator: np.random.Generator
-) -> tuple[NDArray[np.int32], Floats]:
-    """Rows (n,) of points, ascending, and their weights (n,): means of what they have, times these, are the picture's.
+    hits: PrimaryHits, radiance: NDArray[np.floating], generator: np.random.Generator, n: int,
+    among: NDArray[np.bool_] | None = None,
+) -> tuple[NDArray[np.int32], Floats]:  # fmt: skip
+    """Rows of n points, ascending, and their weights (n,): means of what they have, times these, are the picture's,
+    in which each counts by its share of a pixel. among: which points (P,) count, None for all.
 
     A quarter is drawn evenly, a quarter evenly of each object, the others where the picture bends."""
     n_points = len(hits.pixel)
@@ -96,32 +216,34 @@ def _sample(
     bends = _contrast(hits, radiance) ** 2
     total = bends.sum()
     chance = 0.25 / n_points + 0.25 * of_object + (0.5 * bends / total if total > 0.0 else 0.5 / n_points)
+    chance = chance if among is None else chance * among
     chance /= chance.sum()
-    rows = np.sort(generator.choice(n_points, min(N_POINTS, n_points), p=chance)).astype(np.int32)
-    weights = 1.0 / chance[rows]
+    rows = np.sort(generator.choice(n_points, min(n, n_points), p=chance)).astype(np.int32)
+    weights = hits.share[rows] / chance[rows]
     return rows, weights / weights.sum()
 
 
 def _contrast(hits: PrimaryHits, radiance: NDArray[np.floating]) -> Floats:
-    """How much each point (P,) differs from the mean of its neighbours above and below, or left and right, on its own
-    object: edges of shadows, where few points have much of the error."""
+    """How much each point (P,) differs from its neighbours above and below, or left and right, on its own object: edges
+    of shadows, where few points have much of the error. 0 beside pixels' centres."""
     width, height = hits.resolution
     light, objects = np.zeros((height + 2, width + 2)), np.full((height + 2, width + 2), -1)
     objects[1:-1, 1:-1] = hits.object_image
-    y, x = (place + 1 for place in np.divmod(hits.pixel, width))
-    light[y, x] = radiance.mean(axis=1)
+    centres = np.flatnonzero(hits.centred)
+    y, x = (place + 1 for place in np.divmod(hits.pixel[centres], width))
+    light[y, x] = radiance[centres].mean(axis=1)
     found = np.zeros(len(hits.pixel))
     for dy, dx in ((0, 1), (1, 0)):
         sides = [(y + dy, x + dx), (y - dy, x - dx)]
         alike = np.all([objects[side] == objects[y, x] for side in sides], axis=0)
         step = np.max([abs(light[side] - light[y, x]) for side in sides], axis=0)
-        found = np.maximum(found, np.where(alike, step, 0.0))
+        found[centres] = np.maximum(found[centres], np.where(alike, step, 0.0))
     return found
 
 
 def _direct(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, quality: Quality, rows: NDArray[np.int32],
-    seed: int,
+    seed: int, n_looks: int,
 ) -> Steps:  # fmt: skip
     """Direct light (R, n, 3) at some rows, more finely, so many times with rays of its own to the sky."""
     # Bits of all points would fill the memory, whose pages are larger than a point's.
@@ -130,12 +252,12 @@ def _direct(
         cut = cut_lights(sky.environment, FINER * quality.n_lights, sky.rotation, quality.max_level)
     tree = placement.emitters(FINER_PATCHES * quality.n_patches)
     yield StillProgress(0.0, WHAT)
-    lighting = prepare_lighting(cut, tree, 0.5 * quality.tolerance, own_rays=True, scale=sky.scale)
+    lighting = prepare_lighting(cut, tree, FINER_TOLERANCE * quality.tolerance, own_rays=True, scale=sky.scale)
     emitters = yield from _seen(points, placement.caster, lighting.emitter_targets)
     near = near_leaves(points, placement.caster, lighting.emitters, emitters, _all_rows(points))
     sphere = empty_visibility(points, placement.sphere.targets)  # nobody asks for it: lights have their own rays
-    found = np.zeros((N_LOOKS, len(rows), 3))
-    for look, generator in zip(found, np.random.default_rng((seed, 1)).spawn(N_LOOKS), strict=True):
+    found = np.zeros((n_looks, len(rows), 3))
+    for look, generator in zip(found, np.random.default_rng((seed, 1)).spawn(n_looks), strict=True):
         fine = yield from _seen(points, placement.caster, _with_random_rays(lighting.fine_targets, cut, generator))
         light = VisibleLight(lighting, sphere, fine, emitters, near)
         for each in layers:
@@ -200,6 +322,10 @@ def _squares(shown: Floats, looks: Floats, top: float) -> Floats:
     off = np.minimum(shown, top) - np.minimum(looks, top)
     pairs = (off.sum(axis=0) ** 2 - (off**2).sum(axis=0)) / (len(looks) * (len(looks) - 1))
     return np.asarray(pairs.mean(axis=1))
+
+
+def _relative_squares(squares: Floats, mean: float) -> Floats:
+    return squares / mean**2 if mean > 0.0 else np.zeros_like(squares)
 
 
 def _relative(squares: Floats, mean: float) -> float:

@@ -22,12 +22,9 @@ def indirect_radiance(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, series: BounceSeries, fineness: Fineness = STILL
 ) -> Generator[StillProgress, None, NDArray[np.float32]]:
     """Radiance (P, 3) that reaches the eye after 2 bounces to all of the series, at the points of the hits."""
-    models: dict[int, list[str]] = {}
-    for each in layers:
-        models.setdefault(each.i_object, []).append(each.layer.model.name)
-    reflecting = _reflecting(layers, series.second)
-    steps = Solver(placement, models, sky, series.n_bounces, fineness, glossy=series.second != 1).solve(reflecting)
-    found = yield from told_as(steps, lambda step: StillProgress(*step))
+    reflecting = indirect_layers(layers, series.second)
+    solver = Solver(placement, models_of(layers), sky, series.n_bounces, fineness, glossy=series.second != 1)
+    found = yield from told_as(solver.solve(reflecting), lambda step: StillProgress(*step))
     return finish(reflected_light(found, layers, series.second, placement.hits))
 
 
@@ -38,7 +35,7 @@ def reflected_light(
     `BounceSeries` has them.
 
     Layers with images one by one: what they reflect varies slowly between gather points, the images do not."""
-    reflecting = _reflecting(layers, second)
+    reflecting = indirect_layers(layers, second)
     found = found.by_albedo() if second == 1 else found
     light = found.sent(reflecting)
     yield
@@ -64,7 +61,17 @@ def _reflected(
     return in_full(np.einsum("pk,pkc->pc", weights, at_points[rows]), found.unit)
 
 
-def _reflecting(layers: Sequence[StillLayer], second: int | None = None) -> list[IndirectLayer]:
+def models_of(layers: Sequence[StillLayer]) -> dict[int, list[str]]:
+    """Names of the models of every object's layers, by the object's index."""
+    models: dict[int, list[str]] = {}
+    for each in layers:
+        models.setdefault(each.i_object, []).append(each.layer.model.name)
+    return models
+
+
+def indirect_layers(layers: Sequence[StillLayer], second: int | None = None) -> list[IndirectLayer]:
+    """The layers as indirect light sees them; second: the most bands of the second bounce, as a `BounceSeries` has
+    them."""
     return [
         indirect_layer(each.i_object, each.layer, each.bands[: len(each.layer.model.factors)], second, each.mean_factor)
         for each in layers

@@ -83,7 +83,7 @@ def integrate_direct(
     (P, K, 3): what multiplies the first K visible layers at each of the hits.
     """
     radiance = np.zeros((len(rows), 3))
-    objects = hits.object_image.ravel()[hits.pixel]
+    objects = hits.objects
     sky_directions = geodesic(level).centres
     sky_power = triangle_integrals(environment, rotation, level) if environment is not None else None
     frames = local_frames(hits.tangent[rows], hits.normal[rows])

@@ -297,7 +297,7 @@ def _pass_work(
     seed: tuple[int, int],
 ) -> Callable[[tuple[int, Rows]], Floats]:  # fmt: skip
     """The sum over one pass's samples, (p, 2, 3), of a numbered block of the rows."""
-    objects = hits.object_image.ravel()[hits.pixel].astype(np.int64)
+    objects = hits.objects.astype(np.int64)
     n = len(points)
 
     def work(block: tuple[int, Rows]) -> Floats:

@@ -15,17 +15,19 @@ NONE = 1e-3
 class ErrorEstimate:
     """Relative RMS errors of a picture: root of the mean square over its mean, linear, over what reflects.
 
-    direct: of light that was reflected once; indirect: of light that was reflected before, None where the picture is to
-    have none. Either is an estimate, within about a factor of two.
+    direct: of light that was reflected once, None where a picture's parts are not known; indirect: of light that was
+    reflected before, None where the picture is to have none; whole: of both together, what is left of chance included,
+    None where direct light is all. Each is an estimate, within about a factor of two.
     """
 
-    direct: float
+    direct: float | None
     indirect: float | None = None
+    whole: float | None = None
 
     @property
     def total(self) -> float:
         """Of all the light."""
-        return math.hypot(self.direct, self.indirect or 0.0)
+        return math.hypot(self.direct or 0.0, self.indirect or 0.0) if self.whole is None else self.whole
 
     @property
     def is_poor(self) -> bool:
@@ -41,14 +43,14 @@ class ErrorEstimate:
     def text(self) -> str:
         """In words, such as "error about 1.8 % (direct 0.6 %, indirect 1.7 %)"."""
         about = f"error about {percent(self.total)}"
-        if self.indirect is None:
+        if self.direct is None or self.indirect is None:
             return about
         return f"{about} (direct {percent(self.direct)}, indirect {percent(self.indirect)})"
 
     @property
     def advice(self) -> str:
         """What helps where it is poor, in one line; else ""."""
-        if not self.is_poor:
+        if not self.is_poor or self.direct is None:
             return ""
         if self.indirect is not None and self.indirect > self.direct:
             return "most of the error is in light between surfaces: more pixels, or bands at the second bounce, help"

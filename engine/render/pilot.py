@@ -1,9 +1,10 @@
-"""What a plan will cost, measured on a few points before the work begins.
+"""What a plan will cost, measured on some of the picture before the work begins.
 
-Shadows of some hundred random points are traced without any of the coherent method's savings, and transport of as many
-points of every layer is projected; both are extrapolated to all points. What the coherent method saves depends on the
-scene and is not known before; its usual share of the rays is taken, so that time is an estimate within about a factor
-of two, that of what is stored one within a tenth.
+Shadows of a few windows of the picture are traced by the method that traces all of them, transport of some hundred
+random points of every layer is projected, indirect light is found for a few blocks (`engine.render.indirect_pilot`);
+all are extrapolated. It is the processors' time that is measured, so that what else a machine is doing counts little.
+Rejected: to trace every ray of random points and to take the coherent method's usual share of them, which is 0.08 to
+0.2 on the built-in scenes, but 0.5 where a picture is small.
 """
 
 import time
@@ -14,19 +15,22 @@ import numpy as np
 
 from engine.light.lights import cut_lights
 from engine.plan import Cost, Plan
+from engine.render.indirect import indirect_layers, models_of
+from engine.render.indirect_pilot import IndirectCost, indirect_cost
 from engine.render.still import StillLayer, StillProgress, still_quality
-from engine.threads import n_threads
+from engine.steps import finish, told_as
+from engine.threads import n_threads, on_threads
 from engine.transport.fixed import BYTES_A_POINT
 from engine.transport.lighting import prepare_lighting
 from engine.transport.near import near_leaves
-from engine.transport.pipeline import Placement, SkyState
+from engine.transport.pipeline import Placement, Quality, SkyState
 from engine.transport.projection import LayerShape, VisibleLight, project_points
-from engine.visibility.points import Visibility, empty_visibility, evaluate_rows
+from engine.visibility.grid import COARSEST_STEP
+from engine.visibility.points import empty_visibility, evaluate_rows
 
 N_SAMPLED = 256
-MOST_SAMPLED, LEAST_SAMPLED = 2048, 32
-# Of the time that tracing every direction would take; between 0.08 and 0.2 on the built-in scenes.
-COHERENT_SHARE = 0.15
+MOST_SAMPLED, LEAST_SAMPLED = 1024, 32
+N_WINDOWS, WINDOW = 16, 2 * COARSEST_STEP
 MIB = 2.0**20
 CHANNELS, ACCUMULATOR_BYTES = 3, 16
 # Main memory of precomputing, whose transport goes to disk tile by tile: of the program with its compiled kernels; of
@@ -34,36 +38,47 @@ CHANNELS, ACCUMULATOR_BYTES = 3, 16
 # its hit and its bits. Peaks of 392 to 1,040 MiB, of 15,000 to 1.1 million points, are told within an eighth so.
 PROGRAM_BYTES, LIGHT_BYTES, POINT_BYTES = 340 << 20, 220 << 20, 100
 TRIANGLE_BYTES = 150  # with Embree's tree, measured on a million
+# Of indirect light's arrays, times: its parts are there besides while they are joined and put in order.
+JOINING = 2.7
+NO_INDIRECT = IndirectCost(0.0, 0.0, 0, 0)
 
 
 def estimate_cost(
-    placement: Placement, layers: Sequence[StillLayer], sky: SkyState, plan: Plan, seed: int = 1
-) -> Generator[StillProgress, None, Plan]:
-    """The plan with its cost; yields its progress. The placement's own visibility is not touched."""
-    n_points = len(placement.hits.pixel)
+    placement: Placement, layers: Sequence[StillLayer], sky: SkyState, plan: Plan, seed: int = 1,
+    opening_seconds: float = 0.0,
+) -> Generator[StillProgress, None, Plan]:  # fmt: skip
+    """The plan with its cost; yields its progress. The placement's own visibility is not touched.
+
+    opening_seconds: what it took to read the scene and to see it.
+    """
     rows_of = {each.i_object: placement.rows_of(each.i_object) for each in layers}
     rows_of = {index: rows for index, rows in rows_of.items() if len(rows)}
     n_each = int(np.clip(MOST_SAMPLED // max(len(rows_of), 1), LEAST_SAMPLED, N_SAMPLED))
     generator = np.random.default_rng(seed)
     samples = {index: _sample(rows, n_each, generator) for index, rows in rows_of.items()}
     yield StillProgress(0.0, "trying the light")
-    light, per_point = _try_light(placement, samples, sky, plan)
+    light = _light_of(placement, samples, sky, plan)
+    yield StillProgress(0.1, "trying shadows")
+    visibility_seconds = _try_shadows(placement, sky, plan)
     projection_seconds, n_bytes = 0.0, 0.0
     present = [each for each in layers if each.i_object in samples]
     for i, each in enumerate(present):
-        yield StillProgress(0.3 + 0.7 * i / len(present), f"trying {each.layer.name} of object {each.i_object}")
+        yield StillProgress(0.3 + 0.2 * i / len(present), f"trying {each.layer.name} of object {each.i_object}")
         seconds, size = _try_layer(placement, samples[each.i_object], light, each)
-        projection_seconds += seconds * len(rows_of[each.i_object]) / n_threads()
+        projection_seconds += seconds * len(rows_of[each.i_object])
         n_bytes += size * len(rows_of[each.i_object])
-    visibility_seconds = per_point * n_points / n_threads()
+    indirect = yield from _try_indirect(placement, layers, sky, plan)
+    n_bytes += indirect.n_bytes + (placement.sphere.bits.nbytes if plan.needs_sphere else 0)
     cost = Cost(
-        seconds=visibility_seconds + projection_seconds,
+        seconds=opening_seconds + visibility_seconds + projection_seconds + indirect.seconds,
         visibility_seconds=visibility_seconds,
-        memory_mib=_memory_bytes(placement, sky, plan) / MIB,
-        disk_mib=(n_bytes + (placement.sphere.bits.nbytes if plan.needs_sphere else 0)) / MIB,
+        indirect_seconds=indirect.seconds,
+        memory_mib=_memory_bytes(placement, sky, plan, JOINING * indirect.n_bytes) / MIB,
+        disk_mib=n_bytes / MIB,
         gpu_mib=_gpu_bytes(present, {index: len(rows) for index, rows in rows_of.items()}, plan) / MIB,
-        n_points=n_points,
+        n_points=len(placement.hits.pixel),
         n_sampled=sum(len(sample) for sample in samples.values()),
+        n_cores=n_threads(),
     )
     return replace(plan, cost=cost)
 
@@ -73,57 +88,87 @@ def _sample(rows: np.ndarray, most: int, generator: np.random.Generator) -> np.n
     return np.sort(generator.choice(rows, min(most, len(rows)), replace=False)).astype(np.int32)
 
 
-def _try_light(
-    placement: Placement, samples: Mapping[int, np.ndarray], sky: SkyState, plan: Plan
-) -> tuple[VisibleLight, float]:
-    """The plan's light as the samples see it, and the seconds of one thread that a point takes."""
-    quality = still_quality(plan)
-    cut = None
+def _light_of(placement: Placement, samples: Mapping[int, np.ndarray], sky: SkyState, plan: Plan) -> VisibleLight:
+    """The plan's light as the samples see it."""
+    quality, cut = still_quality(plan), None
     if sky.environment is not None:
         cut = cut_lights(sky.environment, quality.n_lights, sky.rotation, quality.max_level)
     lighting = prepare_lighting(cut, placement.emitters(quality.n_patches), quality.tolerance, not plan.needs_sphere)
     sphere = empty_visibility(placement.hits, placement.sphere.targets)
     fine = empty_visibility(placement.hits, lighting.fine_targets)
     emitters = empty_visibility(placement.hits, lighting.emitter_targets)
-    traced = [fine, emitters] + ([sphere] if plan.needs_sphere else [])
     rows = np.unique(np.concatenate([np.zeros(0, np.int32), *samples.values()]))
-    _trace(placement, traced, rows[:1])  # compiles
-    started = time.perf_counter()
-    _trace(placement, traced, rows)
-    per_point = COHERENT_SHARE * (time.perf_counter() - started)
-    near_leaves(placement.hits, placement.caster, lighting.emitters, emitters, rows[:1])  # compiles
-    started = time.perf_counter()
-    near = near_leaves(placement.hits, placement.caster, lighting.emitters, emitters, rows)
-    per_point += time.perf_counter() - started
-    return VisibleLight(lighting, sphere, fine, emitters, near), per_point / max(len(rows), 1)
-
-
-def _trace(placement: Placement, traced: Sequence[Visibility], rows: np.ndarray) -> None:
-    for visibility in traced:
+    for visibility in [fine, emitters] + ([sphere] if plan.needs_sphere else []):
         if len(visibility.targets.positions):
             evaluate_rows(placement.hits, placement.caster, visibility, rows)
+    near = near_leaves(placement.hits, placement.caster, lighting.emitters, emitters, rows)
+    return VisibleLight(lighting, sphere, fine, emitters, near)
+
+
+def _try_shadows(placement: Placement, sky: SkyState, plan: Plan) -> float:
+    """Seconds that cutting and seeing the light takes, by one window of the picture and by some: what does not grow
+    with the points is told apart so."""
+    windows = _windows(placement)
+    if not windows:
+        return 0.0
+    few, many = windows[0], np.sort(np.concatenate(windows))
+    quality = still_quality(plan)
+    _seconds_of_light(placement.at(few), sky, quality)  # reads kernels
+    least, seconds = (_seconds_of_light(placement.at(rows), sky, quality) for rows in (few, many))
+    if len(windows) == 1:
+        return seconds
+    by_point = max(seconds - least, 0.0) / (len(many) - len(few))
+    return seconds + by_point * (len(placement.hits.pixel) - len(many))
+
+
+def _seconds_of_light(placement: Placement, sky: SkyState, quality: Quality) -> float:
+    started = time.process_time()
+    finish(placement.light(sky, quality))
+    return time.process_time() - started
+
+
+def _windows(placement: Placement) -> list[np.ndarray]:
+    """Rows of the points in some windows of the picture, evenly among those that show anything."""
+    hits = placement.hits
+    width, _ = hits.resolution
+    line, column = np.divmod(hits.pixel, width)
+    number = line // WINDOW * -(-width // WINDOW) + column // WINDOW
+    there = np.unique(number)
+    chosen = there[np.unique(np.linspace(0, len(there) - 1, min(N_WINDOWS, len(there))).astype(int))]
+    return [np.flatnonzero(number == each).astype(np.int32) for each in chosen] if len(there) else []
 
 
 def _try_layer(placement: Placement, rows: np.ndarray, light: VisibleLight, each: StillLayer) -> tuple[float, float]:
-    """Seconds of one thread and bytes that one point of a layer takes."""
+    """Seconds and bytes that one point of a layer takes."""
     shape = LayerShape(each.layer.model.name, tuple(each.layer.quotient_parameters().tolist()), each.bands)
     project_points(placement.hits, rows[:1], light, shape, 0)  # compiles
-    started = time.perf_counter()
-    tile = project_points(placement.hits, rows, light, shape, 0)
-    seconds = time.perf_counter() - started
-    return seconds / len(rows), tile.n_bytes / len(rows) if each.editable else BYTES_A_POINT
+    parts = np.array_split(rows, n_threads())  # shared as the work is: cores that share what they have are slower
+    started = time.process_time()
+    tiles = on_threads(lambda part: project_points(placement.hits, part, light, shape, 0), parts)
+    seconds = time.process_time() - started
+    n_bytes = sum(tile.n_bytes for tile in tiles)
+    return seconds / len(rows), n_bytes / len(rows) if each.editable else BYTES_A_POINT
 
 
-def _memory_bytes(placement: Placement, sky: SkyState, plan: Plan) -> float:
-    """Main memory of precomputing: the program, lights and triangles, the points' hits and, where the sphere is traced,
-    their bits."""
+def _try_indirect(
+    placement: Placement, layers: Sequence[StillLayer], sky: SkyState, plan: Plan
+) -> Generator[StillProgress, None, IndirectCost]:
+    if (plan.bounces or 1) < 2 or not len(placement.hits.pixel):
+        return NO_INDIRECT
+    trying = indirect_cost(placement, models_of(layers), sky, plan.bounces or 1, indirect_layers(layers))
+    return (yield from told_as(trying, lambda step: StillProgress(0.5 + 0.5 * step[0], f"trying: {step[1]}")))
+
+
+def _memory_bytes(placement: Placement, sky: SkyState, plan: Plan, indirect: float) -> float:
+    """Main memory of precomputing: the program, lights, or so many bytes of indirect light, that come after them, and
+    triangles, the points' hits and, where the sphere is traced, their bits."""
     hits, scene, environment = placement.hits, placement.scene, sky.environment
     is_even = environment is None or environment.radiance.nbytes < MIB
     light = 0 if is_even and plan.bounces == 1 and not scene.emitters.any() else LIGHT_BYTES
     arrays = (value for name in hits.__dataclass_fields__ if isinstance(value := getattr(hits, name), np.ndarray))
     points = len(hits.pixel) * POINT_BYTES + sum(array.nbytes for array in arrays)
     bits = placement.sphere.bits.nbytes if plan.needs_sphere else 0
-    return PROGRAM_BYTES + light + len(scene.triangles) * TRIANGLE_BYTES + points + bits
+    return PROGRAM_BYTES + max(light, indirect) + len(scene.triangles) * TRIANGLE_BYTES + points + bits
 
 
 def _gpu_bytes(layers: Sequence[StillLayer], n_points: Mapping[int, int], plan: Plan) -> float:

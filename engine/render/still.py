@@ -5,7 +5,8 @@ For every pixel that sees a reflecting object, over the layers of that object,
     L = sum over layers of f_q f_o(theta_o) sum_jk c_j c_k U_jk        [BenArtzi07, eq. 3.1 and 4.16],
 
 times texture and weight map where a layer has them;
-for the others the emitter or the background they see. Transport is contracted tile by tile and never kept, so a still
+for the others the emitter or the background they see; at edges, whose pixels have several points, by their shares.
+Transport is contracted tile by tile and never kept, so a still
 needs the memory of its visibility and no more. The reference picture goes the same way with `integrate_direct` in the
 place of transport.
 """
@@ -92,7 +93,15 @@ def render_still(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, quality: Quality = FINAL,
     indirect: NDArray[np.floating] | None = None,
 ) -> Generator[StillProgress, None, Picture]:  # fmt: skip
-    """Linear radiance (H, W, 3) float32 of the scene with these layers under this sky.
+    """Linear radiance (H, W, 3) float32 of the scene with these layers under this sky. Arguments: see `reflected`."""
+    return compose(placement, (yield from reflected(placement, layers, sky, quality, indirect)), sky)
+
+
+def reflected(
+    placement: Placement, layers: Sequence[StillLayer], sky: SkyState, quality: Quality = FINAL,
+    indirect: NDArray[np.floating] | None = None,
+) -> Generator[StillProgress, None, NDArray[np.float64]]:  # fmt: skip
+    """Radiance (P, 3) that the points of the hits reflect.
 
     quality: its stride must be 1; indirect (P, 3): what else reaches the eye. Emitters shine as the scene says.
     """
@@ -111,7 +120,7 @@ def render_still(
             radiance[covered] += layer_radiance(placement.hits, covered, each, tile, light.lighting.unit)
             done += len(covered)
             yield StillProgress(SHADOWS + (1 - SHADOWS) * done / total, f"{each.layer.name} of object {each.i_object}")
-    return compose(placement, radiance, sky)
+    return radiance
 
 
 def render_reference(
@@ -136,11 +145,13 @@ def compose(placement: Placement, radiance: NDArray[np.floating], sky: SkyState)
     """Reflected radiance (P, 3) of the points, emitters and the background as one picture (H, W, 3) float32."""
     hits = placement.hits
     image = hits.emission_image.astype(np.float32)
-    behind = hits.object_image < 0
-    if sky.environment is not None and behind.any():
-        seen = sky.environment.evaluate(hits.ray_directions[behind], sky.rotation)
-        image[behind] = seen * np.float32(sky.scale)
-    image.reshape(-1, 3)[hits.pixel] += np.asarray(radiance, np.float32)
+    open_ = hits.open_image > 0.0
+    if sky.environment is not None and open_.any():
+        seen = sky.environment.evaluate(hits.ray_directions[open_], sky.rotation)
+        image[open_] += seen * (np.float32(sky.scale) * hits.open_image[open_, None])
+    shown = np.flatnonzero(hits.share)  # what is too bright for numbers times no share would be none
+    share, pixel = hits.share[shown, None], hits.pixel[shown]
+    np.add.at(image.reshape(-1, 3), pixel, np.asarray(share * radiance[shown], np.float32))
     return image
 
 

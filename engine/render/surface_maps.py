@@ -90,7 +90,6 @@ def _footprints(
     scene: Scene, caster: RayCaster, hits: PrimaryHits, rows: NDArray[np.integer]
 ) -> tuple[Floats, Floats, Floats]:
     """Where some hits lie on images, and how far their pixels reach, see `pixel_footprints`."""
-    pixel = hits.pixel[rows]
-    directions = hits.ray_directions.reshape(-1, 3)[pixel]
     eyes = np.tile(scene.eye.astype(np.float32), (len(rows), 1))
-    return pixel_footprints(scene, caster.intersect(eyes, directions), pixel, hits.resolution)
+    found = caster.intersect(eyes, -hits.wo[rows])
+    return pixel_footprints(scene, found, hits.places[rows], hits.resolution)

@@ -27,7 +27,7 @@ from engine.material.bumps import BUMP_KINDS, NO_BUMPS, Bumps, bump_values, bump
 from engine.material.maps import LayerMaps, map_fields, map_values, maps_from
 from engine.material.parameters import ParameterError
 from engine.scene.complaints import first_complaint
-from engine.scene.surface_kinds import DeformSurface
+from engine.scene.surface_kinds import NO_SURFACE, DeformSurface
 from engine.scene.toml_text import check_version, load_toml
 from engine.scene.transform import check_transform
 
@@ -198,7 +198,7 @@ class ObjectDescription(_Description):
     editable: Annotated[bool, Field(strict=True)] = True
     emission: Radiance | None = None
     bumps: BumpMap = NO_BUMPS
-    deform: DeformSurface | None = None
+    deform: DeformSurface = NO_SURFACE
     layers: tuple[LayerDescription, ...] = Field(default=(), alias="layer", max_length=64)
 
     @model_validator(mode="before")
@@ -223,7 +223,7 @@ class ObjectDescription(_Description):
     @property
     def is_of_files(self) -> bool:
         """Whether there are images on it, which want texture coordinates."""
-        own = self.deform is not None and (self.deform.is_mapped or bool(self.deform.files))
+        own = self.deform.is_mapped or bool(self.deform.files)
         return own or bool(self.bumps.file) or any(layer.maps.is_of_files for layer in self.layers)
 
     @property

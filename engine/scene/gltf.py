@@ -200,7 +200,11 @@ def _read_primitive(file: GltfFile, primitive: JsonObject) -> Mesh:
         k = int(np.argmax(corners >= len(vertices)))
         raise primitive.error(f"index {k}", int(corners[k]), f"an index from 0 to {len(vertices) - 1}")
     triangles = corners.reshape(-1, 3).astype(np.int32)
-    mesh = Mesh(vertices, triangles, normals, _read_uvs(file, attributes, len(vertices), triangles))
+    uvs = _read_uvs(file, attributes, len(vertices), triangles)
+    tangents = None  # of use beside both others alone [glTF 2.0, 3.7.2.1]
+    if normals is not None and uvs is not None:
+        tangents = _read_tangents(file, attributes, len(vertices), triangles)
+    mesh = Mesh(vertices, triangles, normals, uvs, tangents)
     return validate_mesh(mesh, file.path, f"{primitive.place}: ")
 
 
@@ -229,3 +233,15 @@ def _notes(root: JsonObject, materials: list[PartMaterial], skipped: int) -> lis
     if root.children("skins") and not root.children("animations"):
         lines.append("a skin without an animation: shown at rest")
     return lines
+
+
+def _read_tangents(
+    file: GltfFile, attributes: JsonObject, n_vertices: int, triangles: npt.NDArray[np.int32]
+) -> npt.NDArray[np.float32] | None:
+    """Tangents and hands of the corners, (T, 3, 4): bitangents are hand × normal × tangent, to where images go up."""
+    if not attributes.has("TANGENT"):
+        return None
+    values = file.read(attributes, "TANGENT", "VEC4", FLOATS)
+    if len(values) != n_vertices:
+        raise attributes.error("TANGENT", f"{len(values)} tangents", f"{n_vertices}, as there are positions")
+    return np.asarray(values[triangles], np.float32)

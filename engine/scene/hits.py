@@ -1,19 +1,23 @@
-"""What the eye sees: one surface point a pixel, and how much of a silhouette pixel belongs to its neighbour.
+"""What the eye sees: one surface point a pixel, and several where objects meet (`engine.scene.edges`).
 
-Only objects that reflect get a shading point; emitters and the background are pictures. The points are sorted by
+Only objects that reflect get shading points; emitters and the background are pictures. The points are sorted by
 object, so that everything about one object is a range.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from engine.scene.camera import centre_directions, pixel_directions
+from engine.scene.edges import Surface, edge_pixels, grouped, ray_offsets, turn_of
 from engine.scene.frames import object_tangents
 from engine.scene.load import Scene
+from engine.scene.picture_frame import Lamps
 from engine.scene.raycaster import Intersections, RayCaster
 from engine.scene.surface_points import SurfacePoints
 from engine.scene.surface_uvs import pixel_footprints
@@ -23,27 +27,27 @@ Integers = npt.NDArray[np.int32]
 
 # Of a shading normal to the eye.
 LEAST_COSINE = 1e-3
-# Four rays a pixel on a rotated grid, in pixels from its centre.
-_SUB_RAYS = ((-0.375, -0.125), (0.125, -0.375), (0.375, 0.125), (-0.125, 0.375))
 
 
 @dataclass(frozen=True)
 class PrimaryHits(SurfacePoints):
     """The shading points of a picture (P of them), sorted by object, then row-major. Vectors are unit, float32.
 
-    pixel (P,): row · width + column; object_ranges (M, 2) into the points; position (P, 3) in the scene's frame and
-    offset_position, lifted off the surface for shadow rays; horizon: the normal that is interpolated where smooth, on
-    the face's side and the eye's; normal: the shading normal, which is that as bumps turn it (`engine.scene.relief`);
-    geometric_normal: the face's, turned to the eye; front (P,): whether the eye sees the side that the winding faces;
-    tangent: across the object's Y axis, the brushed direction; wo: to the eye.
-    object_image (H, W) int16, −1 for the background; emission_image (H, W, 3): emitters seen from their front;
-    ray_directions (H, W, 3).
-    edge_pixels (E,) of which the share edge_weights (E,) shows what edge_neighbours (E,) see (anti-aliasing for the
-    screen alone).
+    pixel (P,): row · width + column; offset (P, 2): columns and rows from its centre where the ray passes, 0 but at
+    edges; share (P,): of its pixel that a point stands for; object_ranges (M, 2) into the points; position (P, 3) in
+    the scene's frame and offset_position, lifted off the surface for shadow rays; horizon: the normal that is
+    interpolated where smooth, on the face's side and the eye's; normal: the shading normal, which is that as bumps turn
+    it (`engine.scene.relief`); geometric_normal: the face's, turned to the eye; front (P,): whether the eye sees the
+    side that the winding faces; tangent: across the object's Y axis, the brushed direction; wo: to the eye.
+    Of pixels: object_image (H, W) int16: what their centres see, −1 for the background; open_image (H, W): the share
+    that shows the background; emission_image (H, W, 3): emitters seen from their front, by their shares; `lamps` says
+    these; ray_directions (H, W, 3) through the centres.
     """
 
     resolution: tuple[int, int]
     pixel: Integers
+    offset: Floats
+    share: Floats
     object_ranges: Integers
     normal: Floats
     geometric_normal: Floats
@@ -51,51 +55,199 @@ class PrimaryHits(SurfacePoints):
     tangent: Floats
     wo: Floats
     object_image: npt.NDArray[np.int16]
+    open_image: Floats
     emission_image: Floats
+    lamps: Lamps
     ray_directions: Floats
-    edge_pixels: Integers
-    edge_weights: Floats
-    edge_neighbours: Integers
 
     @property
     def outward(self) -> Floats:
         """The faces' normals (P, 3) on the side that the winding faces."""
         return np.where(self.front[:, None], self.geometric_normal, -self.geometric_normal)
 
+    @cached_property
+    def objects(self) -> Integers:
+        """The object of each point (P,)."""
+        counts = self.object_ranges[:, 1] - self.object_ranges[:, 0]
+        return np.repeat(np.arange(len(counts), dtype=np.int32), counts)
+
+    @property
+    def places(self) -> npt.NDArray[np.float64]:
+        """Where the rays to the points pass through the picture (P, 2): columns and lines from its upper left
+        corner."""
+        return _places(self.pixel, self.offset, self.resolution[0])
+
+    @cached_property
+    def centred(self) -> npt.NDArray[np.bool_]:
+        """Which points (P,) are at their pixels' centres."""
+        return np.asarray(~self.offset.any(axis=1))
+
+    @cached_property
+    def row_image(self) -> Integers:
+        """The row of the point at each pixel's centre (H, W), −1 for none."""
+        width, height = self.resolution
+        rows = np.flatnonzero(self.centred)
+        image = np.full((height, width), -1, np.int32)
+        image.ravel()[self.pixel[rows]] = rows
+        return image
+
     def at(self, rows: Integers) -> PrimaryHits:
         """Some of the points alone, by ascending rows; images stay those of the whole picture."""
         vectors = "position", "offset_position", "horizon", "normal", "geometric_normal", "tangent", "wo"
-        points = ("pixel", "front", *vectors)
+        points = ("pixel", "offset", "share", "front", *vectors)
         ranges = np.searchsorted(rows, self.object_ranges).astype(self.object_ranges.dtype)
         return replace(self, object_ranges=ranges, **{name: getattr(self, name)[rows] for name in points})
 
 
-def trace_primary(scene: Scene, caster: RayCaster, resolution: tuple[int, int] | None = None) -> PrimaryHits:
-    """Trace a ray through every pixel centre (Python's oracle renders the same); resolution = (width, height)."""
-    width, height = resolution or scene.resolution
-    directions = centre_directions(scene.description.camera, (width, height))
-    flat = directions.reshape(-1, 3)
-    found = caster.intersect(np.tile(scene.eye.astype(np.float32), (len(flat), 1)), flat)
-    ids = object_ids(scene, found)
-    reflects = (ids >= 0) & ~scene.emitters[ids]
-    pixel = np.flatnonzero(reflects).astype(np.int32)
-    pixel = pixel[np.argsort(ids[pixel], kind="stable")]
-    bounds = np.searchsorted(ids[pixel], np.arange(len(scene.smooth) + 1)).astype(np.int32)
-    object_image = ids.reshape(height, width)
-    edges = _edge_coverage(scene, caster, object_image)
+class _Rays(NamedTuple):
+    """What rays (R,) through pixels meet; offset (R, 2) from the pixel's centre, directions (R, 3)."""
+
+    pixel: Integers
+    offset: Floats
+    directions: Floats
+    found: Intersections
+    ids: Integers
+
+    def reflecting(self, scene: Scene) -> npt.NDArray[np.intp]:
+        """Which of them end where shading points may be."""
+        return np.flatnonzero((self.ids >= 0) & ~scene.emitters[self.ids])
+
+    def lamps(self, scene: Scene, share: float, of: npt.NDArray[np.integer]) -> Lamps:
+        """The emitters that the rays `of` see, each ray being such a share of its pixel."""
+        facing = np.einsum("rk,rk->r", scene.geometric_normals[self.found.triangle[of]], self.directions[of]) < 0.0
+        mine = of[(self.ids[of] >= 0) & facing & scene.emitters[self.ids[of]]]
+        n_objects = len(scene.emission)
+        pairs, count = np.unique(self.pixel[mine].astype(np.int64) * n_objects + self.ids[mine], return_counts=True)
+        pixel, ids = (each.astype(np.int32) for each in np.divmod(pairs, n_objects))
+        return Lamps(pixel, ids, (share * count).astype(np.float32), scene.emission[ids].astype(np.float32))
+
+
+# Arrays of points by their names in `PrimaryHits`, with `ids` of the objects they are on.
+_Points = dict[str, npt.NDArray]
+
+
+def trace_primary(
+    scene: Scene, caster: RayCaster, resolution: tuple[int, int] | None = None, n_edge_rays: int = 0
+) -> PrimaryHits:
+    """Trace a ray through every pixel centre (Python's oracle renders the same), and through pixels at edges as many
+    more as are asked for, 0 or what `ray_offsets` knows; resolution = (width, height)."""
+    size = width, height = resolution or scene.resolution
+    directions = centre_directions(scene.description.camera, size)
+    every = np.arange(width * height, dtype=np.int32)
+    centres = _met(scene, caster, every, np.zeros((len(every), 2), np.float32), directions.reshape(-1, 3))
+    points = _points(scene, caster, centres, centres.reflecting(scene), size)
+    background = (centres.ids < 0).astype(np.float32)
+    inner, lamps = every, []
+    if n_edge_rays:
+        met = _surface(points, len(every))
+        edge = edge_pixels(centres.ids, met, turn_of(n_edge_rays), size)
+        around = _through_edges(scene, caster, every[edge], n_edge_rays, size)
+        points = _with_edges(scene, caster, points, met, around, every[edge], size)
+        background[edge] = (around.ids < 0).reshape(-1, n_edge_rays).mean(axis=1)
+        inner = every[~edge]
+        lamps.append(around.lamps(scene, 1.0 / n_edge_rays, np.arange(len(around.ids))))
+    lamps.append(centres.lamps(scene, 1.0, inner))
+    shining = Lamps(*(np.concatenate(parts) for parts in zip(*lamps, strict=True)))
+    ids = points.pop("ids")
+    order = np.lexsort((points["offset"].any(axis=1), points["pixel"], ids))  # of a pixel the centre's first
+    bounds = np.searchsorted(ids[order], np.arange(len(scene.smooth) + 1)).astype(np.int32)
     return PrimaryHits(
-        resolution=(width, height),
-        pixel=pixel,
+        resolution=size,
         object_ranges=np.stack([bounds[:-1], bounds[1:]], axis=1),
-        front=np.einsum("pk,pk->p", scene.geometric_normals[found.triangle[pixel]], flat[pixel]) < 0.0,
-        object_image=object_image.astype(np.int16),
-        emission_image=emission_towards(scene, found, ids, flat).reshape(height, width, 3),
+        object_image=centres.ids.reshape(height, width).astype(np.int16),
+        open_image=background.reshape(height, width),
+        emission_image=_shone(shining, size),
+        lamps=shining,
         ray_directions=directions,
-        edge_pixels=edges[0],
-        edge_weights=edges[1],
-        edge_neighbours=edges[2],
-        **shading_frames(scene, caster, found, ids, pixel, -flat[pixel], (width, height)),
+        **{name: np.ascontiguousarray(array[order]) for name, array in points.items()},
     )
+
+
+def _shone(lamps: Lamps, size: tuple[int, int]) -> Floats:
+    """The picture (H, W, 3) of what shines."""
+    image = np.zeros((size[0] * size[1], 3), np.float32)
+    np.add.at(image, lamps.pixel, lamps.share[:, None] * lamps.radiance)
+    return image.reshape(size[1], size[0], 3)
+
+
+def _met(scene: Scene, caster: RayCaster, pixel: Integers, offset: Floats, directions: Floats) -> _Rays:
+    found = caster.intersect(np.tile(scene.eye.astype(np.float32), (len(directions), 1)), directions)
+    return _Rays(pixel, offset, directions, found, object_ids(scene, found))
+
+
+def _through_edges(scene: Scene, caster: RayCaster, pixels: Integers, n_rays: int, size: tuple[int, int]) -> _Rays:
+    """n rays through each of the pixels (F,), one pixel's after another's."""
+    pixel, offset = np.repeat(pixels, n_rays), np.tile(ray_offsets(n_rays), (len(pixels), 1))
+    columns, lines = _places(pixel, offset, size[0]).T
+    directions = pixel_directions(scene.description.camera, size, columns, lines)
+    return _met(scene, caster, pixel, offset, directions)
+
+
+def _points(
+    scene: Scene, caster: RayCaster, rays: _Rays, of: npt.NDArray[np.integer], size: tuple[int, int]
+) -> _Points:
+    """The points that some of the rays hit, each the whole of its pixel."""
+    towards, places = rays.directions[of], _places(rays.pixel[of], rays.offset[of], size[0])
+    return {
+        "ids": rays.ids[of],
+        "pixel": rays.pixel[of],
+        "offset": rays.offset[of],
+        "share": np.ones(len(of), np.float32),
+        "front": np.einsum("pk,pk->p", scene.geometric_normals[rays.found.triangle[of]], towards) < 0.0,
+        **shading_frames(scene, caster, rays.found, rays.ids, of, -towards, (places, size)),
+    }
+
+
+def _places(pixel: Integers, offset: Floats, width: int) -> npt.NDArray[np.float64]:
+    lines, columns = np.divmod(pixel, width)
+    return np.asarray(np.stack([columns, lines], axis=1) + 0.5 + offset, np.float64)
+
+
+def _with_edges(
+    scene: Scene, caster: RayCaster, centred: _Points, met: Surface, around: _Rays, pixels: Integers,
+    size: tuple[int, int],
+) -> _Points:  # fmt: skip
+    """The points at the centres and, of the rays around those of edge pixels (F,), the ones that lead a group; with
+    the share of its pixel that each stands for. met: what the centres of all pixels do."""
+    if not len(pixels):
+        return centred
+    n_rays = len(around.ids) // len(pixels)
+    beside = _surface_around(scene, around)
+    samples = Surface(
+        *(np.concatenate([a[pixels, None], b.reshape(-1, n_rays, *b.shape[1:])], axis=1)
+          for a, b in zip(met, beside, strict=True))
+    )  # fmt: skip
+    groups = grouped(samples, around.offset[:n_rays], turn_of(n_rays), len(centred["pixel"]))
+    leads = np.flatnonzero(groups.leader[:, 1:] == np.arange(1, n_rays + 1))
+    whole = np.ones(len(met.ids), np.float32)
+    whole[pixels] = groups.share[:, 0]
+    more = _points(scene, caster, around, leads, size)
+    joined = {name: np.concatenate([array, more[name]]) for name, array in centred.items()}
+    return joined | {"share": np.concatenate([whole[centred["pixel"]], groups.share[:, 1:].ravel()[leads]])}
+
+
+def _surface(points: _Points, n_pixels: int) -> Surface:
+    """What the centres of all pixels meet."""
+    ids, position, normal = np.full(n_pixels, -1, np.int32), *np.zeros((2, n_pixels, 3), np.float32)
+    places = points["pixel"]
+    ids[places], position[places], normal[places] = points["ids"], points["position"], points["horizon"]
+    return Surface(ids, position, normal)
+
+
+def _surface_around(scene: Scene, rays: _Rays) -> Surface:
+    """What rays meet, as closely as need be to tell what is alike: their points are few in the end."""
+    n = len(rays.ids)
+    ids, position, normal = np.full(n, -1, np.int32), *np.zeros((2, n, 3), np.float32)
+    of = rays.reflecting(scene)
+    triangle, u, v = (each[of] for each in (rays.found.triangle, rays.found.u, rays.found.v))
+    corners, weights = scene.triangles[triangle], np.stack([1.0 - u - v, u, v], axis=1)
+    between = np.einsum("pk,pki->pi", weights, scene.normals[corners])
+    length = np.linalg.norm(between, axis=1, keepdims=True)
+    usable = scene.smooth[rays.ids[of]][:, None] & (length > 1e-4)
+    shading = np.where(usable, between / np.where(usable, length, 1.0), scene.geometric_normals[triangle])
+    ids[of], normal[of] = rays.ids[of], _face(shading, -rays.directions[of])
+    position[of] = np.einsum("pk,pki->pi", weights, scene.vertices[corners])
+    return Surface(ids, position, normal)
 
 
 def object_ids(scene: Scene, found: Intersections) -> Integers:
@@ -112,12 +264,13 @@ def emission_towards(scene: Scene, found: Intersections, ids: Integers, directio
 
 def shading_frames(
     scene: Scene, caster: RayCaster, found: Intersections, ids: Integers, rays: npt.NDArray[np.integer], wo: Floats,
-    resolution: tuple[int, int] | None = None,
+    places: tuple[npt.NDArray[np.float64], tuple[int, int]] | None = None,
 ) -> dict[str, Floats]:  # fmt: skip
     """Position, normals, tangent and wo of the points (P,) that some `rays` (P,) of those found hit.
 
-    ids (R,): `object_ids` of all; wo (P, 3): back along the rays. Named and turned as in `PrimaryHits`. resolution: of
-    the picture whose pixels the rays go through, over which bumps are averaged; None for rays from anywhere.
+    ids (R,): `object_ids` of all; wo (P, 3): back along the rays. Named and turned as in `PrimaryHits`. places:
+    where the rays (P, 2) pass through a picture of that resolution, over whose pixels bumps are averaged; None for rays
+    from anywhere.
     """
     triangle, ids = found.triangle[rays], ids[rays]
     u, v = found.u[rays].astype(np.float64), found.v[rays].astype(np.float64)
@@ -131,7 +284,7 @@ def shading_frames(
     shading = np.where(usable, interpolated / np.where(usable, length, 1.0), geometric)
     geometric = _face(geometric, wo)
     horizon = _towards(_face(shading, geometric), wo)
-    normal = _turned(scene, found, rays, horizon, wo, resolution) if scene.relief.objects else horizon
+    normal = _turned(scene, found, rays, horizon, wo, places) if scene.relief.objects else horizon
     vectors = {
         "position": position,
         "offset_position": caster.offset_origins(position, geometric),
@@ -146,13 +299,13 @@ def shading_frames(
 
 def _turned(
     scene: Scene, found: Intersections, rays: npt.NDArray[np.integer], normals: npt.NDArray[np.float64], wo: Floats,
-    resolution: tuple[int, int] | None,
+    places: tuple[npt.NDArray[np.float64], tuple[int, int]] | None,
 ) -> npt.NDArray[np.float64]:  # fmt: skip
     """Normals (P, 3) of hits as the scene's bumps turn them."""
     bumpy = np.flatnonzero(np.isin(scene.object_of_triangle[found.triangle[rays]], scene.relief.objects))
     at = rays[bumpy]
     hit = Intersections(*(getattr(found, name)[at] for name in ("triangle", "u", "v", "distance")))
-    footprints = None if resolution is None else pixel_footprints(scene, hit, at, resolution)
+    footprints = None if places is None else pixel_footprints(scene, hit, places[0][bumpy], places[1])
     out = normals.copy()
     out[bumpy] = scene.relief.turned(hit.triangle, hit.u, hit.v, normals[bumpy], wo[bumpy], footprints)
     return out
@@ -172,50 +325,3 @@ def _towards(normals: npt.NDArray[np.float64], wo: Floats) -> npt.NDArray[np.flo
     along = np.einsum("pk,pk->p", normals, wo)[:, None]
     bent = normals + np.maximum(LEAST_COSINE - along, 0.0) * wo
     return np.where(along < LEAST_COSINE, bent / np.linalg.norm(bent, axis=1, keepdims=True), normals)
-
-
-def _edge_coverage(scene: Scene, caster: RayCaster, ids: Integers) -> tuple[Integers, Floats, Integers]:
-    """Silhouette pixels, the share of each that a neighbour's object covers, and that neighbour.
-
-    Four rays a pixel; of the objects other than the pixel's own the most frequent one counts, if one of the eight
-    neighbours sees it at its centre.
-    """
-    height, width = ids.shape
-    rows, columns = np.nonzero(_silhouette(ids))
-    eye = np.tile(scene.eye.astype(np.float32), (len(rows), 1))
-    seen = np.empty((len(rows), len(_SUB_RAYS)), np.int32)
-    for k, (dx, dy) in enumerate(_SUB_RAYS):
-        directions = pixel_directions(scene.description.camera, (width, height), columns + 0.5 + dx, rows + 0.5 + dy)
-        seen[:, k] = object_ids(scene, caster.intersect(eye, directions))
-    foreign = seen != ids[rows, columns][:, None]
-    votes = np.where(foreign, (seen[:, :, None] == seen[:, None, :]).sum(axis=2), 0)
-    best = votes.argmax(axis=1)
-    count = np.take_along_axis(votes, best[:, None], axis=1)[:, 0]
-    other = np.take_along_axis(seen, best[:, None], axis=1)[:, 0]
-    neighbour = _neighbour_with(ids, rows, columns, other)
-    kept = (count > 0) & (neighbour >= 0)
-    pixels = (rows * width + columns).astype(np.int32)
-    return pixels[kept], (count[kept] / len(_SUB_RAYS)).astype(np.float32), neighbour[kept]
-
-
-def _silhouette(ids: Integers) -> npt.NDArray[np.bool_]:
-    """Pixels with one of four neighbours that sees another object (H, W)."""
-    edge = np.zeros(ids.shape, bool)
-    across, down = ids[:, 1:] != ids[:, :-1], ids[1:] != ids[:-1]
-    edge[:, 1:] |= across
-    edge[:, :-1] |= across
-    edge[1:] |= down
-    edge[:-1] |= down
-    return edge
-
-
-def _neighbour_with(ids: Integers, rows: npt.NDArray, columns: npt.NDArray, other: Integers) -> Integers:
-    """The first of each pixel's eight neighbours (sides before corners) that sees the object `other`, or −1."""
-    height, width = ids.shape
-    found = np.full(len(rows), -1, np.int32)
-    for dy, dx in ((0, 1), (1, 0), (0, -1), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)):
-        y, x = rows + dy, columns + dx
-        inside = (y >= 0) & (y < height) & (x >= 0) & (x < width)
-        same = inside & (ids[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)] == other)
-        found = np.where((found < 0) & same, y * width + x, found).astype(np.int32)
-    return found

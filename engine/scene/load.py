@@ -22,7 +22,7 @@ from engine.material.maps import Images, split_image_name
 from engine.scene.box_projection import box_frame
 from engine.scene.defects import count_defects
 from engine.scene.description import Camera, SceneDescription, load_description
-from engine.scene.mesh import MESH_ENDINGS, Mesh, face_normals, join_meshes, join_uvs, place_mesh
+from engine.scene.mesh import MESH_ENDINGS, Mesh, face_normals, join_meshes, place_mesh
 from engine.scene.parts import ObjectMesh, object_meshes
 from engine.scene.relief import Relief
 from engine.scene.rig import Animations, Rig
@@ -43,9 +43,10 @@ class Scene:
     clockwise seen from the front; object_of_triangle (T,) int32; triangle_ranges (M, 2); geometric_normals (T, 3)
     float32; smooth (M,) bool: whether normals are interpolated; emission (M, 3) float32, zero where nothing shines.
     uvs (T, 3, 2) float32: texture coordinates of the triangles' corners, v upwards, 0 in objects without, None where no
-    object has them; has_uvs (M,) bool; boxes (M, 3, 4) the frames in which the others are looked up
-    (`engine.scene.box_projection`); textures: the scene's images. vertex_ranges (M, 2); rigs: for each object how its
-    file's animations move its vertices, in the frame of the arrays, None where none does.
+    object has them; tangents (T, 3, 4) as `Mesh.tangents`, None where no file says them; has_uvs (M,) bool; boxes
+    (M, 3, 4) the frames in which the others are looked up (`engine.scene.box_projection`); textures: the scene's
+    images. vertex_ranges (M, 2); rigs: for each object how its file's animations move its vertices, in the frame of the
+    arrays, None where none does.
     """
 
     description: SceneDescription
@@ -62,6 +63,7 @@ class Scene:
     origin: npt.NDArray[np.float64]
     file: Path
     uvs: npt.NDArray[np.float32] | None
+    tangents: npt.NDArray[np.float32] | None
     has_uvs: npt.NDArray[np.bool_]
     boxes: npt.NDArray[np.float64]
     textures: TextureStore
@@ -156,7 +158,8 @@ def _assemble(
     placed, place_notes = _place_all(items, path)
     description = description.model_copy(update={"objects": tuple(item.description for item in items)})
     vertices, origin = _recentre([mesh.vertices for mesh in placed], path)
-    triangles, ranges = _join_triangles(placed)
+    joined = join_meshes(placed)
+    triangles, ranges = np.ascontiguousarray(joined.triangles), _ranges([len(mesh.triangles) for mesh in placed])
     geometric, _ = face_normals(vertices, triangles)
     counts = ranges[:, 1] - ranges[:, 0]
     objects = description.objects
@@ -175,7 +178,8 @@ def _assemble(
         emission=emission,
         origin=origin,
         file=path,
-        uvs=join_uvs(placed),
+        uvs=joined.uvs,
+        tangents=joined.tangents,
         boxes=np.array([box_frame(i.mesh, np.reshape(i.description.transform, (4, 4)), origin) for i in items]),
         has_uvs=np.array([mesh.uvs is not None for mesh in placed]),
         textures=TextureStore(path),
@@ -200,7 +204,7 @@ def _load_maps(scene: Scene) -> None:
                 if name:
                     resolve_inside(scene.folder, split_image_name(name)[0], scene.file, what)
             wanted.append(maps.images)
-        for what, name in () if described.deform is None else described.deform.files:
+        for what, name in described.deform.files:
             resolve_inside(scene.folder, name, scene.file, what)
             wanted.append(Images(weight=name))
         if (name := described.bumps.file) and not described.emits:
@@ -226,8 +230,8 @@ def _place_all(items: Sequence[ObjectMesh], path: Path) -> tuple[list[Mesh], lis
         if not extent <= MAX_EXTENT:
             raise LoadError(path, f"{where}: coordinates once placed", f"{extent:g}", f"at most {MAX_EXTENT:g} m")
         defects = count_defects(mesh)
-        uvs = None if mesh.uvs is None else mesh.uvs[defects.solid]
-        mesh = Mesh(mesh.vertices, mesh.triangles[defects.solid], mesh.normals, uvs)
+        uvs, tangents = (None if own is None else own[defects.solid] for own in (mesh.uvs, mesh.tangents))
+        mesh = Mesh(mesh.vertices, mesh.triangles[defects.solid], mesh.normals, uvs, tangents)
         if not len(mesh.triangles):
             raise LoadError(path, f"{where}: faces with an area", 0, "at least one")
         placed.append(mesh)
@@ -247,12 +251,6 @@ def _recentre(vertices: list[npt.NDArray[np.float64]], path: Path) -> tuple[npt.
         raise LoadError(path, "extent of the scene", f"{2 * half:g} m", "at least 2e-09 m")
     origin = centre if np.abs(centre).max() > _FAR * half else np.zeros(3)
     return (joined - origin).astype(np.float32), origin
-
-
-def _join_triangles(placed: list[Mesh]) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
-    """Triangles over the joined vertices, and the range (M, 2) of each object's."""
-    triangles = join_meshes(placed).triangles
-    return np.ascontiguousarray(triangles), _ranges([len(mesh.triangles) for mesh in placed])
 
 
 def _ranges(counts: list[int]) -> npt.NDArray[np.int32]:

@@ -13,6 +13,7 @@ those 54 GLB files, and makes an object of each JSON value: 50 s a megabyte of e
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -36,13 +37,16 @@ class Mesh:
     """Vertices (V, 3) float64, normals (V, 3) float64 of any length or None, triangles (T, 3) int32 by right hand.
 
     uvs (T, 3, 2) float32 or None: texture coordinates of each triangle's corners, v upwards. They stand at corners and
-    not at vertices, so that a seam of a texture splits no vertex and bends no normal.
+    not at vertices, so that a seam of a texture splits no vertex and bends no normal. tangents (T, 3, 4) float32 or
+    None: likewise, the direction in which u grows, and 1 or −1: v grows along so many times normal × tangent; 0 where
+    the file says nothing.
     """
 
     vertices: Floats
     triangles: Indices
     normals: Floats | None = None
     uvs: npt.NDArray[np.float32] | None = None
+    tangents: npt.NDArray[np.float32] | None = None
 
 
 def read_mesh(path: Path) -> Mesh:
@@ -81,6 +85,9 @@ def validate_mesh(mesh: Mesh, file: Path, place: str = "") -> Mesh:
         k = int(np.argmin((np.abs(mesh.uvs) <= MAX_UV).all(axis=(1, 2))))
         expected = f"finite numbers up to {MAX_UV:g}"
         raise LoadError(file, f"{place}texture coordinates of face {k}", mesh.uvs[k].tolist(), expected)
+    if mesh.tangents is not None and not np.isfinite(mesh.tangents).all():
+        k = int(np.argmin(np.isfinite(mesh.tangents).all(axis=(1, 2))))
+        raise LoadError(file, f"{place}tangents of face {k}", mesh.tangents[k].tolist(), "finite numbers")
     return mesh
 
 
@@ -167,20 +174,30 @@ def place_copies(mesh: Mesh, matrices: npt.NDArray[np.float64]) -> Mesh:
     cofactor = cross(linear[:, [1, 2, 0]], linear[:, [2, 0, 1]])
     mirrored = np.einsum("nk,nk->n", linear[:, 0], cofactor[:, 0]) < 0.0
     starts = np.arange(len(matrices), dtype=np.int32) * len(mesh.vertices)
-    triangles = _wound(mesh.triangles, mirrored) + np.repeat(starts, len(mesh.triangles))[:, None]
-    uvs = None if mesh.uvs is None else _wound(mesh.uvs, mirrored)
+    triangles = _wound([mesh.triangles] * len(matrices), mirrored) + np.repeat(starts, len(mesh.triangles))[:, None]
+    uvs = None if mesh.uvs is None else _wound([mesh.uvs] * len(matrices), mirrored)
+    tangents = None if mesh.tangents is None else _wound([*_turned_tangents(mesh.tangents, linear, mirrored)], mirrored)
     if mesh.normals is None:
-        return Mesh(vertices, triangles, None, uvs)
+        return Mesh(vertices, triangles, None, uvs, tangents)
     sign = np.where(mirrored, -1.0, 1.0) / np.abs(cofactor).max(axis=(1, 2))
     turned = (mesh.normals @ (cofactor * sign[:, None, None]).swapaxes(1, 2)).reshape(-1, 3)
     fallback = smooth_normals(vertices, triangles) if _are_short(turned).any() else np.array([0.0, 1.0, 0.0])
-    return Mesh(vertices, triangles, normalize(turned, fallback), uvs)
+    return Mesh(vertices, triangles, normalize(turned, fallback), uvs, tangents)
 
 
-def _wound(corners: npt.NDArray, mirrored: npt.NDArray[np.bool_]) -> npt.NDArray:
-    """Copies of what stands at the corners of triangles (T, 3, ...), those of mirrored ones the other way round."""
-    copies = [corners[:, ::-1] if turned else corners for turned in mirrored]
-    return np.concatenate(copies)
+def _wound(copies: Sequence[npt.NDArray], mirrored: npt.NDArray[np.bool_]) -> npt.NDArray:
+    """What stands at the corners of copies of triangles (T, 3, ...), those of mirrored ones the other way round."""
+    return np.concatenate([each[:, ::-1] if turned else each for each, turned in zip(copies, mirrored, strict=True)])
+
+
+def _turned_tangents(
+    tangents: npt.NDArray[np.float32], linear: Floats, mirrored: npt.NDArray[np.bool_]
+) -> npt.NDArray[np.float32]:
+    """Tangents (T, 3, 4) under each linear transform (N, 3, 3), (N, T, 3, 4); a mirror turns the hand round."""
+    along = np.einsum("nij,tcj->ntci", linear, tangents[..., :3].astype(np.float64))
+    length = np.linalg.norm(along, axis=3, keepdims=True)
+    hand = np.where(mirrored, -1.0, 1.0)[:, None, None, None] * np.sign(tangents[..., 3:])
+    return np.concatenate([along / np.where(length > 0.0, length, 1.0), hand], axis=3).astype(np.float32)
 
 
 def join_meshes(meshes: list[Mesh]) -> Mesh:
@@ -196,12 +213,27 @@ def join_meshes(meshes: list[Mesh]) -> Mesh:
         normals = np.concatenate(list(own))
     shifted = [mesh.triangles + int(start) for mesh, start in zip(meshes, starts[:-1], strict=True)]
     triangles = np.concatenate(shifted).astype(np.int32)
-    return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), triangles, normals, join_uvs(meshes))
+    vertices = np.concatenate([mesh.vertices for mesh in meshes])
+    return Mesh(vertices, triangles, normals, join_uvs(meshes), join_tangents(meshes))
 
 
 def join_uvs(meshes: list[Mesh]) -> npt.NDArray[np.float32] | None:
     """Texture coordinates (T, 3, 2) of several meshes, 0 in those that have none; None if none has any."""
-    if all(mesh.uvs is None for mesh in meshes):
+    return _join_corners(meshes, [mesh.uvs for mesh in meshes], 2)
+
+
+def join_tangents(meshes: list[Mesh]) -> npt.NDArray[np.float32] | None:
+    """Tangents (T, 3, 4), likewise."""
+    return _join_corners(meshes, [mesh.tangents for mesh in meshes], 4)
+
+
+def _join_corners(
+    meshes: list[Mesh], corners: list[npt.NDArray[np.float32] | None], width: int
+) -> npt.NDArray[np.float32] | None:
+    if all(own is None for own in corners):
         return None
-    own = (np.zeros((len(mesh.triangles), 3, 2), np.float32) if mesh.uvs is None else mesh.uvs for mesh in meshes)
-    return np.ascontiguousarray(np.concatenate(list(own)), np.float32)
+    every = (
+        np.zeros((len(mesh.triangles), 3, width), np.float32) if own is None else own
+        for mesh, own in zip(meshes, corners, strict=True)
+    )
+    return np.ascontiguousarray(np.concatenate(list(every)), np.float32)

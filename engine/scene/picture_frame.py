@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,23 +12,36 @@ if TYPE_CHECKING:
     from engine.scene.hits import PrimaryHits
 
 
-def _no_integers() -> NDArray[np.int32]:
-    return np.zeros(0, dtype=np.int32)
+class Lamps(NamedTuple):
+    """Where emitters are seen from their front: pixels (E,), the object in each and its share of it, and the radiance
+    (E, 3) that it has."""
+
+    pixel: NDArray[np.integer]
+    object: NDArray[np.integer]
+    share: NDArray[np.floating]
+    radiance: NDArray[np.floating]
 
 
 def _no_floats() -> NDArray[np.float32]:
     return np.zeros(0, dtype=np.float32)
 
 
+def no_lamps() -> Lamps:
+    none = np.zeros(0, np.int32)
+    return Lamps(none, none, _no_floats(), np.zeros((0, 3), np.float32))
+
+
 @dataclass(frozen=True, eq=False)
 class PictureFrame:
-    """P pixels that see a reflecting object, sorted by object and then row-major; row 0 is the picture's top.
+    """P points that the eye sees on reflecting objects, sorted by object, then row-major; row 0 is the picture's top.
 
-    pixel (P,) row-major index; object_ranges (O,2) first and one past the last of each object's pixels; object_image
-    (H,W), −1 is background; emission_image (H,W,3) linear radiance of emitters seen directly; ray_directions (H,W,3)
-    unit, world; theta_o (P,) between shading normal and eye, radians; distance (P,) along the ray, metres; front (P,)
-    whether the winding faces the eye; normal and tangent (P,3) of the shading frame; edge_* (E,) silhouette pixels, the
-    pixel on the other side, its share of the area.
+    pixel (P,) row-major index, that of a pixel's centre first where there are several at an edge; share (P,) of its
+    pixel that a point stands for; object_ranges (O,2) first and one past the last of each object's points; object_image
+    (H,W) at pixels' centres, −1 is background; open_image (H,W) the share of each pixel that shows it; emission_image
+    (H,W,3) linear radiance of emitters seen directly, by their shares, which `lamps` says; ray_directions (H,W,3) unit,
+    world; theta_o (P,) between shading normal and eye, radians; distance (P,) along the ray, metres; front (P,) whether
+    the winding faces the eye; normal and tangent (P,3) of the shading frame. share, open_image and lamps may be left
+    out where no pixel has several points.
     """
 
     pixel: NDArray[np.integer]
@@ -41,9 +54,17 @@ class PictureFrame:
     front: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
     normal: NDArray[np.floating] = field(default_factory=_no_floats)
     tangent: NDArray[np.floating] = field(default_factory=_no_floats)
-    edge_pixels: NDArray[np.integer] = field(default_factory=_no_integers)
-    edge_neighbours: NDArray[np.integer] = field(default_factory=_no_integers)
-    edge_weights: NDArray[np.floating] = field(default_factory=_no_floats)
+    share: NDArray[np.floating] = field(default_factory=_no_floats)
+    open_image: NDArray[np.floating] = field(default_factory=_no_floats)
+    lamps: Lamps = field(default_factory=no_lamps)
+
+    def __post_init__(self) -> None:
+        if not self.share.size:
+            object.__setattr__(self, "share", np.ones(len(self.pixel), np.float32))
+        if not self.open_image.size:
+            object.__setattr__(self, "open_image", (self.object_image < 0).astype(np.float32))
+        if not self.lamps.pixel.size:
+            object.__setattr__(self, "lamps", _whole_lamps(self.object_image, self.emission_image))
 
     @property
     def width(self) -> int:
@@ -54,7 +75,7 @@ class PictureFrame:
         return self.object_image.shape[0]
 
     @property
-    def n_pixels(self) -> int:
+    def n_points(self) -> int:
         return len(self.pixel)
 
     @property
@@ -76,13 +97,19 @@ class PictureFrame:
         return int(self.object_image[row, column]) if inside else -1
 
     def sample_at(self, column: int, row: int) -> int | None:
-        """The number of a pixel among the P; None for emitters and the background."""
+        """The number of the point at a pixel's centre; None for emitters and the background."""
         index, pixel = self.object_at(column, row), row * self.width + column
         if index < 0:
             return None
         start, stop = self.object_ranges[index]
         place = int(start) + int(np.searchsorted(self.pixel[start:stop], pixel))
         return place if place < stop and self.pixel[place] == pixel else None
+
+
+def _whole_lamps(object_image: NDArray[np.integer], emission_image: NDArray[np.floating]) -> Lamps:
+    """The emitters of pixels that see one thing each."""
+    lit = np.flatnonzero(emission_image.any(axis=2))
+    return Lamps(lit, object_image.ravel()[lit], np.ones(len(lit), np.float32), emission_image.reshape(-1, 3)[lit])
 
 
 def picture_frame(hits: PrimaryHits, eye: NDArray[np.floating]) -> PictureFrame:
@@ -99,7 +126,7 @@ def picture_frame(hits: PrimaryHits, eye: NDArray[np.floating]) -> PictureFrame:
         front=hits.front,
         normal=hits.normal.astype(np.float16),
         tangent=hits.tangent.astype(np.float16),
-        edge_pixels=hits.edge_pixels,
-        edge_neighbours=hits.edge_neighbours,
-        edge_weights=hits.edge_weights,
+        share=hits.share,
+        open_image=hits.open_image,
+        lamps=hits.lamps,
     )

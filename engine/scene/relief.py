@@ -2,8 +2,9 @@
 
 Of heights the gradient over the surface is taken from the triangle's own plane, so that an image may be stretched; a
 normal map lies in the frame that bakers take [Mikkelsen08]: the direction in which u grows, averaged over the triangles
-that share a corner and its texture coordinates, and a bitangent on the side to which v grows, mirrored images included.
-Where texture coordinates say nothing (all three the same) a surface is flat.
+that share a corner and its texture coordinates, and a bitangent on the side to which v grows, mirrored images included;
+where a file brings tangents, it is theirs. Where texture coordinates say nothing (all three the same) a surface is
+flat.
 
 What the eye cannot see, no material answers for. So a normal is turned no further than until the mirror direction of
 the eye grazes the surface (as Cycles's *ensure valid reflection* has it): neither a normal that faces away from the eye
@@ -89,6 +90,16 @@ class Relief:
         """Those that are not flat."""
         return tuple(self._covers)
 
+    def ways(self, i_object: int) -> Floats:
+        """What leans run along, at corners of the triangles of one of `objects`, (t, 3, 6): the gradients of u and of
+        v, or of a normal map the tangent, 1 or, mirrored, −1, and zeros."""
+        cover = self._covers[i_object]
+        if not cover.bumps.normal_map:
+            return np.repeat(cover.gradients.reshape(-1, 1, 6), 3, axis=1)
+        hands = np.zeros((cover.n_triangles, 3, 3))
+        hands[..., 0] = cover.hands[:, None]
+        return np.concatenate([cover.tangents, hands], axis=2)
+
     def turned(
         self, triangle: NDArray[np.integer], u: NDArray, v: NDArray, normals: Floats, wo: NDArray[np.floating],
         footprints: Footprints | None = None,
@@ -112,6 +123,7 @@ class Relief:
     def leans(
         self, i_object: int, triangle: NDArray[np.integer], u: NDArray, v: NDArray, normals: Floats,
         wo: NDArray[np.floating], footprints: Footprints | None, most_probes: int = MOST_PROBES,
+        is_quick: bool = False,
     ) -> Floats:  # fmt: skip
         """What is added to unit normals (p, 3) of one of `objects`, within the surface, before they are unit again."""
         cover = self._covers[i_object]
@@ -119,8 +131,7 @@ class Relief:
         if footprints is None:
             slopes = cover.slopes.at(uvs_at(scene, triangle, u, v) * repeats)
         else:
-            uv, across, down = (each * repeats for each in footprints)
-            slopes = cover.slopes.over(uv, across, down, most_probes)
+            slopes = cover.slopes.over(*footprints, most_probes, cover.bumps.bump_repeats, is_quick)
         own = np.asarray(triangle - cover.first, np.int64)
         faces = scene.geometric_normals[cover.first : cover.first + cover.n_triangles]
         lean = np.empty((len(own), 3))
@@ -163,7 +174,17 @@ def gradients(scene: Scene, triangle: NDArray[np.integer]) -> Floats:
 
 def corner_tangents(scene: Scene, i_object: int) -> tuple[Floats, Floats]:
     """The direction in which u grows at the corners of an object's triangles, (t, 3, 3), zero where nothing says, and
-    whether v grows to the left of it, seen from outside, (t,): 1 or, mirrored, −1."""
+    whether v grows to the left of it, seen from outside, (t,): 1 or, mirrored, −1. As the file says, where it does."""
+    tangents, hands = _derived_tangents(scene, i_object)
+    if scene.tangents is not None:
+        own = scene.tangents[slice(*scene.triangle_ranges[i_object])].astype(np.float64)
+        said = own[:, 0, 3] != 0.0
+        tangents[said], hands[said] = own[said, :, :3], own[said, 0, 3]
+    return tangents, hands
+
+
+def _derived_tangents(scene: Scene, i_object: int) -> tuple[Floats, Floats]:
+    """The same by the texture coordinates [Mikkelsen08]."""
     begin, end = scene.triangle_ranges[i_object]
     triangle = np.arange(begin, end)
     uvs, corners = corner_uvs(scene, triangle), scene.vertices[scene.triangles[begin:end]].astype(np.float64)

@@ -1,14 +1,38 @@
-"""What a scene file says of an object's surface for Deform alone: `[object.deform]`, in docs/deform.md."""
+"""What is said of an object's surface for Deform alone: `[object.deform]` in a scene's file, see docs/deform.md."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+
+from engine.errors import LoadError
+from engine.material.parameters import Parameter
+from engine.scene.complaints import first_complaint
+
+MAX_NAME = 4096
+
+
+def _pair(value: object) -> object:
+    """One number stands for both."""
+    return (value, value) if isinstance(value, (int, float)) else value
+
+
+def _share_or_file(value: object) -> object:
+    """One line for what is neither, where pydantic has one for each."""
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool) and 0.0 <= value <= 1.0
+    if is_number or isinstance(value, str) and 1 <= len(value) <= MAX_NAME:
+        return value
+    raise ValueError("a number from 0 to 1, or the name of an image")
+
 
 Share = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False, strict=False)]
 Positive = Annotated[float, Field(gt=0.0, le=1e4, allow_inf_nan=False)]
-File = Annotated[str, Field(min_length=1, max_length=4096, strict=True)]
+Pair = Annotated[tuple[Positive, Positive], BeforeValidator(_pair)]
+File = Annotated[str, Field(min_length=1, max_length=MAX_NAME, strict=True)]
+ShareOrFile = Annotated[float | str, BeforeValidator(_share_or_file)]
 
 PATTERNS = Literal["bumps", "waffle", "swirl", "weave"]
 
@@ -20,7 +44,7 @@ class _Surface(BaseModel):
 class Membrane(_Surface):
     """So thin that light comes through: a share of it, or a map of shares."""
 
-    translucency: Share | File = 0.5
+    translucency: ShareOrFile = 0.5
 
 
 class Subsurface(_Surface):
@@ -36,7 +60,7 @@ class Detail(_Surface):
 
     kind: PATTERNS | None = None
     file: File | None = None
-    repeats: tuple[Positive, Positive] = (1.0, 1.0)
+    repeats: Pair = (1.0, 1.0)
     height: Annotated[float, Field(gt=0.0, le=10.0, allow_inf_nan=False)] = 1.0
 
     @model_validator(mode="after")
@@ -55,7 +79,7 @@ class Wrinkles(_Surface):
 
 
 class DeformSurface(_Surface):
-    """One of these."""
+    """One of these, or none: then light is that of the object's material alone."""
 
     membrane: Membrane | None = None
     subsurface: Subsurface | None = None
@@ -64,9 +88,19 @@ class DeformSurface(_Surface):
 
     @model_validator(mode="after")
     def _is_one(self) -> DeformSurface:
-        if sum(getattr(self, kind) is not None for kind in type(self).model_fields) != 1:
-            raise ValueError(f"exactly one of {', '.join(type(self).model_fields)}")
+        if sum(getattr(self, kind) is not None for kind in type(self).model_fields) > 1:
+            raise ValueError(f"at most one of {', '.join(type(self).model_fields)}")
         return self
+
+    @property
+    def kind(self) -> str:
+        """The name of the one that it is; empty where it is none."""
+        return next((kind for kind in type(self).model_fields if getattr(self, kind) is not None), "")
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """What is said of it, by name."""
+        return dict(getattr(self, self.kind)) if self.kind else {}
 
     @property
     def files(self) -> tuple[tuple[str, str], ...]:
@@ -82,3 +116,96 @@ class DeformSurface(_Surface):
     def is_mapped(self) -> bool:
         """Whether its transfer lies on texture coordinates."""
         return self.patch is not None or self.wrinkles is not None
+
+
+# What an image can be of a surface: the kind that has it, and which of its values names it.
+SURFACE_IMAGES: Mapping[str, tuple[str, str]] = {
+    "translucency": ("membrane", "translucency"),
+    "heights": ("patch", "file"),
+}
+
+# By the names of objects.
+SurfacesOf = tuple[tuple[str, DeformSurface], ...]
+NO_SURFACE = DeformSurface()
+
+
+@dataclass(frozen=True)
+class SurfaceKind:
+    """A kind as a panel shows it; what it has a choice or a slider for, with the values that it begins with."""
+
+    title: str
+    tooltip: str
+    parameters: tuple[Parameter, ...]
+
+    @property
+    def defaults(self) -> dict[str, Any]:
+        """What an object that becomes of this kind begins with."""
+        return {each.name: each.default for each in self.parameters}
+
+
+def _slider(
+    name: str, default: float, label: str, tooltip: str, high: float, low: float = 0.0, *, unit: str = "",
+    is_wide: bool = False,
+) -> Parameter:  # fmt: skip
+    return Parameter(name, "scalar", default, label, tooltip, (), low, high, unit, is_wide)
+
+
+def _choice(name: str, label: str, tooltip: str, choices: tuple[str, ...]) -> Parameter:
+    return Parameter(name, "choice", choices[0], label, tooltip, (), choices=choices)
+
+
+_REPEATS = "How often it repeats over the texture coordinates."
+SURFACES: Mapping[str, SurfaceKind] = {
+    "membrane": SurfaceKind(
+        "Membrane",
+        "So thin that light comes through from behind: wings, leaves, paper.",
+        (_slider("translucency", 0.5, "Translucency", "The share of the light behind it that comes through.", 1.0),),
+    ),
+    "subsurface": SurfaceKind(
+        "Subsurface",
+        "Light that enters comes out elsewhere, so that thin parts let it through: marble, wax, skin.",
+        (
+            _slider(
+                "scattering", 150.0, "Density", "How dense it is: reduced scattering. Less lets light further through.",
+                1e5, 1.0, unit="/m", is_wide=True,
+            ),
+            _slider("absorption", 0.5, "Absorption", "What is swallowed inside.", 1e4, unit="/m", is_wide=True),
+            _slider("ior", 1.3, "Index", "Of refraction: more keeps more light inside.", 3.0, 1.0),
+        ),
+    ),
+    "patch": SurfaceKind(
+        "Patch",
+        "Detail that repeats over the surface and shades itself, as a texture of transfer.",
+        (
+            _choice("kind", "Pattern", "What is repeated.", get_args(PATTERNS)),
+            _slider("repeats", 8.0, "Repeats", _REPEATS, 100.0, 1.0, is_wide=True),
+            _slider("height", 1.0, "Height", "By what the pattern's heights are multiplied.", 10.0, 0.01, is_wide=True),
+        ),
+    ),
+    "wrinkles": SurfaceKind(
+        "Wrinkles",
+        "Grooves across one texture coordinate.",
+        (
+            _choice("across", "Across", "Which texture coordinate they lie across.", ("u", "v")),
+            _slider("repeats", 8.0, "Grooves", _REPEATS, 200.0, 1.0, is_wide=True),
+            _slider("depth", 0.3, "Depth", "By the width of a groove.", 1.0),
+        ),
+    ),
+}  # fmt: skip
+
+
+def surface_with(surface: DeformSurface, kind: str, values: Mapping[str, Any], owner: str = "") -> DeformSurface:
+    """A surface of a kind ("" for none) with these values, the others as they are, or as that kind begins. Raises
+    LoadError, which says whose it is."""
+    if not kind:
+        return NO_SURFACE
+    if kind not in SURFACES:
+        raise LoadError(owner, "surface", kind, f"none or one of {', '.join(SURFACES)}")
+    given = {**(surface.values if surface.kind == kind else SURFACES[kind].defaults), **values}
+    if kind == "patch":  # a pattern takes the place of a file, and a file of that
+        given |= {other: None for name, other in (("kind", "file"), ("file", "kind")) if values.get(name)}
+    tree = {kind: {name: value for name, value in given.items() if value is not None}}
+    try:
+        return DeformSurface.model_validate(tree)
+    except ValidationError as error:
+        raise first_complaint(error, tree, owner, DeformSurface) from None

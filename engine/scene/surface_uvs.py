@@ -44,13 +44,12 @@ def between(corners: NDArray, u: NDArray, v: NDArray) -> Floats:
 
 
 def pixel_footprints(
-    scene: Scene, found: Intersections, pixel: NDArray[np.integer], resolution: tuple[int, int]
+    scene: Scene, found: Intersections, places: Floats, resolution: tuple[int, int]
 ) -> tuple[Floats, Floats, Floats]:
-    """Texture coordinates of what the rays of pixels (p,) hit, and by how much they change over a pixel to the right
-    and downwards, (p, 2)."""
-    width, _ = resolution
+    """Texture coordinates of what rays hit that pass through a picture at places (p, 2), columns and lines in pixels
+    from its upper left corner, and by how much they change over a pixel to the right and downwards, (p, 2)."""
     uv = uvs_at(scene, found.triangle, found.u, found.v)
-    columns, lines = pixel % width + 0.5, pixel // width + 0.5
+    columns, lines = places.T
     beside = []
     for dx, dy in ((1.0, 0.0), (0.0, 1.0)):
         towards = pixel_directions(scene.description.camera, resolution, columns + dx, lines + dy)

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from engine import lanes
 from engine.texture import _pyramid_kernels as kernels
 from engine.threads import even_parts, on_threads
 
@@ -24,10 +25,16 @@ MOST_PROBES = 16
 @dataclass(frozen=True, eq=False)
 class Pyramid:
     """texels (N, C) float32: those of all levels, row by row, the first as in the file, the last of one texel; shapes:
-    (height, width) of each level."""
+    (height, width) of each level. flat: all texels' numbers and `lanes.N_BEHIND` more, as the kernels take them."""
 
-    texels: NDArray[np.float32]
+    flat: NDArray[np.float32]
+    n_channels: int
     shapes: tuple[tuple[int, int], ...]
+
+    @property
+    def texels(self) -> NDArray[np.float32]:
+        """See above."""
+        return self.flat[: -lanes.N_BEHIND].reshape(-1, self.n_channels)
 
     @property
     def levels(self) -> tuple[NDArray[np.float32], ...]:
@@ -52,21 +59,23 @@ class Pyramid:
 
     def at(self, uv: NDArray[np.floating], level: NDArray[np.floating] | float = 0.0) -> NDArray[np.float32]:
         """Values (N, C) at coordinates (N, 2), linear between texels and between levels (N,)."""
-        out = np.empty((len(uv), self.texels.shape[1]), np.float32)
+        out = np.empty((len(uv), self.n_channels), np.float32)
         depth = np.ascontiguousarray(np.broadcast_to(level, len(uv)), np.float64)
         kernels.fill_at(self._packed, np.ascontiguousarray(uv, np.float64), depth, out)
         return out
 
     def over(
         self, uv: NDArray[np.floating], across: NDArray[np.floating], down: NDArray[np.floating],
-        most_probes: int = MOST_PROBES,
+        most_probes: int = MOST_PROBES, repeats: tuple[float, float] = (1.0, 1.0), is_quick: bool = False,
     ) -> NDArray[np.float32]:  # fmt: skip
-        """Means (N, C) over pixels at (N, 2) whose sides are across and down (N, 2), in texture coordinates."""
-        out, levels = np.empty((len(uv), self.texels.shape[1]), np.float32), self._packed
+        """Means (N, C) over pixels at (N, 2) whose sides are across and down (N, 2), in texture coordinates before they
+        are multiplied by repeats. is_quick: by the nearest level, which shows where that changes."""
+        out, levels = np.empty((len(uv), self.n_channels), np.float32), self._packed
         middle, right, below = (np.ascontiguousarray(each, np.float64) for each in (uv, across, down))
+        times = float(repeats[0]), float(repeats[1])
 
         def part(start: int, stop: int) -> None:
-            kernels.fill_over(start, stop, levels, middle, right, below, most_probes, out)
+            kernels.fill_over(start, stop, levels, middle, right, below, times, most_probes, is_quick, out)
 
         on_threads(part, *even_parts(len(uv)))
         return out
@@ -75,7 +84,7 @@ class Pyramid:
     def _packed(self) -> kernels.Levels:
         """As the kernels take it."""
         sizes = np.array(self.shapes, np.int64)
-        return kernels.Levels(self.texels.ravel(), sizes, np.cumsum(sizes.prod(axis=1)) - sizes.prod(axis=1))
+        return kernels.Levels(self.flat, sizes, np.cumsum(sizes.prod(axis=1)) - sizes.prod(axis=1))
 
 
 def make_pyramid(image: NDArray[np.floating]) -> Pyramid:
@@ -83,8 +92,8 @@ def make_pyramid(image: NDArray[np.floating]) -> Pyramid:
     levels = [np.ascontiguousarray(image, np.float32)]
     while max(levels[-1].shape[:2]) > 1:
         levels.append(_halved(_halved(levels[-1], 0), 1))
-    texels = np.concatenate([level.reshape(-1, image.shape[2]) for level in levels])
-    return Pyramid(texels, tuple((len(level), level.shape[1]) for level in levels))
+    flat = np.concatenate([*(level.ravel() for level in levels), np.zeros(lanes.N_BEHIND, np.float32)])
+    return Pyramid(flat, image.shape[2], tuple((len(level), level.shape[1]) for level in levels))
 
 
 def _halved(image: NDArray[np.float32], axis: int) -> NDArray[np.float32]:

@@ -12,7 +12,7 @@ from pathlib import Path
 from threading import Lock
 
 from engine.errors import LoadError
-from engine.files import read_regular_file, resolve_inside
+from engine.files import place_of, read_regular_file, resolve_inside
 from engine.material.bumps import Bumps
 from engine.material.maps import Images, Space, split_image_name
 from engine.texture.images import MAX_IMAGE_BYTES, read_texture, read_weight
@@ -111,7 +111,7 @@ _READ = {
 def _stamp(path: Path) -> Stamp:
     """What changes when a file is written; None where there is none, which reading it will say."""
     try:
-        status = path.stat()
+        status = place_of(path).stat()
     except (OSError, ValueError):
         return None
     return status.st_mtime_ns, status.st_size

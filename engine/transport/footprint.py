@@ -15,9 +15,12 @@ NORMAL_WEIGHT = 4.0
 
 
 def lattice_rows(hits: PrimaryHits, stride: int) -> np.ndarray:
-    """Rows of `hits` on every `stride`-th pixel, ascending, (S,) int32; at least one row of every visible object."""
+    """Rows of `hits` at the centres of every `stride`-th pixel, ascending, (S,) int32; at least one of every visible
+    object. Of every pixel: all rows, beside the centres as well."""
     width, _ = hits.resolution
-    on_lattice = (hits.pixel // width % stride == 0) & (hits.pixel % width % stride == 0)
+    if stride == 1:
+        return np.arange(len(hits.pixel), dtype=np.int32)
+    on_lattice = (hits.pixel // width % stride == 0) & (hits.pixel % width % stride == 0) & hits.centred
     for begin, end in hits.object_ranges:
         if end > begin and not on_lattice[begin:end].any():
             on_lattice[(begin + end) // 2] = True
@@ -33,7 +36,7 @@ def footprint(hits: PrimaryHits, samples: np.ndarray, stride: int) -> tuple[np.n
     chosen, distance = np.empty((n_points, N_SAMPLES), np.int32), np.empty((n_points, N_SAMPLES))
     nodes = np.full((-(-height // stride), -(-width // stride)), -1, np.int32)
     y, x = np.divmod(hits.pixel[samples], width)
-    on_lattice = np.flatnonzero((y % stride == 0) & (x % stride == 0)).astype(np.int32)
+    on_lattice = np.flatnonzero((y % stride == 0) & (x % stride == 0) & hits.centred[samples]).astype(np.int32)
     nodes[y[on_lattice] // stride, x[on_lattice] // stride] = on_lattice
     for begin, end in hits.object_ranges:
         first, last = np.searchsorted(samples, (begin, end))

@@ -5,6 +5,7 @@ yield the fraction done, so that whoever drives them can show progress, answer o
 """
 
 from collections.abc import Generator, Iterator, Mapping
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,15 +75,23 @@ def _within(steps: Iterator[float], begin: float, end: float) -> Iterator[float]
 class Placement:
     """One scene seen from one camera."""
 
-    def __init__(self, scene: Scene, caster: RayCaster | None = None) -> None:
-        """caster: that of the scene's triangles, where there is one already."""
+    def __init__(self, scene: Scene, caster: RayCaster | None = None, n_edge_rays: int = 0) -> None:
+        """caster: that of the scene's triangles, where there is one already; n_edge_rays: see `trace_primary`."""
         self.scene = scene
         self.caster = caster or RayCaster(scene.vertices, scene.triangles)
-        self.hits: PrimaryHits = trace_primary(scene, self.caster)
+        self.hits: PrimaryHits = trace_primary(scene, self.caster, n_edge_rays=n_edge_rays)
         self.sphere: Visibility = empty_visibility(self.hits, sphere_targets(VISIBILITY_LEVEL))
         self._rows: dict[int, np.ndarray] = {}
         self._footprints: dict[int, tuple[np.ndarray, np.ndarray]] = {}
         self._emitters: dict[int, EmitterTree | None] = {}
+
+    def at(self, rows: np.ndarray) -> "Placement":
+        """The same with some of its points alone, by ascending rows, and nothing seen."""
+        part = copy(self)
+        part.hits = self.hits.at(rows)
+        part.sphere = empty_visibility(part.hits, self.sphere.targets)
+        part._rows, part._footprints = {}, {}
+        return part
 
     def rows_of(self, i_object: int, stride: int = 1) -> np.ndarray:
         """Rows of one object's points on the lattice of a stage, ascending."""

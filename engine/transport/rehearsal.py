@@ -14,6 +14,7 @@ import numpy as np
 from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.scene.description import parse_description
+from engine.scene.edges import nearest_centres
 from engine.scene.load import build_scene
 from engine.sphere.geodesic import geodesic
 from engine.transport import _projection_kernels as kernels
@@ -41,6 +42,12 @@ _SCENE = {
 }
 _QUALITY = Quality("rehearsal", COARSE.stride, 20, COARSE.n_patches, max_level=1)
 _LAYER = LayerShape("lambert", (0.0,) * 8, (2, 2))
+
+
+def rehearse_edges() -> None:
+    """Tracing a view with several points in some pixels."""
+    hits = Placement(_placement().scene, _placement().caster, n_edge_rays=4).hits
+    nearest_centres(hits, hits.horizon, np.ones(len(hits.object_ranges), np.float32))
 
 
 def rehearse_light() -> None:

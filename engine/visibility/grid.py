@@ -6,6 +6,8 @@ answer contradicts the guess (the majority; a tie contradicts whatever the answe
 disagree are traced too. It differs from the thesis' OPT in three ways, each measured on the reference tea tray:
 neighbours must face alike (0.8 in cosine); flooding goes on in the last step, without which thin shadows vanish; and it
 starts from contradicted majorities alone and crosses edges only, which saves half of the rays.
+What stands beside a pixel's centre, at edges, believes the nearest centre on its surface, but for what that one has
+below its horizon; where none is near, all of its rays are traced.
 All points of a block go to Embree as one batch a round; the bit work between rounds is compiled.
 
 Where a silhouette leaves a point with two or three informers, the thesis traces every ray. Here their guess is kept,
@@ -22,12 +24,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from engine.scene.edges import nearest_centres
 from engine.scene.hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.sphere.geodesic import geodesic
 from engine.threads import pool
 from engine.visibility import _kernels as kernels
-from engine.visibility.points import BLOCK, Guess, Visibility, evaluate_block
+from engine.visibility.points import BLOCK, Guess, Visibility, evaluate_block, horizons
 from engine.visibility.targets import VISIBILITY_LEVEL
 
 COARSEST_STEP = 16
@@ -36,36 +39,42 @@ ALIKE_COSINE = 0.8
 
 @dataclass(frozen=True)
 class GridStep:
-    """One step towards a lattice of `stride` pixels: rows (B,), and the rows (B, 4) that inform each (-1: none)."""
+    """One step towards a lattice of `stride` pixels: rows (B,), and the rows (B, 4) that inform each (-1: none).
+
+    beside: they stand beside their pixels' centres, and all four that inform one are the same."""
 
     stride: int
     rows: np.ndarray
     informers: np.ndarray
+    beside: bool = False
 
 
-def grid_steps(hits: PrimaryHits, until: int = 1) -> Iterator[GridStep]:
-    """Square and diamond steps over the pixels that show a surface, down to a lattice of every `until`-th pixel.
+def grid_steps(hits: PrimaryHits, until: int = 1, alike: float = ALIKE_COSINE) -> Iterator[GridStep]:
+    """Square and diamond steps over the pixels that show a surface, down to a lattice of every `until`-th pixel; of
+    every pixel, a last step for what stands beside their centres.
 
-    [BenArtzi07, fig. 8.4]; until: a power of two, 1 to 16.
+    [BenArtzi07, fig. 8.4]; until: a power of two, 1 to 16; alike: cosine that the normals of points must exceed for
+    one to inform the other.
     """
-    width, height = hits.resolution
-    row_of_pixel = np.full((height, width), -1, np.int32)
-    row_of_pixel.flat[hits.pixel] = np.arange(len(hits.pixel), dtype=np.int32)
+    row_of_pixel = hits.row_image
     step = COARSEST_STEP
-    yield _grid_step(hits, row_of_pixel, (0, 0, step, step), (), step)
+    yield _grid_step(hits, row_of_pixel, (0, 0, step, step), (), step, alike)
     while step > until:
         half = step // 2
         diagonal = ((-half, -half), (-half, half), (half, -half), (half, half))
-        yield _grid_step(hits, row_of_pixel, (half, half, step, step), diagonal, half)
+        yield _grid_step(hits, row_of_pixel, (half, half, step, step), diagonal, half, alike)
         axis = ((-half, 0), (half, 0), (0, -half), (0, half))
-        first = _grid_step(hits, row_of_pixel, (0, half, step, step), axis, half)
-        second = _grid_step(hits, row_of_pixel, (half, 0, step, step), axis, half)
+        first = _grid_step(hits, row_of_pixel, (0, half, step, step), axis, half, alike)
+        second = _grid_step(hits, row_of_pixel, (half, 0, step, step), axis, half, alike)
         yield GridStep(
             half,
             np.concatenate([first.rows, second.rows]),
             np.concatenate([first.informers, second.informers]),
         )
         step = half
+    if until == 1 and not hits.centred.all():
+        rows, nearest = nearest_centres(hits, hits.horizon, np.full(len(hits.object_ranges), ALIKE_COSINE))
+        yield GridStep(1, rows, np.repeat(nearest[:, None], 4, axis=1), beside=True)
 
 
 def _grid_step(
@@ -74,6 +83,7 @@ def _grid_step(
     lattice: tuple[int, int, int, int],
     offsets: Sequence[tuple[int, int]],
     stride: int,
+    alike: float,
 ) -> GridStep:
     """The rows on a lattice (first row and column, their spacing), informed from pixels at the offsets."""
     y0, x0, dy, dx = lattice
@@ -86,15 +96,15 @@ def _grid_step(
         ny, nx = y + oy, x + ox
         inside = (ny >= 0) & (ny < height) & (nx >= 0) & (nx < width)
         found = np.where(inside, row_of_pixel[ny % height, nx % width], -1)
-        informers[:, k] = np.where((found >= 0) & _alike(hits, found, rows), found, -1)
+        informers[:, k] = np.where((found >= 0) & _alike(hits, found, rows, alike), found, -1)
     return GridStep(stride, rows, informers)
 
 
-def _alike(hits: PrimaryHits, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def _alike(hits: PrimaryHits, a: np.ndarray, b: np.ndarray, cosine: float) -> np.ndarray:
     """Whether points a can inform points b: on one object, and facing nearly the same way."""
-    objects = hits.object_image.ravel()[hits.pixel]
+    objects = hits.objects
     facing = np.einsum("ij,ij->i", hits.horizon[a], hits.horizon[b])
-    return (objects[a] == objects[b]) & (facing > ALIKE_COSINE)
+    return (objects[a] == objects[b]) & (facing > cosine)
 
 
 def coherent_visibility(
@@ -122,13 +132,16 @@ def coherent_visibility(
     nothing = targets.sentinels(0)[0]
     finally_believed = ~targets.sentinels(targets.doubt_step)[0] if targets.doubt_step else nothing
 
-    def informed(informers: np.ndarray, believed: np.ndarray) -> Guess:
+    def informed(informers: np.ndarray, believed: np.ndarray, beside: bool) -> Guess:
         def guess(rows: np.ndarray, horizon: np.ndarray, todo: np.ndarray, doubt: np.ndarray) -> None:
             bits = visibility.bits
             kernels.predict(rows, informers, bits, horizon, believed, always, weak, weakest, neighbours, todo, doubt)
             if sphere is not None:
                 parents = visibility.targets.parents
                 kernels.consult_sphere(rows, informers, sphere.bits, parents, around, bits, horizon, todo)
+            if beside:
+                known = np.flatnonzero(informers[:, 0] >= 0)
+                todo[known] |= horizon[known] & ~horizons(hits, targets, informers[known, 0])
 
         return guess
 
@@ -139,7 +152,7 @@ def coherent_visibility(
             believed = finally_believed if step.stride == 1 else nothing
             blocks = [slice(i, i + BLOCK) for i in range(0, len(rows), BLOCK)]
             for group in (blocks[i : i + 8] for i in range(0, len(blocks), 8)):
-                jobs = [(rows[block], informed(informers[block], believed)) for block in group]
+                jobs = [(rows[block], informed(informers[block], believed, step.beside)) for block in group]
                 for count in threads.map(lambda job: evaluate_block(hits, caster, visibility, *job), jobs):
                     visibility.rays.traced += count[0]
                     visibility.rays.possible += count[1]

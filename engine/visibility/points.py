@@ -56,6 +56,16 @@ def empty_visibility(points: SurfacePoints, targets: Targets) -> Visibility:
     return Visibility(targets, np.zeros((n_points, targets.n_words), np.uint64), np.zeros(n_points, bool))
 
 
+def horizons(points: SurfacePoints, targets: Targets, rows: np.ndarray) -> np.ndarray:
+    """Packed bits (B, words): which of the targets some points could see if nothing stood between."""
+    horizon = np.empty((len(rows), targets.n_words), np.uint64)
+    kernels.horizon_bits(
+        rows, points.position, points.horizon, targets.positions, targets.normals, targets.finite, targets.cones,
+        horizon,
+    )  # fmt: skip
+    return horizon
+
+
 def evaluate_block(
     points: SurfacePoints, caster: RayCaster, visibility: Visibility, rows: np.ndarray, guess: Guess
 ) -> tuple[int, int]:
@@ -64,12 +74,8 @@ def evaluate_block(
     guess(rows, horizon, todo, doubt) fills the bits of the rows and marks in todo what must be traced.
     """
     targets, bits = visibility.targets, visibility.bits
-    horizon = np.empty((len(rows), targets.n_words), np.uint64)
+    horizon = horizons(points, targets, rows)
     asked, doubt = np.zeros_like(horizon), np.zeros_like(horizon)
-    kernels.horizon_bits(
-        rows, points.position, points.horizon, targets.positions, targets.normals, targets.finite, targets.cones,
-        horizon,
-    )  # fmt: skip
     guess(rows, horizon, asked, doubt)
     n_rays = kernels.count_bits(asked)
     block, target = np.empty(n_rays, np.int32), np.empty(n_rays, np.int32)

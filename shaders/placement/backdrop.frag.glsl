@@ -1,6 +1,6 @@
 #version 410 core
-// Provides: what is seen where no reflecting surface is: emitters (premade picture, alpha 1 where an object is) and
-// behind them the environment, linear radiance.
+// Provides: what is seen where no reflecting surface is: emitters (premade picture, alpha the share of a pixel that
+// nothing covers) and behind them the environment, linear radiance.
 #include "common/latlong.glsl"
 
 uniform sampler2D emission;
@@ -16,5 +16,5 @@ void main() {
     vec4 emitted = texelFetch(emission, pixel, 0);
     vec3 direction = unrotate(texelFetch(ray_directions, pixel, 0).xyz, rotation);
     vec3 behind = intensity * textureLod(environment, latlong_coordinates(direction), 0.0).rgb;
-    radiance = vec4(mix(behind, emitted.rgb, emitted.a), 1.0);
+    radiance = vec4(emitted.a > 0.0 ? emitted.rgb + emitted.a * behind : emitted.rgb, 1.0);
 }

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from app.document import Document, document_from_description
+from app.editor import Editor
 from engine.scene.description import SceneDescription, parse_description
 from tests.app.fake_worker import SCENE, FakeClient
 
@@ -31,3 +32,21 @@ def document(description: SceneDescription) -> Document:
 @pytest.fixture
 def client() -> FakeClient:
     return FakeClient()
+
+
+@pytest.fixture
+def editor(client: FakeClient) -> Editor:
+    """An editor at time 0 with its scene open and its first transport asked for."""
+    editor = Editor(client, "shelf")
+    client.open_scene()
+    editor.tick(0.0)
+    return editor
+
+
+@pytest.fixture
+def settled(editor: Editor, client: FakeClient) -> Editor:
+    """The editor at time 1 with all of the final picture delivered."""
+    client.finish_stage("final", exact=True)
+    editor.tick(1.0)
+    client.requests.clear()
+    return editor

@@ -225,3 +225,8 @@ class ServingClient(FakeClient):
         if request.factor is not None:
             answers.append(transport(layer.key, request.factor, picture.stage, request.precision))
         return [stamped(answer, request.id, request.revision) for answer in answers]
+
+
+def computed(client: FakeClient) -> list[ComputeTransport]:
+    """The transport that was asked for."""
+    return client.sent(ComputeTransport)

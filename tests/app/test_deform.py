@@ -3,26 +3,34 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from app import stills
-from app.commands import AddDeformer, SetDeformer
-from app.deform.messages import DeformKnown, DrawDeform, PrepareDeform, Traced
+from app.commands import AddDeformer, SetDeformer, SetSurface, SetTime
+from app.deform.events import PoseCame
+from app.deform.messages import DeformKnown, DrawDeform, PathsTraced, PoseTold, PrepareDeform, Traced
 from app.deform.talk import DeformTalk
+from app.document import Document
 from app.jobs.deform import DeformWork
 from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks
-from app.messages import LookFrom, OpenScene, Response
+from app.messages import Failed, LookFrom, OpenScene, Response
 from app.mode import OpenedScene
 from app.orbit.messages import DrawOrbit, OrbitAdvanced, OrbitDrawn, OrbitUnknown, PrepareOrbit
 from app.project import open_project
 from app.scene_state import scene_state
+from app.status import Status
 from app.stills import render_project
+from engine.deform import heights
+from engine.deform.parts import PosedPart, Told
 from engine.deform.pose import Deformation
 from engine.indirect.series import BounceSeries
+from engine.scene.rig import Animation
+from engine.scene.surface_kinds import DeformSurface
 from tests.app.orbit.test_talk import Table
 from tests.scene_text import camera, placed
 
@@ -76,6 +84,58 @@ def test_a_scene_is_made_ready_once_and_drawn_in_any_pose(file: Path) -> None:
     assert again.radiance == pytest.approx(pictures[1], abs=1e-4)
 
 
+def test_where_the_window_draws_it_is_told_what_moves_and_the_rest_once(
+    file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(heights.PATTERNS, "bumps", partial(heights.bumps, 8))
+    client = InProcessClient(Tasks())
+    client.send(LookFrom(client.send(OpenScene(str(file)))))
+    answers(client)
+    project = open_project(str(file))
+    eye, scene = project.scene.description.camera, scene_state(project.document)
+    client.send(PrepareDeform(scene, 1, ("box",)))
+    answers(client)
+    known, sent = (0, 0), []
+    for poses in ((), POSES):
+        client.send(DrawDeform(eye, SIZE, "moving", poses, known=known))
+        (drawn,) = [each for each in answers(client) if isinstance(each, OrbitDrawn)]
+        assert isinstance(drawn, PoseTold) and drawn.is_done and not drawn.radiance.size
+        sent.append(drawn.told)
+        known = sent[0].shape.number, sent[0].look.number
+    assert sent[1].shape is None and sent[1].look is None
+    assert np.abs(sent[1].posed.places - sent[0].posed.places).max() > 0.1
+    # Grooves lie between points: the worker draws them.
+    grooves = DeformSurface.model_validate({"patch": {"kind": "bumps"}})
+    client.send(PrepareDeform(scene, 1, ("box",), (("box", grooves),)))
+    answers(client)
+    client.send(DrawDeform(eye, SIZE, "moving", POSES, known=known))
+    (drawn,) = [each for each in answers(client) if isinstance(each, OrbitDrawn)]
+    assert not isinstance(drawn, PoseTold) and drawn.radiance.shape == (*SIZE[::-1], 3)
+
+
+def test_a_moving_picture_is_the_windows_where_it_draws_and_one_at_rest_the_workers() -> None:
+    table = Table()
+    talk = DeformTalk(table)
+    table.talk = talk
+    talk.scene_opened(OpenedScene(1, (), table.description, table.document, table.document))
+    talk.draw_in_window(1 << 27)
+    talk.parts_here = (3, 4)
+    table.update()
+    talk.take(OrbitAdvanced(1, False, id=table.id_of(PrepareDeform)))
+    (asked,) = [each for each in table.update() if isinstance(each, DrawDeform)]
+    assert (asked.quality, asked.known) == ("moving", (3, 4))
+    told = Told(PosedPart(np.zeros((0, 12), np.float32), (0.0, 0.0, 0.0)), None, None)
+    radiance = np.zeros((0, 0, 3), np.float32)
+    (came,) = talk.take(PoseTold(radiance, 1, 1, False, 0.01, told=told, id=table.id_of(DrawDeform)))
+    assert isinstance(came, PoseCame) and came.told is told and came.resolution == asked.resolution
+    talk.take(OrbitAdvanced(2, True, id=table.id_of(PrepareDeform)))
+    table.now += 1.0
+    (asked,) = [each for each in table.update() if isinstance(each, DrawDeform)]
+    assert (asked.quality, asked.known) == ("rest", None)
+    talk.draw_in_window(0)
+    assert talk.parts_here == (0, 0)
+
+
 def test_a_split_picture_is_traced_pass_by_pass(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("engine.deform.truth.N_PASSES", 2)
     client = InProcessClient(Tasks())
@@ -83,10 +143,12 @@ def test_a_split_picture_is_traced_pass_by_pass(file: Path, monkeypatch: pytest.
     answers(client)
     project = open_project(str(file))
     eye, scene = project.scene.description.camera, scene_state(project.document)
-    prepare = PrepareDeform(scene, 1, ("box",), Traced(eye, SIZE, POSES))
+    prepare = PrepareDeform(scene, 1, ("box",), traced=Traced(eye, SIZE, POSES))
     client.send(prepare)
-    versions = [each.version for each in answers(client) if isinstance(each, OrbitAdvanced) and each.is_done]
+    told = answers(client)
+    versions = [each.version for each in told if isinstance(each, OrbitAdvanced) and each.is_done]
     assert len(set(versions)) == 3  # ready, and two passes
+    assert [(each.n_passes, each.of) for each in told if isinstance(each, PathsTraced)] == [(0, 2), (1, 2), (2, 2)]
     pictures = []
     for split, poses in ((None, POSES), ((0.5, 0.5), POSES), ((0.5, 0.5), ())):
         client.send(DrawDeform(eye, SIZE, "moving", poses, split))
@@ -116,6 +178,11 @@ def test_what_is_split_and_rests_is_traced_and_not_handed_over() -> None:
         table.now += 1.0
         table.update()
     assert not talk.hands_over
+    for n_passes, picture in ((0, "refining"), (31, "refining"), (32, "finished")):
+        talk.take(PathsTraced(n_passes, 32, id=table.id_of(PrepareDeform)))
+        status = talk.status(Status())
+        assert status.picture == picture and talk.is_running == (n_passes < 32)
+        assert f"{n_passes / 32:.0%}" in status.missing_note or picture == "finished"
     table.view = replace(table.view, split=None)
     (asked,) = [each for each in table.update() if isinstance(each, PrepareDeform)]
     assert asked.traced is None
@@ -142,6 +209,103 @@ def test_a_hand_that_bends_has_one_picture_a_frame_and_nothing_made_ready_anew()
         assert isinstance(asked, DrawDeform) and asked.poses == ((name, (Deformation("bend", amount),)),)
         take_picture(table)
     assert not any(isinstance(each, PrepareOrbit | DrawOrbit) for each in table.sent)
+
+
+def test_what_only_has_an_animation_rests_among_the_others_until_it_plays() -> None:
+    table = Table()
+    talk = DeformTalk(table)
+    table.talk = talk
+    table.history.document = document = animated(table.document)
+    talk.scene_opened(OpenedScene(1, (), table.description, document, document))
+    table.update()
+    posed = [table.sent[-1].posed]
+    for view, command in (({"playing": 0.2}, None), ({"playing": None}, None), ({}, SetTime(0.4)), ({}, SetTime(None))):
+        table.view = replace(table.view, **view)
+        if command:
+            table.history.do(command)
+        table.update()
+        posed.append([each for each in table.sent if isinstance(each, PrepareDeform)][-1].posed)
+    assert posed == [(), (NAME,), (), (NAME,), ()]
+
+
+NAME = "teapot"
+
+
+def animated(document: Document) -> Document:
+    return document.with_object(replace(document.object(NAME), animations=(Animation("flap", 1.2),)))
+
+
+def test_a_surface_is_the_documents_and_deforms_alone() -> None:
+    table = Table()
+    talk = DeformTalk(table)
+    table.talk = talk
+    talk.scene_opened(OpenedScene(1, (), table.description, table.document, table.document))
+    table.update()
+    table.history.do(SetSurface(NAME, "membrane"))
+    (asked,) = table.update()
+    assert asked.surfaces == ((NAME, DeformSurface.model_validate({"membrane": {"translucency": 0.5}})),)
+    talk.take(OrbitAdvanced(1, True, id=table.id_of(PrepareDeform)))
+    table.now += 1.0
+    table.update()
+    take_picture(table)
+    table.update()
+    status = talk.status(Status())
+    assert status.alone == (NAME,) and status.picture == "finished" and not talk.hands_over
+
+
+def test_an_image_that_cannot_be_read_leaves_the_document_and_the_picture_as_they_were() -> None:
+    """As if it had never been chosen, where that was the last step; else what was there takes its place."""
+    table = Table()
+    talk = DeformTalk(table)
+    table.talk = talk
+    talk.scene_opened(OpenedScene(1, (), table.description, table.document, table.document))
+    table.history.do(SetSurface(NAME, "membrane"))
+    table.update()
+    talk.take(OrbitAdvanced(1, True, id=table.id_of(PrepareDeform)))
+    table.update()
+    before, steps = table.history.document, len(table.history.undo_steps)
+    for goes_on in (False, True):
+        table.history.do(SetSurface(NAME, "membrane", (("translucency", "leaf.png"),)))
+        table.update()
+        if goes_on:
+            table.history.do(AddDeformer(NAME, "bend"))
+        talk.take(Failed("leaf.png: broken", id=table.id_of(PrepareDeform)))
+        assert table.history.document.object(NAME).surface == before.object(NAME).surface
+        assert len(table.history.undo_steps) == steps + (3 if goes_on else 0)
+        (asked,) = [each for each in table.update() if isinstance(each, PrepareDeform)]  # it does not stand still
+        assert asked.surfaces == before.new_surfaces
+
+
+def test_a_scene_goes_on_as_it_was_where_an_image_is_broken(file: Path, tmp_path: Path) -> None:
+    client = InProcessClient(Tasks())
+    client.send(LookFrom(client.send(OpenScene(str(file)))))
+    answers(client)
+    scene = scene_state(open_project(str(file)).document)
+    (tmp_path / "leaf.png").write_bytes(b"no image")
+    for name in ("leaf.png", str(tmp_path / "none.png")):
+        says = DeformSurface.model_validate({"patch": {"file": name}})
+        client.send(PrepareDeform(scene, 1, (), (("box", says),)))
+        (failed,) = [each for each in answers(client) if isinstance(each, Failed)]
+        assert Path(name).name in failed.line and "\n" not in failed.line and "nothing was changed" in failed.line
+    client.send(PrepareDeform(scene, 1))
+    assert [each.is_done for each in answers(client) if isinstance(each, OrbitAdvanced)][-1]
+
+
+def test_the_error_of_the_fit_is_a_picture_of_its_own_and_a_membrane_has_none(file: Path) -> None:
+    client = InProcessClient(Tasks())
+    client.send(LookFrom(client.send(OpenScene(str(file)))))
+    answers(client)
+    project = open_project(str(file))
+    eye, scene = project.scene.description.camera, scene_state(project.document)
+    pictures = []
+    for surfaces in ((), SetSurface("box", "membrane").apply(project.document).new_surfaces):
+        client.send(PrepareDeform(scene, 1, (), surfaces))
+        answers(client)
+        client.send(DrawDeform(eye, SIZE, "moving", fit_error=True))
+        (drawn,) = [each for each in answers(client) if isinstance(each, OrbitDrawn)]
+        pictures.append(drawn.radiance)
+    fitted, exact = pictures
+    assert fitted.max() > 0.0 and (fitted[..., 0] == fitted[..., 2]).all() and not exact.any()
 
 
 def take_picture(table: Table) -> None:

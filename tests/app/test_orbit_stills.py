@@ -37,10 +37,13 @@ def inner(placement: Placement) -> np.ndarray:
     return same
 
 
-@pytest.mark.parametrize(("name", "points", "most"), [("cornell", 12_000, 0.06), ("ball", 3_000, 0.04)])
-def test_a_still_of_orbit_is_the_brute_force_picture(name: str, points: int, most: float, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("name", "points", "most"), [("cornell", 12_000, 0.06), ("ball", 1_000, 0.01)])
+def test_a_still_of_orbit_is_the_brute_force_picture(
+    name: str, points: int, most: float, tmp_path: Path, monkeypatch
+) -> None:
     # A lamp near by over walls of two triangles, and a metal ball under a sky.
-    if name == "ball":
+    if name == "ball":  # under an even sky, of which a quarter of the directions are enough
+        monkeypatch.setattr(stills, "REFERENCE_LEVEL", stills.REFERENCE_LEVEL - 1)
         (tmp_path / "ball.toml").write_text(SCENE)
     project = open_project(str(tmp_path / "ball.toml") if name == "ball" else name, (24, 18))
     truth = render_project(project, lambda _: None, reference=True, series=BounceSeries(1)).picture

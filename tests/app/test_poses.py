@@ -170,7 +170,7 @@ def playing(client: FakeClient) -> Editor:
     client.open_scene(animations=((Animation("flap", 1.2),), (), ()))
     editor.do(SetView.of(mode="deform"))
     editor.tick(0.0)
-    editor.play()
+    editor.player.play()
     editor.tick(1.0)
     return editor
 
@@ -183,7 +183,7 @@ def test_what_plays_is_no_step_and_stays_where_it_stops(playing: Editor, client:
     assert playing.document.poses == () and not playing.history.undo_steps
     assert not [look for look in client.sent(LookFrom) if look.poses]  # it does not rest
     playing.do(AddDeformer("pot", "bend", 40.0))
-    playing.pause()
+    playing.player.pause()
     stopped, bend = playing.document.object("pot").row
     assert isinstance(stopped, Moment) and stopped.time == pytest.approx(0.3) and bend == BEND
     playing.tick(9.0)
@@ -195,7 +195,7 @@ def test_without_a_loop_it_stops_at_its_end_and_plays_from_the_start_again(playi
     playing.do(SetView.of(loops=False))
     playing.tick(5.0)
     assert playing.view.playing is None and playing.document.object("pot").moment == Moment("flap", 1.2)
-    playing.play()
+    playing.player.play()
     assert playing.view.playing == 0.0
 
 

@@ -53,3 +53,6 @@ def test_folders_and_what_is_not_there(tmp_path: Path) -> None:
         find_source(str(tmp_path))
     with pytest.raises(InsituError, match=r"gone\.ply: no such file, and no built-in scene of that name; built-in"):
         find_source(str(tmp_path / "gone.ply"))
+    for name in ("x" * 300, "y" * 300 + ".exr", "a\0.toml", "~nobody-of-that-name/a.toml"):
+        with pytest.raises(InsituError, match="no such file|built-in scenes are"):
+            find_source(name)

@@ -161,14 +161,20 @@ def test_light_and_shadow_follow_the_scene(scene: Scene, layers: dict[str, Layer
 def test_every_line_can_be_overruled(scene: Scene, layers: dict[str, Layer]) -> None:
     overrides: dict[str, int | str] = {
         "ball.1.theta_h": 8, "ball.1.theta_d": 4, "lights": 100, "sphere": 0, "bounces": 3, "precision": "float",
+        "edges": "off",
     }  # fmt: skip
     changed = plan(scene, layers, overrides=overrides)
     assert changed.layer("ball.1").bands == (8, 4)
     assert (changed.n_lights, changed.needs_sphere, changed.bounces, changed.precision) == (100, False, 3, "float")
-    assert changed.overruled == set(overrides)
+    assert changed.n_edge_rays == 0 and changed.overruled == set(overrides)
     reasons = {name: reason for name, _, reason in plan_lines(changed)}
     assert all(reasons[line] == "overruled" for line in overrides)
     assert plan(scene, layers, overrides={"ball.0.theta_i": 512}).layer("ball.0").bands == (512,)
+
+
+def test_the_sphere_goes_by_the_lights_that_a_person_wants(scene: Scene, layers: dict[str, Layer]) -> None:
+    assert not plan(scene, layers, overrides={"lights": 100}).needs_sphere
+    assert plan(scene, layers, overrides={"sphere": 1, "lights": 100}).needs_sphere
 
 
 @pytest.mark.parametrize(
@@ -208,7 +214,7 @@ def test_the_pilot_estimates_what_the_work_takes(scene: Scene, layers: dict[str,
     before = placement.sphere.done.copy()
     cost = finish(estimate_cost(placement, works, sky, planned), lambda step: None).cost
     assert cost is not None and np.array_equal(placement.sphere.done, before)
-    assert cost.seconds > cost.visibility_seconds > 0.0
+    assert cost.seconds > cost.visibility_seconds > 0.0 and cost.indirect_seconds == 0.0
     # All points are sampled in so small a picture: bytes are those of the real transport, plus the sphere's bits.
     light = finish(placement.light(sky, FINAL))
     n_bytes = placement.sphere.bits.nbytes

@@ -1,32 +1,7 @@
-"""The visibility methods of the thesis side by side [BenArtzi07, ch. 8]: for comparison only, `visibility` works.
-
-A variant is three choices. Order: scanline (S: informed by the pixels to the left, above and above left) or grid (G:
-four pixels around, coarse to fine). Estimate: each informer's blockers go to the directions in which the informer saw
-them (N) or are warped to where they stand as seen from the new point (W). Correction: rays are traced along the
-boundary of what is estimated as blocked (B) or where the informers disagree (U), and on to all neighbours of a ray
-that contradicts the estimate. OPT is GNU that goes on only to neighbours which then disagree with the ray, and
-nowhere in the last step of the grid. TRUE traces everything. Pixels without all their informers on the same object
-are traced fully.
-
-Measured on the built-in scene *shapes* with 320 directions (level 2), each with twelve neighbours: rays traced as a
-share of those above the horizon and answers that are wrong, both in percent; below, the thesis' rays for its own
-*shapes* at 513 × 513 pixels with 400 lights.
-
-    variant              SNB    SNU    SWB    SWU    GNB    GNU    GWB    GWU    OPT   TRUE
-    64 × 64    rays     54.9   25.0   55.1   36.0   63.2   47.3   54.5   52.1   42.0    100
-               wrong   0.003  0.990  0.003  0.249  0.074  0.009  0.013  0.033  0.009      0
-    129 × 129  rays     50.8   14.7   51.0   23.3   53.0   29.6   43.5   35.2   25.2    100
-               wrong   0.003  1.133  0.004  0.466  0.117  0.007  0.011  0.049  0.008      0
-    thesis     rays        -      -   22.4      -   10.6    7.5   12.4   11.3    4.3    100
-
-The thesis' findings hold: scanline with uncertainty carries a missed shadow along; the grid's variants are all nearly
-right, warping brings less than it costs, and OPT asks least of those that can be trusted. Boundaries cost more the
-coarser the directions are, and here protect scanline even without warping. With fewer pixels neighbours are less
-alike, so all shares are larger than the thesis'.
-"""
+"""Slow, obvious twin of the thesis' visibility methods [BenArtzi07, ch. 8]: one pixel after the other, whole rows of
+answers at a time. What the names mean stands in `engine.visibility.variants`."""
 
 from collections.abc import Iterator
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,9 +10,7 @@ from engine.scene.hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.visibility.grid import grid_steps
 from engine.visibility.targets import Targets
-
-Variant = Literal["SNB", "SNU", "SWB", "SWU", "GNB", "GNU", "GWB", "GWU", "OPT", "TRUE"]
-VARIANTS: tuple[Variant, ...] = ("SNB", "SNU", "SWB", "SWU", "GNB", "GNU", "GWB", "GWU", "OPT", "TRUE")
+from engine.visibility.variants import Variant
 
 Bits = NDArray[np.bool_]
 Rows = NDArray[np.int32]
@@ -46,11 +19,8 @@ Rows = NDArray[np.int32]
 def trace_variant(hits: PrimaryHits, caster: RayCaster, targets: Targets, variant: Variant) -> tuple[Bits, int]:
     """What each of P points sees of D directions by one method: bits (P, D) bool, and how many rays were traced.
 
-    Slow: one pixel after the other. Raises ValueError for another name than those in VARIANTS and for finite targets.
+    Slow: one pixel after the other.
     """
-    if variant not in VARIANTS or targets.finite:
-        asked = f"{variant!r} of {'points' if targets.finite else 'directions'}"
-        raise ValueError(f"variant = {asked}, expected one of {', '.join(VARIANTS)}, of directions")
     picture = _Picture(hits, caster, targets)
     opt = variant == "OPT"
     order, warp, boundary = ("G", False, False) if opt else (variant[0], variant[1] == "W", variant[2] == "B")
@@ -160,7 +130,7 @@ def _grid(hits: PrimaryHits) -> Iterator[tuple[int, Rows, bool]]:
 
     The last step of the thesis is the last diamond: half of the picture.
     """
-    steps = list(grid_steps(hits))
+    steps = list(grid_steps(hits, alike=-2.0))
     for step in steps:
         for row, informers in zip(step.rows, step.informers, strict=True):
             yield int(row), informers[informers >= 0], step is steps[-1]

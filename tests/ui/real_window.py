@@ -22,7 +22,8 @@ One Xvfb and one process serve a whole test module; `fresh()` reopens the scene 
 
 Places are handles by name ("curve.b"; `handles()` lists those on screen) or (x, y) in framebuffer pixels. `ask`
 evaluates Python in the window's process, where `editor`, `shell`, `window`, `client`, `state` (the panels'), `imgui`
-and `np` are known; what it returns must pickle. `wait_until` asks until it is true. `shot` saves the window's pixels.
+and `np` are known; what it returns must pickle. `wait_until` asks until it is true. `shot` saves the window's pixels;
+frames of which there is none are drawn, but into a single pixel: to fill them would take most of a test's time.
 A test that opened another scene, or made the window slow, need not tidy up: `fresh` does.
 """
 
@@ -271,6 +272,10 @@ class RealWindow:
             self._process.kill()
             self._process.wait()
         self._pipe.close()
+
+    def wait_for_end(self, timeout: float) -> int:
+        """The status with which the window's process ends by itself."""
+        return self._process.wait(timeout)
 
     def _call(self, name: str, *arguments: Any) -> Any:
         try:

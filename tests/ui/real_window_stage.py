@@ -42,6 +42,7 @@ class Stage:
         self._source: str | None = None
         self._left: Any = None
         self._callbacks: dict[str, Callable[..., None]] = {}
+        self._is_filled = True
         self._hook()
 
     def on_frame(self, window: Any) -> bool:
@@ -53,6 +54,7 @@ class Stage:
             glfw.set_window_size(window.handle, *self._size)
             self.window = window
             self._watch(window)
+            self._spare_pixels(window)
             self._double_within(0.0)
             self._callbacks = {name: self._c_callback(name) for name in CALLBACKS}
             threading.Thread(target=self._listen, daemon=True).start()
@@ -68,6 +70,20 @@ class Stage:
             return result
 
         window._frame = watched
+
+    def _spare_pixels(self, window: Any) -> None:
+        """Draw frames that nobody looks at into a single pixel, and show none of them."""
+        draw, save, pixel = window.shell.draw_interface, window._save, window._context.simple_framebuffer((1, 1))
+
+        def drawn(target: Any) -> None:
+            self._is_filled = self._shot is not None
+            draw(target if self._is_filled else pixel)
+
+        def saved(file: Any, size: tuple[int, int]) -> None:
+            draw(window._context.screen)
+            save(file, size)
+
+        window.shell.draw_interface, window._save = drawn, saved
 
     def _hook(self) -> None:
         """Stand between the window and GLFW where time passes and events come in."""
@@ -86,7 +102,8 @@ class Stage:
 
         def swapped(handle: Any) -> None:
             self._take_shot()
-            swap(handle)
+            if self._is_filled:
+                swap(handle)
             time.sleep(max(self._slow, self._paused))
 
         glfw.poll_events, glfw.wait_events_timeout, glfw.swap_buffers = polled, waited, swapped

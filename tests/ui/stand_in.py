@@ -6,6 +6,7 @@ four upright stripes of a picture 48 x 32.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -96,6 +97,16 @@ def transport_of(key: str, n_bands: int) -> np.ndarray:
     return generator.uniform(0.2, 1.0, (n_bands, n_samples, 3)) / n_bands
 
 
+@functools.cache
+def scene_opened() -> SceneOpened:
+    """What is told of the scene: the same each time, and its bands take longer to plan than a window to open."""
+    description = SceneDescription.model_validate(SCENE)
+    layers = document_from_description("stand-in", description).layers()
+    planned = tuple((layer, band_counts(layer)) for _, layer in layers)
+    boxes = np.tile([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]], (len(STRIPES), 1, 1))
+    return SceneOpened(description.model_dump_json(by_alias=True), planned=planned, boxes=boxes)
+
+
 class StandInClient:
     """Answers requests in the next poll; what was asked is in `requests`."""
 
@@ -136,11 +147,7 @@ class StandInClient:
 
     def _answers(self, request: Request) -> Iterator[Response]:
         if isinstance(request, OpenScene):
-            description = SceneDescription.model_validate(SCENE)
-            layers = document_from_description("stand-in", description).layers()
-            planned = tuple((layer, band_counts(layer)) for _, layer in layers)
-            boxes = np.tile([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]], (len(STRIPES), 1, 1))
-            yield SceneOpened(description.model_dump_json(by_alias=True), planned=planned, boxes=boxes)
+            yield scene_opened()
         elif isinstance(request, LookFrom):
             yield SceneSeen(scene_frame())
         elif isinstance(request, ComputeTransport):
@@ -154,7 +161,7 @@ class StandInClient:
 
     def _compute(self, request: ComputeTransport) -> Iterator[Response]:
         frame = scene_frame()
-        n = frame.n_pixels
+        n = frame.n_points
         rows = np.concatenate([np.arange(stop - start) for start, stop in frame.object_ranges])
         weights = np.zeros((n, 4), np.float32)
         weights[:, 0] = 1.0

@@ -8,12 +8,13 @@ import pytest
 
 from app.commands.layers import SetEditable
 from app.placement.messages import ComputeTransport
-from app.placement.status import PlacementStatus
+from app.placement.status import PlacementStatus, error_note
 from app.status import Status
 from engine.render.picture_error import ErrorEstimate
 from tests.ui.stand_in import StandInClient
 from ui import theme as look
 from ui.headless import HeadlessWindow
+from ui.panels.accuracy import error_hint
 from ui.panels.accuracy_placement import figures
 from ui.panels.status_bar import ERROR_SECONDS, picture_state
 
@@ -41,12 +42,12 @@ def test_memory_is_that_of_transport_and_of_the_graphics_card() -> None:
     assert value == "512 MB, transport 230 MB" and "On the graphics card: 38 MB" in hint
 
 
-def test_noise_is_told_once_it_is_known() -> None:
-    assert "noise" not in rows(STATUS, None)["Image error"][0]
-    assert "apart" not in rows(STATUS, None)["Image error"][1]
-    noisy = replace(STATUS, image_error=0.0082, curve_error=0.002, indirect_noise=0.0123)
-    error, hint = rows(noisy, None)["Image error"]
-    assert error == "0.0082" and "still to come: 0.002" in hint and hint.endswith("apart tell it. 1.2 %")
+def test_parts_of_the_error_are_told_once_they_are_known() -> None:
+    assert error_hint(STATUS) == "" == error_note(None, None)
+    note = error_note(0.002, 0.0123)
+    assert "still to come: 0.2 %" in note and note.endswith("tell it: 1.2 %")
+    judged = replace(STATUS, estimate=ErrorEstimate(0.006, 0.017, 0.019), error_note=note)
+    assert error_hint(judged) == f"direct light: 0.6 %\nlight between surfaces: 1.7 %\n{note}"
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.commands import AddDeformer, MoveDeformer, RemoveDeformer, SetDeformer, SetPose, SetTime
+from app.commands import AddDeformer, MoveDeformer, RemoveDeformer, SetDeformer, SetPose, SetSurface, SetTime
 from app.commands.layers import SetParameter
 from app.commands.light import SetRotation
 from app.deform.talk import DeformTalk
@@ -22,6 +22,7 @@ from app.orbit.wishes import OrbitWish
 from app.view_state import SetView
 from engine.deform.pose import Poses
 from engine.scene.description import Camera, CameraDescription
+from engine.scene.surface_kinds import SurfacesOf
 from tests.engine.deform.test_moments import write_bar
 from tests.ui.test_any_orbit_sequence import CAMERAS, NamedOrbit, OrbitWalk, colour_of, said_of_layers
 from tests.ui.test_any_sequence import MAY_BE_TOLD, RESOLUTION, LateClient
@@ -32,21 +33,36 @@ class NamedDeform(NamedOrbit):
 
     lost: Mapping[int, float] = {}  # noqa: RUF012 - it has none
 
-    def __init__(self, scene: object, **_: object) -> None:
+    def __init__(self, scene: object, *_: object, **__: object) -> None:
         super().__init__(scene)  # type: ignore[arg-type]
         self._posed: tuple[str, ...] = ()
+        self._surfaces: SurfacesOf = ()
+
+    def set_surfaces(self, surfaces: SurfacesOf) -> None:
+        if surfaces != self._surfaces:
+            self._surfaces = surfaces
+            self._begin()
+
+    def set_effort(self, n_rays: int, n_lobes: int) -> None:
+        """Whatever they are, pictures have the same colour."""
 
     def set_posed(self, names: Sequence[str]) -> None:
         if tuple(names) != self._posed:
             self._posed = tuple(names)
             self._begin()
 
+    def carried(self, poses: Poses) -> dict[str, tuple[float, float, float]]:
+        return {}
+
+    def draw_errors(self, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = ()) -> np.ndarray:
+        return self.draw(camera, resolution, poses)
+
     def draw(
         self, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = (), quality: str = "moving"
     ) -> np.ndarray:
         assert self.is_ready and self._light is not None
         seen = Camera(**{name: getattr(camera, name) for name in Camera.model_fields})
-        colour = colour_of(seen, self._light.rotation, self._layers, self._posed, poses) * self.is_done
+        colour = colour_of(seen, self._light.rotation, self._layers, self._posed, self._surfaces, poses) * self.is_done
         return np.broadcast_to(colour, (*resolution[::-1], 3)).astype(np.float32)
 
 
@@ -55,8 +71,8 @@ def expected_colour(editor: Editor) -> np.ndarray:
     layers = OrbitWish.of(document, editor.view).scene.layers
     names = [state.name for state in document.objects]
     own = [said_of_layers([each.layer for each in layers if each.object == name]) for name in names]
-    posed = tuple(state.name for state in document.objects if state.deformations or state.animations)
-    return colour_of(editor.looks.camera, document.light.rotation, own, posed, document.poses)
+    posed = tuple(state.name for state in document.objects if state.deformations or state.moment is not None)
+    return colour_of(editor.looks.camera, document.light.rotation, own, posed, document.new_surfaces, document.poses)
 
 
 def first(editor: Editor, name: str, command: Callable[[int], object]) -> None:
@@ -78,10 +94,15 @@ COMMANDS: dict[str, Callable[[OrbitWalk], object]] = {
     "a time": lambda w: w.editor.do(SetTime(0.4)),
     "a time beyond the end": lambda w: w.editor.do(SetTime(7.3)),
     "the file's pose": lambda w: w.editor.do(SetTime(None)),
-    "play": lambda w: w.editor.play(),
-    "pause": lambda w: w.editor.pause(),
+    "play": lambda w: w.editor.player.play(),
+    "pause": lambda w: w.editor.player.pause(),
     "no loop": lambda w: w.editor.do(SetView.of(loops=False)),
     "loop": lambda w: w.editor.do(SetView.of(loops=True)),
+    "a surface": lambda w: w.editor.do(SetSurface("dice", "membrane", (("translucency", w.now % 1.0),))),
+    "another surface": lambda w: w.editor.do(SetSurface("dice", "subsurface")),
+    "a plain surface": lambda w: w.editor.do(SetSurface("dice", "")),
+    "the error": lambda w: w.editor.do(SetView.of(fit_error=True)),
+    "no error": lambda w: w.editor.do(SetView.of(fit_error=False)),
     "undo": lambda w: w.editor.undo(),
     "undo again": lambda w: w.editor.undo(),
     "redo": lambda w: w.editor.redo(),
@@ -115,8 +136,10 @@ def test_the_last_picture_is_of_the_last_document(tmp_path: Path, monkeypatch: p
             done.append(name)
             COMMANDS[name](walk)
             walk.frames(int(random.choice([0, 1, 3, 10, 30])))
-        walk.editor.pause()
+        walk.editor.player.pause()
         walk.begin_again()
+        walk.editor.do(SetSurface("dice", ""))
+        walk.editor.do(SetView.of(fit_error=False))
         walk.editor.do(SetView.of(mode="deform"))
         walk.until(lambda: isinstance(walk.editor.talk, DeformTalk) and walk.editor.status.picture == "refining")
         told = [

@@ -51,7 +51,7 @@ class NamedOrbit:
     """As `engine.orbit.live.Orbit`; each picture is of one colour, that of all it is drawn of, or black while
     anything of it is still to be made ready. Nothing of it is kept in the cache."""
 
-    n_bytes, has_traced = 1, False
+    n_bytes, n_bounces, has_traced = 1, 1, False
 
     def __init__(self, scene: Scene, *_: object) -> None:
         self.scene, self.version, self.is_ready, self.fraction = scene, 0, False, 0.0
@@ -96,7 +96,12 @@ class NamedOrbit:
             yield StillProgress(1.0 - self._left / N_STEPS, "work")
 
     def drawing(
-        self, camera: CameraDescription, resolution: tuple[int, int], quality: str, n_moving: int = 64
+        self,
+        camera: CameraDescription,
+        resolution: tuple[int, int],
+        quality: str,
+        n_moving: int = 64,
+        has_soft_edges: bool = False,
     ) -> Iterator[StillProgress]:
         assert self.is_ready and self._light is not None
         seen = Camera(**{name: getattr(camera, name) for name in Camera.model_fields})

@@ -50,9 +50,9 @@ def lamp_pixels(window: HeadlessWindow) -> np.ndarray:
     source = window.shell.source
     assert isinstance(source, PictureFeed) and source.source.renderer.frame is not None
     frame = source.source.renderer.frame
-    smoothed = np.zeros(frame.object_image.size, bool)
-    smoothed[frame.edge_pixels] = True
-    return frame.emission_image.any(axis=2) & ~smoothed.reshape(frame.object_image.shape)
+    whole = np.zeros(frame.object_image.size, bool)
+    whole[frame.lamps.pixel[frame.lamps.share == 1.0]] = True
+    return whole.reshape(frame.object_image.shape)
 
 
 def test_the_lamp_is_seen_at_once_and_lights_as_if_it_had_always(context: moderngl.Context, tmp_path: Path) -> None:

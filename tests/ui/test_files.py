@@ -101,6 +101,20 @@ def test_saving_asks_for_a_name_once(window: HeadlessWindow, tmp_path: Path, mon
 
 
 @pytest.mark.gl
+@pytest.mark.parametrize("name", ["x" * 300, "~nobody-of-that-name/a.insitu", "y/" * 3000])
+def test_a_name_that_no_system_takes_is_said(window: HeadlessWindow, tmp_path: Path, name: str) -> None:
+    shell = window.shell
+    shell.do(AskFile("save_session"))
+    assert shell.state.question is not None
+    shell.do(SetPanel({"question": replace(shell.state.question, folder=tmp_path, name=name)}))
+    window.frames(3)  # each asks whether there is such a file
+    window.click_handle("button.files.confirm")
+    assert "not written" in shell.editor.status.message and not list(tmp_path.rglob("*.insitu"))
+    shell.do(OpenFile(str(tmp_path / name)))
+    assert shell.editor.status.is_error and "fault" not in shell.editor.status.message
+
+
+@pytest.mark.gl
 def test_a_measurement_is_imported_as_cloth(window: HeadlessWindow, tmp_path: Path) -> None:
     editor, shell = window.shell.editor, window.shell
     before = editor.document

@@ -68,15 +68,13 @@ def test_intensity_is_a_factor_on_lamps_and_on_what_they_light(
 
 
 def pixels_within(window: HeadlessWindow, of_the_lamp: bool) -> np.ndarray:
-    """(H,W): the lamp or the rest, without silhouettes, which are mixed as they look and not by radiance."""
+    """(H,W): the lamp or the rest, without pixels that show some of both."""
     source = window.shell.source
     assert isinstance(source, PictureFeed) and source.source.renderer.frame is not None
     frame = source.source.renderer.frame
-    smoothed = np.zeros(frame.object_image.size, bool)
-    smoothed[frame.edge_pixels] = True
-    names = [state.name for state in window.shell.editor.document.objects]
-    lamp = frame.object_image == names.index("lamp")
-    return ~smoothed.reshape(lamp.shape) & (lamp == of_the_lamp)
+    share = np.zeros(frame.object_image.size)
+    share[frame.lamps.pixel] = frame.lamps.share
+    return (share == float(of_the_lamp)).reshape(frame.object_image.shape)
 
 
 def test_no_intensity_is_black(window: HeadlessWindow) -> None:

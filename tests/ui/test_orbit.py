@@ -13,9 +13,14 @@ from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.orbit import OrbitWork
 from app.jobs.tasks import Tasks
+from app.orbit.messages import DrawOrbit
 from app.view_state import SetView
 from engine.scene.description import Camera
-from tests.ui.small_scene import opened_window, wait_until_exact, write_small_scene
+from tests.ui.small_scene import CountingClient, opened_window, wait_until_exact, write_small_scene
+from ui.gl.context import GraphicsError
+from ui.gl.moving import VARIABLE
+from ui.gl.orbit.shaded_picture import ShadedPicture
+from ui.gl.textures import read_texture
 from ui.headless import HeadlessWindow
 from ui.orbit_feed import OrbitFeed
 
@@ -34,6 +39,19 @@ def window(context: moderngl.Context, tmp_path: Path, monkeypatch: pytest.Monkey
         yield window
 
 
+@pytest.fixture
+def drawing_window(
+    context: moderngl.Context, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[HeadlessWindow]:
+    """One that draws moving pictures itself, as with a graphics card."""
+    monkeypatch.setattr(OrbitWork, "n_points", 200)
+    monkeypatch.setenv(VARIABLE, "shader")
+    client = CountingClient(Tasks(Store(tmp_path / "cache")))
+    scene = write_small_scene(tmp_path)
+    with opened_window(context, scene, client, resolution=(48, 32), mode="orbit", n_lights=40, n_bounces=1) as window:
+        yield window
+
+
 def feed_of(window: HeadlessWindow) -> OrbitFeed:
     source = window.shell.source
     assert source is not None and isinstance(source.source, OrbitFeed)
@@ -43,6 +61,17 @@ def feed_of(window: HeadlessWindow) -> OrbitFeed:
 def wait_until_shown_by(window: HeadlessWindow, name: str) -> None:
     editor = window.shell.editor
     assert window.run_until(lambda: editor.status.shown_by == name and editor.status.picture != "waiting", 120.0)
+
+
+def test_before_the_first_picture_objects_are_lit_from_the_eye(window: HeadlessWindow) -> None:
+    source, editor = window.shell.source, window.shell.editor
+    assert source is not None
+
+    def is_shown() -> bool:
+        return source.picture is not None and read_texture(source.picture, np.uint8)[..., :3].mean() > 40.0
+
+    assert window.run_until(lambda: is_shown() or editor.status.picture != "waiting", 120.0)
+    assert is_shown() and editor.status.picture == "waiting" and feed_of(window).canvas.is_empty
 
 
 def test_the_first_picture_has_light_everywhere(window: HeadlessWindow) -> None:
@@ -70,3 +99,50 @@ def test_a_camera_that_moves_is_followed_by_orbit_at_once(window: HeadlessWindow
     wait_until_exact(window)
     after = feed_of(window).placement.renderer.linear_image()
     assert np.abs(before - after).mean() < 0.2 * after.mean()
+
+
+def n_moving(window: HeadlessWindow) -> int:
+    """Moving pictures that the worker was asked for."""
+    client = window.shell.editor._client
+    assert isinstance(client, CountingClient)
+    return sum(isinstance(each, DrawOrbit) and each.quality == "moving" for each in client.requests)
+
+
+def look_aside(window: HeadlessWindow) -> np.ndarray:
+    """The picture of a camera that has just moved."""
+    window.shell.editor.do(SetView.of(camera=ASIDE))
+    window.frames(2)
+    return feed_of(window).canvas.linear_image()
+
+
+def test_shaders_draw_the_picture_that_the_worker_does_at_rest(drawing_window: HeadlessWindow) -> None:
+    window, editor = drawing_window, drawing_window.shell.editor
+    assert window.run_until(lambda: editor.status.picture == "refining", 120.0)
+    before = n_moving(window)
+    moving = look_aside(window)
+    assert editor.talk.drawn_in_window is not None  # type: ignore[attr-defined]
+    assert window.run_until(lambda: editor.talk.drawn_in_window is None, 120.0)  # type: ignore[attr-defined]
+    at_rest = feed_of(window).canvas.linear_image()
+    assert n_moving(window) == before
+    assert np.abs(moving - at_rest).mean() < 0.1 * at_rest.mean()  # fewer coefficients, pixels enlarged
+    wait_until_exact(window)
+    editor.do(SetView.of(mode="placement"))
+    shaded = feed_of(window).shaded
+    window.frames(3)
+    assert shaded is not None and shaded.memory_bytes == 0
+
+
+def test_where_shaders_fail_the_worker_draws_and_a_line_says_so(
+    drawing_window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window, editor = drawing_window, drawing_window.shell.editor
+
+    def lost(*_: object) -> None:
+        raise GraphicsError("the context is lost")
+
+    monkeypatch.setattr(ShadedPicture, "draw", lost)
+    assert window.run_until(lambda: editor.status.message.startswith("Orbit is drawn"), 120.0)
+    assert editor.status.message == "Orbit is drawn by the processor: the context is lost"
+    assert feed_of(window).shaded is None and n_moving(window) == 0
+    assert window.run_until(lambda: n_moving(window) > 0 and not feed_of(window).canvas.is_empty, 120.0)
+    assert feed_of(window).canvas.linear_image().mean() > 0.1

@@ -271,6 +271,13 @@ def test_preferences_are_kept_and_damaged_ones_cost_nothing(tmp_path: Path) -> N
         PreferenceFile(tmp_path / "file" / "preferences.toml").choose(mouse="maya")
 
 
+@pytest.mark.gl
+def test_home_frames_all_and_steps_to_no_control(window: HeadlessWindow) -> None:
+    window.click_handle("button.undo")  # whose panel then has the keyboard
+    window.key(Key.home)
+    assert label(window) == "frame all" and not window.shell.io.nav_visible
+
+
 def test_a_menu_entry_has_its_own_keys_beside_it() -> None:
     assert [keys_of(name) for name in ("frame", "frame_all", "view_top", "view_left", "whole", "pixels", "undo")] == [
         "F", "Home", "Keypad 7", "Ctrl Keypad 3", "0", "1", "Ctrl Z"

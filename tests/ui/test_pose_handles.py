@@ -87,3 +87,13 @@ def test_other_modes_and_objects_have_none(window: HeadlessWindow, bending: Edit
         change()
         window.frames(2)
         assert "pose.handle.0" not in window.shell.handles.names()
+
+
+def test_grips_go_with_what_an_animation_carries(window: HeadlessWindow, bending: Editor, monkeypatch) -> None:
+    bending.do(AddDeformer("teapot", "bend"))
+    window.frames(2)
+    before = window.shell.handle_position("pose.handle.0")
+    monkeypatch.setattr(bending.talk, "_carried", (("teapot", (0.2, 0.0, 0.0)),))
+    window.frames(2)
+    after = window.shell.handle_position("pose.handle.0")
+    assert after[0] - before[0] > 5.0 and after[1] == pytest.approx(before[1], abs=2.0)

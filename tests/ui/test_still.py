@@ -62,14 +62,6 @@ def test_sixteen_bits_are_kept_and_others_read_them() -> None:
     np.testing.assert_array_equal(np.asarray(Image.open(io.BytesIO(data)).convert("RGB")), expected // 256)
 
 
-def test_silhouettes_are_smooth_in_linear_light_too() -> None:
-    radiance = np.array([[[1.0, 1.0, 1.0], [9.0, 5.0, 1.0], [np.nan, np.inf, 2.0]]], np.float32)
-    edges = np.array([0]), np.array([1]), np.array([0.25])
-    still = ShownStill(np.zeros((1, 3, 3), np.float32), radiance, edges)
-    # A quarter of the first pixel shows what the second sees; what is no number is black.
-    np.testing.assert_allclose(still._smooth_radiance()[0], [[3.0, 2.0, 1.0], [9.0, 5.0, 1.0], [0.0, 0.0, 2.0]])
-
-
 def saved(window: HeadlessWindow, path: Path, deep: bool = False) -> bytes:
     """The bytes that come of saving the picture."""
     window.shell.request(SavePicture(path, deep))
@@ -150,9 +142,7 @@ def test_what_cannot_be_written_is_said(window: HeadlessWindow, tmp_path: Path) 
 
 
 def test_closing_waits_for_what_is_being_written(tmp_path: Path) -> None:
-    still = ShownStill(
-        np.full((600, 600, 3), 0.5, np.float32), np.zeros((600, 600, 3), np.float32), (np.array([], int),) * 3
-    )
+    still = ShownStill(np.full((600, 600, 3), 0.5, np.float32), np.zeros((600, 600, 3), np.float32))
     saver = StillSaver()
     saver.save(still, tmp_path / "a.png", True)
     saver.close()

@@ -17,6 +17,8 @@ from engine.errors import InsituError
 
 REQUIRED_VERSION = 410
 _ROOM_FOR_SHADERS = 64 << 20
+# Of the names of renderers that have no graphics card.
+_SOFTWARE = ("llvmpipe", "softpipe", "swrast", "swiftshader", "software", "gdi generic", "microsoft basic render")
 _INSTALL = "install a driver or Mesa (Debian: libegl1 libgl1 libgl1-mesa-dri)"
 # What the passes rely on; each is within the minimum that OpenGL 4.1 promises, and old drivers are still asked.
 _REQUIRED_LIMITS = {
@@ -62,6 +64,12 @@ def create_window_context(require: int = REQUIRED_VERSION) -> moderngl.Context:
 def describe_context(context: moderngl.Context) -> str:
     """Renderer and version on one line."""
     return f"{context.info['GL_RENDERER']}, OpenGL {context.info['GL_VERSION']}"
+
+
+def is_software(context: moderngl.Context) -> bool:
+    """Whether its OpenGL runs on the processor."""
+    renderer = context.info["GL_RENDERER"].lower()
+    return any(name in renderer for name in _SOFTWARE)
 
 
 def _checked(context: moderngl.Context, require: int) -> moderngl.Context:

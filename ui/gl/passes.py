@@ -56,17 +56,15 @@ class Passes:
         array: moderngl.VertexArray,
         target: moderngl.Framebuffer,
         textures: Textures,
-        *,
-        scissor: Box | None = None,
         **uniforms: Any,
     ) -> None:
-        """Draw each vertex of `array` as one pixel over the whole target, or what of it is inside `scissor`."""
-        self._prepare(target, (0, 0, target.width, target.height), add=False, scissor=scissor)
+        """Draw each vertex of `array` as one pixel over the whole target."""
+        self._prepare(target, (0, 0, target.width, target.height), add=False)
         _assign(array.program, textures, uniforms)
         array.render(moderngl.POINTS)
 
-    def _prepare(self, target: moderngl.Framebuffer, box: Box, add: bool, scissor: Box | None = None) -> None:
-        target.scissor = scissor  # type: ignore[assignment]  # None turns it off
+    def _prepare(self, target: moderngl.Framebuffer, box: Box, add: bool) -> None:
+        target.scissor = None  # type: ignore[assignment]  # off
         target.viewport = box
         target.use()
         target.color_mask = _ALL_CHANNELS[len(target.color_attachments)]  # type: ignore[assignment]

@@ -14,18 +14,17 @@ def require_sound(frame: PictureFrame) -> None:
     image, n_image = (frame.height, frame.width), frame.width * frame.height
     shapes = {
         "object_ranges": (frame.object_ranges.shape, (frame.n_objects, 2)),
-        "theta_o": (frame.theta_o.shape, (frame.n_pixels,)),
+        "theta_o": (frame.theta_o.shape, (frame.n_points,)),
         "emission_image": (frame.emission_image.shape, (*image, 3)),
         "ray_directions": (frame.ray_directions.shape, (*image, 3)),
-        "edge_neighbours": (frame.edge_neighbours.shape, frame.edge_pixels.shape),
-        "edge_weights": (frame.edge_weights.shape, frame.edge_pixels.shape),
+        "share": (frame.share.shape, (frame.n_points,)),
+        "open_image": (frame.open_image.shape, image),
     }
     for name, (found, expected) in shapes.items():
         if found != expected:
             raise GraphicsError(f"{name} of shape {found}, expected {expected}")
-    for name in ("pixel", "edge_pixels", "edge_neighbours"):
-        _refuse_outside(name, getattr(frame, name), n_image)
-    _refuse_outside("object_ranges", frame.object_ranges, frame.n_pixels + 1)
+    _refuse_outside("pixel", frame.pixel, n_image)
+    _refuse_outside("object_ranges", frame.object_ranges, frame.n_points + 1)
 
 
 def _refuse_outside(name: str, indices: NDArray[np.integer], end: int) -> None:

@@ -60,6 +60,7 @@ class ProgramCache:
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
         self._programs: dict[tuple[object, ...], moderngl.Program] = {}
+        self._compute: dict[str, moderngl.ComputeShader] = {}
 
     def get(
         self, vertex: str, fragment: str, made: Mapping[str, str] | None = None, /, **defines: int
@@ -74,10 +75,19 @@ class ProgramCache:
             self._programs[key] = self._compiled(vertex, fragment, defines, made)
         return self._programs[key]
 
+    def compute(self, name: str) -> moderngl.ComputeShader:
+        """The program of a compute shader's file, OpenGL 4.3; raises GraphicsError with the compiler's own words."""
+        if name not in self._compute:
+            try:
+                self._compute[name] = self._context.compute_shader(load_shader(name))
+            except moderngl.Error as failure:
+                raise GraphicsError(f"shader {name}: {failure}") from failure
+        return self._compute[name]
+
     def _compiled(
         self, vertex: str, fragment: str, defines: Mapping[str, int], made: Mapping[str, str]
     ) -> moderngl.Program:
-        sources = load_shader(vertex), load_shader(fragment, defines, made=made)
+        sources = load_shader(vertex, defines), load_shader(fragment, defines, made=made)
         try:
             return self._context.program(vertex_shader=sources[0], fragment_shader=sources[1])
         except moderngl.Error as failure:
@@ -86,4 +96,15 @@ class ProgramCache:
     def release(self) -> None:
         for program in self._programs.values():
             program.release()
+        for compute in self._compute.values():
+            compute.release()
         self._programs.clear()
+        self._compute.clear()
+
+
+def set_uniforms(program: moderngl.Program | moderngl.ComputeShader, **values: object) -> None:
+    """Set those that the program has: what a switch leaves out a compiler drops."""
+    for name, value in values.items():
+        member = program.get(name, None)
+        if isinstance(member, moderngl.Uniform):
+            member.value = value

@@ -25,10 +25,6 @@ class ToneMapper:
         """The program of a fragment shader that includes common/tone_mapping.glsl."""
         return _with_stops(self._passes.full_screen(fragment, **_switches(view)), view)
 
-    def points(self, name: str, view: ToneMapping) -> moderngl.Program:
-        """The program of one that draws points."""
-        return _with_stops(self._passes.points(name, **_switches(view)), view)
-
     def textures(self, view: ToneMapping) -> Textures:
         """What those programs sample besides the picture."""
         if view not in TABLED:

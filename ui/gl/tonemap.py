@@ -1,6 +1,6 @@
-"""From the linear picture to the screen: exposure, tone mapping, sRGB, silhouettes, outlines, A/B.
+"""From the linear picture to the screen: exposure, tone mapping, sRGB, outlines, A/B.
 
-Silhouettes and outlines are short lists of points drawn over the picture: looking at each pixel's neighbours in a
+Outlines are short lists of points drawn over the picture: looking at each pixel's neighbours in a
 full-screen shader costs more than the rest of the frame on a software rasterizer, and hardly any pixel needs it.
 """
 
@@ -28,8 +28,7 @@ class DisplayView:
     """How the linear picture is shown.
 
     exposure in stops; selected and hovered are object indices, outlined; compare_divider in [0, 1] is where the
-    snapshot A (left) meets the picture B (right), None shows the picture alone; compare_exposure is A's, None as B's;
-    antialias draws smooth silhouettes.
+    snapshot A (left) meets the picture B (right), None shows the picture alone; compare_exposure is A's, None as B's.
     """
 
     exposure: float = 0.0
@@ -38,7 +37,6 @@ class DisplayView:
     hovered: int | None = None
     compare_divider: float | None = None
     compare_exposure: float | None = None
-    antialias: bool = True
 
 
 class Display:
@@ -52,8 +50,6 @@ class Display:
         self._target = memory.framebuffer([self.texture])
         self._snapshot: moderngl.Texture | None = None
         self._snapshot_target: moderngl.Framebuffer | None = None
-        self._edges = self._edge_points()
-        self._edge_arrays: dict[str, moderngl.VertexArray] = {}
         self._outlines: dict[int, tuple[moderngl.Buffer, moderngl.VertexArray]] = {}
 
     @property
@@ -75,12 +71,9 @@ class Display:
         self._snapshot = self._snapshot_target = None
 
     def draw(self, linear: moderngl.Texture, view: DisplayView, box: Box) -> None:
-        """Redraw `box` of the display picture, and all silhouettes and outlines."""
+        """Redraw `box` of the display picture, and all outlines."""
         for region, source, exposure in self._regions(linear, view, box):
             self._tone_map(self._target, source, exposure, view.tone_mapping, region)
-        if view.antialias and self._edges is not None:
-            for region, source, exposure in self._regions(linear, view, (0, 0, *self._size)):
-                self._smooth_edges(self._target, source, exposure, view.tone_mapping, region)
         for i_object, colour in ((view.hovered, HOVER_COLOUR), (view.selected, SELECTION_COLOUR)):
             if i_object is not None and 0 <= i_object < self._frame.n_objects:
                 self._outline(i_object, colour)
@@ -101,8 +94,6 @@ class Display:
         target = self._memory.framebuffer([texture])
         try:
             self._tone_map(target, linear, exposure, tone_mapping, whole)
-            if self._edges is not None:
-                self._smooth_edges(target, linear, exposure, tone_mapping, whole)
             return read_texture(texture, np.float32)[..., :3].astype(np.float32)
         finally:
             self._memory.release_framebuffer(target)
@@ -132,15 +123,6 @@ class Display:
         textures = {"linear_picture": source, **self._mapper.textures(tone_mapping)}
         self._passes.draw(program, target, region, textures, exposure=_exposure_factor(exposure))
 
-    def _smooth_edges(
-        self, target: moderngl.Framebuffer, source: moderngl.Texture, exposure: float, tone_mapping: ToneMapping,
-        region: Box,
-    ) -> None:  # fmt: skip
-        array = self._edge_array(tone_mapping)
-        uniforms = {"picture_size": self._size, "exposure": _exposure_factor(exposure)}
-        textures = {"linear_picture": source, **self._mapper.textures(tone_mapping)}
-        self._passes.draw_points(array, target, textures, scissor=region, **uniforms)
-
     def _outline(self, i_object: int, colour: tuple[float, float, float]) -> None:
         if i_object not in self._outlines:
             self._outlines[i_object] = self._outline_points(i_object)
@@ -155,32 +137,12 @@ class Display:
         array.vertices = pixels.size
         return buffer, array
 
-    def _edge_points(self) -> moderngl.Buffer | None:
-        frame = self._frame
-        if not frame.edge_pixels.size:
-            return None
-        table = np.zeros(frame.edge_pixels.size, dtype=[("pixel", "i4"), ("neighbour", "i4"), ("weight", "f4")])
-        table["pixel"], table["neighbour"] = frame.edge_pixels, frame.edge_neighbours
-        table["weight"] = frame.edge_weights
-        return self._memory.context.buffer(table.tobytes())
-
-    def _edge_array(self, tone_mapping: ToneMapping) -> moderngl.VertexArray:
-        if tone_mapping not in self._edge_arrays:
-            program = self._mapper.points("edge", tone_mapping)
-            content = [(self._edges, "1i 1i 1f", "pixel", "neighbour", "weight")]
-            self._edge_arrays[tone_mapping] = self._memory.context.vertex_array(program, content)
-        return self._edge_arrays[tone_mapping]
-
     def release(self) -> None:
         self.drop_snapshot()
         self._mapper.release()
         for buffer, array in self._outlines.values():
             array.release()
             buffer.release()
-        for array in self._edge_arrays.values():
-            array.release()
-        if self._edges is not None:
-            self._edges.release()
         self._memory.release_framebuffer(self._target)
         self._memory.release(self.texture)
 

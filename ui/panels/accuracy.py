@@ -1,5 +1,8 @@
 """Speed against accuracy: what the picture costs and how far it is from exact, both measured, and what trades them.
 
+One slider moves all of a mode's knobs along the settings that no other beats in both (`app.front`). It says the error
+that was measured there of the front's own scenes, and the time for as many pixels; how far off the picture itself is
+stands below, once that was judged. Knobs that stand beside the front are "custom".
 The time of a frame and the worker's progress are everybody's; what stands between them is the mode's own.
 """
 
@@ -7,31 +10,73 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
+from app.front import Front, Stop, front
 from app.naming import named
 from app.status import Status
 from app.view_state import SetView
+from engine.render.picture_error import ErrorEstimate, percent
 from ui import theme as look
-from ui.panels import fields, widgets
+from ui.panels import fields, history_plot, widgets
 from ui.panels.actions import Action, CancelWork, ResumeWork
 from ui.panels.context import PanelContext
 from ui.theme import Icon
 
 LEAST_BUDGET, LARGEST_BUDGET = 2.0, 200.0
+GAP, SLIDER_SHARE = 4.0, 0.68
+CUSTOM = "custom"
+SLIDER_HINT = (
+    "From speed to accuracy: moves all that trades one for the other in this mode along the settings that no other "
+    "beats in both, and says what error and how much of the processor's time they took. As measured:"
+)
 STOPPED, RESUME = "stopped", "Resume"
 SMALLEST_ERROR = 1e-7
 
 
 def draw(context: PanelContext) -> list[Action]:
     """The whole panel, inside its window."""
-    actions = _budget(context)
+    actions = _trade(context)
     if context.mode.accuracy:
         actions += named(context.mode.accuracy)(context)
+    history_plot.draw(context, error_hint(context.status))
     actions += _work(context)
     return actions
 
 
+def _trade(context: PanelContext) -> list[Action]:
+    """The slider, and beside it the time for a frame."""
+    widgets.label(context, "Accuracy")
+    room, gap = imgui.get_content_region_avail().x, context.px(GAP)
+    actions: list[Action] = []
+    if context.mode.name in front().stops:
+        imgui.set_next_item_width(SLIDER_SHARE * (room - gap))
+        actions += _slider(context)
+        imgui.same_line(0.0, gap)
+        imgui.set_next_item_width((1.0 - SLIDER_SHARE) * (room - gap))
+    else:
+        imgui.set_next_item_width(room)
+    return actions + _budget(context)
+
+
+def _slider(context: PanelContext) -> list[Action]:
+    table, mode = front(), context.mode.name
+    at = table.position(mode, context.view)
+    shown = CUSTOM if at is None else expected(table, table.stop(mode, at), context.resolution)
+    hand, moved = fields.slider(
+        context, "speed_accuracy", 0.5 if at is None else at, 0.0, 1.0, "%.2f", handle="accuracy.slider",
+        title="from speed to accuracy", shown=shown,
+    )  # fmt: skip
+    widgets.tooltip(f"{SLIDER_HINT}\n{table.origin}")
+    chosen = table.stop(mode, moved)
+    return [chosen.command] if hand.changed and not chosen.is_set(context.view) else []
+
+
+def expected(table: Front, stop: Stop, resolution: tuple[int, int]) -> str:
+    """The error and time to expect of a stop, of a picture of (width, height) pixels, in words."""
+    seconds = stop.seconds * max(resolution[0] * resolution[1], 1) / table.n_pixels
+    return f"{percent(stop.error)} · {duration(seconds)}"
+
+
 def _budget(context: PanelContext) -> list[Action]:
-    widgets.label(context, "Frame time")
     hand, moved = fields.slider(
         context, "budget", context.view.frame_budget_ms, LEAST_BUDGET, LARGEST_BUDGET, "%.0f ms", True,
         handle="accuracy.frame_time", title="frame time",
@@ -86,6 +131,18 @@ def work_text(status: Status) -> str:
 def error_text(error: float) -> str:
     """A picture's relative error in digits; 0 where single precision could not show it."""
     return "0" if error < SMALLEST_ERROR else f"{error:.2g}"
+
+
+def error_hint(status: Status) -> str:
+    """What is known of the parts of the picture's error."""
+    parts = "" if status.estimate is None else error_parts(status.estimate)
+    return "\n".join(filter(None, (parts, status.error_note)))
+
+
+def error_parts(estimate: ErrorEstimate) -> str:
+    """What the error is of, line by line; "" where that is not known."""
+    parts = {"direct light": estimate.direct, "light between surfaces": estimate.indirect}
+    return "\n".join(f"{name}: {percent(error)}" for name, error in parts.items() if error is not None)
 
 
 def duration(seconds: float) -> str:

@@ -27,7 +27,6 @@ def figures(status: OrbitStatus) -> list[tuple[str, str, str]]:
     width, height = status.drawn_resolution
     drawn = f"{width} × {height}, {1e3 * status.drawn_seconds:.0f} ms" if width else "–"
     return [
-        ("Frame", f"{status.frame_ms:.1f} ms", "Time of the last frame that drew the picture."),
         (
             "Drawn",
             drawn,

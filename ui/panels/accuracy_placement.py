@@ -12,7 +12,6 @@ from app.view_state import SetView
 from engine.plan import N_PATCHES
 from ui import theme as look
 from ui.panels import widgets
-from ui.panels.accuracy import error_text
 from ui.panels.actions import Action
 from ui.panels.context import PanelContext
 from ui.spoken_names import spoken
@@ -32,6 +31,11 @@ SECOND_HINT = (
 )
 LIGHTS_HINT = "Triangle lights that stand for the environment in the finished picture: more are truer and take longer."
 PATCHES_HINT = "Parts that lamps are cut into in the finished picture: more give truer shadows and take longer."
+EDGES = {"Auto edges": None, "No edges": 0, "4 edge rays": 4, "8 edge rays": 8, "16 edge rays": 16}
+EDGES_HINT = (
+    "Rays through each pixel where objects meet or normals turn fast: smooth edges and rims, for a little more time "
+    "and memory. Auto: as many as the scene requires."
+)
 GAP = 4.0
 
 
@@ -76,9 +80,15 @@ def _quality(context: PanelContext, status: PlacementStatus) -> list[Action]:
         ("Float", "Full floats on the graphics card: twice the memory, increments without rounding."),
     )
     chosen = 0 if context.view.precision == "half" else 1
-    pressed = widgets.segments(context, "accuracy.precision", options, chosen, least=_share(context, 2))
+    gap = context.px(GAP)
+    room = imgui.get_content_region_avail().x - gap
+    least = (0.5 * room - 1) / 2 / context.theme.scale
+    pressed = widgets.segments(context, "accuracy.precision", options, chosen, least=least)
     if pressed is not None:
         actions.append(SetView.of(precision="half" if pressed == 0 else "float"))
+    imgui.same_line(0.0, gap)
+    picked = _combo(context, "accuracy.edges", EDGES, context.view.n_edge_rays, 0.5 * room, EDGES_HINT)
+    actions += [SetView.of(n_edge_rays=n) for n in picked]
     if status.transport_note:
         widgets.caption(spoken(context.document, status.transport_note))
     return actions
@@ -171,14 +181,12 @@ def figures(status: PlacementStatus, selected: str | None = None) -> list[tuple[
         shown = f"{shown}, {_bands(bands[selected])}"
     plan = "\n".join(f"{key}: {_bands(counts)}" for key, counts in status.bands)
     return [
-        ("Frame", f"{status.frame_ms:.1f} ms", "Time of the last frame that drew the picture."),
         (
             "Coefficients",
             shown,
             "Wavelet coefficients of the selected curve that the picture shows, and the bands of its layer's transport."
             f"\n{plan}",
         ),
-        _error(status),
         (
             "Memory",
             f"{status.memory_mb:.0f} MB, transport {status.precomputed_mb:.0f} MB",
@@ -187,18 +195,6 @@ def figures(status: PlacementStatus, selected: str | None = None) -> list[tuple[
             f"On the graphics card: {status.gpu_mb:.0f} MB, with the selected curve's transport.",
         ),
     ]
-
-
-def _error(status: PlacementStatus) -> tuple[str, str, str]:
-    """What the picture lacks, and where there is indirect light the chance that is left in it."""
-    error = "–" if status.image_error is None else error_text(status.image_error)
-    hint = "What the whole picture lacks, relative to its mean; – while that is not known."
-    if status.curve_error is not None:
-        hint = f"{hint}\nCoefficients of the curve still to come: {error_text(status.curve_error)}"
-    if status.indirect_noise is None:
-        return "Image error", error, hint
-    noise = "Chance left in the light of further bounces, relative to that light: its two halves apart tell it."
-    return "Image error", error, f"{hint}\n{noise} {100.0 * status.indirect_noise:.1f} %"
 
 
 def _bands(counts: tuple[int, ...]) -> str:

@@ -150,7 +150,8 @@ class OpenFile:
 
 @dataclass(frozen=True)
 class AskFile:
-    """Ask for a file name without stopping the picture; of an image for the layer, or for bumps the object, `key`."""
+    """Ask for a file name without stopping the picture; of an image for the layer, or for bumps and
+    surfaces the object, `key`."""
 
     purpose: str
     key: str = ""
@@ -158,7 +159,8 @@ class AskFile:
 
 @dataclass(frozen=True)
 class OpenImage:
-    """Make a file the "texture" or the "weight" of a layer, or the "normal_map" or "bump_map" of an object."""
+    """Make a file the "texture" or the "weight" of a layer, or the "normal_map", the "bump_map", or one of
+    `SURFACE_IMAGES` of an object."""
 
     path: Path
     key: str

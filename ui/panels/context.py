@@ -20,6 +20,7 @@ from app.files.preferences import Preferences
 from app.files.recent import Recent
 from app.looks import NO_CAMERA
 from app.mode import Mode
+from app.record import Record
 from app.selecting import seen_layer
 from app.status import Status
 from app.view_state import Bookmark, ViewState
@@ -118,12 +119,14 @@ def no_spot(column: int, row: int) -> Spot | None:
 @dataclass(frozen=True)
 class PanelContext:
     """Read by every panel. `picture` is the scene, `environment` the thumbnail; None until there is one.
+    `error_overlay` is where that is off, None while that is not known.
 
     `map_thumbnails` are the selected layer's "texture" and "weight", `map_refusal` says why they cannot be used.
     `undo_label` and `redo_label` name what would be undone or redone. `object_at` tells the object's name at a pixel
     (column, row) of the picture, `spot_at` the point of the surface there. `heading` is where the camera looks, degrees
     clockwise from -Z seen from above. `library` are its materials, `thumbnail` a material's picture, None while there
-    is none. `now` is seconds of the window's clock. `brdf` is what there is to see of the selected material by itself.
+    is none. `now` is seconds of the window's clock. `brdf` is what there is to see of the selected material by itself,
+    `record` what frames took lately and how far off the picture was.
     `camera` is from where the scene is seen, or about to be; `own_camera` and `own_resolution`, (width, height), are as
     the scene has them; `look_undo_label` and `look_redo_label` name what the view's own history would undo or redo;
     `box_of` tells the corners (2, 3) of an object, of None all that is seen; `view_thumbnail` is a kept view's picture.
@@ -144,7 +147,9 @@ class PanelContext:
     handles: Handles = field(default_factory=Handles)
     fields: Fields = field(default_factory=Fields)
     brdf: BrdfBoard = field(default_factory=BrdfBoard)
+    record: Record = field(default_factory=Record)
     picture: Picture | None = None
+    error_overlay: Picture | None = None
     environment: Picture | None = None
     map_thumbnails: Mapping[str, Picture] = field(default_factory=dict)
     map_refusal: str | None = None

@@ -1,4 +1,4 @@
-"""The deformers that the selected object goes through: Deform's part of the Material panel."""
+"""The deformers that the selected object goes through, and its surface: Deform's part of the Material panel."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from app.commands.poses import MAX_DEFORMERS
 from engine.deform.deformers import KINDS
 from engine.deform.deformers.kind import Kind
 from engine.deform.pose import Deformation
-from ui.panels import fields, widgets
+from ui.panels import fields, surfaces, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag
 from ui.panels.context import PanelContext
 from ui.theme import Icon
 
 AXES = ("x", "y", "z")
 DEGREES_A_PIXEL = 0.5
-FROM_AFAR = "Shadows from other objects come back when the hand rests."
+FROM_AFAR = "With deformers it shades itself alone; shadows between objects come back when the hand rests."
 
 
 def draw(context: PanelContext) -> list[Action]:
-    """The stack of the selected object, first to apply on top; nothing where none is selected."""
+    """The stack of the selected object, first to apply on top, and its surface; nothing where none is selected."""
     if context.view.selected is None:
         return []
     state = context.document.object(context.view.selected.object)
@@ -35,6 +35,8 @@ def draw(context: PanelContext) -> list[Action]:
             actions.append(SetPose(state.name))
         if not getattr(context.status, "alone", ()):
             widgets.caption(FROM_AFAR)
+    if not state.emits:
+        actions += surfaces.draw(context, state)
     imgui.separator_text("Material")
     return actions
 

@@ -6,6 +6,7 @@ a test cannot reach).
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -38,6 +39,8 @@ TITLES = {
     "open_normal_map": "Open a normal map",
     "open_bump_map": "Open a bump map",
     "open_weight": "Open a weight map",
+    "open_translucency": "Open a map of translucency",
+    "open_heights": "Open an image of heights",
     "save_session": "Save the session",
     "save_measured": "Export the selected object's material as a MERL file",
     "save_picture": "Save the picture",
@@ -51,6 +54,8 @@ ENDINGS = {
     "open_normal_map": IMAGE_SUFFIXES,
     "open_bump_map": IMAGE_SUFFIXES,
     "open_weight": IMAGE_SUFFIXES,
+    "open_translucency": IMAGE_SUFFIXES,
+    "open_heights": IMAGE_SUFFIXES,
     "save_session": (".insitu",),
     "save_measured": (".binary",),
     "save_picture": (".png", ".exr"),
@@ -81,11 +86,10 @@ class DirectoryEntry:
 def entries(folder: Path, endings: tuple[str, ...]) -> list[DirectoryEntry]:
     """Folders, then files with one of the endings, by name; hidden ones left out. Empty where not readable."""
     try:
-        found = [
-            DirectoryEntry(p, p.is_dir()) for p in sorted(folder.iterdir())[:MOST_ENTRIES] if not p.name.startswith(".")
-        ]
+        paths = sorted(folder.iterdir())[:MOST_ENTRIES]
     except OSError:
         return []
+    found = [DirectoryEntry(path, os.path.isdir(path)) for path in paths if not path.name.startswith(".")]
     shown = [e for e in found if e.is_folder or e.path.suffix.lower() in endings]
     return sorted(shown, key=lambda e: (not e.is_folder, e.path.name.lower()))
 
@@ -162,8 +166,8 @@ def _folder_line(context: PanelContext, question: FileQuestion) -> list[Action]:
     imgui.set_next_item_width(-1.0)
     changed, typed = imgui.input_text("##folder", str(question.folder), imgui.InputTextFlags_.enter_returns_true)
     widgets.tooltip("The folder shown; type another and press Enter.")
-    if changed and Path(typed).expanduser().is_dir():
-        actions.append(_asked(replace(question, folder=Path(typed).expanduser())))
+    if changed and os.path.isdir(folder := os.path.expanduser(typed)):
+        actions.append(_asked(replace(question, folder=Path(folder))))
     return actions
 
 
@@ -193,8 +197,8 @@ def _name_line(context: PanelContext, question: FileQuestion) -> list[Action]:
     pressed = widgets.text_button(context, "files.confirm", verb, hint, enabled=bool(question.name))
     if (pressed or confirmed) and typed:
         imgui.set_nav_cursor_visible(False)  # imgui would frame a control of the panel that was last in use
-        path = question.folder / Path(typed).expanduser()
-        return [_asked(replace(question, folder=path, name=""))] if path.is_dir() else answer(question, path)
+        path = question.folder / os.path.expanduser(typed)
+        return [_asked(replace(question, folder=path, name=""))] if os.path.isdir(path) else answer(question, path)
     return [_asked(replace(question, name=typed))] if typed != question.name else []
 
 
@@ -202,7 +206,7 @@ def _verb(question: FileQuestion) -> tuple[str, str]:
     """What the button says, and what it does."""
     if not question.purpose.startswith("save"):
         return "Open", "Open this file."
-    if question.name and (question.folder / _named(question, question.name)).is_file():
+    if question.name and os.path.isfile(question.folder / _named(question, question.name)):
         return "Replace", "There is a file of this name: this takes its place."
     return "Save", "Save this file."
 

@@ -51,6 +51,7 @@ class _Field:
     text: str
     corner: ImVec2
     size: ImVec2
+    shown: str = ""
 
     def parts(self) -> tuple[str, str]:
         """The number alone as a person reads and types it, and the unit after it."""
@@ -75,18 +76,20 @@ def slider(
     origin: float | None = None,
     title: str = "",
     pixels_to_double: float | None = None,
+    shown: str = "",
 ) -> tuple[Touch, float]:
     """A horizontal slider filled from `origin` (its least value where None) to its value.
 
     `pixels_to_double`: a drag by so many makes it twice as much, instead of following the trough: where that holds
     many decades, a few pixels would be out of all proportion. What may be 0 leaves it evenly, and doubles well above 1.
-    Returns the touch and the value, kept in [low, high]. `handle` names its grab for scripts, `title` it for a person.
+    shown: words in the place of the number. Returns the touch and the value, kept in [low, high]. `handle` names its
+    grab for scripts, `title` it for a person.
     """
     corner = imgui.get_cursor_screen_pos()
     size = ImVec2(imgui.calc_item_width(), imgui.get_frame_height())
     zero = slider_zero(text) if logarithmic and low <= 0.0 else low
     share = slider_share(value, zero, high, logarithmic)
-    field = _Field(name, title or name.replace("_", " "), value, low, high, text, corner, size)
+    field = _Field(name, title or name.replace("_", " "), value, low, high, text, corner, size, shown)
     travel = slider_travel(context, size.x)
 
     def law(start: float, pixels: float) -> float:
@@ -302,7 +305,7 @@ def _trough(corner: ImVec2, size: ImVec2, hovered: bool) -> None:
 
 def _centred(field: _Field) -> None:
     """The number in the middle of its control; where it is too long, from its start."""
-    text, corner, size = field.text % field.value, field.corner, field.size
+    text, corner, size = field.shown or field.text % field.value, field.corner, field.size
     extent, inset = imgui.calc_text_size(text), imgui.get_style().frame_padding.x
     x = corner.x + max(0.5 * (size.x - extent.x), min(inset, 0.5 * size.x))
     end = ImVec2(corner.x + size.x, corner.y + size.y)

@@ -160,6 +160,7 @@ def _view(context: PanelContext) -> list[Action]:
         imgui.end_menu()
     actions += _resolution(context)
     actions += _entry(context, "Compare with this moment", "compare", on=context.view.compare is not None)
+    actions += _entry(context, "Where the picture is off", "error", on=context.view.shows_error)
     actions += _entry(context, "Logarithmic curve", "log", on=context.view.log_y)
     imgui.separator()
     for panel in PANELS:

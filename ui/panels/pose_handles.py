@@ -38,6 +38,7 @@ def handles(context: PanelContext, placed: Placed) -> list[PictureHandle]:
     box = None if selected is None else context.box_of(selected.object)
     if selected is None or box is None or not np.isfinite(box).all():
         return []
+    box = box + dict(getattr(context.status, "carried", ())).get(selected.object, (0.0, 0.0, 0.0))
     row = context.document.object(selected.object).deformations
     found = []
     for index, deformation in enumerate(row):

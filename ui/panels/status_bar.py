@@ -13,7 +13,7 @@ from app.status import Status
 from engine.render.picture_error import percent
 from ui import theme as look
 from ui.panels import widgets
-from ui.panels.accuracy import STOPPED, error_text, work_text
+from ui.panels.accuracy import STOPPED, error_parts, error_text, work_text
 from ui.panels.actions import Action, SetPanel
 from ui.panels.context import PanelContext
 from ui.theme import Icon
@@ -38,6 +38,10 @@ MODES_OWN = "Nothing more comes: this is all that this way to look shows. What i
 JUDGED = (
     "How far off the picture is, relative to its mean, by its own judgement: some hundred points are held against more "
     "lights, patches and bands, and against paths through the scene. True within a factor of about two."
+)
+JUDGED_DRAWN = (
+    "How far off the pictures are that are drawn in this mode, relative to their mean: of one at rest, and of one "
+    "as while something moves, some hundred points inside of objects are held against the same. Not where objects meet."
 )
 
 
@@ -104,6 +108,8 @@ def _contents(context: PanelContext) -> tuple[list[Words], list[Action]]:
 def picture_state(status: Status) -> tuple[look.Colour, str, str]:
     """Colour, words and explanation of what the picture is: waiting, preview, refining, finished or exact."""
     error = "" if status.image_error is None else f" (error {error_text(status.image_error)})"
+    if status.estimate is not None:
+        error = f", about {percent(status.estimate.total)} off"
     if not status.worker_alive:
         return look.BAD, "computing stopped", "What computes has ended and is being started again; edits are safe."
     if status.is_away and not status.goes_with_hand:
@@ -113,14 +119,15 @@ def picture_state(status: Status) -> tuple[look.Colour, str, str]:
     if status.picture == "refining":
         return look.ACCENT, f"refining{error}", status.missing_note
     if status.picture == "preview":
-        return look.ACCENT, "preview", "Coarse or fewer lights, or not yet the present light or roughness."
+        coarse = "Coarse or fewer lights, or not yet the present light or roughness."
+        return look.ACCENT, f"preview{error}", f"{coarse}\n{JUDGED_DRAWN}" if error else coarse
     return look.TEXT_FAINT, "waiting", "Lit from the eye, without shadows, until the first picture is computed."
 
 
 def _finished_state(status: Status) -> tuple[look.Colour, str, str]:
     """The same of a picture to which nothing comes: its error as it is estimated, until then what is known of it."""
     estimate, noise = status.estimate, status.image_error or 0.0
-    if status.goes_with_hand:
+    if status.goes_with_hand and estimate is None:
         return look.TEXT_SOFT, "finished", MODES_OWN
     if estimate is None and status.picture == "finished":
         return look.BAD if noise > NOISY else look.TEXT_SOFT, f"finished, noise {percent(noise)}", FINISHED_HINT
@@ -128,10 +135,10 @@ def _finished_state(status: Status) -> tuple[look.Colour, str, str]:
         return look.GOOD, "finished", JUDGED_LATER
     if estimate.is_none:
         return look.GOOD, "picture exact", JUDGED
-    parts = f"direct light: {percent(estimate.direct)}"
-    if estimate.indirect is not None:
-        parts += f"\nlight between surfaces: {percent(estimate.indirect)}"
-    hint = "\n".join(filter(None, (parts, estimate.advice, JUDGED)))
+    if estimate.direct is None:
+        hint = f"{MODES_OWN}\n{JUDGED_DRAWN}"
+    else:
+        hint = "\n".join(filter(None, (error_parts(estimate), estimate.advice, JUDGED)))
     return look.TEXT_SOFT if estimate.is_poor else look.GOOD, f"finished, about {percent(estimate.total)} off", hint
 
 

@@ -10,7 +10,7 @@ from app.solo import alone
 from app.view_state import SetView
 from engine.material.layer import object_of
 from ui import theme as look
-from ui.panels import orbit_camera, paint, picture_handles, surface_plot, view_sketch, widgets
+from ui.panels import error_legend, orbit_camera, paint, picture_handles, surface_plot, view_sketch, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag, Hold, Select, SetPanel
 from ui.panels.context import PanelContext
 from ui.panels.library import apply, dropped_material
@@ -22,6 +22,10 @@ from ui.theme import Icon
 
 DEGREES_PER_PIXEL = 0.5
 DIVIDER_REACH = 7.0
+LEGEND_WIDTH = 230.0
+ERROR_LEGEND = "Error, of the picture's mean"
+ERROR_AWAITED = "Finding out where the picture is off…"
+ERROR_UNKNOWN = "Where the picture is off is not known"
 
 
 def draw(context: PanelContext) -> list[Action]:
@@ -52,6 +56,8 @@ def _draw_picture(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[A
     upper, lower = picture.corners()
     far = ImVec2(placed.x + placed.width, placed.y + placed.height)
     draw_list.add_image(picture.reference, ImVec2(placed.x, placed.y), far, upper, lower)
+    if context.view.shows_error and context.error_overlay is not None:
+        draw_list.add_image(context.error_overlay.reference, ImVec2(placed.x, placed.y), far)
     view_sketch.draw(context, placed)
     handles = picture_handles.handles_of(context, placed)
     picture_handles.draw(context, handles)
@@ -61,6 +67,8 @@ def _draw_picture(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[A
     surface_plot.draw(context, placed.x, placed.y, placed.scale)
     _draw_solo(context, ImVec2(max(placed.x, corner.x), max(placed.y, corner.y)))
     _draw_zoom(context, end)
+    if context.view.shows_error:
+        _draw_error_legend(context, ImVec2(max(placed.x, corner.x), min(placed.y + placed.height, end.y)))
     if context.status.picture == "waiting":
         _draw_waiting(context, corner, room)
     draw_list.pop_clip_rect()
@@ -251,6 +259,24 @@ def _draw_zoom(context: PanelContext, end: ImVec2) -> None:
     extent, pad = imgui.calc_text_size(text), context.px(12)
     place = ImVec2(end.x - extent.x - pad, end.y - extent.y - pad)
     _plate(context, imgui.get_window_draw_list(), place, text, look.TEXT_SOFT)
+
+
+def _draw_error_legend(context: PanelContext, corner: ImVec2) -> None:
+    """What the false colours over the picture stand for, above its lower left corner; why there are none."""
+    pad, width = context.px(12), context.px(LEGEND_WIDTH)
+    known = context.error_overlay is not None
+    words = ERROR_LEGEND if known else ERROR_AWAITED if context.status.image_error is not None else ERROR_UNKNOWN
+    line, bar = imgui.get_text_line_height(), error_legend.height(context) + 0.3 * pad if known else 0.0
+    place = ImVec2(corner.x + pad, corner.y - 1.5 * pad - line - bar)
+    draw_list = imgui.get_window_draw_list()
+    if not known:
+        _plate(context, draw_list, place, words, look.TEXT)
+        return
+    low = ImVec2(place.x - 0.5 * pad, place.y - 0.3 * pad)
+    high = ImVec2(place.x + width + 0.5 * pad, place.y + line + bar + 0.3 * pad)
+    draw_list.add_rect_filled(low, high, look.pack(look.grey(26, 0.88)), context.px(4))
+    draw_list.add_text(place, look.pack(look.TEXT), words)
+    error_legend.draw(context, draw_list, ImVec2(place.x, place.y + line + 0.3 * pad), width)
 
 
 def _draw_solo(context: PanelContext, corner: ImVec2) -> None:

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import re
-import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import psutil
 import pytest
 from PIL import Image
 
@@ -22,9 +18,12 @@ from app.editor import Editor
 from app.files.session import save_session
 from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks
+from app.measure import planning
+from app.measure.planning import carried_out
 from app.messages import Progress
-from app.project import open_project
+from app.project import ProjectWords, open_project
 from app.view_state import ViewState
+from engine.errors import InsituError
 from engine.scene.builtin import builtin_scenes
 from tests.scene_text import ground
 
@@ -54,7 +53,7 @@ def scene(tmp_path: Path) -> str:
     return str(tmp_path / "scene.toml")
 
 
-def planned(source: str, resolution: tuple[int, int] | None = None) -> int | None:
+def planned_bounces_of(source: str, resolution: tuple[int, int] | None = None) -> int | None:
     return plan_project(open_project(source, resolution), lambda step: None).bounces
 
 
@@ -83,7 +82,7 @@ def rendered(source: str, monkeypatch: pytest.MonkeyPatch) -> int:
 
 
 def test_plan_still_and_editor_take_as_many_bounces(scene: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert planned(scene) == 3  # 0.18 of the light goes on at each: 0.6 % after three, 3 % after two
+    assert planned_bounces_of(scene) == 3  # 0.18 of the light goes on at each: 0.6 % after three, 3 % after two
     assert edited(scene) == 3
     assert rendered(scene, monkeypatch) == 3
 
@@ -109,19 +108,19 @@ def test_precompute_finds_the_indirect_light_that_the_editor_will_want(scene: st
 GROUND = ground((160, 120))
 
 
-def test_main_memory_is_told_within_a_third(tmp_path: Path) -> None:
+def test_memory_and_disk_are_told_within_a_third(tmp_path: Path) -> None:
     file = tmp_path / "scene.toml"
     file.write_text(GROUND)
     plan = plan_project(open_project(str(file)), lambda step: None)
-    peak = 0
-    # What the system keeps as a process's peak begins with what its parent had.
-    with psutil.Popen([sys.executable, "-m", "app", "precompute", str(file)], stdout=subprocess.DEVNULL) as process:
-        while process.poll() is None:
-            with contextlib.suppress(psutil.Error):
-                peak = max(peak, process.memory_info().rss)
-            time.sleep(0.01)
-    assert process.returncode == 0 and plan.cost is not None
-    assert plan.cost.memory_mib == pytest.approx(peak / 2**20, rel=0.3)
+    was = carried_out(ProjectWords(str(file), (150, 100)))
+    assert plan.cost is not None and was.seconds > 0.0
+    assert plan.cost.memory_mib == pytest.approx(was.memory_mib, rel=0.3)
+    assert 0.7 < 150 * 100 / (160 * 120) * plan.cost.disk_mib / was.disk_mib < 1.3
+
+
+def test_what_cannot_be_carried_out_is_said_in_one_line(tmp_path: Path) -> None:
+    with pytest.raises(InsituError, match="nowhere.toml"):
+        carried_out(ProjectWords(str(tmp_path / "nowhere.toml")))
 
 
 @pytest.mark.sweep
@@ -131,4 +130,22 @@ def test_they_agree_on_built_in_scenes_that_do_not_say(name: str, tmp_path: Path
         (tmp_path / file.name).write_bytes(file.read_bytes())
     scene = tmp_path / "scene.toml"
     scene.write_text(re.sub(r"(?m)^bounces = .*$", "", scene.read_text()))
-    assert planned(str(scene), (64, 48)) == edited(str(scene), (64, 48))
+    assert planned_bounces_of(str(scene), (64, 48)) == edited(str(scene), (64, 48))
+
+
+def test_the_table_of_plans_says_what_was_planned_and_what_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(planning, "carried_out", lambda words: planning.Carried(4.0, 400.0, 0.5))
+    told: list[str] = []
+    effort = planning.PlanEffort((scene_of(tmp_path, ground((40, 30))),), ((200, (24, 16), 1),))
+    rows = planning.measure_plans(effort, tmp_path, told.append)
+    written = (tmp_path / "planning.csv").read_text().splitlines()
+    assert [row.triangles for row in rows] == [2, 200 + 16_128] and len(written) == 3 and len(told) == 2
+    first = rows[0]
+    assert first.errors[1] == pytest.approx(first.planned_memory_mib / 400.0 - 1.0)
+
+
+def scene_of(folder: Path, text: str) -> str:
+    (folder / "scene.toml").write_text(text)
+    return str(folder / "scene.toml")

@@ -34,7 +34,7 @@ def entries(folder: Path) -> dict[str, bytes]:
 
 def test_it_keeps_what_the_editor_keeps_bit_by_bit(scene: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     precompute(open_project(scene, (40, 30)), lambda progress: None, N_LIGHTS, Store(tmp_path / "filled"))
-    monkeypatch.setattr(filling, "Tasks", lambda store, fills: Tasks(store))
+    monkeypatch.setattr(filling, "Tasks", lambda store, fills, labour: Tasks(store))
     precompute(open_project(scene, (40, 30)), lambda progress: None, N_LIGHTS, Store(tmp_path / "worker"))
     assert len(entries(tmp_path / "worker")) == 4  # visibility, two layers, and the unit they are in
     assert entries(tmp_path / "filled") == entries(tmp_path / "worker")

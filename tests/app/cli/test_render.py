@@ -91,3 +91,17 @@ def test_an_old_picture_survives_a_failed_one(scene: Path, tmp_path: Path, capsy
         assert run("render", scene, "-o", output, "--lights", "50") == 1
     assert f"insitu: {output}: not written, File too large; what was there is untouched" in capsys.readouterr().err
     assert output.read_bytes() == b"old" and len(list(tmp_path.glob("*a.exr*"))) == 1
+
+
+def test_edges_are_smooth_unless_told_otherwise(scene: Path, tmp_path: Path, capsys: Captured) -> None:
+    """A ball that is darker than the sky: between the two there are pixels that show both."""
+    values = ("--resolution", "32", "20", "--set", "ball.chalk.albedo=0.5")
+    levels = {}
+    for edges in ((), ("--edges", "0")):
+        assert run("render", scene, "-o", tmp_path / "a.exr", *values, *edges) == 0
+        image = read_radiance_image(tmp_path / "a.exr")
+        levels[edges] = np.mean((image > 0.3) & (image < 0.45))
+    assert levels[()] > 0.015 and levels["--edges", "0"] < 0.005
+    capsys.readouterr()
+    assert run("render", scene, "-o", tmp_path / "a.exr", "--edges", "5") != 0
+    assert "--edges 5: expected one of 0, 4, 8, 16" in capsys.readouterr().err

@@ -9,7 +9,8 @@ import pytest
 from PIL import Image
 
 from app import stills
-from app.cli.turntable import Frames, cameras
+from app.cli.turntable import FrameFiles
+from app.frames import cameras
 from app.project import open_project
 from app.stills import render_project
 from engine.indirect.series import BounceSeries
@@ -17,16 +18,16 @@ from engine.light.image_files import read_radiance_image
 from engine.scene.description import Camera
 from tests.app.files.test_brdf_files import insitu
 from tests.engine.deform.test_moments import write_bar
-from tests.engine.orbit.conftest import SCENE
+from tests.engine.orbit.conftest import BLOCK
 
 
 @pytest.fixture
 def scene(tmp_path: Path) -> Path:
-    """A matt ball on a floor under an even sky, in a folder of its own."""
+    """A matt block on a floor under an even sky, in a folder of its own."""
     folder = tmp_path / "scene"
     folder.mkdir()
-    (folder / "ball.toml").write_text(SCENE.replace('"rough_conductor"\nalpha = 0.3', '"lambert"'))
-    return folder / "ball.toml"
+    (folder / "block.toml").write_text(BLOCK.replace('"rough_conductor"\nalpha = 0.3', '"lambert"'))
+    return folder / "block.toml"
 
 
 def turn(scene: Path, out: Path, *more: object) -> int:
@@ -49,8 +50,8 @@ def test_the_camera_goes_round_its_target_once() -> None:
 
 
 def test_frames_are_named_by_the_folder_or_by_a_file_in_it(tmp_path: Path) -> None:
-    assert Frames.of(tmp_path / "a", 2).path(1) == tmp_path / "a" / "0001.png"
-    assert Frames.of(tmp_path / "a" / "turn.exr", 2).path(1) == tmp_path / "a" / "turn-0001.exr"
+    assert FrameFiles.of(tmp_path / "a", 2).path(1) == tmp_path / "a" / "0001.png"
+    assert FrameFiles.of(tmp_path / "a" / "turn.exr", 2).path(1) == tmp_path / "a" / "turn-0001.exr"
 
 
 @pytest.mark.usefixtures("coarse")
@@ -67,13 +68,12 @@ def test_frames_that_are_there_are_kept_and_others_drawn(scene: Path, tmp_path: 
     assert turn(scene, out, "--mode", mode, "--turntable", 3) == 0
     assert "2 frames, 1 were there" in capsys.readouterr().out
     assert [frame.read_bytes() for frame in frames] == first and frames[0].stat().st_mtime_ns == stamp
-    assert turn(scene, out, "--mode", mode, "--turntable", 3, "--set", "ball.0.albedo=[0.3, 0.2, 0.1]") == 0
+    assert turn(scene, out, "--mode", mode, "--turntable", 3, "--set", "block.0.albedo=[0.3, 0.2, 0.1]") == 0
     assert "3 frames" in capsys.readouterr().out
     assert frames[0].read_bytes() != first[0]
 
 
-@pytest.mark.sweep  # half a minute
-@pytest.mark.parametrize("mode", ["deform", "placement"])
+@pytest.mark.parametrize("mode", ["deform", pytest.param("placement", marks=pytest.mark.sweep)])
 def test_an_animation_is_frames_of_it_and_a_time_one_of_them(
     tmp_path: Path, mode: str, capsys, monkeypatch: pytest.MonkeyPatch
 ) -> None:

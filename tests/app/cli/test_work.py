@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from app.cli.precompute import precompute as fill_cache
 from app.jobs.cache import Store
 from app.project import open_project
 from engine.errors import InsituError
+from engine.light.image_files import read_radiance_image
 from tests.app.cli.command_line import SCENE, Recorder, run
 from tests.app.limits import small_disk
 
@@ -22,7 +24,48 @@ def test_plan_says_what_and_why_and_what_it_costs(scene: Path, capsys: Captured)
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].split() == ["ball.0.theta_i", "4", "bands", "overruled"]
     assert any(line.startswith("sphere") and "5,120 directions" in line for line in lines)
-    assert "MiB of main memory" in lines[-2] and "MiB on disk" in lines[-2] and "extrapolated" in lines[-1]
+    assert "MiB of main memory" in lines[-2] and "MiB on disk" in lines[-2] and "within about" in lines[-1]
+
+
+@pytest.mark.parametrize(
+    ("line", "same"),
+    [("lights=40", ("--lights", 40)), ("bounces=2", ("--bounces", 2)), ("edges=off", ("--edges", 0))],
+)
+def test_an_overruled_line_is_what_its_option_is(
+    scene: Path, tmp_path: Path, line: str, same: tuple[object, ...]
+) -> None:
+    small = ("--resolution", 12, 9)
+    assert run("render", scene, "-o", tmp_path / "a.exr", *small, "--overrule", line) == 0
+    assert run("render", scene, "-o", tmp_path / "b.exr", *small, *same) == 0
+    one, other = (read_radiance_image(tmp_path / name) for name in ("a.exr", "b.exr"))
+    np.testing.assert_array_equal(one, other)
+
+
+def test_overruled_bands_are_those_of_the_picture(scene: Path, tmp_path: Path) -> None:
+    for name, n_bands in (("a.exr", 1), ("b.exr", 32)):
+        small = ("--resolution", 12, 9, "--lights", 40)
+        assert run("render", scene, "-o", tmp_path / name, *small, "--overrule", f"ball.0.theta_i={n_bands}") == 0
+    one, other = (read_radiance_image(tmp_path / name) for name in ("a.exr", "b.exr"))
+    assert not np.array_equal(one, other) and one.mean() == pytest.approx(other.mean(), rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("render", "-o", "OUT", "--overrule", "ball.9.theta_i=4"), "the plan has no line 'ball.9.theta_i'"),
+        (("render", "-o", "OUT", "--overrule", "precision=float"), "a still is made in single floats"),
+        (("render", "-o", "OUT", "--mode", "orbit", "--overrule", "lights=40"), "the plan is Placement's"),
+        (("precompute", "--overrule", "ball.0.theta_i=4"), "expected one of lights, patches, bounces, edges"),
+        (("precompute", "--overrule", "lights=3"), "20 to 80,000"),
+    ],
+)
+def test_lines_that_cannot_be_overruled_are_told(
+    scene: Path, tmp_path: Path, arguments: tuple[str, ...], said: str, capsys: Captured
+) -> None:
+    command, *options = (str(tmp_path / "a.exr") if each == "OUT" else each for each in arguments)
+    assert run(command, scene, *options) != 0
+    (line,) = capsys.readouterr().err.splitlines()
+    assert said in line
 
 
 def test_notes_on_a_scene_are_printed(tmp_path: Path, capsys: Captured) -> None:

@@ -58,6 +58,11 @@ def test_a_folder_that_cannot_be_written_costs_only_the_memory(tmp_path: Path) -
     assert not (tmp_path / "missing").exists()
 
 
+def test_names_that_no_system_takes_are_not_there(tmp_path: Path) -> None:
+    (tmp_path / "recent.txt").write_text(f"/{'x' * 300}.toml\n/{'y/' * 3000}z.toml\n")
+    assert [entry.there for entry in RecentFiles(tmp_path / "recent.txt").entries()] == [False, False]
+
+
 def test_names_of_any_bytes_are_kept(tmp_path: Path) -> None:
     odd = Path(str(tmp_path) + "/\udcff ü.toml")
     recent = RecentFiles(tmp_path / "recent.txt")

@@ -292,7 +292,10 @@ KILL_LOOP = textwrap.dedent("""
         save_session(path, document, ViewState())
     pace = (time.monotonic() - started) / 5  # of a save on this machine now
     found = set()
-    for i_kill in range(n_kills):
+    n_done = 0
+    # Where saving is quick, all kills may come after a file is in its place: more, till one came before.
+    while n_done < n_kills or (len(found) == n_done and n_done < 50 * n_kills):
+        i_kill, n_done = n_done, n_done + 1
         begun, begins = os.pipe()
         child = os.fork()
         if child == 0:
@@ -303,7 +306,8 @@ KILL_LOOP = textwrap.dedent("""
                 number += 1
                 save_session(path, SetIntensity(float(number)).apply(document), ViewState())
         os.read(begun, 3)
-        time.sleep(random.uniform(0.0, 4.0 * pace))
+        if i_kill % 4:  # else at once
+            time.sleep(random.uniform(0.0, 4.0 * pace))
         os.close(begun)
         os.close(begins)
         os.kill(child, signal.SIGKILL)
@@ -311,15 +315,17 @@ KILL_LOOP = textwrap.dedent("""
         found.add(load_session(path).document.light.intensity)  # raises when half a file is there
     left = [entry.name for entry in path.parent.iterdir() if entry != path]
     assert len(left) <= 1, left  # what the last child was writing
-    assert 5 < len(found) < n_kills, found  # some kills came before, some after the file was in its place
+    # Some kills came before, some after the file was in its place.
+    assert n_done // 20 < len(found) < n_done, found
 """)
 
 
-def test_killed_while_saving_leaves_the_old_or_the_new_file(tmp_path: Path) -> None:
+@pytest.mark.parametrize("n_kills", [20, pytest.param(250, marks=pytest.mark.sweep)])
+def test_killed_while_saving_leaves_the_old_or_the_new_file(tmp_path: Path, n_kills: int) -> None:
     folder = tmp_path / "alone"
     folder.mkdir()
     path = save_session(folder / "s", SMALL, ViewState())
     done = subprocess.run(
-        [sys.executable, "-c", KILL_LOOP, str(path), "120"], capture_output=True, text=True, timeout=60
+        [sys.executable, "-c", KILL_LOOP, str(path), str(n_kills)], capture_output=True, text=True, timeout=300
     )
     assert done.returncode == 0, done.stderr

@@ -185,7 +185,7 @@ import numpy as np
 from app.jobs.cache import Store
 folder = Path(sys.argv[1])
 random.seed(3)
-for kill in range(60):
+for kill in range(int(sys.argv[2])):
     pid = os.fork()
     if not pid:
         store = Store(folder)
@@ -205,8 +205,10 @@ for kill in range(60):
 """
 
 
-def test_writer_killed_at_random_moments_leaves_whole_entries_and_no_litter(tmp_path: Path) -> None:
-    done = subprocess.run([sys.executable, "-c", KILL_LOOP, str(tmp_path)], capture_output=True, text=True, timeout=180)
+@pytest.mark.parametrize("n_kills", [20, pytest.param(250, marks=pytest.mark.sweep)])
+def test_writer_killed_at_random_moments_leaves_whole_entries_and_no_litter(tmp_path: Path, n_kills: int) -> None:
+    command = [sys.executable, "-c", KILL_LOOP, str(tmp_path), str(n_kills)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
 
 

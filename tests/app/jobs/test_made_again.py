@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from app.document import LightState
-from app.jobs import placement as placement_module
+from app.jobs import labour
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.messages import Response, SkyImage
@@ -65,7 +65,7 @@ def test_a_layer_that_becomes_editable_is_made_alone_and_in_one_stage(
     tasks = opened(source, store)
     before = pictures(run_in_process(tasks, FIXED))
     recorder = Recorder()
-    monkeypatch.setattr(placement_module, "project_layer", recorder)
+    monkeypatch.setattr(labour, "project_layer", recorder)
     answers = without_progress(run_in_process(tasks, replace(FREE, selected=GLOSS, factor="theta_h")))
     assert recorder.n_tiles == tiles_of(before[GLOSS])
     # What is there is told at once, so that the picture stays; then come the bands, which give the same picture.
@@ -83,7 +83,7 @@ def test_a_layer_that_becomes_fixed_is_not_made_again(
     tasks = opened(source, store)
     first = run_in_process(tasks, FREE)
     recorder = Recorder()
-    monkeypatch.setattr(placement_module, "project_layer", recorder)
+    monkeypatch.setattr(labour, "project_layer", recorder)
     second = run_in_process(tasks, FIXED)
     assert recorder.n_tiles == 0
     assert_same_pictures(pictures(second), pictures(first))
@@ -107,7 +107,7 @@ def test_a_quotient_is_made_again_coarse_to_fine_and_for_its_layer_alone(
     run_in_process(tasks, FREE)
     rough = work(GLOSS, "rough_conductor", alpha=0.5).layer
     recorder = Recorder()
-    monkeypatch.setattr(placement_module, "project_layer", recorder)
+    monkeypatch.setattr(labour, "project_layer", recorder)
     answers = run_in_process(tasks, with_layer(FREE, GLOSS, layer=rough))
     shown = [pictures(answers, stage) for stage in ("coarse", "preview", "final")]
     assert [set(stage) for stage in shown] == [{GLOSS}, {GLOSS}, {GLOSS, "ball.0", "ground.0"}]

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.jobs import placement as placement_module
+from app.jobs import labour
 from app.jobs.array_record import read_record, write_record
 from app.jobs.cache import Store
 from app.jobs.client import Client
@@ -34,7 +34,7 @@ from tests.opened import ask_for_scene, run_in_process
 def test_what_was_computed_before_comes_from_the_cache(source: str, store: Store, monkeypatch) -> None:
     expected = pictures(run_in_process(opened(source, store), compute()))
     recorder = Recorder()
-    monkeypatch.setattr(placement_module, "project_layer", recorder)
+    monkeypatch.setattr(labour, "project_layer", recorder)
     assert_same_pictures(pictures(run_in_process(opened(source, store), compute())), expected)
     assert recorder.n_tiles == 0
 
@@ -44,13 +44,13 @@ def test_what_was_computed_before_comes_from_the_cache(source: str, store: Store
 )
 def test_it_resumes_after_the_last_complete_tile(source: str, tmp_path: Path, monkeypatch, n_kept: int) -> None:
     whole = Recorder()
-    monkeypatch.setattr(placement_module, "project_layer", whole)
+    monkeypatch.setattr(labour, "project_layer", whole)
     expected = pictures(run_in_process(opened(source, Store(tmp_path / "fresh")), compute()))
     broken = Recorder(whole.n_tiles - tiles_of(*expected.values()) + n_kept)
-    monkeypatch.setattr(placement_module, "project_layer", broken)
+    monkeypatch.setattr(labour, "project_layer", broken)
     assert "a defect" in failure(run_in_process(opened(source, Store(tmp_path / "cache")), compute()))
     again = Recorder()
-    monkeypatch.setattr(placement_module, "project_layer", again)
+    monkeypatch.setattr(labour, "project_layer", again)
     assert_same_pictures(pictures(run_in_process(opened(source, Store(tmp_path / "cache")), compute())), expected)
     assert again.n_tiles == whole.n_tiles - n_kept
 
@@ -61,7 +61,7 @@ def test_a_cancelled_transport_keeps_what_is_whole(source: str, store: Store, mo
     assert next(final_pictures).key == GLOSS
     steps.close()
     recorder = Recorder()
-    monkeypatch.setattr(placement_module, "project_layer", recorder)
+    monkeypatch.setattr(labour, "project_layer", recorder)
     answers = run_in_process(opened(source, store), compute())
     coarse, final = pictures(answers, "coarse"), pictures(answers)
     # The selected layer's final transport was there already; all else is computed, in three stages.
@@ -154,7 +154,7 @@ def test_forged_tiles_are_computed_again(
     expected = pictures(run_in_process(opened(source, Store(tmp_path / "fresh")), compute()))
     n_coarse = tiles_of(*pictures(run_in_process(opened(source, store), compute(n_lights_final=80)), "coarse").values())
     broken = Recorder(n_coarse + tiles_of(*expected.values()) + 2)  # two tiles of the final stage
-    monkeypatch.setattr(placement_module, "project_layer", broken)
+    monkeypatch.setattr(labour, "project_layer", broken)
     run_in_process(opened(source, store), compute())
     monkeypatch.undo()
     assert [path.suffix for path in (tmp_path / "cache").iterdir()].count(".tiles") == 1

@@ -53,7 +53,7 @@ def test_an_opened_scene_tells_what_the_window_needs(source: str, store: Store) 
     answers = open_in_process(Tasks(store), source)
     assert [type(answer) for answer in answers] == [Progress, SceneOpened, Progress, SceneSeen]
     frame = answers[-1].frame
-    n_points = frame.n_pixels
+    n_points = frame.n_points
     assert (frame.width, frame.height) == (48, 48)
     # The lamp shines and has no points; the other two share them all.
     assert frame.object_ranges.tolist()[-1] == [n_points, n_points]
@@ -108,7 +108,7 @@ def test_a_coarse_stage_says_which_samples_stand_for_each_pixel(source: str, sto
     assert not any(isinstance(answer, LayerTransport) for answer in answers)
     (coarse,) = (a for a in answers if isinstance(a, StageFootprint))
     assert coarse.stage == "coarse"  # in finer ones every pixel has its own
-    assert coarse.rows.shape == coarse.weights.shape == (frame.n_pixels, 4)
+    assert coarse.rows.shape == coarse.weights.shape == (frame.n_points, 4)
     begin, end = frame.object_ranges[1]
     n_samples = len(pictures(answers, "coarse")[GLOSS])
     assert 0 < n_samples < (end - begin) / 8 and coarse.rows[begin:end].max() == n_samples - 1
@@ -287,7 +287,7 @@ def test_a_camera_that_sees_nothing_to_edit_has_a_picture_of_that(
     path.write_text(text.replace("0,0,5,0, 0,-5,0,0", "0,0,0.1,0, 0,-0.1,0,0"))
     tasks = Tasks(store)
     seen = next(a for a in open_in_process(tasks, str(path)) if isinstance(a, SceneSeen))
-    assert seen.frame.n_pixels == 0 and what_is_missing(seen.frame) == f"the camera sees {sees}"
+    assert seen.frame.n_points == 0 and what_is_missing(seen.frame) == f"the camera sees {sees}"
     answers = run_in_process(tasks, compute(n_bounces=2))
     assert {key: len(picture) for key, picture in pictures(answers).items()} == dict.fromkeys(pictures(answers), 0)
     assert isinstance(answers[-1], StageDone) and answers[-1].exact

@@ -66,7 +66,8 @@ def test_nothing_is_left(
     scratch.mkdir()
     mark = f"INSITU_TEST_MARK={tmp_path}"
     environment = {**os.environ, "TMPDIR": str(scratch), mark.split("=")[0]: str(tmp_path)}
-    command = [sys.executable, "-c", PROGRAM, during, "measure", tiny_scene, "--quick", "-o", str(tmp_path / "out")]
+    command = [sys.executable, "-c", PROGRAM, during, "measure", tiny_scene, "--quick", "--only", "figures"]
+    command += ["-o", str(tmp_path / "out")]
     measuring = subprocess.Popen(
         command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True
     )

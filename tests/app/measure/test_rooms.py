@@ -21,7 +21,7 @@ from app.measure.rooms import (
     room_errors,
     room_figures,
 )
-from app.project import Project, open_project
+from app.project import Project, open_project, with_edges
 from app.stills import render_picture
 from engine.indirect.series import BounceSeries
 from engine.light.image_files import read_radiance_image
@@ -116,7 +116,7 @@ def against_judge(name: str, n_bounces: int, block: int = 1) -> Errors:
 def judged(name: str, n_bounces: int) -> tuple[Project, NDArray[np.floating], NDArray[np.floating]]:
     """A room, its still, and the small picture that is kept of it."""
     truth = read_radiance_image(JUDGES / f"{name}_{n_bounces}.exr")
-    project = open_project(name, truth.shape[1::-1])
+    project = with_edges(open_project(name, truth.shape[1::-1]), 0)  # the judges' rays pass centres alone
     return project, render_picture(project, lambda step: None, series=BounceSeries(n_bounces)), truth
 
 

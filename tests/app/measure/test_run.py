@@ -6,6 +6,7 @@ import contextlib
 import json
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,8 @@ from app.measure.growth import GrowthRow
 from app.measure.indirect import IndirectEffort
 from app.measure.launches import Screen, launch, measure_indirect, open_screen
 from app.measure.sweep import Grid
+from app.measure.visibility import Size, VisibilityEffort
+from engine.errors import InsituError
 
 EFFORT = Effort(
     "test",
@@ -33,11 +36,13 @@ EFFORT = Effort(
     600.0,
     Grid((50, 400), (16, 64), (1, 64), side=24, n_points=6, level=4, oracle_lights=800),
     IndirectEffort(2, 1, (2, 4), 12, 12, ((2, 2), (3, 3)), 12, warm_up=False, room=False),
+    edges=None,
     rooms=None,
     gloss=None,
     orbit=None,
     deform=None,
     relight=None,
+    turning=None,
 )
 pytestmark = pytest.mark.slow
 WINDOW = ("window_s", "first_picture_s", "worst_stall_ms", "exact_picture_s", "first_picture_cold_s")
@@ -65,7 +70,7 @@ def measured(tiny_scene: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
         patch.setattr("app.measure.launches.INDIRECT", "tests.app.measure.quick_indirect")
         patch.setattr(indirect, "measure_indirect", lambda _, *others: measure_indirect(str(twice), *others))
         patch.setattr(indirect, "memory_rows", lambda *_: [GrowthRow(2, 10.0, 0.0), GrowthRow(4, 15.0, 0.0)])
-        run(tiny_scene, folder, report=lambda line: None, effort=EFFORT)
+        run(tiny_scene, folder, report=lambda line: None, effort=EFFORT, only=["figures"])
     return folder
 
 
@@ -102,6 +107,14 @@ def test_plots_are_pictures_of_a_readable_size(measured: Path) -> None:
             assert picture.width >= 1000 and picture.height >= 600
             assert len(picture.convert("RGB").getcolors(1 << 24) or []) > 20  # not one blank sheet
     assert (measured / "sweep.csv").read_text().startswith("study,lights,bands")
+
+
+def test_a_part_alone_and_one_that_is_none(tiny_scene: str, tmp_path: Path) -> None:
+    effort = replace(EFFORT, visibility=VisibilityEffort((Size(17, 50),), {"tiny": "shapes"}))
+    assert run(tiny_scene, tmp_path, report=lambda line: None, effort=effort, only=["visibility"]) == []
+    assert {file.name for file in tmp_path.iterdir()} == {"visibility.csv", "visibility.md", "visibility.png"}
+    with pytest.raises(InsituError, match="no part 'speed', expected one of knobs, figures, visibility"):
+        run(tiny_scene, tmp_path, only=["speed"])
 
 
 @pytest.mark.window

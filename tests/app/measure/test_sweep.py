@@ -12,34 +12,12 @@ import pytest
 from app.measure.accuracy import reflected
 from app.measure.speed import precompute
 from app.measure.subject import layer_bands, open_subject
-from app.measure.sweep import Grid, SweepRow, pareto_front, precision_picture, run_sweep, terms_by_effect, write_csv
+from app.measure.sweep import Grid, SweepRow, precision_picture, run_sweep, terms_by_effect, write_csv
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.transport.pipeline import PREVIEW
 
 GRID = Grid((50, 400), (16, 64), (1, 64), side=24, n_points=8, level=4, oracle_lights=2000)
-
-
-@pytest.mark.parametrize(
-    ("costs", "wrongs", "front"),
-    [
-        ([1, 2, 3], [3, 2, 1], [True, True, True]),  # each cheaper one is more wrong: all stand
-        ([1, 2, 3], [1, 2, 3], [True, False, False]),  # the cheapest is the most right: it beats all
-        ([1, 2, 2, 3], [2, 1, 1.5, 1], [True, True, False, False]),  # as cheap but more wrong; as right but dearer
-        ([1, 1], [1, 1], [True, True]),  # equal settings stand together
-        ([math.nan, 1], [0.5, 1], [False, True]),  # of unknown cost: it cannot stand
-        ([], [], []),
-    ],
-)
-def test_pareto_front(costs: list[float], wrongs: list[float], front: list[bool]) -> None:
-    assert pareto_front(costs, wrongs) == front
-
-
-def test_points_on_a_hyperbola_all_stand_and_those_above_it_all_fall() -> None:
-    cost = np.linspace(1.0, 10.0, 40)
-    # 1/x falls strictly; (1 + 1e-6)/x lies above the point with the same x.
-    front = pareto_front([*cost, *cost], [*(1 / cost), *((1 + 1e-6) / cost)])
-    assert front == [True] * 40 + [False] * 40
 
 
 def test_terms_are_taken_by_their_effect_on_the_picture() -> None:

@@ -15,13 +15,23 @@ from app.history import History
 from app.messages import Cancel, Failed, Request
 from app.mode import OpenedScene
 from app.orbit.events import OrbitPicture
-from app.orbit.messages import DrawOrbit, OrbitAdvanced, OrbitDrawn, OrbitUnknown, PrepareOrbit
+from app.orbit.messages import (
+    DrawnEstimated,
+    DrawOrbit,
+    EstimateOrbit,
+    LookOrbit,
+    OrbitAdvanced,
+    OrbitDrawn,
+    OrbitUnknown,
+    PrepareOrbit,
+)
 from app.orbit.talk import REST_SECONDS, OrbitTalk
-from app.orbit.wishes import MOVING_SECONDS, STEPS, Pace
+from app.orbit.wishes import MOVING_SECONDS, STEPS, WINDOW_SECONDS, Pace
 from app.placement.messages import ComputeTransport
 from app.status import Gauges, Status
 from app.view_state import ViewState
 from engine.plan import band_counts
+from engine.render.picture_error import ErrorEstimate
 from engine.scene.description import Camera, SceneDescription
 from tests.ui.stand_in import HEIGHT, SCENE, WIDTH
 
@@ -176,6 +186,60 @@ def test_a_picture_that_failed_is_not_asked_for_again_and_again(table: Table) ->
     assert table.update() == [] and table.update(1.0) == []
 
 
+def test_it_knows_whether_its_picture_is_of_the_view_as_it_looks_now(table: Table) -> None:
+    assert table.talk.shows_look
+    table.look(CAMERAS[0])
+    table.update()
+    assert not table.talk.shows_look  # what is selected has no outline over the picture of before
+    table.drawn(1)
+    assert table.talk.shows_look
+
+
+@pytest.fixture
+def drawing(table: Table) -> Table:
+    """The same, with a window that draws moving pictures itself."""
+    table.talk.draw_in_window(1 << 20)
+    (prepare,) = table.update()
+    assert isinstance(prepare, PrepareOrbit) and prepare.listener > 0 and prepare.most_bytes == 1 << 20
+    table.advance(1)
+    (asked,) = table.update()
+    assert isinstance(asked, DrawOrbit) and asked.quality == "rest"
+    table.drawn(1)
+    assert table.talk.drawn_in_window is None  # the worker's picture of a view at rest
+    return table
+
+
+def test_a_window_that_draws_itself_asks_for_pictures_at_rest_alone(drawing: Table) -> None:
+    for camera in CAMERAS:
+        drawing.look(camera)
+        assert drawing.update() == []
+        wanted = drawing.talk.drawn_in_window
+        assert wanted is not None and wanted[:2] == (camera, (WIDTH, HEIGHT))
+        drawing.talk.drew(0.1 * WINDOW_SECONDS)
+    (asked,) = drawing.update(REST_SECONDS)
+    assert asked == DrawOrbit(CAMERAS[-1], (WIDTH, HEIGHT), "rest")
+    drawing.look(CAMERAS[0])  # which a hand does not wait for
+    assert drawing.update() == [Cancel(of=(DrawOrbit,))]
+    assert drawing.drawn(1) == [] and drawing.talk.drawn_in_window is not None
+
+
+def test_what_it_sees_comes_first_while_not_all_is_ready(drawing: Table) -> None:
+    drawing.history.do(SetRotation(30.0))
+    assert [type(request) for request in drawing.update()] == [PrepareOrbit]
+    drawing.advance(2, is_done=False)
+    drawing.look(CAMERAS[0])
+    assert drawing.update() == [LookOrbit(CAMERAS[0])]
+    assert drawing.update() == []
+
+
+def test_where_it_cannot_the_worker_draws_again(drawing: Table) -> None:
+    drawing.talk.draw_in_window(0)
+    drawing.look(CAMERAS[0])
+    prepare, moving = drawing.update()
+    assert isinstance(prepare, PrepareOrbit) and not prepare.listener
+    assert isinstance(moving, DrawOrbit) and moving.quality == "moving"
+
+
 def test_as_many_pixels_as_are_drawn_in_time() -> None:
     pace = Pace()
     for _ in range(10):
@@ -197,3 +261,66 @@ def test_what_cost_more_than_it_promised_is_tried_less_and_less_often() -> None:
         sizes.append(width)
         pace.took(MOVING_SECONDS * (0.5 + (width / 400.0) ** 2))
     assert sizes.count(400) <= 10 and 0.9 < np.mean(np.array(sizes[20:]) == 300)
+
+
+NEAR, FAR = ErrorEstimate(None, None, 0.02), ErrorEstimate(None, None, 0.08)
+
+
+def judged(table: Table) -> EstimateOrbit:
+    """What is asked once the picture rests, answered."""
+    table.update()
+    (asked,) = (request for request in table.update(1.0) if isinstance(request, EstimateOrbit))
+    table.talk.take(DrawnEstimated(NEAR, FAR, id=table.id_of(EstimateOrbit)))
+    return asked
+
+
+def test_a_whole_picture_is_judged_as_it_is_at_rest_and_while_something_moves(table: Table) -> None:
+    asked = judged(table)
+    assert isinstance(asked.at_rest, DrawOrbit) and isinstance(asked.moving, DrawOrbit)
+    assert (asked.at_rest.quality, asked.moving.quality) == ("rest", "moving")
+    assert asked.at_rest.resolution == (WIDTH, HEIGHT) and asked.moving.resolution < (WIDTH, HEIGHT)
+    assert table.talk.status(Status()).estimate == NEAR and table.talk.status(Status()).image_error == 0.02
+    assert not [request for request in table.update(1.0) if isinstance(request, EstimateOrbit)]
+
+
+def test_from_elsewhere_it_is_judged_as_pictures_are_that_move_until_the_scene_is_edited(table: Table) -> None:
+    judged(table)
+    table.look(CAMERAS[0])
+    table.update()
+    table.drawn(1)
+    assert table.talk.status(Status()).estimate == FAR
+    table.history.do(SetRotation(40.0))
+    table.update()
+    assert table.talk.status(Status()).estimate is None
+
+
+def test_where_it_is_off_is_told_where_that_is_asked_for(table: Table) -> None:
+    judged(table)
+    table.view = replace(table.view, shows_error=True)
+    requests = [*table.update(), *table.update(1.0)]
+    (asked,) = (request for request in requests if isinstance(request, EstimateOrbit))
+    colours = np.zeros((HEIGHT, WIDTH, 4), np.uint8)
+    assert asked.has_map and table.talk.status(Status()).error_colours is None
+    table.talk.take(DrawnEstimated(NEAR, FAR, colours, id=table.id_of(EstimateOrbit)))
+    assert table.talk.status(Status()).error_colours is colours
+    table.look(CAMERAS[0])
+    table.update()
+    assert table.talk.status(Status()).error_colours is None
+
+
+def test_a_picture_that_is_seen_no_more_is_not_judged(table: Table) -> None:
+    table.update()
+    assert [type(request) for request in table.update(1.0)].count(EstimateOrbit) == 1
+    late = table.id_of(EstimateOrbit)
+    table.look(CAMERAS[0])
+    assert Cancel(of=(EstimateOrbit,)) in table.update()
+    table.talk.take(DrawnEstimated(NEAR, FAR, id=late))
+    assert table.talk.status(Status()).estimate is None
+
+
+def test_what_cannot_be_judged_is_not_asked_for_again(table: Table) -> None:
+    table.update()
+    table.update(1.0)
+    table.talk.take(Failed("no", id=table.id_of(EstimateOrbit)))
+    assert not [request for request in table.update(5.0) if isinstance(request, EstimateOrbit)]
+    assert table.talk.status(Status()).estimate is None

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine.deform.live import N_LOBES, ORDER, Deform, finished
+from engine.deform.live import FEW_RAYS, N_LOBES, ORDER, Deform, finished
 from engine.deform.pose import Deformation
 from engine.deform.raster import Surface, draw
 from engine.deform.shading import shade
@@ -19,6 +19,7 @@ from engine.material.layer import make_layer
 from engine.scene.camera import centre_directions
 from engine.scene.load import Scene, load_scene
 from engine.scene.raycaster import RayCaster
+from engine.scene.surface_kinds import DeformSurface, Subsurface
 from engine.steps import finish
 from engine.transport.pipeline import SkyState
 from tests.scene_text import camera, placed
@@ -108,6 +109,54 @@ def test_an_object_that_bends_casts_no_shadow_on_others(deform: Deform, scene: S
     open_ = made._lobes.low[floor, 0]
     assert open_ == pytest.approx(unshadowed(1, 1)[0, 0], rel=1e-3)
     assert alone.mean() > shaded.mean()
+
+
+def test_the_shadow_of_what_begins_to_bend_goes_before_anything_else_is_made(scene: Scene) -> None:
+    """Roughly and at once: no picture of the floor that is drawn after the first piece of work has it."""
+    made = Deform(scene, n_points=400, n_rays=2000)
+    made.set_light(sky())
+    made.set_layers({0: (MATT,), 1: (MATT,)})
+    eye = scene.description.camera
+    stale = finished(made).draw(eye, SIZE)
+    made.set_posed(["box"])
+    before = made.version
+    work = made.work()
+    while made.version == before:
+        next(work)
+    roughly, floor = made.draw(eye, SIZE), seen(made, 1)
+    assert made._known[1].casters == (1,) and made._known[1].n_rays == FEW_RAYS and 0 in made._known
+    truth = finished(made).draw(eye, SIZE)
+    off, was_off = (np.sqrt(((each - truth)[floor] ** 2).mean()) for each in (roughly, stale))
+    assert off < 0.2 * was_off
+
+
+def test_light_that_goes_through_an_object_leaves_the_others_as_they_are(scene: Scene) -> None:
+    """Its points are others from then on, but what is seen stays until there is better."""
+    made = Deform(scene, n_points=400, n_rays=2000)
+    made.set_light(sky())
+    made.set_layers({0: (MATT,), 1: (MATT,)})
+    eye = scene.description.camera
+    before, points, known = finished(made).draw(eye, SIZE), made._points, made._known[1]
+    made.set_surfaces((("box", DeformSurface(subsurface=Subsurface(scattering=20.0))),))
+    assert not made.is_done
+    work = made.work()
+    while made._points is points:
+        next(work)
+    assert len(made._points.of(0)) != len(points.of(0)) and made._points.stands_as(points, 1)
+    stays, floor = made.draw(eye, SIZE), seen(made, 1)
+    assert np.array_equal(stays[floor], before[floor]) and stays == pytest.approx(before, abs=0.25)
+    for _ in work:
+        assert made._known[1] is known  # nothing is sought of it anew
+    assert not np.allclose(made.draw(eye, SIZE)[~floor], stays[~floor], atol=0.02)
+    made.set_surfaces(())
+    assert np.array_equal(finished(made).draw(eye, SIZE)[floor], before[floor])
+
+
+def seen(made: Deform, i: int) -> np.ndarray:
+    """Which pixels (H, W) show an object at rest."""
+    camera = made.scene.description.camera
+    found = draw(made._points.surface, made._points.places, camera, np.array(camera.position), SIZE).found
+    return (found >= 0) & (made._points.surface.i_object[found] == i)
 
 
 def test_a_pixel_shows_what_a_ray_meets(scene: Scene) -> None:

@@ -10,20 +10,21 @@ import numpy as np
 import pytest
 
 from engine.deform import animation
-from engine.deform.live import Deform
 from engine.deform.points import bending_points
 from engine.deform.pose import Deformation, Moment, deformed
+from engine.deform.posed_points import PosedPoints
 from engine.deform.posed_scene import at_moment, posed
 from engine.scene.load import Scene, load_scene
+from engine.scene.raycaster import RayCaster
 from tests.engine.scene.test_rigs import Bar
 from tests.scene_text import camera, placed
 
 ROW = (Moment("bend", 0.7),)
 
 
-def write_bar(folder: Path) -> Path:
-    """A scene of a bar on two joints that bends within a second."""
-    bar = Bar()
+def write_bar(folder: Path, bar: Bar | None = None) -> Path:
+    """A scene of a bar on two joints that bends within a second, or of another bar."""
+    bar = bar or Bar()
     tree = json.dumps(bar.tree | {"buffers": [{"byteLength": len(bar.binary)}]}).encode()
     tree += b" " * (-len(tree) % 4)
     chunks = [struct.pack("<II", len(each), kind) + each for each, kind in ((tree, 0x4E4F534A), (bar.binary, 0x4E4942))]
@@ -49,7 +50,9 @@ def test_a_scene_stands_as_its_animation_has_it_and_bends_from_there(scene: Scen
     assert traced.vertices[:5] == pytest.approx(moved.positions, abs=1e-6)
     assert traced.normals[:5] == pytest.approx(moved.frames[:, 2], abs=1e-6)
     row = (ROW[0], Deformation("bend", 30.0))
-    bent = deformed(moved, [row[1]], rest.box)  # in the box of the mesh at rest, or it would shake as that moves
+    # In the box of the mesh at rest, or it would shake as that moves, but carried along with the whole.
+    box = rest.box + (moved.positions - rest.positions).mean(axis=0)
+    bent = deformed(moved, [row[1]], box)
     assert posed(scene, (("bar", row),)).vertices[:5] == pytest.approx(bent.positions, abs=1e-6)
 
 
@@ -58,9 +61,9 @@ def test_an_animation_that_is_not_there_moves_nothing(scene: Scene) -> None:
 
 
 def test_what_is_drawn_goes_as_the_triangle_does_that_it_lies_on(scene: Scene) -> None:
-    deform = Deform(scene, n_points=200)
-    deform._points = points = bending_points(scene, deform._caster, 200)
-    resting, pose = points.resting(0), deform._pose(0, ROW)
+    points = bending_points(scene, RayCaster(scene.vertices, scene.triangles), 200)
+    placed_points = PosedPoints(scene, points)
+    resting, pose = points.resting(0), placed_points._pose(0, ROW)
     assert len(resting.positions) > 20
     rest, moved = at_moment(scene, 0, ROW)
     for number, place in enumerate(rest.positions):
@@ -73,4 +76,4 @@ def test_what_is_drawn_goes_as_the_triangle_does_that_it_lies_on(scene: Scene) -
     corners = rest.positions[scene.triangles[0]]
     inside = [k for k, each in enumerate(resting.positions) if (np.abs(corners - each).max(axis=1) > 1e-3).all()]
     assert inside and np.isfinite(pose.frames).all()
-    assert deform._pose(0, ()).positions == pytest.approx(resting.positions, abs=0.0)
+    assert placed_points._pose(0, ()).positions == pytest.approx(resting.positions, abs=0.0)

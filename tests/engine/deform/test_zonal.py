@@ -8,7 +8,8 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from engine import threads
-from engine.deform.zonal import MAX_LOBES, Zonal, fit
+from engine.deform.transfer import cosine_directions
+from engine.deform.zonal import MAX_LOBES, Zonal, about_linear, fit
 from engine.sphere.harmonics import bands, basis, rotated
 from engine.steps import finish
 
@@ -54,6 +55,18 @@ def test_lobes_are_found_again(n_lobes: int) -> None:
     axes /= np.linalg.norm(axes, axis=2)[:, :, None]
     vectors = lobes(axes, rng.uniform(0.5, 1.0, (10, n_lobes, 6)))
     assert np.median(fitted(vectors, n_lobes, 20).errors) < 1e-4
+
+
+def test_a_lobe_about_the_linear_band_is_the_best_of_what_is_round_about_it() -> None:
+    """A cosine that is turned is found again, all but its constant band, which is kept; of others the error is told."""
+    round_about = cosine_directions(4000, 6)[1].mean(axis=0)
+    turns = Rotation.random(5, random_state=2).as_matrix()
+    vectors = np.concatenate([[rotated(round_about, turn) for turn in turns], random_vectors(20), np.zeros((1, 36))])
+    zonal = about_linear(vectors)
+    left = np.linalg.norm(zonal.harmonics() - vectors, axis=1)
+    assert zonal.errors == pytest.approx(left, abs=1e-12) and left[:5].max() < 2e-3
+    assert zonal.axes[:5, 0] == pytest.approx(turns[:, :, 2], abs=1e-3)
+    assert (zonal.errors[5:-1] >= fitted(vectors[5:-1], 1).errors - 1e-9).all()
 
 
 def test_a_joint_search_by_another_way_finds_nothing_better() -> None:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine.indirect.lattice import COARSEST, GLOSSY_TURN, Lattice, coarsest_of
+from engine.indirect.lattice import COARSEST, GLOSSY_TURN, Lattice, coarsest_of, count_by_shape
 from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, placement_of
 
 HITS = placement_of(CORNER, **CORNER_VIEW, n=192).hits
@@ -114,3 +114,12 @@ def test_a_gloss_is_stood_for_by_normals_like_its_own(glossy):
     np.testing.assert_allclose(weights.sum(axis=1), 1.0, rtol=1e-5)
     alike = np.einsum("pkc,pc->pk", normal[lattice.rows[rows]], normal)[weights > 0.0].min()
     assert (alike > GLOSSY_TURN - 1e-5) == glossy
+
+
+def test_some_blocks_tell_how_many_points_all_of_them_ask_for():
+    every = count_by_shape(Lattice(HITS, MATT))
+    some = Lattice(HITS, MATT)
+    some.thin(200, np.random.default_rng(1))
+    asked = count_by_shape(some)
+    assert asked < 0.7 * every
+    assert some.n_expected == pytest.approx(every, rel=0.15)

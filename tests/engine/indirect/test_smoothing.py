@@ -34,12 +34,14 @@ STEP = np.where(X > 20, 1.0, 0.2)[:, None] * np.array([1.0, 0.8, 0.6])
 
 
 def test_noise_goes_and_a_step_stays():
-    smoothing, noisy = filter_of(STEP, 0.15)
-    clean = filtered(smoothing, noisy)
-    assert error(clean, STEP) < 0.55 * error(noisy, STEP)
-    beside = abs(X - 20.5) < 1.0
-    assert error(clean[beside], STEP[beside]) < 0.75 * error(noisy[beside], STEP[beside])
-    assert clean.mean() == pytest.approx(STEP.mean(), rel=0.01)
+    beside, left, kept = abs(X - 20.5) < 1.0, [], []
+    for seed in range(8):  # of neighbours equally far one is chosen by chance, and beside a step are few points
+        smoothing, noisy = filter_of(STEP, 0.15, seed)
+        clean = filtered(smoothing, noisy)
+        left.append(error(clean, STEP) / error(noisy, STEP))
+        kept.append(error(clean[beside], STEP[beside]) / error(noisy[beside], STEP[beside]))
+        assert clean.mean() == pytest.approx(STEP.mean(), rel=0.01)
+    assert np.mean(left) < 0.55 and np.mean(kept) < 0.75
 
 
 def test_what_is_quiet_stays_as_it_is():

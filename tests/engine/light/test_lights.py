@@ -241,6 +241,12 @@ def test_lights_go_where_the_points_look() -> None:
     assert lights.power.sum(axis=0) == pytest.approx(np.full(3, 4 * np.pi), rel=1e-5)
 
 
+def test_what_few_points_see_is_cut_as_finely_as_the_rest() -> None:
+    seen = np.where(geodesic(4).centres[:, 1] > 0, 0.02, 0.5)
+    lights = cut_lights(constant_environment(1.0), 500, max_level=5, seen=seen)
+    assert (lights.centre[:, 1] > 0.0).sum() == pytest.approx(len(lights) / 2, rel=0.1)
+
+
 def test_shares_of_another_sphere_are_refused() -> None:
     with pytest.raises(ValueError, match="one share for each triangle of a level up to 3"):
         cut_lights(noise(), 100, max_level=3, seen=np.ones(20 * 4**4))

@@ -16,7 +16,6 @@ from engine.material.microfacet import (
 )
 
 ALPHAS = [1e-4, 1e-3, 1e-2, 0.1, 0.3, 0.7, 1.0]
-POINTS, WEIGHTS = np.polynomial.legendre.leggauss(400)
 
 
 def over_half_angles(alpha):

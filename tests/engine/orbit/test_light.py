@@ -4,11 +4,12 @@ import pytest
 from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
+from engine.orbit import _corner_kernels as corner_kernels
 from engine.orbit import _incident_kernels as kernels
 from engine.orbit import _slice_kernels as slice_kernels
 from engine.orbit.incident import Lamps, hemisphere, light, lights, more_glossy, no_light, places
 from engine.orbit.picture import PointMesh, interpolated
-from engine.orbit.reflected import no_shades, reflected, shaded, sunlit
+from engine.orbit.reflected import at_corners, no_shades, reflected, shaded, suns_of
 from engine.orbit.sky import MAP_SIDE, make_sky, texel_directions
 from engine.orbit.slices import looks_isotropic, matt_reflectance, slicing, spherical, to_shading
 from engine.orbit.visibility import see_patches, upper
@@ -207,11 +208,12 @@ def test_a_look_is_kept_until_what_it_shows_changes(ball_scene, ball) -> None:
     points, camera = ball[0], ball_scene.description.camera
     mesh = PointMesh(ball_scene, points)
     seen = mesh.look(camera, (24, 18))
-    assert mesh.look(camera, (24, 18)) is seen and mesh.look(camera, (24, 18), True) is not seen
     assert mesh.look(camera, (24, 18)) is seen and mesh.look(camera, (25, 18)) is not seen
     again = mesh.look(camera, (24, 18))
+    soft = mesh.look(camera, (24, 18), True)
+    assert soft is not again and mesh.look(camera, (24, 18), True) is soft
     mesh.shines(ball_scene)  # what it emits is in it
-    assert mesh.look(camera, (24, 18)) is not again
+    assert mesh.look(camera, (24, 18), True) is not soft
 
 
 def test_what_turns_with_its_grain_is_told_from_what_does_not() -> None:
@@ -226,9 +228,9 @@ def along(slices, ball, incident, p: int, wo: np.ndarray) -> np.ndarray:
     world = (wo @ points.frames[p]).astype(np.float32)
     found = np.empty((3 * len(wo), 3), np.float32)
     members = np.arange(3 * len(wo))
-    slice_kernels.shade_corners(
-        0, 1, np.array([p]), np.array([0, len(members)]), members, world, points.frames, incident.slot, incident.kept,
-        slices.tables, found,
+    corner_kernels.shade_corners(
+        0, 1, np.array([p]), np.array([0, len(members)]), members, world, 5120, points.frames, incident.slot,
+        incident.kept, suns_of(make_sky(None, 0.0), incident, 0.0), slices.tables, found, np.zeros((0, 2), np.uint64),
     )  # fmt: skip
     return found[::3]
 
@@ -257,10 +259,11 @@ def test_slices_reflect_as_the_sum_over_triangles_does(ball, uneven, layers) -> 
 
 def test_what_moves_shows_the_colours_of_rest_interpolated(ball_scene, ball, uneven) -> None:
     points, _, _ = ball
-    incident = lit(ball, make_sky(uneven, 0.0), 320)
+    sky = make_sky(uneven, 0.0)
+    incident = lit(ball, sky, 320)
     seen = PointMesh(ball_scene, points).look(ball_scene.description.camera, (48, 36))
     tables, which = finish(slicing(GOLD, 0)).tables, seen.of(1)
-    resting = reflected(seen, which, incident, tables)
+    resting = reflected(seen, which, incident, sky, [GOLD], tables, 0.005)
     colours, moving = np.zeros((len(points), 3), np.float32), np.zeros((48 * 36, 3), np.float32)
     shaded(seen, np.flatnonzero(seen.points_seen()), incident, tables, 320, no_shades(incident), colours)
     interpolated(seen, which, colours, np.ones((1, 3), np.float32), moving)
@@ -277,9 +280,7 @@ def test_a_sun_is_reflected_in_its_own_direction(ball_scene, ball) -> None:
     seen = PointMesh(ball_scene, points).look(ball_scene.description.camera, (240, 180))
     on_ball = seen.of(1)
     tables = finish(slicing(sharp, 0)).tables
-    found = sunlit(
-        seen, on_ball, lit(ball, sky, 20), sky, [sharp], tables, np.zeros((len(on_ball), 3), np.float32), 0.01
-    )
+    found = reflected(seen, on_ball, lit(ball, sky, 20), sky, [sharp], tables, 0.01)
     normal = np.einsum("pk,pki->pi", seen.samples.weights[on_ball], points.normal[seen.samples.corners[on_ball]])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     half = sky.sun_direction.mean(axis=0) / np.linalg.norm(sky.sun_direction.mean(axis=0)) + seen.samples.wo[on_ball]
@@ -327,7 +328,8 @@ def test_all_suns_that_are_asked_are_the_sum_over_them(ball_scene, ball, uneven)
     incident = lit(ball, sky, 20)
     seen = PointMesh(ball_scene, points).look(ball_scene.description.camera, (48, 36))
     which, tables = seen.of(1)[::7], finish(slicing(GOLD, 0)).tables
-    found = sunlit(seen, which, incident, sky, [GOLD], tables, np.zeros((len(which), 3), np.float32), -1.0)
+    incident.kept.value[:] = 0  # suns alone
+    found = reflected(seen, which, incident, sky, [GOLD], tables, -1.0)
     for j, row in zip(which, found, strict=True):
         corners, weights = seen.samples.corners[j], seen.samples.weights[j].astype(np.float64)
         frame = np.einsum("k,kij->ij", weights, points.frames[corners])
@@ -340,3 +342,19 @@ def test_all_suns_that_are_asked_are_the_sum_over_them(ball_scene, ball, uneven)
         values = evaluate_layers([GOLD], to_shading(wi), np.tile(to_shading(wo[None]), (len(wi), 1)))
         exact = ((weights @ seen_by * (wi[:, 1] > 0.0))[:, None] * sky.sun_power * values).sum(axis=0)
         np.testing.assert_allclose(row, exact, rtol=0.02, atol=1e-3 * found.max())
+
+
+def test_suns_that_differ_little_are_looked_up_as_they_stand(ball_scene, ball, uneven) -> None:
+    # What is matt enough differs by nothing among slices: none is asked, and all are the sum over them.
+    image = uneven.radiance.copy()
+    image[8:11, 40:44] *= 300.0
+    sky = make_sky(Environment(image, "test"), 30.0)
+    points, _, _ = ball
+    incident = lit(ball, sky, 20)
+    seen = PointMesh(ball_scene, points).look(ball_scene.description.camera, (48, 36))
+    which, tables = seen.of(1), finish(slicing(GOLD)).tables
+    sharp = np.zeros((3 * len(which), 2), np.uint64)
+    found = at_corners(seen, which, seen.samples.wo[which], incident, suns_of(sky, incident, 1e9), tables, sharp)
+    assert not sharp.any()
+    exact = reflected(seen, which, incident, sky, [GOLD], tables, -1.0)
+    assert np.sqrt(((found - exact) ** 2).mean()) < 0.1 * exact.mean()

@@ -49,6 +49,13 @@ def test_no_more_points_than_asked_for_and_none_where_nothing_is_near(ball_scene
         shading_points(ball_scene, caster, -1)
 
 
+def test_objects_that_stay_even_are_cut_as_a_whole_or_not(ball_scene) -> None:
+    caster = RayCaster(ball_scene.vertices, ball_scene.triangles)
+    n_ball = int((ball_scene.object_of_triangle == BALL).sum())
+    points = shading_points(ball_scene, caster, 600, np.array([True, True]))
+    assert np.bincount(ball_scene.object_of_triangle[points.source]).tolist() == [2 * 4**4, n_ball]
+
+
 def test_backs_have_points_of_their_own(ball_scene) -> None:
     caster = RayCaster(ball_scene.vertices, ball_scene.triangles)
     front = shading_points(ball_scene, caster, 100)

@@ -12,8 +12,8 @@ from engine.scene.description import load_description
 from engine.scene.load import load_scene
 
 SCENES = [  # default first
-    "teatray", "ajar", "amphora", "bat", "cornell", "dominoes", "earrings", "idol", "plant", "plate", "ring", "rings",
-    "room", "shapes", "stairwell", "storeroom", "vase",
+    "teatray", "ajar", "amphora", "bat", "cornell", "dominoes", "earrings", "idol", "mime", "plant", "plate", "ring",
+    "rings", "room", "shapes", "stairwell", "storeroom", "vase",
 ]  # fmt: skip
 
 
@@ -45,6 +45,24 @@ def test_environment_loads_without_a_complaint(name: str) -> None:
     environment = load_environment(builtin_environments()[name])
     assert environment.radiance.shape == (256, 512, 3)
     assert environment.notes == ()
+
+
+def test_the_mime_laughs_and_frowns() -> None:
+    """By two morph targets: the corners of its mouth rise and sink by more than a centimetre, its neck stays."""
+    scene = load_scene(builtin_scenes()["mime"])
+    i = scene.object_index("face")
+    rig, (first, last), (start, stop) = scene.rigs[i], scene.vertex_ranges[i], scene.triangle_ranges[i]
+    assert rig is not None and [clip.name for clip in rig.skeleton.clips] == ["moods"] and len(rig.binding.morphs) == 2
+    assert scene.rigs[scene.object_index("neck")] is None
+    vertices = scene.vertices[first:last].astype(float)
+    rest = Pose(vertices, np.tile(np.eye(3), (len(vertices), 1, 1)))
+    laughs, frowns, again = (
+        posed(rig, rest, scene.triangles[start:stop] - first, "moods", time).positions for time in (1.0, 3.0, 4.0)
+    )
+    moved = np.linalg.norm(laughs - frowns, axis=1)
+    chin_or_top = np.abs(vertices[:, 1] - vertices[:, 1].mean()) > 0.19
+    assert moved.max() > 0.01 and moved[chin_or_top].max() < 1e-3
+    assert again == pytest.approx(vertices, abs=1e-6)
 
 
 def test_the_bat_flaps() -> None:

@@ -8,6 +8,7 @@ import pytest
 from engine.errors import LoadError
 from engine.scene.gltf import read_glb
 from engine.scene.load import load_scene
+from engine.scene.relief import corner_tangents
 
 
 def spoil(tree: dict, path: str, value: object) -> dict:
@@ -293,3 +294,46 @@ def test_parts_are_chosen_and_own_layers_win(triangle_glb, glb_file, scene_file)
     assert len(own.triangles) == 2 and own.description.objects[0].layers[0].model == "lambert"
     with pytest.raises(LoadError, match="object 'toy': part = 2, expected a part from 0 to 1"):
         load_scene(scene_file('[[object]]\nname = "toy"\nmesh = "model.glb"\npart = 2\n'))
+
+
+def with_tangents(triangle_glb, *tangents: float) -> tuple[dict, bytes]:
+    """The triangle with normals along +Z, coordinates that grow along X and Y, and one tangent at all corners."""
+    tree, binary = copy.deepcopy(triangle_glb)
+    own = {
+        "NORMAL": ("VEC3", np.tile([0, 0, 1], (3, 1))),
+        "TEXCOORD_0": ("VEC2", np.array([[0, 1], [1, 1], [0, 0]])),  # v downwards
+        "TANGENT": ("VEC4", np.tile(tangents, (3, 1))),
+    }
+    binary += bytes(-len(binary) % 4)
+    for name, (kind, values) in own.items():
+        data = values.astype("<f4").tobytes()
+        tree["meshes"][0]["primitives"][0]["attributes"][name] = len(tree["accessors"])
+        view = {"bufferView": len(tree["bufferViews"]), "componentType": 5126, "count": 3, "type": kind}
+        tree["accessors"].append(view)
+        tree["bufferViews"].append({"buffer": 0, "byteOffset": len(binary), "byteLength": len(data)})
+        binary += data
+    tree["buffers"][0]["byteLength"] = len(binary)
+    return tree, binary
+
+
+def test_tangents_are_the_file_s_and_a_mirror_turns_their_hand(triangle_glb, glb_file):
+    tree, binary = with_tangents(triangle_glb, 0.6, 0.8, 0.0, -1.0)
+    mirrored = [-2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0, 3, 0, 0, 1]
+    for node, tangent, hand in (({"mesh": 0}, (0.6, 0.8, 0), -1), ({"mesh": 0, "matrix": mirrored}, (-0.6, 0.8, 0), 1)):
+        tree["nodes"] = [node]
+        tangents, hands = corner_tangents(load_scene(glb_file(tree, binary)), 0)
+        assert np.allclose(tangents, tangent, atol=1e-6) and hands.tolist() == [hand]
+    # Without them u grows along +X, with v to its left; beside no normals they count for nothing.
+    for name in ("TANGENT", "NORMAL"):
+        bare = spoil(tree, f"meshes.0.primitives.0.attributes.{name}", None)
+        tangents, hands = corner_tangents(load_scene(glb_file(bare | {"nodes": [{"mesh": 0}]}, binary)), 0)
+        assert np.allclose(tangents, (1, 0, 0), atol=1e-6) and hands.tolist() == [1]
+
+
+def test_tangents_that_are_no_numbers_are_refused(triangle_glb, glb_file):
+    with pytest.raises(LoadError, match="tangents of face 0 = .*nan.*, expected finite numbers"):
+        read_glb(glb_file(*with_tangents(triangle_glb, np.nan, 0.0, 0.0, 1.0)))
+    tree, binary = with_tangents(triangle_glb, 1.0, 0.0, 0.0, 1.0)
+    tree["accessors"][-1]["count"] = 2
+    with pytest.raises(LoadError, match="TANGENT = 2 tangents, expected 3, as there are positions"):
+        read_glb(glb_file(tree, binary))

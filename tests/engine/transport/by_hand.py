@@ -10,6 +10,7 @@ from engine.light.lights import TriangleLights, cut_lights
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
 from engine.scene.hits import PrimaryHits
+from engine.scene.picture_frame import no_lamps
 from engine.scene.raycaster import RayCaster
 from engine.transport.bandstore import BandStore
 from engine.transport.lighting import prepare_lighting
@@ -40,6 +41,8 @@ def points_at(
     return PrimaryHits(
         resolution=(n, 1),
         pixel=np.arange(n, dtype=np.int32),
+        offset=np.zeros((n, 2), np.float32),
+        share=np.ones(n, np.float32),
         object_ranges=np.array([[0, n]], np.int32),
         position=vectors(position),
         offset_position=vectors(position + lift * normal),
@@ -50,11 +53,10 @@ def points_at(
         tangent=vectors(tangent),
         wo=vectors(wo),
         object_image=np.zeros((1, n), np.int16),
+        open_image=np.zeros((1, n), np.float32),
         emission_image=np.zeros((1, n, 3), np.float32),
+        lamps=no_lamps(),
         ray_directions=vectors(-wo).reshape(1, n, 3),
-        edge_pixels=np.zeros(0, np.int32),
-        edge_weights=np.zeros(0, np.float32),
-        edge_neighbours=np.zeros(0, np.int32),
     )
 
 

@@ -86,9 +86,8 @@ def _ball_and_wall() -> tuple[PictureFrame, np.ndarray]:
         theta_o=theta_o,
         emission_image=emission,
         ray_directions=rays,
-        edge_pixels=edge,
-        edge_neighbours=edge + 1,
-        edge_weights=np.full(len(edge), 0.5),
+        share=np.concatenate([np.where(np.isin(ball, edge), 0.5, 1.0), np.ones(len(wall))]),
+        open_image=np.where(np.isin(np.arange(objects.size), edge).reshape(objects.shape), 0.5, objects < 0),
     )
     return frame, normals
 

@@ -91,24 +91,6 @@ def test_an_unknown_tone_mapping_is_refused(renderer: PlacementRenderer) -> None
         renderer.composite(DisplayView(tone_mapping="sepia"))  # type: ignore[arg-type]
 
 
-def test_silhouettes_are_mixed_by_coverage(renderer: PlacementRenderer) -> None:
-    frame = dataclasses.replace(
-        full_frame(4),
-        edge_pixels=np.array([1]),
-        edge_neighbours=np.array([2]),
-        edge_weights=np.array([0.25], dtype=np.float32),
-    )
-    renderer.set_frame(frame)
-    renderer.set_layer("ball.0", 0, 4)
-    renderer.set_layer_radiance("ball.0", np.array([[0.0] * 3, [0.0] * 3, [1.0] * 3, [1.0] * 3], dtype=np.float32))
-    view = DisplayView(tone_mapping="linear")
-    # A quarter of pixel 1 shows its white neighbour: 0.25 · 255 = 64; the linear picture is left alone.
-    np.testing.assert_allclose(_displayed(renderer, view)[0, :, 0].astype(int), [0, 64, 255, 255], atol=1)
-    plain = dataclasses.replace(view, antialias=False)
-    np.testing.assert_array_equal(_displayed(renderer, plain)[0, :, 0], [0, 0, 255, 255])
-    np.testing.assert_array_equal(renderer.linear_image()[0, :, 0], [0, 0, 1, 1])
-
-
 def test_outlines_surround_the_selected_and_the_hovered_object(renderer: PlacementRenderer) -> None:
     image = np.full((12, 20), -1)
     image[3:8, 2:8] = 0

@@ -20,10 +20,12 @@ class PictureCanvas:
         self._memory = TextureMemory(context)
         self._passes = Passes(context)
         self._picture = self._picture_texture(np.zeros((1, 1, 3), np.float32))
+        self._drawn: moderngl.Texture | None = None
         self._linear: moderngl.Texture | None = None
         self._target: moderngl.Framebuffer | None = None
         self._display: Display | None = None
         self.frame: PictureFrame | None = None
+        self.is_empty = True  # nothing has come since it was made, or cleared
 
     def set_frame(self, frame: PictureFrame) -> None:
         """From now on at this size, with its silhouettes; the picture that came last stays, the snapshot does not."""
@@ -37,6 +39,7 @@ class PictureCanvas:
         """Another picture: linear radiance (h, w, 3)."""
         if radiance.ndim != 3 or radiance.shape[2] != 3:
             raise GraphicsError(f"a picture of shape {radiance.shape}, expected (h, w, 3)")
+        self._drawn, self.is_empty = None, False
         height, width = radiance.shape[:2]
         if self._picture.size == (width, height):
             self._picture.write(np.ascontiguousarray(radiance, np.float32), alignment=1)
@@ -45,9 +48,15 @@ class PictureCanvas:
         self._memory.release(self._picture)
         self._picture = picture
 
+    def show(self, drawn: moderngl.Texture | None) -> None:
+        """A linear picture that is drawn here, in place of the one that came last; its owner keeps it as long as it is
+        shown. None: the one that came last."""
+        self._drawn, self.is_empty = drawn, self.is_empty and drawn is None
+
     def clear(self) -> None:
         """Show black until another picture comes."""
         self.set_picture(np.zeros((1, 1, 3), np.float32))
+        self.is_empty = True
 
     def draw(self, view: DisplayView, other: moderngl.Texture | None = None, share: float = 0.0) -> moderngl.Texture:
         """The display picture, with a share of another linear picture of the same size in it."""
@@ -83,7 +92,8 @@ class PictureCanvas:
     def _blend(self, other: moderngl.Texture | None, share: float) -> None:
         linear = self._linear_texture()
         program = self._passes.full_screen("orbit/blend.frag.glsl")
-        textures = {"picture": self._picture, "other": self._picture if other is None else other}
+        picture = self._drawn or self._picture
+        textures = {"picture": picture, "other": picture if other is None else other}
         assert self._target is not None
         box = (0, 0, *linear.size)
         self._passes.draw(program, self._target, box, textures, size=linear.size, share=share if other else 0.0)

@@ -91,12 +91,15 @@ class Compositor:
         self._first_rows = np.concatenate(([0], np.cumsum(rows))).astype(int)
         self._object_boxes = [frame.object_box(i) for i in range(frame.n_objects)]
         self._n_rows = not_a_power_of_two(int(self._first_rows[-1]))
+        self._lamps = frame.lamps._replace(radiance=np.array(frame.lamps.radiance, dtype=np.float32))
         self._shining = np.zeros((frame.height, frame.width, 4), dtype=np.float32)
         self._shining[..., :3] = frame.emission_image
-        self._shining[..., 3] = frame.object_image >= 0
+        self._shining[..., 3] = frame.open_image
         self._emission = self._keep(size, 4, "f4", self._shining)
         self._rays = self._keep(size, 3, "f4", frame.ray_directions.astype(np.float32))
-        self._pixel_addresses = self._keep(size, 1, "i4", self._addresses_of_pixels())
+        addresses, mixed = self._addresses_of_pixels()
+        self._pixel_addresses = self._keep(size, 1, "i4", addresses)
+        self._mixed = self._keep(mixed.shape[1::-1], 2, "i4", mixed)
         self._theta_o = self._keep((SAMPLES_PER_ROW, self._n_rows), 1, "f4", self.pack(frame.theta_o, np.float32))
         self.shaded = self._keep((SAMPLES_PER_ROW, self._n_rows), 4, "f4")
         self.backdrop = self._keep(size, 4, "f4")
@@ -115,12 +118,12 @@ class Compositor:
         return self._object_boxes[i_object]
 
     def object_size(self, i_object: int) -> int:
-        """Pixels that see the object."""
+        """Points that the eye sees on the object."""
         start, stop = self.frame.object_ranges[i_object]
         return int(stop - start)
 
     def pack(self, values: NDArray[np.generic], dtype: type[np.generic]) -> NDArray[np.generic]:
-        """Values (P,) or (P,n) of the pixels as texels (rows, 1024, n) in the layout of `shaded`."""
+        """Values (P,) or (P,n) of the points as texels (rows, 1024, n) in the layout of `shaded`."""
         table = np.asarray(values, dtype=dtype)
         if table.ndim == 1:
             table = table[:, None]
@@ -131,16 +134,33 @@ class Compositor:
                 texels[first : first + n_rows] = pack_samples(table[start:stop], table.shape[1])
         return texels
 
-    def _addresses_of_pixels(self) -> NDArray[np.int32]:
-        image = np.full(self.frame.height * self.frame.width, -1, dtype=np.int32)
-        for i_object, (start, stop) in enumerate(self.frame.object_ranges):
+    def _addresses_of_pixels(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Of each pixel (H,W) the address of its point's radiance, −1 where it has none, and −2 − i where what it shows
+        is mixed of several points, whose addresses and shares (as bits) stand from the i-th texel on in the second
+        array (rows,1024,2): the last share of a pixel is negative."""
+        frame = self.frame
+        addresses = np.empty(frame.n_points, dtype=np.int32)
+        for i_object, (start, stop) in enumerate(frame.object_ranges):
             base = self.object_rows(i_object)[0] * SAMPLES_PER_ROW
-            image[self.frame.pixel[start:stop]] = base + sample_addresses(np.arange(stop - start))
-        return image.reshape(self.frame.height, self.frame.width)
+            addresses[start:stop] = base + sample_addresses(np.arange(stop - start))
+        image = np.full(frame.height * frame.width, -1, dtype=np.int32)
+        shown = np.flatnonzero(frame.share)
+        whole = shown[frame.share[shown] == 1.0]
+        image[frame.pixel[whole]] = addresses[whole]
+        parts = shown[frame.share[shown] != 1.0]
+        parts = parts[np.argsort(frame.pixel[parts], kind="stable")]
+        first = np.flatnonzero(np.diff(frame.pixel[parts], prepend=-1))
+        last = np.append(first[1:], len(parts))[: len(first)] - 1
+        image[frame.pixel[parts[first]]] = -2 - first
+        shares = frame.share[parts].astype(np.float32)
+        shares[last] *= -1.0
+        mixed = np.zeros((not_a_power_of_two(-(-len(parts) // SAMPLES_PER_ROW)), SAMPLES_PER_ROW, 2), dtype=np.int32)
+        mixed.reshape(-1, 2)[: len(parts)] = np.stack([addresses[parts], shares.view(np.int32)], axis=1)
+        return image.reshape(frame.height, frame.width), mixed
 
     def make_footprint(self, rows: NDArray[np.integer], weights: NDArray[np.floating]) -> FootprintTextures:
         """Textures of rows (P,4), indices into the samples of the pixel's own object, and weights (P,4)."""
-        expected = (self.frame.n_pixels, 4)
+        expected = (self.frame.n_points, 4)
         if rows.shape != expected or weights.shape != expected:
             raise GraphicsError(f"footprint of shapes {rows.shape} and {weights.shape}, expected {expected}")
         if rows.size and rows.min() < 0:
@@ -185,13 +205,17 @@ class Compositor:
 
     def set_emission(self, i_object: int, radiance: Sequence[float]) -> bool:
         """Let an emitter's front, where it is seen, have this radiance; whether that changes the backdrop."""
-        seen = (self.frame.object_image == i_object) & self.frame.emission_image.any(axis=2)
-        rows = np.flatnonzero(seen.any(axis=1))
-        wanted = np.asarray(radiance, dtype=np.float32)
-        if not rows.size or (self._shining[seen][0, :3] == wanted).all():
+        lamps, wanted = self._lamps, np.asarray(radiance, dtype=np.float32)
+        mine = lamps.object == i_object
+        if not mine.any() or (lamps.radiance[mine] == wanted).all():
             return False
-        self._shining[seen, :3] = wanted
-        first, last = int(rows[0]), int(rows[-1])
+        lamps.radiance[mine] = wanted
+        pixels = lamps.pixel[mine]
+        there = np.isin(lamps.pixel, pixels)  # others may share them
+        shining = self._shining.reshape(-1, 4)[:, :3]
+        shining[pixels] = 0.0
+        np.add.at(shining, lamps.pixel[there], (lamps.share[:, None] * lamps.radiance)[there])
+        first, last = int(pixels.min()) // self.frame.width, int(pixels.max()) // self.frame.width
         band = np.ascontiguousarray(self._shining[first : last + 1])
         self._emission.write(band, viewport=(0, first, self.frame.width, len(band)), alignment=1)
         return True
@@ -249,7 +273,10 @@ class Compositor:
     def composite(self, box: Box) -> None:
         """Redraw the linear picture inside `box`."""
         program = self._passes.full_screen("placement/composite.frag.glsl")
-        textures = {"pixel_addresses": self._pixel_addresses, "shaded": self.shaded, "backdrop": self.backdrop}
+        textures = {
+            "pixel_addresses": self._pixel_addresses, "mixed": self._mixed, "shaded": self.shaded,
+            "backdrop": self.backdrop,
+        }  # fmt: skip
         self._passes.draw(program, self.linear_target, box, textures)
 
     def read_linear(self) -> NDArray[np.float32]:

@@ -282,7 +282,7 @@ class LayerStack:
             if layer.visible:
                 size = self._compositor.object_size(layer.i_object)
                 total += size * float(np.mean(np.abs(layer.gain) * layer.mean))
-        return total / max(1, self._compositor.frame.n_pixels)
+        return total / max(1, self._compositor.frame.n_points)
 
     def release(self) -> None:
         for layer in self._layers.values():

@@ -82,7 +82,7 @@ def _transport(renderer: PlacementRenderer) -> Iterator[None]:
 
 
 def _frame(width: int, height: int) -> PictureFrame:
-    """A picture of one object, with a silhouette pixel."""
+    """A picture of one object, half of a pixel of which shows nothing."""
     seen = np.arange(width * height).reshape(height, width) < _N_SAMPLES
     return PictureFrame(
         pixel=np.arange(_N_SAMPLES, dtype=np.int32),
@@ -91,7 +91,5 @@ def _frame(width: int, height: int) -> PictureFrame:
         theta_o=np.zeros(_N_SAMPLES, np.float32),
         emission_image=np.zeros((height, width, 3), np.float32),
         ray_directions=np.ones((height, width, 3), np.float32),
-        edge_pixels=np.zeros(1, np.int32),
-        edge_neighbours=np.ones(1, np.int32),
-        edge_weights=np.full(1, 0.5, np.float32),
+        share=np.where(np.arange(_N_SAMPLES) == 0, 0.5, 1.0).astype(np.float32),
     )

@@ -268,7 +268,7 @@ class PlacementRenderer:
         picture = self._shown()
         size = picture.compositor.object_size(picture.layers[self._edited.keys[0]].i_object)
         missing = self._edited.missing(picture.layers, size)
-        missing /= max(1, 3 * picture.compositor.frame.n_pixels) ** 0.5
+        missing /= max(1, 3 * picture.compositor.frame.n_points) ** 0.5
         mean = picture.layers.mean_radiance()
         return missing / mean if missing > 0.0 and mean > 0.0 else 0.0
 
@@ -312,7 +312,7 @@ class PlacementRenderer:
         return self._shown().compositor.linear
 
     def linear_image(self) -> NDArray[np.float32]:
-        """The linear picture (H,W,3), without silhouette smoothing; waits for the GPU."""
+        """The linear picture (H,W,3); waits for the GPU."""
         self._draw_linear()
         return self._shown().compositor.read_linear()
 
@@ -321,8 +321,8 @@ class PlacementRenderer:
         return self._shown().display.read()
 
     def finished_image(self, view: DisplayView) -> NDArray[np.float32]:
-        """The picture (H,W,3) in the screen's values, exposed and tone mapped as the view says, with smooth silhouettes
-        and nothing drawn over it; waits for the GPU."""
+        """The picture (H,W,3) in the screen's values, exposed and tone mapped as the view says, with nothing drawn over
+        it; waits for the GPU."""
         self._draw_linear()
         picture = self._shown()
         return picture.display.finished(picture.compositor.linear, view.exposure, view.tone_mapping)

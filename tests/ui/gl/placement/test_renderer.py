@@ -5,7 +5,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from engine.scene.picture_frame import PictureFrame
+from engine.scene.picture_frame import Lamps, PictureFrame
 from tests.naive import pictures as naive
 from tests.ui.gl.pictures import frame_of, full_frame, norms_of
 from ui.gl.context import GraphicsError
@@ -40,6 +40,46 @@ def n_not_finite(renderer: PlacementRenderer) -> int:
     """Pixels that are shown black because their radiance is no number: those without opacity."""
     renderer.linear_image()
     return int((read_texture(renderer._shown().compositor.linear, np.float32)[..., 3] <= 0.5).sum())
+
+
+def test_pixels_at_edges_show_several_surfaces_by_their_shares(renderer: PlacementRenderer) -> None:
+    """Two objects, a lamp and the sky: pixel 1 shows all four, pixel 2 two points of one object."""
+    share = np.array([1.0, 0.25, 0.5, 0.5, 1.0, 0.125, 0.5, 0.0], np.float32)
+    lamps = Lamps(
+        np.array([1, 4]), np.array([2, 2]), np.array([0.5, 0.25], np.float32), np.tile([8.0, 4.0, 2.0], (2, 1))
+    )
+    frame = PictureFrame(
+        pixel=np.array([0, 1, 2, 2, 3, 1, 4, 5], np.int32),
+        object_ranges=np.array([[0, 5], [5, 8], [8, 8]]),
+        object_image=np.array([[0, 0, 0, 0, 1, -1]], np.int16),
+        theta_o=np.zeros(8, np.float32),
+        emission_image=np.array([[[0, 0, 0], [4, 2, 1], [0, 0, 0], [0, 0, 0], [2, 1, 0.5], [0, 0, 0]]], np.float32),
+        ray_directions=np.tile(np.array([0.0, 0.0, -1.0], np.float32), (1, 6, 1)),
+        share=share,
+        open_image=np.array([[0, 0.125, 0, 0, 0.25, 1]], np.float32),
+        lamps=lamps,
+    )
+    radiance = np.random.default_rng(RNG_SEED).uniform(1, 3, (8, 3)).astype(np.float32)
+    radiance[7] = np.inf  # of no share: it is not seen
+    renderer.set_frame(frame)
+    renderer.set_environment(np.full((2, 4, 3), 16.0, np.float32))
+    for i_object, (start, stop) in enumerate(frame.object_ranges[:2]):
+        renderer.set_layer(f"o{i_object}.0", i_object, int(stop - start))
+        renderer.set_layer_radiance(f"o{i_object}.0", radiance[start:stop])
+
+    def expected(lamp: np.ndarray) -> np.ndarray:
+        total = 16.0 * frame.open_image.reshape(-1, 1) + np.array([0, 0.5, 0, 0, 0.25, 0])[:, None] * lamp
+        np.add.at(total, frame.pixel[:7], (share[:, None] * np.nan_to_num(radiance))[:7])
+        return total
+
+    lamp = np.array([8.0, 4.0, 2.0])
+    np.testing.assert_allclose(renderer.linear_image()[0], expected(lamp), rtol=1e-6)
+    for factor in (1e6, 0.0, 2.0):  # no trace is left of what it was
+        renderer.set_emission(2, tuple(factor * lamp))
+        np.testing.assert_allclose(renderer.linear_image()[0], expected(factor * lamp), rtol=1e-6)
+    radiance[6] = np.nan
+    renderer.set_layer_radiance("o1.0", radiance[5:8])
+    assert n_not_finite(renderer) == 1 and renderer.linear_image()[0, 4].tolist() == [0.0, 0.0, 0.0]
 
 
 def test_layers_gains_view_curves_and_emitters_make_the_picture(renderer: PlacementRenderer) -> None:
@@ -109,8 +149,8 @@ def test_the_centre_of_the_environment_is_seen_along_minus_z(renderer: Placement
 def test_a_footprint_mixes_samples_until_the_full_picture_comes(renderer: PlacementRenderer) -> None:
     rng, frame = np.random.default_rng(RNG_SEED), _two_objects()
     renderer.set_frame(frame)
-    rows = rng.integers(0, 5, (frame.n_pixels, 4)).astype(np.int32)
-    weights = rng.dirichlet(np.ones(4), frame.n_pixels).astype(np.float32)
+    rows = rng.integers(0, 5, (frame.n_points, 4)).astype(np.int32)
+    weights = rng.dirichlet(np.ones(4), frame.n_points).astype(np.float32)
     renderer.set_footprint(rows, weights)
     coarse = rng.uniform(0, 2, (2, 5, 3)).astype(np.float32)
     for i, i_object in enumerate((0, 2)):
@@ -160,6 +200,15 @@ def test_no_nan_reaches_the_screen_and_each_is_counted(renderer: PlacementRender
             renderer.composite(DisplayView(exposure=exposure, tone_mapping=tone_mapping))
             assert renderer.display_image().shape == (1, 10, 3)
     assert not renderer.display_image()[0, 2].tolist() == renderer.display_image()[0, 0].tolist()
+
+
+def test_a_picture_is_not_cut_where_halves_end(renderer: PlacementRenderer) -> None:
+    """65504, where a target of halves would end."""
+    radiance = np.array([[1e5, 65504.0, 65520.0], [3e38, 1e-8, 0.0]], np.float32)
+    renderer.set_frame(full_frame(2))
+    renderer.set_layer("ball.0", 0, 2)
+    renderer.set_layer_radiance("ball.0", radiance)
+    np.testing.assert_array_equal(renderer.linear_image()[0], radiance)
 
 
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], derandomize=True)

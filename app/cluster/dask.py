@@ -1,0 +1,166 @@
+"""A Dask cluster from this side: connecting, sending files, handing out tasks and waiting for what comes of them.
+
+Waiting goes on in quarters of a second, so that Ctrl-C is heard; on leaving, tasks that nobody has begun are taken
+back, and what is begun ends without anybody hearing of it.
+"""
+
+from __future__ import annotations
+
+import logging
+import queue
+import re
+import socket
+import time
+import uuid
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from distributed import Client, Future, KilledWorker
+from distributed.comm import CommClosedError
+
+from app.cluster.parcel import Parcel, parcel_of, pieces_of
+from app.cluster.plugin import KernelCache
+from app.cluster.shelf import keep_piece, lacking
+from engine.errors import InsituError
+from engine.files import name_everywhere
+
+CONNECT_SECONDS = 5.0
+WORKERLESS_SECONDS = 60.0
+STEP_SECONDS = 0.25
+
+_ADDRESS = re.compile(r"(tcp://|tls://)?([\w.-]+|\[[0-9a-fA-F:]+\]):(\d{1,5})")
+
+
+class Cluster:
+    """A scheduler that answers. Close it, or use `with`."""
+
+    def __init__(self, address: str) -> None:
+        """Raises InsituError where none answers there."""
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what it has to say is said in one line, by us
+        self.address = address
+        try:
+            _require_greeting(address)
+            self._client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
+        except (OSError, ValueError, TypeError, CommClosedError) as error:
+            raise InsituError(
+                f"--scheduler {address}: no Dask scheduler answers there, expected its HOST:PORT"
+            ) from error
+        self._tasks: dict[int, Future] = {}
+        self._workerless_since: float | None = None
+
+    @property
+    def n_workers(self) -> int:
+        """Workers that the scheduler knows now."""
+        return len(self._client.scheduler_info(n_workers=-1).get("workers", ()))
+
+    def send(self, paths: Iterable[Path]) -> Parcel:
+        """Have the scheduler keep what it lacks of these files. Raises InsituError."""
+        there = {name_everywhere(path): path for path in paths}
+        try:
+            parcel = parcel_of(there.values())
+            missing = set(self._client.run_on_scheduler(lacking, parcel.pieces))
+            for sent in parcel.files:
+                for digest, piece in zip(sent.pieces, pieces_of(there[sent.name]), strict=False):
+                    if digest in missing:
+                        self._client.run_on_scheduler(keep_piece, piece)
+                        missing.remove(digest)
+            self._client.register_plugin(KernelCache())
+        except ModuleNotFoundError as error:
+            raise InsituError(
+                f"--scheduler {self.address}: Insitu is not installed there ({error}); scheduler and workers need the "
+                "same one as this computer"
+            ) from error
+        except (OSError, CommClosedError) as error:
+            raise InsituError(f"--scheduler {self.address}: the scene cannot be sent, {error}") from error
+        return parcel
+
+    def submit(self, call: Callable[..., object], *arguments: object) -> Future:
+        """A task, which may take the results of others as arguments."""
+        return self._client.submit(call, *arguments, key=f"insitu-{call.__name__}-{uuid.uuid4().hex}", pure=False)
+
+    def results(self, tasks: Mapping[int, Future]) -> Iterator[tuple[int, Any] | None]:
+        """Number and result of each task, as they come, and None every quarter of a second meanwhile. Raises what a
+        task raises, and InsituError where the cluster is lost."""
+        done: queue.SimpleQueue[int] = queue.SimpleQueue()
+        self._tasks = dict(tasks)
+        for number, task in tasks.items():
+            task.add_done_callback(partial(_put, done, number))
+        while self._tasks:
+            try:
+                number = done.get(timeout=STEP_SECONDS)
+            except queue.Empty:
+                self._check()
+                yield None
+                continue
+            yield number, self._result(self._tasks.pop(number))
+
+    def close(self) -> None:
+        """Take back what is not done, and leave."""
+        try:
+            if self._tasks and self._client.status == "running":
+                self._client.cancel(list(self._tasks.values()), force=True)
+        finally:
+            self._tasks = {}
+            self._client.close(timeout=1.0)
+
+    def __enter__(self) -> Cluster:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _result(self, task: Future) -> Any:
+        while True:
+            try:
+                return task.result(timeout=STEP_SECONDS)
+            except TimeoutError:  # the worker that had it is lost, and another one makes it again
+                self._check()
+            except KilledWorker as error:
+                raise InsituError(
+                    f"--scheduler {self.address}: workers ended {error.allowed_failures + 1} times at the same "
+                    "task; do they have enough memory?"
+                ) from error
+            except CommClosedError as error:
+                raise self._lost() from error
+            except Exception as error:
+                if task.cancelled():
+                    raise self._lost() from error
+                raise
+
+    def _check(self) -> None:
+        """Raises InsituError where nobody will do the work any more."""
+        if self._client.status in ("closing", "closed", "newly-created") or self._client.scheduler is None:
+            raise self._lost()
+        if self._client.status != "running":
+            return
+        if self.n_workers:
+            self._workerless_since = None
+        elif self._workerless_since is None:
+            self._workerless_since = time.monotonic()
+        elif time.monotonic() - self._workerless_since > WORKERLESS_SECONDS:
+            raise InsituError(
+                f"--scheduler {self.address}: it has had no worker for {WORKERLESS_SECONDS:.0f} s; start some with "
+                "`dask worker ADDRESS --nthreads 1`"
+            )
+
+    def _lost(self) -> InsituError:
+        return InsituError(
+            f"--scheduler {self.address}: the scheduler has gone; what is done is kept, give the command again"
+        )
+
+
+def _require_greeting(address: str) -> None:
+    """A scheduler greets whoever connects; of anything else Dask's client would wait for half a minute, and complain
+    when it is let go. Raises OSError, InsituError for what is no address."""
+    parts = _ADDRESS.fullmatch(address)
+    if parts is None or int(parts[3]) > 0xFFFF:
+        raise InsituError(f"--scheduler {address}: expected HOST:PORT of a Dask scheduler")
+    with socket.create_connection((parts[2].strip("[]"), int(parts[3])), CONNECT_SECONDS) as connection:
+        if parts[1] != "tls://" and not connection.recv(1):
+            raise ConnectionError("no greeting")
+
+
+def _put(done: queue.SimpleQueue[int], number: int, task: Future) -> None:
+    done.put(number)

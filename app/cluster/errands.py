@@ -1,0 +1,177 @@
+"""What workers of a cluster do: open the project that an errand names, from the files that came with it, and work.
+
+A worker keeps what it has opened last, so that the tasks of one scene open it once. It does one task at a time, which
+takes all the cores that its process may run on.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import importlib.metadata
+import platform
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+from app.cluster.parcel import Parcel
+from app.cluster.shelf import Shelf, fetched
+from app.jobs.cache import Store
+from app.messages import LookFrom, OpenScene
+from app.scene_state import LayerState, SceneState
+from engine.errors import InsituError
+from engine.files import files_from
+from engine.stored_arrays import Arrays
+from engine.transport.bandstore import BandTile
+from engine.transport.pipeline import Quality
+from engine.transport.projection import LayerShape, VisibleLight, project_layer
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from app.frames import Drawer, Frames, Picture
+    from app.jobs.bench import Bench
+    from app.project import ProjectWords
+
+_ROOT = Path(__file__).resolve().parents[2]
+_LIBRARIES = ("numpy", "scipy", "numba", "embreex")
+_alone = threading.Lock()
+_kept: dict[str, object] = {}
+_places_of: dict[str, dict[str, Path]] = {}
+Kept = TypeVar("Kept")
+
+
+@dataclass(frozen=True)
+class Errand:
+    """What every task of one command has: a name that no other command has, the files of its scene, and which Insitu it
+    is of."""
+
+    name: str
+    parcel: Parcel
+    program: str
+
+
+@dataclass(frozen=True)
+class FrameErrand(Errand):
+    """Frames of a project."""
+
+    words: ProjectWords
+    frames: Frames
+
+
+@dataclass(frozen=True, eq=False)
+class ViewErrand(Errand):
+    """One view of a scene, opened as the editor's worker opens it, under the light and the emitters of a document."""
+
+    open: OpenScene
+    look: LookFrom
+    scene: SceneState
+
+
+@functools.cache
+def program_digest() -> str:
+    """A hash of all that numbers depend on beside what they are computed of: Insitu's sources, libraries, the kind of
+    machine. Processors of one kind may still round differently."""
+    digest = hashlib.blake2b(digest_size=10)
+    for source in sorted(each for part in ("app", "engine") for each in (_ROOT / part).rglob("*.py")):
+        digest.update(source.relative_to(_ROOT).as_posix().encode() + b"\0" + source.read_bytes())
+    versions = [importlib.metadata.version(name) for name in _LIBRARIES]
+    digest.update(repr((versions, platform.python_version(), platform.system(), platform.machine())).encode())
+    return digest.hexdigest()
+
+
+def draw_frame(errand: FrameErrand, i: int) -> Picture:
+    """Frame i: linear radiance (H, W, 3)."""
+    with _at_work(errand):
+        return _opened(errand, lambda: _drawer(errand)).draw(i)
+
+
+def see_light(errand: ViewErrand, quality: Quality) -> VisibleLight:
+    """All the light of a view, and from where it is seen."""
+    from engine.steps import finish
+
+    with _at_work(errand):
+        bench = _opened(errand, lambda: _bench(errand))
+        return finish(bench.open_placement.light(bench.sky(errand.scene.light), quality))
+
+
+def project_tiles(
+    errand: ViewErrand, light: VisibleLight, layer: LayerShape, rows: np.ndarray, begin: int
+) -> list[BandTile]:
+    """The tiles of some points of a layer that follow each other; `begin`: which of the layer's the first is."""
+    with _at_work(errand):
+        hits = _opened(errand, lambda: _bench(errand)).open_placement.hits
+        return [replace(tile, begin=begin + tile.begin) for tile in project_layer(hits, rows, light, layer)]
+
+
+def find_indirect(errand: ViewErrand, layers: Sequence[LayerState], lit_by: str, n_bounces: int) -> Arrays:
+    """The fine indirect light of a view, as it is kept on disk."""
+    from app.jobs.indirect import IndirectTasks
+    from engine.indirect.stored import arrays_of
+
+    with _at_work(errand):
+        bench = _opened(errand, lambda: _bench(errand))
+        tasks = IndirectTasks(bench.open_placement, bench.store, bench.view_key, bench.view_id)
+        for _ in tasks.find(layers, bench.sky(errand.scene.light), lit_by, n_bounces, is_last=True):
+            pass
+        assert tasks.light is not None
+        return arrays_of(tasks.light)
+
+
+@contextlib.contextmanager
+def _at_work(errand: Errand) -> Iterator[None]:
+    """One task at a time, with the files of its errand and no others."""
+    if errand.program != program_digest():
+        raise InsituError(
+            f"a worker on {platform.node()} has another Insitu, or other versions of {', '.join(_LIBRARIES)}, "
+            "than this computer; install the same on all"
+        )
+    with _alone:
+        with files_from(_places(errand)):
+            yield
+
+
+def _places(errand: Errand) -> dict[str, Path]:
+    """Where this worker has the errand's files; looked for once."""
+    if errand.name not in _places_of:
+        try:
+            found = Shelf().places(errand.parcel, fetched)
+        except OSError as error:
+            raise InsituError(f"a worker on {platform.node()} cannot keep the scene: {error.strerror}") from error
+        _places_of.clear()
+        _places_of[errand.name] = found
+    return _places_of[errand.name]
+
+
+def _opened(errand: Errand, make: Callable[[], Kept]) -> Kept:
+    """What the newest errand has opened; that of another one is let go first."""
+    if errand.name not in _kept:
+        _kept.clear()
+        _kept[errand.name] = make()
+    return _kept[errand.name]  # type: ignore[return-value]
+
+
+def _drawer(errand: FrameErrand) -> Drawer:
+    from app.frames import drawer_of
+
+    drawer = drawer_of(errand.words.open(), errand.frames)
+    drawer.make_ready(lambda step: None)
+    return drawer
+
+
+def _bench(errand: ViewErrand) -> Bench:
+    """A worker's bench with the view open on it, and the tables of its measured layers read."""
+    from app.jobs.measured import ensure_tables
+    from app.jobs.tasks import Tasks
+
+    tasks = Tasks(Store(), fills=True)
+    for request in (errand.open, errand.look):
+        for _ in tasks.handle(request):
+            pass
+    for _ in ensure_tables((state.layer for state in errand.scene.layers), tasks.bench.store):
+        pass
+    tasks.bench.open_placement.shine(dict(errand.scene.emission))
+    return tasks.bench

@@ -1,0 +1,82 @@
+"""The long work on a view, done by a cluster: its light by one worker, the tiles of its layers by all of them.
+
+    worker A   see_light ──► project_tiles ...        find_indirect
+    worker B        └──────► project_tiles ...
+    here       visibility    tiles, into their file   indirect light: into the cache as if they were made here
+
+The light stays where it was made and goes from worker to worker; where one is lost that had it, it is made again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator, Sequence
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from app.cluster.dask import Cluster
+from app.cluster.errands import ViewErrand, find_indirect, project_tiles, see_light
+from app.jobs.labour import FindingLight, Seeing
+from app.messages import Progress
+from app.scene_state import LayerState
+from engine.transport.bandstore import BandTile
+from engine.transport.pipeline import Placement, Quality, SkyState
+from engine.transport.projection import TILE, LayerShape, VisibleLight
+
+if TYPE_CHECKING:
+    from distributed import Future
+
+TILES_OF_A_TASK = 16
+Result = TypeVar("Result")
+Told = TypeVar("Told")
+
+
+class OnWorkers:
+    """The labour of a cluster on the view of an errand."""
+
+    def __init__(self, cluster: Cluster, errand: ViewErrand) -> None:
+        self._cluster, self._errand = cluster, errand
+        self._lights: dict[int, Future] = {}
+
+    def light(self, placement: Placement, sky: SkyState, quality: Quality) -> Seeing:
+        task = self._cluster.submit(see_light, self._errand, quality)
+        light: VisibleLight = yield from self._only(task, 0.0)
+        placement.sphere.bits[:], placement.sphere.done[:] = light.sphere.bits, light.sphere.done
+        self._lights = {id(light): task}
+        return light
+
+    def project(
+        self, placement: Placement, rows: np.ndarray, light: VisibleLight, layer: LayerShape,
+        skip: frozenset[int] = frozenset(),
+    ) -> Iterator[BandTile | None]:  # fmt: skip
+        seen = self._lights[id(light)]
+        tasks = {}
+        for begin, end in _runs(-(-len(rows) // TILE), skip):
+            part = rows[begin * TILE : end * TILE]
+            tasks[begin] = self._cluster.submit(project_tiles, self._errand, seen, layer, part, begin * TILE)
+        for found in self._cluster.results(tasks):
+            yield from [None] if found is None else found[1]
+
+    def indirect(self, layers: Sequence[LayerState], lit_by: str, n_bounces: int) -> FindingLight | None:
+        task = self._cluster.submit(find_indirect, self._errand, tuple(layers), lit_by, n_bounces)
+        return self._only(task, Progress("indirect light", 0.0, text="on one worker"))
+
+    def _only(self, task: Future, meanwhile: Told) -> Generator[Told, None, Result]:
+        """The result of one task."""
+        for found in self._cluster.results({0: task}):
+            if found is not None:
+                return found[1]
+            yield meanwhile
+        raise AssertionError("a task ends with a result or an error")
+
+
+def _runs(n_tiles: int, skip: frozenset[int]) -> Iterator[tuple[int, int]]:
+    """First and last (excluded) of tiles that follow each other, so many as a task has, without those to skip."""
+    begin = 0
+    while begin < n_tiles:
+        end = begin
+        while end < n_tiles and end not in skip and end - begin < TILES_OF_A_TASK:
+            end += 1
+        if end > begin:
+            yield begin, end
+        begin = max(end, begin + 1)

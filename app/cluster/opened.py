@@ -1,0 +1,87 @@
+"""A project of the command line and, where there is a scheduler, what draws and computes on its cluster."""
+
+from __future__ import annotations
+
+import contextlib
+import uuid
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from app.messages import LookFrom, OpenScene
+from app.project import Project, ProjectWords
+from app.scene_state import scene_state
+from app.stills import StillProgress
+from engine.errors import InsituError
+from engine.files import files_noted
+from engine.material.maps import Images
+
+if TYPE_CHECKING:
+    from app.cluster.dask import Cluster
+    from app.cluster.labour import OnWorkers
+    from app.cluster.parcel import Parcel
+    from app.document import Document
+    from app.frames import Frames, Picture, Report
+
+
+class OnCluster:
+    """A project whose files a cluster has."""
+
+    def __init__(self, cluster: Cluster, words: ProjectWords, parcel: Parcel) -> None:
+        from app.cluster.errands import program_digest
+
+        self.cluster, self.words = cluster, words
+        self.named = uuid.uuid4().hex, parcel, program_digest()
+
+    def draw(
+        self, project: Project, frames: Frames, numbers: Sequence[int], report: Report
+    ) -> Iterator[tuple[int, Picture]]:
+        """The frames of these numbers, as they come. Raises InsituError."""
+        from app.cluster.errands import FrameErrand, draw_frame
+
+        errand = FrameErrand(*self.named, self.words, frames)
+        tasks = {i: self.cluster.submit(draw_frame, errand, i) for i in numbers}
+        n_done = 0
+        for found in self.cluster.results(tasks):
+            n_done += found is not None
+            told = f"{n_done} of {len(tasks)} frames, {self.cluster.n_workers} workers"
+            report(StillProgress(n_done / len(tasks), told))
+            if found is not None:
+                yield found
+
+    def labour(self, scene: OpenScene, view: LookFrom, document: Document) -> OnWorkers:
+        """Who does the long work on this view of a document's scene; requests without a number yet."""
+        from app.cluster.errands import ViewErrand
+        from app.cluster.labour import OnWorkers
+
+        scene, view = replace(scene, id=1), replace(view, scene=1, id=2)
+        return OnWorkers(self.cluster, ViewErrand(*self.named, scene, view, scene_state(document)))
+
+
+@contextlib.contextmanager
+def opened(words: ProjectWords, scheduler: str | None) -> Iterator[tuple[Project, OnCluster | None]]:
+    """The project, opened here; and on the cluster of that address, None where none is named. Raises InsituError."""
+    if scheduler is None:
+        yield words.open(), None
+        return
+    try:
+        from app.cluster.dask import Cluster
+    except ImportError as error:
+        raise InsituError(
+            f"--scheduler {scheduler}: dask.distributed is not installed; `pip install 'insitu[cluster]'` does it"
+        ) from error
+    with Cluster(scheduler) as cluster:
+        words = words.from_anywhere()
+        with files_noted() as files:
+            project = words.open()
+            _read_all(project)
+        yield project, OnCluster(cluster, words, cluster.send(files))
+
+
+def _read_all(project: Project) -> None:
+    """Read what else a picture may need, so that it is noted."""
+    document = project.document
+    images = [layer.maps.images for _, layer in document.layers()]
+    images += [Images(weight=name) for _, surface in document.new_surfaces for _, name in surface.files]
+    project.scene.textures.load(images, [bumps for _, bumps in document.new_bumps])
+    assert project.sky  # which reads its environment

@@ -1,0 +1,60 @@
+"""The files that a scene consists of, by what they hold: what is sent to a cluster, once."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from engine.files import name_everywhere
+
+PIECE = 16 << 20
+
+
+@dataclass(frozen=True)
+class SentFile:
+    """A file by the name that it has everywhere (`name_everywhere`), and the digests of its pieces."""
+
+    name: str
+    pieces: tuple[str, ...]
+
+    @property
+    def digest(self) -> str:
+        """Of what it holds."""
+        return digest_of("".join(self.pieces).encode())
+
+
+@dataclass(frozen=True)
+class Parcel:
+    """All files of a scene."""
+
+    files: tuple[SentFile, ...]
+
+    @property
+    def digest(self) -> str:
+        """Of all their names and what they hold."""
+        return digest_of(repr([(file.name, file.digest) for file in self.files]).encode())
+
+    @property
+    def pieces(self) -> tuple[str, ...]:
+        """Digests of all their pieces, each once."""
+        return tuple(dict.fromkeys(piece for file in self.files for piece in file.pieces))
+
+
+def parcel_of(paths: Iterable[Path]) -> Parcel:
+    """The parcel of these files. Raises OSError where one cannot be read."""
+    named = {name_everywhere(path): path for path in paths}
+    return Parcel(tuple(SentFile(name, tuple(map(digest_of, pieces_of(named[name])))) for name in sorted(named)))
+
+
+def pieces_of(path: Path) -> Iterator[bytes]:
+    """What a file holds, in pieces of 16 MiB; of an empty one there are none."""
+    with open(path, "rb") as file:
+        while piece := file.read(PIECE):
+            yield piece
+
+
+def digest_of(content: bytes) -> str:
+    """BLAKE2b, 160 bits."""
+    return hashlib.blake2b(content, digest_size=20).hexdigest()

@@ -1,0 +1,108 @@
+"""Where a machine of a cluster keeps what it was sent, by what it holds: in Insitu's cache, at most 16 GiB.
+
+The scheduler keeps pieces and hands them out; a worker keeps whole files. Nothing is taken from either that is not what
+its name says.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+from app.cluster.parcel import Parcel, SentFile, digest_of, pieces_of
+from app.jobs.cache import cache_folder
+from app.machine.atomic import make_private_folder, replacing
+from engine.errors import InsituError
+
+BOUND = 16 << 30
+
+
+class Shelf:
+    """Pieces and files in one folder; several processes may use it at a time."""
+
+    def __init__(self, folder: Path | None = None, bound: int = BOUND) -> None:
+        self._folder, self._bound = folder or cache_folder() / "sent", bound
+
+    def piece(self, digest: str) -> bytes | None:
+        """The piece of that digest, None where it is not there, or no longer what it was."""
+        path = self._path(digest, ".piece")
+        try:
+            content = path.read_bytes()
+        except OSError:
+            return None
+        if digest_of(content) != digest:
+            return None
+        _touch(path)
+        return content
+
+    def put(self, content: bytes) -> None:
+        """Keep a piece. Raises OSError."""
+        self._write(self._path(digest_of(content), ".piece"), iter([content]))
+
+    def file(self, sent: SentFile, fetch: Callable[[str], bytes]) -> Path:
+        """The file, whole, with its own ending; `fetch` brings the pieces of one that is not there. Raises OSError."""
+        path = self._path(sent.digest, "".join(Path(sent.name).suffixes[-1:]))
+        if path.is_file() and tuple(map(digest_of, pieces_of(path))) == sent.pieces:
+            _touch(path)
+        else:
+            self._write(path, map(fetch, sent.pieces))
+        return path
+
+    def places(self, parcel: Parcel, fetch: Callable[[str], bytes]) -> dict[str, Path]:
+        """Where the files of a parcel are here, by the names that they have everywhere. Raises OSError."""
+        return {sent.name: self.file(sent, fetch) for sent in parcel.files}
+
+    def _write(self, path: Path, pieces: Iterator[bytes]) -> None:
+        make_private_folder(self._folder)
+        with replacing(path, durable=False, private=True) as file:
+            for piece in pieces:
+                file.write(piece)
+        self._shrink(path)
+
+    def _shrink(self, keep: Path) -> None:
+        """The least recently used go until the bound is kept."""
+        with contextlib.suppress(OSError):
+            there = [(entry.stat(), Path(entry.path)) for entry in os.scandir(self._folder) if entry.is_file()]
+            total = sum(status.st_size for status, _ in there)
+            for status, path in sorted(there, key=lambda each: each[0].st_mtime_ns):
+                if total <= self._bound:
+                    return
+                if path != keep:
+                    path.unlink(missing_ok=True)
+                    total -= status.st_size
+
+    def _path(self, digest: str, ending: str) -> Path:
+        return self._folder / (digest + ending)
+
+
+def lacking(digests: Sequence[str]) -> list[str]:
+    """On the scheduler: which of these pieces it does not have."""
+    shelf = Shelf()
+    return [digest for digest in digests if shelf.piece(digest) is None]
+
+
+def keep_piece(content: bytes) -> None:
+    """On the scheduler: keep a piece. Raises OSError."""
+    Shelf().put(content)
+
+
+def hand_out(digest: str) -> bytes | None:
+    """On the scheduler: a piece that it keeps."""
+    return Shelf().piece(digest)
+
+
+def fetched(digest: str) -> bytes:
+    """On a worker: a piece, from the scheduler. Raises InsituError where it does not have it any more."""
+    from distributed import get_client
+
+    content: bytes | None = get_client().run_on_scheduler(hand_out, digest)
+    if content is None or digest_of(content) != digest:
+        raise InsituError("the scheduler does not have the scene any more; give the command again")
+    return content
+
+
+def _touch(path: Path) -> None:
+    with contextlib.suppress(OSError):
+        os.utime(path)

@@ -1,0 +1,18 @@
+"""What Deform's talk tells the picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from app.picture import PictureEvent
+from engine.deform.parts import Told
+from engine.scene.description import Camera
+
+
+@dataclass(frozen=True, eq=False)
+class PoseCame(PictureEvent):
+    """What the window is to draw itself, from where, in how many pixels (width, height)."""
+
+    told: Told
+    camera: Camera
+    resolution: tuple[int, int]

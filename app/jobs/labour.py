@@ -1,0 +1,53 @@
+"""Who does the long work on a view of a scene: this process, or others that are asked to (`app.cluster.labour`)."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator, Sequence
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from engine.transport.bandstore import BandTile
+from engine.transport.pipeline import Placement, Quality, SkyState
+from engine.transport.projection import LayerShape, VisibleLight, project_layer
+
+if TYPE_CHECKING:
+    from app.messages import Response
+    from app.scene_state import LayerState
+    from engine.stored_arrays import Arrays
+
+Seeing = Generator[float, None, VisibleLight]
+FindingLight = Generator["Response | None", None, "Arrays"]
+
+
+class Labour(Protocol):
+    """What is computed comes out the same, to the last bit, whoever computes it."""
+
+    def light(self, placement: Placement, sky: SkyState, quality: Quality) -> Seeing:
+        """See all the light of a stage; yields how much of that is done. A final one leaves the sphere's visibility
+        in `placement`."""
+
+    def project(
+        self, placement: Placement, rows: np.ndarray, light: VisibleLight, layer: LayerShape,
+        skip: frozenset[int] = frozenset(),
+    ) -> Iterator[BandTile | None]:  # fmt: skip
+        """The tiles of a layer's points as they are made, in any order, but those to skip; None while there is none."""
+
+    def indirect(self, layers: Sequence[LayerState], lit_by: str, n_bounces: int) -> FindingLight | None:
+        """The fine indirect light, as it is kept on disk; None: it is to be found here."""
+
+
+class Here:
+    """This process does it all."""
+
+    def light(self, placement: Placement, sky: SkyState, quality: Quality) -> Seeing:
+        return placement.light(sky, quality)
+
+    def project(
+        self, placement: Placement, rows: np.ndarray, light: VisibleLight, layer: LayerShape,
+        skip: frozenset[int] = frozenset(),
+    ) -> Iterator[BandTile | None]:  # fmt: skip
+        return project_layer(placement.hits, rows, light, layer, skip)
+
+    def indirect(self, layers: Sequence[LayerState], lit_by: str, n_bounces: int) -> FindingLight | None:
+        return None

@@ -1,0 +1,161 @@
+"""The front of each mode: which settings of its knobs no other beats in error and time both.
+
+    python -m app.measure.front [FILE]        writes the table that the slider reads (`app.front`)
+
+Errors are by the picture's own judgement (`engine.render.error_estimate`), by the same looks at the truth; seconds are
+of the processor, from an opened scene to the picture. Placement: lights and patches; bands and sphere levels gain
+nothing there, as `sweep` shows, and precision and edges cost little time. Orbit: points beside the meshes' own, and the
+coefficients that each keeps. Deform: rays and lobes a point.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.front import FRONT_FILE, Stop, front_text
+from app.measure.machine import machine_facts
+from app.project import Project, open_project, with_edges
+from app.stills import layers_by_object, plan_still, still_quality
+from engine.deform.live import Deform, finished
+from engine.orbit.live import Orbit
+from engine.render.error_estimate import judge, judge_drawn
+from engine.render.still import StillLayer, reflected, still_layers, with_maps
+from engine.steps import finish
+from engine.transport.pipeline import Placement
+
+
+@dataclass(frozen=True)
+class FrontEffort:
+    """What is measured: scenes by mode, (width, height) of their pictures, and each mode's settings."""
+
+    placement: tuple[str, ...] = ("teatray", "stairwell")
+    orbit: tuple[str, ...] = ("teatray",)
+    deform: tuple[str, ...] = ("idol",)
+    size: tuple[int, int] = (192, 144)
+    lights: tuple[tuple[int, int], ...] = (
+        (50, 32), (100, 64), (200, 128), (400, 256), (1000, 400), (4000, 768), (10_000, 3000),
+    )  # fmt: skip
+    points: tuple[tuple[int, int], ...] = ((0, 40), (2000, 80), (10_000, 160), (40_000, 320))  # and coefficients
+    rays: tuple[tuple[int, int], ...] = ((64, 1), (128, 2), (1000, 2), (1000, 3), (5000, 4))  # and lobes
+
+
+def measure_front(effort: FrontEffort, report: Callable[[str], None]) -> dict[str, tuple[Stop, ...]]:
+    """The front of each mode, from the quickest to the truest; of several scenes geometric means."""
+    found: dict[str, tuple[Stop, ...]] = {}
+    for mode, scenes, measured in (
+        ("placement", effort.placement, _placement),
+        ("orbit", effort.orbit, _orbit),
+        ("deform", effort.deform, _deform),
+    ):  # fmt: skip
+        stops = [list(_told(mode, scene, measured(_project(scene, effort.size), effort), report)) for scene in scenes]
+        found[mode] = on_the_front([_mean(each) for each in zip(*stops, strict=True)])
+    return found
+
+
+def on_the_front(stops: Sequence[Stop]) -> tuple[Stop, ...]:
+    """Those that no other beats in error and time both, the quickest first."""
+    found: list[Stop] = []
+    for stop in sorted(stops, key=lambda each: (each.seconds, each.error)):
+        if not found or stop.error < found[-1].error:
+            found.append(stop)
+    return tuple(found)
+
+
+def _told(mode: str, scene: str, stops: Iterator[Stop], report: Callable[[str], None]) -> Iterator[Stop]:
+    for stop in stops:
+        report(f"{mode} {scene} {dict(stop.knobs)}: {stop.error:.2%}, {stop.seconds:.2f} s")
+        yield stop
+
+
+def _mean(stops: Sequence[Stop]) -> Stop:
+    error, seconds = np.exp(np.log([(each.error, each.seconds) for each in stops]).mean(axis=0)).tolist()
+    return Stop(stops[0].knobs, error, seconds)
+
+
+def _project(scene: str, size: tuple[int, int]) -> Project:
+    return with_edges(open_project(scene, size), 0)
+
+
+def _placement(project: Project, effort: FrontEffort) -> Iterator[Stop]:
+    judging = Placement(project.scene)
+    layers, quality = _layers(judging, project), still_quality(plan_still(project))
+    finish(reflected(Placement(project.scene), layers, project.sky, replace(quality, n_lights=20, n_patches=20)))
+    for n_lights, n_patches in effort.lights:
+        placement, began = Placement(project.scene), time.process_time()
+        wanted = replace(quality, n_lights=n_lights, n_patches=n_patches)
+        radiance = finish(reflected(placement, layers, project.sky, wanted))
+        seconds = time.process_time() - began
+        judged = finish(judge(judging, layers, project.sky, quality, 1, radiance))
+        yield Stop(_knobs(n_lights=n_lights, n_patches=n_patches), judged.estimate.total, seconds)
+
+
+def _orbit(project: Project, effort: FrontEffort) -> Iterator[Stop]:
+    for n_points, n_coefficients in effort.points:
+        began = time.process_time()
+        orbit = Orbit(project.scene, n_points=n_points, n_coefficients=n_coefficients)
+        orbit.set_light(project.sky)
+        orbit.set_layers(layers_by_object(project))
+        orbit.set_bounces(1)
+        for _ in orbit.work():
+            pass
+        picture = _drawn(project, orbit)
+        seconds = time.process_time() - began
+        yield Stop(_knobs(n_points=n_points, n_coefficients=n_coefficients), _judged(project, picture), seconds)
+
+
+def _deform(project: Project, effort: FrontEffort) -> Iterator[Stop]:
+    for n_rays, n_lobes in effort.rays:
+        began = time.process_time()
+        deform = Deform(project.resting)
+        deform.set_effort(n_rays, n_lobes)
+        deform.set_light(project.sky)
+        deform.set_layers(layers_by_object(project))
+        deform.set_bounces(1)
+        picture = _drawn(project, finished(deform))
+        seconds = time.process_time() - began
+        yield Stop(_knobs(n_rays=n_rays, n_lobes=n_lobes), _judged(project, picture), seconds)
+
+
+def _drawn(project: Project, engine: Orbit | Deform) -> NDArray[np.float32]:
+    return engine.draw(project.scene.description.camera, project.scene.resolution)
+
+
+def _judged(project: Project, picture: NDArray[np.float32]) -> float:
+    placement = Placement(project.scene)
+    layers = _layers(placement, project)
+    (judged,) = finish(judge_drawn(placement, layers, project.sky, 1, [picture]))
+    return judged.estimate.total
+
+
+def _layers(placement: Placement, project: Project) -> tuple[StillLayer, ...]:
+    plan = plan_still(project)
+    return with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
+
+
+def _knobs(**knobs: int) -> tuple[tuple[str, int], ...]:
+    return tuple(knobs.items())
+
+
+def main() -> None:
+    file = Path(sys.argv[1]) if len(sys.argv) > 1 else FRONT_FILE
+    effort = FrontEffort()
+    found = measure_front(effort, lambda line: print(line, flush=True))
+    facts = machine_facts()
+    scenes = f"{', '.join(effort.placement)} (Placement), {effort.orbit[0]} (Orbit), {effort.deform[0]} (Deform)"
+    origin = (
+        f"`python -m app.measure.front` of {datetime.now(UTC):%Y-%m-%d} on {facts['cpu']}: {scenes} at "
+        "{} × {}, direct light; processor seconds".format(*effort.size)
+    )
+    file.write_text(front_text(origin, effort.size[0] * effort.size[1], found))
+
+
+if __name__ == "__main__":
+    main()

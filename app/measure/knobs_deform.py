@@ -1,0 +1,113 @@
+"""Deform's knobs: order of the harmonics, lobes, rays a point [Sloan05].
+
+Of a relief on a ball, bent, whatever the scene (`deform`): radiance at vertices, white and matt, against rays in that
+pose into the sky itself. So an error holds all there is: too few harmonics of light and transfer, too few lobes, and
+transfer that turns with the surface where its shadows do not quite.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.measure.deform import BEND, relief, varied_sky
+from app.measure.knobs import Knob, Shown
+from app.measure.sweep import MIB
+from engine.deform.live import N_LOBES, ORDER
+from engine.deform.points import bending_points
+from engine.deform.pose import deformed
+from engine.deform.shading import band_light, lobes, shade
+from engine.deform.transfer import N_RAYS, TransferPoints, cosine_directions, ray_blocks, shadowed, turned
+from engine.deform.zonal import MAX_LOBES, fit
+from engine.light.environment import triangle_integrals
+from engine.scene.raycaster import RayCaster
+from engine.scene.surface_points import surface_points
+from engine.sphere.harmonics import project
+from engine.steps import finish
+
+Floats = NDArray[np.float64]
+
+TRUTH_RAYS, LIGHT_LEVEL = 4000, 5
+
+
+@dataclass(frozen=True)
+class DeformKnobs:
+    """Columns and rows of the relief's vertices, rays a vertex of the truth, and the settings."""
+
+    columns: int = 48
+    rows: int = 32
+    truth_rays: int = TRUTH_RAYS
+    orders: tuple[int, ...] = (2, 3, 4, 5, 6, 8, 10)
+    of_orders: tuple[int, ...] = (4, 6, 8)
+    lobes: tuple[int, ...] = tuple(range(1, MAX_LOBES + 1))
+    rays: tuple[int, ...] = (64, 256, 1000, 2500, N_RAYS)
+    n_rays: int = 2500
+
+
+QUICKLY = DeformKnobs(20, 12, 400, (3, 6), (6,), (1, 4), (64, 256), 256)
+
+
+def deform_knobs(effort: DeformKnobs) -> Iterator[Knob]:
+    """See above."""
+    bench = _Bench(effort)
+    frame = "shading all points once"
+    yield bench.knob("order, harmonics themselves", effort.orders, bench.by_harmonics, ORDER, frame)
+    for n in effort.of_orders:
+        present = N_LOBES if n == ORDER else None
+        yield bench.knob(f"lobes, order {n}", effort.lobes, lambda k, n=n: bench.by_lobes(n, k), present, frame)
+    rays = sorted({each for each in effort.rays if each <= max(N_RAYS, effort.n_rays)})
+    yield bench.knob("rays a point", rays, bench.by_rays, N_RAYS, "transfer and its lobes")
+
+
+class _Bench:
+    def __init__(self, effort: DeformKnobs) -> None:
+        scene = relief(effort.columns, effort.rows)
+        self._points = bending_points(scene, RayCaster(scene.vertices, scene.triangles), 0)
+        self._effort, self._sky = effort, varied_sky()
+        environment = self._sky.environment
+        assert environment is not None
+        pose = deformed(self._points.resting(0), (BEND,))
+        self._frames = pose.frames
+        self._powers = triangle_integrals(environment, 0.0, LIGHT_LEVEL)
+        caster = RayCaster(pose.positions.astype(np.float32), self._points.surface.corners)
+        above = surface_points(caster, pose.positions, pose.frames[:, 2])
+        mesh, n = TransferPoints(above, pose.frames, self._points.surface.corners), effort.truth_rays
+        parts = []
+        for start, stop, rays in ray_blocks(mesh, cosine_directions(n, 1)[0]):
+            light = environment.evaluate(rays[1], 0.0) * ~caster.occluded(*rays)[:, None]
+            parts.append(light.reshape(stop - start, n, 3).mean(axis=1))
+        self._truth = np.concatenate(parts)
+        self._vectors = lru_cache(maxsize=2)(self._traced)
+
+    def knob(self, name: str, settings: Any, make: Any, present: Any, cost: str) -> Knob:
+        return Knob("deform", name, settings, make, self._truth, present, cost)
+
+    def _traced(self, n: int, n_rays: int) -> Floats:
+        points = self._points
+        return finish(shadowed(points.mesh(0), points.caster((0,)), n, n_rays))
+
+    def by_harmonics(self, n: int) -> Any:
+        """All n² coefficients turned, as one would without lobes."""
+        vectors, light = self._vectors(n, self._effort.n_rays), project(self._powers, n)
+        back = self._frames.transpose(0, 2, 1)
+        return lambda: Shown(turned(vectors, back) @ light, vectors.size * 4 / MIB)
+
+    def by_lobes(self, n: int, n_lobes: int) -> Any:
+        zonal = lobes(finish(fit(self._vectors(n, self._effort.n_rays), n_lobes)))
+        light = band_light(project(self._powers, n))
+        kept = sum(each.nbytes for each in (zonal.low, zonal.axes, zonal.coefficients)) / MIB
+        return lambda: Shown(shade(zonal, self._frames, light), kept)
+
+    def by_rays(self, n_rays: int) -> Any:
+        light = band_light(project(self._powers, ORDER))
+
+        def compute() -> Shown:
+            zonal = finish(fit(self._traced(ORDER, n_rays), N_LOBES))
+            return Shown(shade(lobes(zonal), self._frames, light))
+
+        return compute

@@ -1,0 +1,134 @@
+"""The transfer of one object of a scene, as it is said to be: what it hangs on, and how it is found."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.deform.details import heights, n_texels, patch_vectors, wrinkle_lobes
+from engine.deform.membrane import membrane
+from engine.deform.points import BendingPoints
+from engine.deform.subsurface import Medium, simulate_subsurface
+from engine.deform.transfer import bounced, shadowed
+from engine.deform.zonal import Zonal, about_linear, fit
+from engine.material.maps import Images
+from engine.scene.load import Scene
+from engine.scene.surface_kinds import DeformSurface
+from engine.steps import told_as
+
+ORDER, N_LOBES = 6, 4
+ALBEDO_STEPS = 8  # in which albedos count for what an object reflects onto itself
+
+
+@dataclass(frozen=True)
+class ObjectTransfer:
+    """Which object's; the objects that shade its points; what is said of its surface; its albedo in `ALBEDO_STEPS`, and
+    how often light goes from it onto itself; rays and lobes a point."""
+
+    i_object: int
+    casters: tuple[int, ...]
+    says: DeformSurface
+    albedo: int
+    n_bounces: int
+    n_rays: int
+    n_lobes: int
+
+    @property
+    def is_worth_keeping(self) -> bool:
+        """Whether it takes longer to find than to read; a membrane's map may change beneath what is kept."""
+        return self.says.membrane is None
+
+    def made_of(self, scene: Scene, points: BendingPoints) -> tuple[object, ...]:
+        """All that it hangs on."""
+        says = self.says
+        if says.wrinkles is not None:  # one map for all depths
+            return ("wrinkles 2",)
+        if says.patch is not None:
+            return "patch", self.n_rays, self.n_lobes, heights(scene, says.patch)
+        own = (says.model_dump_json(),) if says.kind else (self.albedo, self.n_bounces)
+        lobes = () if self.n_lobes == N_LOBES else (self.n_lobes,)
+        return *points.geometry(self.i_object, self.casters), *own, self.n_rays, *lobes
+
+    def n_places(self, scene: Scene, points: BendingPoints) -> int:
+        """How many places it is found at: the object's points, or a map's texels."""
+        if self.says.is_mapped:
+            return n_texels(scene, self.says)
+        return len(points.of(self.i_object))
+
+    def found(self, scene: Scene, points: BendingPoints) -> Generator[float, None, Zonal]:
+        """By rays, where these are needed, then lobes. Yields the share of the rays that is done."""
+        says = self.says
+        if says.membrane is not None:
+            return membrane(_translucency(scene, points, self.i_object, says.membrane.translucency), ORDER)
+        if says.wrinkles is not None:
+            return (yield from wrinkle_lobes(ORDER))
+        vectors = yield from self._vectors(scene, points)
+        if self.n_lobes == 1:  # which is soon to be another
+            return about_linear(vectors)
+        return (yield from told_as(fit(vectors, self.n_lobes), lambda _: 1.0))
+
+    def _vectors(self, scene: Scene, points: BendingPoints) -> Generator[float, None, NDArray[np.float64]]:
+        """Of the object's points, or of a patch's texels (P, n^2)."""
+        if self.says.patch is not None:
+            return (yield from patch_vectors(scene, self.says.patch, ORDER, self.n_rays))
+        mesh, caster = points.mesh(self.i_object), points.caster(self.casters)
+        if self.says.subsurface is not None:
+            medium, own = Medium(**self.says.values), mesh.corners[mesh.corners[:, 0] >= 0]
+            return (yield from simulate_subsurface(mesh, caster, own, ORDER, medium, self.n_rays))
+        vectors = yield from shadowed(mesh, caster, ORDER, self.n_rays)
+        if self.albedo and self.n_bounces:
+            albedo = self.albedo / ALBEDO_STEPS
+            vectors = yield from told_as(bounced(mesh, caster, vectors, albedo, self.n_bounces), lambda share: 0.99)
+        return vectors
+
+
+class Shelf(Protocol):
+    """Where fitted transfer is kept, by all that it hangs on. What `get` finds is of so many places."""
+
+    def get(self, made_of: tuple[object, ...], n_places: int) -> Zonal | None: ...
+
+    def put(self, made_of: tuple[object, ...], zonal: Zonal) -> None: ...
+
+
+class FoundTransfer:
+    """What was found of a scene's objects: the last two of each at hand, for one that bends will rest again, and all
+    on the shelf."""
+
+    def __init__(self, scene: Scene, points: BendingPoints, shelf: Shelf | None) -> None:
+        self._scene, self._points, self._shelf = scene, points, shelf
+        self._at_hand: dict[ObjectTransfer, Zonal] = {}
+        self._sought: dict[int, ObjectTransfer] = {}  # in vain, the last of each object
+
+    def get(self, wanted: ObjectTransfer) -> Zonal | None:
+        if wanted in self._at_hand or self._sought.get(wanted.i_object) == wanted:
+            return self._at_hand.get(wanted)
+        self._sought[wanted.i_object] = wanted
+        if self._shelf is not None and wanted.is_worth_keeping:
+            made_of = wanted.made_of(self._scene, self._points)
+            found = self._shelf.get(made_of, wanted.n_places(self._scene, self._points))
+            if found is not None:
+                self._hold(wanted, found)
+        return self._at_hand.get(wanted)
+
+    def keep(self, wanted: ObjectTransfer, zonal: Zonal) -> None:
+        self._hold(wanted, zonal)
+        if self._shelf is not None and wanted.is_worth_keeping:
+            self._shelf.put(wanted.made_of(self._scene, self._points), zonal)
+
+    def _hold(self, wanted: ObjectTransfer, zonal: Zonal) -> None:
+        for other in [each for each in self._at_hand if each.i_object == wanted.i_object][:-1]:
+            del self._at_hand[other]
+        self._at_hand[wanted] = zonal
+
+
+def _translucency(scene: Scene, points: BendingPoints, i: int, says: float | str) -> NDArray[np.float64]:
+    """Of an object's points (P,), 0 to 1."""
+    if not isinstance(says, str):
+        return np.full(len(points.of(i)), says)
+    image = scene.textures.weight(Images(weight=says))
+    assert image is not None
+    return np.clip(image.at(points.uvs(i))[:, 0].astype(np.float64), 0.0, 1.0)

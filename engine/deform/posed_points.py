@@ -1,0 +1,57 @@
+"""Where all that is drawn of a scene stands in a pose; what did not move since the last one stays."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.deform.details import surface_axes
+from engine.deform.points import BendingPoints
+from engine.deform.pose import Pose, Poses, Row, deformed
+from engine.deform.posed_scene import at_moment, deformers, shifted
+from engine.scene.load import Scene
+
+Singles = NDArray[np.float32]
+
+
+class PosedPoints:
+    """The points of a scene, pose by pose."""
+
+    def __init__(self, scene: Scene, points: BendingPoints) -> None:
+        self._scene, self._points = scene, points
+        self._poses: dict[int, tuple[object, Pose]] = {}
+        self._shifts: dict[int, NDArray[np.float64]] = {}
+        self._axes: dict[int, tuple[object, Singles]] = {}
+
+    def at(self, poses: Poses) -> tuple[Singles, Singles]:
+        """Places (V, 3) of all that is drawn, and axes (S, 3, 3) of points."""
+        scene = self._scene
+        rows = {scene.object_index(name): row for name, row in poses if name in scene.object_names}
+        for i in range(len(scene.smooth)):
+            row = rows.get(i, ())
+            if i not in self._poses or self._poses[i][0] != row:
+                self._poses[i] = row, self._pose(i, row)
+                self._points.place(i, self._poses[i][1])
+        return self._points.places, self._points.frames
+
+    def carried(self, poses: Poses) -> dict[str, tuple[float, float, float]]:
+        """How far animations have carried the objects in these poses, by name: x, y, z."""
+        self.at(poses)
+        shifts = {name: self._shifts[self._scene.object_index(name)] for name, _ in poses}
+        return {name: (float(x), float(y), float(z)) for name, (x, y, z) in shifts.items() if x or y or z}
+
+    def axes_of(self, i: int) -> Singles:
+        """Axes along texture coordinates at the corners of an object's triangles as they stand now, see
+        `surface_axes`."""
+        pose = self._poses[i][1]
+        if i not in self._axes or self._axes[i][0] is not pose:
+            self._axes[i] = pose, surface_axes(self._scene, self._points, i)
+        return self._axes[i][1]
+
+    def _pose(self, i: int, row: Row) -> Pose:
+        """Where a row takes all that is drawn of an object."""
+        resting = self._points.resting(i)
+        rest, moment = at_moment(self._scene, i, row)
+        carried = resting if moment is rest else self._points.carried(i, resting, rest, moment)
+        self._shifts[i] = shifted(rest, moment)
+        return deformed(carried, deformers(row), resting.box + self._shifts[i])

@@ -1,0 +1,276 @@
+"""Tells the parts of which moving pictures are drawn (`parts`) to a graphics card, and then what changes of them.
+
+    telling = Telling(number_of_bytes)
+    for part in telling.parts(orbit): ...       all that changed since it was asked last
+
+Of the light only coefficients are told that are not 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.material.maps import LayerMaps
+from engine.material.strokes import HARDEST
+from engine.orbit._slice_kernels import Tables
+from engine.orbit.parts import (
+    N_HEAD,
+    BouncedPart,
+    Floats,
+    LightPart,
+    MeshPart,
+    Part,
+    Range,
+    SkyPart,
+    TablePart,
+    TermsPart,
+    ToldBumps,
+    ToldMaps,
+    ToldTerm,
+    Words,
+)
+from engine.scene.surface_uvs import corner_uvs
+from engine.texture.pyramid import Pyramid
+
+if TYPE_CHECKING:
+    from engine.material.bumps import Bumps
+    from engine.material.strokes import Strokes
+    from engine.orbit.incident import Incident
+    from engine.orbit.lit_points import LitPoints
+    from engine.orbit.live import Orbit
+    from engine.orbit.reflections import Term
+    from engine.orbit.shading_points import ShadingPoints
+    from engine.scene.load import Scene
+
+_AT_ONCE = 4096  # points: 11 MB at 320 coefficients
+_LEVELS = 16  # of an image, at most
+_STROKE_WORDS = 8
+
+
+class Telling:
+    """What has been told so far."""
+
+    def __init__(self, most_bytes: int) -> None:
+        """most_bytes: of any one buffer; of light so many coefficients are told as go into one."""
+        self._most_bytes = most_bytes
+        self._points: ShadingPoints | None = None
+        self._incident: Incident | None = None
+        self._bumps: tuple[Bumps, ...] = ()
+        self._n = 0
+        self._indirect: Floats | None = None
+        self._sky: tuple[object, ...] = ()
+        self._image: object = self
+        self._terms: tuple[object, ...] = ()
+        self._tables: set[int] = set()
+        self._images: tuple[Pyramid, ...] | None = None
+
+    def parts(self, orbit: Orbit) -> Iterator[Part]:
+        """All that changed; nothing before points are there."""
+        lit = orbit.lit
+        if lit is None:
+            return
+        bumps = tuple(described.bumps for described in orbit.scene.description.objects)
+        if (lit.points, lit.incident, bumps) != (self._points, self._incident, self._bumps):
+            self._points, self._incident, self._bumps = lit.points, lit.incident, bumps
+            self._n = self._coefficients_told(lit.incident)
+            lit.untold[:], self._indirect = True, None
+            yield _mesh(orbit.scene, lit, self._n)
+        yield from self._sky_parts(orbit)
+        yield from self._terms_parts(orbit)
+        which = np.flatnonzero(lit.untold)
+        for start in range(0, len(which), _AT_ONCE):
+            some = which[start : start + _AT_ONCE]
+            yield _light(lit.incident, some, self._n)
+            lit.untold[some] = False
+        if lit.indirect is not self._indirect:
+            self._indirect = lit.indirect
+            yield BouncedPart(_four(lit.indirect))
+
+    def _coefficients_told(self, incident: Incident) -> int:
+        n_rows, n = incident.kept.number.shape
+        room = self._most_bytes // 4 // max(n_rows, 1) - N_HEAD
+        return max(min(n, room // 2), 1)
+
+    def _sky_parts(self, orbit: Orbit) -> Iterator[Part]:
+        sky = orbit.light
+        told = sky.environment, sky.rotation, sky.scale
+        if told != self._sky:
+            is_new, self._sky = self._image is not sky.environment, told
+            self._image = sky.environment
+            black = np.zeros((1, 1, 3), np.float32)
+            image = black if sky.environment is None else np.asarray(sky.environment.radiance, np.float32)
+            yield SkyPart(image if is_new else None, float(np.radians(sky.rotation % 360.0)), sky.scale)
+
+    def _terms_parts(self, orbit: Orbit) -> Iterator[Part]:
+        made = _Terms(orbit)
+        told = made.terms, made.strokes, orbit.scene.emission.tobytes()
+        images = tuple(made.images)
+        if told == self._terms and images == self._images:
+            return
+        new = {serial: _table(tables) for serial, tables in made.tables.items() if serial not in self._tables}
+        words = None if images == self._images else _image_words(images)
+        self._terms, self._images, self._tables = told, images, set(made.tables)
+        yield TermsPart(made.terms, new, words, _stroke_words(made.strokes), orbit.scene.emission.astype(np.float32))
+
+
+class _Terms:
+    """The terms of an Orbit as they are told, and what they refer to."""
+
+    def __init__(self, orbit: Orbit) -> None:
+        self.tables: dict[int, Tables] = {}
+        self.images: dict[Pyramid, int] = {}
+        self.strokes: tuple[Strokes, ...] = ()
+        self._orbit, self._n_words, self._n_strokes = orbit, 0, 0
+        self.terms = tuple(self._told(term) for term in orbit.reflections.terms)
+
+    def _told(self, term: Term) -> ToldTerm:
+        orbit = self._orbit
+        albedo = orbit.reflections.albedo(term) / np.pi * (orbit.n_bounces > 1)
+        tables = None if term.reflectance is not None else orbit.reflections.tables(term.layers)
+        if tables is not None:
+            self.tables[tables.serial] = tables
+        maps = None
+        if term.factor is not None:
+            maps = self._maps(term.layers[0].maps)
+        bumps = None
+        if term.reflectance is not None and term.i_object in orbit.scene.relief.objects:
+            own = orbit.scene.description.objects[term.i_object].bumps
+            slopes = self._image(orbit.scene.textures.slopes(own))
+            bumps = ToldBumps(slopes, own.bump_repeats, own.slope_scale, bool(own.normal_map))
+        reflectance, serial = term.reflectance or (0.0, 0.0, 0.0), tables.serial if tables else 0
+        return ToldTerm(term.i_object, reflectance, _three(albedo), serial, maps, bumps)
+
+    def _maps(self, maps: LayerMaps) -> ToldMaps:
+        images, store, first = maps.images, self._orbit.scene.textures, self._n_strokes
+        if images.strokes:
+            self.strokes += (images.strokes,)
+            self._n_strokes += len(images.strokes.strokes)
+        return ToldMaps(
+            self._image(store.texture(images)), images.texture_scale, maps.texture_strength,
+            self._image(store.weight(images)), images.weight_start, maps.inverts, (first, self._n_strokes),
+        )  # fmt: skip
+
+    def _image(self, image: Pyramid | None) -> int:
+        if image is None:
+            return -1
+        if image not in self.images:
+            self.images[image] = self._n_words
+            self._n_words += _n_image_words(image)
+        return self.images[image]
+
+
+def _mesh(scene: Scene, lit: LitPoints, n: int) -> MeshPart:
+    points, kept = lit.points, lit.incident.kept
+    zero = np.zeros((len(points), 1), np.float32)
+    row = lit.incident.slot.astype(np.int32)[:, None].view(np.float32)
+    each = np.concatenate([points.position, row, points.normal, zero, points.tangent, zero], axis=1)
+    order = np.argsort(scene.object_of_triangle[points.source], kind="stable")
+    source = points.source[order]
+    uvs = np.einsum("tpk,tki->tpi", _shares(points.within[order]), corner_uvs(scene, source)).astype(np.float32)
+    ways = np.zeros((len(order), 3, 6), np.float32)
+    faces = np.repeat(scene.geometric_normals[source][:, None], 3, axis=1).astype(np.float32)
+    sides = np.ascontiguousarray(points.triangles[order].swapaxes(1, 2)).view(np.float32)
+    bounds = np.searchsorted(scene.object_of_triangle[source], np.arange(len(scene.smooth) + 1)).tolist()
+    for i in scene.relief.objects:
+        begin, end = bounds[i], bounds[i + 1]
+        own = scene.relief.ways(i)[source[begin:end] - scene.triangle_ranges[i][0]]
+        ways[begin:end] = np.einsum("tpk,tki->tpi", _shares(points.within[order[begin:end]]), own)
+    corners = np.concatenate([points.corners[order].astype(np.float32), faces, uvs, sides, ways], axis=2)
+    runs = [_runs(np.flatnonzero(points.i_object == i)) for i in range(len(scene.smooth))]
+    low, high = scene.vertices.min(axis=0), scene.vertices.max(axis=0)
+    return MeshPart(
+        each.astype(np.float32).view(np.uint32), corners.reshape(-1, 16).astype(np.float32).view(np.uint32),
+        tuple(zip(bounds[:-1], bounds[1:], strict=True)), tuple(runs), _three(scene.origin), _three((low + high) / 2.0),
+        float(np.linalg.norm(high - low)) / 2.0, len(kept.number), n,
+    )  # fmt: skip
+
+
+def _three(vector: NDArray[np.floating]) -> tuple[float, float, float]:
+    x, y, z = map(float, vector)
+    return x, y, z
+
+
+def _shares(within: Floats) -> Floats:
+    """Of a triangle's three corners, (..., 3), at u and v (..., 2)."""
+    return np.stack([1.0 - within[..., 0] - within[..., 1], within[..., 0], within[..., 1]], axis=-1)
+
+
+def _runs(numbers: NDArray[np.integer]) -> tuple[Range, ...]:
+    """Ascending numbers as first and last (excluded) of those that follow one another."""
+    if not len(numbers):
+        return ()
+    breaks = np.flatnonzero(np.diff(numbers) != 1)
+    firsts, lasts = numbers[np.r_[0, breaks + 1]], numbers[np.r_[breaks, len(numbers) - 1]] + 1
+    return tuple((int(a), int(b)) for a, b in zip(firsts, lasts, strict=True))
+
+
+def _light(incident: Incident, which: NDArray[np.integer], n: int) -> LightPart:
+    kept = incident.kept
+    place = incident.slot[which]
+    place = place[place >= 0]
+    value, number = kept.value[place, :n], kept.number[place, :n]
+    n_told = np.where((value != 0).any(axis=2), np.arange(1, value.shape[1] + 1), 0).max(axis=1, initial=0)
+    most = int(n_told.max(initial=0))
+    rows = np.zeros((len(place), N_HEAD + 2 * most), np.uint32)
+    rows[:, 0] = n_told
+    rows[:, 1:7] = kept.leaning[place].reshape(-1, 6).view(np.uint32)
+    rows[:, 7:47] = kept.sun_place[place].astype(np.int32).view(np.uint32)
+    rows[:, 47:167] = kept.sun_power[place].reshape(-1, 120).view(np.uint32)
+    four = np.concatenate([number[:, :most, None].view(np.uint16), value[:, :most]], axis=2)
+    rows[:, N_HEAD:] = np.ascontiguousarray(four).reshape(len(place), 4 * most).view(np.uint32)
+    return LightPart(which.astype(np.int32), _four(kept.irradiance[which]), place, rows)
+
+
+def _four(colours: Floats) -> Floats:
+    """Colours (N, 3) as (N, 4)."""
+    return np.concatenate([colours, np.zeros((len(colours), 1), np.float32)], axis=1)
+
+
+def _table(tables: Tables) -> TablePart:
+    return TablePart(
+        _entries(tables.table), _entries(tables.values), tables.images, tables.places, tables.n_polar,
+        tables.n_columns, tables.steepest,
+    )  # fmt: skip
+
+
+def _entries(flat: NDArray[np.uint16]) -> Words:
+    colours = flat[:-1].reshape(-1, 3)
+    four = np.zeros((len(colours), 4), np.uint16)
+    four[:, :3] = colours
+    return four.view(np.uint32)
+
+
+def _n_image_words(image: Pyramid) -> int:
+    return 1 + 3 * _LEVELS + 2 * len(image.texels)
+
+
+def _image_words(images: tuple[Pyramid, ...]) -> Words:
+    """How many levels, of each height, width and first texel, and the texels: up to three half floats in two words."""
+    words = []
+    for image in images:
+        head = np.zeros(1 + 3 * _LEVELS, np.uint32)
+        sizes = np.array(image.shapes[:_LEVELS], np.uint32)
+        areas = sizes.prod(axis=1)
+        head[0] = len(sizes)
+        head[1 : 1 + 3 * len(sizes)] = np.column_stack([sizes, np.cumsum(areas) - areas]).ravel()
+        texels = np.zeros((len(image.texels), 4), np.float16)
+        texels[:, : image.n_channels] = np.clip(image.texels, -65504.0, 65504.0)
+        words += [head, texels.view(np.uint32).ravel()]
+    return np.concatenate(words) if words else np.zeros(0, np.uint32)
+
+
+def _stroke_words(strokes: tuple[Strokes, ...]) -> Words:
+    """Of each stroke 8 words: first and last dab, radius, inner radius, strength, value, 0, 0; and all dabs behind."""
+    every = [stroke for each in strokes for stroke in each.strokes]
+    ends = np.cumsum([0, *(stroke.n_dabs for stroke in every)])
+    head = np.zeros((len(every), _STROKE_WORDS), np.float32)
+    for k, stroke in enumerate(every):
+        inner = min(stroke.hardness, HARDEST) * stroke.radius
+        head[k, :2] = ends[k : k + 2].astype(np.int32).view(np.float32)
+        head[k, 2:6] = stroke.radius, inner, stroke.strength, stroke.value
+    dabs = [stroke.array.ravel() for stroke in every]
+    return np.concatenate([head.ravel(), *dabs]).astype(np.float32).view(np.uint32)

@@ -1,0 +1,60 @@
+"""Where a picture is off: the errors found at some of its points, spread over the objects they are on, as colours.
+
+Of a point by itself chance tells more than its error does (`error_estimate`): each pixel has the mean of the squares of
+the nearest points on its own object, the nearer ones counting more. What shows no object that was looked at is clear.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from engine.render.display import false_colour
+from engine.render.error_colours import shown
+from engine.render.error_estimate import Judged
+from engine.scene.hits import PrimaryHits
+
+NEIGHBOURS = 12
+OPACITY = 0.8
+_PIXELS_AT_ONCE = 1 << 15
+
+Colours = NDArray[np.uint8]
+
+
+def error_colours(hits: PrimaryHits, judged: Judged) -> Generator[None, None, Colours]:
+    """The picture's errors, relative to its mean, as colours (H, W, 4), the last its opacity; block by block."""
+    errors = yield from error_map(hits, judged)
+    height, width = errors.shape
+    image = np.zeros((height * width, 4), np.uint8)
+    known = np.flatnonzero(np.isfinite(errors.ravel()))
+    for i in range(0, len(known), _PIXELS_AT_ONCE):
+        block = known[i : i + _PIXELS_AT_ONCE]
+        light = np.repeat(shown(errors.ravel()[block])[:, None], 3, axis=1)
+        image[block, :3] = np.rint(255.0 * false_colour(light))
+        image[block, 3] = round(255 * OPACITY)
+        yield
+    return image.reshape(height, width, 4)
+
+
+def error_map(hits: PrimaryHits, judged: Judged) -> Generator[None, None, NDArray[np.float32]]:
+    """The errors themselves (H, W); not a number where nothing is known."""
+    width, height = hits.resolution
+    objects = np.where(hits.row_image >= 0, hits.object_image, -1).ravel()  # emitters are as they are
+    errors = np.full(width * height, np.nan, np.float32)
+    of_point = objects[judged.pixel]
+    for i in np.unique(of_point[of_point >= 0]):
+        mine = np.flatnonzero(of_point == i)
+        places = np.stack(np.divmod(judged.pixel[mine], width), axis=1).astype(np.float64)
+        tree, n = KDTree(places), min(NEIGHBOURS, len(mine))
+        pixels = np.flatnonzero(objects == i)
+        for j in range(0, len(pixels), _PIXELS_AT_ONCE):
+            block = pixels[j : j + _PIXELS_AT_ONCE]
+            distance, near = tree.query(np.stack(np.divmod(block, width), axis=1), k=np.arange(1, n + 1))
+            weight = 1.0 / (1.0 + (distance / np.maximum(distance[:, -1:], 1.0)) ** 2)
+            squares = (weight * judged.squares[mine][near]).sum(axis=1) / weight.sum(axis=1)
+            errors[block] = np.sqrt(np.maximum(squares, 0.0))
+            yield
+    return errors.reshape(height, width)

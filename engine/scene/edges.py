@@ -1,0 +1,113 @@
+"""Where one shading point a pixel is not enough, and which ones such a pixel has.
+
+A pixel needs more than its centre where one of its eight neighbours sees another object, where normals turn by more
+than an angle from one to the next, or where a surface breaks off between them: at silhouettes and creases, and on rims
+and knobs whose highlights are narrower than a pixel. So many rays go through it. Of what they meet, all that is alike
+(one object, one plane, normals within that angle) shares one point, which stands for its share of the pixel: of half
+the pixels along an edge one point more is all, however many rays said where the edge is, and inside of objects nothing
+is added. The centre keeps its point, so that a picture with edges has all the points of one without them.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from engine.scene import _edge_kernels as kernels
+
+if TYPE_CHECKING:
+    from engine.scene.hits import PrimaryHits
+
+Floats = npt.NDArray[np.float32]
+Integers = npt.NDArray[np.int32]
+
+# Radians by which normals of one point may differ, divided by the rays.
+_TURN = 1.2
+# Of the points at pixels' centres, turning normals may ask for so many more, and surfaces that break off; few are had
+# in any case.
+_MOST_TURNED, _MOST_BROKEN, _FEW = 0.25, 0.5, 1000
+
+_PATTERNS = {
+    4: ((-6, -2), (2, -6), (6, 2), (-2, 6)),
+    8: ((1, -3), (-1, 3), (5, 1), (-3, -5), (-5, 5), (-7, -1), (3, 7), (7, -7)),
+    16: (
+        (1, 1), (-1, -3), (-3, 2), (4, -1), (-5, -2), (2, 5), (5, 3), (3, -5),
+        (-2, 6), (0, -7), (-4, -6), (-6, 4), (-8, 0), (7, -4), (6, 7), (-7, -8),
+    ),
+}  # fmt: skip
+
+
+def ray_offsets(n_rays: int) -> Floats:
+    """Where the rays of an edge pixel pass, (n, 2) columns and rows from its centre, in pixels; no two of them in one
+    column or row, none at the centre. The patterns are those of Direct3D's multisampling, of 16 its middle moved."""
+    sixteenths = np.asarray(_PATTERNS[n_rays], np.float32)
+    return (sixteenths + np.float32(0.5 if n_rays == 16 else 0.0)) / np.float32(16.0)
+
+
+class Surface(NamedTuple):
+    """What rays meet: the object that reflects there or −1, ids of any shape, its position and normal, of that shape
+    times 3."""
+
+    ids: Integers
+    position: Floats
+    normal: Floats
+
+
+class Groups(NamedTuple):
+    """Of edge pixels (F,) and their centre and rays (F, 1 + n): which of these has the point that each of them shares,
+    −1 where nothing reflects, and the share of the pixel that each stands for, 0 but for those."""
+
+    leader: Integers
+    share: Floats
+
+
+def turn_of(n_rays: int) -> float:
+    """The angle by which normals of one point may differ, radians."""
+    return _TURN / n_rays
+
+
+def edge_pixels(seen: Integers, centres: Surface, turn: float, resolution: tuple[int, int]) -> npt.NDArray[np.bool_]:
+    """Which pixels (N,) of a picture of resolution (width, height) one of their neighbours differs from; seen (N,): the
+    object at each centre, −1 for none; centres: what reflects there."""
+    width, height = resolution
+    edge = np.zeros((height, width), bool)
+    ids, position, normal = (each.reshape(height, width, *each.shape[1:]) for each in centres)
+    kernels.mark_edges(seen.reshape(height, width), ids, position, normal, np.float32(np.cos(turn)), edge)
+    return edge.ravel()
+
+
+def grouped(samples: Surface, offsets: Floats, turn: float, n_centres: int) -> Groups:
+    """Who shares a point: of samples (F, 1 + n), the centre first, the rays passing at offsets (n, 2).
+
+    Where these would be too many beside the n_centres points of a picture, the angle is widened, to where the objects
+    and planes alone decide, and at last the objects.
+    """
+    shape = samples.ids.shape
+    leader, share = np.empty(shape, np.int32), np.empty(shape, np.float32)
+    places = np.concatenate([np.zeros((1, 2), np.float32), offsets])
+    turns = [turn * 2.0**k for k in range(16) if turn * 2.0**k < np.pi / 2]
+    bounds = [(np.cos(each), kernels.SAME_PLANE, _MOST_TURNED) for each in turns] + [
+        (-2.0, kernels.SAME_PLANE, _MOST_BROKEN)
+    ]
+    for least, plane, most in (*bounds, (-2.0, kernels.ANY_PLANE, np.inf)):
+        kernels.group(samples.ids, samples.position, samples.normal, places, np.float32(least), plane, leader, share)
+        if (leader[:, 1:] == np.arange(1, shape[1])).sum() <= max(most * n_centres, _FEW):
+            break
+    return Groups(leader, share)
+
+
+def nearest_centres(hits: PrimaryHits, normals: Floats, least_alike: Floats) -> tuple[Integers, Integers]:
+    """The rows (X,) of all points beside their pixels' centres, and for each the nearest row at the centre of its own
+    pixel or one around it that is on the same surface, −1 where there is none.
+
+    normals (P, 3); least_alike (M,): the cosine by which those of an object may differ.
+    """
+    rows = np.flatnonzero(~hits.centred).astype(np.int32)
+    nearest = np.full(len(rows), -1, np.int32)
+    kernels.find_nearest(
+        rows, hits.pixel, hits.offset, hits.objects, hits.position, normals, hits.row_image,
+        np.asarray(least_alike, np.float32), nearest,
+    )  # fmt: skip
+    return rows, nearest

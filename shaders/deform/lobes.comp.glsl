@@ -1,0 +1,102 @@
+#version 430 core
+// Provides: what white matt points send, and what their gloss sends to the eye: lobes in the axes that points have now,
+// each a look-up in the light of bands along directions [Sloan05, eq. 25]. As `_shading_kernels` and `_gloss_kernels`.
+layout(local_size_x = 64) in;
+
+const int ORDER = 6;  // `engine.deform.object_transfer.ORDER`
+
+layout(std430, binding = 0) readonly buffer Lobes { float lobes[]; };    // a point: low (4), lobes of axis and bands
+layout(std430, binding = 1) readonly buffer Posed { float posed[]; };    // a point: rows of its frame (9), place (3)
+layout(std430, binding = 2) readonly buffer Owners { int owners[]; };    // the object of each point
+layout(std430, binding = 3) readonly buffer Light { float light[]; };    // harmonics, then the table
+layout(std430, binding = 4) readonly buffer Objects { float objects[]; };  // albedo, first gloss, emission, their count
+layout(std430, binding = 5) readonly buffer Gloss { float gloss[]; };    // for angles of the eye: bands, lean
+layout(std430, binding = 6) writeonly buffer Sent { float sent[]; };     // a point: white (3), gloss (3)
+uniform int n_points, n_lobes;
+uniform ivec2 table;      // rows, columns
+uniform int n_angles;
+uniform float steepest;   // radians
+uniform float cosine[ORDER];
+uniform vec3 eye;
+
+const float PI = 3.14159265358979;
+
+vec3 light_at(int i) {
+    return vec3(light[3 * i], light[3 * i + 1], light[3 * i + 2]);
+}
+
+// The light of each band along a direction, between four entries; beyond a pole lies the other side.
+void look_up(vec3 d, out vec3 bands[ORDER]) {
+    float row = acos(clamp(d.z, -1.0, 1.0)) * (table.x / PI) - 0.5;
+    float column = (atan(d.y, d.x) + PI) * (table.y / (2.0 * PI)) - 0.5;
+    ivec2 first = ivec2(floor(row), floor(column));
+    vec2 share = vec2(row, column) - vec2(first);
+    for (int l = 0; l < ORDER; l++)
+        bands[l] = vec3(0.0);
+    for (int k = 0; k < 4; k++) {
+        ivec2 step = ivec2(k / 2, k % 2), at = first + step;
+        if (at.x < 0 || at.x >= table.x)
+            at = ivec2(clamp(at.x, 0, table.x - 1), at.y + table.y / 2);
+        at.y = (at.y + table.y) % table.y;
+        vec2 near = mix(1.0 - share, share, vec2(step));
+        int entry = ORDER * ORDER + (at.x * table.y + at.y) * ORDER;
+        for (int l = 0; l < ORDER; l++)
+            bands[l] += near.x * near.y * light_at(entry + l);
+    }
+}
+
+vec3 matt(int p, mat3 frame) {
+    int at = p * (4 + n_lobes * (3 + ORDER));
+    vec3 linear = frame * vec3(-lobes[at + 3], -lobes[at + 1], lobes[at + 2]);
+    vec3 radiance = lobes[at] * light_at(0) - linear.y * light_at(1) + linear.z * light_at(2) - linear.x * light_at(3);
+    vec3 bands[ORDER];
+    at += 4;
+    for (int i = 0; i < n_lobes; i++, at += 3 + ORDER) {
+        look_up(frame * vec3(lobes[at], lobes[at + 1], lobes[at + 2]), bands);
+        for (int l = 0; l < ORDER; l++)
+            radiance += lobes[at + 3 + l] * bands[l];
+    }
+    return max(radiance, 0.0);
+}
+
+vec3 shiny(int layer, vec3 normal, vec3 towards, vec3 white) {
+    float up = max(dot(towards, normal), 0.01);
+    vec3 along = towards - up * normal;
+    float place = min(acos(min(up, 1.0)) / steepest, 1.0) * (n_angles - 1);
+    int low = min(int(place), n_angles - 2), row = 3 * ORDER + 1;
+    float share = place - low;
+    int at = (layer * n_angles + low) * row;
+    float turn = mix(gloss[at + row - 1], gloss[at + 2 * row - 1], share);
+    vec3 bands[ORDER], values = vec3(0.0), unblocked = vec3(0.0);
+    look_up(cos(turn) * normal - sin(turn) / max(length(along), 1e-12) * along, bands);
+    for (int l = 0; l < ORDER; l++, at += 3) {
+        vec3 here = vec3(gloss[at], gloss[at + 1], gloss[at + 2]);
+        vec3 next = vec3(gloss[at + row], gloss[at + row + 1], gloss[at + row + 2]);
+        values += mix(here, next, share) * bands[l];
+    }
+    look_up(normal, bands);
+    for (int l = 0; l < ORDER; l++)
+        unblocked += cosine[l] * bands[l];
+    float open = dot(white, vec3(1.0)) / max(dot(unblocked, vec3(1.0)), 1e-20);
+    return max(clamp(open, 0.0, 1.0) * values, 0.0);
+}
+
+void main() {
+    int p = int(gl_GlobalInvocationID.x);
+    if (p >= n_points)
+        return;
+    mat3 frame;  // its columns are tangent, bitangent, normal
+    vec3 place;
+    for (int i = 0; i < 3; i++) {
+        frame[i] = vec3(posed[12 * p + 3 * i], posed[12 * p + 3 * i + 1], posed[12 * p + 3 * i + 2]);
+        place[i] = posed[12 * p + 9 + i];
+    }
+    vec3 white = matt(p, frame), to_eye = vec3(0.0);
+    int object = 8 * owners[p], first = int(objects[object + 3]), count = int(objects[object + 7]);
+    for (int layer = first; layer < first + count; layer++)
+        to_eye += shiny(layer, frame[2], (eye - place) / max(length(eye - place), 1e-30), white);
+    for (int i = 0; i < 3; i++) {
+        sent[6 * p + i] = white[i];
+        sent[6 * p + 3 + i] = to_eye[i];
+    }
+}

@@ -1,0 +1,20 @@
+#version 430 core
+// Provides: radiance of a triangle's front or back: matt light times the object's albedo, gloss, and what it emits.
+layout(std430, binding = 4) readonly buffer Objects { float objects[]; };
+
+centroid in vec3 front_white, front_gloss, back_white, back_gloss;
+flat in ivec3 shown;
+
+layout(location = 0) out vec4 radiance;
+
+void main() {
+    bool is_front = !gl_FrontFacing;  // rows count downwards
+    if (!is_front && shown.x == 1 && shown.y == 0)
+        discard;
+    int at = 8 * shown.z;
+    vec3 albedo = vec3(objects[at], objects[at + 1], objects[at + 2]);
+    vec3 emission = vec3(objects[at + 4], objects[at + 5], objects[at + 6]);
+    vec3 reflected = is_front ? front_white * albedo + front_gloss : back_white * albedo + back_gloss;
+    bool reflects = (is_front ? shown.x : shown.y) == 1;
+    radiance = vec4((is_front ? emission : vec3(0.0)) + (reflects ? max(reflected, 0.0) : vec3(0.0)), 1.0);
+}

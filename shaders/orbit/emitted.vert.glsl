@@ -1,0 +1,11 @@
+#version 430 core
+// Provides: triangles, whether their backs are seen, and their numbers.
+#include "orbit/surface.glsl"
+
+flat out int shows_back, triangle;
+
+void main() {
+    place();
+    shows_back = int(is_back());
+    triangle = gl_VertexID / 3;
+}

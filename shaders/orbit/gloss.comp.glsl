@@ -1,0 +1,49 @@
+#version 430 core
+// Provides: the triple product: what points that are seen send to the eye with gloss, the sum over their coefficients of
+// light times visibility, those that are not 0, times the slice towards the eye, and of their suns. A group a point.
+#include "orbit/points.glsl"
+#include "orbit/rows.glsl"
+#include "orbit/slices.glsl"
+
+layout(local_size_x = 32) in;
+layout(std430, binding = 8) readonly buffer Seen { uint seen[]; };
+layout(std430, binding = 9) writeonly buffer Gloss { vec4 gloss[]; };
+uniform ivec2 range;  // of points, the last excluded
+uniform uint picture; // its number, with which points are marked that it sees
+uniform vec3 eye;
+uniform int n_most;   // coefficients
+
+shared vec3 sums[32];
+
+void main() {
+    int p = range.x + int(gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x);
+    if (p >= range.y || seen[p] != picture) {
+        return;
+    }
+    vec3 wo = normalize(eye - place_of(p));
+    Cell cell = cell_at(vec3(dot(tangent_of(p), wo), dot(normal_of(p), wo), dot(across_of(p), wo)));
+    int mine = int(gl_LocalInvocationID.x), first = row_of(p) * row_words;
+    int n = min(int(rows[first]), n_most), start = first + FIRST_COEFFICIENT;
+    vec3 total = vec3(0.0);
+    for (int k = mine; k < n; k += 32) {
+        uint low = rows[start + 2 * k], high = rows[start + 2 * k + 1];
+        vec3 light = uintBitsToFloat(uvec3(low & 0xFFFF0000u, high << 16, high & 0xFFFF0000u));
+        total += light * coefficient_between(cell, int(low & 0xFFFFu));
+    }
+    for (int s = mine; s < N_SUNS; s += 32) {
+        int triangle = int(rows[first + FIRST_SUN + s]);
+        if (triangle >= 0) {
+            total += three_at(first + FIRST_POWER + 3 * s) * value_between(cell, triangle);
+        }
+    }
+    sums[mine] = total;
+    for (int half_way = 16; half_way > 0; half_way /= 2) {
+        barrier();
+        if (mine < half_way) {
+            sums[mine] += sums[mine + half_way];
+        }
+    }
+    if (mine == 0) {
+        gloss[p] = vec4(sums[0], 0.0);
+    }
+}

@@ -1,0 +1,63 @@
+// Provides: the slices of a term's layers and what they are between four of them, as `engine.orbit._slice_kernels`.
+
+layout(std430, binding = 4) readonly buffer Coefficients { uvec2 coefficients[]; };
+layout(std430, binding = 5) readonly buffer Values { uvec2 values[]; };
+layout(std430, binding = 6) readonly buffer Images { int images[]; };  // of coefficients, by symmetry
+layout(std430, binding = 7) readonly buffer Places { int places[]; };  // of triangles
+uniform ivec2 grid;      // polar angles and columns
+uniform ivec2 n_entries; // of a slice: coefficients and triangles
+uniform ivec2 n_images;  // of a symmetry
+uniform bool has_symmetries;
+uniform float steepest;
+
+const float WHOLE_TURN = 6.28318530717959, FIFTH = WHOLE_TURN / 5.0;
+
+struct Cell {
+    int symmetry;
+    int slice;  // the first of four
+    vec4 shares;
+};
+
+// bfloat16, three in two words.
+vec3 unpacked(uvec2 words) {
+    return uintBitsToFloat(uvec3(words.x << 16, words.x & 0xFFFF0000u, words.y << 16));
+}
+
+Cell cell_at(vec3 direction) {
+    float polar = min(acos(clamp(direction.y, 0.0, 1.0)), steepest) / steepest * float(grid.x - 1);
+    float azimuth = dot(direction.xz, direction.xz) > 0.0 ? atan(direction.x, direction.z) : 0.0;
+    azimuth += azimuth < 0.0 ? WHOLE_TURN : 0.0;
+    float whole = WHOLE_TURN;
+    int symmetry = 0;
+    if (has_symmetries) {
+        int turn = int(azimuth / FIFTH);
+        azimuth -= float(turn) * FIFTH;
+        whole = 0.5 * FIFTH;
+        symmetry = turn % 5;
+        if (azimuth > whole) {
+            azimuth = FIFTH - azimuth;
+            symmetry = 5 + (turn + 1) % 5;
+        }
+    }
+    float place = azimuth / whole * float(grid.y - 1);
+    int row = min(int(polar), grid.x - 2), column = clamp(int(place), 0, grid.y - 2);
+    float down = polar - float(row), across = place - float(column);
+    vec2 upper = vec2(1.0 - across, across);
+    return Cell(symmetry, row * grid.y + column, vec4((1.0 - down) * upper, down * upper));
+}
+
+#define BETWEEN(entries, n, cell, at)                                                         \
+    (cell.shares.x * unpacked(entries[(cell.slice) * n + at]) +                               \
+     cell.shares.y * unpacked(entries[(cell.slice + 1) * n + at]) +                           \
+     cell.shares.z * unpacked(entries[(cell.slice + grid.y) * n + at]) +                      \
+     cell.shares.w * unpacked(entries[(cell.slice + grid.y + 1) * n + at]))
+
+vec3 coefficient_between(Cell cell, int number) {
+    int at = images[cell.symmetry * n_images.x + number];
+    return BETWEEN(coefficients, n_entries.x, cell, at);
+}
+
+vec3 value_between(Cell cell, int triangle) {
+    int at = places[cell.symmetry * n_images.y + triangle];
+    return BETWEEN(values, n_entries.y, cell, at);
+}

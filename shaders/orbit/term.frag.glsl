@@ -1,0 +1,66 @@
+#version 430 core
+// Provides: one term of what an object reflects: its points' colours, the irradiance of a normal that bumps turn
+// (engine/orbit/_turned_kernels.py, `leaning_irradiance`), times texture and weight.
+#include "orbit/images.glsl"
+
+centroid in vec3 colour;
+in vec2 uv;
+in vec3 at;
+flat in vec3 outside;
+
+#if IS_BUMPY
+flat in float side;
+centroid in vec3 light, normal, along, across;
+centroid in mat3 from_side;
+uniform vec3 reflectance;
+uniform int slopes;
+uniform vec2 slope_repeats;
+uniform float slope_scale;
+uniform bool is_normal_map;
+
+vec3 lean(vec3 n, vec2 right, vec2 below) {
+    vec2 slope = -slope_scale * side * over_pixel(slopes, uv, right, below, slope_repeats).xy;
+    vec3 sum;
+    if (is_normal_map) {
+        vec3 tangent = along - dot(along, n) * n;
+        tangent /= max(length(tangent), 1e-30);
+        slope *= sign(slope_repeats);
+        sum = slope.x * tangent + slope.y * across.x * side * cross(n, tangent);
+    } else {
+        slope *= slope_repeats;
+        sum = slope.x * along + slope.y * across;
+    }
+    return sum - dot(sum, n) * n;
+}
+#endif
+
+#if HAS_MAPS
+#include "orbit/strokes.glsl"
+uniform int tint, weight;  // where images begin, −1 for none
+uniform vec2 tint_repeats;
+uniform float tint_strength, weight_start;
+uniform bool inverts;
+
+vec3 factor(vec2 right, vec2 below) {
+    vec3 texel = tint < 0 ? vec3(1.0) : over_pixel(tint, uv, right, below, tint_repeats);
+    float share = weight < 0 ? weight_start : over_pixel(weight, uv, right, below, vec2(1.0)).x;
+    share = painted(share, at, outside);
+    return (1.0 + tint_strength * (texel - 1.0)) * (inverts ? 1.0 - share : share);
+}
+#endif
+
+layout(location = 0) out vec4 radiance;
+
+void main() {
+    vec3 sent = colour;
+    vec2 right = dFdx(uv), below = dFdy(uv);
+#if IS_BUMPY
+    vec3 leaning = lean(normalize(normal), right, below);
+    float cosine = inversesqrt(1.0 + dot(leaning, leaning));
+    sent += reflectance * max((0.5 + 0.5 * cosine) * light + cosine * (leaning * from_side), 0.0);
+#endif
+#if HAS_MAPS
+    sent *= factor(right, below);
+#endif
+    radiance = vec4(sent, 0.0);
+}

@@ -1,0 +1,44 @@
+#version 430 core
+// Provides: one term of what an object reflects at its shading points, and under bumps what leans there.
+#include "orbit/surface.glsl"
+#include "orbit/points.glsl"
+#include "orbit/rows.glsl"
+
+layout(std430, binding = 4) readonly buffer Gloss { vec4 gloss[]; };
+uniform vec3 reflectance;
+uniform vec3 sends_on;
+uniform float has_gloss;
+
+centroid out vec3 colour;
+out vec2 uv;
+out vec3 at;
+flat out vec3 outside;
+#if IS_BUMPY
+flat out float side;
+centroid out vec3 light, normal, along, across;
+centroid out mat3 from_side;  // of red, green and blue: power times direction
+#endif
+
+void main() {
+    place();
+    int p = is_back() ? sides.y : sides.x;
+    bool reflects = p >= 0;
+    p = max(p, 0);
+    vec3 sent = sends_on * indirect[p].rgb + has_gloss * gloss[p].rgb;
+#if IS_BUMPY
+    side = is_back() ? -1.0 : 1.0;
+    light = reflects ? irradiance[p].rgb : vec3(0.0);
+    normal = normal_of(p);
+    along = first_way;
+    across = second_way;
+    int row = max(row_of(p), 0) * row_words;
+    from_side = reflects ? outerProduct(tangent_of(p), three_at(row + 1)) + outerProduct(across_of(p), three_at(row + 4))
+                         : mat3(0.0);
+#else
+    sent += reflectance * irradiance[p].rgb;
+#endif
+    colour = reflects ? sent : vec3(0.0);
+    uv = image_place;
+    at = position;
+    outside = face;
+}

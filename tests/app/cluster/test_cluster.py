@@ -1,0 +1,227 @@
+"""Frames and transport from a Dask cluster of this machine: a scheduler and two workers, each with a cache of its own.
+
+The tests go on from one another's workers, as starting one takes seconds; whoever ends one has another one start.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("distributed", reason="dask.distributed is not installed: pip install 'insitu[cluster]'")
+
+from app.cli.precompute import precompute
+from app.cluster import dask as cluster_module
+from app.cluster.dask import Cluster
+from app.cluster.errands import FrameErrand, draw_frame
+from app.cluster.labour import OnWorkers
+from app.cluster.opened import OnCluster, opened
+from app.frames import Frames, draw_here
+from app.jobs.cache import Store
+from app.project import ProjectWords
+from engine.errors import InsituError
+from engine.indirect.series import BounceSeries
+from engine.render.image_files import exr_bytes
+from tests.app.cli.command_line import SCENE, run
+
+ROOM = (
+    SCENE.replace("bounces = 1", "bounces = 2").replace("radiance = 0.5", 'file = "sky.exr"')
+    + """
+[[object]]
+name = "floor"
+primitive = "sphere"
+transform = [1, 0, 0, 0.6, 0, 1, 0, -1.5, 0, 0, 1, 0, 0, 0, 0, 1]
+layer = [{ model = "lambert", name = "clay", albedo = [0.7, 0.4, 0.2] }]
+"""
+)
+FRAMES = Frames(4, n_lights=60, n_patches=20, series=BounceSeries(1))
+
+
+class Machines:
+    """A scheduler and its workers, as processes."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.workers = folder, list[subprocess.Popen[bytes]]()
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            self.address = f"127.0.0.1:{free.getsockname()[1]}"
+        port = self.address.rpartition(":")[2]
+        self._scheduler = self._start("scheduler", "--host", "127.0.0.1", "--port", port)
+
+    def start_worker(self) -> None:
+        name = f"worker{len(self.workers)}"
+        words = ("--nthreads", "1", "--no-nanny", "--local-directory", str(self.folder / name))
+        self.workers.append(self._start("worker", self.address, *words, cache=name))
+
+    def kill(self, address: str) -> None:
+        """The worker that has this address."""
+        with Cluster(self.address) as cluster:
+            pid = cluster._client.run(os.getpid, workers=[address])[address]
+        next(worker for worker in self.workers if worker.pid == pid).kill()
+
+    def end(self) -> None:
+        for process in (*self.workers, self._scheduler):
+            process.kill()
+            process.wait()
+
+    def _start(self, what: str, *words: str, cache: str = "scheduler") -> subprocess.Popen[bytes]:
+        command = [sys.executable, "-m", f"distributed.cli.dask_{what}", *words, "--no-dashboard"]
+        environment = {**os.environ, "INSITU_CACHE": str(self.folder / cache)}
+        with open(self.folder / f"{cache}.log", "wb") as log:
+            return subprocess.Popen(command, env=environment, cwd=self.folder, stdout=log, stderr=log)
+
+
+@pytest.fixture(scope="module")
+def machines(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Machines]:
+    machines = Machines(tmp_path_factory.mktemp("machines"))
+    try:
+        machines.start_worker()
+        machines.start_worker()
+        deadline = time.monotonic() + 60.0
+        while True:
+            try:
+                with Cluster(machines.address):
+                    break
+            except InsituError:
+                assert time.monotonic() < deadline, (machines.folder / "scheduler.log").read_text()
+                time.sleep(0.1)
+        yield machines
+    finally:
+        machines.end()
+
+
+@pytest.fixture
+def words(tmp_path: Path) -> ProjectWords:
+    (tmp_path / "room.toml").write_text(ROOM)
+    sky = np.random.default_rng(1).random((8, 16, 3), np.float32)
+    (tmp_path / "sky.exr").write_bytes(exr_bytes(sky))
+    return ProjectWords(str(tmp_path / "room.toml"), (16, 12))
+
+
+def silent(step: object) -> None:
+    """Nobody looks at the progress."""
+
+
+@pytest.mark.parametrize("mode", ["placement", pytest.param("orbit", marks=pytest.mark.sweep)])
+def test_frames_are_the_same_though_a_worker_is_killed(machines: Machines, words: ProjectWords, mode: str) -> None:
+    frames = replace(FRAMES, mode=mode)
+    project = words.open()
+    here = dict(draw_here(project, frames, range(1, 4), silent))
+    with opened(words, machines.address) as (project, cluster):
+        assert cluster is not None
+        for file in ("room.toml", "sky.exr"):  # what lies there by now is nothing to the workers
+            Path(project.scene.folder, file).write_text("something else")
+        drawing = cluster.draw(project, frames, range(1, 4), silent)
+        there = dict([next(drawing)])
+        if mode == "placement":
+            busy = cluster.cluster._client.processing()
+            machines.kill(next(address for address, tasks in busy.items() if tasks))
+        there |= drawing
+    if mode == "placement":
+        machines.start_worker()
+    assert here.keys() == there.keys()
+    for i in here:
+        np.testing.assert_array_equal(here[i], there[i])
+
+
+def test_a_cache_is_filled_with_the_same_though_the_worker_with_the_light_is_killed(
+    machines: Machines, words: ProjectWords, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seeing = OnWorkers.light
+
+    def losing(self: OnWorkers, *arguments: object) -> Iterator[float]:
+        light = yield from seeing(self, *arguments)  # type: ignore[arg-type]
+        (task,) = self._lights.values()
+        ((address,),) = self._cluster._client.who_has([task]).values()
+        machines.kill(address)
+        return light
+
+    words = replace(words, resolution=(48, 36))
+    done = precompute(words.open(), silent, 500, Store(tmp_path / "here"))
+    monkeypatch.setattr(OnWorkers, "light", losing)
+    with opened(words, machines.address) as (project, cluster):
+        assert precompute(project, silent, 500, Store(tmp_path / "there"), cluster) == done
+    here, there = ({file.name: file.read_bytes() for file in (tmp_path / name).iterdir()} for name in ("here", "there"))
+    assert len(here) >= 5 and here == there  # visibility, unit, two layers, indirect light
+
+
+def test_a_scene_is_sent_once(machines: Machines, words: ProjectWords) -> None:
+    def kept() -> dict[str, int]:
+        with opened(words, machines.address):
+            return {file.name: file.stat().st_ino for file in (machines.folder / "scheduler" / "sent").iterdir()}
+
+    first = kept()
+    assert kept() == first
+    Path(words.name or "").write_text(ROOM.replace("0.7", "0.65"))
+    assert len(kept().items() - first.items()) == 1  # the scene file, and not its sky
+
+
+def test_what_is_stopped_leaves_nothing_to_do(machines: Machines, words: ProjectWords) -> None:
+    with pytest.raises(KeyboardInterrupt), opened(words, machines.address) as (project, cluster):
+        assert cluster is not None
+        next(cluster.draw(project, FRAMES, range(4), silent))
+        raise KeyboardInterrupt
+    with Cluster(machines.address) as later:
+        deadline = time.monotonic() + 30.0
+        while any(later._client.processing().values()) and time.monotonic() < deadline:
+            time.sleep(0.1)  # until what was begun has ended
+        assert not any(later._client.processing().values())
+
+
+def test_a_worker_with_another_insitu_says_so(machines: Machines, words: ProjectWords) -> None:
+    with opened(words, machines.address) as (_, cluster):
+        assert isinstance(cluster, OnCluster)
+        name, parcel, _ = cluster.named
+        task = cluster.cluster.submit(draw_frame, FrameErrand(name, parcel, "another", words, FRAMES), 0)
+        with pytest.raises(InsituError, match="has another Insitu"):
+            list(cluster.cluster.results({0: task}))
+
+
+def test_the_command_line_draws_the_same_and_says_what_is_wrong(
+    machines: Machines, words: ProjectWords, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    few = ("--turntable", 2, "--resolution", 12, 9, "--lights", 40, "--bounces", 1)
+    scene = str(words.name)
+    assert run("render", scene, "-o", tmp_path / "here", *map(str, few)) == 0
+    assert run("render", scene, "-o", tmp_path / "there", *map(str, few), "--scheduler", machines.address) == 0
+    capsys.readouterr()
+    for i in range(2):
+        assert (tmp_path / "there" / f"000{i}.png").read_bytes() == (tmp_path / "here" / f"000{i}.png").read_bytes()
+    with socket.socket() as nobody:
+        nobody.bind(("127.0.0.1", 0))
+        free = f"127.0.0.1:{nobody.getsockname()[1]}"
+        for address, said in ((free, "no Dask scheduler answers there"), ("nonsense", "expected HOST:PORT")):
+            assert run("precompute", scene, "--scheduler", address) == 1
+            (line,) = capsys.readouterr().err.splitlines()
+            assert line.startswith(f"insitu: --scheduler {address}: ") and said in line
+    assert run("render", scene, "-o", tmp_path / "a.png", "--scheduler", machines.address) == 1
+    assert "expected --turntable or --frames" in capsys.readouterr().err
+    monkeypatch.setitem(sys.modules, "app.cluster.dask", SimpleNamespace())  # as where Dask is not installed
+    assert run("precompute", scene, "--scheduler", machines.address) == 1
+    assert "pip install 'insitu[cluster]'" in capsys.readouterr().err
+
+
+def test_a_cluster_without_workers_and_one_that_has_gone_are_told(
+    machines: Machines, words: ProjectWords, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cluster_module, "WORKERLESS_SECONDS", 0.5)
+    with opened(words, machines.address) as (project, cluster):
+        assert cluster is not None
+        for worker in machines.workers:
+            worker.kill()
+        with pytest.raises(InsituError, match="has had no worker for"):
+            list(cluster.draw(project, FRAMES, range(4), silent))
+        machines.end()
+        with pytest.raises(InsituError, match="the scheduler has gone"):
+            list(cluster.draw(project, FRAMES, range(4), silent))

@@ -1,0 +1,88 @@
+"""What is sent to a cluster, and where its machines keep it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from app.cluster import parcel as parcels
+from app.cluster.parcel import digest_of, parcel_of, pieces_of
+from app.cluster.shelf import Shelf
+from app.project import open_project
+from engine.errors import LoadError
+from engine.files import files_from, files_noted, is_there, name_everywhere, read_regular_file
+from tests.app.cli.command_line import SCENE
+
+
+@pytest.fixture(autouse=True)
+def small_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(parcels, "PIECE", 4)
+
+
+def test_a_parcel_is_what_its_files_hold(tmp_path: Path) -> None:
+    one, other = tmp_path / "a.ply", tmp_path / "b"
+    one.write_bytes(b"123456789")
+    other.write_bytes(b"")
+    sent = parcel_of([other, one])
+    assert [(Path(file.name), len(file.pieces)) for file in sent.files] == [(one, 3), (other, 0)]
+    assert sent == parcel_of([one, other, one])
+    one.write_bytes(b"123456780")
+    changed = parcel_of([one, other])
+    assert changed.digest != sent.digest and changed.pieces[:2] == sent.pieces[:2]
+
+
+def test_a_shelf_has_the_files_of_a_parcel_and_fetches_what_it_lacks(tmp_path: Path) -> None:
+    one = tmp_path / "a.ply"
+    one.write_bytes(b"123456789")
+    sent, pieces, asked = parcel_of([one]), list(pieces_of(one)), []
+
+    def fetch(digest: str) -> bytes:
+        asked.append(digest)
+        return next(piece for piece in pieces if digest_of(piece) == digest)
+
+    shelf = Shelf(tmp_path / "shelf")
+    place = shelf.places(sent, fetch)[str(one)]
+    assert place.read_bytes() == b"123456789" and place.suffix == ".ply" and len(asked) == 3
+    assert shelf.places(sent, fetch)[str(one)] == place and len(asked) == 3
+    place.write_bytes(b"12345678x")  # somebody has changed it: it is made again
+    assert shelf.places(sent, fetch)[str(one)].read_bytes() == b"123456789"
+
+
+def test_a_shelf_hands_out_no_piece_that_was_changed_and_keeps_its_bound(tmp_path: Path) -> None:
+    shelf = Shelf(tmp_path, bound=8)
+    for content in (b"1111", b"2222"):
+        shelf.put(content)
+    for file in tmp_path.iterdir():
+        os.utime(file, (1, 1))
+    assert shelf.piece(digest_of(b"1111")) == b"1111" and shelf.piece(digest_of(b"none")) is None
+    shelf.put(b"3333")
+    assert shelf.piece(digest_of(b"2222")) is None  # the one used least recently
+    next(file for file in tmp_path.iterdir() if file.read_bytes() == b"1111").write_bytes(b"1112")
+    assert shelf.piece(digest_of(b"1111")) is None
+
+
+def test_names_are_the_same_on_every_machine() -> None:
+    assert name_everywhere(Path(__file__)) == "insitu:tests/app/cluster/test_parcel.py"
+    assert name_everywhere("/somewhere/else.ply") == "/somewhere/else.ply"
+
+
+def test_all_that_a_project_reads_is_noted_and_nothing_else_is_read_elsewhere(tmp_path: Path) -> None:
+    file = tmp_path / "ball.toml"
+    file.write_text(SCENE)
+    with files_noted() as noted:
+        here = open_project(str(file), values=(("light.environment", "studio"),))
+        assert here.sky.environment is not None
+    assert file in noted and any(path.suffix == ".exr" for path in noted)
+    shelf, sent = Shelf(tmp_path / "shelf"), parcel_of(noted)
+    places = shelf.places(sent, {digest_of(piece): piece for path in noted for piece in pieces_of(path)}.__getitem__)
+    file.write_text("what it is by now does not matter")
+    with files_from(places):
+        there = open_project(str(file), values=(("light.environment", "studio"),))
+        assert (
+            there.document == here.document and (there.sky.environment.radiance == here.sky.environment.radiance).all()
+        )
+        assert is_there(file) and not is_there(__file__)
+        with pytest.raises(LoadError, match="not among the files that were sent"):
+            read_regular_file(Path(__file__), 1 << 20)

@@ -1,0 +1,100 @@
+"""What is asked of the worker when the light changes, and which answers count."""
+
+import numpy as np
+
+from app.commands.light import SetEnvironment, SetRotation
+from app.editor import Editor
+from app.messages import SkyImage
+from app.picture import SkyChanged
+from app.placement.messages import BouncesPlanned
+from app.placement.status import RenderReport
+from app.placement.transport_talk import DRAG_QUALITY
+from app.view_state import AS_PLANNED, SetView
+from tests.app.fake_worker import SCENE, FakeClient, computed
+
+EXACT = RenderReport(128, 128, 0.0, True)
+VIEW_ID = 2  # the number of the second request, by which the scene is seen
+
+
+def test_turning_asks_for_quick_pictures_one_at_a_time(settled: Editor, client: FakeClient) -> None:
+    settled.begin_drag()
+    for degrees in (31.0, 32.0, 33.0):
+        settled.do(SetRotation(degrees))
+        settled.tick(2.0 + 0.01 * degrees)
+    (quick,) = computed(client)
+    assert quick.n_lights_final == DRAG_QUALITY and quick.scene.light.rotation == 31.0
+    assert settled.status.light_note == "quick picture for 31.0°, final on release"
+    client.finish_stage("drag", exact=True)
+    settled.tick(2.4)
+    assert [request.scene.light.rotation for request in computed(client)] == [31.0, 33.0]
+    assert settled.status.picture == "preview"
+    client.finish_stage("drag", exact=True)
+    settled.end_drag()
+    settled.tick(2.5)
+    assert computed(client)[-1].n_lights_final == 4000 and computed(client)[-1].scene.light.rotation == 33.0
+    client.finish_stage("final", exact=True)
+    settled.tick(3.0)
+    settled.talk.rendered(EXACT)
+    assert settled.status.picture == "exact" and settled.status.light_note == ""
+
+
+def test_where_no_environment_lights_the_scene_nothing_is_said_of_its_rotation(client: FakeClient) -> None:
+    editor = Editor(client, "shelf")
+    client.open_scene({name: value for name, value in SCENE.items() if name != "environment"})
+    editor.tick(0.0)
+    editor.tick(0.5)
+    client.finish_stage("coarse", exact=False)
+    editor.tick(1.0)
+    assert editor.status.picture == "preview" and editor.status.light_note == ""
+    editor.do(SetEnvironment("studio"))
+    editor.tick(2.0)
+    editor.tick(2.5)
+    assert editor.status.light_note == "being refined for 0.0°"
+
+
+def test_answers_to_an_older_light_are_dropped(settled: Editor, client: FakeClient) -> None:
+    settled.do(SetRotation(90.0))
+    settled.tick(2.0)
+    settled.tick(2.3)
+    older = computed(client)[-1]
+    settled.do(SetRotation(180.0))
+    settled.tick(2.4)
+    settled.tick(2.7)
+    client.requests.append(older)  # the older request is answered after the newer was sent
+    client.finish_stage("coarse", exact=False)
+    assert settled.tick(2.8) == []
+
+
+def test_bounces_are_as_planned_unless_a_person_chose_meanwhile(client: FakeClient) -> None:
+    editor = Editor(client, "shelf")
+    client.open_scene({key: value for key, value in SCENE.items() if key != "bounces"})
+    editor.tick(0.0)
+    (request,) = computed(client)
+    assert request.n_bounces == AS_PLANNED
+    client.answer(request, BouncesPlanned(3, "the last carries 2 %"))
+    editor.tick(0.1)
+    assert editor.view.n_bounces == 3 and len(computed(client)) == 1  # the worker goes on by itself
+    editor.do(SetView.of(n_bounces=1))
+    client.answer(request, BouncesPlanned(3, "the last carries 2 %"))
+    editor.tick(0.11)
+    assert editor.view.n_bounces == 1
+
+
+def test_the_sky_is_handed_on(editor: Editor, client: FakeClient) -> None:
+    client.answer(computed(client)[0], SkyImage(np.ones((2, 4, 3)), ("3 negative pixels set to 0",), id=VIEW_ID))
+    (event,) = editor.tick(0.1)
+    assert isinstance(event, SkyChanged) and event.radiance.shape == (2, 4, 3)
+    assert editor.status.notes == ("a note", "3 negative pixels set to 0")
+
+
+def test_the_sky_is_handed_on_though_the_light_was_turned_meanwhile(settled: Editor, client: FakeClient) -> None:
+    settled.do(SetEnvironment("studio"))
+    settled.tick(1.1)
+    settled.tick(1.4)
+    (under_way,) = computed(client)
+    settled.begin_drag()
+    settled.do(SetRotation(50.0))
+    settled.tick(1.5)
+    assert len(computed(client)) == 2  # the worker says what sky it is once, under the first of both
+    client.answer(under_way, SkyImage(np.ones((2, 4, 3)), id=VIEW_ID))
+    assert [type(event) for event in settled.tick(1.6)] == [SkyChanged]

@@ -1,0 +1,78 @@
+"""The slider's table: what is on the front, where the knobs stand on it, and who reads it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from app.__main__ import Desktop
+from app.cli.program import run
+from app.front import Stop, front, front_text, read_front
+from app.measure.front import FrontEffort, measure_front, on_the_front
+from app.modes import MODES
+from app.script import SetAccuracy, parse_script
+from app.view_state import LIMITS, SetView, ViewState
+from engine.errors import InsituError
+
+Captured = pytest.CaptureFixture[str]
+
+
+def stop(n_lights: int, error: float, seconds: float) -> Stop:
+    return Stop((("n_lights", n_lights),), error, seconds)
+
+
+def test_what_another_beats_in_error_and_time_is_not_on_the_front() -> None:
+    quick, worse, true = stop(100, 0.1, 1.0), stop(200, 0.2, 2.0), stop(400, 0.05, 3.0)
+    assert on_the_front([true, worse, quick]) == (quick, true)
+    assert on_the_front([stop(1, 0.1, 2.0), stop(2, 0.1, 1.0)]) == (stop(2, 0.1, 1.0),)
+
+
+@pytest.mark.parametrize("mode", [mode.name for mode in MODES])
+def test_every_mode_has_a_front_from_speed_to_accuracy_which_its_knobs_can_follow(mode: str) -> None:
+    table, view = front(), ViewState()
+    stops = table.stops[mode]
+    assert len(stops) >= 2 and stops == on_the_front(stops) and "processor" in table.origin
+    for i, each in enumerate(stops):
+        assert all(LIMITS[name][0] <= value <= LIMITS[name][1] for name, value in each.knobs)
+        moved = each.command.apply(view)
+        assert table.position(mode, moved) == i / (len(stops) - 1) and table.stop(mode, i / (len(stops) - 1)) == each
+    assert table.stop(mode, -1.0) == stops[0] and table.stop(mode, 2.0) == stops[-1]
+    beside = SetView.of(n_lights=777, n_points=777, n_rays=777).apply(view)
+    assert table.position(mode, beside) is None
+
+
+def test_a_table_is_read_as_it_was_written() -> None:
+    stops = {"placement": (Stop((("n_lights", 100), ("n_patches", 64)), 0.125, 2.5), stop(400, 0.05, 3.0))}
+    table = read_front(front_text("measured here", 1000, stops))
+    assert (table.origin, table.n_pixels, table.stops) == ("measured here", 1000, stops)
+
+
+def test_a_front_is_measured() -> None:
+    effort = FrontEffort(("cornell",), (), (), (24, 18), lights=((20, 20), (2000, 768)))
+    told: list[str] = []
+    stops = measure_front(effort, told.append)["placement"]
+    assert len(told) == 2 and stops[-1].knobs == (("n_lights", 2000), ("n_patches", 768))
+    assert stops[-1].error < 0.03 and all(each.seconds > 0.0 for each in stops)
+
+
+def test_a_script_moves_the_slider(tmp_path: Path) -> None:
+    steps = parse_script({"step": [{"accuracy": 0.6}]}, tmp_path / "a.toml", tmp_path)
+    assert steps == (SetAccuracy(0.6),)
+    with pytest.raises(InsituError, match="accuracy"):
+        parse_script({"step": [{"accuracy": 1.5}]}, tmp_path / "a.toml", tmp_path)
+
+
+def test_the_command_line_takes_accuracy_in_place_of_knobs(tmp_path: Path, capsys: Captured) -> None:
+    said = []
+    for name, knobs in {
+        "accuracy": ["--accuracy", "0"],
+        "knobs": [f"--{key[2:]}={value}" for key, value in front().stops["placement"][0].knobs],
+    }.items():
+        out = tmp_path / f"{name}.exr"
+        words = ["render", "cornell", "-o", str(out), "--resolution", "16", "12", "--bounces", "1", *knobs]
+        assert run(words, Desktop()) == 0
+        said.append(capsys.readouterr().out.split(" s, ", 1)[1])
+    assert said[0] == said[1]
+    with pytest.raises(InsituError, match="--accuracy 0 --lights, --patches: expected one of them"):
+        run(["render", "shapes", "-o", str(out), "--accuracy", "0", "--lights", "300"], Desktop())

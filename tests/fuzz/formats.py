@@ -1,0 +1,405 @@
+"""The kinds of files that people hand in, each with small sound ones by the project's own writers, and its reader.
+
+A reader takes a file as the program does, and looks at what it made of it: it may raise `InsituError`, or nothing.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from tests.fuzz.repair import repaired_glb, repaired_png, repaired_records
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@dataclass(frozen=True)
+class Format:
+    """name: of the files that are read, in a folder of their own; seeds: sound ones, made in a folder; repaired: with
+    its checksums made right; share: of the inputs that are asked for, as many are read."""
+
+    name: str
+    seeds: Callable[[Path], Iterable[bytes]]
+    read: Callable[[Path], object]
+    is_text: bool = False
+    repaired: Callable[[bytes], bytes] | None = None
+    share: float = 1.0
+
+
+def texts(pattern: str) -> Callable[[Path], list[bytes]]:
+    return lambda _: [path.read_bytes() for path in sorted((ROOT / "assets").glob(pattern))]
+
+
+# ---------------------------------------------------------------------------------------------------------- text
+
+
+def read_scene(path: Path) -> None:
+    from app.document import document_from_description
+    from engine.scene.description import load_description
+
+    document_from_description(str(path), load_description(path))
+
+
+def scenes(folder: Path) -> list[bytes]:
+    from tests.app.jobs.ball_and_lamp import SCENE
+
+    return [SCENE.encode(), *texts("scenes/*/scene.toml")(folder)]
+
+
+def sessions(folder: Path) -> list[bytes]:
+    """One that says little, and one in which all that there can be differs from its default."""
+    from PIL import Image
+
+    from app.commands.curves import AddOperator, CollapseOperators
+    from app.commands.layers import SetFresnelTerm
+    from app.commands.light import SetEnvironment
+    from app.commands.maps import SetMap
+    from app.commands.paint import Paint
+    from app.commands.poses import AddDeformer
+    from app.document import document_from_description
+    from app.files.session import save_session
+    from app.view_state import Bookmark, Viewpoint, ViewState
+    from engine.curve.operators import Operator
+    from engine.material.strokes import Stroke, pack_dabs
+    from engine.scene.description import Camera, parse_description
+    from tests.app.fake_worker import SCENE as SHELF
+
+    plain = edited = document_from_description("shelf", parse_description(SHELF, "scene.toml"))
+    lift = Operator("translate", "y", 0.1, 0.2, 1 / 3, 0.4, magnitude=1 / 7, channels=(True, False, True))
+    for command in (
+        AddOperator("pot.1", "theta_h", lift),
+        AddOperator("pot.1", "theta_h", Operator("amplify", "x", 0.0, 0.0, 0.5, 0.5, 1.25, baseline=0.1, muted=True)),
+        AddOperator("pot.1", "theta_d", lift),
+        CollapseOperators("pot.1", "theta_d"),
+        SetFresnelTerm("pot.0", (0.9, 0.5, 0.04)),
+        SetMap("floor.0", "texture", "oak.png"),
+        Paint("floor.0", Stroke(0.1, dabs=pack_dabs(np.eye(3), np.eye(3)))),
+        AddDeformer("pot", "bend", 0.5),
+        SetEnvironment("constant", "angular", (1.0, 0.1, 1e-5)),
+    ):
+        edited = command.apply(edited)
+    picture = io.BytesIO()
+    Image.new("RGB", (16, 12), (200, 100, 50)).save(picture, "JPEG")
+    look = Viewpoint(Camera(position=(1 / 3, 1.0, 4.0), target=(0.0, 0.1, 0.0), fov_y=1 / 7), (20, 10))
+    view = ViewState(exposure=-1 / 3, tone_mapping="agx", bookmarks=(Bookmark("Above", look, picture.getvalue()),))
+    cases = ((plain, ViewState()), (edited, view))
+    return [save_session(folder / "seed.insitu", document, view).read_bytes() for document, view in cases]
+
+
+def read_session(path: Path) -> None:
+    from app.files.session import load_session
+
+    for _, layer in load_session(path).document.layers():
+        for name in layer.model.curve_names:
+            assert np.isfinite(layer.curve(name)(np.array([0.0, 0.7, 1.57]))).all(), name
+
+
+def read_script(path: Path) -> None:
+    from app.script import load_script
+
+    load_script(path)
+
+
+def read_material(path: Path) -> None:
+    from app.files.material_file import load_material
+
+    load_material(path)
+
+
+def materials(folder: Path) -> list[bytes]:
+    from app.commands.curves import AddOperator
+    from app.document import document_from_description
+    from app.files.material_file import Material, dump_material
+    from engine.curve.operators import Operator
+    from engine.scene.description import parse_description
+    from tests.app.fake_worker import SCENE as SHELF
+
+    lift = Operator("translate", "y", 0.1, 0.2, 1 / 3, 0.4, magnitude=1 / 7)
+    document = AddOperator("pot.1", "theta_h", lift).apply(
+        document_from_description("shelf", parse_description(SHELF, "scene.toml"))
+    )
+    own = dump_material(Material("Pot", document.object("pot").layers)).encode()
+    return [own, *texts("materials/*.toml")(folder)]
+
+
+def preferences(folder: Path) -> list[bytes]:
+    from app.files.preferences import PreferenceFile
+
+    PreferenceFile(folder / "seed.toml").choose(mouse="maya", scroll="orbit")
+    return [(folder / "seed.toml").read_bytes()]
+
+
+def read_preferences(path: Path) -> None:
+    """What is damaged is as if it were not there: nothing is raised."""
+    from app.files.preferences import PreferenceFile, Preferences
+
+    assert PreferenceFile(path).chosen in [Preferences(m, s) for m in ("blender", "maya") for s in ("dolly", "orbit")]
+
+
+def read_recent(path: Path) -> None:
+    from app.files.recent import RecentFiles
+
+    RecentFiles(path).entries()
+
+
+# ---------------------------------------------------------------------------------------------------------- meshes
+
+
+def read_mesh_file(path: Path) -> None:
+    from engine.scene.stage import stage_mesh
+
+    for item in stage_mesh(path).items:
+        mesh = item.mesh
+        assert np.isfinite(mesh.vertices).all() and mesh.triangles.min() >= 0
+        assert mesh.triangles.max() < len(mesh.vertices) and (mesh.normals is None or np.isfinite(mesh.normals).all())
+
+
+def plys(folder: Path) -> list[bytes]:
+    from app.export.meshes import ply_bytes
+    from engine.scene.load import load_scene
+    from tests.engine.scene.test_costs import ply_of_lists
+    from tests.engine.scene.test_ply import ASCII_CORNERS, binary, header
+
+    text = header("ascii", 4, 1) + ASCII_CORNERS + "4 0 1 2 3\n"
+    own = folder / "seed.ply"
+    own.write_bytes(binary("<", struct.pack("<B4i", 4, 0, 1, 2, 3)))
+    exported = ply_bytes(load_scene(own, (8, 8)), 0)
+    return [own.read_bytes(), binary(">", struct.pack(">B4i", 4, 0, 1, 2, 3)), exported, ply_of_lists(3)] + [
+        text.encode()
+    ] * 2
+
+
+def objs(_: Path) -> list[bytes]:
+    square = "# a square\nmtllib a.mtl\no thing\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 1\n"
+    return [(square + "usemtl red\nf 1/1/1 2/2/1 3/3/1\nf 1//1 3//1 4//1\nf -4 -2 \\\n-1\nl 1 2\n").encode()]
+
+
+def glbs(_: Path) -> list[bytes]:
+    """A triangle with a texture, skinned bars that an animation bends, one of them with a morph target."""
+    from tests.engine.scene.conftest import pack_glb
+    from tests.engine.scene.test_costs import png, textured
+    from tests.engine.scene.test_rigs import Bar
+
+    places, corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4"), np.arange(3, dtype="<u2")
+    tree = {
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, "translation": [0, 1, 0], "scale": [1, 2, 1]}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
+                      {"bufferView": 1, "componentType": 5123, "count": 3, "type": "SCALAR"}],
+        "bufferViews": [{"buffer": 0, "byteOffset": 0, "byteLength": 36},
+                        {"buffer": 0, "byteOffset": 36, "byteLength": 6}],
+        "buffers": [{"byteLength": 42}],
+    }  # fmt: skip
+    card = textured(tree, places.tobytes() + corners.tobytes(), png(4), 1, baseColorTexture=True)
+    bar, moving = Bar(), Bar()
+    moving.primitive["targets"] = [{"POSITION": moving.add(np.full((5, 3), 0.5, "<f4"))}]
+    moving.move(0, "weights", [0, 1, 2], [[0.0], [1.0], [0.0]])
+    moving.move(1, "translation", [0, 1], [[0, 1, 0]] * 6, "CUBICSPLINE")
+    for each in (bar, moving):
+        each.tree["buffers"] = [{"byteLength": len(each.binary)}]
+    return [pack_glb(*card), pack_glb(bar.tree, bar.binary), pack_glb(moving.tree, moving.binary)]
+
+
+def read_glb_file(path: Path) -> None:
+    from engine.deform.animation import posed
+    from engine.deform.pose import Pose
+    from engine.scene.gltf import read_glb
+
+    read_mesh_file(path)
+    for part in read_glb(path).parts:
+        for clip in part.rig.skeleton.clips if part.rig is not None else ():
+            places = part.mesh.vertices.astype(np.float64)
+            rest = Pose(places, np.tile(np.eye(3), (len(places), 1, 1)))
+            for time in (0.0, 0.3, 1e3):
+                posed(part.rig, rest, part.mesh.triangles, clip.name, time)
+
+
+# -------------------------------------------------------------------------------------------------------- pictures
+
+GRADIENT = np.linspace(0.0, 4.0, 12 * 8 * 3, dtype=np.float32).reshape(8, 12, 3)
+SQUARE = np.ascontiguousarray(GRADIENT[:, :8])
+
+
+def exrs(folder: Path) -> list[bytes]:
+    import OpenEXR
+
+    from engine.render.image_files import exr_bytes
+
+    found, path = [exr_bytes(GRADIENT, "a seed"), exr_bytes(SQUARE)], folder / "seed.exr"
+    for kind, compression in ((np.float16, OpenEXR.NO_COMPRESSION), (np.float32, OpenEXR.PIZ_COMPRESSION)):
+        channels = {name: np.ascontiguousarray(GRADIENT[..., i].astype(kind)) for i, name in enumerate("RGB")}
+        with OpenEXR.File({"compression": compression, "type": OpenEXR.scanlineimage}, channels) as file:
+            file.write(str(path))
+        found.append(path.read_bytes())
+    return found
+
+
+def hdrs(folder: Path) -> list[bytes]:
+    from tests.engine.light.test_image_files import flat_scanlines, gradient, packed_scanlines, rgbe, write_hdr
+
+    quads = rgbe(gradient())
+    return [write_hdr(folder / "seed.hdr", pack(quads)).read_bytes() for pack in (flat_scanlines, packed_scanlines)]
+
+
+def read_light(path: Path) -> None:
+    from engine.light.environment import load_environment
+
+    panorama = load_environment(path).radiance
+    probes = [load_environment(path, "angular").radiance] if panorama.shape[0] == panorama.shape[1] else []
+    for radiance in (panorama, *probes):
+        assert np.isfinite(radiance).all() and radiance.min() >= 0.0
+
+
+def pngs(_: Path) -> list[bytes]:
+    from PIL import Image
+
+    from engine.render.image_files import deep_png, pixels_png
+
+    pixels = (GRADIENT * 60).astype(np.uint8)
+    found = [pixels_png(pixels), deep_png(GRADIENT / 4.0)]
+    for picture in (Image.fromarray(pixels[..., 0]), Image.fromarray(pixels).convert("P"),
+                    Image.fromarray((pixels[..., 0].astype(np.int32) * 200).astype(np.uint16))):  # fmt: skip
+        buffer = io.BytesIO()
+        picture.save(buffer, "PNG", compress_level=0)
+        found.append(buffer.getvalue())
+    return found
+
+
+def jpegs(_: Path) -> list[bytes]:
+    from PIL import Image
+
+    found = []
+    for options in ({}, {"progressive": True}):
+        buffer = io.BytesIO()
+        Image.fromarray((GRADIENT * 60).astype(np.uint8)).save(buffer, "JPEG", **options)
+        found.append(buffer.getvalue())
+    return found
+
+
+def read_texture_file(path: Path) -> None:
+    from engine.texture.images import read_texture, read_weight
+
+    data = path.read_bytes()
+    assert np.isfinite(read_texture(data, path)).all()
+    assert np.isfinite(read_weight(data, path)).all()
+
+
+# ----------------------------------------------------------------------------------------------------- measurements
+
+
+def merls(_: Path) -> list[bytes]:
+    from engine.measured.merl import merl_bytes
+    from tests.naive.measured import analytic_samples
+
+    return [merl_bytes(analytic_samples(gaps=0.1))]
+
+
+def read_merl_file(path: Path) -> None:
+    from engine.measured.merl import merl_samples, read_merl
+
+    assert np.isfinite(merl_samples(read_merl(path), path)).all()
+
+
+def cornells(_: Path) -> list[bytes]:
+    random = np.random.default_rng(3)
+    rows = [[*random.uniform(0.0, 1.5, 4), *random.uniform(0.0, 1.0, 4)] for _ in range(60)]
+    lines = ["# a seed", "4", "450 500 600 650", *(" ".join(f"{value:.4f}" for value in row) for row in rows)]
+    return ["\n".join(lines).encode()]
+
+
+def read_cornell_file(path: Path) -> None:
+    from engine.measured.cornell import read_cornell, scattered_samples
+
+    found = scattered_samples(read_cornell(path), path)
+    assert np.isfinite(found.values).all() and np.isfinite(found.wi).all() and np.isfinite(found.wo).all()
+
+
+# ----------------------------------------------------------------------------------------------- what the program keeps
+
+
+def entries(folder: Path) -> list[bytes]:
+    """Of visibility, of a store of bands, and of fitted lobes."""
+    from engine.deform.membrane import membrane
+    from engine.orbit.kept_visibility import deflated
+    from tests.engine.transport.test_bandstore import sparse_bands, store_of, whole
+
+    bits = np.random.default_rng(1).integers(0, 256, (9, 40)).astype(np.uint8)
+    fitted = membrane(np.full(5, 0.5), 6)
+    kinds = (
+        deflated("bits", bits),
+        whole(store_of(sparse_bands(7, 8, 4, seed=2))),
+        {name: getattr(fitted, name).astype(np.float32) for name in ("low", "axes", "coefficients", "errors")},
+    )
+    return [_kept(folder / "cache", arrays) for arrays in kinds]
+
+
+def _kept(folder: Path, arrays: dict[str, np.ndarray]) -> bytes:
+    from app.jobs.cache import Store
+
+    Store(folder).put("k", arrays)
+    return (folder / "k.arrays").read_bytes()
+
+
+def read_entry(path: Path) -> None:
+    """By all who take such; none of them raises."""
+    from app.jobs.cache import Store
+    from app.jobs.deform import stored_lobes
+    from engine.orbit.kept_visibility import inflated
+    from engine.stored_arrays import ArrayReader
+    from engine.transport.bandstore import arrays_of_file, store_from_arrays
+
+    data = path.read_bytes()
+    for read in (
+        lambda arrays: inflated("bits", ArrayReader(arrays), 9, 40),
+        lambda arrays: store_from_arrays((8, 4), arrays_of_file((8, 4), 7, arrays)).radiance(
+            np.ones((8, 3)), np.ones((4, 3))
+        ),
+        lambda arrays: stored_lobes(arrays, 5).harmonics(),
+    ):
+        Store(path.parent).get(path.stem, read)
+        if not path.exists():  # one that is damaged is taken away
+            path.write_bytes(data)
+
+
+def tiles(folder: Path) -> list[bytes]:
+    from app.jobs.cache import Store
+
+    with Store(folder / "tiles").open_tiles("k", 3) as kept:
+        for i in range(3):
+            kept.append_tile(i, {"a": np.full((4, 3), i, np.float32), "b": np.arange(5)})
+    return [(folder / "tiles" / "k.tiles").read_bytes()]
+
+
+def read_tiles(path: Path) -> None:
+    from app.jobs.cache import Store
+
+    with Store(path.parent).open_tiles(path.stem, 3) as kept:
+        for i in kept.complete_tiles:
+            kept.tile(i, dict)
+
+
+FORMATS = {
+    "scene": Format("scene.toml", scenes, read_scene, is_text=True),
+    "session": Format("a.insitu", sessions, read_session, is_text=True),
+    "script": Format("script.toml", texts("scripts/*.toml"), read_script, is_text=True),
+    "material": Format("material.toml", materials, read_material, is_text=True),
+    "preferences": Format("preferences.toml", preferences, read_preferences, is_text=True),
+    "recent": Format("recent.txt", lambda _: [b"/tmp/a.toml\n/tmp/b c.insitu\n"], read_recent, is_text=True),
+    "ply": Format("a.ply", plys, read_mesh_file),
+    "obj": Format("a.obj", objs, read_mesh_file, is_text=True),
+    "glb": Format("a.glb", glbs, read_glb_file, repaired=repaired_glb),
+    "exr": Format("a.exr", exrs, read_light),
+    "hdr": Format("a.hdr", hdrs, read_light),
+    "png": Format("a.png", pngs, read_texture_file, repaired=repaired_png),
+    "jpeg": Format("a.jpg", jpegs, read_texture_file),
+    "cornell": Format("a.brdf", cornells, read_cornell_file, is_text=True),
+    "entry": Format("k.arrays", entries, read_entry, repaired=repaired_records),
+    "tiles": Format("k.tiles", tiles, read_tiles, repaired=repaired_records),
+    "merl": Format("a.binary", merls, read_merl_file, share=0.02),
+}

@@ -1,0 +1,37 @@
+"""Where the picture is off, laid over it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from imgui_bundle import imgui
+
+from app.placement.talk import PlacementTalk
+from app.status import Status
+from ui.headless import HeadlessWindow
+
+pytestmark = pytest.mark.gl
+
+
+def test_a_key_lays_it_over_the_picture_and_takes_it_off(
+    window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    editor = window.shell.editor
+    window.leave()
+    before = window.pixels()
+    source = window.shell.source
+    assert source is not None and source.picture is not None
+    colours = np.full((source.picture.height, source.picture.width, 4), 255, np.uint8)
+    colours[:, :, 1:3] = 0
+    status = PlacementTalk.status
+    monkeypatch.setattr(PlacementTalk, "status", lambda talk, told: replace(status(talk, told), error_colours=colours))
+    assert isinstance(editor.status, Status) and not editor.view.shows_error
+    window.key(imgui.Key.e)
+    window.leave()
+    x, y = (round(place) for place in window.shell.handle_position("viewport.centre"))
+    assert editor.view.shows_error and window.pixels()[y, x].tolist() == [255, 0, 0]
+    window.key(imgui.Key.e)
+    window.leave()
+    assert not editor.view.shows_error and (window.pixels()[y, x] == before[y, x]).all()

@@ -1,0 +1,40 @@
+"""Deform's picture: Orbit's feed, whose moving pictures the graphics card draws of poses that the worker tells.
+
+take: PoseTold ─► PosedPicture ─► canvas
+"""
+
+from __future__ import annotations
+
+import moderngl
+
+from app.deform.events import PoseCame
+from app.deform.talk import DeformTalk
+from app.editor import Editor
+from app.picture import PictureEvent
+from ui.gl.context import GraphicsError
+from ui.gl.deform.posed_picture import PosedPicture
+from ui.orbit_feed import OrbitFeed, Shaded
+
+
+class DeformFeed(OrbitFeed):
+    """Feeds a canvas, and Placement's renderer beside it."""
+
+    def take(self, editor: Editor, event: PictureEvent) -> None:
+        if isinstance(event, PoseCame):
+            self._take_pose(editor, event)
+        else:
+            super().take(editor, event)
+
+    def _new_shaded(self) -> Shaded:
+        return PosedPicture(self._context)
+
+    def _take_pose(self, editor: Editor, event: PoseCame) -> None:
+        shaded, talk = self.shaded, editor.talk
+        if not isinstance(shaded, PosedPicture) or not isinstance(talk, DeformTalk):
+            return  # given up since
+        try:
+            self.canvas.show(shaded.draw(event.told, event.camera, event.resolution))
+            talk.parts_here = shaded.known
+        except (GraphicsError, moderngl.Error) as error:
+            self._give_shaders_up(editor, error)
+        self._drawn, self._is_measure = None, False

@@ -1,0 +1,116 @@
+"""What a graphics card draws moving pictures into: several samples a pixel, with the sky behind all else."""
+
+from __future__ import annotations
+
+import math
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.scene.camera import camera_frame
+from engine.scene.description import Camera
+from ui.gl.passes import Passes
+from ui.gl.textures import TextureMemory
+
+# Of the farthest: what is nearer to the eye is not drawn.
+_NEAREST = 3e-4
+_BACKDROP = "orbit/backdrop.frag.glsl"
+
+
+class ViewTarget:
+    """A framebuffer with depth, of the size that was asked for last, and the linear picture that it ends as."""
+
+    def __init__(self, context: moderngl.Context, n_samples: int) -> None:
+        """n_samples: of a pixel, where edges are smoothed; 0: its middle alone."""
+        self._context, self._n_samples = context, n_samples
+        self._passes, self._textures = Passes(context), TextureMemory(context)
+        self._size = (0, 0)
+        self._target: moderngl.Framebuffer | None = None
+        self._resolved: moderngl.Framebuffer | None = None
+        self._texture: moderngl.Texture | None = None
+
+    def rehearse(self) -> None:
+        """Compile what draws the sky; raises GraphicsError."""
+        self._passes.full_screen(_BACKDROP)
+
+    def begin(
+        self, camera: Camera, size: tuple[int, int], sky: moderngl.Texture, turn: float, scale: float
+    ) -> moderngl.Framebuffer:
+        """Clear all but the sky, turned by degrees and scaled, as a camera sees it in a picture (width, height); what
+        is to be drawn into from now on. Raises GraphicsError where there is no room."""
+        target = self._room(size)
+        target.depth_mask = True
+        target.color_mask = (True,) * 4  # type: ignore[assignment]
+        target.clear(depth=1.0)
+        program = self._passes.full_screen(_BACKDROP)
+        self._passes.draw(
+            program, target, (0, 0, *size), {"environment": sky}, axes=_plane(camera, size), rotation=turn,
+            intensity=scale,
+        )  # fmt: skip
+        target.use()
+        return target
+
+    def finish(self) -> moderngl.Texture:
+        """The linear picture, row 0 at the top, of what was drawn since `begin`."""
+        assert self._target is not None and self._resolved is not None and self._texture is not None
+        self._context.copy_framebuffer(self._resolved, self._target)
+        return self._texture
+
+    @property
+    def memory_bytes(self) -> int:
+        """Of the picture, without the framebuffer's several samples a pixel."""
+        return self._textures.bytes_in_use
+
+    def release(self) -> None:
+        """Free all."""
+        self._release_target()
+        self._passes.release()
+
+    def _room(self, size: tuple[int, int]) -> moderngl.Framebuffer:
+        if self._target is not None and size == self._size:
+            return self._target
+        self._release_target()
+        self._texture = self._textures.texture(size, 4, "f4")
+        self._texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
+        self._resolved = self._textures.framebuffer([self._texture])
+        samples = min(self._n_samples, self._context.max_samples)
+        colour = self._context.renderbuffer(size, 4, samples=samples, dtype="f4")
+        self._target = self._context.framebuffer([colour], self._context.depth_renderbuffer(size, samples=samples))
+        self._size = size
+        return self._target
+
+    def _release_target(self) -> None:
+        if self._target is not None:
+            attached = *self._target.color_attachments, self._target.depth_attachment
+            self._textures.release_framebuffer(self._target)
+            for each in attached:
+                each.release()
+        self._textures.release_framebuffer(self._resolved)
+        self._textures.release(self._texture)
+        self._target = self._resolved = self._texture = None
+        self._size = (0, 0)
+
+
+def seen_from(
+    camera: Camera, size: tuple[int, int], eye: NDArray[np.floating], nearest: float, farthest: float
+) -> dict[str, object]:
+    """Where corners come to lie in a picture (width, height): the uniforms eye, towards and depth of vertex shaders.
+
+    eye (3,): in the corners' own coordinates; nearest, farthest: depths between which they lie, in their units.
+    """
+    (width, height), half = size, math.tan(math.radians(camera.fov_y) / 2.0)
+    right, up, forward = camera_frame(camera)
+    towards = np.stack([right * height / (half * width), -up / half, forward])
+    near, far = max(nearest, _NEAREST * farthest), farthest
+    depth = (far + near) / (far - near), -2.0 * far * near / (far - near)
+    return {"eye": tuple(map(float, eye)), "towards": tuple(towards.T.ravel().tolist()), "depth": depth}
+
+
+def _plane(camera: Camera, size: tuple[int, int]) -> tuple[float, ...]:
+    """Columns of the picture's plane as `backdrop.frag.glsl` takes them."""
+    (width, height), half = size, math.tan(math.radians(camera.fov_y) / 2.0)
+    right, up, forward = camera_frame(camera)
+    corner = forward - half * width / height * right + half * up
+    axes = np.stack([corner, right * (2.0 * half / height), up * (-2.0 * half / height)])
+    return tuple(axes.ravel().tolist())

@@ -1,0 +1,77 @@
+"""Deform's moving pictures on a graphics card, timed: `python -m ui.measure_deform OUT.json`.
+
+A program of its own, as `measure_orbit`. Each frame has another pose: its places are computed as by the worker, sent,
+and drawn, and glFinish ends it. What is left out is the way between the two processes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import moderngl
+
+from engine.errors import InsituError
+from engine.material import MODELS
+from engine.material.layer import make_layer
+from ui.gl.context import GraphicsError, create_headless_context, describe_context
+from ui.gl.deform.posed_picture import PosedPicture
+from ui.gl.moving import shader_bytes
+
+if TYPE_CHECKING:
+    from app.measure.deform import DeformEffort
+
+WARM_UP = 3
+
+
+def frame_rates(context: moderngl.Context, effort: DeformEffort, is_glossy: bool) -> list[float]:
+    """Frames a second, one each."""
+    from app.measure.deform import mesh_for_frames
+    from engine.deform.pose import Deformation
+
+    deform = mesh_for_frames(effort)
+    if is_glossy:
+        deform.set_layers({0: (make_layer(MODELS["rough_conductor"], {"alpha": 0.4}),)})
+    picture, camera, rates = PosedPicture(context), deform.scene.description.camera, []
+    for i in range(WARM_UP + effort.n_frames):
+        begun = time.perf_counter()
+        told = deform.told(camera, (("relief", (Deformation("bend", 1.0 + i),)),), picture.known)
+        assert told is not None
+        picture.draw(told, camera, effort.resolution)
+        context.finish()
+        rates.append(1.0 / (time.perf_counter() - begun))
+    picture.release()
+    return rates[WARM_UP:]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("output", type=Path)
+    parser.add_argument("--frames", type=int, default=40)
+    options = parser.parse_args(arguments)
+    try:
+        found = measure(options.frames)
+    except InsituError as error:
+        sys.exit(str(error))
+    options.output.write_text(json.dumps(found))
+
+
+def measure(n_frames: int) -> dict[str, Any]:
+    """Frames a second of a matt and of a glossy relief. Raises InsituError where shaders do not draw."""
+    from app.measure.deform import DeformEffort
+
+    context = create_headless_context()
+    if not shader_bytes(context):
+        raise GraphicsError(f"no graphics card with OpenGL 4.3 ({describe_context(context)})")
+    effort = DeformEffort(n_frames=n_frames)
+    rates = {name: frame_rates(context, effort, name == "glossy") for name in ("matt", "glossy")}
+    return {"renderer": describe_context(context), **rates}
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,107 @@
+"""Orbit's moving pictures in shaders, timed: `python -m ui.measure_orbit SCENE OUT.json`.
+
+A program of its own, as `measure_gl`. Where OpenGL is software it ends at once: nobody waits for shaders there, unless
+`INSITU_MOVING` asks for them. Every time ends with glFinish.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from engine.errors import InsituError
+from engine.scene.camera_moves import orbited
+from engine.scene.description import Camera
+from ui.gl.context import GraphicsError, create_headless_context, describe_context
+from ui.gl.moving import shader_bytes
+from ui.gl.orbit.shaded_picture import ShadedPicture
+
+if TYPE_CHECKING:
+    from app.project import Project
+    from engine.orbit.live import Orbit
+
+COUNTS = (80, 320)  # coefficients a point
+WARM_UP = 3
+DEGREES_A_FRAME = 3.0
+
+
+def measure(source: str, resolution: tuple[int, int], n_points: int, n_frames: int) -> dict[str, Any]:
+    """Frames a second by coefficients a point, and the seconds of telling all that they are drawn of.
+
+    Raises InsituError where shaders do not draw.
+    """
+    from app.project import open_project
+    from engine.orbit.telling import Telling
+
+    context = create_headless_context()
+    most_bytes = shader_bytes(context)
+    if not most_bytes:
+        raise GraphicsError(f"no graphics card with OpenGL 4.3 ({describe_context(context)})")
+    project = open_project(source, resolution)
+    orbit, shaded = _worked(project, n_points), ShadedPicture(context)
+    begun = time.perf_counter()
+    for part in Telling(most_bytes).parts(orbit):
+        shaded.buffers.take(part)
+    context.finish()
+    told = time.perf_counter() - begun
+    rates = {}
+    for n in COUNTS:
+        cameras = [_turned(project.scene.description.camera, k) for k in range(WARM_UP + n_frames)]
+        rates[str(n)] = [1.0 / _seconds(shaded, camera, resolution, n) for camera in cameras][WARM_UP:]
+    found = {"renderer": describe_context(context), "fps": rates, "told_s": told, "mb": shaded.memory_bytes / 1e6}
+    shaded.release()
+    return found
+
+
+def _worked(project: Project, n_points: int) -> Orbit:
+    from engine.orbit.live import Orbit
+
+    layers: dict[int, tuple[Any, ...]] = {}
+    for i, layer in project.indexed_layers:
+        layers[i] = (*layers.get(i, ()), layer)
+    orbit = Orbit(project.scene, n_points=n_points)
+    orbit.set_light(project.sky)
+    orbit.set_layers(layers)
+    for _ in orbit.work():
+        pass
+    return orbit
+
+
+def _turned(camera: Camera, k: int) -> Camera:
+    moved = orbited(camera, np.radians(DEGREES_A_FRAME) * k, 0.0)
+    return camera.model_copy(update={"position": moved.position})
+
+
+def _seconds(shaded: ShadedPicture, camera: Camera, resolution: tuple[int, int], n: int) -> float:
+    begun = time.perf_counter()
+    shaded.draw(camera, resolution, n)
+    shaded.finish()
+    return time.perf_counter() - begun
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command line; exit status 0, or 1 with one line on standard error."""
+    parser = argparse.ArgumentParser(prog="python -m ui.measure_orbit", description=__doc__.splitlines()[0])
+    parser.add_argument("source")
+    parser.add_argument("output", type=Path)
+    parser.add_argument("--resolution", nargs=2, type=int, default=(1024, 768))
+    parser.add_argument("--points", type=int, default=256 * 256)
+    parser.add_argument("--frames", type=int, default=60)
+    given = parser.parse_args(arguments)
+    try:
+        width, height = given.resolution
+        given.output.write_text(json.dumps(measure(given.source, (width, height), given.points, given.frames)))
+    except InsituError as error:
+        print(f"insitu: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,88 @@
+"""How long frames took and how far off the picture was, over the last two minutes: what an edit costs, and brings."""
+
+from __future__ import annotations
+
+import numpy as np
+from imgui_bundle import ImVec2, imgui
+from numpy.typing import NDArray
+
+from app.record import SECONDS
+from engine.render.picture_error import percent
+from ui import theme as look
+from ui.panels import widgets
+from ui.panels.context import PanelContext
+from ui.panels.curve_plot import Point
+from ui.panels.plot_axes import Axis
+
+LEAST_HEIGHT, MOST_HEIGHT = 28.0, 90.0
+FRAME_MS = 1.0, 1000.0
+ERROR = 1e-4, 1.0
+INKS = FRAME_INK, ERROR_INK = look.ACCENT, look.GOOD
+HINT = (
+    "The slowest frame of each quarter of a second, and how far off the picture was, in the last two minutes. Lines "
+    "are factors of ten, and half minutes. Where nothing moved no frame was drawn; where the error was not known there "
+    "is no line."
+)
+
+
+def draw(context: PanelContext, hint: str = "") -> None:
+    """Their last values, and beside them both lines in a well; hint: what else there is to say of the error. A line is
+    left free below."""
+    record = context.record.at(context.now)
+    corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
+    height = room.y - imgui.get_frame_height() - 2.0 * imgui.get_style().item_spacing.y
+    height = min(max(height, context.px(LEAST_HEIGHT)), context.px(MOST_HEIGHT))
+    imgui.invisible_button("history", ImVec2(room.x, height))
+    context.handles.note_item("accuracy.history")
+    widgets.tooltip("\n".join(filter(None, (HINT, hint))))
+    _last(context, corner)
+    draw_list, inner = imgui.get_window_draw_list(), context.px(2)
+    left, end = corner.x + context.px(widgets.LABEL_WIDTH), ImVec2(corner.x + room.x, corner.y + height)
+    draw_list.add_rect_filled(ImVec2(left, corner.y), end, look.pack(look.WELL), inner)
+    across = Axis(SECONDS, 0.0, left + inner, end.x - inner)
+    scales = [Axis(*limits, end.y - inner, corner.y + inner, "log") for limits in (FRAME_MS, ERROR)]
+    _grid(draw_list, across, scales[0])
+    for axis, values, ink in zip(scales, record[:, 1:].T, INKS, strict=True):
+        _line(context, draw_list, across.to_pixels(record[:, 0]), _heights(axis, values), ink)
+
+
+def _last(context: PanelContext, corner: ImVec2) -> None:
+    """What the lines are, and where they are now."""
+    error = context.status.image_error
+    texts = f"frame {context.status.frame_ms:.0f} ms", "error –" if error is None else f"error {percent(error)}"
+    imgui.push_font(None, look.SMALL_SIZE)
+    step = context.px(0.5 * LEAST_HEIGHT)
+    for i, (text, ink) in enumerate(zip(texts, INKS, strict=True)):
+        place = ImVec2(corner.x, corner.y + i * step + 0.5 * (step - imgui.get_text_line_height()))
+        imgui.get_window_draw_list().add_text(place, look.pack(ink), text)
+    imgui.pop_font()
+
+
+def _grid(draw_list: imgui.ImDrawList, across: Axis, upward: Axis) -> None:
+    """A line a decade and half a minute, with the times of frames that the former stand for."""
+    for ms in (10.0, 100.0):
+        y = upward.to_pixel(ms)
+        draw_list.add_line(ImVec2(across.start, y), ImVec2(across.end, y), look.pack(look.GRID), 1.0)
+    for ago in (30.0, 60.0, 90.0):
+        x = across.to_pixel(ago)
+        draw_list.add_line(ImVec2(x, upward.start), ImVec2(x, upward.end), look.pack(look.GRID), 1.0)
+
+
+def _heights(axis: Axis, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Pixels of values, those beyond the axis at its end."""
+    return axis.to_pixels(np.clip(values, axis.low, axis.high))
+
+
+def _line(
+    context: PanelContext, draw_list: imgui.ImDrawList, x: NDArray[np.float64], y: NDArray[np.float64], ink: look.Colour
+) -> None:
+    """A line through those points that are known, in pieces; a point by itself is a dot."""
+    known = np.isfinite(y)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(np.int8)))
+    packed = look.pack(ink)
+    for begin, end in edges.reshape(-1, 2):
+        points: list[Point] = list(zip(x[begin:end].tolist(), y[begin:end].tolist(), strict=True))
+        if len(points) == 1:
+            draw_list.add_circle_filled(points[0], context.px(1.2), packed)
+        else:
+            draw_list.add_polyline(points, packed, context.px(1.2), 0)
