@@ -258,7 +258,7 @@ class PlacementTalk(ModeTalk):
         said = {
             "picture": picture,
             # That nothing is left to be added says nothing of how far off the picture is.
-            "image_error": error or None if estimate is None else estimate.total,
+            "image_error": (error or None) if estimate is None else estimate.total,
             "estimate": estimate,
             "error_colours": None if estimate is None else self._error.colours_of(self._document),
             "precomputed_mb": self._transport_bytes / 1e6,
