@@ -22,6 +22,7 @@ from app.placement.events import LayerMapsChanged
 from app.placement.messages import MapsRefused, MapsSampled, SampleMaps
 from engine.material.layer import object_of
 from engine.material.maps import Images, LayerMaps
+from engine.material.strokes import Strokes
 
 MOST_KEPT = 24
 
@@ -127,19 +128,24 @@ class MapTalk:
         wanted = _wanted(document)
         events = [self._drop(key) for key in list(self._shown) if key not in wanted]
         missing: dict[Surface, str] = {}
+        found: dict[str, MapsSampled | None] = {}
         for key, maps in wanted.items():
             surface = (object_of(key), maps.images)
-            found = self._known.get(surface)
-            if found is None and surface not in self._refused:
+            found[key] = self._known.get(surface)
+            if found[key] is None and surface not in self._refused:
                 missing.setdefault(surface, key)
-                found = self._painted_so_far(surface)
-            if found is None and surface not in self._refused:
+                found[key] = self._painted_so_far(surface)
+                if found[key] is None:
+                    del found[key]
+        waits = _out_of_step(wanted, found)
+        for key, samples in found.items():
+            if key in waits:
                 continue
-            if found is None and key in self._shown:
+            if samples is None and key in self._shown:
                 events.append(self._drop(key))
-            elif found is not None and self._shown.get(key) is not found:
-                self._shown[key] = found
-                events.append(LayerMapsChanged(key, found.samples, found.images.has_weight, found.thumbnails))
+            elif samples is not None and self._shown.get(key) is not samples:
+                self._shown[key] = samples
+                events.append(LayerMapsChanged(key, samples.samples, samples.images.has_weight, samples.thumbnails))
         self._missing = tuple((key, images) for (_, images), key in missing.items())
         if not self._hand_is_ahead(missing):
             if self._missing and self._missing != self._asked:
@@ -182,6 +188,18 @@ def _wanted(document: Document) -> dict[str, LayerMaps]:
         key: layer.maps for key, layer in document.layers()
         if not layer.maps.is_plain and object_of(key) not in emitters
     }  # fmt: skip
+
+
+def _out_of_step(wanted: dict[str, LayerMaps], found: dict[str, MapsSampled | None]) -> set[str]:
+    """Layers of an object that the same strokes paint, as long as those of one are here farther along than those of
+    another: apart, the one would have given way already to what the other does not show yet, and both be black."""
+    reached: dict[tuple[str, Strokes], set[Strokes | None]] = {}
+    for key, maps in wanted.items():
+        here = found.get(key)
+        if maps.strokes and (key not in found or here is not None):
+            step = None if here is None else here.images.strokes
+            reached.setdefault((object_of(key), maps.strokes), set()).add(step)
+    return {key for key, maps in wanted.items() if len(reached.get((object_of(key), maps.strokes), ())) > 1}
 
 
 def _only_chose(key: str, images: Images, before: Document, after: Document) -> bool:

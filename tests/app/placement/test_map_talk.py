@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 from app.commands.maps import SetMap
+from app.commands.paint import BlendByMap, Paint
 from app.editor import Editor
 from app.messages import WorkerRestarted
 from app.placement.events import ComparedRefined, LayerMapsChanged
 from app.placement.messages import ComputeTransport, MapsRefused, MapsSampled, SampleMaps
 from app.view_state import SetView
 from engine.material.maps import Images, MapMeans
+from engine.material.strokes import make_stroke, pack_dabs
 from tests.app.fake_worker import SCENE, FakeClient
 from tests.app.placement.test_comparison import EXACT, remember
 
@@ -131,6 +133,24 @@ def test_files_that_were_painted_on_are_sampled_again(editor: Editor, client: Fa
     assert [request.layers for request in client.sent(SampleMaps)] == 2 * [(("pot.0", Images("oak.png")),)]
     (event,) = sample(editor, client, 0.75)
     assert (event.samples == 0.75).all()
+
+
+def test_layers_that_are_painted_together_change_together(editor: Editor, client: FakeClient) -> None:
+    # The metal takes the base's place: while one of them alone has changed, there is neither, or both.
+    editor.do(SetMap("pot.1", "weight_start", 0.0))
+    editor.do(BlendByMap("pot.1", "pot.0"))
+    editor.do(SetMap("pot.0", "texture", "oak.png"))
+    for begins, x in ((True, 0.0), (False, 0.1)):
+        stroke = make_stroke(0.1, 1.0, 1.0, 0.5, pack_dabs([[x, 0, 0]], [[0, 1, 0]]))
+        editor.do(Paint("pot.1", stroke, begins))
+        ticks(editor)
+        request: SampleMaps = client.sent(SampleMaps)[-1]
+        (first, its_images), (second, others) = request.layers
+        assert {first, second} == {"pot.0", "pot.1"}
+        client.answer(request, MapsSampled(first, its_images, np.ones((4, 4), np.float16), MEANS, {}))
+        assert ticks(editor) == []
+        client.answer(request, MapsSampled(second, others, np.ones((4, 4), np.float16), MEANS, {}))
+        assert {event.key for event in ticks(editor)} == {"pot.0", "pot.1"}
 
 
 def test_a_new_worker_is_not_asked_twice(editor: Editor, client: FakeClient) -> None:
