@@ -27,6 +27,7 @@ from engine.material.bumps import NO_BUMPS, Bumps, BumpsOf, bump_fields
 from engine.material.layer import Layer, object_of
 from engine.material.maps import map_fields
 from engine.material.model import Factor, Model
+from engine.plan_lines import LineValue
 from engine.scene.description import ObjectDescription, SceneDescription
 from engine.scene.rig import Animations
 from engine.scene.surface_kinds import NO_SURFACE, SURFACES, DeformSurface, SurfacesOf
@@ -130,12 +131,14 @@ class Document:
     """A scene's materials, light and poses. ``source`` is a built-in scene's name or the path of a scene file.
 
     ``first_bands``: J of the sharpest curves at the first bounce from the eye; None as many as are planned.
+    ``overrules``: the lines of the plan that a person has set, by name, and what to.
     """
 
     source: str
     objects: tuple[ObjectState, ...] = ()
     light: LightState = LightState()
     first_bands: int | None = None
+    overrules: tuple[tuple[str, LineValue], ...] = ()
 
     def object(self, name: str) -> ObjectState:
         """The object called ``name``; InsituError with the names there are when it is not there."""

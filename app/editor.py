@@ -20,6 +20,7 @@ from app.barrier import Barrier
 from app.commands import EditCommand
 from app.commands.light import lit_by
 from app.commands.material import SetMaterial
+from app.decided import decided_view
 from app.document import Document, Selection
 from app.files.journal import Journal, Recovery
 from app.files.session import Session
@@ -334,10 +335,11 @@ class Editor:
             events = events + run("An answer of the worker", partial(self._take, response), none)
         if self.scene_is_open:
             poses = shown_poses(self.document, self.view)
-            sight = self.view.look, poses, self.document.new_bumps, self.view.n_edge_rays
+            view = decided_view(self.view, self.document)
+            sight = view.look, poses, self.document.new_bumps, view.n_edge_rays
             if self._opening is None and self._tracing.update(now, *sight):
                 (self.talk.looked_away if self._tracing.is_away else self.talk.looked_back)()
-            made_of = self.document, self.view
+            made_of = self.document, view
             update = partial(self.talk.update, now, *made_of)
             events = events + run("What follows an edit", update, none, made_of)
             run("The journal", partial(self._keep, now), None, made_of)

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from app.commands.light import emission_of, lit_by
+from app.commands.plan import overrule, standing_overrules
+from app.decided import decided_view
 from app.document import Document, document_from_description, reflecting_layers
 from app.files.bookmarks import named
 from app.files.session import Session, fit_session, load_session
@@ -16,11 +18,12 @@ from app.machine.paths import full_path
 from app.measurements import document_with_read, layers_of_document, unread_files
 from app.set_path import set_path
 from app.sources import find_source, source_of
-from app.view_state import Viewpoint
+from app.view_state import AS_PLANNED, Viewpoint, ViewState
 from engine.colour import ToneMapping
 from engine.errors import InsituError, LoadError
 from engine.material.layer import object_of
-from engine.plan import EDGE_RAYS
+from engine.plan import N_LIGHTS, N_PATCHES
+from engine.plan_lines import EDGE_RAYS, LineValue
 from engine.scene.builtin import DEFAULT_SCENE, scene_path
 from engine.scene.toml_text import parse_toml
 
@@ -37,7 +40,7 @@ class Project:
 
     n_bounces: as many as its session has, None for as many as the scene says or requires; n_lights, n_patches: as its
     session has, None where there is none; n_edge_rays: None for as many as the scene requires. at_rest: the scene where
-    no object is deformed, None where that is it. overrules: lines of the plan, and what a person sets them to.
+    no object is deformed, None where that is it.
     """
 
     scene: Scene
@@ -48,7 +51,6 @@ class Project:
     n_patches: int | None = None
     n_edge_rays: int | None = None
     at_rest: Scene | None = None
-    overrules: tuple[tuple[str, int | str], ...] = ()
 
     @property
     def resting(self) -> Scene:
@@ -79,10 +81,26 @@ class Project:
         return frozenset(key for key in self.layers if self.document.object(object_of(key)).editable)
 
     @property
-    def overruled(self) -> dict[str, int | str]:
+    def overruled(self) -> dict[str, LineValue]:
         """Lines of the plan that its session, or a person, has set."""
-        edges: dict[str, int | str] = {} if self.n_edge_rays is None else {"edges": self.n_edge_rays}
-        return edges | dict(self.overrules)
+        edges: dict[str, LineValue] = {} if self.n_edge_rays is None else {"edges": self.n_edge_rays}
+        return edges | standing_overrules(self.document)
+
+    @property
+    def chosen_bounces(self) -> int | None:
+        """As many as a person has overruled the plan with, or its session has; None: as the scene says or requires."""
+        chosen = self.overruled.get("bounces", self.n_bounces)
+        return chosen if isinstance(chosen, int) else None
+
+    @property
+    def decided(self) -> ViewState:
+        """What its picture is made with in the editor."""
+        n_bounces = self.n_bounces or self.scene.description.bounces or AS_PLANNED
+        view = ViewState(
+            n_lights=self.n_lights or N_LIGHTS, n_patches=self.n_patches or N_PATCHES, n_bounces=n_bounces,
+            n_edge_rays=self.n_edge_rays,
+        )  # fmt: skip
+        return decided_view(view, self.document)
 
     @property
     def object_names(self) -> tuple[str, ...]:
@@ -99,7 +117,7 @@ class ProjectWords:
     values: tuple[tuple[str, Any], ...] = ()
     camera: str | None = None
     n_edge_rays: int | None = None
-    overrules: tuple[tuple[str, int | str], ...] = ()
+    overrules: tuple[tuple[str, Any], ...] = ()
 
     def open(self) -> Project:
         """The project. Raises InsituError with one line for a person."""
@@ -158,9 +176,12 @@ def open_project(
     )
 
 
-def overruled(project: Project, lines: Mapping[str, int | str]) -> Project:
-    """The project with these lines of its plan; whether there are such, and such values, `engine.plan` says."""
-    return replace(project, overrules=(*project.overrules, *lines.items()))
+def overruled(project: Project, lines: Mapping[str, Any]) -> Project:
+    """The project with these lines of its plan set. Raises InsituError for a line or a value that there is not."""
+    document = project.document
+    for line, value in lines.items():
+        document = overrule(line, value).apply(document)
+    return replace(project, document=document)
 
 
 def with_edges(project: Project, n_edge_rays: int | None) -> Project:

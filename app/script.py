@@ -18,12 +18,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, StrictInt, StrictStr, ValidationError, model_validator
 
 from app.files.bookmarks import MAX_NAME, is_name
 from engine.colour import ToneMapping, view_named
 from engine.deform.deformers import KINDS
 from engine.errors import LoadError
+from engine.plan_lines import LineValue
 from engine.scene.camera_moves import Side
 from engine.scene.complaints import first_complaint
 from engine.scene.description import Number, Parameter, Text
@@ -57,6 +58,13 @@ class SetAccuracy:
     """Move the knobs of the mode at hand to a place between speed, 0, and accuracy, 1 (`app.front`)."""
 
     share: float
+
+
+@dataclass(frozen=True)
+class OverruleLines:
+    """Set lines of the plan, by name; "auto": as planned (`app.commands.plan`)."""
+
+    lines: tuple[tuple[str, LineValue], ...]
 
 
 @dataclass(frozen=True)
@@ -225,6 +233,7 @@ Step = (
     SetValues
     | SelectPath
     | SetAccuracy
+    | OverruleLines
     | DeformObject
     | DragItem
     | DragPoints
@@ -343,6 +352,7 @@ class StepRecord(_Record):
     undo: Count | None = None
     redo: Count | None = None
     accuracy: Share | None = None
+    overrule: Annotated[dict[Text, StrictInt | StrictStr], Field(min_length=1)] | None = None
     wait: Awaited | None = None
     capture: Text | None = None
     assert_error_below: Annotated[Number, Field(gt=0.0)] | None = None
@@ -377,6 +387,7 @@ _STEPS: dict[str, Callable[[Any, Path], Step]] = {
     "undo": lambda count, folder: UndoSteps(count),
     "redo": lambda count, folder: RedoSteps(count),
     "accuracy": lambda share, folder: SetAccuracy(share),
+    "overrule": lambda lines, folder: OverruleLines(tuple(lines.items())),
     "wait": lambda picture, folder: WaitFor(picture),
     "capture": lambda name, folder: Capture((folder / name).resolve()),
     "assert_error_below": lambda bound, folder: AssertErrorBelow(bound),

@@ -141,7 +141,7 @@ def prepared_orbit(project: Project, n_patches: int = N_PATCHES, series: BounceS
     orbit = Orbit(project.scene, n_patches=n_patches)
     orbit.set_light(project.sky)
     orbit.set_layers(layers_by_object(project))
-    if n_bounces := series.n_bounces if series else project.n_bounces:
+    if n_bounces := series.n_bounces if series else project.chosen_bounces:
         orbit.set_bounces(n_bounces)
     return orbit
 
@@ -153,7 +153,7 @@ def prepared_deform(project: Project, posed: Sequence[str], series: BounceSeries
     deform.set_layers(layers_by_object(project))
     deform.set_surfaces(project.document.new_surfaces)
     deform.set_posed(posed)
-    if n_bounces := series.n_bounces if series else project.n_bounces:
+    if n_bounces := series.n_bounces if series else project.chosen_bounces:
         deform.set_bounces(n_bounces)
     return deform
 
@@ -183,7 +183,7 @@ def plan_still(project: Project, n_lights: int = N_LIGHTS, n_patches: int = N_PA
 
 def wanted_bounces(project: Project, plan: Plan) -> int | None:
     """As many as a person has overruled the plan with, the session has, or the scene says; None: to be planned."""
-    return plan.bounces if "bounces" in plan.overruled else project.n_bounces or plan.bounces
+    return project.chosen_bounces or plan.bounces
 
 
 def write_picture(path: Path, radiance: NDArray[np.float32], view: ToneMapping = "filmic", comment: str = "") -> None:

@@ -33,14 +33,12 @@ from engine.errors import InsituError
 from engine.material import MODELS, kinds
 from engine.material.layer import Layer
 from engine.material.model import Model
-from engine.scene.description import MAX_BOUNCES
+from engine.plan_lines import MOST_BANDS_OVERRULED, PICTURE_LINES, LineValue, checked_bands, checked_line
 
 if TYPE_CHECKING:
     from engine.scene.load import Scene
 
 MOST_BANDS = 128
-# What can be stored: rows of factor A may be long, the runs of factor B are counted in bytes.
-MOST_BANDS_OVERRULED = (512, 128)
 # Bands of a curve that can be edited, over each angle: highlights need many, what varies slowly few.
 EDITABLE_BANDS = {
     kinds.THETA_R: 64,
@@ -61,14 +59,30 @@ BANDWIDTH_TOLERANCE = 0.02
 MEASURED_TOLERANCE = 0.005
 N_LIGHTS = 4000
 N_PATCHES = 768
-FEWEST_LIGHTS, MOST_LIGHTS = 20, 80_000
 # Tracing the lights of the cut costs less than the sphere's 5,120 directions up to about this many of them.
 SPHERE_PAYS_FROM = 1280
 N_FINE = 512
-# Rays through a pixel at an edge (`engine.scene.edges`); 0: through its centre alone.
-EDGE_RAYS = (0, 4, 8, 16)
 
 Precision = Literal["half", "float"]
+
+
+@dataclass(frozen=True)
+class Decisions:
+    """What the light of a picture is computed by: those lines of the plan that transport depends on, whoever decided.
+
+    n_lights, n_patches: that sky and emitters are cut into at last; keeps_sphere: whether shadows from every direction
+    are found and kept, else those of the lights alone; n_bounces: 0 for as many as the scene requires.
+    """
+
+    n_lights: int = N_LIGHTS
+    n_patches: int = N_PATCHES
+    n_bounces: int = 1
+    keeps_sphere: bool = True
+
+    @property
+    def lit(self) -> Decisions:
+        """The same as far as direct light goes."""
+        return replace(self, n_bounces=1)
 
 
 @dataclass(frozen=True)
@@ -115,7 +129,8 @@ class Cost:
 class Plan:
     """What will be computed for one scene. `reasons` says why, by line; `overruled` which lines a person set.
 
-    bounces: None until a pilot has said (`engine.render.bounces`); n_edge_rays: one of `EDGE_RAYS`.
+    bounces: None until a pilot has said (`engine.render.bounces`); n_edge_rays: one of `engine.plan_lines.EDGE_RAYS`;
+    is_still: nothing of it is edited afterwards.
     """
 
     layers: tuple[LayerPlan, ...]
@@ -128,6 +143,12 @@ class Plan:
     reasons: Mapping[str, str]
     overruled: frozenset[str] = frozenset()
     cost: Cost | None = None
+    is_still: bool = False
+
+    @property
+    def decisions(self) -> Decisions:
+        """What its light is computed by."""
+        return Decisions(self.n_lights or N_LIGHTS, self.n_patches or N_PATCHES, self.bounces or 0, self.needs_sphere)
 
     def layer(self, key: str) -> LayerPlan:
         """The plan of one layer, which must be in it."""
@@ -188,17 +209,16 @@ def plan_scene(
     editable: Collection[str] = (),
     still: bool = False,
     n_lights: int = N_LIGHTS,
-    overrides: Mapping[str, int | str] | None = None,
+    overrides: Mapping[str, LineValue] | None = None,
 ) -> Plan:
     """The plan for the layers by key ("object.index"); `editable` names the keys that a person will edit; `still`:
     nothing is kept, so bands cost time alone and each curve gets twice what an editable one would.
 
-    overrides: "lights", "patches", "sphere" (0 or 1), "bounces", "edges" (of `EDGE_RAYS`, or "off"), "precision"
-    ("half", "float") or "KEY.FACTOR" (bands) to its value. Raises InsituError for a line that is not in the plan or a
-    value that cannot be.
+    overrides: lines of the plan (`engine.plan_lines`) to their values. Raises InsituError for a line that is not in
+    the plan or a value that cannot be.
     """
     has_emitters = bool(scene.emitters.any())
-    needs_sphere = has_sky and n_lights >= SPHERE_PAYS_FROM
+    needs_sphere = has_sky and (n_lights >= SPHERE_PAYS_FROM or not still)
     plan = Plan(
         layers=tuple(_plan_layer(key, layer, key in editable, still) for key, layer in layers.items()),
         n_lights=n_lights if has_sky else 0,
@@ -215,6 +235,7 @@ def plan_scene(
             "bounces": "as the scene says",
             "edges": _edge_reason(planned_edge_rays(scene)),
         },
+        is_still=still,
     )
     for line, value in (overrides or {}).items():
         plan = _overrule(plan, line, value)
@@ -280,10 +301,10 @@ def _sphere_reason(has_sky: bool, needs_sphere: bool) -> str:
     return f"fewer than {SPHERE_PAYS_FROM:,} lights are traced one by one"
 
 
-def _overrule(plan: Plan, line: str, value: int | str) -> Plan:
+def _overrule(plan: Plan, line: str, value: LineValue) -> Plan:
     overruled = plan.overruled | {line}
-    if line in ("lights", "patches", "sphere", "bounces", "precision", "edges"):
-        changed = _switch(plan, line, value)
+    if line in PICTURE_LINES:
+        changed = _switch(plan, line, checked_line(line, value))
         return replace(changed, reasons={**changed.reasons, line: "overruled"}, overruled=overruled)
     for index, layer in enumerate(plan.layers):
         for place, factor in enumerate(layer.factors):
@@ -294,55 +315,36 @@ def _overrule(plan: Plan, line: str, value: int | str) -> Plan:
     raise InsituError(f"the plan has no line {line!r} to overrule; there is: {', '.join(there)}")
 
 
-def _switch(plan: Plan, line: str, value: int | str) -> Plan:
-    if line == "precision":
-        if value not in ("half", "float"):
-            raise _refused(line, value, "half or float")
-        return replace(plan, precision="half" if value == "half" else "float")
-    if line == "edges" and value == "off":
-        value = 0
-    if not isinstance(value, int) or isinstance(value, bool):
-        raise _refused(line, value, "a whole number")
-    if line == "sphere":
-        if value not in (0, 1):
-            raise _refused(line, value, "0 or 1")
-        return replace(plan, needs_sphere=bool(value) and plan.n_lights > 0)
-    if line == "edges":
-        if value not in EDGE_RAYS:
-            raise _refused(line, value, "off, 4, 8 or 16")
-        return replace(plan, n_edge_rays=value)
-    if line == "bounces":
-        if not 1 <= value <= MAX_BOUNCES:
-            raise _refused(line, value, f"1 to {MAX_BOUNCES}")
-        return replace(plan, bounces=value)
-    if not FEWEST_LIGHTS <= value <= MOST_LIGHTS:
-        raise _refused(line, value, f"{FEWEST_LIGHTS} to {MOST_LIGHTS:,}")
-    if line == "lights":
-        return _with_lights(plan, value if plan.n_lights else 0)
-    return replace(plan, n_patches=value if plan.n_patches else 0)
+def _switch(plan: Plan, line: str, value: LineValue) -> Plan:
+    match line, value:
+        case "precision", "half" | "float":
+            return replace(plan, precision=value)
+        case "sphere", int():
+            return replace(plan, needs_sphere=bool(value) and plan.n_lights > 0)
+        case "edges", int():
+            return replace(plan, n_edge_rays=value)
+        case "bounces", int():
+            return replace(plan, bounces=value)
+        case "lights", int():
+            return _with_lights(plan, value if plan.n_lights else 0)
+        case "patches", int():
+            return replace(plan, n_patches=value if plan.n_patches else 0)
+    raise AssertionError(f"{line} = {value} was checked")
 
 
 def _with_lights(plan: Plan, n_lights: int) -> Plan:
     """With so many lights, and the sphere where it then pays, unless a person has decided on it."""
-    if "sphere" in plan.overruled:
+    if "sphere" in plan.overruled or not plan.is_still:
         return replace(plan, n_lights=n_lights)
     needs_sphere = n_lights >= SPHERE_PAYS_FROM
     reasons = {**plan.reasons, "sphere": _sphere_reason(n_lights > 0, needs_sphere)}
     return replace(plan, n_lights=n_lights, needs_sphere=needs_sphere, reasons=reasons)
 
 
-def _with_bands(layer: LayerPlan, place: int, line: str, value: int | str) -> LayerPlan:
-    most = MOST_BANDS_OVERRULED[0] if len(layer.bands) == 1 else min(MOST_BANDS_OVERRULED)
-    whole = isinstance(value, int) and not isinstance(value, bool)
-    if not whole or not 1 <= int(value) <= most or int(value) & (int(value) - 1):
-        raise _refused(line, value, f"a power of two from 1 to {most}")
-    bands = (*layer.bands[:place], int(value), *layer.bands[place + 1 :])
+def _with_bands(layer: LayerPlan, place: int, line: str, value: LineValue) -> LayerPlan:
+    bands = (*layer.bands[:place], checked_bands(line, value, len(layer.bands)), *layer.bands[place + 1 :])
     reasons = (*layer.reasons[:place], "overruled", *layer.reasons[place + 1 :])
     return replace(layer, bands=bands, reasons=reasons)
-
-
-def _refused(line: str, value: int | str, expected: str) -> InsituError:
-    return InsituError(f"plan: {line} = {value}, expected {expected}")
 
 
 def _fine_values(layer: Layer, factor: str) -> np.ndarray:

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from app.commands.curves import SetOperators
-from app.document import Selection
+from app.document import Document, Selection
 from app.editor import Editor
 from app.jobs.client import Client
 from app.modes import PLACEMENT
@@ -33,7 +33,7 @@ from app.view_state import SetView
 from engine.curve.operators import HALF_PI, Operator
 from engine.curve.wavelet import forward
 from engine.errors import InsituError
-from engine.material.layer import Layer, object_of, place_of
+from engine.material.layer import object_of, place_of
 from engine.plan import Precision
 from ui.gl.context import create_headless_context, describe_context
 from ui.gl.placement.renderer import PlacementRenderer, UpdateReport
@@ -173,8 +173,8 @@ class WideCurves(Curves):
         super().__init__()
         self.wide_key = wide_key
 
-    def bands(self, key: str, layer: Layer, chosen: int | None = None) -> dict[str, int]:
-        counts = super().bands(key, layer, chosen)
+    def bands(self, document: Document, key: str) -> dict[str, int]:
+        counts = super().bands(document, key)
         return counts | {next(iter(counts)): WIDE} if key == self.wide_key else counts
 
 

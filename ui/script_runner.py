@@ -13,6 +13,7 @@ from pathlib import Path
 from app.commands import EditCommand
 from app.commands.light import SetRotation
 from app.commands.paint import Paint
+from app.commands.plan import overrule
 from app.commands.poses import SetTime, with_amounts
 from app.commands.series import set_series
 from app.document import layer_key, split_key
@@ -34,6 +35,7 @@ from app.script import (
     ImportFile,
     KeepByName,
     MoveCamera,
+    OverruleLines,
     PaintStroke,
     PickLobe,
     RedoSteps,
@@ -189,6 +191,9 @@ def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
         case ImportFile():
             _refused(editor.import_measured(step.file, step.cloth))
             _wait_for_files(window, editor)
+        case OverruleLines():
+            for line, value in step.lines:
+                _refused(editor.do(overrule(line, value)))
         case SetAccuracy():
             _refused(editor.do(front().stop(editor.mode.name, step.share).command))
         case UndoSteps():

@@ -8,7 +8,7 @@ import typer
 
 from app.project import parse_assignment
 from engine.indirect.series import MOST_BOUNCES
-from engine.plan import FEWEST_LIGHTS, MOST_LIGHTS
+from engine.plan_lines import FEWEST_LIGHTS, MOST_LIGHTS
 from engine.scene.description import MAX_RESOLUTION
 
 

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeVar
 
+from app.decided import decisions_of
 from app.jobs.cache import Store
 from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks
@@ -20,9 +21,7 @@ from app.placement.messages import ErrorEstimated, EstimateError, StageDone
 from app.placement.transport_talk import TransportTalk
 from app.project import Project
 from app.scene_state import SceneState
-from app.view_state import AS_PLANNED
 from engine.errors import InsituError
-from engine.plan import N_LIGHTS, N_PATCHES, plan_scene
 from engine.render.error_estimate import WHAT
 from engine.render.picture_error import ErrorEstimate
 
@@ -71,11 +70,11 @@ def fill(
     project: Project, report: Report, n_lights: int | None, store: Store, cluster: OnCluster | None = None
 ) -> Filled:
     """The same as far as something is kept: the error is not estimated."""
-    planned = _overruled(project)
+    decided = project.decided
     store.require()
     document, seen = project.document, project.scene
     scene = OpenScene(document.source)
-    camera, bumps, n_edge_rays = seen.description.camera, document.new_bumps, planned["edges"]
+    camera, bumps, n_edge_rays = seen.description.camera, document.new_bumps, decided.n_edge_rays
     view = LookFrom(0, camera, seen.resolution, document.poses, bumps, n_edge_rays)
     labour = None if cluster is None else cluster.labour(scene, view, document)
     client = InProcessClient(Tasks(store, fills=True, labour=labour))
@@ -86,38 +85,14 @@ def fill(
     client.send(replace(view, scene=number))
     _until(client, SceneSeen, report)
     talk.scene_opened()
-    talk.update(
-        time.monotonic(),
-        document,
-        None,
-        n_lights or planned["lights"] or N_LIGHTS,
-        False,
-        n_bounces=planned["bounces"] or seen.description.bounces or AS_PLANNED,
-        n_patches=planned["patches"] or N_PATCHES,
-    )
+    decisions = decisions_of(decided, document)
+    if n_lights is not None:
+        decisions = replace(decisions, n_lights=n_lights)
+    talk.update(time.monotonic(), document, None, decisions, False)
     while not (stage := _until(client, StageDone, report)).exact:
         pass
     store.require_kept()
     return Filled(client, talk.revision, curves.scene_state(document), stage.transport_bytes)
-
-
-def _overruled(project: Project) -> dict[str, int | None]:
-    """Lights, patches, bounces and rays at edges as a person or the session has overruled them, None: as planned.
-
-    Raises InsituError for another line: an editor that opens the scene would look for what it plans itself.
-    """
-    has = {
-        "lights": project.n_lights, "patches": project.n_patches, "bounces": project.n_bounces,
-        "edges": project.n_edge_rays,
-    }  # fmt: skip
-    lines = dict(project.overrules)
-    if others := [line for line in lines if line not in has]:
-        raise InsituError(f"--overrule {others[0]}: the editor plans that itself, expected one of {', '.join(has)}")
-    if not lines:
-        return has
-    plan = plan_scene(project.scene, {}, has_sky=project.sky.environment is not None, overrides=lines)
-    found = {"lights": plan.n_lights, "patches": plan.n_patches, "bounces": plan.bounces, "edges": plan.n_edge_rays}
-    return {**has, **{line: found[line] for line in lines}}
 
 
 def _until(client: InProcessClient, kind: type[Answer], report: Report) -> Answer:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, PlainValidator, ValidationError, field_validator, model_validator
+from pydantic import Field, PlainValidator, StrictInt, StrictStr, ValidationError, field_validator, model_validator
 
 from app.commands.light import MAX_INTENSITY, check_light
 from app.commands.poses import MAX_DEFORMERS
@@ -34,6 +34,7 @@ from engine.material.bumps import Bumps, bump_parts, bumps_of_parts
 from engine.material.layer import object_of, place_of
 from engine.material.parameters import ParameterError
 from engine.plan import N_PATCHES
+from engine.plan_lines import PICTURE_LINES, LineValue, checked_bands, checked_line
 from engine.scene.complaints import first_complaint
 from engine.scene.description import MAX_BOUNCES, MAX_OBJECTS, Camera, Name, Number, Pixels, Radiance, Text
 from engine.scene.surface_kinds import DeformSurface
@@ -42,6 +43,7 @@ from engine.scene.toml_text import check_version, load_toml, toml_lines, toml_va
 SUFFIX = SESSION_ENDING
 SESSION_VERSION = 1
 MAX_SESSION_BYTES = 64 * 2**20
+MAX_OVERRULED = 4096
 
 
 class DeformerRecord(StrictModel):
@@ -179,6 +181,7 @@ class SessionRecord(StrictModel):
     scene: Text
     light: LightRecord
     first_bands: FirstBands | None = None
+    overrule: Annotated[dict[Text, StrictInt | StrictStr], Field(max_length=MAX_OVERRULED)] = {}
     view: ViewRecord = ViewRecord()
     journal: JournalRecord | None = None
     objects: tuple[ObjectRecord, ...] = Field(alias="object", min_length=1, max_length=MAX_OBJECTS)
@@ -190,6 +193,16 @@ class SessionRecord(StrictModel):
         if self.ends and self.end is None:
             raise ValueError("end: the file's last line; it was cut short")
         return self
+
+    @field_validator("overrule")
+    @classmethod
+    def _are_lines(cls, lines: dict[str, LineValue]) -> dict[str, LineValue]:
+        try:
+            for line, value in lines.items():  # that of a curve may be of a layer that there is no more
+                checked_line(line, value) if line in PICTURE_LINES else checked_bands(line, value, 1)
+        except InsituError as error:
+            raise ValueError(str(error)) from None
+        return lines
 
     @model_validator(mode="after")
     def _names_differ(self) -> SessionRecord:
@@ -236,6 +249,7 @@ def load_session(path: Path) -> Session:
     objects = tuple(_object(str(path), each) for each in record.objects)
     light = LightState(**{**record.light.model_dump(), "environment": full_path(record.light.environment, folder)})
     document = Document(full_path(record.scene, folder), objects, check_light(light, str(path)), record.first_bands)
+    document = replace(document, overrules=tuple(sorted(record.overrule.items())))
     view = replace(_view(record.view, document), bookmarks=tuple(each.bookmark for each in record.bookmarks))
     return Session(document, view, record.journal)
 
@@ -253,7 +267,7 @@ def fit_session(session: Session, scene: Document, file: str) -> Document:
     for state in scene.objects:
         _check_moment(state, saved[state.name].moment, file)
     objects = tuple(_shining_as_in(state, saved[state.name]) for state in scene.objects)
-    return Document(scene.source, objects, session.document.light, session.document.first_bands)
+    return replace(session.document, source=scene.source, objects=objects)
 
 
 def _shining_as_in(scene: ObjectState, saved: ObjectState) -> ObjectState:
@@ -287,7 +301,8 @@ def dump_session(
     ]
     if journal is not None:
         lines += ["[journal]", *toml_lines(journal.model_dump())]
-    lines += ["[light]", *toml_lines(light), "[view]", *toml_lines(_view_values(view))]
+    lines += ["[light]", *toml_lines(light), "[overrule]", *toml_lines(dict(document.overrules))]
+    lines += ["[view]", *toml_lines(_view_values(view))]
     for state in document.objects:
         lines += _object_lines(state, folder)
     for bookmark in view.bookmarks:

@@ -29,7 +29,7 @@ from engine.render.indirect import reflected_light
 from engine.render.picture_error import ErrorEstimate
 from engine.render.still import StillLayer, seen_as, with_maps
 from engine.steps import told_as
-from engine.transport.pipeline import FINAL, Placement, Quality
+from engine.transport.pipeline import FINAL, Placement, Quality, final_quality
 
 Drawing = Generator[object, None, NDArray[np.float32]]
 
@@ -103,8 +103,8 @@ def _with_own_bands(state: LayerState, placement: Placement) -> StillLayer:
 
 def _quality(data: LayerData) -> Quality:
     """How finely a layer's light was computed; of few lights the preview is the last stage."""
-    stage, lit_by = STAGES[data.stage], data.lit_by
-    return replace(stage, n_lights=lit_by.n_lights, n_patches=lit_by.n_patches if stage is FINAL else stage.n_patches)
+    stage, decisions = STAGES[data.stage], data.lit_by.decisions
+    return final_quality(decisions) if stage is FINAL else replace(stage, n_lights=decisions.n_lights)
 
 
 def _as_edited(data: LayerData, state: LayerState) -> LayerData:

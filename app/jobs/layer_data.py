@@ -16,7 +16,7 @@ from app.document import LightState
 from app.messages import Response
 from app.placement.messages import LayerPicture, LayerTransport
 from app.scene_state import LayerState
-from engine.plan import Precision
+from engine.plan import Decisions, Precision
 from engine.stored_arrays import Arrays
 from engine.transport.bandstore import BandStore, BandTile, arrays_of_file, join_tiles, store_from_arrays
 from engine.transport.fixed import FixedPicture, join_pictures, picture_of_file, picture_of_tile
@@ -37,8 +37,7 @@ class LitBy:
     """What light a layer's transport was asked for: equal ones light equally in the same stage."""
 
     light: LightState
-    n_lights: int
-    n_patches: int
+    decisions: Decisions
     emission: tuple[tuple[str, tuple[float, float, float]], ...] = ()
 
 

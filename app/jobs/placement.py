@@ -52,7 +52,7 @@ from engine.steps import told_as
 from engine.stored_arrays import ArrayReader, Arrays, n_bytes_of
 from engine.transport.bandstore import BandStore
 from engine.transport.fixed import FixedPicture
-from engine.transport.pipeline import COARSE, DRAG, FINAL, PREVIEW, Placement, Quality, SkyState
+from engine.transport.pipeline import COARSE, DRAG, FINAL, PREVIEW, Placement, Quality, SkyState, final_quality
 from engine.transport.projection import TILE, VisibleLight
 
 if TYPE_CHECKING:
@@ -156,7 +156,7 @@ class PlacementWork(ModeWork):
             placement.sphere.done[:] = True
 
     def _compute(self, request: ComputeTransport) -> Steps:
-        placement, scene = self._bench.open_placement, request.scene
+        placement, scene, decisions = self._bench.open_placement, request.scene, request.decisions
         yield from ensure_tables((work.layer for work in scene.layers), self._cache)
         self._contracted, self._current, self._told = {}, {}, set()
         self._layers = {work.key: self._layers[work.key] for work in scene.layers if work.key in self._layers}
@@ -166,15 +166,15 @@ class PlacementWork(ModeWork):
         placement.shine(dict(scene.emission))
         sky = self._bench.sky(scene.light)
         if self._indirect is not None:
-            self._indirect.asked_anew(_lit_key(sky, placement.scene), request.n_bounces)
+            self._indirect.asked_anew(_lit_key(sky, placement.scene), decisions.n_bounces)
         if (image := self._bench.sky_image(sky, scene.light)) is not None:
             yield image
-        lit_by = LitBy(scene.light, request.n_lights_final, request.n_patches, scene.emission)
+        lit_by = LitBy(scene.light, request.lit, scene.emission)
         yield from self._tell_held(placement, request, lit_by)
         yield from self._kernels_ready()
         yield from self._tell_kept(placement, request, sky, lit_by)
         yield from self._tell_relit(request, sky, lit_by)
-        n_bounces, bounces_told = request.n_bounces, request.n_bounces == 1
+        n_bounces, bounces_told = decisions.n_bounces, decisions.n_bounces == 1
         for quality, exact in _stages(request)[-1 if self._bench.fills else 0 :]:
             started = time.monotonic()
             works = self._selected_first(request)
@@ -384,7 +384,7 @@ class PlacementWork(ModeWork):
     def _light_key(self, sky: SkyState, scene: Scene, quality: Quality) -> str:
         return content_key(
             CACHE_VERSION, self._bench.view_key, _lit_key(sky, scene),
-            quality.n_lights, quality.n_patches, quality.max_level,
+            quality.n_lights, quality.n_patches, quality.max_level, quality.own_rays,
         )  # fmt: skip
 
 
@@ -407,13 +407,13 @@ class _Clock:
 
 def _stages(request: ComputeTransport) -> list[tuple[Quality, bool]]:
     """The stages of a request and whether each is the last."""
-    if request.n_lights_final == 0:
+    if request.is_drag:
         return [(DRAG, True)]
     coarse = replace(COARSE, n_lights=request.n_lights_preview)
     preview = replace(PREVIEW, n_lights=request.n_lights_preview)
-    if request.n_lights_final <= request.n_lights_preview:
+    if request.decisions.n_lights <= request.n_lights_preview:
         return [(coarse, False), (preview, True)]
-    final = replace(FINAL, n_lights=request.n_lights_final, n_patches=request.n_patches)
+    final = final_quality(request.decisions)
     return [(coarse, False), (preview, False), (final, True)]
 
 

@@ -20,7 +20,7 @@ from app.placement.messages import ComputeTransport, EstimateError, Freeze, Prep
 from app.scene_state import LayerState, layer_state, scene_state
 from engine.material.maps import Images
 from engine.material.strokes import Stroke, Strokes, pack_dabs
-from engine.plan import band_counts
+from engine.plan import Decisions, band_counts
 from engine.scene.builtin import scene_path
 from engine.scene.description import parse_description
 from engine.scene.toml_text import parse_toml
@@ -74,7 +74,7 @@ def rehearse_later() -> Iterator[str]:
         yield PAINTING
         description = parse_description(parse_toml(_SCENE, scene.name), scene.name)
         state = scene_state(document_from_description(str(scene), description), _with_bands)
-        _ask(client, ComputeTransport(state, "ball.1", "theta_h", 100, 100, 64, n_bounces=3))
+        _ask(client, ComputeTransport(state, "ball.1", "theta_h", 100, Decisions(100, 64, 3)))
         _ask(client, Freeze(state, "ball.1", 0))
         _ask(client, Freeze(state))
         yield INDIRECT
@@ -82,7 +82,7 @@ def rehearse_later() -> Iterator[str]:
         yield ESTIMATE
         _ask(client, PrepareRelighting(state))
         turned = replace(state, light=replace(state.light, rotation=90.0))
-        _ask(client, ComputeTransport(turned, "ball.1", "theta_h", 100, 0, 64))
+        _ask(client, ComputeTransport(turned, "ball.1", "theta_h", 100, Decisions(100, 64), is_drag=True))
         yield RELIGHTING
         _rehearse_orbit(client, Path(folder))
         yield ORBIT

@@ -25,7 +25,7 @@ from app.messages import Failed, LookFrom, OpenScene, Request, Response
 from app.placement.messages import ComputeTransport, LayerPicture, PrepareRelighting, RelightingPrepared
 from app.project import open_project
 from app.scene_state import SceneState, layer_state, scene_state
-from engine.plan import N_PATCHES, band_counts
+from engine.plan import Decisions, band_counts
 from engine.transport.pipeline import FINAL, PREVIEW
 
 NAMES = ("turn_error", "turn_cpu_s", "relight_rows_s")
@@ -112,7 +112,8 @@ class _Ready:
     def _transport(self, scene: SceneState, n_final: int) -> ComputeTransport:
         key = scene.layers[0].key
         factor = scene.layers[0].layer.model.factors[0].name
-        return ComputeTransport(scene, key, factor, self._n_preview, n_final, N_PATCHES)
+        decisions = Decisions(n_final or self._n_preview)
+        return ComputeTransport(scene, key, factor, self._n_preview, decisions, is_drag=n_final == 0)
 
 
 def _frames(ready: _Ready, effort: RelightEffort, stage: str) -> tuple[float, ...]:

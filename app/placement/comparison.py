@@ -35,6 +35,7 @@ from app.placement.wishes import same_coefficients
 from app.scene_state import LayerState, layer_state
 from engine.material.layer import Layer, object_of
 from engine.material.maps import LayerMaps
+from engine.plan import Decisions
 
 Samples = Callable[[str, LayerMaps], NDArray[np.float16] | None]
 
@@ -106,7 +107,7 @@ class Comparison:
         now: float,
         document: Document,
         talk: TransportTalk,
-        n_lights: int,
+        decisions: Decisions,
         exact: bool,
         has_indirect: bool = False,
     ) -> list[PictureEvent]:
@@ -120,7 +121,7 @@ class Comparison:
             return []
         if talk.revision != self._revision:
             self._forget_revision(talk.revision)
-            self._serves = talk.serves(compared, document, n_lights)
+            self._serves = talk.serves(compared, document, decisions)
         if not self._serves or self._failed:
             return []
         light = replace(compared.light, intensity=document.light.intensity)

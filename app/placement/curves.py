@@ -20,6 +20,7 @@ from engine.material.maps import Images, MapMeans
 from engine.material.measured_model import MeasuredModel
 from engine.material.model import Model
 from engine.plan import MOST_BANDS, bands_by_hand
+from engine.plan_lines import bands_of_lines
 
 Array = NDArray[np.float64]
 Coefficients = Mapping[str, Array]
@@ -45,15 +46,17 @@ class Curves:
         self._cached = {}
         self.plans.opened(scene)
 
-    def bands(self, key: str, layer: Layer, chosen: int | None = None) -> dict[str, int]:
-        """J of each of the layer's transport factors as planned; ``chosen`` for the sharpest where a person did."""
+    def bands(self, document: Document, key: str) -> dict[str, int]:
+        """J of each of a layer's transport factors: as planned, or as a person chose for the sharpest, or for each."""
+        layer, chosen, lines = document.layer(key), document.first_bands, dict(document.overrules)
         counts = self.plans.of(key, layer)
-        return counts if chosen is None else bands_by_hand(layer, counts, chosen)
+        counts = counts if chosen is None else bands_by_hand(layer, counts, chosen)
+        return bands_of_lines(key, counts, lines) if lines else counts
 
     def coefficients(self, document: Document, key: str, most: int | None = None) -> dict[str, Array]:
         """Band values of each transport factor of a layer, (J,3) by factor [BenArtzi07, eq. 4.17], of `most` bands."""
         layer = document.layer(key)
-        counts = self.bands(key, layer, document.first_bands)
+        counts = self.bands(document, key)
         return {name: self._band_values(key, layer, name, min(n, most or n)) for name, n in counts.items()}
 
     def scene_state(self, document: Document) -> SceneState:
@@ -63,7 +66,7 @@ class Curves:
     def layer_state(self, document: Document, key: str) -> LayerState:
         """What it is told of a layer: with its bands, and the means of its images as far as they are known."""
         layer = document.layer(key)
-        bands = self.bands(key, layer, document.first_bands)
+        bands = self.bands(document, key)
         return layer_state(document, key, tuple(bands.values()), self._means(key, layer))
 
     def view_curve(self, document: Document, key: str) -> Array:

@@ -5,7 +5,7 @@ Shapes: P pixels that see a reflecting object, p those of one layer, J bands. Im
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from app.scene_state import LayerState, SceneState
     from engine.material.layer import Layer
     from engine.material.maps import Images, MapMeans
-    from engine.plan import Precision
+    from engine.plan import Decisions, Precision
     from engine.render.picture_error import ErrorEstimate
 
 
@@ -40,9 +40,9 @@ class ComputeTransport(Request):
     """Compute the transport of a scene's layers, coarse to fine; earlier contractions are cancelled.
 
     selected, factor: the curve whose transport is handed out as well, in the layer of that key and in `followers`.
-    n_lights_preview, n_lights_final and n_patches: what cuts the sky, at first and at last, and emitters at last.
-    With n_bounces > 1 the indirect light is found as well. 0 asks for as many bounces as the scene requires. Both are
-    answered by `BouncesPlanned`. Tables of measured layers are read first where a worker does not have them.
+    n_lights_preview: what cuts the sky at first. is_drag: stop after one quick picture, nothing finer follows. With
+    more than one bounce the indirect light is found as well; `BouncesPlanned` says how many. Tables of measured layers
+    are read first where a worker does not have them.
     """
 
     built_on = (LookFrom,)
@@ -51,11 +51,15 @@ class ComputeTransport(Request):
     selected: str | None
     factor: str | None
     n_lights_preview: int
-    n_lights_final: int
-    n_patches: int
+    decisions: Decisions
     precision: Precision = "half"
-    n_bounces: int = 1
     followers: tuple[str, ...] = ()
+    is_drag: bool = False
+
+    @property
+    def lit(self) -> Decisions:
+        """What direct light is computed by; a picture of a light on the move is like no other."""
+        return replace(self.decisions.lit, n_lights=0) if self.is_drag else self.decisions.lit
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,6 +16,7 @@ from functools import partial
 
 from app.commands import EditCommand
 from app.commands.material import SetMaterial
+from app.decided import decided_view, decisions_of
 from app.document import Document, layer_key
 from app.messages import Cancel, Failed, Response
 from app.mode import Desk, ModeTalk, OpenedScene
@@ -167,6 +168,11 @@ class PlacementTalk(ModeTalk):
     def _document(self) -> Document:
         return self._desk.history.document
 
+    @property
+    def _view(self) -> ViewState:
+        """With what the document has in the place of its knobs."""
+        return decided_view(self._desk.view, self._document)
+
     # --------------------------------------------------------------------------------------------------------- asking
 
     def update(self, now: float, document: Document, view: ViewState) -> list[PictureEvent]:
@@ -183,10 +189,8 @@ class PlacementTalk(ModeTalk):
         """Ask for what is missing; how indirect light and images have changed."""
         talk = self._transport
         planned = self._bands.update(document)
-        talk.update(
-            now, document, view.selected, view.n_lights, self._desk.history.dragging, view.precision, view.n_bounces,
-            planned, view.n_patches,
-        )  # fmt: skip
+        decisions = decisions_of(view, document)
+        talk.update(now, document, view.selected, decisions, self._desk.history.dragging, view.precision, planned)
         events: list[PictureEvent] = [*self.maps.update(document)]
         if planned and not talk.drag_quality:
             events += self.indirect.update(
@@ -202,7 +206,8 @@ class PlacementTalk(ModeTalk):
         exact = self._picture in ("finished", "exact")
         if view.compare is not self._comparison.document:
             self._comparison.begin(view.compare, exact and view.compare is document)
-        return self._comparison.update(now, document, self._transport, view.n_lights, exact, self.indirect.is_shown)
+        decisions = decisions_of(view, document)
+        return self._comparison.update(now, document, self._transport, decisions, exact, self.indirect.is_shown)
 
     @property
     def awaits_answer(self) -> bool:
@@ -248,7 +253,7 @@ class PlacementTalk(ModeTalk):
                 self._transport.rendered(key, factor, wanted[factor])
 
     def status(self, status: Status) -> PlacementStatus:
-        talk, report, view = self._transport, self._report, self._desk.view
+        talk, report, view = self._transport, self._report, self._view
         noise, picture = self._noise, self._picture
         known = picture not in ("waiting", "preview")
         error = math.hypot(report.image_error or 0.0, noise) if known and self._rest_is_complete else None
@@ -333,7 +338,7 @@ class PlacementTalk(ModeTalk):
 
     def _take_picture(self, response: Response) -> list[PictureEvent]:
         match response:
-            case BouncesPlanned() if self._desk.view.n_bounces in (AS_PLANNED, response.n_bounces):
+            case BouncesPlanned() if self._view.n_bounces in (AS_PLANNED, response.n_bounces):
                 self._take_bounces(response)  # else a person has chosen meanwhile
             case ErrorEstimated():
                 self._error.took(response)
@@ -365,10 +370,10 @@ class PlacementTalk(ModeTalk):
 
     def _take_bounces(self, response: BouncesPlanned) -> None:
         desk, (n_bounces, said) = self._desk, self._bounces
-        if desk.view.n_bounces == AS_PLANNED:
+        if self._view.n_bounces == AS_PLANNED:
             desk.view = replace(desk.view, n_bounces=response.n_bounces)
             self._transport.took_bounces(response.n_bounces)
-        if response.warning and (desk.view.n_bounces, response.warning) != (n_bounces, said):
+        if response.warning and (response.n_bounces, response.warning) != (n_bounces, said):
             desk.notify(response.warning)
         self._bounces = response.n_bounces, response.warning
 

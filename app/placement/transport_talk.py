@@ -42,13 +42,12 @@ from app.placement.wishes import (
     same_coefficients,
     transport_wish,
 )
-from engine.plan import N_PATCHES, Precision
+from engine.plan import Decisions, Precision
 
 REST_SECONDS = 0.25
 CONTRACT_PATIENCE = 3.0
 N_LIGHTS_PREVIEW = 400
 FINAL_STAGE = "final"
-DRAG_QUALITY = 0  # as `n_lights_final`: stop after one quick picture, nothing finer follows
 
 
 class TransportTalk:
@@ -66,7 +65,7 @@ class TransportTalk:
     def _forget(self) -> None:
         self._wish: TransportWish | None = None
         self._wish_since = -math.inf
-        self._wish_made_of: tuple[Document, int, int, int] | None = None
+        self._wish_made_of: tuple[Document, Decisions] | None = None
         self._asked: TransportWish | None = None
         self._becoming_editable: tuple[str, ...] = ()
         self._drag_quality = False
@@ -75,7 +74,7 @@ class TransportTalk:
         self._exact = False
         self._complete = False
         self._released = self._stopped = False
-        self._made_for: tuple[Document, int, int, int] | None = None
+        self._made_for: tuple[Document, Decisions] | None = None
         self._light_gain = np.ones(3)
         self.emitters_are_all = False
         self._edited = EditedCurves()
@@ -170,12 +169,12 @@ class TransportTalk:
         """The light in the transport asked last, at intensity 1."""
         return None if self._asked is None else self._asked.light
 
-    def serves(self, document: Document, like: Document, n_lights: int) -> bool:
+    def serves(self, document: Document, like: Document, decisions: Decisions) -> bool:
         """Whether the transport asked last would draw another document of the same models as ``like``."""
         models = [(key, layer.model) for key, layer in document.layers()]
         if self._asked is None or models != [(key, layer.model) for key, layer in like.layers()]:
             return False
-        wish = transport_wish(document, n_lights, self._asked.n_bounces, self._asked.n_patches, self._curves)
+        wish = transport_wish(document, decisions, self._curves)
         lit_alike = wish.emission == emission_of(like)
         return lit_alike and replace(wish, emission=self._asked.emission) == self._asked
 
@@ -256,19 +255,18 @@ class TransportTalk:
     # --------------------------------------------------------------------------------------------------------- asking
 
     def update(
-        self, now: float, document: Document, selected: Selection | None, n_lights: int, dragging: bool,
-        precision: Precision = "half", n_bounces: int = 1, planned: bool = True,
-        n_patches: int = N_PATCHES,
+        self, now: float, document: Document, selected: Selection | None, decisions: Decisions, dragging: bool,
+        precision: Precision = "half", planned: bool = True,
     ) -> None:  # fmt: skip
         """Ask for what is missing; ``now`` in seconds of any steady clock. planned: whether the bands of all layers
         are known; until they are, nothing is asked for."""
         if not self.is_open:
             return
         self._precision = precision
-        made_for = (document, n_lights, n_patches, n_bounces)
+        made_for = (document, decisions)
         self._stopped = self._stopped and made_for == self._made_for
         self._made_for = made_for
-        wish = self._transport_wish(document, n_lights, n_bounces, n_patches)
+        wish = self._transport_wish(document, decisions)
         if wish != self._wish:
             self._wish_since = -math.inf if self._wish is None else now
             self._wish = wish
@@ -288,16 +286,18 @@ class TransportTalk:
             return
         asked = self._asked
         if asked is None or self._released or now - self._wish_since >= REST_SECONDS:
-            self._compute(wish, document, selected, wish.n_lights)
+            self._compute(wish, document, selected)
         elif dragging and wish.moved_from(asked) and not (self._drag_quality and self._running):
-            self._compute(wish, document, selected, DRAG_QUALITY)
+            self._compute(wish, document, selected, is_drag=True)
 
-    def _compute(self, wish: TransportWish, document: Document, selected: Selection | None, n_lights: int) -> None:
+    def _compute(
+        self, wish: TransportWish, document: Document, selected: Selection | None, is_drag: bool = False
+    ) -> None:
         self._edited.wished = curves = curve_wishes(document, selected, self._curves, self._precision)
-        staying = self._staying(wish, n_lights)
+        staying = self._staying(wish, is_drag)
         was_fixed = [shape.key for shape in self.layers_asked if shape.is_fixed and shape.key in staying]
         self.revision += 1
-        self._asked, self._drag_quality, self._running, self._exact = wish, n_lights == DRAG_QUALITY, True, False
+        self._asked, self._drag_quality, self._running, self._exact = wish, is_drag, True, False
         self._forget_answers()
         self._layers = staying
         self._becoming_editable = tuple(s.key for s in wish.layers if s.key in was_fixed and not s.is_fixed)
@@ -305,19 +305,18 @@ class TransportTalk:
             replace(self._curves.scene_state(document), emission=wish.emission),
             curves[0].key if curves else None,
             curves[0].factor if curves else None,
-            min(N_LIGHTS_PREVIEW, wish.n_lights),
-            n_lights,
-            wish.n_patches,
+            min(N_LIGHTS_PREVIEW, wish.decisions.n_lights),
+            wish.decisions,
             self._precision,
-            wish.n_bounces,
             tuple(curve.key for curve in curves[1:]),
+            is_drag,
             revision=self.revision,
         )
         self._transport_id = self._send(request)
 
-    def _staying(self, wish: TransportWish, n_lights: int) -> dict[str, LayerShown]:
+    def _staying(self, wish: TransportWish, is_drag: bool) -> dict[str, LayerShown]:
         """What is on screen and is the picture of what is wished for: the worker goes on from there."""
-        if self._asked is None or self._drag_quality or n_lights == DRAG_QUALITY:
+        if self._asked is None or self._drag_quality or is_drag:
             return {}
         alike = wish.alike(self._asked)
         return {key: shown for key, shown in self._layers.items() if key in alike}
@@ -390,8 +389,8 @@ class TransportTalk:
         shape = self._asked_shape(key)
         return shape is not None and shape.takes(wanted)
 
-    def _transport_wish(self, document: Document, n_lights: int, n_bounces: int, n_patches: int) -> TransportWish:
-        made_of = (document, n_lights, n_bounces, n_patches)
+    def _transport_wish(self, document: Document, decisions: Decisions) -> TransportWish:
+        made_of = (document, decisions)
         if self._wish is not None and self._wish_made_of == made_of:
             return self._wish
         self._wish_made_of = made_of
@@ -410,9 +409,10 @@ class TransportTalk:
     def took_bounces(self, n_bounces: int) -> None:
         """The worker goes on with as many bounces as it found that the scene requires."""
         if self._asked is not None:
-            self._asked = replace(self._asked, n_bounces=n_bounces)
+            self._asked = replace(self._asked, decisions=replace(self._asked.decisions, n_bounces=n_bounces))
         if self._made_for is not None:
-            self._made_for = (*self._made_for[:-1], n_bounces)  # chosen by no hand: what was stopped stays so
+            document, decisions = self._made_for  # chosen by no hand: what was stopped stays so
+            self._made_for = document, replace(decisions, n_bounces=n_bounces)
 
     def took_picture(self, response: LayerPicture) -> Coefficients:
         """Note a layer's radiance; the coefficients it was made with, by factor."""

@@ -10,7 +10,7 @@ import numpy as np
 from app.document import RGB, Document, LightState
 from app.placement.curves import Array, Coefficients, Curves
 from app.scene_state import LayerState
-from engine.plan import N_PATCHES, Precision
+from engine.plan import Decisions, Precision
 
 Emission = tuple[tuple[str, RGB], ...]
 
@@ -66,10 +66,8 @@ class TransportWish:
 
     light: LightState
     layers: tuple[TransportShape, ...]
-    n_lights: int
-    n_bounces: int = 1
     emission: Emission = ()
-    n_patches: int = N_PATCHES
+    decisions: Decisions = Decisions()
 
     def moved_from(self, other: TransportWish) -> bool:
         """Whether only the environment's rotation differs, or what emitters emit."""
@@ -82,7 +80,7 @@ class TransportWish:
 
     def alike(self, before: TransportWish) -> tuple[str, ...]:
         """Keys of the layers that look as they did under the wish before."""
-        if not self.lights_like(before) or (self.n_lights, self.n_patches) != (before.n_lights, before.n_patches):
+        if not self.lights_like(before) or self.decisions.lit != before.decisions.lit:
             return ()
         return tuple(shape.key for shape in self.layers if shape.looks_like(before.shape(shape.key)))
 
@@ -139,11 +137,11 @@ class Contraction:
     sent_at: float
 
 
-def transport_wish(document: Document, n_lights: int, n_bounces: int, n_patches: int, curves: Curves) -> TransportWish:
+def transport_wish(document: Document, decisions: Decisions, curves: Curves) -> TransportWish:
     """The transport of a document's layers in its light."""
     scene = curves.scene_state(document)
     shapes = tuple(transport_shape(state, curves.coefficients(document, state.key)) for state in scene.layers)
-    return TransportWish(scene.light, shapes, n_lights, n_bounces, scene.emission, n_patches)
+    return TransportWish(scene.light, shapes, scene.emission, decisions)
 
 
 def brightened(wanted: Emission, known: Emission) -> Array | None:

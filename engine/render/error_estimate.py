@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from engine.light.lights import TriangleLights, cut_lights
 from engine.material.layer import Layer
-from engine.plan import MOST_BANDS_OVERRULED
+from engine.plan_lines import MOST_BANDS_OVERRULED
 from engine.render.path_tracer import trace_halves
 from engine.render.picture_error import ErrorEstimate
 from engine.render.still import StillLayer, StillProgress, layer_radiance, shape_of

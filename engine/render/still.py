@@ -27,7 +27,7 @@ from engine.scene.hits import PrimaryHits
 from engine.steps import told_as
 from engine.threads import n_threads, pool
 from engine.transport.bandstore import BandStore, BandTile
-from engine.transport.pipeline import FINAL, Placement, Quality, SkyState
+from engine.transport.pipeline import FINAL, Placement, Quality, SkyState, final_quality
 from engine.transport.projection import LayerShape, project_layer
 
 # What the shadows take of the time, for a progress bar that moves evenly.
@@ -85,8 +85,7 @@ class StillProgress:
 
 def still_quality(plan: Plan) -> Quality:
     """The stage that a plan asks for: every pixel, its lights and patches, the sphere where it is needed."""
-    n_lights, n_patches = plan.n_lights or FINAL.n_lights, plan.n_patches or FINAL.n_patches
-    return replace(FINAL, name="still", n_lights=n_lights, n_patches=n_patches, own_rays=not plan.needs_sphere)
+    return replace(final_quality(plan.decisions), name="still")
 
 
 def render_still(

@@ -6,13 +6,14 @@ yield the fraction done, so that whoever drives them can show progress, answer o
 
 from collections.abc import Generator, Iterator, Mapping
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from engine.light.emitters import EmitterPatches, EmitterTree, emitter_patches
 from engine.light.environment import Environment
 from engine.light.lights import cut_lights
+from engine.plan import Decisions
 from engine.scene.hits import PrimaryHits, trace_primary
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
@@ -51,6 +52,13 @@ PREVIEW = Quality("preview", 1, 400, 32)
 FINAL = Quality("final", 1, 4000, 768, max_level=7, tolerance=0.5, own_rays=False)
 # While a light is dragged nothing new is traced: the brightest regions make do with the sphere's own bits.
 DRAG = Quality("drag", 8, 400, 16, VISIBILITY_LEVEL, own_rays=False)
+
+
+def final_quality(decisions: Decisions) -> Quality:
+    """The last stage of a picture for which this was decided."""
+    return replace(
+        FINAL, n_lights=decisions.n_lights, n_patches=decisions.n_patches, own_rays=not decisions.keeps_sphere
+    )
 
 
 @dataclass(frozen=True)

@@ -171,7 +171,7 @@ class ServingClient(FakeClient):
             if sent.selected is not None and sent.factor is not None:
                 self._selected = dict.fromkeys((sent.selected, *sent.followers), sent.factor)
             self._precision = sent.precision
-            stages = ["drag"] if sent.n_lights_final == 0 else ["coarse", "final"]
+            stages = ["drag"] if sent.is_drag else ["coarse", "final"]
             self._answers = {ComputeTransport: [a for stage in stages for a in self._stage(sent, stage, stages[-1])]}
         elif isinstance(sent, Contract):
             if sent.factor is not None:

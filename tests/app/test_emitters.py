@@ -15,7 +15,6 @@ from app.document import Document, Selection
 from app.editor import Editor
 from app.files.session import fit_session, load_session, save_session
 from app.placement.messages import ComputeTransport
-from app.placement.transport_talk import DRAG_QUALITY
 from app.placement.wishes import brightened
 from app.project import open_project
 from app.set_path import set_path
@@ -103,14 +102,14 @@ def test_beside_a_sky_light_is_computed_quickly_and_then_exactly(client: FakeCli
         editor.do(SetEmission("lamp", strength))
         editor.tick(2.0 + 0.01 * strength)
     (quick,) = client.sent(ComputeTransport)
-    assert quick.n_lights_final == DRAG_QUALITY and dict(quick.scene.emission) == {"lamp": (6.0, 6.0, 6.0)}
+    assert quick.is_drag and dict(quick.scene.emission) == {"lamp": (6.0, 6.0, 6.0)}
     assert editor.status.emitter_note.startswith("a quick picture")
     assert gain(editor) == [1.0, 1.0, 1.0]
     client.finish_stage("drag", exact=True)
     editor.end_drag()
     editor.tick(2.5)
     last = client.sent(ComputeTransport)[-1]
-    assert last.n_lights_final == 4000 and dict(last.scene.emission) == {"lamp": (7.0, 7.0, 7.0)}
+    assert not last.is_drag and dict(last.scene.emission) == {"lamp": (7.0, 7.0, 7.0)}
     client.finish_stage("final", exact=True)
     editor.tick(3.0)
     assert editor.status.emitter_note == ""

@@ -27,7 +27,7 @@ def test_opening_asks_for_all_layers_at_once(client: FakeClient) -> None:
     (work,) = computed(client)
     assert [layer.key for layer in work.scene.layers] == ["pot.0", "pot.1", "floor.0"]  # the lamp shines: no layers
     assert (work.selected, work.factor) == ("pot.1", "theta_h")
-    assert (work.n_lights_preview, work.n_lights_final) == (N_LIGHTS_PREVIEW, 4000)
+    assert (work.n_lights_preview, work.decisions.n_lights) == (N_LIGHTS_PREVIEW, 4000)
     assert work.scene.light.rotation == 30.0
     counts = tuple(band_counts(editor.document.layer("pot.1")).values())
     assert work.scene.layers[1].bands == counts

@@ -154,7 +154,9 @@ def test_light_and_shadow_follow_the_scene(scene: Scene, layers: dict[str, Layer
     dark = plan(scene, layers, has_sky=False)
     # No sky: nothing is far enough away to need shadows in every direction.
     assert not dark.needs_sphere and dark.n_lights == 0 and bool(dark.n_patches) == shines
-    assert not plan(scene, layers, n_lights=400).needs_sphere
+    # In an editor shadows outlive what is lit; a still of few lights asks for theirs alone.
+    assert plan(scene, layers, n_lights=400).needs_sphere
+    assert not plan(scene, layers, n_lights=400, still=True).needs_sphere
     assert bright.bounces is None and dict(_values(bright))["bounces"] == "to be planned"
 
 
@@ -173,8 +175,9 @@ def test_every_line_can_be_overruled(scene: Scene, layers: dict[str, Layer]) -> 
 
 
 def test_the_sphere_goes_by_the_lights_that_a_person_wants(scene: Scene, layers: dict[str, Layer]) -> None:
-    assert not plan(scene, layers, overrides={"lights": 100}).needs_sphere
-    assert plan(scene, layers, overrides={"sphere": 1, "lights": 100}).needs_sphere
+    assert not plan(scene, layers, still=True, overrides={"lights": 100}).needs_sphere
+    assert plan(scene, layers, still=True, overrides={"sphere": 1, "lights": 100}).needs_sphere
+    assert not plan(scene, layers, overrides={"sphere": 0}).decisions.keeps_sphere
 
 
 @pytest.mark.parametrize(

@@ -101,4 +101,4 @@ def test_a_press_cuts_lamps_more_finely(context: moderngl.Context, tmp_path: Pat
         assert window.shell.editor.view.n_patches == 3000
         wait_until_exact(window)
         assert client.n_asked(ComputeTransport) == asked + 1
-        assert [r.n_patches for r in client.requests if isinstance(r, ComputeTransport)][-1] == 3000
+        assert [r.decisions.n_patches for r in client.requests if isinstance(r, ComputeTransport)][-1] == 3000

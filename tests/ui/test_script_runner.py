@@ -103,11 +103,21 @@ def test_a_script_chooses_the_series(window: HeadlessWindow, tmp_path: Path) -> 
     assert editor.document.first_bands is None and editor.view.second_bands is None
 
 
+def test_a_script_overrules_the_plan(window: HeadlessWindow, tmp_path: Path) -> None:
+    editor = window.shell.editor
+    run(window, tmp_path, '[[step]]\noverrule = { lights = 600, edges = "off", "teapot.coat.theta_h" = 32 }\n')
+    assert dict(editor.document.overrules) == {"lights": 600, "edges": 0, "teapot.1.theta_h": 32}
+    assert len(editor.talk.wanted_coefficients("teapot.1")["theta_h"]) == 32
+    run(window, tmp_path, '[[step]]\nundo = 1\n[[step]]\noverrule = { lights = "auto" }\n')
+    assert dict(editor.document.overrules) == {"edges": 0}
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
         ('[[step]]\ndrag = { item = "curve.nose", by = [1, 1] }', "step 1: no handle 'curve.nose'"),
         ('[[step]]\nselect = "teapot.1.theta_x"', "step 1: there is no"),
+        ("[[step]]\noverrule = { lamps = 3 }", "step 1: the plan has no line 'lamps'"),
         ('[[step]]\nset = { "teapot.1.alpha" = 7.0 }', "alpha"),
         ('[[step]]\nset = { "series.first" = 48 }', "one of 1, 2, 4"),
         ('[[step]]\nset = { "series.second" = 2 }', "1, 8, 16 or all"),

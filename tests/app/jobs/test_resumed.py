@@ -152,7 +152,7 @@ def test_forged_tiles_are_computed_again(
     source: str, store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, forgery: str
 ) -> None:
     expected = pictures(run_in_process(opened(source, Store(tmp_path / "fresh")), compute()))
-    n_coarse = tiles_of(*pictures(run_in_process(opened(source, store), compute(n_lights_final=80)), "coarse").values())
+    n_coarse = tiles_of(*pictures(run_in_process(opened(source, store), compute(n_lights=80)), "coarse").values())
     broken = Recorder(n_coarse + tiles_of(*expected.values()) + 2)  # two tiles of the final stage
     monkeypatch.setattr(labour, "project_layer", broken)
     run_in_process(opened(source, store), compute())

@@ -126,7 +126,7 @@ def test_progress_only_grows_within_a_stage(source: str, store: Store, monkeypat
 
 def test_a_light_on_the_move_gets_one_quick_stage(source: str, store: Store) -> None:
     tasks = opened(source, store)
-    answers = without_progress(run_in_process(tasks, compute(n_lights_final=0)))
+    answers = without_progress(run_in_process(tasks, compute(is_drag=True)))
     assert [(a.stage, a.exact) for a in answers if isinstance(a, StageDone)] == [("drag", True)]
 
 
@@ -138,7 +138,7 @@ def test_emitters_are_cut_at_last_as_asked() -> None:
 
 def test_a_preview_alone_is_exact_when_no_more_lights_are_asked_for(source: str, store: Store) -> None:
     tasks = opened(source, store)
-    answers = run_in_process(tasks, compute(n_lights_final=PREVIEW_LIGHTS))
+    answers = run_in_process(tasks, compute(n_lights=PREVIEW_LIGHTS))
     assert [(a.stage, a.exact) for a in answers if isinstance(a, StageDone)] == [("coarse", False), ("preview", True)]
 
 
@@ -178,7 +178,7 @@ def test_the_same_transport_comes_in_either_precision(source: str, store: Store)
     assert (np.abs(planes[0] - planes[1]) <= 2.0**-11 * np.abs(planes[1]) + 2.0**-21 * largest).all()
     assert not np.array_equal(planes[0], planes[1])
     # What follows keeps the precision that was asked for last.
-    later = run_in_process(tasks, compute(precision="float", n_lights_final=PREVIEW_LIGHTS))
+    later = run_in_process(tasks, compute(precision="float", n_lights=PREVIEW_LIGHTS))
     assert {a.precision for a in later if isinstance(a, LayerTransport)} == {"float"}
 
 
@@ -187,24 +187,24 @@ def test_a_picture_alone_leaves_the_selection(source: str, store: Store) -> None
     before = pictures(run_in_process(tasks, compute(selected="ground.0", factor="theta_i")))[GLOSS]
     (picture,) = run_in_process(tasks, contraction(None, brighter=True))
     np.testing.assert_allclose(picture.radiance, 4 * before, rtol=1e-6)
-    later = run_in_process(tasks, compute(selected=None, factor=None, n_lights_final=PREVIEW_LIGHTS))
+    later = run_in_process(tasks, compute(selected=None, factor=None, n_lights=PREVIEW_LIGHTS))
     assert {a.key for a in later if isinstance(a, LayerTransport)} == {"ground.0"}
 
 
 def test_a_curve_of_the_model_before_is_selected_no_longer(source: str, store: Store) -> None:
     tasks = opened(source, store)
-    run_in_process(tasks, compute(n_lights_final=PREVIEW_LIGHTS))
+    run_in_process(tasks, compute(n_lights=PREVIEW_LIGHTS))
     other = with_layer(compute(), GLOSS, layer=make_layer(MODELS["lambert"]), bands=BANDS["lambert"]).scene
-    answers = run_in_process(tasks, compute(scene=other, selected=None, factor=None, n_lights_final=PREVIEW_LIGHTS))
+    answers = run_in_process(tasks, compute(scene=other, selected=None, factor=None, n_lights=PREVIEW_LIGHTS))
     assert isinstance(answers[-1], StageDone) and not any(isinstance(a, LayerTransport) for a in answers)
 
 
 def test_layers_that_share_a_curve_get_their_transport_as_well(source: str, store: Store) -> None:
     tasks = opened(source, store)
-    quickly = {"n_lights_final": PREVIEW_LIGHTS, "selected": "ball.0", "factor": "theta_i"}
+    quickly = {"n_lights": PREVIEW_LIGHTS, "selected": "ball.0", "factor": "theta_i"}
     answers = run_in_process(tasks, compute(**quickly, followers=("ground.0",)))
     assert {a.key for a in answers if isinstance(a, LayerTransport)} == {"ball.0", "ground.0"}
-    nothing = {"selected": None, "factor": None, "n_lights_final": PREVIEW_LIGHTS}
+    nothing = {"selected": None, "factor": None, "n_lights": PREVIEW_LIGHTS}
 
     def coming() -> set[tuple[str, str]]:
         later = run_in_process(tasks, compute(**nothing))
@@ -260,7 +260,7 @@ def test_a_missing_environment_is_named(source: str, store: Store) -> None:
     line = failure(run_in_process(tasks, lit(compute(), LightState("/nowhere/sky.exr"))))
     assert "/nowhere/sky.exr" in line and "internal" not in line
     # And the scene still stands.
-    assert isinstance(run_in_process(tasks, compute(n_lights_final=0))[-1], StageDone)
+    assert isinstance(run_in_process(tasks, compute(is_drag=True))[-1], StageDone)
 
 
 def test_a_broken_environment_is_named(source: str, store: Store, tmp_path: Path) -> None:
@@ -299,7 +299,7 @@ def test_a_picture_that_is_not_there_is_not_judged_in_silence(source: str, store
     tasks = opened(source, store)
     nothing_yet = failure(run_in_process(tasks, EstimateError(compute().scene)))
     assert nothing_yet.startswith("the error is estimated of a whole picture")
-    run_in_process(tasks, compute(n_lights_final=0))  # every eighth pixel, while a light is moved
+    run_in_process(tasks, compute(is_drag=True))  # every eighth pixel, while a light is moved
     assert failure(run_in_process(tasks, EstimateError(compute().scene))) == nothing_yet
 
 

@@ -8,7 +8,6 @@ from app.messages import SkyImage
 from app.picture import SkyChanged
 from app.placement.messages import BouncesPlanned
 from app.placement.status import RenderReport
-from app.placement.transport_talk import DRAG_QUALITY
 from app.view_state import AS_PLANNED, SetView
 from tests.app.fake_worker import SCENE, FakeClient, computed
 
@@ -22,7 +21,7 @@ def test_turning_asks_for_quick_pictures_one_at_a_time(settled: Editor, client: 
         settled.do(SetRotation(degrees))
         settled.tick(2.0 + 0.01 * degrees)
     (quick,) = computed(client)
-    assert quick.n_lights_final == DRAG_QUALITY and quick.scene.light.rotation == 31.0
+    assert quick.is_drag and quick.scene.light.rotation == 31.0
     assert settled.status.light_note == "quick picture for 31.0°, final on release"
     client.finish_stage("drag", exact=True)
     settled.tick(2.4)
@@ -31,7 +30,7 @@ def test_turning_asks_for_quick_pictures_one_at_a_time(settled: Editor, client: 
     client.finish_stage("drag", exact=True)
     settled.end_drag()
     settled.tick(2.5)
-    assert computed(client)[-1].n_lights_final == 4000 and computed(client)[-1].scene.light.rotation == 33.0
+    assert not computed(client)[-1].is_drag and computed(client)[-1].scene.light.rotation == 33.0
     client.finish_stage("final", exact=True)
     settled.tick(3.0)
     settled.talk.rendered(EXACT)
@@ -70,7 +69,7 @@ def test_bounces_are_as_planned_unless_a_person_chose_meanwhile(client: FakeClie
     client.open_scene({key: value for key, value in SCENE.items() if key != "bounces"})
     editor.tick(0.0)
     (request,) = computed(client)
-    assert request.n_bounces == AS_PLANNED
+    assert request.decisions.n_bounces == AS_PLANNED
     client.answer(request, BouncesPlanned(3, "the last carries 2 %"))
     editor.tick(0.1)
     assert editor.view.n_bounces == 3 and len(computed(client)) == 1  # the worker goes on by itself

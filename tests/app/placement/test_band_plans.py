@@ -140,7 +140,7 @@ def test_a_plan_that_comes_after_a_stop_does_not_undo_it(editor: Editor, client:
 
 def test_a_mode_that_is_left_and_come_back_to_finds_its_plans(editor: Editor, client: FakeClient) -> None:
     editor.do(SetParameter("pot.1", "alpha", 0.15))  # edited by hand, a layer keeps the bands that it came with
-    bands = {key: dict(editor.talk.curves.bands(key, layer)) for key, layer in editor.document.layers()}
+    bands = {key: dict(editor.talk.curves.bands(editor.document, key)) for key, _ in editor.document.layers()}
     editor.do(SetModel("pot.0", "cook_torrance"))
     editor.tick(2.0)
     (asked,) = client.sent(PlanBands)
@@ -153,5 +153,5 @@ def test_a_mode_that_is_left_and_come_back_to_finds_its_plans(editor: Editor, cl
         editor.tick(3.0)
         editor.tick(4.0)
     assert client.sent(PlanBands) == [asked]
-    found = {key: dict(editor.talk.curves.bands(key, layer)) for key, layer in editor.document.layers()}
+    found = {key: dict(editor.talk.curves.bands(editor.document, key)) for key, _ in editor.document.layers()}
     assert found == bands | {"pot.0": planned}

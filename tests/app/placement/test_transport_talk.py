@@ -19,6 +19,7 @@ from app.placement.status import RenderReport
 from app.placement.wishes import TransportWish, same_coefficients
 from app.view_state import SetView
 from engine.curve.operators import Operator
+from engine.plan import Decisions
 from tests.app.fake_worker import ServingClient
 
 LIFT = Operator("translate", "y", 0.1, 0.2, 0.3, 0.4, magnitude=1.0)
@@ -148,7 +149,7 @@ def test_the_picture_comes_right(seed: int, actions: list[str], step: float) -> 
     last = client.sent(ComputeTransport)[-1]
     fixed = {layer.key for layer in last.scene.layers if layer.fixed}
     assert fixed == {key for key, _ in editor.document.layers() if not editor.document.object(key[:-2]).editable}
-    assert last.scene.light.rotation == editor.document.light.rotation and last.n_lights_final > 0
+    assert last.scene.light.rotation == editor.document.light.rotation and not last.is_drag
 
 
 def test_a_long_drag_does_not_flood_the_worker() -> None:
@@ -169,12 +170,12 @@ def test_a_long_drag_does_not_flood_the_worker() -> None:
 
 
 def test_only_a_turn_is_a_turn() -> None:
-    wish = TransportWish(LightState(rotation=1.0), (), 4000)
+    wish = TransportWish(LightState(rotation=1.0), ())
     assert replace(wish, light=LightState(rotation=2.0)).moved_from(wish)
     assert not wish.moved_from(wish)
     assert not replace(wish, light=LightState("studio", rotation=2.0)).moved_from(wish)
-    assert not replace(wish, light=LightState(rotation=2.0), n_lights=400).moved_from(wish)
-    assert not replace(wish, light=LightState(rotation=2.0), n_patches=20).moved_from(wish)
+    assert not replace(wish, light=LightState(rotation=2.0), decisions=Decisions(400)).moved_from(wish)
+    assert not replace(wish, light=LightState(rotation=2.0), decisions=Decisions(n_patches=20)).moved_from(wish)
 
 
 def test_coefficients_are_the_same_to_a_millionth() -> None:
