@@ -32,9 +32,11 @@ class DeformFeed(OrbitFeed):
         shaded, talk = self.shaded, editor.talk
         if not isinstance(shaded, PosedPicture) or not isinstance(talk, DeformTalk):
             return  # given up since
+        if event.told.lacks(shaded.known):  # what it went out from was void before it was drawn
+            talk.tell_again(shaded.known)
+            return
         try:
             self.canvas.show(shaded.draw(event.told, event.camera, event.resolution))
-            talk.parts_here = shaded.known
         except (GraphicsError, moderngl.Error) as error:
             self._give_shaders_up(editor, error)
         self._drawn, self._is_measure = None, False

@@ -10,7 +10,7 @@ from app.orbit.messages import EstimateDrawn, OrbitDrawn, Quality
 
 if TYPE_CHECKING:
     from app.scene_state import SceneState
-    from engine.deform.parts import Told
+    from engine.deform.parts import Numbers, Told
     from engine.deform.pose import Poses
     from engine.scene.description import Camera
     from engine.scene.surface_kinds import SurfacesOf
@@ -51,7 +51,7 @@ class PrepareDeform(Request):
 class DrawDeform(Request):
     """Draw the scene from a camera, in so many pixels (width, height), in poses, of what is ready; answered by
     `OrbitDrawn` or `OrbitUnknown`. split, fit_error: see `ViewState`. known: where the window draws it itself, the
-    numbers of the parts that it has (`engine.deform.parts`); then answered by `PoseTold`, where that can draw it."""
+    numbers of the parts that it has (`engine.deform.parts`); then answered by `PoseTold`."""
 
     built_on = (OpenScene,)
     quick = 0
@@ -64,7 +64,7 @@ class DrawDeform(Request):
     poses: Poses = ()
     split: tuple[float, float] | None = None
     fit_error: bool = False
-    known: tuple[int, int] | None = None
+    known: Numbers | None = None
 
 
 @dataclass(frozen=True, eq=False)

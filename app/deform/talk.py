@@ -30,6 +30,7 @@ from app.picture import PictureEvent
 from app.status import PictureState, Status
 from app.timeline import shown_poses
 from app.view_state import ViewState
+from engine.deform.parts import NOTHING, Numbers
 from engine.deform.pose import Poses
 from engine.scene.description import Camera
 from engine.scene.surface_kinds import SurfacesOf
@@ -61,12 +62,16 @@ class DeformTalk(OrbitTalk):
         self._carried: Carried = ()
         self._traced = PathsTraced(0, 1)
         self._in_window = False
-        self.parts_here = (0, 0)  # of what the window draws of, see `DrawDeform.known`
+        self._parts_told = NOTHING  # to the window of what it draws, see `DrawDeform.known`
         super().__init__(desk)
 
     def draw_in_window(self, most_bytes: int) -> None:
         """The window draws moving pictures itself from now on; 0: the worker does."""
-        self._in_window, self.parts_here = most_bytes > 0, (0, 0)
+        self._in_window, self._parts_told = most_bytes > 0, NOTHING
+
+    def tell_again(self, known: Numbers) -> None:
+        """The window could not draw its last picture, of these parts alone."""
+        self._parts_told, self._shown = known, None
 
     def _forget(self) -> None:
         super()._forget()
@@ -85,6 +90,7 @@ class DeformTalk(OrbitTalk):
         drawing, own = self._drawing, self._own_camera
         events = super().take(response)
         if isinstance(response, PoseTold) and events and drawing is not None and own is not None:
+            self._parts_told = response.told.numbers
             return [PoseCame(response.told, drawing.look.camera or own, drawing.resolution)]
         return events
 
@@ -171,7 +177,7 @@ class DeformTalk(OrbitTalk):
 
     def _draw_request(self, camera: Camera, wanted: Drawing) -> Request:
         shows_light = wanted.split is None and not wanted.fit_error
-        known = self.parts_here if self._in_window and shows_light and wanted.quality == "moving" else None
+        known = self._parts_told if self._in_window and shows_light and wanted.quality == "moving" else None
         return DrawDeform(
             camera, wanted.resolution, wanted.quality, wanted.poses, wanted.split, wanted.fit_error, known
         )

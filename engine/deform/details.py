@@ -7,6 +7,7 @@ the object does to it is left out.
 from __future__ import annotations
 
 from collections.abc import Generator
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -14,8 +15,7 @@ from numpy.typing import NDArray
 
 from engine.deform.heights import PATTERNS, of_image
 from engine.deform.heights import SIDE as TEXELS
-from engine.deform.patches import Patch, patch, simulate_patch, uv_frames
-from engine.deform.points import BendingPoints
+from engine.deform.patches import Patch, patch, simulate_patch
 from engine.deform.pose import orthonormal
 from engine.deform.shading import BandLight, Lobes, lobes, shade
 from engine.deform.wrinkle import SIDE, wrinkles
@@ -26,10 +26,22 @@ from engine.scene.load import Scene
 from engine.scene.surface_kinds import DeformSurface
 from engine.scene.surface_kinds import Detail as PatchSays
 from engine.scene.surface_kinds import Wrinkles as WrinklesSay
-from engine.scene.surface_uvs import uvs_at
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class LobeMap:
+    """Lobes as shaders look them up (H, W, ...), v upwards, in axes along u, along v, outwards.
+
+    repeats: along u and v. is_smooth: lobes lie between entries and axes are to be made of length 1, else they are the
+    nearest entry's; such a map has one column, and the sum of u and v times repeats runs along its rows, first to last.
+    """
+
+    lobes: Lobes
+    repeats: tuple[float, float]
+    is_smooth: bool
 
 
 class Detail(Protocol):
@@ -40,6 +52,9 @@ class Detail(Protocol):
 
     def errors_at(self, uvs: Floats) -> Floats:
         """How far they are off what they were fitted to (P,), as a share of it."""
+
+    def map(self) -> LobeMap:
+        """All of them."""
 
 
 class Patched(Detail):
@@ -54,6 +69,10 @@ class Patched(Detail):
     def errors_at(self, uvs: Floats) -> Floats:
         return self._patch.errors_at(uvs * self._repeats)
 
+    def map(self) -> LobeMap:
+        found = self._patch
+        return LobeMap(Lobes(found.low, found.axes, found.coefficients), self._repeats, False)
+
 
 class Wrinkled(Detail):
     """Grooves across u or v."""
@@ -62,13 +81,21 @@ class Wrinkled(Detail):
         self._map, self._says = found, says
 
     def at(self, uvs: Floats) -> Lobes:
-        found = self._lobes_at(uvs)
-        if self._says.across == "v":  # the groove's own axes are across it, along it, outwards: v, -u
-            found = found.turned(np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
-        return lobes(found)
+        return lobes(self._on_surface(self._lobes_at(uvs)))
 
     def errors_at(self, uvs: Floats) -> Floats:
         return self._lobes_at(uvs).relative_errors
+
+    def map(self) -> LobeMap:
+        one, says = lobes(self._on_surface(self._map.of_depth(self._says.depth))), self._says
+        column = Lobes(*(each[:, None] for each in (one.low, one.axes, one.coefficients)))
+        return LobeMap(column, (says.repeats, 0.0) if says.across == "u" else (0.0, says.repeats), True)
+
+    def _on_surface(self, found: Zonal) -> Zonal:
+        """In axes along u, along v, outwards."""
+        if self._says.across == "u":
+            return found
+        return found.turned([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # across and along it are v and -u
 
     def _lobes_at(self, uvs: Floats) -> Zonal:
         places = uvs[:, 0 if self._says.across == "u" else 1] * self._says.repeats
@@ -112,18 +139,6 @@ def detail(scene: Scene, says: DeformSurface, zonal: Zonal) -> Detail:
     assert says.patch is not None
     height, width = heights(scene, says.patch).shape
     return Patched(patch(zonal, (height, width)), says.patch.repeats)
-
-
-def surface_axes(scene: Scene, points: BendingPoints, i: int) -> Singles:
-    """Axes now at the corners of all triangles (T, 3, 3, 3): along u, along v, outwards; those of object i alone are
-    filled."""
-    surface = points.surface
-    mine = np.flatnonzero(surface.i_object == i)
-    own, corners = np.unique(surface.corners[mine], return_inverse=True)
-    uvs = np.stack([uvs_at(scene, points.source[mine], *points.within[mine, k].T) for k in range(3)], axis=1)
-    found = np.zeros((len(surface.corners), 3, 3, 3), np.float32)
-    found[mine] = uv_frames(points.places[own], corners.reshape(-1, 3).astype(np.int32), uvs, points.frames[own])
-    return found
 
 
 def shaded(

@@ -14,37 +14,28 @@ the scene's file says of an object's surface (`engine.scene.surface_kinds`) take
 
 from __future__ import annotations
 
-import math
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import count
-from secrets import randbits
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.deform.details import Detail, detail, shaded
-from engine.deform.gloss import LowGloss, add_gloss, low_gloss
+from engine.deform.details import Detail, detail
+from engine.deform.gloss import low_gloss
 from engine.deform.object_transfer import ALBEDO_STEPS, N_LOBES, ORDER, FoundTransfer, ObjectTransfer, Shelf
-from engine.deform.parts import LookPart, ShapePart, Told
-from engine.deform.pixels import pixels_of
+from engine.deform.parts import NOTHING, Numbers, Told
+from engine.deform.pictures import Pictures, Quality, eye_of
 from engine.deform.points import BendingPoints, bending_points
 from engine.deform.pose import Poses
-from engine.deform.posed_points import PosedPoints
-from engine.deform.raster import BLACK, Backdrop, Drawn, draw, paint
-from engine.deform.shading import BandLight, Lobes, band_light, shade
-from engine.deform.telling import look_part, posed_part, shape_part
+from engine.deform.shading import BandLight, Lobes, band_light
+from engine.deform.subject import LayersOf, Subject, is_glossy, plain_albedo
+from engine.deform.telling import Telling
 from engine.deform.transfer import N_RAYS, unshadowed
 from engine.deform.zonal import Zonal, fit
 from engine.light.environment import LUMINANCE, triangle_integrals
 from engine.material.layer import Layer
 from engine.material.maps import Images
-from engine.orbit.slices import matt_reflectance
-from engine.render.error_colours import shown
-from engine.render.maps import MapFactors
 from engine.render.still import StillProgress
-from engine.render.surface_maps import mean_factor
 from engine.scene.description import CameraDescription
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
@@ -54,14 +45,11 @@ from engine.steps import finish
 from engine.transport.pipeline import SkyState
 
 Singles = NDArray[np.float32]
-LayersOf = Mapping[int, Sequence[Layer]]
-Quality = Literal["moving", "rest"]
 
 N_POINTS = 12_000  # besides the meshes' own vertices
 N_BOUNCES = 2  # of an object's light onto itself
 FEW_RAYS = 128  # of what stands in until there is better
 _LIGHT_LEVEL = 5
-_numbers = count(1 + randbits(48))  # of parts: another worker's are others
 
 
 class Deform:
@@ -82,7 +70,6 @@ class Deform:
         self._light = SkyState(None)
         self._bands: BandLight | None = None
         self._layers_of: dict[int, tuple[Layer, ...]] = {}
-        self._albedos = np.zeros((len(scene.smooth), 3), np.float32)
         self._surfaces: dict[str, DeformSurface] = {}
         self._posed: frozenset[int] = frozenset()
         self._n_bounces = N_BOUNCES
@@ -91,12 +78,10 @@ class Deform:
         self._even: frozenset[int] = frozenset()
         self._job: tuple[ObjectTransfer, Generator[float, None, Zonal]] | None = None
         self._lobes: Lobes | None = None
-        self._posed_points: PosedPoints | None = None
+        self._pictures: Pictures | None = None
+        self._telling: Telling | None = None
         self._errors: Singles | None = None
         self._details: dict[int, Detail] = {}
-        self._shape: tuple[Lobes, ShapePart] | None = None
-        self._look: tuple[int, LookPart] | None = None
-        self._white: tuple[tuple[object, ...], Singles] | None = None
 
     # ------------------------------------------------------------------------------------------------ what is wanted
 
@@ -119,9 +104,6 @@ class Deform:
         layers = {i: own for i, own in layers.items() if not self.scene.emitters[i]}
         if layers != self._layers_of:
             self._layers_of = layers
-            self._albedos[:] = 0.0
-            for i, own in layers.items():
-                self._albedos[i] = sum((_matt(layer) for layer in own if layer.maps.is_plain), np.zeros(3)) * np.pi
             self.version += 1
 
     def set_posed(self, names: Sequence[str]) -> None:
@@ -173,7 +155,7 @@ class Deform:
     def lost(self) -> dict[int, float]:
         """The share of the sharpest layer's reflection that is too sharp for this, by object; see `LowGloss.lost`."""
         found = {
-            i: [low_gloss(each, ORDER).lost for each in own if _is_glossy(each)] for i, own in self._layers_of.items()
+            i: [low_gloss(each, ORDER).lost for each in own if is_glossy(each)] for i, own in self._layers_of.items()
         }
         return {i: max(each) for i, each in found.items() if each}
 
@@ -182,7 +164,7 @@ class Deform:
         if self._points is None or self._even != self._translucent():
             yield StillProgress(0.0, "points")
             self._make_points()
-        for layer in [each for own in self._layers_of.values() for each in own if _is_glossy(each)]:
+        for layer in [each for own in self._layers_of.values() for each in own if is_glossy(each)]:
             low_gloss(layer, ORDER)  # kept: no picture waits for it
             yield StillProgress(self.fraction, "reflection")
         while (wanted := self._next()) is not None:
@@ -210,18 +192,18 @@ class Deform:
             near = points.nearest_of(before)
             self._lobes, self._errors = Lobes(had.low[near], had.axes[near], had.coefficients[near]), errors[near]
             self._known = {i: each for i, each in self._known.items() if points.stands_as(before, i)}
-        self._posed_points = PosedPoints(self.scene, points)
-        self._white, self._job = None, None
+        self._pictures = Pictures(self.scene, points)
+        self._telling, self._job = Telling(points, self._pictures.posed), None
         self.version += 1
 
     def _all(self) -> list[ObjectTransfer]:
         """The best transfer of all objects that there is to be."""
         resting = tuple(i for i in range(len(self.scene.smooth)) if i not in self._posed)
         found = []
-        for i in self._layers_of:
+        for i, layers in self._layers_of.items():
             says = self._says(i)
             casters = (i,) if i in self._posed or says.kind else resting
-            albedo = round(float(self._albedos[i] @ LUMINANCE) * ALBEDO_STEPS) if self._n_bounces else 0
+            albedo = round(float(plain_albedo(layers) @ LUMINANCE) * ALBEDO_STEPS) if self._n_bounces else 0
             albedo = 0 if says.kind else min(albedo, ALBEDO_STEPS - 1)
             n_bounces = self._n_bounces if albedo else 0
             found.append(ObjectTransfer(i, casters, says, albedo, n_bounces, self._rays[1], self._n_lobes))
@@ -287,112 +269,32 @@ class Deform:
 
         Raises ValueError before `is_ready`.
         """
-        if self._points is None or self._posed_points is None or self._lobes is None or self._bands is None:
-            raise ValueError("nothing is ready to be drawn: expected some steps of work before")
-        eye, fine = self._eye(camera), 2 if quality == "rest" else 1
-        places, frames = self._posed_points.at(poses)
-        white = self._shaded(poses, frames if turned else self._points.resting_frames)
-        gloss = self._gloss(places, frames, eye, white)
-        size = (resolution[0] * fine, resolution[1] * fine)
-        drawn = draw(self._points.surface, places, camera, eye, size)
-        albedos = self._albedos.copy()
-        albedos[list(self._details)] = 0.0
-        picture = paint(drawn, self._points.surface, white, gloss, albedos, self.scene.emission, self._backdrop())
-        for i, own in self._layers_of.items():
-            if i in self._details or any(not each.maps.is_plain for each in own):
-                self._add_by_pixel(i, drawn, white, picture)
-        return _halved(picture) if fine == 2 else picture
+        subject, pictures = self._subject()
+        return pictures.draw(subject, camera, resolution, poses, quality, turned)
 
     def draw_errors(self, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = ()) -> Singles:
         """How far the lobes of what is seen are off the transfer they were fitted to (H, W, 3): see `error_colours`.
         Raises ValueError before `is_ready`."""
-        if self._points is None or self._posed_points is None or self._errors is None:
-            raise ValueError("nothing is ready to be drawn: expected some steps of work before")
-        drawn = draw(self._points.surface, self._posed_points.at(poses)[0], camera, self._eye(camera), resolution)
-        errors = np.repeat(shown(self._errors).astype(np.float32)[:, None], 3, axis=1)
-        one = np.ones_like(self._albedos)
-        picture = paint(drawn, self._points.surface, errors, np.zeros_like(errors), one, np.zeros_like(one))
-        for i, found in self._details.items():
-            if (pixels := pixels_of(i, drawn, self._points)) is not None:
-                of_pixels = shown(found.errors_at(pixels.uvs(self.scene))).astype(np.float32)
-                picture[pixels.rows, pixels.columns] = of_pixels[:, None]
-        return picture
+        subject, pictures = self._subject()
+        return pictures.draw_errors(subject, camera, resolution, poses)
 
-    def told(self, camera: CameraDescription, poses: Poses, known: tuple[int, int] = (0, 0)) -> Told | None:
-        """What a graphics card draws the same picture of, but for parts whose numbers are known; None where images or
-        detail lie on what is seen. Raises ValueError before `is_ready`."""
-        if self._points is None or self._posed_points is None or self._lobes is None or self._bands is None:
-            raise ValueError("nothing is ready to be drawn: expected some steps of work before")
-        layers = [each for own in self._layers_of.values() for each in own]
-        if self._details or any(not each.maps.is_plain for each in layers):
-            return None
-        places, frames = self._posed_points.at(poses)
-        if self._shape is None or self._shape[0] is not self._lobes:
-            self._shape = self._lobes, shape_part(next(_numbers), self._points, self._lobes)
-        if self._look is None or self._look[0] != self.version:
-            glosses = {i: list(self._glosses_of(i)) for i in self._layers_of}
-            made = look_part(
-                next(_numbers), self._bands, self._albedos, self.scene.emission, glosses, self._backdrop()
-            )  # fmt: skip
-            self._look = self.version, made
-        posed, shape, look = posed_part(places, frames, self._eye(camera)), self._shape[1], self._look[1]
-        is_known = shape.number == known[0], look.number == known[1]
-        return Told(posed, None if is_known[0] else shape, None if is_known[1] else look)
+    def told(self, camera: CameraDescription, poses: Poses, known: Numbers = NOTHING) -> Told:
+        """What a graphics card draws the same picture of, but for parts whose numbers are known. Raises ValueError
+        before `is_ready`."""
+        subject, _ = self._subject()
+        assert self._telling is not None
+        return self._telling.told(subject, eye_of(self.scene, camera), poses, known)
 
     def carried(self, poses: Poses) -> dict[str, tuple[float, float, float]]:
         """How far animations have carried the objects in these poses, by name: x, y, z."""
-        return {} if self._posed_points is None else self._posed_points.carried(poses)
+        return {} if self._pictures is None else self._pictures.posed.carried(poses)
 
-    def _eye(self, camera: CameraDescription) -> NDArray[np.float64]:
-        return np.subtract(camera.position, self.scene.origin).astype(np.float64)
-
-    def _backdrop(self) -> Backdrop:
-        environment, turn = self._light.environment, math.radians(self._light.rotation % 360.0)
-        return BLACK if environment is None else Backdrop(environment.radiance, turn, self._light.scale)
-
-    def _glosses_of(self, i: int) -> Iterator[tuple[LowGloss, NDArray[np.floating]]]:
-        """Of an object's layers that are not matt, and by what images multiply them on average (3,)."""
-        for layer in filter(_is_glossy, self._layers_of[i]):
-            yield low_gloss(layer, ORDER), mean_factor(self.scene, i, layer.maps)
-
-    def _shaded(self, poses: Poses, frames: Singles) -> Singles:
-        """What white matt points send (S, 3)."""
-        assert self._points is not None and self._lobes is not None and self._bands is not None
-        made_of = (poses, frames is self._points.frames, self._lobes, self._bands)
-        if self._white is None or self._white[0] != made_of:
-            self._white = made_of, np.maximum(shade(self._lobes, frames, self._bands), np.float32(0.0))
-        return self._white[1]
-
-    def _gloss(self, places: Singles, frames: Singles, eye: NDArray[np.float64], white: Singles) -> Singles:
-        """What points send to the eye of layers that are not matt (S, 3)."""
-        assert self._points is not None and self._bands is not None
-        sent = np.zeros_like(white)
-        normals = np.ascontiguousarray(frames[:, 2])
-        for i in self._layers_of:
-            for low, factor in self._glosses_of(i):
-                add_gloss(low, factor, self._points.of(i), places, normals, eye, self._bands, white, sent)
-        return sent
-
-    def _add_by_pixel(self, i: int, drawn: Drawn, white: Singles, picture: Singles) -> None:
-        """Add matt layers that images lie on, or all where there is detail on the object."""
-        assert self._points is not None and self._posed_points is not None
-        pixels, own = pixels_of(i, drawn, self._points), self._layers_of[i]
-        if pixels is None:
-            return
-        if i in self._details and self._bands is not None:
-            axes = self._posed_points.axes_of(i)[pixels.triangle]
-            uvs = pixels.uvs(self.scene)
-            matt = shaded(self._details[i], uvs, axes, pixels.weights, pixels.is_front, self._bands)
-        else:
-            matt = np.einsum("nk,nki->ni", pixels.weights, white[pixels.points])
-        matt = matt * (pixels.points[:, :1] >= 0)
-        n = len(pixels.rows)
-        factors = MapFactors(self.scene, {i: own}).of_hits(pixels.at, np.full(n, i), np.arange(n))
-        for k, layer in enumerate(own):
-            if _is_glossy(layer) or layer.maps.is_plain and i not in self._details:
-                continue
-            factor = 1.0 if layer.maps.is_plain else factors[:, k]
-            picture[pixels.rows, pixels.columns] += np.maximum(matt * factor * (np.pi * _matt(layer)), 0.0)
+    def _subject(self) -> tuple[Subject, Pictures]:
+        """What is known by now."""
+        if self._pictures is None or self._lobes is None or self._errors is None or self._bands is None:
+            raise ValueError("nothing is ready to be drawn: expected some steps of work before")
+        known = self._layers_of, self._lobes, self._errors, self._details
+        return Subject(self.version, self.scene, self._light, self._bands, *known), self._pictures
 
 
 def _open(n_points: int) -> Lobes:
@@ -412,22 +314,6 @@ def band_light_of(sky: SkyState) -> BandLight:
         return band_light(np.zeros((ORDER * ORDER, 3)))
     powers = triangle_integrals(sky.environment, sky.rotation, _LIGHT_LEVEL) * sky.scale
     return band_light(project(powers, ORDER))
-
-
-def _is_glossy(layer: Layer) -> bool:
-    return matt_reflectance(layer) is None
-
-
-def _matt(layer: Layer) -> NDArray[np.float64]:
-    """The reflectance (3,) of a layer that is matt, 0 of any other."""
-    found = matt_reflectance(layer)
-    return np.zeros(3) if found is None else found
-
-
-def _halved(picture: Singles) -> Singles:
-    """With half as many pixels a side."""
-    height, width = picture.shape[0] // 2, picture.shape[1] // 2
-    return np.asarray(picture.reshape(height, 2, width, 2, 3).mean(axis=(1, 3)), np.float32)
 
 
 def finished(deform: Deform) -> Deform:

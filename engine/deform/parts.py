@@ -1,6 +1,6 @@
 """What moving pictures are drawn of by a graphics card, part by part: arrays as its buffers have them.
 
-Shape and look stay as they are while a pose and a camera move; of these two nothing is sent but places and axes.
+Shape, look and cover stay as they are while a pose and a camera move; then nothing is sent but places and axes.
 """
 
 from __future__ import annotations
@@ -9,6 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from engine.texture.told import ToldMaps, Words
 
 Singles = NDArray[np.float32]
 Integers = NDArray[np.int32]
@@ -28,12 +30,49 @@ class ShapePart:
     order: int
 
 
+@dataclass(frozen=True)
+class ToldDetail:
+    """A `LobeMap` among the lobes of all: where it begins, its rows and columns, and lobes of each entry."""
+
+    first: int
+    shape: tuple[int, int]
+    n_lobes: int
+    repeats: tuple[float, float]
+    is_smooth: bool
+
+
+@dataclass(frozen=True)
+class ToldTerm:
+    """What pixels add to an object: its matt light, of its points or of detail, times reflectance (3,) and maps."""
+
+    i_object: int
+    reflectance: tuple[float, float, float]
+    maps: ToldMaps | None
+    detail: ToldDetail | None
+
+
+@dataclass(frozen=True, eq=False)
+class CoverPart:
+    """What lies on objects by texture coordinates. corners (3 T, 12) of their triangles, object by object: the place of
+    each, the point on its front and on its back, -1 for none, its axes among those of the pose, texture coordinates,
+    the place on the mesh at rest and the normal of the face there (bits); ranges: the first and the last, excluded, of
+    an object's triangles; lobes: of all `ToldDetail`; images and strokes: see `engine.texture.told`."""
+
+    number: int
+    corners: Integers
+    ranges: dict[int, tuple[int, int]]
+    lobes: Singles
+    images: Words
+    strokes: Words
+    n_strokes: int
+
+
 @dataclass(frozen=True, eq=False)
 class LookPart:
     """harmonics (n^2, 3) and table (rows, columns, n, 3) of the light, see `BandLight`; objects (M, 8): albedo, the
     first of its layers with gloss, emission, how many they are; gloss (G, A, 3 n + 1): of each such layer, for angles
     of the eye up to `steepest`, its bands and its lean, see `LowGloss`; cosine (n,): the bands of a white matt surface;
-    sky (h, w, 3), see `Backdrop`."""
+    sky (h, w, 3), see `Backdrop`; terms: by the cover that is told with it, or was."""
 
     number: int
     harmonics: Singles
@@ -45,21 +84,35 @@ class LookPart:
     sky: Singles
     turn: float
     scale: float
+    terms: tuple[ToldTerm, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class PosedPart:
     """places (V, 12) of all that is drawn: of points the rows of their axes, then where they are; of emitters' corners
-    that alone. eye (3,): where the camera stands among them."""
+    that alone. axes (A, 9) that details lie in: along u, along v, outwards. eye (3,): where the camera stands among
+    them."""
 
     places: Singles
+    axes: Singles
     eye: tuple[float, float, float]
+
+
+Numbers = tuple[int, int, int]  # of shape, look and cover; 0 for none
+NOTHING: Numbers = (0, 0, 0)
 
 
 @dataclass(frozen=True, eq=False)
 class Told:
-    """All that a picture is drawn of; shape and look are None where they are known to be the same."""
+    """All that a picture is drawn of: the pose, and parts by their numbers; those that are None are known by now."""
 
     posed: PosedPart
+    numbers: Numbers
     shape: ShapePart | None
     look: LookPart | None
+    cover: CoverPart | None
+
+    def lacks(self, known: Numbers) -> bool:
+        """Whether more parts are needed to draw it than it brings, and than those of these numbers."""
+        parts = zip((self.shape, self.look, self.cover), self.numbers, known, strict=True)
+        return any(part is None and number != here for part, number, here in parts)

@@ -105,34 +105,6 @@ def patch(zonal: Zonal, shape: tuple[int, int]) -> Patch:
     return Patch(low, axes, coefficients, zonal.relative_errors.reshape(shape))
 
 
-def uv_frames(positions: ArrayLike, triangles: NDArray[np.int32], uvs: ArrayLike, frames: ArrayLike) -> Floats:
-    """Axes at the corners of triangles (T, 3, 3, 3), rows: along u, along v, normal; left-handed where texture
-    coordinates are mirrored.
-
-    positions (V, 3) and frames (V, 3, 3): vertices as they are now; uvs (T, 3, 2). A corner's u runs along the mean of
-    its vertex's triangles that are not mirrored against its own; where coordinates say nothing, the vertex's tangent.
-    """
-    positions, uvs, frames = (np.asarray(each, np.float64) for each in (positions, uvs, frames))
-    corners = positions[triangles]
-    edges, steps = corners[:, 1:] - corners[:, :1], uvs[:, 1:] - uvs[:, :1]
-    area = steps[:, 0, 0] * steps[:, 1, 1] - steps[:, 0, 1] * steps[:, 1, 0]
-    mirrored = area < 0.0
-    along = edges[:, 0] * steps[:, 1, 1, None] - edges[:, 1] * steps[:, 0, 1, None]
-    along *= np.where(mirrored, -1.0, 1.0)[:, None]
-    lengths = np.linalg.norm(along, axis=1, keepdims=True)
-    weight = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1, keepdims=True)
-    along = np.where(lengths > 0.0, along / np.where(lengths > 0.0, lengths, 1.0), 0.0) * weight
-    slots = 2 * triangles + mirrored[:, None]
-    total = np.zeros((2 * len(positions), 3))
-    for corner in slots.T:
-        for axis in range(3):
-            total[:, axis] += np.bincount(corner, along[:, axis], len(total))
-    at = frames[triangles].reshape(-1, 3, 3)
-    found = orthonormal(np.stack([total[slots].reshape(-1, 3), at[:, 1], at[:, 2]], axis=1), at)
-    found[np.repeat(mirrored, 3), 1] *= -1.0
-    return found.reshape(-1, 3, 3, 3)
-
-
 def _among_copies(heights: Floats) -> tuple[TransferPoints, RayCaster]:
     """The texels of a patch, and what stands around them: the patch and its eight neighbours."""
     n_rows, n_columns = heights.shape

@@ -3,35 +3,69 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine.deform.points import BendingPoints
 from engine.deform.raster import Drawn
+from engine.material.maps import LayerMaps
+from engine.orbit.seen_maps import MOVING_PROBES
+from engine.render.surface_maps import painted, sampled
 from engine.scene.load import Scene
 from engine.scene.raycaster import Intersections
-from engine.scene.surface_uvs import uvs_at
+from engine.texture.pyramid import MOST_PROBES, Pyramid
 
 Indices = NDArray[np.integer]
+Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
 class Pixels:
     """N pixels: rows and columns (N,); triangle (N,) that each shows, and the shares (N, 3) of its corners; whether its
-    front is seen (N,); points (N, 3) at the corners on that side, -1 for none; at: where on the scene's meshes."""
+    front is seen (N,); points (N, 3) at the corners on that side, -1 for none."""
 
     rows: Indices
     columns: Indices
     triangle: Indices
-    weights: NDArray[np.float32]
+    weights: Singles
     is_front: NDArray[np.bool_]
     points: Indices
-    at: Intersections
+    _drawn: Drawn
+    _all: BendingPoints
 
-    def uvs(self, scene: Scene) -> NDArray[np.float64]:
+    @cached_property
+    def at(self) -> Intersections:
+        """Where on the scene's meshes."""
+        u, v = np.einsum("nk,nki->in", self.weights, self._all.within[self.triangle])
+        return Intersections(self._all.source[self.triangle], u, v, np.zeros(len(u), np.float32))
+
+    def uvs(self, scene: Scene) -> Floats:
         """Texture coordinates (N, 2)."""
-        return uvs_at(scene, self.at.triangle, self.at.u, self.at.v)
+        return np.einsum("nk,nki->ni", self.weights, self._corner_uvs(scene))
+
+    def factor(self, scene: Scene, maps: LayerMaps, is_quick: bool) -> Singles:
+        """By what images and strokes multiply a layer (N, 3), filtered over the pixel; is_quick: by fewer look-ups."""
+        if maps.is_plain:
+            return np.ones((1, 3), np.float32)
+        corners = self._corner_uvs(scene)
+        uv, right, below = (
+            np.einsum("nk,nki->ni", self._drawn.weights(self.rows, self.columns, *beside), corners)
+            for beside in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))
+        )
+        probes = MOVING_PROBES if is_quick else MOST_PROBES
+
+        def sample(image: Pyramid, repeats: tuple[float, float]) -> Singles:
+            return image.over(uv, right - uv, below - uv, probes, repeats, is_quick)
+
+        texture, weight = sampled(maps.images, scene.textures, len(uv), sample)
+        return np.asarray(maps.factor(texture, painted(scene, self.at, maps.strokes, weight)), np.float32)
+
+    def _corner_uvs(self, scene: Scene) -> Floats:
+        """Of the corners of what pixels show (N, 3, 2)."""
+        return self._all.corner_uvs(scene, self.triangle)
 
 
 def pixels_of(i_object: int, drawn: Drawn, points: BendingPoints) -> Pixels | None:
@@ -40,9 +74,6 @@ def pixels_of(i_object: int, drawn: Drawn, points: BendingPoints) -> Pixels | No
     rows, columns = np.nonzero(sees & (surface.i_object[np.where(sees, drawn.found, 0)] == i_object))
     if not len(rows):
         return None
-    triangle, weights = drawn.found[rows, columns], drawn.weights(rows, columns)
-    is_front = drawn.front[triangle] > 0.0
+    triangle, is_front = drawn.found[rows, columns], drawn.front[drawn.found[rows, columns]] > 0.0
     sides = surface.sides[triangle, np.where(is_front, 0, 1)]
-    u, v = np.einsum("nk,nki->in", weights, points.within[triangle])
-    at = Intersections(points.source[triangle], u, v, np.zeros(len(u), np.float32))
-    return Pixels(rows, columns, triangle, weights, is_front, sides, at)
+    return Pixels(rows, columns, triangle, drawn.weights(rows, columns), is_front, sides, drawn, points)

@@ -18,7 +18,7 @@ from engine.scene.frames import local_frames
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
 from engine.scene.surface_points import SurfacePoints
-from engine.scene.surface_uvs import uvs_at
+from engine.scene.surface_uvs import corner_uvs, uvs_at
 
 Singles = NDArray[np.float32]
 Floats = NDArray[np.float64]
@@ -90,6 +90,16 @@ class BendingPoints:
         """Texture coordinates (P, 2) of an object's points; of one that has several, any of them."""
         mine = self.of(i_object)
         return uvs_at(self._scene, self._at[0][mine], *self._at[1][mine].T)
+
+    def corner_uvs(self, scene: Scene, triangle: NDArray[np.integer]) -> Floats:
+        """Texture coordinates (N, 3, 2) of the corners of triangles (N,)."""
+        u, v = np.moveaxis(self.within[triangle].astype(np.float64), 2, 0)
+        shares = np.stack([1.0 - u - v, u, v], axis=2)
+        return np.einsum("npk,nki->npi", shares, corner_uvs(scene, self.source[triangle]))
+
+    def corners_at_rest(self, triangle: NDArray[np.integer]) -> Floats:
+        """Where the corners of triangles (N,) are at rest (N, 3, 3)."""
+        return self._points.corners[triangle]
 
     def place(self, i_object: int, pose: Pose) -> None:
         """Draw an object in a pose of what `resting` gave from now on."""

@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.deform.details import surface_axes
 from engine.deform.points import BendingPoints
 from engine.deform.pose import Pose, Poses, Row, deformed
 from engine.deform.posed_scene import at_moment, deformers, shifted
+from engine.deform.uv_axes import SurfaceAxes
 from engine.scene.load import Scene
 
 Singles = NDArray[np.float32]
+Indices = NDArray[np.int32]
 
 
 class PosedPoints:
@@ -21,7 +22,8 @@ class PosedPoints:
         self._scene, self._points = scene, points
         self._poses: dict[int, tuple[object, Pose]] = {}
         self._shifts: dict[int, NDArray[np.float64]] = {}
-        self._axes: dict[int, tuple[object, Singles]] = {}
+        self._axes: dict[int, SurfaceAxes] = {}
+        self._axes_now: dict[int, tuple[object, Singles]] = {}
 
     def at(self, poses: Poses) -> tuple[Singles, Singles]:
         """Places (V, 3) of all that is drawn, and axes (S, 3, 3) of points."""
@@ -40,13 +42,15 @@ class PosedPoints:
         shifts = {name: self._shifts[self._scene.object_index(name)] for name, _ in poses}
         return {name: (float(x), float(y), float(z)) for name, (x, y, z) in shifts.items() if x or y or z}
 
-    def axes_of(self, i: int) -> Singles:
-        """Axes along texture coordinates at the corners of an object's triangles as they stand now, see
-        `surface_axes`."""
-        pose = self._poses[i][1]
-        if i not in self._axes or self._axes[i][0] is not pose:
-            self._axes[i] = pose, surface_axes(self._scene, self._points, i)
-        return self._axes[i][1]
+    def axes_of(self, i: int) -> tuple[Indices, Singles]:
+        """Which axes along texture coordinates the corners of an object's triangles have, and these as they stand now,
+        see `SurfaceAxes`."""
+        if i not in self._axes:
+            self._axes[i] = SurfaceAxes(self._scene, self._points, i)
+        pose, own = self._poses[i][1], self._axes[i]
+        if i not in self._axes_now or self._axes_now[i][0] is not pose:
+            self._axes_now[i] = pose, own.now()
+        return own.numbers, self._axes_now[i][1]
 
     def _pose(self, i: int, row: Row) -> Pose:
         """Where a row takes all that is drawn of an object."""

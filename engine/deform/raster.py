@@ -44,11 +44,14 @@ class Drawn:
     front: Singles
     plane: Floats
 
-    def weights(self, rows: NDArray[np.integer], columns: NDArray[np.integer]) -> Singles:
-        """The shares (N, 3) of the corners at pixels that see a triangle."""
-        at = np.stack([np.ones(len(rows)), columns + 0.5, rows + 0.5], axis=1).astype(np.float32)
+    def weights(
+        self, rows: NDArray[np.integer], columns: NDArray[np.integer], right: float = 0.0, below: float = 0.0
+    ) -> Singles:
+        """The shares (N, 3) of the corners at pixels that see a triangle, or so many pixels beside these in its plane;
+        beyond its horizon they are without bounds."""
+        at = np.stack([np.ones(len(rows)), columns + 0.5 + right, rows + 0.5 + below], axis=1).astype(np.float32)
         weights = np.einsum("nki,ni->nk", self.shares[self.found[rows, columns]], at)
-        return np.asarray(weights / weights.sum(axis=1, keepdims=True), np.float32)
+        return np.asarray(weights / np.maximum(weights.sum(axis=1, keepdims=True), np.float32(1e-20)), np.float32)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,56 +1,170 @@
-"""Makes the parts that a graphics card draws of (`engine.deform.parts`), which the window knows without all this."""
+"""Tells the parts that a graphics card draws of (`engine.deform.parts`), which the window knows without all this; of a
+pose that moves, what the window does not have."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from itertools import count
+from secrets import randbits
 
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.deform.gloss import STEEPEST, LowGloss
-from engine.deform.parts import LookPart, PosedPart, ShapePart
+from engine.deform.details import Detail
+from engine.deform.gloss import STEEPEST
+from engine.deform.parts import (
+    NOTHING,
+    CoverPart,
+    LookPart,
+    Numbers,
+    PosedPart,
+    ShapePart,
+    Singles,
+    Told,
+    ToldDetail,
+    ToldTerm,
+)
 from engine.deform.points import BendingPoints
-from engine.deform.raster import Backdrop
-from engine.deform.shading import BandLight, Lobes
+from engine.deform.pose import Poses
+from engine.deform.posed_points import PosedPoints
+from engine.deform.shading import Lobes
+from engine.deform.subject import Subject, albedo
+from engine.scene.load import Scene
 from engine.sphere.harmonics import clamped_cosine
+from engine.texture.told import ToldImages, image_words, stroke_words
 
-Singles = NDArray[np.float32]
-
-
-def shape_part(number: int, points: BendingPoints, lobes: Lobes) -> ShapePart:
-    surface, (n_points, n_lobes, order) = points.surface, lobes.coefficients.shape
-    corners = np.empty((len(surface.corners), 3, 4), np.int32)
-    corners[..., 0], corners[..., 3] = surface.corners, surface.i_object[:, None]
-    corners[..., 1], corners[..., 2] = surface.sides[:, 0], surface.sides[:, 1]
-    rows = np.concatenate([lobes.axes, lobes.coefficients], axis=2).reshape(n_points, -1)
-    of_points = np.hstack([lobes.low, rows])
-    return ShapePart(number, corners.reshape(-1, 4), points.owners, of_points, n_lobes, order)
+_numbers = count(1 + randbits(48))  # of parts: another worker's are others
 
 
-def look_part(
-    number: int, light: BandLight, albedos: Singles, emission: Singles,
-    glosses: Mapping[int, Sequence[tuple[LowGloss, NDArray[np.floating]]]], backdrop: Backdrop,
-) -> LookPart:  # fmt: skip
-    """albedos and emission (M, 3) of the objects; glosses: of their layers that are not matt, times factors (3,)."""
-    objects, rows = np.zeros((len(albedos), 8), np.float32), list[Singles]()
-    objects[:, :3], objects[:, 4:7] = albedos, emission
-    for i, own in glosses.items():
-        objects[i, 3], objects[i, 7] = len(rows), len(own)
-        for low, factor in own:
+class Telling:
+    """Of one scene's points."""
+
+    def __init__(self, points: BendingPoints, posed: PosedPoints) -> None:
+        self._points, self._posed = points, posed
+        self._shape: tuple[Lobes, ShapePart] | None = None
+        self._look: tuple[int, LookPart] | None = None
+        self._cover: tuple[tuple[object, ...], CoverPart] | None = None
+
+    def told(self, of: Subject, eye: NDArray[np.float64], poses: Poses, known: Numbers = NOTHING) -> Told:
+        """All of a picture but the parts whose numbers are known; eye (3,): where the camera stands."""
+        places, frames = self._posed.at(poses)
+        if self._shape is None or self._shape[0] is not of.lobes:
+            self._shape = of.lobes, shape_part(self._points, of.lobes)
+        if self._look is None or self._look[0] != of.version:
+            self._look = of.version, self._seen(of)
+        assert self._cover is not None
+        shape, look, cover = self._shape[1], self._look[1], self._cover[1]
+        axes = [self._posed.axes_of(i)[1].reshape(-1, 9) for i in of.details]
+        posed = posed_part(places, frames, np.concatenate(axes) if axes else np.zeros((0, 9), np.float32), eye)
+        numbers = shape.number, look.number, cover.number
+        is_new = [number != here for number, here in zip(numbers, known, strict=True)]
+        return Told(
+            posed, numbers, shape if is_new[0] else None, look if is_new[1] else None, cover if is_new[2] else None
+        )
+
+    def _seen(self, of: Subject) -> LookPart:
+        """The look, after the cover that it speaks of."""
+        images, firsts = ToldImages(of.scene.textures), dict[int, ToldDetail]()
+        n_told = 0
+        for i, each in of.details.items():
+            firsts[i] = _told_detail(n_told, each)
+            n_told += _lobe_rows(each).size
+        terms = tuple(
+            ToldTerm(i, _three(albedo(layer)), None if layer.maps.is_plain else images.maps(layer.maps), firsts.get(i))
+            for i in of.layers_of for layer in of.by_pixel(i)
+        )  # fmt: skip
+        covered = tuple(dict.fromkeys(term.i_object for term in terms))
+        made_of = covered, tuple(of.details.items()), images.images, images.strokes
+        if self._cover is None or self._cover[0] != made_of:
+            self._cover = made_of, self._covering(of, covered, images)
+        return look_part(of, terms)
+
+    def _covering(self, of: Subject, objects: tuple[int, ...], images: ToldImages) -> CoverPart:
+        first_axes, n_axes = dict[int, int](), 0
+        for i in of.details:
+            first_axes[i], n_axes = n_axes, n_axes + len(self._posed.axes_of(i)[1])
+        corners, ranges, n = [np.zeros((0, 3, 12), np.int32)], dict[int, tuple[int, int]](), 0
+        for i in objects:
+            mine = np.flatnonzero(self._points.surface.i_object == i)
+            ranges[i], n = (n, n + len(mine)), n + len(mine)
+            corners.append(_covered_corners(of.scene, self._points, mine))
+            if i in first_axes:
+                corners[-1][..., 3] = first_axes[i] + self._posed.axes_of(i)[0][mine]
+        lobes = [np.zeros(0, np.float32), *(_lobe_rows(each).ravel() for each in of.details.values())]
+        n_strokes = sum(len(each.strokes) for each in images.strokes)
+        return CoverPart(
+            next(_numbers), np.concatenate(corners).reshape(-1, 12), ranges, np.concatenate(lobes),
+            image_words(images.images), stroke_words(images.strokes), n_strokes,
+        )  # fmt: skip
+
+
+def shape_part(points: BendingPoints, lobes: Lobes) -> ShapePart:
+    surface, (_, n_lobes, order) = points.surface, lobes.coefficients.shape
+    corners = _corners(points, np.arange(len(surface.corners)))
+    corners[..., 3] = surface.i_object[:, None]
+    return ShapePart(next(_numbers), corners.reshape(-1, 4), points.owners, _rows(lobes), n_lobes, order)
+
+
+def look_part(of: Subject, terms: tuple[ToldTerm, ...] = ()) -> LookPart:
+    objects, rows = np.zeros((len(of.scene.smooth), 8), np.float32), list[Singles]()
+    objects[:, :3], objects[:, 4:7] = of.albedos, of.scene.emission
+    for i in of.layers_of:
+        objects[i, 3] = len(rows)
+        for low, factor in of.glosses_of(i):
             bands = (low.bands * np.asarray(factor, np.float32)).reshape(len(low.lean), -1)
             rows.append(np.hstack([bands, low.lean[:, None]]))
+        objects[i, 7] = len(rows) - objects[i, 3]
+    light, backdrop = of.bands, of.backdrop
     order = light.table.shape[2]
     gloss = np.array(rows, np.float32) if rows else np.zeros((0, 2, 3 * order + 1), np.float32)
     cosine = (clamped_cosine(order) / np.pi).astype(np.float32)
     return LookPart(
-        number, light.harmonics, light.table, objects, gloss, float(STEEPEST), cosine, backdrop.radiance,
-        backdrop.turn, backdrop.scale,
+        next(_numbers), light.harmonics, light.table, objects, gloss, float(STEEPEST), cosine, backdrop.radiance,
+        backdrop.turn, backdrop.scale, terms,
     )  # fmt: skip
 
 
-def posed_part(places: Singles, frames: Singles, eye: NDArray[np.float64]) -> PosedPart:
+def posed_part(places: Singles, frames: Singles, axes: Singles, eye: NDArray[np.float64]) -> PosedPart:
     """places (V, 3) of all that is drawn, frames (S, 3, 3) of the points, which are the first of them."""
     rows = np.zeros((len(places), 12), np.float32)
     rows[: len(frames), :9], rows[:, 9:] = frames.reshape(-1, 9), places
-    x, y, z = (float(each) for each in eye)
-    return PosedPart(rows, (x, y, z))
+    return PosedPart(rows, axes, _three(eye))
+
+
+def _corners(points: BendingPoints, which: NDArray[np.integer]) -> NDArray[np.int32]:
+    """Of triangles (T, 3, 4): place, points on front and back, 0."""
+    surface = points.surface
+    found = np.zeros((len(which), 3, 4), np.int32)
+    found[..., 0] = surface.corners[which]
+    found[..., 1], found[..., 2] = surface.sides[which, 0], surface.sides[which, 1]
+    return found
+
+
+def _covered_corners(scene: Scene, points: BendingPoints, which: NDArray[np.integer]) -> NDArray[np.int32]:
+    """Of triangles (T, 3, 12), without axes."""
+    at_rest = np.zeros((len(which), 3, 8), np.float32)
+    at_rest[..., :2] = points.corner_uvs(scene, which)
+    at_rest[..., 2:5] = points.corners_at_rest(which)
+    at_rest[..., 5:] = scene.geometric_normals[points.source[which]][:, None]
+    return np.concatenate([_corners(points, which), at_rest.view(np.int32)], axis=2)
+
+
+def _told_detail(first: int, detail: Detail) -> ToldDetail:
+    found = detail.map()
+    height, width, n_lobes, _ = found.lobes.coefficients.shape
+    return ToldDetail(first, (height, width), n_lobes, found.repeats, found.is_smooth)
+
+
+def _lobe_rows(detail: Detail) -> Singles:
+    found = detail.map().lobes
+    return _rows(Lobes(*(each.reshape(-1, *each.shape[2:]) for each in (found.low, found.axes, found.coefficients))))
+
+
+def _rows(lobes: Lobes) -> Singles:
+    """Low, then of each lobe its axis and its bands (P, 4 + N (3 + n))."""
+    each = np.concatenate([lobes.axes, lobes.coefficients], axis=2).reshape(len(lobes.low), -1)
+    return np.hstack([lobes.low, each])
+
+
+def _three(vector: NDArray[np.floating]) -> tuple[float, float, float]:
+    x, y, z = map(float, vector)
+    return x, y, z

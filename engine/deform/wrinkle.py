@@ -64,6 +64,15 @@ class Wrinkles:
         low, axes, coefficients, errors = found
         return Zonal(low, _unit(axes), coefficients, errors)
 
+    def of_depth(self, depth: float) -> Zonal:
+        """The nodes (H,) of one depth, of which those of a place are even sums, their axes then made of length 1."""
+        n_columns = self.low.shape[1]
+        column = min(max(depth / DEEPEST, 0.0), 1.0) * (n_columns - 1)
+        left = min(int(column), n_columns - 2)
+        share = column - left
+        maps = (self.low, self.axes, self.coefficients, self.errors)
+        return Zonal(*((1.0 - share) * each[:, left] + share * each[:, left + 1] for each in maps))
+
 
 def wrinkles(n: int = ORDER, side: int = SIDE) -> Generator[float, None, Wrinkles]:
     """The map of so many nodes each way, fitted by L-BFGS [Nocedal06, 7.2]. Yields the share that is done."""

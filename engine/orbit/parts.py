@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.texture.told import ToldMaps, Words
+
 Floats = NDArray[np.float32]
-Words = NDArray[np.uint32]
 Range = tuple[int, int]
 
 # Of a row of `LightPart.rows`: before the coefficients stand how many there are, two moments, and the suns.
@@ -81,20 +82,6 @@ class TablePart:
     n_polar: int
     n_columns: int
     steepest: float
-
-
-@dataclass(frozen=True)
-class ToldMaps:
-    """What multiplies a term, see `LayerMaps`: where its images begin among `TermsPart.images`, −1 for none, and of its
-    strokes the first and the last."""
-
-    texture: int
-    scale: tuple[float, float]
-    strength: float
-    weight: int
-    start: float
-    inverts: bool
-    strokes: Range
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,11 @@ from engine.material.layer import Layer
 from engine.material.maps import Images
 from engine.orbit import _footprint_kernels as kernels
 from engine.orbit.picture import Rows, Seen
-from engine.render.canvas import positions_at
+from engine.render.surface_maps import painted, sampled
 from engine.scene.load import Scene
 from engine.scene.relief import Footprints
 from engine.scene.surface_uvs import corner_uvs
 from engine.texture.pyramid import MOST_PROBES, Pyramid
-from engine.texture.strokes import PaintedPoints
 from engine.threads import even_parts, on_threads
 
 Floats = NDArray[np.float32]
@@ -46,17 +45,9 @@ class _Places:
 
     def look_up(self, images: Images) -> tuple[Floats, Floats]:
         """Texture (N, 3) and weight (N,)."""
-        n, store = len(self._which), self._scene.textures
-        colours, shares = np.ones((n, 3), np.float32), np.full(n, images.weight_start, np.float32)
-        if (texture := store.texture(images)) is not None:
-            colours = self._sample(texture, images.texture_scale)
-        if (weight := store.weight(images)) is not None:
-            shares = self._sample(weight, (1.0, 1.0))[:, 0]
+        colours, shares = sampled(images, self._scene.textures, len(self._which), self._sample)
         if images.strokes:
-            found = self._seen.in_scene(self._which)
-            places = positions_at(self._scene, found.triangle, found.u, found.v)
-            painted = PaintedPoints(shares, places, self._scene.geometric_normals[found.triangle])
-            shares = painted.weights(images.strokes)
+            shares = painted(self._scene, self._seen.in_scene(self._which), images.strokes, shares)
         return colours, shares
 
     def _sample(self, image: Pyramid, scale: tuple[float, float]) -> Floats:

@@ -14,8 +14,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.material.maps import LayerMaps
-from engine.material.strokes import HARDEST
 from engine.orbit._slice_kernels import Tables
 from engine.orbit.parts import (
     N_HEAD,
@@ -29,26 +27,23 @@ from engine.orbit.parts import (
     TablePart,
     TermsPart,
     ToldBumps,
-    ToldMaps,
     ToldTerm,
     Words,
 )
 from engine.scene.surface_uvs import corner_uvs
-from engine.texture.pyramid import Pyramid
+from engine.texture.told import ToldImages, image_words, stroke_words
 
 if TYPE_CHECKING:
     from engine.material.bumps import Bumps
-    from engine.material.strokes import Strokes
     from engine.orbit.incident import Incident
     from engine.orbit.lit_points import LitPoints
     from engine.orbit.live import Orbit
     from engine.orbit.reflections import Term
     from engine.orbit.shading_points import ShadingPoints
     from engine.scene.load import Scene
+    from engine.texture.pyramid import Pyramid
 
 _AT_ONCE = 4096  # points: 11 MB at 320 coefficients
-_LEVELS = 16  # of an image, at most
-_STROKE_WORDS = 8
 
 
 class Telling:
@@ -107,14 +102,14 @@ class Telling:
 
     def _terms_parts(self, orbit: Orbit) -> Iterator[Part]:
         made = _Terms(orbit)
-        told = made.terms, made.strokes, orbit.scene.emission.tobytes()
-        images = tuple(made.images)
+        strokes, images = made.told.strokes, made.told.images
+        told = made.terms, strokes, orbit.scene.emission.tobytes()
         if told == self._terms and images == self._images:
             return
         new = {serial: _table(tables) for serial, tables in made.tables.items() if serial not in self._tables}
-        words = None if images == self._images else _image_words(images)
+        words = None if images == self._images else image_words(images)
         self._terms, self._images, self._tables = told, images, set(made.tables)
-        yield TermsPart(made.terms, new, words, _stroke_words(made.strokes), orbit.scene.emission.astype(np.float32))
+        yield TermsPart(made.terms, new, words, stroke_words(strokes), orbit.scene.emission.astype(np.float32))
 
 
 class _Terms:
@@ -122,9 +117,8 @@ class _Terms:
 
     def __init__(self, orbit: Orbit) -> None:
         self.tables: dict[int, Tables] = {}
-        self.images: dict[Pyramid, int] = {}
-        self.strokes: tuple[Strokes, ...] = ()
-        self._orbit, self._n_words, self._n_strokes = orbit, 0, 0
+        self.told = ToldImages(orbit.scene.textures)
+        self._orbit = orbit
         self.terms = tuple(self._told(term) for term in orbit.reflections.terms)
 
     def _told(self, term: Term) -> ToldTerm:
@@ -135,32 +129,14 @@ class _Terms:
             self.tables[tables.serial] = tables
         maps = None
         if term.factor is not None:
-            maps = self._maps(term.layers[0].maps)
+            maps = self.told.maps(term.layers[0].maps)
         bumps = None
         if term.reflectance is not None and term.i_object in orbit.scene.relief.objects:
             own = orbit.scene.description.objects[term.i_object].bumps
-            slopes = self._image(orbit.scene.textures.slopes(own))
+            slopes = self.told.image(orbit.scene.textures.slopes(own))
             bumps = ToldBumps(slopes, own.bump_repeats, own.slope_scale, bool(own.normal_map))
         reflectance, serial = term.reflectance or (0.0, 0.0, 0.0), tables.serial if tables else 0
         return ToldTerm(term.i_object, reflectance, _three(albedo), serial, maps, bumps)
-
-    def _maps(self, maps: LayerMaps) -> ToldMaps:
-        images, store, first = maps.images, self._orbit.scene.textures, self._n_strokes
-        if images.strokes:
-            self.strokes += (images.strokes,)
-            self._n_strokes += len(images.strokes.strokes)
-        return ToldMaps(
-            self._image(store.texture(images)), images.texture_scale, maps.texture_strength,
-            self._image(store.weight(images)), images.weight_start, maps.inverts, (first, self._n_strokes),
-        )  # fmt: skip
-
-    def _image(self, image: Pyramid | None) -> int:
-        if image is None:
-            return -1
-        if image not in self.images:
-            self.images[image] = self._n_words
-            self._n_words += _n_image_words(image)
-        return self.images[image]
 
 
 def _mesh(scene: Scene, lit: LitPoints, n: int) -> MeshPart:
@@ -242,35 +218,3 @@ def _entries(flat: NDArray[np.uint16]) -> Words:
     four = np.zeros((len(colours), 4), np.uint16)
     four[:, :3] = colours
     return four.view(np.uint32)
-
-
-def _n_image_words(image: Pyramid) -> int:
-    return 1 + 3 * _LEVELS + 2 * len(image.texels)
-
-
-def _image_words(images: tuple[Pyramid, ...]) -> Words:
-    """How many levels, of each height, width and first texel, and the texels: up to three half floats in two words."""
-    words = []
-    for image in images:
-        head = np.zeros(1 + 3 * _LEVELS, np.uint32)
-        sizes = np.array(image.shapes[:_LEVELS], np.uint32)
-        areas = sizes.prod(axis=1)
-        head[0] = len(sizes)
-        head[1 : 1 + 3 * len(sizes)] = np.column_stack([sizes, np.cumsum(areas) - areas]).ravel()
-        texels = np.zeros((len(image.texels), 4), np.float16)
-        texels[:, : image.n_channels] = np.clip(image.texels, -65504.0, 65504.0)
-        words += [head, texels.view(np.uint32).ravel()]
-    return np.concatenate(words) if words else np.zeros(0, np.uint32)
-
-
-def _stroke_words(strokes: tuple[Strokes, ...]) -> Words:
-    """Of each stroke 8 words: first and last dab, radius, inner radius, strength, value, 0, 0; and all dabs behind."""
-    every = [stroke for each in strokes for stroke in each.strokes]
-    ends = np.cumsum([0, *(stroke.n_dabs for stroke in every)])
-    head = np.zeros((len(every), _STROKE_WORDS), np.float32)
-    for k, stroke in enumerate(every):
-        inner = min(stroke.hardness, HARDEST) * stroke.radius
-        head[k, :2] = ends[k : k + 2].astype(np.int32).view(np.float32)
-        head[k, 2:6] = stroke.radius, inner, stroke.strength, stroke.value
-    dabs = [stroke.array.ravel() for stroke in every]
-    return np.concatenate([head.ravel(), *dabs]).astype(np.float32).view(np.uint32)

@@ -14,12 +14,10 @@ from numpy.typing import NDArray
 
 from engine.material.layer import Layer
 from engine.material.maps import LayerMaps
-from engine.render.canvas import positions_at
-from engine.render.surface_maps import MapSampler, look_up
+from engine.render.surface_maps import MapSampler, look_up, painted
 from engine.scene.load import Scene
 from engine.scene.raycaster import Intersections
 from engine.scene.surface_uvs import uvs_at
-from engine.texture.strokes import PaintedPoints
 from engine.transport.pipeline import Placement
 
 Factors = NDArray[np.float32]
@@ -57,15 +55,11 @@ class MapFactors:
         factors = self._ones(len(rays))
         for i_object, layers in self._maps.items():
             mine = np.flatnonzero(ids[rays] == i_object)
-            at = rays[mine]
-            uv = uvs_at(self._scene, found.triangle[at], found.u[at], found.v[at])
+            own = found.of(rays[mine])
+            uv = uvs_at(self._scene, own.triangle, own.u, own.v)
             for k, maps in layers:
                 texture, weight = look_up(maps.images, self._scene.textures, uv)
-                if maps.strokes:
-                    places = positions_at(self._scene, found.triangle[at], found.u[at], found.v[at])
-                    normals = self._scene.geometric_normals[found.triangle[at]]
-                    weight = PaintedPoints(weight, places, normals).weights(maps.strokes)
-                factors[mine, k] = maps.factor(texture, weight)
+                factors[mine, k] = maps.factor(texture, painted(self._scene, own, maps.strokes, weight))
         return factors
 
     def _ones(self, n: int) -> Factors:

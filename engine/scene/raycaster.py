@@ -42,6 +42,10 @@ class Intersections:
     v: Floats
     distance: Floats
 
+    def of(self, rays: npt.NDArray[np.integer]) -> Intersections:
+        """Of some of them."""
+        return Intersections(self.triangle[rays], self.u[rays], self.v[rays], self.distance[rays])
+
 
 class RayCaster:
     """Ray queries against triangles that never change. Safe to use from several threads."""

@@ -3,52 +3,23 @@
 // each a look-up in the light of bands along directions [Sloan05, eq. 25]. As `_shading_kernels` and `_gloss_kernels`.
 layout(local_size_x = 64) in;
 
-const int ORDER = 6;  // `engine.deform.object_transfer.ORDER`
+#include "deform/light.glsl"
 
 layout(std430, binding = 0) readonly buffer Lobes { float lobes[]; };    // a point: low (4), lobes of axis and bands
 layout(std430, binding = 1) readonly buffer Posed { float posed[]; };    // a point: rows of its frame (9), place (3)
 layout(std430, binding = 2) readonly buffer Owners { int owners[]; };    // the object of each point
-layout(std430, binding = 3) readonly buffer Light { float light[]; };    // harmonics, then the table
 layout(std430, binding = 4) readonly buffer Objects { float objects[]; };  // albedo, first gloss, emission, their count
 layout(std430, binding = 5) readonly buffer Gloss { float gloss[]; };    // for angles of the eye: bands, lean
-layout(std430, binding = 6) writeonly buffer Sent { float sent[]; };     // a point: white (3), gloss (3)
+layout(std430, binding = 7) writeonly buffer Sent { float sent[]; };     // a point: white (3), gloss (3)
 uniform int n_points, n_lobes;
-uniform ivec2 table;      // rows, columns
 uniform int n_angles;
 uniform float steepest;   // radians
 uniform float cosine[ORDER];
 uniform vec3 eye;
 
-const float PI = 3.14159265358979;
-
-vec3 light_at(int i) {
-    return vec3(light[3 * i], light[3 * i + 1], light[3 * i + 2]);
-}
-
-// The light of each band along a direction, between four entries; beyond a pole lies the other side.
-void look_up(vec3 d, out vec3 bands[ORDER]) {
-    float row = acos(clamp(d.z, -1.0, 1.0)) * (table.x / PI) - 0.5;
-    float column = (atan(d.y, d.x) + PI) * (table.y / (2.0 * PI)) - 0.5;
-    ivec2 first = ivec2(floor(row), floor(column));
-    vec2 share = vec2(row, column) - vec2(first);
-    for (int l = 0; l < ORDER; l++)
-        bands[l] = vec3(0.0);
-    for (int k = 0; k < 4; k++) {
-        ivec2 step = ivec2(k / 2, k % 2), at = first + step;
-        if (at.x < 0 || at.x >= table.x)
-            at = ivec2(clamp(at.x, 0, table.x - 1), at.y + table.y / 2);
-        at.y = (at.y + table.y) % table.y;
-        vec2 near = mix(1.0 - share, share, vec2(step));
-        int entry = ORDER * ORDER + (at.x * table.y + at.y) * ORDER;
-        for (int l = 0; l < ORDER; l++)
-            bands[l] += near.x * near.y * light_at(entry + l);
-    }
-}
-
 vec3 matt(int p, mat3 frame) {
     int at = p * (4 + n_lobes * (3 + ORDER));
-    vec3 linear = frame * vec3(-lobes[at + 3], -lobes[at + 1], lobes[at + 2]);
-    vec3 radiance = lobes[at] * light_at(0) - linear.y * light_at(1) + linear.z * light_at(2) - linear.x * light_at(3);
+    vec3 radiance = light_of_low(vec4(lobes[at], lobes[at + 1], lobes[at + 2], lobes[at + 3]), frame);
     vec3 bands[ORDER];
     at += 4;
     for (int i = 0; i < n_lobes; i++, at += 3 + ORDER) {

@@ -1,7 +1,7 @@
 #version 430 core
 // Provides: one term of what an object reflects: its points' colours, the irradiance of a normal that bumps turn
 // (engine/orbit/_turned_kernels.py, `leaning_irradiance`), times texture and weight.
-#include "orbit/images.glsl"
+#include "common/images.glsl"
 
 centroid in vec3 colour;
 in vec2 uv;
@@ -35,18 +35,7 @@ vec3 lean(vec3 n, vec2 right, vec2 below) {
 #endif
 
 #if HAS_MAPS
-#include "orbit/strokes.glsl"
-uniform int tint, weight;  // where images begin, −1 for none
-uniform vec2 tint_repeats;
-uniform float tint_strength, weight_start;
-uniform bool inverts;
-
-vec3 factor(vec2 right, vec2 below) {
-    vec3 texel = tint < 0 ? vec3(1.0) : over_pixel(tint, uv, right, below, tint_repeats);
-    float share = weight < 0 ? weight_start : over_pixel(weight, uv, right, below, vec2(1.0)).x;
-    share = painted(share, at, outside);
-    return (1.0 + tint_strength * (texel - 1.0)) * (inverts ? 1.0 - share : share);
-}
+#include "common/maps.glsl"
 #endif
 
 layout(location = 0) out vec4 radiance;
@@ -60,7 +49,7 @@ void main() {
     sent += reflectance * max((0.5 + 0.5 * cosine) * light + cosine * (leaning * from_side), 0.0);
 #endif
 #if HAS_MAPS
-    sent *= factor(right, below);
+    sent *= factor(uv, right, below, at, outside);
 #endif
     radiance = vec4(sent, 0.0);
 }

@@ -26,7 +26,7 @@ from app.scene_state import scene_state
 from app.status import Status
 from app.stills import render_project
 from engine.deform import heights
-from engine.deform.parts import PosedPart, Told
+from engine.deform.parts import NOTHING, PosedPart, Told
 from engine.deform.pose import Deformation
 from engine.indirect.series import BounceSeries
 from engine.scene.rig import Animation
@@ -95,22 +95,22 @@ def test_where_the_window_draws_it_is_told_what_moves_and_the_rest_once(
     eye, scene = project.scene.description.camera, scene_state(project.document)
     client.send(PrepareDeform(scene, 1, ("box",)))
     answers(client)
-    known, sent = (0, 0), []
+    known, sent = NOTHING, []
     for poses in ((), POSES):
         client.send(DrawDeform(eye, SIZE, "moving", poses, known=known))
         (drawn,) = [each for each in answers(client) if isinstance(each, OrbitDrawn)]
         assert isinstance(drawn, PoseTold) and drawn.is_done and not drawn.radiance.size
         sent.append(drawn.told)
-        known = sent[0].shape.number, sent[0].look.number
-    assert sent[1].shape is None and sent[1].look is None
+        known = sent[0].numbers
+    assert sent[1].shape is None and sent[1].look is None and sent[1].cover is None
     assert np.abs(sent[1].posed.places - sent[0].posed.places).max() > 0.1
-    # Grooves lie between points: the worker draws them.
+    # What lies between points is told as it is looked up.
     grooves = DeformSurface.model_validate({"patch": {"kind": "bumps"}})
     client.send(PrepareDeform(scene, 1, ("box",), (("box", grooves),)))
     answers(client)
     client.send(DrawDeform(eye, SIZE, "moving", POSES, known=known))
     (drawn,) = [each for each in answers(client) if isinstance(each, OrbitDrawn)]
-    assert not isinstance(drawn, PoseTold) and drawn.radiance.shape == (*SIZE[::-1], 3)
+    assert isinstance(drawn, PoseTold) and drawn.told.cover.lobes.size and len(drawn.told.look.terms) == 1
 
 
 def test_a_moving_picture_is_the_windows_where_it_draws_and_one_at_rest_the_workers() -> None:
@@ -119,21 +119,27 @@ def test_a_moving_picture_is_the_windows_where_it_draws_and_one_at_rest_the_work
     table.talk = talk
     talk.scene_opened(OpenedScene(1, (), table.description, table.document, table.document))
     talk.draw_in_window(1 << 27)
-    talk.parts_here = (3, 4)
     table.update()
     talk.take(OrbitAdvanced(1, False, id=table.id_of(PrepareDeform)))
     (asked,) = [each for each in table.update() if isinstance(each, DrawDeform)]
-    assert (asked.quality, asked.known) == ("moving", (3, 4))
-    told = Told(PosedPart(np.zeros((0, 12), np.float32), (0.0, 0.0, 0.0)), None, None)
-    radiance = np.zeros((0, 0, 3), np.float32)
+    assert (asked.quality, asked.known) == ("moving", NOTHING)
+    pose = PosedPart(np.zeros((0, 12), np.float32), np.zeros((0, 9), np.float32), (0.0, 0.0, 0.0))
+    told, radiance = Told(pose, (3, 4, 5), None, None, None), np.zeros((0, 0, 3), np.float32)
     (came,) = talk.take(PoseTold(radiance, 1, 1, False, 0.01, told=told, id=table.id_of(DrawDeform)))
     assert isinstance(came, PoseCame) and came.told is told and came.resolution == asked.resolution
-    talk.take(OrbitAdvanced(2, True, id=table.id_of(PrepareDeform)))
+    talk.take(OrbitAdvanced(2, False, id=table.id_of(PrepareDeform)))
+    table.now += 0.1
+    (asked,) = [each for each in table.update() if isinstance(each, DrawDeform)]
+    assert asked.known == (3, 4, 5)  # before the window has drawn them
+    talk.take(PoseTold(radiance, 1, 2, False, 0.01, told=told, id=table.id_of(DrawDeform)))
+    talk.tell_again((3, 0, 0))  # which it could not
+    (asked,) = [each for each in table.update() if isinstance(each, DrawDeform)]
+    assert asked.known == (3, 0, 0)
+    talk.take(PoseTold(radiance, 1, 2, False, 0.01, told=told, id=table.id_of(DrawDeform)))
+    talk.take(OrbitAdvanced(3, True, id=table.id_of(PrepareDeform)))
     table.now += 1.0
     (asked,) = [each for each in table.update() if isinstance(each, DrawDeform)]
     assert (asked.quality, asked.known) == ("rest", None)
-    talk.draw_in_window(0)
-    assert talk.parts_here == (0, 0)
 
 
 def test_a_split_picture_is_traced_pass_by_pass(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:

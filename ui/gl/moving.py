@@ -15,7 +15,7 @@ _VERSION = 430
 # Buffers that the shaders of one stage read.
 _LIMITS = {
     "GL_MAX_VERTEX_SHADER_STORAGE_BLOCKS": 5,
-    "GL_MAX_FRAGMENT_SHADER_STORAGE_BLOCKS": 2,
+    "GL_MAX_FRAGMENT_SHADER_STORAGE_BLOCKS": 4,
     "GL_MAX_COMPUTE_SHADER_STORAGE_BLOCKS": 8,
 }  # fmt: skip
 

@@ -9,10 +9,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from engine.deform import heights
-from engine.deform.patches import Patch, Slab, patch, simulate_patch, uv_frames
+from engine.deform.patches import Patch, Slab, patch, simulate_patch
 from engine.deform.shading import band_light, shade
 from engine.deform.subsurface import Medium
 from engine.deform.transfer import unshadowed
+from engine.deform.uv_axes import numbers_of, uv_axes
 from engine.deform.zonal import fit
 from engine.scene.primitives import quad
 from engine.sphere.harmonics import basis
@@ -107,6 +108,11 @@ def test_texels_are_found_where_pictures_have_them_and_repeat() -> None:
     )
     assert looked_up.low[:, 0] == pytest.approx([0.0, 1.0, 5.0, 0.0, 0.5, 1.0])
     assert looked_up.axes.shape == (6, 3, 3) and looked_up.coefficients.shape == (6, 3, 4)
+
+
+def uv_frames(positions: np.ndarray, triangles: np.ndarray, uvs: np.ndarray, frames: np.ndarray) -> np.ndarray:
+    """At the corners of triangles (T, 3, 3, 3)."""
+    return uv_axes(positions, triangles, uvs, frames)[numbers_of(triangles, uvs)]
 
 
 def test_axes_follow_texture_coordinates() -> None:

@@ -2,31 +2,36 @@
 shader, then the triangles between points [Sloan05, 5].
 
     backdrop ─► what points send, on either side (lobes.comp) ─► triangles (surface)
+    ─► where images or detail lie, matt layers once more, pixel by pixel (term)
 
-As `engine.deform.live` draws moving pictures, and with several samples a pixel. Shape and look lie in buffers; in a
-frame places and axes are sent alone, for the deformers are Python's.
+As `engine.deform.pictures` draws moving pictures, and with several samples a pixel. Shape, look and cover lie in
+buffers; in a frame places and axes are sent alone, for the deformers are Python's.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import product
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.deform.parts import LookPart, PosedPart, ShapePart, Told
+from engine.deform.parts import CoverPart, LookPart, Numbers, PosedPart, ShapePart, Told, ToldDetail, ToldTerm
 from engine.scene.camera import camera_frame
 from engine.scene.description import Camera
 from ui.gl.buffers import BufferMemory
 from ui.gl.context import GraphicsError
+from ui.gl.layer_maps import map_uniforms
 from ui.gl.program import ProgramCache, set_uniforms
 from ui.gl.textures import TextureMemory
 from ui.gl.view_target import ViewTarget, seen_from
 
 ORDER = 6  # of `lobes.comp.glsl`
-# Buffers by the numbers that shaders know them by.
-_BINDINGS = {"lobes": 0, "posed": 1, "owners": 2, "light": 3, "objects": 4, "gloss": 5, "sent": 6}
+# Buffers by the numbers that shaders know them by: of points, and of what lies on objects.
+_OF_POINTS = {"lobes": 0, "posed": 1, "owners": 2, "light": 3, "objects": 4, "gloss": 5, "sent": 7}
+_OF_COVER = {"details": 0, "posed": 1, "axes": 2, "light": 3, "images": 5, "strokes": 6, "sent": 7}
+_COVERED = ("4i4 2f4 3f4 3f4", ("corner", "image_place", "position", "face"))
 _GROUP = 64  # points
 
 
@@ -41,13 +46,16 @@ class PosedPicture:
         self._buffers: dict[str, moderngl.Buffer] = {}
         self._shape: ShapePart | None = None
         self._look: LookPart | None = None
+        self._cover: CoverPart | None = None
         self._sky: moderngl.Texture | None = None
         self._array: moderngl.VertexArray | None = None
+        self._cover_arrays: dict[int, moderngl.VertexArray] = {}
 
     @property
-    def known(self) -> tuple[int, int]:
-        """The numbers of the shape and the look that are here, 0 for none."""
-        return self._shape.number if self._shape else 0, self._look.number if self._look else 0
+    def known(self) -> Numbers:
+        """The numbers of the parts that are here."""
+        shape, look, cover = (each.number if each else 0 for each in (self._shape, self._look, self._cover))
+        return shape, look, cover
 
     def rehearse(self) -> Iterator[None]:
         """Compile all shaders, one a step; raises GraphicsError."""
@@ -55,23 +63,29 @@ class PosedPicture:
         self._programs.compute("deform/lobes.comp.glsl")
         yield
         self._surface()
+        for has_maps, has_detail in product((False, True), repeat=2):
+            yield
+            self._term(has_maps, has_detail)
         yield
         self._target.rehearse()
 
     def draw(self, told: Told, camera: Camera, size: tuple[int, int]) -> moderngl.Texture:
         """The picture (width, height), row 0 at the top; raises GraphicsError, also where a part is missing."""
+        if told.lacks(self.known):
+            raise GraphicsError("a pose without its mesh or light")
         if told.shape is not None:
             self._take_shape(told.shape)
+        if told.cover is not None:
+            self._take_cover(told.cover)
         if told.look is not None:
             self._take_look(told.look)
-        if self._shape is None or self._look is None or self._sky is None:
-            raise GraphicsError("a pose without a mesh or light")
+        shape, look, cover = self._shape, self._look, self._cover
+        assert shape is not None and look is not None and cover is not None and self._sky is not None
         self._fill("posed", told.posed.places)
-        self._target.begin(camera, size, self._sky, self._look.turn, self._look.scale)
-        for name, binding in _BINDINGS.items():
-            self._buffers[name].bind_to_storage_buffer(binding)
-        self._shade(self._shape, self._look, told.posed)
-        self._draw_triangles(told.posed, camera, size)
+        self._fill("axes", told.posed.axes)
+        target = self._target.begin(camera, size, self._sky, look.turn, look.scale)
+        self._shade(shape, look, told.posed)
+        self._draw_triangles(target, look, cover, _view(camera, size, told.posed))
         return self._target.finish()
 
     def _take_shape(self, part: ShapePart) -> None:
@@ -88,6 +102,15 @@ class PosedPicture:
         self._fill("corners", part.corners)
         self._array = self._context.vertex_array(self._surface(), [(self._buffers["corners"], "4i4", "corner")])
         self._shape = part
+
+    def _take_cover(self, part: CoverPart) -> None:
+        self._cover = None
+        self._release_cover_arrays()
+        for name, array in (
+            ("covered", part.corners), ("details", part.lobes), ("images", part.images), ("strokes", part.strokes)
+        ):  # fmt: skip
+            self._fill(name, array)
+        self._cover = part
 
     def _take_look(self, part: LookPart) -> None:
         self._look = None
@@ -112,6 +135,7 @@ class PosedPicture:
         self._buffers[name] = made
 
     def _shade(self, shape: ShapePart, look: LookPart, posed: PosedPart) -> None:
+        self._bind(_OF_POINTS)
         program, n_points = self._programs.compute("deform/lobes.comp.glsl"), len(shape.owners)
         set_uniforms(
             program, n_points=n_points, n_lobes=shape.n_lobes, table=look.table.shape[:2], eye=posed.eye,
@@ -120,13 +144,54 @@ class PosedPicture:
         program.run(-(-n_points // _GROUP))
         self._context.memory_barrier()
 
-    def _draw_triangles(self, posed: PosedPart, camera: Camera, size: tuple[int, int]) -> None:
+    def _draw_triangles(
+        self, target: moderngl.Framebuffer, look: LookPart, cover: CoverPart, view: dict[str, object]
+    ) -> None:
         assert self._array is not None
-        self._context.enable_only(moderngl.DEPTH_TEST)
-        self._context.depth_func = "<"
-        set_uniforms(self._surface(), **_view(camera, size, posed))
+        context = self._context
+        context.enable_only(moderngl.DEPTH_TEST)
+        context.depth_func = "<"
+        set_uniforms(self._surface(), **view)
         self._array.render(moderngl.TRIANGLES)
-        self._context.enable_only(moderngl.NOTHING)
+        target.depth_mask, context.depth_func = False, "<="
+        context.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
+        context.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
+        context.blend_func = moderngl.ONE, moderngl.ONE  # type: ignore[assignment]
+        self._bind(_OF_COVER)
+        for term in look.terms:
+            self._draw_term(term, look, cover, view)
+        target.depth_mask = True
+        context.enable_only(moderngl.NOTHING)
+
+    def _draw_term(self, term: ToldTerm, look: LookPart, cover: CoverPart, view: dict[str, object]) -> None:
+        program = self._term(term.maps is not None, term.detail is not None)
+        set_uniforms(program, **view, reflectance=term.reflectance)
+        if term.maps is not None:
+            set_uniforms(program, **map_uniforms(term.maps), n_strokes=cover.n_strokes)
+        if term.detail is not None:
+            set_uniforms(program, **_detail(term.detail), table=look.table.shape[:2])
+        first, last = cover.ranges[term.i_object]
+        self._cover_array(program).render(moderngl.TRIANGLES, vertices=3 * (last - first), first=3 * first)
+
+    def _cover_array(self, program: moderngl.Program) -> moderngl.VertexArray:
+        if program.glo not in self._cover_arrays:
+            kinds, names = _COVERED
+            used = [name for name in names if name in program]
+            layout = " ".join(
+                kind if name in program else kind.replace("f", "x")
+                for kind, name in zip(kinds.split(), names, strict=True)
+            )
+            made = self._context.vertex_array(program, [(self._buffers["covered"], layout, *used)])
+            self._cover_arrays[program.glo] = made
+        return self._cover_arrays[program.glo]
+
+    def _bind(self, bindings: dict[str, int]) -> None:
+        for name, binding in bindings.items():
+            self._buffers[name].bind_to_storage_buffer(binding)
+
+    def _term(self, has_maps: bool, has_detail: bool) -> moderngl.Program:
+        switches = {"HAS_MAPS": int(has_maps), "HAS_DETAIL": int(has_detail)}
+        return self._programs.get("deform/term.vert.glsl", "deform/term.frag.glsl", **switches)
 
     def _surface(self) -> moderngl.Program:
         return self._programs.get("deform/surface.vert.glsl", "deform/surface.frag.glsl")
@@ -135,11 +200,17 @@ class PosedPicture:
         """Free what was told of a scene."""
         if self._array is not None:
             self._array.release()
+        self._release_cover_arrays()
         for buffer in self._buffers.values():
             self._memory.release(buffer)
         self._buffers.clear()
         self._textures.release(self._sky)
-        self._array = self._sky = self._shape = self._look = None
+        self._array = self._sky = self._shape = self._look = self._cover = None
+
+    def _release_cover_arrays(self) -> None:
+        for array in self._cover_arrays.values():
+            array.release()
+        self._cover_arrays.clear()
 
     @property
     def memory_bytes(self) -> int:
@@ -151,6 +222,13 @@ class PosedPicture:
         self.forget()
         self._target.release()
         self._programs.release()
+
+
+def _detail(detail: ToldDetail) -> dict[str, object]:
+    return {
+        "map_first": detail.first, "map_shape": detail.shape, "n_lobes": detail.n_lobes, "repeats": detail.repeats,
+        "is_smooth": detail.is_smooth,
+    }  # fmt: skip
 
 
 def _view(camera: Camera, size: tuple[int, int], posed: PosedPart) -> dict[str, object]:

@@ -15,8 +15,9 @@ from itertools import product
 import moderngl
 import numpy as np
 
-from engine.orbit.parts import MeshPart, ToldMaps, ToldTerm
+from engine.orbit.parts import MeshPart, ToldTerm
 from engine.scene.description import Camera
+from ui.gl.layer_maps import map_uniforms
 from ui.gl.orbit.point_buffers import PointBuffers, Tables
 from ui.gl.program import ProgramCache, set_uniforms
 from ui.gl.view_target import ViewTarget, seen_from
@@ -137,7 +138,7 @@ class ShadedPicture:
             has_gloss=float(term.tables in buffers.tables),
         )  # fmt: skip
         if maps is not None:
-            set_uniforms(program, **_maps(maps), n_strokes=buffers.n_strokes)
+            set_uniforms(program, **map_uniforms(maps), n_strokes=buffers.n_strokes)
         if bumps is not None:
             set_uniforms(
                 program, slopes=bumps.slopes, slope_repeats=bumps.repeats, slope_scale=bumps.scale,
@@ -186,13 +187,6 @@ class ShadedPicture:
     def memory_bytes(self) -> int:
         """Of buffers and textures, without the targets' several samples a pixel."""
         return self.buffers.memory_bytes + self._target.memory_bytes
-
-
-def _maps(maps: ToldMaps) -> dict[str, object]:
-    return {
-        "tint": maps.texture, "tint_repeats": maps.scale, "tint_strength": maps.strength, "weight": maps.weight,
-        "weight_start": maps.start, "inverts": maps.inverts, "strokes": maps.strokes,
-    }  # fmt: skip
 
 
 def _view(camera: Camera, size: tuple[int, int], mesh: MeshPart) -> dict[str, object]:

@@ -1,0 +1,111 @@
+"""Pictures of points that bend, drawn by compiled code: what points send, triangles between them, and what is to be
+known pixel by pixel."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.deform.details import shaded
+from engine.deform.gloss import add_gloss
+from engine.deform.pixels import Pixels, pixels_of
+from engine.deform.points import BendingPoints
+from engine.deform.pose import Poses
+from engine.deform.posed_points import PosedPoints
+from engine.deform.raster import Drawn, draw, paint
+from engine.deform.shading import shade
+from engine.deform.subject import Singles, Subject, albedo
+from engine.render.error_colours import shown
+from engine.scene.description import CameraDescription
+from engine.scene.load import Scene
+
+Quality = Literal["moving", "rest"]
+
+
+class Pictures:
+    """Of one scene's points."""
+
+    def __init__(self, scene: Scene, points: BendingPoints) -> None:
+        self._points = points
+        self._white: tuple[tuple[object, ...], Singles] = (), np.zeros((0, 3), np.float32)
+        self.posed = PosedPoints(scene, points)
+
+    def draw(
+        self, of: Subject, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = (),
+        quality: Quality = "moving", turned: bool = True,
+    ) -> Singles:  # fmt: skip
+        """Radiance (H, W, 3); see `Deform.draw`."""
+        points, eye, fine = self._points, eye_of(of.scene, camera), 2 if quality == "rest" else 1
+        places, frames = self.posed.at(poses)
+        white = self._shaded(of, poses, frames if turned else points.resting_frames)
+        gloss = self._gloss(of, places, frames, eye, white)
+        drawn = draw(points.surface, places, camera, eye, (resolution[0] * fine, resolution[1] * fine))
+        picture = paint(drawn, points.surface, white, gloss, of.albedos, of.scene.emission, of.backdrop)
+        for i in of.layers_of:
+            self._add_by_pixel(of, i, drawn, white, picture, quality)
+        return _halved(picture) if fine == 2 else picture
+
+    def draw_errors(
+        self, of: Subject, camera: CameraDescription, resolution: tuple[int, int], poses: Poses = ()
+    ) -> Singles:
+        """How far the lobes of what is seen are off (H, W, 3); see `Deform.draw_errors`."""
+        drawn = draw(self._points.surface, self.posed.at(poses)[0], camera, eye_of(of.scene, camera), resolution)
+        errors = np.repeat(shown(of.errors).astype(np.float32)[:, None], 3, axis=1)
+        one = np.ones((len(of.scene.smooth), 3), np.float32)
+        picture = paint(drawn, self._points.surface, errors, np.zeros_like(errors), one, np.zeros_like(one))
+        for i, found in of.details.items():
+            if (pixels := pixels_of(i, drawn, self._points)) is not None:
+                of_pixels = shown(found.errors_at(pixels.uvs(of.scene))).astype(np.float32)
+                picture[pixels.rows, pixels.columns] = of_pixels[:, None]
+        return picture
+
+    def _shaded(self, of: Subject, poses: Poses, frames: Singles) -> Singles:
+        """What white matt points send (S, 3)."""
+        made_of = (poses, frames is self._points.frames, of.lobes, of.bands)
+        if self._white[0] != made_of:
+            self._white = made_of, np.maximum(shade(of.lobes, frames, of.bands), np.float32(0.0))
+        return self._white[1]
+
+    def _gloss(
+        self, of: Subject, places: Singles, frames: Singles, eye: NDArray[np.float64], white: Singles
+    ) -> Singles:
+        """What points send to the eye of layers that are not matt (S, 3)."""
+        sent = np.zeros_like(white)
+        normals = np.ascontiguousarray(frames[:, 2])
+        for i in of.layers_of:
+            for low, factor in of.glosses_of(i):
+                add_gloss(low, factor, self._points.of(i), places, normals, eye, of.bands, white, sent)
+        return sent
+
+    def _add_by_pixel(
+        self, of: Subject, i: int, drawn: Drawn, white: Singles, picture: Singles, quality: Quality
+    ) -> None:
+        layers = list(of.by_pixel(i))
+        pixels = pixels_of(i, drawn, self._points) if layers else None
+        if pixels is None:
+            return
+        matt = self._matt(of, i, pixels, white) * (pixels.points[:, :1] >= 0)
+        for layer in layers:
+            factor = pixels.factor(of.scene, layer.maps, quality == "moving")
+            picture[pixels.rows, pixels.columns] += np.maximum(matt * factor * albedo(layer), 0.0)
+
+    def _matt(self, of: Subject, i: int, pixels: Pixels, white: Singles) -> Singles:
+        """What white matt pixels send (N, 3)."""
+        if i not in of.details:
+            return np.einsum("nk,nki->ni", pixels.weights, white[pixels.points])
+        numbers, axes = self.posed.axes_of(i)
+        own = axes[numbers[pixels.triangle]]
+        return shaded(of.details[i], pixels.uvs(of.scene), own, pixels.weights, pixels.is_front, of.bands)
+
+
+def eye_of(scene: Scene, camera: CameraDescription) -> NDArray[np.float64]:
+    """Where a camera stands among a scene's vertices (3,)."""
+    return np.subtract(camera.position, scene.origin).astype(np.float64)
+
+
+def _halved(picture: Singles) -> Singles:
+    """With half as many pixels a side."""
+    height, width = picture.shape[0] // 2, picture.shape[1] // 2
+    return np.asarray(picture.reshape(height, 2, width, 2, 3).mean(axis=(1, 3)), np.float32)

@@ -1,0 +1,79 @@
+"""All that pictures of bending meshes are drawn of, as it is known by now."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.deform.details import Detail
+from engine.deform.gloss import LowGloss, low_gloss
+from engine.deform.raster import BLACK, Backdrop
+from engine.deform.shading import BandLight, Lobes
+from engine.material.layer import Layer
+from engine.orbit.slices import matt_reflectance
+from engine.render.surface_maps import mean_factor
+from engine.scene.load import Scene
+from engine.transport.pipeline import SkyState
+
+Singles = NDArray[np.float32]
+LayersOf = Mapping[int, Sequence[Layer]]
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """A scene in some light: the visible layers of its objects by their index, lobes of all points and errors (S,) of
+    their fit, details of the objects that have any. version: another one looks otherwise."""
+
+    version: int
+    scene: Scene
+    light: SkyState
+    bands: BandLight
+    layers_of: LayersOf
+    lobes: Lobes
+    errors: Singles
+    details: Mapping[int, Detail]
+
+    @property
+    def albedos(self) -> Singles:
+        """What objects (M, 3) make of the matt light of their points; that of detail, and of what images lie on, is
+        added pixel by pixel."""
+        found = np.zeros((len(self.scene.smooth), 3), np.float32)
+        for i, own in self.layers_of.items():
+            if i not in self.details:
+                found[i] = plain_albedo(own)
+        return found
+
+    @property
+    def backdrop(self) -> Backdrop:
+        environment, turn = self.light.environment, math.radians(self.light.rotation % 360.0)
+        return BLACK if environment is None else Backdrop(environment.radiance, turn, self.light.scale)
+
+    def by_pixel(self, i: int) -> Iterator[Layer]:
+        """The matt layers of an object whose light is known of no point: those that images lie on, of detail all."""
+        for layer in self.layers_of.get(i, ()):
+            if not is_glossy(layer) and (i in self.details or not layer.maps.is_plain):
+                yield layer
+
+    def glosses_of(self, i: int) -> Iterator[tuple[LowGloss, NDArray[np.floating]]]:
+        """Of an object's layers that are not matt, and by what images multiply them on average (3,)."""
+        for layer in filter(is_glossy, self.layers_of.get(i, ())):
+            yield low_gloss(layer, self.bands.table.shape[2]), mean_factor(self.scene, i, layer.maps)
+
+
+def plain_albedo(layers: Sequence[Layer]) -> NDArray[np.float64]:
+    """Of the matt ones without images, together (3,)."""
+    return sum((albedo(each) for each in layers if each.maps.is_plain), np.zeros(3))
+
+
+def albedo(layer: Layer) -> NDArray[np.float64]:
+    """Of a layer that is matt (3,), 0 of any other."""
+    found = matt_reflectance(layer)
+    return np.zeros(3) if found is None else np.asarray(found) * np.pi
+
+
+def is_glossy(layer: Layer) -> bool:
+    return matt_reflectance(layer) is None

@@ -1,0 +1,98 @@
+"""Images and strokes as shaders look them up: words of two buffers, and where in them those of a layer begin
+(`shaders/common/maps.glsl`)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.material.strokes import HARDEST
+
+if TYPE_CHECKING:
+    from engine.material.maps import LayerMaps
+    from engine.material.strokes import Strokes
+    from engine.texture.pyramid import Pyramid
+    from engine.texture.store import TextureStore
+
+Words = NDArray[np.uint32]
+
+_LEVELS = 16  # of an image, at most
+_STROKE_WORDS = 8
+
+
+@dataclass(frozen=True)
+class ToldMaps:
+    """What multiplies a layer, see `LayerMaps`: where its images begin among the words of all, −1 for none, and of its
+    strokes the first and the last, excluded."""
+
+    texture: int
+    scale: tuple[float, float]
+    strength: float
+    weight: int
+    start: float
+    inverts: bool
+    strokes: tuple[int, int]
+
+
+class ToldImages:
+    """Images and strokes, one behind another in the order in which they are asked for."""
+
+    def __init__(self, store: TextureStore) -> None:
+        self._store = store
+        self._begins: dict[Pyramid, int] = {}
+        self._n_words = self._n_strokes = 0
+        self.strokes: tuple[Strokes, ...] = ()
+
+    @property
+    def images(self) -> tuple[Pyramid, ...]:
+        return tuple(self._begins)
+
+    def maps(self, maps: LayerMaps) -> ToldMaps:
+        images, first = maps.images, self._n_strokes
+        if images.strokes:
+            self.strokes += (images.strokes,)
+            self._n_strokes += len(images.strokes.strokes)
+        return ToldMaps(
+            self.image(self._store.texture(images)), images.texture_scale, maps.texture_strength,
+            self.image(self._store.weight(images)), images.weight_start, maps.inverts, (first, self._n_strokes),
+        )  # fmt: skip
+
+    def image(self, image: Pyramid | None) -> int:
+        """Where it begins, −1 for none."""
+        if image is None:
+            return -1
+        if image not in self._begins:
+            self._begins[image] = self._n_words
+            self._n_words += 1 + 3 * _LEVELS + 2 * len(image.texels)
+        return self._begins[image]
+
+
+def image_words(images: tuple[Pyramid, ...]) -> Words:
+    """How many levels, of each height, width and first texel, and the texels: up to three half floats in two words."""
+    words = []
+    for image in images:
+        head = np.zeros(1 + 3 * _LEVELS, np.uint32)
+        sizes = np.array(image.shapes[:_LEVELS], np.uint32)
+        areas = sizes.prod(axis=1)
+        head[0] = len(sizes)
+        head[1 : 1 + 3 * len(sizes)] = np.column_stack([sizes, np.cumsum(areas) - areas]).ravel()
+        texels = np.zeros((len(image.texels), 4), np.float16)
+        texels[:, : image.n_channels] = np.clip(image.texels, -65504.0, 65504.0)
+        words += [head, texels.view(np.uint32).ravel()]
+    return np.concatenate(words) if words else np.zeros(0, np.uint32)
+
+
+def stroke_words(strokes: tuple[Strokes, ...]) -> Words:
+    """Of each stroke 8 words: first and last dab, radius, inner radius, strength, value, 0, 0; and all dabs behind."""
+    every = [stroke for each in strokes for stroke in each.strokes]
+    ends = np.cumsum([0, *(stroke.n_dabs for stroke in every)])
+    head = np.zeros((len(every), _STROKE_WORDS), np.float32)
+    for k, stroke in enumerate(every):
+        inner = min(stroke.hardness, HARDEST) * stroke.radius
+        head[k, :2] = ends[k : k + 2].astype(np.int32).view(np.float32)
+        head[k, 2:6] = stroke.radius, inner, stroke.strength, stroke.value
+    dabs = [stroke.array.ravel() for stroke in every]
+    return np.concatenate([head.ravel(), *dabs]).astype(np.float32).view(np.uint32)

@@ -1,0 +1,38 @@
+// Provides: the light of a pose, as `engine.deform.shading.BandLight` has it.
+
+const int ORDER = 6;  // `engine.deform.object_transfer.ORDER`
+
+layout(std430, binding = 3) readonly buffer Light { float light[]; };  // harmonics, then the table
+uniform ivec2 table;  // rows, columns
+
+const float PI = 3.14159265358979;
+
+vec3 light_at(int i) {
+    return vec3(light[3 * i], light[3 * i + 1], light[3 * i + 2]);
+}
+
+// The light of each band along a direction, between four entries; beyond a pole lies the other side.
+void look_up(vec3 d, out vec3 bands[ORDER]) {
+    float row = acos(clamp(d.z, -1.0, 1.0)) * (table.x / PI) - 0.5;
+    float column = (atan(d.y, d.x) + PI) * (table.y / (2.0 * PI)) - 0.5;
+    ivec2 first = ivec2(floor(row), floor(column));
+    vec2 share = vec2(row, column) - vec2(first);
+    for (int l = 0; l < ORDER; l++)
+        bands[l] = vec3(0.0);
+    for (int k = 0; k < 4; k++) {
+        ivec2 step = ivec2(k / 2, k % 2), at = first + step;
+        if (at.x < 0 || at.x >= table.x)
+            at = ivec2(clamp(at.x, 0, table.x - 1), at.y + table.y / 2);
+        at.y = (at.y + table.y) % table.y;
+        vec2 near = mix(1.0 - share, share, vec2(step));
+        int entry = ORDER * ORDER + (at.x * table.y + at.y) * ORDER;
+        for (int l = 0; l < ORDER; l++)
+            bands[l] += near.x * near.y * light_at(entry + l);
+    }
+}
+
+// What bands 0 and 1 that are kept as they are make of it, in axes that are the columns of frame.
+vec3 light_of_low(vec4 low, mat3 frame) {
+    vec3 linear = frame * vec3(-low.w, -low.y, low.z);
+    return low.x * light_at(0) - linear.y * light_at(1) + linear.z * light_at(2) - linear.x * light_at(3);
+}

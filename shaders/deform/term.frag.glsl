@@ -1,0 +1,36 @@
+#version 430 core
+// Provides: one matt layer of an object, times texture and weight; with detail, of lobes that lie on its texture
+// coordinates in place of those of its points.
+#if HAS_DETAIL
+#include "deform/detail.glsl"
+centroid in mat3 axes;
+#endif
+#if HAS_MAPS
+#include "common/maps.glsl"
+#endif
+
+centroid in vec3 front_white, back_white;
+in vec2 uv;
+in vec3 at;
+flat in vec3 outside;
+flat in ivec2 has_points;
+uniform vec3 reflectance;
+
+layout(location = 0) out vec4 radiance;
+
+void main() {
+    vec2 right = dFdx(uv), below = dFdy(uv);
+    bool is_front = !gl_FrontFacing;  // rows count downwards
+    if ((is_front ? has_points.x : has_points.y) == 0)
+        discard;
+#if HAS_DETAIL
+    vec3 sent = white_of_detail(uv, axes, is_front);
+#else
+    vec3 sent = is_front ? front_white : back_white;
+#endif
+    sent *= reflectance;
+#if HAS_MAPS
+    sent *= factor(uv, right, below, at, outside);
+#endif
+    radiance = vec4(max(sent, 0.0), 0.0);
+}

@@ -1,0 +1,32 @@
+#version 430 core
+// Provides: corners of the triangles that one layer lies on by texture coordinates, see `engine.deform.parts.CoverPart`.
+#include "deform/corner.glsl"
+
+layout(std430, binding = 2) readonly buffer Axes { float surface_axes[]; };  // along u, along v, outwards
+
+in ivec4 corner;        // its place, the point on its front and its back, -1 for none, and its axes
+in vec2 image_place;
+in vec3 position, face;
+
+centroid out vec3 front_white, back_white;
+out vec2 uv;
+out vec3 at;
+flat out vec3 outside;
+flat out ivec2 has_points;
+#if HAS_DETAIL
+centroid out mat3 axes;
+#endif
+
+void main() {
+    place(corner.x);
+    front_white = sent_by(corner.y, 0);
+    back_white = sent_by(corner.z, 0);
+    uv = image_place;
+    at = position;
+    outside = face;
+    has_points = ivec2(corner.y >= 0, corner.z >= 0);
+#if HAS_DETAIL
+    for (int i = 0; i < 9; i++)
+        axes[i / 3][i % 3] = surface_axes[9 * corner.w + i];
+#endif
+}

@@ -1,0 +1,12 @@
+"""What of a layer's images and strokes shaders are told (`shaders/common/maps.glsl`)."""
+
+from __future__ import annotations
+
+from engine.texture.told import ToldMaps
+
+
+def map_uniforms(maps: ToldMaps) -> dict[str, object]:
+    return {
+        "tint": maps.texture, "tint_repeats": maps.scale, "tint_strength": maps.strength, "weight": maps.weight,
+        "weight_start": maps.start, "inverts": maps.inverts, "strokes": maps.strokes,
+    }  # fmt: skip
