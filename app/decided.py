@@ -10,7 +10,7 @@ from typing import Any
 
 from app.document import Document
 from app.view_state import ViewState
-from engine.plan import Decisions
+from engine.plan import NEEDED_LINES, Decisions
 
 # The knobs of the view that a line of the plan stands over.
 KNOBS = {
@@ -30,5 +30,6 @@ def decided_view(view: ViewState, document: Document) -> ViewState:
 
 def decisions_of(view: ViewState, document: Document) -> Decisions:
     """What transport is asked for with; view: as `decided_view` has it."""
-    keeps_sphere = bool(dict(document.overrules).get("sphere", True))
-    return Decisions(view.n_lights, view.n_patches, view.n_bounces, keeps_sphere)
+    lines = dict(document.overrules)
+    keeps_sphere, overruled = bool(lines.get("sphere", True)), NEEDED_LINES & lines.keys()
+    return Decisions(view.n_lights, view.n_patches, view.n_bounces, keeps_sphere, overruled)

@@ -30,6 +30,7 @@ from engine.render.bounces import planned_bounces
 from engine.render.error_estimate import estimate_error
 from engine.render.image_files import exr_bytes, png_bytes
 from engine.render.indirect import indirect_radiance
+from engine.render.light_pilot import with_needed_light
 from engine.render.path_tracer import N_SAMPLES, render_paths
 from engine.render.picture_error import ErrorEstimate
 from engine.render.still import (
@@ -95,9 +96,10 @@ def render_project(
 
     series: None for as many bounces as the scene says, or requires; of the first bounce the document may say how many
     bands; by brute force bands do not matter. n_samples: paths a pixel, by brute force; without them direct light alone
-    is integrated over all directions, without noise. estimates_error: whether its error is estimated; not by brute
-    force, which knows its noise. caster: the rays of the scene's triangles, where there are some already; knobs: of
-    Orbit and Deform where they are others than usual, see `app.front`.
+    is integrated over all directions, without noise. n_lights, n_patches: at most, see `light_pilot`. estimates_error:
+    whether its error is estimated; not by brute force, which knows its noise. caster: the rays of the scene's
+    triangles, where there are some already; knobs: of Orbit and Deform where they are others than usual, see
+    `app.front`.
     """
     sky = project.sky
     plan = plan_still(project, n_lights, n_patches)
@@ -126,6 +128,7 @@ def render_project(
     layers = _at_most(layers, series.first or project.document.first_bands)
     if series.n_bounces > 1:
         indirect = finish(indirect_radiance(placement, layers, sky, series), report)
+    plan = finish(with_needed_light(placement, layers, sky, plan))
     quality = still_quality(plan)
     radiance = finish(reflected(placement, layers, sky, quality, indirect), report)
     if estimates_error:
@@ -175,10 +178,10 @@ def _at_most(layers: Sequence[StillLayer], most: int | None) -> tuple[StillLayer
 def plan_still(project: Project, n_lights: int = N_LIGHTS, n_patches: int = N_PATCHES) -> Plan:
     """The plan of a still, with so many lights and patches where nobody has overruled them."""
     has_sky = project.sky.environment is not None
-    overrides = {"patches": n_patches} | project.overruled
     return plan_scene(
-        project.scene, project.layers, has_sky=has_sky, still=True, n_lights=n_lights, overrides=overrides
-    )
+        project.scene, project.layers, has_sky=has_sky, still=True, n_lights=n_lights, n_patches=n_patches,
+        overrides=project.overruled,
+    )  # fmt: skip
 
 
 def wanted_bounces(project: Project, plan: Plan) -> int | None:

@@ -61,6 +61,8 @@ N_LIGHTS = 4000
 N_PATCHES = 768
 # Tracing the lights of the cut costs less than the sphere's 5,120 directions up to about this many of them.
 SPHERE_PAYS_FROM = 1280
+# Of which there may be fewer than are planned at first.
+NEEDED_LINES = frozenset({"lights", "patches"})
 N_FINE = 512
 
 Precision = Literal["half", "float"]
@@ -70,14 +72,16 @@ Precision = Literal["half", "float"]
 class Decisions:
     """What the light of a picture is computed by: those lines of the plan that transport depends on, whoever decided.
 
-    n_lights, n_patches: that sky and emitters are cut into at last; keeps_sphere: whether shadows from every direction
-    are found and kept, else those of the lights alone; n_bounces: 0 for as many as the scene requires.
+    n_lights, n_patches: that sky and emitters are cut into at last, or fewer where these do (`render.light_pilot`) and
+    no person has overruled it; keeps_sphere: whether shadows from every direction are found and kept, else those of
+    the lights alone; n_bounces: 0 for as many as the scene requires.
     """
 
     n_lights: int = N_LIGHTS
     n_patches: int = N_PATCHES
     n_bounces: int = 1
     keeps_sphere: bool = True
+    overruled: frozenset[str] = frozenset()
 
     @property
     def lit(self) -> Decisions:
@@ -148,7 +152,17 @@ class Plan:
     @property
     def decisions(self) -> Decisions:
         """What its light is computed by."""
-        return Decisions(self.n_lights or N_LIGHTS, self.n_patches or N_PATCHES, self.bounces or 0, self.needs_sphere)
+        n_lights, n_patches = self.n_lights or N_LIGHTS, self.n_patches or N_PATCHES
+        return Decisions(n_lights, n_patches, self.bounces or 0, self.needs_sphere, self.overruled & NEEDED_LINES)
+
+    def with_need(self, decisions: Decisions, reasons: Mapping[str, str]) -> Plan:
+        """With as many lights and patches as were found to be needed."""
+        n_lights, n_patches = self.n_lights and decisions.n_lights, self.n_patches and decisions.n_patches
+        needs_sphere = self.needs_sphere and decisions.keeps_sphere
+        reasons = {**self.reasons, **reasons}
+        if needs_sphere != self.needs_sphere:
+            reasons["sphere"] = _sphere_reason(True, needs_sphere)
+        return replace(self, n_lights=n_lights, n_patches=n_patches, needs_sphere=needs_sphere, reasons=reasons)
 
     def layer(self, key: str) -> LayerPlan:
         """The plan of one layer, which must be in it."""
@@ -209,6 +223,7 @@ def plan_scene(
     editable: Collection[str] = (),
     still: bool = False,
     n_lights: int = N_LIGHTS,
+    n_patches: int = N_PATCHES,
     overrides: Mapping[str, LineValue] | None = None,
 ) -> Plan:
     """The plan for the layers by key ("object.index"); `editable` names the keys that a person will edit; `still`:
@@ -222,7 +237,7 @@ def plan_scene(
     plan = Plan(
         layers=tuple(_plan_layer(key, layer, key in editable, still) for key, layer in layers.items()),
         n_lights=n_lights if has_sky else 0,
-        n_patches=N_PATCHES if has_emitters else 0,
+        n_patches=n_patches if has_emitters else 0,
         needs_sphere=needs_sphere,
         precision="half",
         bounces=scene.description.bounces,

@@ -10,6 +10,7 @@ from app.project import Project
 from app.stills import wanted_bounces
 from engine.plan import N_LIGHTS, Plan, plan_scene
 from engine.render.bounces import planned_bounces
+from engine.render.light_pilot import with_needed_light
 from engine.render.pilot import estimate_cost
 from engine.render.still import StillProgress, still_layers, with_maps
 from engine.steps import finish
@@ -41,4 +42,5 @@ def plan_project(
     said = bounces.reason or ("as the session says" if wanted == project.n_bounces else plan.reasons["bounces"])
     reason = "; ".join(filter(None, (said, bounces.warning)))
     plan = replace(plan, bounces=bounces.n_bounces, reasons={**plan.reasons, "bounces": reason})
+    plan = finish(with_needed_light(placement, planned_layers, sky, plan))
     return finish(estimate_cost(placement, planned_layers, sky, plan, opening_seconds=opening_seconds), report)

@@ -103,7 +103,7 @@ def _with_own_bands(state: LayerState, placement: Placement) -> StillLayer:
 
 def _quality(data: LayerData) -> Quality:
     """How finely a layer's light was computed; of few lights the preview is the last stage."""
-    stage, decisions = STAGES[data.stage], data.lit_by.decisions
+    stage, decisions = STAGES[data.stage], data.lit_by.decided or data.lit_by.decisions
     return final_quality(decisions) if stage is FINAL else replace(stage, n_lights=decisions.n_lights)
 
 

@@ -8,7 +8,7 @@ only gets bands keeps its picture until the last stage brings them.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -34,11 +34,15 @@ Part = dict[str, np.ndarray]
 
 @dataclass(frozen=True)
 class LitBy:
-    """What light a layer's transport was asked for: equal ones light equally in the same stage."""
+    """What light a layer's transport was asked for: equal ones light equally in the same stage.
+
+    decided: how much of it the last stage has, where that need not be all that was asked for.
+    """
 
     light: LightState
     decisions: Decisions
     emission: tuple[tuple[str, tuple[float, float, float]], ...] = ()
+    decided: Decisions | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, eq=False)

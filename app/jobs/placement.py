@@ -26,6 +26,7 @@ from app.jobs.cache import content_key
 from app.jobs.kernels import COMPILING, ESTIMATE, FIRST_TIME, INDIRECT, PAINTING, RELIGHTING
 from app.jobs.layer_data import RELIT, STAGES, LayerData, LitBy, both_curves, joined, kept_of_tile, shape_of, store_of
 from app.jobs.layer_parts import LayerParts
+from app.jobs.light_plan import LightPlans
 from app.jobs.measured import ensure_tables
 from app.jobs.relighting import Relighting
 from app.jobs.schedule import Handlers, Steps
@@ -36,6 +37,7 @@ from app.placement.messages import (
     Contract,
     EstimateError,
     Freeze,
+    LightPlanned,
     PlanBands,
     PrepareRelighting,
     RelightingPrepared,
@@ -46,7 +48,8 @@ from app.placement.messages import (
 from app.scene_state import LayerState
 from engine.light.environment import downsampled
 from engine.material.layer import Layer
-from engine.plan import Precision, band_counts
+from engine.plan import Decisions, Precision, band_counts
+from engine.render.light_pilot import LightNeed
 from engine.scene.load import Scene
 from engine.steps import told_as
 from engine.stored_arrays import ArrayReader, Arrays, n_bytes_of
@@ -79,6 +82,7 @@ class PlacementWork(ModeWork):
         self._told: set[str] = set()
         self._maps: MapTasks | None = None
         self._relighting = Relighting()
+        self._light_plans = LightPlans(bench)
 
     @property
     def handlers(self) -> Handlers:
@@ -95,6 +99,7 @@ class PlacementWork(ModeWork):
     def scene_seen(self) -> None:
         self._layers, self._current, self._light = {}, {}, None
         self._indirect, self._maps, self._relighting = None, None, Relighting()
+        self._light_plans = LightPlans(self._bench)
         self._selected = {}
         self._recall_visibility(self._bench.open_placement)
 
@@ -172,13 +177,21 @@ class PlacementWork(ModeWork):
         lit_by = LitBy(scene.light, request.lit, scene.emission)
         yield from self._tell_held(placement, request, lit_by)
         yield from self._kernels_ready()
-        yield from self._tell_kept(placement, request, sky, lit_by)
+        need = self._light_plans.known(request, sky)
+        if need is not None:
+            yield from _told_need(need, decisions)
+            yield from self._tell_kept(placement, request, sky, replace(lit_by, decided=need.decided(decisions)))
         yield from self._tell_relit(request, sky, lit_by)
         n_bounces, bounces_told = decisions.n_bounces, decisions.n_bounces == 1
         for quality, exact in _stages(request)[-1 if self._bench.fills else 0 :]:
             started = time.monotonic()
             works = self._selected_first(request)
             due = [work for work in works if not self._is_spared(work, lit_by, quality.name, exact)]
+            if due and quality.name == FINAL.name:
+                if need is None:
+                    need = yield from self._light_plans.found(request, sky)
+                    yield from _told_need(need, decisions)
+                lit_by, quality = _decided(lit_by, need.decided(decisions))
             if due:
                 yield from self._stage(placement, due, sky, lit_by, quality)
             if not bounces_told and quality is not DRAG:
@@ -225,6 +238,8 @@ class PlacementWork(ModeWork):
     def _tell_kept(self, placement: Placement, request: ComputeTransport, sky: SkyState, lit_by: LitBy) -> Steps:
         """Answer with what the disk has of the last stage: a view that was computed before is there at once."""
         quality, _ = _stages(request)[-1]
+        if quality.name == FINAL.name and lit_by.decided is not None:
+            quality = final_quality(lit_by.decided)
         light_key = self._light_key(sky, placement.scene, quality)
         unit = None if quality.name != FINAL.name or self._bench.fills else self._cache.get(_unit_key(light_key), _unit)
         if unit is None:
@@ -415,6 +430,16 @@ def _stages(request: ComputeTransport) -> list[tuple[Quality, bool]]:
         return [(coarse, False), (preview, True)]
     final = final_quality(request.decisions)
     return [(coarse, False), (preview, False), (final, True)]
+
+
+def _decided(lit_by: LitBy, decisions: Decisions) -> tuple[LitBy, Quality]:
+    """The light of a last stage once it is known how much of it is needed."""
+    return replace(lit_by, decided=decisions), final_quality(decisions)
+
+
+def _told_need(need: LightNeed, most: Decisions) -> Iterator[LightPlanned]:
+    if need.off:
+        yield LightPlanned(need.lights, need.patches, tuple(need.reasons(most).items()))
 
 
 def _transport_key(light_key: str, work: LayerState) -> str:

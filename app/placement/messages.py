@@ -188,6 +188,15 @@ class LayerTransport(Response):
 
 
 @dataclass(frozen=True)
+class LightPlanned(Response):
+    """How many of the lights and patches that were asked for the last stage has, and why, by line of the plan."""
+
+    n_lights: int
+    n_patches: int
+    reasons: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True)
 class BouncesPlanned(Response):
     """How many bounces the scene requires, and why; of as many as were asked for, that number. warning: what of the
     light is missing after them, empty where that is little."""

@@ -163,14 +163,22 @@ def layer_radiance(
     hits: PrimaryHits, rows: NDArray[np.integer], each: StillLayer, tile: BandTile, unit: float
 ) -> NDArray[np.floating]:
     """What a layer reflects at the rows of a tile, (p, 3); unit: that of its transport."""
-    return _contract(each, tile) * unit * seen_as(hits, rows, each)
+    return reflected_with(hits, rows, each, tile, unit, curves_of(each))
 
 
-def _contract(each: StillLayer, tile: BandTile) -> NDArray[np.float32]:
-    """A tile's radiance (p, 3) without f_q and f_o, in the light's units."""
+def reflected_with(
+    hits: PrimaryHits, rows: NDArray[np.integer], each: StillLayer, tile: BandTile, unit: float,
+    curves: Sequence[NDArray[np.float64]],
+) -> NDArray[np.floating]:  # fmt: skip
+    """The same under other curves (J, 3) than its own."""
+    contracted = BandStore(each.bands, (replace(tile, begin=0),)).radiance(curves[0], (*curves, np.ones((1, 3)))[1])
+    return contracted * unit * seen_as(hits, rows, each)
+
+
+def curves_of(each: StillLayer) -> tuple[NDArray[np.float64], ...]:
+    """Band values (J, 3) of the one or two curves of a layer."""
     factors = each.layer.model.factors
-    curves = [each.layer.coefficients(factor.name, n) for factor, n in zip(factors, each.bands, strict=False)]
-    return BandStore(each.bands, (replace(tile, begin=0),)).radiance(curves[0], (*curves, np.ones((1, 3)))[1])
+    return tuple(each.layer.coefficients(factor.name, n) for factor, n in zip(factors, each.bands, strict=False))
 
 
 def seen_as(hits: PrimaryHits, rows: NDArray[np.integer], each: StillLayer) -> NDArray[np.float64]:

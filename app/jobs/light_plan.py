@@ -1,0 +1,81 @@
+"""How many lights and patches the pictures of the view that is open need: tried once, and kept as long as edits leave
+what the answer hangs on, in a file too, so that whoever opens the scene again looks for the transport that there is.
+
+It hangs on the view, on what shines, on which layers can be edited and on their models; not on curves and parameters,
+which change under a hand, nor on where a sky has been turned to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+import numpy as np
+
+from app.jobs.bench import Bench
+from app.jobs.cache import content_key
+from app.jobs.layer_data import shape_of
+from app.placement.messages import ComputeTransport
+from engine.render.light_pilot import LEAST, LightNeed, needed_light, pays
+from engine.render.still import StillLayer
+from engine.stored_arrays import ArrayReader, Arrays
+from engine.transport.pipeline import SkyState
+
+LINES = tuple(LEAST)
+
+
+class LightPlans:
+    """What is known of the view that is open on the bench."""
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+        self._known: dict[str, LightNeed] = {}
+
+    def known(self, request: ComputeTransport, sky: SkyState) -> LightNeed | None:
+        """What the picture of a request needs, None where that was not tried yet."""
+        decisions = request.decisions
+        if not pays(self._bench.open_placement) or decisions.overruled >= set(LINES):
+            return LightNeed(decisions.n_lights, decisions.n_patches)
+        key = self._key(request, sky)
+        need = self._known.get(key) or self._bench.store.get(key, _need_of)
+        if need is not None:
+            self._known[key] = need
+        return need
+
+    def found(self, request: ComputeTransport, sky: SkyState) -> Generator[None, None, LightNeed]:
+        """The same; tried where it is not known."""
+        need = self.known(request, sky)
+        if need is None:
+            placement = self._bench.open_placement
+            layers = [
+                StillLayer(placement.scene.object_index(each.object), each.layer, shape_of(each).bands, not each.fixed)
+                for each in request.scene.visible
+            ]
+            need = yield from needed_light(placement, layers, sky, request.decisions)
+            key = self._key(request, sky)
+            self._known[key] = need
+            self._bench.store.put(key, _arrays_of(need))
+        return need
+
+    def _key(self, request: ComputeTransport, sky: SkyState) -> str:
+        decisions, radiance = request.decisions, None if sky.environment is None else sky.environment.radiance
+        layers = tuple((each.key, each.model, each.bands, each.fixed) for each in request.scene.visible)
+        shining = tuple(name for name, emission in request.scene.emission if any(emission))
+        return content_key(
+            "light need", self._bench.view_key, radiance, sky.scale, shining, layers, decisions.n_lights,
+            decisions.n_patches, decisions.keeps_sphere, tuple(sorted(decisions.overruled)),
+        )  # fmt: skip
+
+
+def _arrays_of(need: LightNeed) -> dict[str, np.ndarray]:
+    off = dict(need.off)
+    return {
+        "numbers": np.array([need.lights, need.patches], np.int64),
+        "off": np.array([off.get(line, -1.0) for line in LINES], np.float64),
+    }
+
+
+def _need_of(arrays: Arrays) -> LightNeed:
+    reader = ArrayReader(arrays)
+    lights, patches = map(int, reader.take("numbers", np.int64, 2))
+    off = zip(LINES, reader.take("off", np.float64, 2).tolist(), strict=True)
+    return LightNeed(lights, patches, tuple((line, error) for line, error in off if error >= 0.0))

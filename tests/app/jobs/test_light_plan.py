@@ -1,0 +1,99 @@
+"""The worker computes the last stage with as many lights as the picture needs, and finds that again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.document import LightState
+from app.jobs import light_plan
+from app.jobs.cache import Store
+from app.jobs.labour import Here
+from app.jobs.tasks import Tasks
+from app.messages import Response
+from app.placement.messages import ComputeTransport, LayerPicture, LightPlanned
+from app.scene_state import SceneState
+from engine.plan import Decisions
+from engine.render import light_pilot
+from engine.transport.pipeline import Placement, Quality, SkyState
+from tests.app.jobs.ball_and_lamp import work
+from tests.opened import open_in_process, run_in_process
+from tests.scene_text import ground
+
+MOST = Decisions(4000, keeps_sphere=True)
+
+
+class Noting(Here):
+    """Notes how finely light is seen."""
+
+    def __init__(self) -> None:
+        self.seen: list[Quality] = []
+
+    def light(self, placement: Placement, sky: SkyState, quality: Quality):  # type: ignore[no-untyped-def]
+        self.seen.append(quality)
+        return super().light(placement, sky, quality)
+
+
+@pytest.fixture(autouse=True)
+def every_picture_is_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(light_pilot, "PAYS_FROM", 1)
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> str:
+    (tmp_path / "scene.toml").write_text(ground((40, 30)))
+    return str(tmp_path / "scene.toml")
+
+
+def opened(scene: str, store: Store) -> tuple[Tasks, Noting]:
+    labour = Noting()
+    tasks = Tasks(store, labour=labour)
+    open_in_process(tasks, scene)
+    return tasks, labour
+
+
+def compute(**decided: object) -> ComputeTransport:
+    layers = (work("ground.0", "lambert"),)
+    decisions = replace(MOST, **decided)  # type: ignore[arg-type]
+    return ComputeTransport(SceneState(LightState(), layers), "ground.0", "theta_i", 80, decisions)
+
+
+def last_picture(answers: list[Response]) -> np.ndarray:
+    return [answer.radiance for answer in answers if isinstance(answer, LayerPicture) and answer.stage == "final"][-1]
+
+
+def test_the_last_stage_has_as_many_lights_as_are_needed(scene: str, tmp_path: Path) -> None:
+    store = Store(tmp_path / "cache")
+    tasks, labour = opened(scene, store)
+    answers = run_in_process(tasks, compute())
+    (planned,) = (answer for answer in answers if isinstance(answer, LightPlanned))
+    assert planned.n_lights == 500 and dict(planned.reasons)["lights"].endswith("of what 4,000 show")
+    assert [(each.name, each.n_lights) for each in labour.seen][-1] == ("final", 500)
+    # What a person sets is computed, and differs by next to nothing.
+    tasks, labour = opened(scene, Store(tmp_path / "other"))
+    exact = run_in_process(tasks, compute(overruled=frozenset({"lights", "patches"})))
+    assert labour.seen[-1].n_lights == 4000 and not [each for each in exact if isinstance(each, LightPlanned)]
+    truth, found = last_picture(exact), last_picture(answers)
+    assert np.sqrt(np.mean((found - truth) ** 2)) / truth.mean() < 0.005
+
+
+def test_what_was_found_is_found_again(scene: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the same worker after an edit, by another one on disk, and so is the transport that was made by it."""
+    store = Store(tmp_path / "cache")
+    tasks, _ = opened(scene, store)
+    first = run_in_process(tasks, compute())
+
+    def refuse(*arguments: object) -> None:
+        raise AssertionError("it was tried again")
+
+    monkeypatch.setattr(light_plan, "needed_light", refuse)
+    brighter = replace(compute(), scene=SceneState(LightState(), (work("ground.0", "lambert", albedo=[0.9] * 3),)))
+    run_in_process(tasks, brighter)
+    other, labour = opened(scene, store)
+    again = run_in_process(other, compute())
+    assert labour.seen == [] or {each.name for each in labour.seen} <= {"coarse", "preview"}
+    assert next(answer for answer in again if isinstance(answer, LightPlanned)).n_lights == 500
+    np.testing.assert_array_equal(last_picture(again), last_picture(first))

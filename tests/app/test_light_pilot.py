@@ -1,0 +1,104 @@
+"""As many lights as a picture needs: few under an even sky, all under a small bright one, and what a person says."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.project import Project, open_project
+from engine.plan import Decisions, plan_scene
+from engine.render import light_pilot
+from engine.render.light_pilot import LightNeed, needed_light
+from engine.render.still import reflected, still_layers
+from engine.steps import finish
+from engine.transport.pipeline import Placement, final_quality
+from tests.scene_text import ground, placed
+
+POST = placed("post", "cube", "0.3,0,0,0, 0,0.8,0,0.4, 0,0,0.3,0, 0,0,0,1", 'layer = [{ model = "lambert" }]\n')
+LAMP = """
+[[object]]
+name = "lamp"
+primitive = "quad"
+transform = [0.5,0,0,-0.4, 0,0,0.5,1.2, 0,-0.5,0,-0.4, 0,0,0,1]
+emission = [40, 30, 20]
+"""
+
+
+@pytest.fixture(autouse=True)
+def every_picture_is_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(light_pilot, "PAYS_FROM", 1)
+
+
+def needed(folder: Path, text: str, most: Decisions, is_still: bool = True) -> tuple[LightNeed, Project, Placement]:
+    (folder / "scene.toml").write_text(text)
+    project = open_project(str(folder / "scene.toml"))
+    placement = Placement(project.scene)
+    return _tried(project, placement, most, is_still), project, placement
+
+
+def _tried(project: Project, placement: Placement, most: Decisions, is_still: bool) -> LightNeed:
+    return finish(needed_light(placement, _layers(project), project.sky, most, is_still))
+
+
+def _layers(project: Project):  # type: ignore[no-untyped-def]
+    plan = plan_scene(project.scene, project.layers, has_sky=True, editable=project.editable)
+    return still_layers(project.layers.items(), project.object_names, plan)
+
+
+def picture(project: Project, placement: Placement, decisions: Decisions) -> np.ndarray:
+    return finish(reflected(placement, _layers(project), project.sky, final_quality(decisions)))
+
+
+def test_an_even_sky_needs_few_and_the_whole_picture_says_so(tmp_path: Path) -> None:
+    most = Decisions(4000)
+    need, project, placement = needed(tmp_path, ground((64, 48)) + POST, most)
+    assert need.lights == 1000 and dict(need.off)["lights"] <= light_pilot.TOLERANCE
+    assert need.decided(most, True) == Decisions(1000, keeps_sphere=False)
+    assert need.decided(most) == Decisions(1000)
+    assert not placement.sphere.done.any()  # its own shadows are not touched
+    few, all_of_them = (picture(project, Placement(project.scene), each) for each in (need.decided(most, True), most))
+    assert np.sqrt(np.mean((few - all_of_them) ** 2)) / all_of_them.mean() < 0.005
+    assert need.reasons(most)["lights"].startswith("within 0.") and "4,000" in need.reasons(most)["lights"]
+
+
+def test_gloss_that_can_be_edited_is_tried_sharper(tmp_path: Path) -> None:
+    """Half as wide and three times as high it shows more of each light, so that fewer of them are further off."""
+    (tmp_path / "scene.toml").write_text(ground((64, 48), gloss=True) + POST)
+    project = open_project(str(tmp_path / "scene.toml"))
+    placement, most, few = Placement(project.scene), Decisions(4000), Decisions(500)
+    errors = {}
+    for editable in (False, True):
+        layers = tuple(replace(each, editable=editable) for each in _layers(project))
+        trials = light_pilot._Trials(placement, layers, project.sky, False, 1)
+        truth, trial = (finish(trials.pictures(each)) for each in (most, few))
+        errors[editable] = light_pilot.deviations(trial, truth)
+    assert errors[False][0] == errors[False][1] == errors[True][0] < errors[True][1]
+
+
+def test_patches_that_make_the_shadow_are_kept(tmp_path: Path) -> None:
+    """The edge of a shadow near the lamp is as fine as its patches: with fewer the points on it change."""
+    most = Decisions(4000, 768)
+    need, _, _ = needed(tmp_path, ground((64, 48), radiance="[0.0, 0.0, 0.0]") + POST + LAMP, most)
+    errors = dict(need.off)
+    assert (need.patches < 768) == (errors["patches"] <= light_pilot.TOLERANCE)
+    assert need.lights == 500  # a black sky needs none at all
+
+
+def test_what_a_person_has_set_stays(tmp_path: Path) -> None:
+    most = Decisions(4000, overruled=frozenset({"lights"}))
+    need, _, _ = needed(tmp_path, ground((64, 48)), most)
+    assert need == LightNeed(4000, most.n_patches) and need.reasons(most) == {}
+
+
+def test_small_pictures_are_not_tried(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(light_pilot, "PAYS_FROM", 64 * 48 + 1)
+    need, _, _ = needed(tmp_path, ground((64, 48)), Decisions(4000))
+    assert need == LightNeed(4000, 768)
+
+
+def test_the_reasons_name_what_fewer_would_cost() -> None:
+    need = LightNeed(4000, 96, (("lights", 0.0112), ("patches", 0.001)))
+    assert need.reasons(Decisions(4000, 768)) == {
+        "lights": "2,000 would change the picture by 1.1 %", "patches": "within 0.1 % of what 768 show"
+    }  # fmt: skip
