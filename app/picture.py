@@ -5,7 +5,7 @@ Those of every mode stand here; what else a mode tells its renderer stands with 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,11 @@ from engine.scene.picture_frame import PictureFrame
 
 @dataclass(frozen=True, eq=False)
 class PictureEvent:
-    """Something that the picture is made of has come or changed."""
+    """Something that the picture is made of has come or changed.
+
+    with_next: not to be seen without the event that follows."""
+
+    with_next: bool = field(default=False, kw_only=True)
 
 
 @dataclass(frozen=True, eq=False)

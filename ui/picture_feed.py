@@ -243,10 +243,11 @@ class PictureFeed:
         return bool(self._waiting) and isinstance(self._waiting[0], SceneFrame)
 
     def _take_waiting(self, editor: Editor, until: float) -> None:
-        """Take what waits until that time, one event at least."""
+        """Take what waits until that time, one event at least with all that it is not to be seen without."""
         while self._waiting:
-            self._take(editor, self._waiting.popleft())
-            if time.perf_counter() >= until:
+            event = self._waiting.popleft()
+            self._take(editor, event)
+            if time.perf_counter() >= until and not event.with_next:
                 return
 
     def _take(self, editor: Editor, event: PictureEvent) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from itertools import zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
@@ -138,14 +139,20 @@ class MapTalk:
                 if found[key] is None:
                     del found[key]
         waits = _out_of_step(wanted, found)
-        for key, samples in found.items():
-            if key in waits:
-                continue
-            if samples is None and key in self._shown:
+        changed = [key for key in found if key not in waits and found[key] is not self._shown.get(key)]
+        for key, following in zip_longest(changed, changed[1:]):
+            samples = found[key]
+            if samples is None:
                 events.append(self._drop(key))
-            elif samples is not None and self._shown.get(key) is not samples:
-                self._shown[key] = samples
-                events.append(LayerMapsChanged(key, samples.samples, samples.images.has_weight, samples.thumbnails))
+                continue
+            self._shown[key] = samples
+            with_next = following is not None and _painted_as(wanted, key) == _painted_as(wanted, following)
+            events.append(
+                LayerMapsChanged(
+                    key, samples.samples, samples.images.has_weight, samples.thumbnails,
+                    with_next=with_next and bool(wanted[key].strokes),
+                )
+            )  # fmt: skip
         self._missing = tuple((key, images) for (_, images), key in missing.items())
         if not self._hand_is_ahead(missing):
             if self._missing and self._missing != self._asked:
@@ -198,8 +205,13 @@ def _out_of_step(wanted: dict[str, LayerMaps], found: dict[str, MapsSampled | No
         here = found.get(key)
         if maps.strokes and (key not in found or here is not None):
             step = None if here is None else here.images.strokes
-            reached.setdefault((object_of(key), maps.strokes), set()).add(step)
-    return {key for key, maps in wanted.items() if len(reached.get((object_of(key), maps.strokes), ())) > 1}
+            reached.setdefault(_painted_as(wanted, key), set()).add(step)
+    return {key for key in wanted if len(reached.get(_painted_as(wanted, key), ())) > 1}
+
+
+def _painted_as(wanted: dict[str, LayerMaps], key: str) -> tuple[str, Strokes]:
+    """The same of layers that one brush paints."""
+    return object_of(key), wanted[key].strokes
 
 
 def _only_chose(key: str, images: Images, before: Document, after: Document) -> bool:

@@ -16,6 +16,7 @@ from app.commands.light import SetEnvironment, SetIntensity, SetRotation
 from app.commands.material import SetMaterial, new_layer
 from app.editor import Editor
 from app.messages import SkyImage
+from app.placement.events import LayerMapsChanged
 from app.placement.messages import ComputeTransport
 from app.view_state import SetView
 from tests.app.fake_worker import FakeClient
@@ -72,6 +73,21 @@ def test_the_picture_is_the_sum_of_its_layers(window: HeadlessWindow) -> None:
     shown = exact_picture(window)
     assert shown.shape == (HEIGHT, WIDTH, 3)
     np.testing.assert_allclose(shown, expected_picture(window), rtol=HALF_FLOAT, atol=1e-5)
+
+
+def test_what_is_not_to_be_seen_apart_comes_in_one_frame(
+    window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    exact_picture(window)
+    editor, taken = window.shell.editor, []
+    events = [LayerMapsChanged(str(i), None, with_next=i in (0, 1)) for i in range(4)]
+    monkeypatch.setattr(picture_feed, "TAKING_SECONDS", -1.0)  # each event takes longer than a frame has
+    monkeypatch.setattr(editor, "tick", lambda now: [events.pop() for _ in range(len(events))][::-1])
+    monkeypatch.setattr(feed(window).source, "take", lambda editor, event: taken.append(event.key))
+    feed(window).take(editor, 0.0)
+    assert taken == ["0", "1", "2"]
+    feed(window).take(editor, 0.0)
+    assert taken == ["0", "1", "2", "3"]
 
 
 def test_the_picture_follows_a_dragged_curve(window: HeadlessWindow) -> None:

@@ -150,7 +150,9 @@ def test_layers_that_are_painted_together_change_together(editor: Editor, client
         client.answer(request, MapsSampled(first, its_images, np.ones((4, 4), np.float16), MEANS, {}))
         assert ticks(editor) == []
         client.answer(request, MapsSampled(second, others, np.ones((4, 4), np.float16), MEANS, {}))
-        assert {event.key for event in ticks(editor)} == {"pot.0", "pot.1"}
+        events = ticks(editor)
+        assert {event.key for event in events} == {"pot.0", "pot.1"}
+        assert [event.with_next for event in events] == [True, False]  # in one frame
 
 
 def test_a_new_worker_is_not_asked_twice(editor: Editor, client: FakeClient) -> None:
