@@ -32,12 +32,13 @@ class Suns(NamedTuple):
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 def shade_corners(
-    start: int, stop: int, points: NDArray[np.int64], first: NDArray[np.int64], members: NDArray[np.int64], wo: Floats,
-    n_most: int, frame: Floats, slots: NDArray[np.int32], kept: Kept, suns: Suns, t: Tables, radiance: Floats,
-    sharp: Words,
+    start: int, stop: int, points: NDArray[np.int64], first: NDArray[np.int64], members: NDArray[np.int64],
+    mirrored: Floats, n_most: int, frame: Floats, slots: NDArray[np.int32], kept: Kept, suns: Suns, t: Tables,
+    radiance: Floats, sharp: Words,
 ) -> None:  # fmt: skip
-    """Fill radiance (3 N, 3): what points send along wo (N, 3) of the world by their first n_most coefficients, and of
-    the suns that they see by slices that differ little; and sharp (3 N, 2): bits of the suns that differ more.
+    """Fill radiance (3 N, 3): what points send of their first n_most coefficients to where they show in the mirror the
+    directions (N, 3) of the world, and of the suns that they see by slices that differ little; and sharp (3 N, 2): bits
+    of the suns that differ more.
 
     The point points[j] is asked by members[first[j]:first[j + 1]] of the 3 N corners. These look at it from about one
     side: most find a cell that another of them has paid for.
@@ -56,11 +57,11 @@ def shade_corners(
         n_seen = _suns_seen(suns, p, f, seen, place)
         for at in range(first[j], first[j + 1]):
             r = members[at]
-            a, b, c = wo[r // 3, 0], wo[r // 3, 1], wo[r // 3, 2]
+            a, b, c = mirrored[r // 3, 0], mirrored[r // 3, 1], mirrored[r // 3, 2]
             x = f[0, 0] * a + f[0, 1] * b + f[0, 2] * c
             y = f[1, 0] * a + f[1, 1] * b + f[1, 2] * c
             z = f[2, 0] * a + f[2, 1] * b + f[2, 2] * c
-            cell = cell_at(x, y, z, t)
+            cell = cell_at(-x, y, -z, t)
             key = (cell.symmetry * 64 + cell.row) * 64 + cell.column
             i = 0
             while i < n_cells and keys[i] != key:

@@ -243,17 +243,3 @@ def suns(
             total = lanes.plus_product(total, light, reflected_between(cell, child_at(x, y, z, children) >> 2, t))
         lanes.store(colour, 0, total)
         out[n, 0], out[n, 1], out[n, 2] = colour[0], colour[1], colour[2]
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-def mirrored_eyes(wo: Floats, turned: Floats, normals: Floats, out: Floats) -> None:
-    """Fill out (N, 3): from where a surface of normal (N, 3) would show in the mirror what the turned one shows."""
-    for n in range(len(wo)):
-        g, h = turned[n], normals[n]
-        along = np.float32(2.0) * (g[1, 0] * wo[n, 0] + g[1, 1] * wo[n, 1] + g[1, 2] * wo[n, 2])
-        x, y, z = along * g[1, 0] - wo[n, 0], along * g[1, 1] - wo[n, 1], along * g[1, 2] - wo[n, 2]
-        back = np.float32(2.0) * (h[0] * x + h[1] * y + h[2] * z)
-        out[n, 0], out[n, 1], out[n, 2] = back * h[0] - x, back * h[1] - y, back * h[2] - z
-        length = math.sqrt(out[n, 0] ** 2 + out[n, 1] ** 2 + out[n, 2] ** 2)
-        for i in range(3):
-            out[n, i] /= max(length, 1e-6)

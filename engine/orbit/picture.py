@@ -134,6 +134,12 @@ class Seen:
         kernels.mark(0, len(self.pixel), self.samples.corners, seen)
         return seen
 
+    def normals(self, which: Rows) -> Floats:
+        """Those of points, unit, between the corners of samples (N,): (N, 3)."""
+        corners, weights = self.samples.corners[which], self.samples.weights[which]
+        between = np.einsum("nk,nki->ni", weights, self.points.normal[corners])
+        return np.asarray(between / np.linalg.norm(between, axis=1, keepdims=True), np.float32)
+
     def in_scene(self, which: Rows) -> Intersections:
         """Where samples (N,) lie on the scene's own triangles; without distances."""
         triangle, weights = self.found[0][which], self.samples.weights[which]

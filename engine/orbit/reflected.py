@@ -63,7 +63,8 @@ def reflected(
     """
     suns = suns_of(sky, incident, little)
     sharp = np.zeros((3 * len(which) if len(suns.power) else 0, 2), np.uint64)
-    radiance = at_corners(seen, which, seen.samples.wo[which], incident, suns, tables, sharp)
+    ways = mirrored(seen.samples.wo[which], seen.normals(which))
+    radiance = at_corners(seen, which, ways, incident, suns, tables, sharp)
     if len(sharp):
         _add_sharp(seen, which, suns, sharp, layers, radiance)
     return radiance
@@ -76,18 +77,29 @@ def suns_of(sky: Sky, incident: Incident, little: float) -> corner_kernels.Suns:
     )  # fmt: skip
 
 
+def mirrored(wo: Floats, normals: Floats) -> Floats:
+    """What surfaces of normals (N, 3) show in the mirror to eyes in the directions wo (N, 3)."""
+    along = np.einsum("ni,ni->n", normals, wo)
+    return np.asarray(2.0 * along[:, None] * normals - wo, np.float32)
+
+
 def at_corners(
-    seen: Seen, which: Rows, wo: Floats, incident: Incident, suns: corner_kernels.Suns, tables: kernels.Tables,
+    seen: Seen, which: Rows, ways: Floats, incident: Incident, suns: corner_kernels.Suns, tables: kernels.Tables,
     sharp: NDArray[np.uint64], n_most: int = MOST_COEFFICIENTS,
 ) -> Floats:  # fmt: skip
-    """What the points around samples (N,) send along wo (N, 3), between them, (N, 3); see `shade_corners`."""
+    """What samples (N,) send that show in the mirror the directions `ways` (N, 3), between the points around them,
+    (N, 3); see `shade_corners`.
+
+    Each point is asked from where it shows the same: so a highlight stands where it belongs, also where normals bend
+    between points by more than it is wide, and what else there is changes by a square of that bend alone.
+    """
     samples = seen.samples
     asked, first, members = picture_kernels.by_point(which, samples.corners, len(seen.points))
     found = np.empty((3 * len(which), 3), np.float32)
 
     def part(start: int, stop: int) -> None:
         corner_kernels.shade_corners(
-            start, stop, asked, first, members, wo, n_most, seen.points.frames, incident.slot, incident.kept, suns,
+            start, stop, asked, first, members, ways, n_most, seen.points.frames, incident.slot, incident.kept, suns,
             tables, found, sharp,
         )  # fmt: skip
 

@@ -19,7 +19,7 @@ from engine.orbit import _picture_kernels, _slice_kernels
 from engine.orbit import _turned_kernels as kernels
 from engine.orbit.incident import Incident, hemisphere
 from engine.orbit.picture import Seen
-from engine.orbit.reflected import at_corners, suns_of
+from engine.orbit.reflected import at_corners, mirrored, suns_of
 from engine.orbit.seen_maps import MOVING_PROBES, footprints_of
 from engine.orbit.sky import Sky, make_sky
 from engine.scene.frames import object_tangents
@@ -39,18 +39,17 @@ _MATT_LEVEL, _BROAD_LEVEL, _STILL_LEVEL = 2, 2, 4
 
 @dataclass(frozen=True, eq=False)
 class TurnedSamples:
-    """Samples (N,) of one object: frames (N, 3, 3) as `ShadingPoints.frames`, turned, and the normals (N, 3) before."""
+    """Samples (N,) of one object, and their frames (N, 3, 3) as `ShadingPoints.frames`, turned."""
 
     which: Rows
     frames: Floats
-    normals: Floats
     wo: Floats
 
 
 def turned_samples(seen: Seen, which: Rows, scene: Scene, i_object: int) -> TurnedSamples:
     """The frames of samples (N,) of an object under its bumps, averaged over their pixels."""
     footprints, samples = footprints_of(seen, which, scene, i_object), seen.samples
-    frames, before = np.empty((len(which), 3, 3), np.float32), np.empty((len(which), 3), np.float32)
+    frames = np.empty((len(which), 3, 3), np.float32)
 
     def part(start: int, stop: int) -> None:
         some = which[start:stop]
@@ -60,10 +59,9 @@ def turned_samples(seen: Seen, which: Rows, scene: Scene, i_object: int) -> Turn
         normals = scene.relief.turned(triangle, u, v, own, wo, (uv, across, down))
         tangents = object_tangents(scene, np.full(len(some), i_object), normals)
         frames[start:stop] = np.stack([tangents, normals, np.cross(tangents, normals)], axis=1)
-        before[start:stop] = own
 
     on_threads(part, *even_parts(len(which)))
-    return TurnedSamples(which, frames, before, np.ascontiguousarray(samples.wo[which]))
+    return TurnedSamples(which, frames, np.ascontiguousarray(samples.wo[which]))
 
 
 def leaning_irradiance(seen: Seen, which: Rows, incident: Incident, scene: Scene, i_object: int) -> Floats:
@@ -137,11 +135,9 @@ def turned_reflection(
     """Radiance (N, 3) that turned surfaces with gloss send to the eye."""
     lit = _suns(seen, samples, incident, sky, tables)
     if not still and _is_highlight(tables):
-        mirrored = np.empty_like(samples.wo)
-        kernels.mirrored_eyes(samples.wo, samples.frames, samples.normals, mirrored)
-        apart = suns_of(make_sky(None, 0.0), incident, 0.0)
+        ways, apart = mirrored(samples.wo, samples.frames[:, 1]), suns_of(make_sky(None, 0.0), incident, 0.0)
         return lit + at_corners(
-            seen, samples.which, mirrored, incident, apart, tables, np.zeros((0, 2), np.uint64), N_MIRRORED
+            seen, samples.which, ways, incident, apart, tables, np.zeros((0, 2), np.uint64), N_MIRRORED
         )
     level = _STILL_LEVEL if still else _BROAD_LEVEL
 
