@@ -22,8 +22,8 @@ _3 = np.uint64(3)
 class Tables(NamedTuple):
     """Slices by coefficient (polar, columns, rows, 3) and by upper triangle (polar, columns, 2560, 3), bfloat16, flat,
     with one number behind the last, see `engine.lanes`: what points that look alike ask for stands together. Where
-    symmetries carry coefficients (10, 5120) and upper triangles (10, 2560), of columns over 36 degrees, or (1, ...) of
-    columns all around; polar angles, the last the steepest, columns; serial: another of other tables."""
+    symmetries carry coefficients (10, 5120) and upper triangles (10, 2560), of columns over 36 degrees, or (2, ...) of
+    columns over half a turn; polar angles, the last the steepest, columns; serial: another of other tables."""
 
     table: Halves
     values: Halves
@@ -82,14 +82,17 @@ def cell_at(x: float, y: float, z: float, t: Tables) -> Cell:
     azimuth = math.atan2(x, z)
     if azimuth < 0.0:
         azimuth += 2.0 * math.pi
-    row, symmetry, whole = min(int(polar), t.n_polar - 2), 0, 2.0 * math.pi
-    if len(t.images) > 1:
+    row, symmetry, whole = min(int(polar), t.n_polar - 2), 0, math.pi
+    if len(t.images) > 2:
         turn, whole = int(azimuth / _TURN), 0.5 * _TURN
         azimuth -= turn * _TURN
         symmetry = turn % 5
         if azimuth > whole:
             azimuth = _TURN - azimuth
             symmetry = 5 + (turn + 1) % 5
+    elif azimuth > whole:
+        azimuth = 2.0 * math.pi - azimuth
+        symmetry = 1
     place = azimuth / whole * (t.n_columns - 1)
     column = min(int(place), t.n_columns - 2)
     return Cell(symmetry, row, column, np.float32(polar - row), np.float32(place - column))

@@ -2,7 +2,7 @@
 
 Slices stand over the angle of ωo to the normal and its azimuth [Ma06, 3.2 and 3.4]. An isotropic BRDF is the same
 function turned about the normal, and the sphere has ten symmetries about it, so that slices over 36 degrees of azimuth,
-4.5 apart, serve all of them; an anisotropic one has slices all around.
+4.5 apart, serve all of them; one with a grain is the same mirrored across it, and has slices over half a turn.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from engine.threads import n_threads, on_threads
 Floats = NDArray[np.float32]
 
 # Angles to the normal and azimuths: of an isotropic reflection, and of one with a grain.
-N_POLAR, N_AZIMUTHS, N_AROUND = 16, 9, 40
+N_POLAR, N_AZIMUTHS, N_GRAINED = 24, 9, 41
 _STEEPEST = np.radians(89.0)
 _SERIALS = count(1)
 # Of the most that is reflected: by which triangles beside one another may differ and be even in themselves.
@@ -37,8 +37,8 @@ _EVEN = 0.05
 @dataclass(frozen=True, eq=False)
 class Slices:
     """packed (polar, columns, U, 3): the mean of ρ cos θ over each upper triangle, or, coarse, of the level before,
-    bfloat16 as `kernels.packed` makes them; is_isotropic: the columns are azimuths to 36 degrees; otherwise they go all
-    round, the last the first again. flat: packed with one number behind the last, as the kernels take it.
+    bfloat16 as `kernels.packed` makes them; is_isotropic: the columns are azimuths to 36 degrees; otherwise they go to
+    180. flat: packed with one number behind the last, as the kernels take it.
     """
 
     flat: NDArray[np.uint16]
@@ -83,18 +83,18 @@ class Slices:
 
         on_threads(row, range(n_polar))
         images, places = _inverse_images()
-        n = len(images) if self.is_isotropic else 1
+        if not self.is_isotropic:
+            images, places = images[[0, N_TURNS]], places[[0, N_TURNS]]
         return kernels.Tables(
-            flat, self.fine.flat, images[:n], places[:n], n_polar, n_columns, _STEEPEST,
-            next(_SERIALS),
+            flat, self.fine.flat, images, places, n_polar, n_columns, _STEEPEST, next(_SERIALS)
         )  # fmt: skip
 
     @cached_property
     def albedo(self) -> NDArray[np.float64]:
         """Of the matt reflection that sends as much light on [BenArtzi07, sect. 5.3], (3,): 1/π ∫∫ ρ cos cos."""
         solid_angles = geodesic(self._level).solid_angles[_above(self._level)].astype(np.float32)
-        around = slice(None, None if self.is_isotropic else -1)
-        sent = np.einsum("k,paki->pai", solid_angles, self.values)[:, around].mean(axis=1, dtype=np.float64)
+        sent = np.einsum("k,paki->pai", solid_angles, self.values).astype(np.float64)
+        sent = np.trapezoid(sent, axis=1) / (self.n_columns - 1)
         polar = np.linspace(0.0, _STEEPEST, N_POLAR)
         return np.asarray(np.trapezoid(sent * np.sin(2.0 * polar)[:, None], polar, axis=0))
 
@@ -105,24 +105,24 @@ class Slices:
     def __add__(self, other: Slices) -> Slices:
         """Of both one above the other."""
         if self.is_isotropic != other.is_isotropic:
-            return self.all_around() + other.all_around()
+            return self.half_around() + other.half_around()
         if self._level != other._level:
             return self.fine + other.fine
         return Slices.of(kernels.packed(self.values + other.values), self.is_isotropic)
 
-    def all_around(self) -> Slices:
-        """The same with slices over all azimuths."""
+    def half_around(self) -> Slices:
+        """The same with slices over half a turn."""
         if not self.is_isotropic:
             return self
         if self._level != LEVEL:
-            return self.fine.all_around()
+            return self.fine.half_around()
         _, places = _inverse_images()
-        turned = np.empty((N_POLAR, N_AROUND + 1, len(upper()), 3), np.uint16)
-        half = N_AROUND // N_TURNS // 2  # of a fifth of a turn: from there on it is mirrored
-        for i in range(N_AROUND + 1):
-            turn, inside = divmod(i % N_AROUND, 2 * half)
+        turned = np.empty((N_POLAR, N_GRAINED, len(upper()), 3), np.uint16)
+        half = N_AZIMUTHS - 1  # of a fifth of a turn: from there on it is mirrored
+        for i in range(N_GRAINED):
+            turn, inside = divmod(i, 2 * half)
             symmetry, at = (turn, inside) if inside <= half else (N_TURNS + (turn + 1) % N_TURNS, 2 * half - inside)
-            turned[:, i] = self.packed[:, at * (N_AZIMUTHS - 1) // half][:, places[symmetry]]
+            turned[:, i] = self.packed[:, at][:, places[symmetry]]
         return Slices.of(turned, False)
 
 
@@ -130,7 +130,7 @@ def slicing(layer: Layer, finer: int = 1) -> Generator[float, None, Slices]:
     """The slices of a layer, yielding how much is done; each triangle's mean is taken over 4^finer parts of it, or, −1,
     by the triangles of the level before, in a quarter of the time of 0."""
     is_isotropic = looks_isotropic(layer)
-    n_azimuths, span = (N_AZIMUTHS, SECTOR) if is_isotropic else (N_AROUND + 1, 2.0 * np.pi)
+    n_azimuths, span = (N_AZIMUTHS, SECTOR) if is_isotropic else (N_GRAINED, np.pi)
     polar, azimuth = np.linspace(0.0, _STEEPEST, N_POLAR), np.linspace(0.0, span, n_azimuths)
     packed = np.empty((N_POLAR, n_azimuths, len(_above(LEVEL + min(finer, 0))), 3), np.uint16)
 

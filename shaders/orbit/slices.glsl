@@ -7,7 +7,7 @@ layout(std430, binding = 7) readonly buffer Places { int places[]; };  // of tri
 uniform ivec2 grid;      // polar angles and columns
 uniform ivec2 n_entries; // of a slice: coefficients and triangles
 uniform ivec2 n_images;  // of a symmetry
-uniform bool has_symmetries;
+uniform int n_symmetries;
 uniform float steepest;
 
 const float WHOLE_TURN = 6.28318530717959, FIFTH = WHOLE_TURN / 5.0;
@@ -27,9 +27,9 @@ Cell cell_at(vec3 direction) {
     float polar = min(acos(clamp(direction.y, 0.0, 1.0)), steepest) / steepest * float(grid.x - 1);
     float azimuth = dot(direction.xz, direction.xz) > 0.0 ? atan(direction.x, direction.z) : 0.0;
     azimuth += azimuth < 0.0 ? WHOLE_TURN : 0.0;
-    float whole = WHOLE_TURN;
+    float whole = 0.5 * WHOLE_TURN;
     int symmetry = 0;
-    if (has_symmetries) {
+    if (n_symmetries > 2) {
         int turn = int(azimuth / FIFTH);
         azimuth -= float(turn) * FIFTH;
         whole = 0.5 * FIFTH;
@@ -38,6 +38,9 @@ Cell cell_at(vec3 direction) {
             azimuth = FIFTH - azimuth;
             symmetry = 5 + (turn + 1) % 5;
         }
+    } else if (azimuth > whole) {
+        azimuth = WHOLE_TURN - azimuth;
+        symmetry = 1;
     }
     float place = azimuth / whole * float(grid.y - 1);
     int row = min(int(polar), grid.x - 2), column = clamp(int(place), 0, grid.y - 2);

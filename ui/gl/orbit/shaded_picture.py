@@ -117,7 +117,7 @@ class ShadedPicture:
         n_slices = shape.n_polar * shape.n_columns
         set_uniforms(
             program, picture=self._number, eye=view["eye"], n_most=n_coefficients, row_words=buffers.row_words,
-            grid=(shape.n_polar, shape.n_columns), steepest=shape.steepest, has_symmetries=len(shape.images) > 1,
+            grid=(shape.n_polar, shape.n_columns), steepest=shape.steepest, n_symmetries=len(shape.images),
             n_entries=(len(shape.coefficients) // n_slices, len(shape.values) // n_slices),
             n_images=(shape.images.shape[1], shape.places.shape[1]),
         )  # fmt: skip
