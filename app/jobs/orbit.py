@@ -121,9 +121,12 @@ class OrbitWork(ModeWork):
             yield OrbitTold(part)
 
     def _look(self, request: LookOrbit) -> Steps:
-        if self._orbit is not None:
-            self._orbit.look(self._orbit.scene.seen_from(request.camera).description.camera)
-        yield from ()
+        orbit = self._orbit
+        if orbit is not None:
+            was_done = orbit.is_done
+            orbit.look(orbit.scene.seen_from(request.camera).description.camera)
+            if was_done and not orbit.is_done:
+                yield OrbitAdvanced(orbit.version, False, orbit.n_bytes, id=self._prepared)
 
     def _draw(self, request: DrawOrbit) -> Steps:
         orbit = self._orbit

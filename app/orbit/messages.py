@@ -43,7 +43,8 @@ class PrepareOrbit(Request):
 
 @dataclass(frozen=True)
 class LookOrbit(Request):
-    """What this camera sees is to be made ready first, though no picture is asked for. Not answered."""
+    """What this camera sees is to be made ready first, though no picture is asked for. Answered by `OrbitAdvanced`
+    where it sees what nothing was made ready for, such as backs."""
 
     built_on = (OpenScene,)
     quick = 1

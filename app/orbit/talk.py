@@ -58,6 +58,8 @@ from engine.scene.description import Camera, CameraDescription
 
 # A hand that was still for so long rests.
 REST_SECONDS = 0.2
+# How often a window that draws itself asks whether it sees what nothing was made ready for.
+LOOK_SECONDS = 0.25
 # While pictures become better by themselves, how much longer than drawing one the worker has for that.
 _WORK_SHARE = 4.0
 _listeners = count(1)
@@ -110,7 +112,7 @@ class OrbitTalk(ModeTalk):
         self._shown: Drawing | None = None
         self._seconds = 0.0
         self._n_bytes = 0
-        self._drawn_at = -math.inf
+        self._drawn_at = self._looked_at = -math.inf
 
     # ----------------------------------------------------------------------------------------- what the editor tells
 
@@ -432,7 +434,7 @@ class OrbitTalk(ModeTalk):
         ):
             return
         if self._listener and wanted.quality == "moving":
-            self._show_in_window(wanted)
+            self._show_in_window(wanted, now)
             return
         if self._drawing is not None and self._drawing.quality == "moving":
             return
@@ -441,14 +443,15 @@ class OrbitTalk(ModeTalk):
         self._drawing, self._drawn_at = wanted, now
         self._drawing_id = self._desk.send(self._draw_request(self._camera(wanted.look), wanted))
 
-    def _show_in_window(self, wanted: Drawing) -> None:
-        """Nothing is asked for but that what is seen be made ready first."""
+    def _show_in_window(self, wanted: Drawing, now: float) -> None:
+        """Nothing is asked for but that what is seen be made ready first; once all is ready that is seldom anything."""
         if self._drawing is not None:
             self._desk.send(Cancel(of=(self.draws,)))
             self._drawing, self._drawing_id = None, 0
         looked, self._shown = self._shown and self._shown.look, wanted
         self._shows_placement = self._placement_follows
-        if looked != wanted.look and not self._known.is_done:
+        if looked != wanted.look and (not self._known.is_done or now - self._looked_at >= LOOK_SECONDS):
+            self._looked_at = now
             self._desk.send(LookOrbit(self._camera(wanted.look)))
 
     def _wanted(self, now: float) -> Drawing | None:
@@ -499,7 +502,7 @@ class OrbitTalk(ModeTalk):
     def _take_advance(self, response: OrbitAdvanced) -> None:
         if response.id != self._prepare_id:
             return
-        self._known = Known(response.id, response.version, response.is_done)
+        self._learn(Known(response.id, response.version, response.is_done))
         self._n_bytes = response.n_bytes
         if self._asked is not None:
             self._known_light.worked(self._asked.scene.light)
@@ -513,14 +516,18 @@ class OrbitTalk(ModeTalk):
         made_of = Known(response.prepared, response.version, response.is_done)
         self._shown, self._drawing, self._refused = replace(drawing, made_of=made_of), None, None
         if made_of.prepared == self._prepare_id and made_of.version >= self._known.version:
-            if self._known.is_done and not made_of.is_done:
-                self._asked = None  # to be made ready yet: what no picture has seen before
-            self._known = made_of
+            self._learn(made_of)
         self._seconds = response.seconds
         self._shows_placement = self._placement_follows
         if drawing.quality == "moving" and drawing.resolution == self._pace.resolution(self._whole):
             self._pace.took(response.seconds)
         return [OrbitPicture(response.radiance, drawing.fit_error)]
+
+    def _learn(self, known: Known) -> None:
+        """How far the worker is."""
+        if self._is_known_to_be_done and not known.is_done:
+            self._asked = None  # to be made ready yet: what no picture has seen before
+        self._known = known
 
     def _take_failure(self, response: Failed) -> None:
         if response.id == self._drawing_id:

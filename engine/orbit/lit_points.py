@@ -27,8 +27,8 @@ class LitPoints:
     """Points that are traced and lit a few at a time.
 
     state (S,): how the light that is wanted is known; traced (S,): whether shadows are; seen (S,): what the last
-    picture saw; behind: objects whose backs any saw; is_bounced: of which light the indirect irradiance (S, 3) is;
-    known (S,): whether it was lit once, by whatever light;
+    picture saw; behind: objects whose backs are met by much of what bounces; is_bounced: of which light the indirect
+    irradiance (S, 3) is; known (S,): whether it was lit once, by whatever light;
     n_traced: points that were traced since this was stored; untold (S,): whose light has changed since `parts` told it.
     """
 
@@ -138,7 +138,7 @@ class LitPoints:
         for each in objects:
             self.points = with_backs(self.points, np.arange(len(self._scene.smooth)) == each)
         self._n = len(self.points)
-        self.mesh, self.with_backs = PointMesh(self._scene, self.points), [*self.with_backs, *objects]
+        self.mesh, self.with_backs = self.mesh.of(self.points), [*self.with_backs, *objects]
         self.bits = _longer(self.bits, self._n, 255)
         self.patch_bits = _longer(self.patch_bits, self._n, 255)
         self.colours, self.state = _longer(self.colours, self._n, 0), _longer(self.state, self._n, STALE)

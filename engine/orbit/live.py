@@ -27,7 +27,7 @@ from engine.orbit.drawing import N_MOVING, Quality, reflected_light
 from engine.orbit.incident import Lamps
 from engine.orbit.kept_visibility import deflated, inflated
 from engine.orbit.lit_points import EXACTLY, STALE, LitPoints
-from engine.orbit.picture import picture
+from engine.orbit.picture import Seen, picture
 from engine.orbit.reflections import LayersOf, Reflections
 from engine.orbit.shading_points import ShadingPoints, placing, shading_points
 from engine.orbit.sky import make_sky
@@ -270,9 +270,8 @@ class Orbit:
         lit = self._lit
         if lit is None:
             raise ValueError("nothing is ready to be drawn: expected some steps of work before")
-        seen = lit.mesh.look(camera, resolution, has_soft_edges or quality != "moving")
-        lit.seen, lit.behind = seen.points_seen(), lit.behind | set(seen.from_behind)
-        # Where the camera was led away before all points had light, there is none yet: black.
+        seen = self._looked(lit, camera, resolution, has_soft_edges or quality != "moving")
+        # Where no light has been found yet, because the camera was led away at once or backs came in sight: black.
         while len(which := np.flatnonzero(lit.seen & ~lit.known)[: _COARSE * n_threads()]):
             lit.light(which, self._sky, self._lamps(lit), is_coarse=True)
             yield StillProgress(0.0, "light")
@@ -330,7 +329,19 @@ class Orbit:
         lit = self._lit
         if lit is not None:
             width, height = self.scene.resolution
-            lit.seen = lit.mesh.look(camera, (_FIRST_LOOK, max(1, round(_FIRST_LOOK * height / width)))).points_seen()
+            self._looked(lit, camera, (_FIRST_LOOK, max(1, round(_FIRST_LOOK * height / width))), False)
+
+    def _looked(
+        self, lit: LitPoints, camera: CameraDescription, resolution: tuple[int, int], has_soft_edges: bool
+    ) -> Seen:
+        """What a picture sees comes first from now on; backs that no other has seen get points, without shadows yet."""
+        seen = lit.mesh.look(camera, resolution, has_soft_edges)
+        if seen.from_behind:
+            lit.add_backs(seen.from_behind, self._are_glossy)
+            self.version += 1
+            seen = lit.mesh.look(camera, resolution, has_soft_edges)
+        lit.seen = seen.points_seen()
+        return seen
 
     def _within_memory(self, n_points: int) -> int:
         """So many coefficients, at most those wanted, go into memory."""

@@ -27,14 +27,19 @@ _SUB_RAYS = np.array([(0.125, 0.375), (0.625, 0.125), (0.875, 0.625), (0.375, 0.
 class PointMesh:
     """The surface between shading points, ready for rays from any eye."""
 
-    def __init__(self, scene: Scene, points: ShadingPoints) -> None:
+    def __init__(self, scene: Scene, points: ShadingPoints, caster: RayCaster | None = None) -> None:
+        """caster: of the triangles between the points, where there is one."""
         self._scene, self._points = scene, points
         self._last: tuple[tuple[object, ...], Seen] | None = None
-        self._caster: RayCaster = points.caster()
+        self._caster = caster or points.caster()
         self._surface = kernels.PointTriangles(
             points.triangles, np.ascontiguousarray(scene.geometric_normals[points.source]),
             scene.object_of_triangle[points.source], scene.emission,
         )  # fmt: skip
+
+    def of(self, points: ShadingPoints) -> PointMesh:
+        """The same surface, with other points on its sides."""
+        return PointMesh(self._scene, points, self._caster)
 
     def look(self, camera: CameraDescription, resolution: tuple[int, int], has_soft_edges: bool = False) -> Seen:
         """What the eye sees in a picture of resolution (width, height), one ray through each pixel's centre; where

@@ -22,9 +22,11 @@ centroid out mat3 from_side;  // of red, green and blue: power times direction
 void main() {
     place();
     int p = is_back() ? sides.y : sides.x;
-    bool reflects = p >= 0;
-    p = max(p, 0);
-    vec3 sent = sends_on * indirect[p].rgb + has_gloss * gloss[p].rgb;
+    // Until it is told of points on a back, that shows the light of its front, evenly reflected.
+    bool is_told = p >= 0, reflects = is_told || sides.x >= 0;
+    p = max(is_told ? p : sides.x, 0);
+    vec3 glossy = is_told ? gloss[p].rgb : sends_on * irradiance[p].rgb;
+    vec3 sent = sends_on * indirect[p].rgb + has_gloss * glossy;
 #if IS_BUMPY
     side = is_back() ? -1.0 : 1.0;
     light = reflects ? irradiance[p].rgb : vec3(0.0);

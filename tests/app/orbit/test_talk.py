@@ -25,7 +25,7 @@ from app.orbit.messages import (
     OrbitUnknown,
     PrepareOrbit,
 )
-from app.orbit.talk import REST_SECONDS, OrbitTalk
+from app.orbit.talk import LOOK_SECONDS, REST_SECONDS, OrbitTalk
 from app.orbit.wishes import MOVING_SECONDS, STEPS, WINDOW_SECONDS, Pace
 from app.placement.messages import ComputeTransport
 from app.status import Gauges, Status
@@ -199,8 +199,9 @@ def test_it_knows_whether_its_picture_is_of_the_view_as_it_looks_now(table: Tabl
 def drawing(table: Table) -> Table:
     """The same, with a window that draws moving pictures itself."""
     table.talk.draw_in_window(1 << 20)
-    (prepare,) = table.update()
+    prepare, look = table.update()
     assert isinstance(prepare, PrepareOrbit) and prepare.listener > 0 and prepare.most_bytes == 1 << 20
+    assert look == LookOrbit(table.description.camera)
     table.advance(1)
     (asked,) = table.update()
     assert isinstance(asked, DrawOrbit) and asked.quality == "rest"
@@ -219,7 +220,7 @@ def test_a_window_that_draws_itself_asks_for_pictures_at_rest_alone(drawing: Tab
     (asked,) = drawing.update(REST_SECONDS)
     assert asked == DrawOrbit(CAMERAS[-1], (WIDTH, HEIGHT), "rest")
     drawing.look(CAMERAS[0])  # which a hand does not wait for
-    assert drawing.update() == [Cancel(of=(DrawOrbit,))]
+    assert drawing.update() == [Cancel(of=(DrawOrbit,)), LookOrbit(CAMERAS[0])]
     assert drawing.drawn(1) == [] and drawing.talk.drawn_in_window is not None
 
 
@@ -229,6 +230,15 @@ def test_what_it_sees_comes_first_while_not_all_is_ready(drawing: Table) -> None
     drawing.advance(2, is_done=False)
     drawing.look(CAMERAS[0])
     assert drawing.update() == [LookOrbit(CAMERAS[0])]
+    assert drawing.update() == []
+
+
+def test_backs_that_come_into_its_sight_are_made_ready(drawing: Table) -> None:
+    drawing.look(CAMERAS[0])
+    assert drawing.update(LOOK_SECONDS) == [LookOrbit(CAMERAS[0])]  # it may see what nothing was made ready for
+    drawing.advance(2, is_done=False)
+    assert [type(request) for request in drawing.update()] == [PrepareOrbit]
+    drawing.advance(3, is_done=False)
     assert drawing.update() == []
 
 

@@ -160,6 +160,24 @@ def test_a_camera_led_away_at_once_sees_no_point_without_light(block_scene, orbi
     assert (orbit.draw(behind, SIZE, "moving").max(axis=2) > 0.05).all()
 
 
+def test_backs_have_light_in_the_first_picture_that_sees_them(block_scene, orbit) -> None:
+    assert [*orbit.work()]
+    below = block_scene.description.camera.model_copy(update={"position": (0.0, -3.0, 1.0)})
+    first = orbit.draw(below, SIZE, "moving")
+    # Nothing stands below the floor: it reflects all of an even sky, its albedo times the radiance.
+    on_floor = first[orbit.lit.mesh.look(below, SIZE).samples.i_object.reshape(first.shape[:2]) == 0]
+    np.testing.assert_allclose(on_floor, np.broadcast_to([1.0, 0.25, 0.5], on_floor.shape), rtol=0.02)
+    assert not orbit.is_done and [*orbit.work()]
+    np.testing.assert_allclose(first, orbit.draw(below, SIZE, "moving"), rtol=0.02, atol=1e-3)
+
+
+def test_a_look_places_backs_without_a_picture(block_scene, orbit) -> None:
+    assert [*orbit.work()]
+    version = orbit.version
+    orbit.look(block_scene.description.camera.model_copy(update={"position": (0.0, -3.0, 1.0)}))
+    assert orbit.version > version and not orbit.is_done
+
+
 def test_edges_are_smooth_on_request_while_something_moves(orbit) -> None:
     for _ in orbit.work():
         pass
