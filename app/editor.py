@@ -18,15 +18,12 @@ from typing import Any, Protocol
 
 from app.barrier import Barrier
 from app.commands import EditCommand
-from app.commands.light import lit_by
 from app.commands.material import SetMaterial
 from app.decided import decided_view
 from app.document import Document, Selection
 from app.files.journal import Journal, Recovery
-from app.files.session import Session
 from app.files.session_keeper import SessionKeeper
 from app.history import History
-from app.looking import LookTalk, what_is_missing
 from app.looks import Looks
 from app.machine.paths import is_file_name, spoken_name
 from app.messages import (
@@ -44,21 +41,19 @@ from app.messages import (
     TableHandedOut,
     WorkerRestarted,
 )
-from app.mode import Kept, Mode, ModeTalk, OpenedScene
+from app.mode import Kept, Mode, ModeTalk
 from app.modes import MODES
 from app.opening import Opening
-from app.picture import PictureEvent, SceneFrame, SkyChanged
+from app.picture import PictureEvent
 from app.player import Player
 from app.reading import Reading, describe_reading, import_measured
-from app.selecting import first_choice, next_choice, next_operator, seen_layer, selection_of
+from app.scene_talk import SceneTalk
+from app.selecting import next_choice, next_operator, seen_layer, selection_of
 from app.status import Gauges, Status
 from app.table_talk import TableTalk
-from app.timeline import shown_poses
 from app.view_state import OpenPanel, SetView, ViewCommand, ViewState
 from app.writing import written_material, written_scene
 from engine.errors import InsituError
-from engine.scene.builtin import DEFAULT_SCENE
-from engine.scene.description import SceneDescription
 
 __all__ = ["Editor", "Status", "WorkerClient"]
 
@@ -113,18 +108,14 @@ class Editor:
         self._keeper = SessionKeeper(journal)
         self._reading = Reading(client.send)
         self._tables = TableTalk(client.send)
-        self._tracing = LookTalk(client.send)
-        self.looks = Looks(self, self._tracing)
+        self.scenes = SceneTalk(self, self._keeper)
+        self.looks = Looks(self, self.scenes.tracing)
         self.player = Player(self)
-        self._opening: Opening | None = None
-        self._given_up: Opening | None = None
         self._cancelled = -1
         self._kept: dict[type, Any] = {}
         self.modes = tuple(modes)
         self.mode = self.modes[0]
         self.talk: ModeTalk = self.mode.talk(self)
-        self._scene: OpenedScene | None = None
-        self._shown_scene: list[PictureEvent] = []
         self.open(source)
 
     # ------------------------------------------------------------------------------------------------------- document
@@ -168,7 +159,7 @@ class Editor:
         """The hand let go; what waited for it to rest is asked for at the next tick."""
         if self.history.dragging:
             self.history.end_drag()
-            self._tracing.hand_released()
+            self.scenes.tracing.hand_released()
             self.talk.hand_released()
 
     def cancel_drag(self) -> None:
@@ -234,7 +225,7 @@ class Editor:
         try:
             opening = Opening.of(source)
         except InsituError as error:
-            self._open_default(str(error))
+            self.scenes.open_default(str(error))
             return self._refuse(str(error))
         self._open(opening)
         return None
@@ -282,8 +273,7 @@ class Editor:
         self._cancelled = self._client.send(Cancel())
         self.talk.cancelled()
         self._reading.forget()
-        self._given_up, self._opening = self._opening, None
-        self._give_up_look(self._given_up)
+        self.scenes.give_up()
         self.gauges.progress = None
         self.gauges.stopped = not self.status.is_finished
         self.notify(STOPPED if self.gauges.stopped else "stopped")
@@ -317,9 +307,7 @@ class Editor:
     def resume_work(self) -> None:
         """Ask again for what was stopped or failed: the picture, or where none is open yet the scene."""
         self.gauges.stopped = False
-        if self._given_up is not None and not self.scene_is_open:
-            self._open(self._given_up)
-        else:
+        if not self.scenes.open_again():
             self.talk.resume()
 
     # -------------------------------------------------------------------------------------------------------- picture
@@ -334,11 +322,8 @@ class Editor:
         for response in run("The talk with the worker", partial(self._client.poll, POLL_SECONDS), silence, ()):
             events = events + run("An answer of the worker", partial(self._take, response), none)
         if self.scene_is_open:
-            poses = shown_poses(self.document, self.view)
             view = decided_view(self.view, self.document)
-            sight = view.look, poses, self.document.new_bumps, view.n_edge_rays
-            if self._opening is None and self._tracing.update(now, *sight):
-                (self.talk.looked_away if self._tracing.is_away else self.talk.looked_back)()
+            self.scenes.update(now, view)
             made_of = self.document, view
             update = partial(self.talk.update, now, *made_of)
             events = events + run("What follows an edit", update, none, made_of)
@@ -374,7 +359,7 @@ class Editor:
     def status(self) -> Status:
         """The truth about what is on screen."""
         status = self.gauges.status(self._client.alive)
-        return self.talk.status(replace(status, is_away=self._tracing.is_away))
+        return self.talk.status(replace(status, is_away=self.scenes.tracing.is_away))
 
     # -------------------------------------------------------------------------------------------------------- answers
 
@@ -382,15 +367,14 @@ class Editor:
         """Note an answer; what of it the renderer needs."""
         match response:
             case SceneOpened():
-                if self._opening is not None and response.id == self._opening.id:
-                    self._opening = replace(self._opening, opened=response)
+                self.scenes.take_loaded(response)
             case SceneSeen():
-                return self._take_seen(response)
+                return self.scenes.take_seen(response)
             case Progress():
                 if response.id > self._cancelled:  # else it was on its way when the work was stopped
                     self.gauges.progress = response
             case Failed():
-                self._take_failure(response)
+                self.take_failure(response)
             case MeasurementsRead():
                 self._take_measurements(response)
             case TableHandedOut():
@@ -402,11 +386,8 @@ class Editor:
             case Noted():
                 self.gauges.notes += response.lines
                 self.notify("; ".join(response.lines), True)
-            case SkyImage() if response.id == self._tracing.id:
-                self.gauges.notes += response.notes
-                sky = SkyChanged(response.radiance)
-                self._shown_scene = [*self._shown_scene[:1], sky]
-                return [sky]
+            case SkyImage() if response.id == self.scenes.tracing.id:
+                return self.scenes.take_sky(response)
             case WorkerRestarted():
                 self.talk.worker_restarted()
                 self.notify(
@@ -416,76 +397,11 @@ class Editor:
                 return self.talk.take(response)
         return []
 
-    def _take_seen(self, response: SceneSeen) -> list[PictureEvent]:
-        """The scene was traced: one that is being opened is open now."""
-        if not self._tracing.took(response):
-            return []
-        opening = self._opening
-        if opening is not None and opening.opened is not None:
-            events = self._take_scene(opening, opening.opened, response)
-            self._tell_flaws(response)
-            return events
-        assert self._scene is not None
-        self._forget_picture(self._scene.notes)
-        self.view = self.view.seen_from(self.view.look)  # which may have moved on
-        self.talk.scene_seen(self._shown(replace(self._scene, document=self.document), response))
-        self.document_changed()
-        if self._tracing.has_resized:
-            width, height = self._tracing.seen.resolution or self.looks.own_resolution
-            self.notify(f"the picture has {width} x {height} pixels")
-        if missing := what_is_missing(response.frame):
-            self.notify(missing)
-        self._tell_flaws(response)
-        return self._shown_scene
-
-    def _tell_flaws(self, response: SceneSeen) -> None:
-        """What bumps are not shown, and why."""
-        if response.flaws:
-            self.notify("; ".join(response.flaws), True)
-            self.gauges.notes += response.flaws
-
-    def _take_scene(self, opening: Opening, opened: SceneOpened, response: SceneSeen) -> list[PictureEvent]:
-        description = SceneDescription.model_validate_json(opened.description)
-        try:
-            described = opening.document(description, opened)
-        except InsituError as error:
-            self._take_failure(Failed(str(error), id=opened.id))
-            return []
-        left_unsaved = self._keeper.leave(self.document, self.view)
-        self._forget_picture(opened.notes)
-        self._opening = None
-        self.looks.scene_opened(description, opened.boxes)
-        self.view = self.view.of_scene(description)
-        self.history = History(described)
-        self._keeper.opened(described, self.view)
-        kept = "; the unsaved edits before it can be recovered at the next start" if left_unsaved else ""
-        said = opening.instead_of or f"opened {description.name}{kept}"
-        said = "; ".join(filter(None, (said, *opened.notes, what_is_missing(response.frame))))
-        self.notify(said, bool(opening.instead_of))
-        if opening.session is not None:
-            self._restore(opening, opening.session, opened)
-        self.view = self.view.seen_from(self._tracing.adopted(self.looks.own_resolution))
-        self.looks.begin_anew()
-        scene = OpenedScene(0, opened.planned, description, described, self.document, opened.notes)
-        self.talk.scene_opened(self._shown(scene, response))
-        if self.view.selected is None:
-            self.select(first_choice(self.document))
-        if opening.light is not None:
-            self.do(lit_by(opening.light))
-        return self._shown_scene
-
-    def _forget_picture(self, notes: tuple[str, ...]) -> None:
+    def forget_picture(self, notes: tuple[str, ...]) -> None:
         """The worker sees another scene, or the same in another way."""
         gauges = self.gauges
         self.gauges = Gauges(message_number=gauges.message_number, notes=notes, memory_mb=gauges.memory_mb)
         self._tables.scene_opened()
-
-    def _shown(self, scene: OpenedScene, seen: SceneSeen) -> OpenedScene:
-        """A scene as it was traced; the renderer is to be told of it."""
-        described = scene.description.seen_from(self._tracing.seen.camera)
-        self._shown_scene = [SceneFrame(self._tracing.scene, scene.document.source, described, seen.frame)]
-        self._scene = scene = replace(scene, view_id=seen.id)
-        return scene
 
     def _follow_mode(self) -> list[PictureEvent]:
         """Where the view is in another mode, leave this one: the scene is told to that one as if it had just come."""
@@ -498,26 +414,7 @@ class Editor:
         self.player.pause()
         self.talk.left()
         self.mode, self.talk, self.gauges.progress = chosen, chosen.talk(self), None
-        if self._scene is None:
-            return []
-        self.talk.scene_opened(replace(self._scene, document=self.document))
-        if self._opening is not None:
-            self.talk.scene_closed()
-        elif self._tracing.is_away:
-            self.talk.looked_away()
-        return list(self._shown_scene)
-
-    def _restore(self, opening: Opening, session: Session, opened: SceneOpened) -> None:
-        """Put a session's document and view in the place of the scene's, where they fit."""
-        try:
-            document = opening.restored(session, self.document, opened)
-        except InsituError as error:
-            self.notify(f"opened the scene without its session: {error}", True)
-            return
-        self.history = History(document)
-        self.view = replace(session.view, panels=self.view.panels)
-        self._keeper.opened(document, self.view, opening.session_path, opening.recovery)
-        self.notify("recovered what was not saved" if opening.recovery else f"opened {opening.file}")
+        return self.scenes.tell(self.talk)
 
     def _take_measurements(self, response: MeasurementsRead) -> None:
         """Carry out the edit that waited for them."""
@@ -530,45 +427,21 @@ class Editor:
             self.select(command.object)
             self.notify(describe_reading(command.layers))
 
-    def _take_failure(self, response: Failed) -> None:
+    def take_failure(self, response: Failed) -> None:
+        """What was asked for under its number will not come."""
         self.gauges.progress = None
         if self._tables.took_failure(response):
             return
         self._reading.forget(response.id)
         self.talk.take(response)
-        opening = self._opening
-        if opening is not None and response.id == opening.id or self._tracing.awaits(response.id):
-            self._opening = None
-            self._give_up_look(opening)
-            if opening is not None and opening.source != DEFAULT_SCENE:
-                self._open_default(response.line)
+        self.scenes.take_failure(response)
         self.notify(response.line, True)
 
     # ----------------------------------------------------------------------------------------------------------- parts
 
     def _open(self, opening: Opening) -> None:
-        self.talk.scene_closed()
-        id = self._client.send(opening.request())
-        self._tracing.ask(opening.look(self.resolution), id, opening.poses, opening.bumps, self.view.n_edge_rays)
         self._reading.forget()
-        self._opening = replace(opening, id=id)
-        self.gauges.progress = None
-
-    def _give_up_look(self, opening: Opening | None) -> None:
-        """What was asked to be traced will not come: the view is again the one there is a picture of, where a hand has
-        not moved it on."""
-        asked = self._tracing.gave_up()
-        if asked is None or not self.scene_is_open:
-            return
-        stays = opening is None and asked == self.view.look and not self.looks.history.dragging
-        if stays:  # else the hand has moved it on, and it will be traced from there
-            self.looks.go_back_to(self._tracing.seen)
-        (self.talk.looked_back if opening is None else self.talk.scene_stays)()
-
-    def _open_default(self, why: str) -> None:
-        """Where nothing is open, so that the window is of use: the built-in scene, and why it is that one."""
-        if not self.scene_is_open and self._opening is None:
-            self._open(Opening.of(DEFAULT_SCENE, f"{why} - the built-in {DEFAULT_SCENE} is open instead"))
+        self.scenes.open(opening)
 
     def _keep(self, now: float) -> None:
         problem = self._keeper.keep(now, self.document, self.view)

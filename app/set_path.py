@@ -6,14 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from app.commands import EditCommand
-from app.commands.bumps import SetBumps
 from app.commands.layers import SetEditable, SetFresnelTerm, SetFrozen, SetParameter, SetVisible
 from app.commands.light import SetEmission, SetEnvironment, SetIntensity, SetMapping, SetRotation
 from app.commands.maps import SetMap
 from app.commands.material import SetMaterial
 from app.commands.poses import with_amounts, with_time
 from app.commands.series import FIRST_BANDS, set_first_bands
-from app.commands.surfaces import surface_named
+from app.commands.surfaces import SetBumps, surface_named
 from app.document import EMISSION, FRESNEL_TERM, MATERIAL, TIME, Document, Target, resolve
 from app.files.library import Library
 from app.files.material_file import load_material

@@ -13,8 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import cast
 
-from app.commands import EditCommand, SetSurface
-from app.commands.bumps import SetBumps
+from app.commands import EditCommand, SetBumps, SetSurface
 from app.commands.light import lit_by
 from app.commands.maps import IMAGE_SUFFIXES, SetMap, image_name, with_full_names
 from app.commands.paint import without_strokes

@@ -61,7 +61,7 @@ class HeadlessWindow:
         self._target.use()  # a framebuffer that is bound cannot be released
         for thing in old:
             thing.release()
-        self.shell.note_change()
+        self.shell.pacing.note_change()
 
     def frame(self) -> FrameResult:
         """Take the worker's answers and draw one frame; a picture that was asked for by a button is saved."""
@@ -118,7 +118,7 @@ class HeadlessWindow:
 
     def move(self, x: float, y: float) -> None:
         """Move the mouse there, in framebuffer pixels."""
-        self.shell.note_input()
+        self.shell.pacing.note_input()
         self.shell.events.move(x, y)
         self.frame()
 
@@ -175,7 +175,7 @@ class HeadlessWindow:
 
     def key(self, key: imgui.Key, *modifiers: imgui.Key) -> None:
         """Press and release a key together with modifiers (`imgui.Key.mod_ctrl`, ...)."""
-        self.shell.note_input()
+        self.shell.pacing.note_input()
         for part in (*modifiers, key):
             self.shell.events.key(part, True)
         self.frame()

@@ -6,22 +6,18 @@ and drawn, and glFinish ends it. What is left out is the way between the two pro
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
 import time
-from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import moderngl
 
-from engine.errors import InsituError
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from ui.gl.context import GraphicsError, create_headless_context, describe_context
 from ui.gl.deform.posed_picture import PosedPicture
 from ui.gl.moving import shader_bytes
+from ui.measuring import Figures, command_line, write_found
 
 if TYPE_CHECKING:
     from app.measure.deform import DeformEffort
@@ -48,19 +44,15 @@ def frame_rates(context: moderngl.Context, effort: DeformEffort, is_glossy: bool
     return rates[WARM_UP:]
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser()
-    parser.add_argument("output", type=Path)
+def main(arguments: list[str] | None = None) -> int:
+    """The command line; its exit status."""
+    parser = command_line("measure_deform", __doc__)
     parser.add_argument("--frames", type=int, default=40)
-    options = parser.parse_args(arguments)
-    try:
-        found = measure(options.frames)
-    except InsituError as error:
-        sys.exit(str(error))
-    options.output.write_text(json.dumps(found))
+    given = parser.parse_args(arguments)
+    return write_found(given.output, lambda: measure(given.frames))
 
 
-def measure(n_frames: int) -> dict[str, Any]:
+def measure(n_frames: int) -> Figures:
     """Frames a second of a matt and of a glossy relief. Raises InsituError where shaders do not draw."""
     from app.measure.deform import DeformEffort
 
@@ -73,4 +65,4 @@ def measure(n_frames: int) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

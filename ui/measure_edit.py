@@ -7,12 +7,9 @@ The pictures after the last edit go to OUT.npz.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
-import json
 import sys
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,13 +20,14 @@ from app.set_path import set_path
 from engine.errors import InsituError
 from ui.gl.context import describe_context
 from ui.measure_gl import EditorRig
+from ui.measuring import Figures, Pictures, command_line, resolution_of, write_found
 
 WARM_UP = 1
 
 
 def measure(
     source: str, path: str, value: Any, resolution: tuple[int, int] | None, repetitions: int
-) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+) -> tuple[Figures, Pictures]:
     """Times, and the pictures (H, W, 3) `before`, `framed` (the first frame after the edit) and `exact`."""
     with contextlib.closing(EditorRig(source, resolution)) as bench:
         bench.switch(path.partition(".")[0])
@@ -71,23 +69,15 @@ def _used_seconds(bench: EditorRig) -> float:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """The command line; exit status 0, or 1 with one line on standard error."""
-    parser = argparse.ArgumentParser(prog="python -m ui.measure_edit", description=__doc__.splitlines()[0])
-    parser.add_argument("source")
-    parser.add_argument("edit")
-    parser.add_argument("output", type=Path)
+    """The command line; its exit status."""
+    parser = command_line("measure_edit", __doc__, "source", "edit")
     parser.add_argument("--resolution", nargs=2, type=int)
     parser.add_argument("--repetitions", type=int, default=5)
     given = parser.parse_args(arguments)
-    try:
-        resolution = tuple(given.resolution) if given.resolution else None
-        found, pictures = measure(given.source, *parse_assignment(given.edit), resolution, given.repetitions)
-    except InsituError as error:
-        print(f"insitu: {error}", file=sys.stderr)
-        return 1
-    np.savez(given.output.with_suffix(".npz"), **pictures)  # type: ignore[arg-type]
-    given.output.write_text(json.dumps(found))
-    return 0
+    return write_found(
+        given.output,
+        lambda: measure(given.source, *parse_assignment(given.edit), resolution_of(given), given.repetitions),
+    )
 
 
 if __name__ == "__main__":

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import json
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -39,6 +38,7 @@ from ui.gl.context import create_headless_context, describe_context
 from ui.gl.placement.renderer import PlacementRenderer, UpdateReport
 from ui.gl.tonemap import DisplayView
 from ui.headless import LOOK_SECONDS, HeadlessWindow
+from ui.measuring import exit_status, resolution_of, write_found
 from ui.picture_feed import CURVE_LOOK_SECONDS, PictureFeed
 from ui.placement_feed import PlacementFeed
 from ui.start_times import start_times
@@ -309,7 +309,7 @@ def _timed(work: Any) -> float:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """The command line; exit status 0, or 1 with one line on standard error."""
+    """The command line; its exit status."""
     parser = argparse.ArgumentParser(prog="python -m ui.measure_gl", description=__doc__.splitlines()[0])
     parser.add_argument("source")
     parser.add_argument("output", nargs="?", type=Path)
@@ -318,18 +318,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--lights", type=int)
     parser.add_argument("--repetitions", type=int, default=50)
     given = parser.parse_args(arguments)
-    try:
-        if given.start:
-            start(given.source)
-            return 0
-        if given.output is None:
-            parser.error("OUT.json is missing")
-        resolution = tuple(given.resolution) if given.resolution else None
-        given.output.write_text(json.dumps(measure(given.source, resolution, given.lights, given.repetitions)))
-    except InsituError as error:
-        print(f"insitu: {error}", file=sys.stderr)
-        return 1
-    return 0
+    if given.start:
+        return exit_status(lambda: start(given.source))
+    if given.output is None:
+        parser.error("OUT.json is missing")
+    return write_found(
+        given.output, lambda: measure(given.source, resolution_of(given), given.lights, given.repetitions)
+    )
 
 
 if __name__ == "__main__":

@@ -6,13 +6,9 @@ ends with glFinish. The first picture with indirect light and the exact one go t
 
 from __future__ import annotations
 
-import argparse
 import contextlib
-import json
 import sys
 import time
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -22,13 +18,12 @@ from engine.errors import InsituError
 from engine.material.layer import object_of
 from ui.gl.context import describe_context
 from ui.measure_gl import EditorRig, random_edits
+from ui.measuring import Figures, Pictures, command_line, resolution_of, write_found
 
 WARM_UP = 2
 
 
-def measure(
-    source: str, resolution: tuple[int, int] | None, repetitions: int, rounds: int
-) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+def measure(source: str, resolution: tuple[int, int] | None, repetitions: int, rounds: int) -> tuple[Figures, Pictures]:
     """All figures, and the pictures (H,W,3) `first`, `fine` and which pixels see a reflecting object, `seen`."""
     with contextlib.closing(EditorRig(source, resolution, wait=False)) as bench:
         first_seconds = measure_first(bench)
@@ -128,23 +123,15 @@ def seen_pixels(bench: EditorRig) -> np.ndarray:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """The command line; exit status 0, or 1 with one line on standard error."""
-    parser = argparse.ArgumentParser(prog="python -m ui.measure_indirect", description=__doc__.splitlines()[0])
-    parser.add_argument("source")
-    parser.add_argument("output", type=Path)
+    """The command line; its exit status."""
+    parser = command_line("measure_indirect", __doc__, "source")
     parser.add_argument("--resolution", nargs=2, type=int)
     parser.add_argument("--repetitions", type=int, default=30)
     parser.add_argument("--rounds", type=int, default=3)
     given = parser.parse_args(arguments)
-    try:
-        resolution = tuple(given.resolution) if given.resolution else None
-        found, pictures = measure(given.source, resolution, given.repetitions, given.rounds)
-    except InsituError as error:
-        print(f"insitu: {error}", file=sys.stderr)
-        return 1
-    np.savez(given.output.with_suffix(".npz"), **pictures)  # type: ignore[arg-type]
-    given.output.write_text(json.dumps(found))
-    return 0
+    return write_found(
+        given.output, lambda: measure(given.source, resolution_of(given), given.repetitions, given.rounds)
+    )
 
 
 if __name__ == "__main__":

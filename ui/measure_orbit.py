@@ -6,21 +6,18 @@ A program of its own, as `measure_gl`. Where OpenGL is software it ends at once:
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
 import time
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from engine.errors import InsituError
 from engine.scene.camera_moves import orbited
 from engine.scene.description import Camera
 from ui.gl.context import GraphicsError, create_headless_context, describe_context
 from ui.gl.moving import shader_bytes
 from ui.gl.orbit.shaded_picture import ShadedPicture
+from ui.measuring import Figures, command_line, write_found
 
 if TYPE_CHECKING:
     from app.project import Project
@@ -31,7 +28,7 @@ WARM_UP = 3
 DEGREES_A_FRAME = 3.0
 
 
-def measure(source: str, resolution: tuple[int, int], n_points: int, n_frames: int) -> dict[str, Any]:
+def measure(source: str, resolution: tuple[int, int], n_points: int, n_frames: int) -> Figures:
     """Frames a second by coefficients a point, and the seconds of telling all that they are drawn of.
 
     Raises InsituError where shaders do not draw.
@@ -86,21 +83,13 @@ def _seconds(shaded: ShadedPicture, camera: Camera, resolution: tuple[int, int],
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """The command line; exit status 0, or 1 with one line on standard error."""
-    parser = argparse.ArgumentParser(prog="python -m ui.measure_orbit", description=__doc__.splitlines()[0])
-    parser.add_argument("source")
-    parser.add_argument("output", type=Path)
+    """The command line; its exit status."""
+    parser = command_line("measure_orbit", __doc__, "source")
     parser.add_argument("--resolution", nargs=2, type=int, default=(1024, 768))
     parser.add_argument("--points", type=int, default=256 * 256)
     parser.add_argument("--frames", type=int, default=60)
     given = parser.parse_args(arguments)
-    try:
-        width, height = given.resolution
-        given.output.write_text(json.dumps(measure(given.source, (width, height), given.points, given.frames)))
-    except InsituError as error:
-        print(f"insitu: {error}", file=sys.stderr)
-        return 1
-    return 0
+    return write_found(given.output, lambda: measure(given.source, tuple(given.resolution), given.points, given.frames))
 
 
 if __name__ == "__main__":

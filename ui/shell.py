@@ -13,7 +13,6 @@ hold it up for too long.
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -32,7 +31,6 @@ from app.files.preferences import PreferenceFile
 from app.files.recent import RecentFiles
 from app.record import Record
 from app.selecting import seen_layer
-from app.status import Status
 from app.view_state import Bookmark
 from engine.errors import InsituError
 from ui import theme
@@ -43,6 +41,7 @@ from ui.event_queue import ALTS, EventQueue
 from ui.gl.error_overlay import ErrorOverlay
 from ui.gl.interface import InterfaceRenderer
 from ui.gl.thumbnails import Thumbnails
+from ui.pacing import REDRAW_SECONDS, Pacing
 from ui.panel_windows import draw_panels
 from ui.panels import escape
 from ui.panels import help as shortcuts
@@ -61,15 +60,10 @@ from ui.table_feed import TableFeed
 from ui.view_thumbnails import ViewThumbnails
 
 TITLE = "Insitu"
-SETTLE_SECONDS = 0.9
 # Answers that took longer leave other work to the next look.
 LITTLE_SECONDS = 0.002
 # How long a frame that failed waits for the next, where no event comes.
 FAILED_SECONDS = 1.0
-# Frames that the layout takes to settle after the start.
-FIRST_FRAMES = 3
-# After an event, however long they take: the first hears it, the second shows what came of it in panels drawn before.
-INPUT_FRAMES = 2
 # A frame hears no further events after this time, a fraction of a long frame; the next, at once, hears the rest.
 HEARING_SECONDS = 0.03
 # imgui's own 0.3 is less than desktops have, and passes in two frames.
@@ -78,8 +72,6 @@ DOUBLE_CLICK_SECONDS = 0.45
 NO_TIME = 1e-4
 # What tells imgui that Alt is not its own to use: it would step to the tabs of panels.
 SHORTCUT_OWNER = 0x1A5171
-# How often the worker's progress alone is worth a frame: each takes processor time from the worker.
-PROGRESS_SECONDS = 0.1
 # Beyond this zoom a person looks at pixels, which are then squares.
 SHARP_ZOOM = 2.0
 
@@ -120,6 +112,7 @@ class Shell:
         self._fields = Fields()
         self.actor = Actor(editor, recent=recent, preferences=preferences)
         self._clock = clock
+        self.pacing = Pacing(clock)
         self._imgui = imgui.create_context()
         imgui.set_current_context(self._imgui)
         self._io = imgui.get_io()
@@ -145,12 +138,7 @@ class Shell:
         self._prepared: bool | None = None
         self._prepared_ms = 0.0
         self._last_frame = clock()
-        self._last_input, self._input_frame = -math.inf, 0
-        self._n_frames = 0
         self._seen_message = 0
-        self._told: Status | None = None
-        self._told_at = -math.inf
-        self.inputs = 0
         self._requested: list[Action] = []
         self._stills = StillSaver()
         self._library_unread = True
@@ -165,15 +153,6 @@ class Shell:
         imgui.set_current_context(self._imgui)
         return self._io
 
-    def note_input(self) -> None:
-        """An event came in: tooltips and hover need frames for a little while."""
-        self.inputs += 1
-        self._last_input, self._input_frame = self._clock(), self._n_frames
-
-    def note_change(self) -> None:
-        """The window itself changed: it needs a frame."""
-        self.inputs += 1
-
     def note_frame_time(self, milliseconds: float) -> None:
         """How long the last frame took until it was on screen, `prepare` not counted.
 
@@ -185,7 +164,7 @@ class Shell:
     def request(self, *actions: Action) -> None:
         """Have actions carried out in the coming frame, as if a panel asked for them then."""
         self._requested += actions
-        self.note_input()
+        self.pacing.note_input()
 
     def _save_picture(self, action: SavePicture) -> None:
         """What is shown now, taken at once and written by a thread."""
@@ -251,9 +230,9 @@ class Shell:
         self._io.display_size = ImVec2(float(size[0]), float(size[1]))
         self._io.delta_time = NO_TIME if self._is_behind else min(max(now - self._last_frame, NO_TIME), 0.25)
         self._last_frame = now
-        self._n_frames += 1
-        self._told, self._told_at = _telling(self.editor.status), now
-        self._record.note(now, self._frame_ms, self._told.image_error)
+        status = self.editor.status
+        self.pacing.begin_frame(now, status)
+        self._record.note(now, self._frame_ms, status.image_error)
         self._take_message(now)
         self.editor.barrier.run("The library", self._read_library, None, ())
         self._docking.take_size(size, self.theme.scale)
@@ -403,20 +382,13 @@ class Shell:
         return point
 
     def _has_news(self, now: float) -> bool:
-        """Whether the status differs from what was drawn; by progress alone not sooner than a tenth of a second."""
-        telling, told = _telling(self.editor.status), self._told
-        if told is None or telling == told:
-            return told is None
-        only_progress = replace(telling, fraction=told.fraction, text=told.text) == told
-        return not only_progress or now - self._told_at >= PROGRESS_SECONDS
+        return self.pacing.has_news(now, self.editor.status)
 
     def _result(self, busy: bool, screenshot: Path | None, quit: bool) -> FrameResult:
-        since = self._clock() - self._last_input
         plays = self.editor.view.playing is not None
-        redraw_in = 0.1 if since < SETTLE_SECONDS or plays else None
-        settling = since < 0.05 or self._n_frames < max(FIRST_FRAMES, self._input_frame + INPUT_FRAMES)
+        redraw_in = REDRAW_SECONDS if plays else self.pacing.redraw_in
         follows = self._library_unread or self._thumbnails_follow or not self.events.is_empty
-        return FrameResult(busy or settling or follows, redraw_in, screenshot, quit)
+        return FrameResult(busy or self.pacing.is_settling or follows, redraw_in, screenshot, quit)
 
     def _thumbnail(self, entry: LibraryEntry) -> Picture | None:
         return self._picture(self._thumbnails.texture(entry))
@@ -441,11 +413,11 @@ class Shell:
         source, editor = self.source, self.editor
         follow, still = self._view_thumbnails.follow, lambda: None if source is None else source.still(editor)
         if self._at_leisure and follow(editor, still):
-            self.note_change()
+            self.pacing.note_change()
 
     def _read_library(self) -> None:
         """A material a frame, once the window has its first ones behind it."""
-        if self._library_unread and self._n_frames > FIRST_FRAMES:
+        if self._library_unread and self.pacing.has_started:
             self._library_unread = self.actor.library.read_next()
 
     def _take_message(self, now: float) -> None:
@@ -548,8 +520,3 @@ class Shell:
 
     def _begin_space(self) -> None:
         self._front = self._docking.begin_space(self.theme.scale)
-
-
-def _telling(status: Status) -> Status:
-    """What of the status is worth a frame of its own."""
-    return replace(status, frame_ms=0.0, memory_mb=0.0, seconds_left=None, fraction=round(status.fraction, 2))

@@ -246,8 +246,8 @@ class Window:
 
     def _sleep(self, draw_at: float) -> None:
         """Until there is something to draw: an event, an answer of the worker, or a tooltip that is due."""
-        inputs = self.shell.inputs
-        while self.shell.inputs == inputs and not glfw.window_should_close(self.handle):
+        inputs = self.shell.pacing.inputs
+        while self.shell.pacing.inputs == inputs and not glfw.window_should_close(self.handle):
             now = time.monotonic()
             if now >= draw_at:
                 return
@@ -312,8 +312,8 @@ class Window:
         glfw.set_drop_callback(self.handle, self._on_drop)  # type: ignore[arg-type]
         glfw.set_window_close_callback(self.handle, self._on_close)
         glfw.set_window_focus_callback(self.handle, self._on_focus)
-        glfw.set_window_refresh_callback(self.handle, lambda handle: self.shell.note_change())
-        glfw.set_framebuffer_size_callback(self.handle, lambda handle, width, height: self.shell.note_change())
+        glfw.set_window_refresh_callback(self.handle, lambda handle: self.shell.pacing.note_change())
+        glfw.set_framebuffer_size_callback(self.handle, lambda handle, width, height: self.shell.pacing.note_change())
         glfw.set_window_content_scale_callback(self.handle, lambda handle, x, y: self.shell.set_scale(self._scale()))
         platform = imgui.get_platform_io()
         platform.platform_get_clipboard_text_fn = lambda context: _text(_clipboard.get_clipboard_string(None) or "")
@@ -333,7 +333,7 @@ class Window:
     def _on_move(self, handle: Any, x: float, y: float) -> None:
         """Positions come in screen units; the shell works in framebuffer pixels."""
         if (place := self._pixel(handle, x, y)) is not None:
-            self.shell.note_input()
+            self.shell.pacing.note_input()
             self.shell.events.move(*place)
 
     def _pixel(self, handle: Any, x: float, y: float) -> tuple[float, float] | None:
@@ -345,17 +345,17 @@ class Window:
 
     def _on_button(self, handle: Any, button: int, action: int, modifiers: int) -> None:
         if button < 3:
-            self.shell.note_input()
+            self.shell.pacing.note_input()
             for role, down in held(modifiers):
                 self.shell.events.key(role, down)
             self.shell.events.button(button, action == glfw.PRESS)
 
     def _on_scroll(self, handle: Any, x: float, y: float) -> None:
-        self.shell.note_input()
+        self.shell.pacing.note_input()
         self.shell.events.wheel(x, y)
 
     def _on_key(self, handle: Any, key: int, code: int, action: int, modifiers: int) -> None:
-        self.shell.note_input()
+        self.shell.pacing.note_input()
         key = as_printed(key, _text(glfw.get_key_name(key, code) or ""))
         if action == glfw.REPEAT:
             for part in KEYS.get(key, ()):
@@ -365,17 +365,17 @@ class Window:
             self.shell.events.key(part, down)
 
     def _on_char(self, handle: Any, character: int) -> None:
-        self.shell.note_input()
+        self.shell.pacing.note_input()
         self.shell.events.character(character)
 
     def _on_drop(self, handle: Any, paths: list[str]) -> None:
-        self.shell.note_input()
+        self.shell.pacing.note_input()
         place = self._pixel(handle, *glfw.get_cursor_pos(handle))
         shell = self.shell
         shell.drop(paths, None if place is None else image_at(shell.handles, shell.theme, *place))
 
     def _on_focus(self, handle: Any, focused: int) -> None:
-        self.shell.note_change()
+        self.shell.pacing.note_change()
         self.shell.events.focus(bool(focused))
 
     def _on_close(self, handle: Any) -> None:

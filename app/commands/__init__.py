@@ -6,7 +6,6 @@ when that is not there, is frozen, or the value is outside its range. A new one 
 
 from __future__ import annotations
 
-from app.commands.bumps import SetBumps
 from app.commands.curves import (
     AddOperator,
     CollapseOperators,
@@ -25,7 +24,7 @@ from app.commands.paint import BlendByMap, ClearMap, Paint
 from app.commands.plan import Overrule
 from app.commands.poses import AddDeformer, MoveDeformer, RemoveDeformer, SetDeformer, SetPose, SetTime
 from app.commands.series import SetFirstBands
-from app.commands.surfaces import SetSurface
+from app.commands.surfaces import SetBumps, SetSurface
 
 EditCommand = (
     SetParameter | SetModel | SetOperators | AddOperator | ReplaceOperator | RemoveOperator | MoveOperator

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from app.commands.layers import editable_layer
 from app.document import Document
 from app.linked_layers import Layers
-from engine.errors import InsituError
 from engine.material.maps import set_map_field, split_image_name
 from engine.scene.builtin import scene_path
 
@@ -29,9 +29,7 @@ class SetMap:
         return f"{self.key} {self.name.replace('_', ' ')}"
 
     def apply(self, document: Document) -> Document:
-        layer = document.layer(self.key)
-        if document.is_frozen(self.key):
-            raise InsituError(f"{self.key} is frozen; thaw it to edit it")
+        layer = editable_layer(document, self.key)
         return document.with_layer(self.key, layer.replace(maps=set_map_field(layer.maps, self.name, self.value)))
 
 

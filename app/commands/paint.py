@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from app.commands.layers import editable_layer
 from app.document import Document, split_key
 from app.linked_layers import Layers
 from engine.errors import InsituError
@@ -30,7 +31,7 @@ class Paint:
         return f"paint {self.key}"
 
     def apply(self, document: Document) -> Document:
-        maps = _editable(document, self.key).maps
+        maps = editable_layer(document, self.key).maps
         strokes = maps.strokes
         if strokes.n_dabs + self.stroke.n_dabs > MAX_DABS or len(strokes.strokes) >= MAX_STROKES:
             raise InsituError(f"{self.key}: its map is full, it holds {MAX_DABS} dabs; undo some strokes or clear it")
@@ -57,7 +58,7 @@ class BlendByMap:
         return f"blend {self.key} and {self.other} by a map"
 
     def apply(self, document: Document) -> Document:
-        maps, layer = document.layer(self.key).maps, _editable(document, self.other)
+        maps, layer = document.layer(self.key).maps, editable_layer(document, self.other)
         theirs = replace(
             layer.maps, weight=maps.weight, weight_start=maps.weight_start, strokes=maps.strokes,
             weight_invert=not maps.weight_invert,
@@ -76,7 +77,7 @@ class ClearMap:
         return f"{self.key} without weight map"
 
     def apply(self, document: Document) -> Document:
-        layer = _editable(document, self.key)
+        layer = editable_layer(document, self.key)
         return document.with_layer(self.key, layer.replace(maps=_without_weight(layer.maps)))
 
 
@@ -105,9 +106,3 @@ def _map_of(layer: Layer) -> tuple[str, float, Strokes]:
 
 def _without_weight(maps: LayerMaps) -> LayerMaps:
     return replace(maps, weight="", weight_start=1.0, weight_invert=False, strokes=Strokes())
-
-
-def _editable(document: Document, key: str) -> Layer:
-    if document.is_frozen(key):
-        raise InsituError(f"{key} is frozen; thaw it to edit it")
-    return document.layer(key)

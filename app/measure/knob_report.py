@@ -9,20 +9,21 @@ from typing import Any
 
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
-from matplotlib.ticker import LogLocator, NullLocator
 
 from app.machine.atomic import save_file
 from app.measure.knobs import CSV, FRONT, KnobRow, knobs_of
 from app.measure.markdown import table
 from app.measure.plots import FRONT as FRONT_COLOUR
 from app.measure.plots import INK, save_figure
+from app.measure.ticks import read_well
 
 REPORT = "report.md"
 TITLES = {"placement": "Placement", "orbit": "Orbit", "deform": "Deform"}
 POINT, PRESENT = "#2f6690", "#e08a1e"
 COLUMNS, AXES_SIZE = 3, (4.2, 3.2)
-LEAST_SECONDS, LEAST_ERROR = 1e-6, 1e-4
+LEAST_SECONDS, SHORT_SECONDS, LEAST_ERROR = 1e-6, 0.1, 1e-4
+# Points that lie closer together than these parts of the axes have their names in one line.
+CLOSE = (0.08, 0.05)
 
 
 def plot_name(mode: str) -> str:
@@ -93,31 +94,43 @@ def _plot(file: Path, knobs: Mapping[str, Sequence[KnobRow]]) -> None:
 def _draw(axes: Axes, name: str, rows: Sequence[KnobRow]) -> None:
     """Error over seconds, or over the settings in their order where these have none."""
     timed = not math.isnan(rows[0].seconds)
-    xs = [max(row.seconds, LEAST_SECONDS) if timed else float(i) for i, row in enumerate(rows)]
+    unit, scale = ("ms", 1e3) if timed and max(row.seconds for row in rows) < SHORT_SECONDS else ("s", 1.0)
+    xs = [scale * max(row.seconds, LEAST_SECONDS) if timed else float(i) for i, row in enumerate(rows)]
     ys = [max(100.0 * row.error, LEAST_ERROR) for row in rows]
     best = sorted((x, y) for x, y, row in zip(xs, ys, rows, strict=True) if row.on_front)
     axes.plot(*zip(*best, strict=True), color=FRONT_COLOUR, linewidth=1.2, zorder=1)
     for x, y, row in zip(xs, ys, rows, strict=True):
         axes.plot(x, y, "o", color=PRESENT if row.present else POINT, markersize=8 if row.present else 5, zorder=2)
-        axes.annotate(row.setting, (x, y), (5, 4), textcoords="offset points", fontsize=7, color=INK)
     axes.set_title(name, fontsize=9, loc="left", color=INK)
     axes.set_yscale("log")
-    _name_ticks(axes.yaxis)
+    read_well(axes.yaxis)
     if timed:
         axes.set_xscale("log")
-        _name_ticks(axes.xaxis)
-        axes.set_xlabel(f"s, {rows[0].cost}", fontsize=7, color=INK)
+        read_well(axes.xaxis)
+        axes.set_xlabel(f"{unit}, {rows[0].cost}", fontsize=7, color=INK)
     else:
         axes.set_xticks([])
     axes.set_ylabel("relRMSE, %", fontsize=7, color=INK)
     axes.tick_params(labelsize=7)
     axes.margins(0.16)
+    axes.autoscale_view()
+    _names_apart(axes, rows, xs, ys)
     axes.grid(True, color="#e4e4e4", linewidth=0.8)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def _name_ticks(axis: Axis) -> None:
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=5))
-    axis.set_major_formatter("{x:.2g}")
-    axis.set_minor_locator(NullLocator())
+def _names_apart(axes: Axes, rows: Sequence[KnobRow], xs: Sequence[float], ys: Sequence[float]) -> None:
+    """The settings beside their points; those whose points all but coincide are named together."""
+    places = axes.transAxes.inverted().transform(axes.transData.transform(list(zip(xs, ys, strict=True))))
+    groups: list[list[int]] = []
+    for i, place in enumerate(places):
+        for group in groups:
+            if (abs(places[group[0]] - place) < CLOSE).all():
+                group.append(i)
+                break
+        else:
+            groups.append([i])
+    for group in groups:
+        name, at = ", ".join(rows[i].setting for i in group), (xs[group[0]], ys[group[0]])
+        axes.annotate(name, at, (5, 4), textcoords="offset points", fontsize=7, color=INK)

@@ -13,15 +13,14 @@ matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullLocator
 
 from app.machine.atomic import save_file
 from app.measure.knobs import pareto_front
 from app.measure.sweep import SweepRow
+from app.measure.ticks import read_well
 
 SIZE = (8.0, 5.0)
 DPI = 150
-TICKS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
 INK, FRONT = "#333333", "#c0392b"
 COLOURS = ("#8aa7bf", "#5f8fb4", "#2f6690", "#123a5c", "#0b2239")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
@@ -85,9 +84,7 @@ def _axes(title: str, cost: str) -> tuple[Figure, Axes]:
     axes.set_xscale("log")
     axes.set_yscale("log")
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(LogLocator(subs=TICKS))
-        axis.set_major_formatter("{x:.3g}")
-        axis.set_minor_locator(NullLocator())
+        read_well(axis)
     axes.grid(True, which="major", color="#e4e4e4", linewidth=0.8)
     axes.set_axisbelow(True)
     for side in ("top", "right"):

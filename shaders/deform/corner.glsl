@@ -1,16 +1,12 @@
 // Provides: where a triangle's corner comes to lie in the picture, and what the points there send.
+#include "common/view.glsl"
+
 layout(std430, binding = 1) readonly buffer Posed { float posed[]; };  // a point: rows of its frame (9), place (3)
 layout(std430, binding = 7) readonly buffer Sent { float sent[]; };    // a point: white (3), gloss (3)
-uniform vec3 eye;
-uniform mat3 towards;   // a direction to column and row, -1 to 1 times depth, and depth
-uniform vec2 depth;
-
-invariant gl_Position;
 
 void place(int p) {
     int at = 12 * p + 9;
-    vec3 seen = towards * (vec3(posed[at], posed[at + 1], posed[at + 2]) - eye);
-    gl_Position = vec4(seen.xy, depth.x * seen.z + depth.y, seen.z);
+    gl_Position = seen_at(vec3(posed[at], posed[at + 1], posed[at + 2]));
 }
 
 vec3 sent_by(int p, int first) {

@@ -5,7 +5,7 @@
 flat out int shows_back, triangle;
 
 void main() {
-    place();
+    gl_Position = seen_at(position);
     shows_back = int(is_back());
     triangle = gl_VertexID / 3;
 }

@@ -20,7 +20,7 @@ centroid out mat3 from_side;  // of red, green and blue: power times direction
 #endif
 
 void main() {
-    place();
+    gl_Position = seen_at(position);
     int p = is_back() ? sides.y : sides.x;
     // Until it is told of points on a back, that shows the light of its front, evenly reflected.
     bool is_told = p >= 0, reflects = is_told || sides.x >= 0;

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.commands.bumps import SetBumps
+from app.commands.surfaces import SetBumps
 from app.document import resolve
 from app.editor import Editor
 from app.files.session import load_session, save_session

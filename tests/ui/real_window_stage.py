@@ -191,7 +191,7 @@ class Stage:
 
     def _do(self, statements: str) -> None:
         exec(statements, self._names())
-        self.window.shell.note_input()  # which is good for the two frames that `settle` waits for
+        self.window.shell.pacing.note_input()  # which is good for the two frames that `settle` waits for
         self._heard_in = self._frames
 
     def _settled(self, frames: int) -> bool:
@@ -240,7 +240,7 @@ class Stage:
 
     def _shot_to(self, file: str) -> None:
         self._shot = file
-        self.window.shell.note_change()
+        self.window.shell.pacing.note_change()
 
     def _taken(self) -> bool:
         return self._shot is None

@@ -9,7 +9,7 @@ from app.editor import Editor
 from app.messages import Failed, Progress
 from tests.ui.stand_in import StandInClient
 from ui.headless import HeadlessWindow
-from ui.shell import PROGRESS_SECONDS
+from ui.pacing import PROGRESS_SECONDS
 
 pytestmark = pytest.mark.gl
 
@@ -49,14 +49,14 @@ def test_a_window_nobody_touches_asks_for_no_frames(window: HeadlessWindow, clie
     window._time += 60.0  # since the last event of a hand
     result = window.frame()
     assert not result.busy and result.redraw_in is None
-    window.shell.note_change()  # it was uncovered: one frame, and no more after it
+    window.shell.pacing.note_change()  # it was uncovered: one frame, and no more after it
     result = window.frame()
     assert not result.busy and result.redraw_in is None
 
 
 def test_an_event_gets_two_frames_however_long_they_take(window: HeadlessWindow, client: StandInClient) -> None:
     window.frames(60)
-    window.shell.note_input()
+    window.shell.pacing.note_input()
     window._time += 60.0
     assert window.frame().busy and not window.frame().busy
 
@@ -87,7 +87,7 @@ def test_the_hand_s_own_change_is_in_the_frame_that_took_it(
     window.release()
     drawn.clear()
     window.prepare()
-    window.shell.note_input()
+    window.shell.pacing.note_input()
     window.shell.events.key(imgui.Key.mod_ctrl, True)
     window.shell.events.key(imgui.Key.z, True)
     window.draw()

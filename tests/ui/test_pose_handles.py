@@ -20,7 +20,7 @@ def bending(window: HeadlessWindow) -> Editor:
     """The editor in Deform, its teapot selected and a metre high."""
     editor = window.shell.editor
     boxes = np.tile([[-0.3, 0.0, -0.3], [0.3, 1.0, 0.3]], (len(editor.document.objects), 1, 1))
-    editor.looks.scene_opened(editor._scene.description, boxes)
+    editor.looks.scene_opened(editor.scenes.opened.description, boxes)
     editor.do(SetView.of(mode="deform"))
     editor.select("teapot")
     return editor

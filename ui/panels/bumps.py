@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from imgui_bundle import ImVec2, imgui
 
-from app.commands.bumps import SetBumps
+from app.commands.surfaces import SetBumps
 from app.document import ObjectState
 from engine.material.bumps import MAX_HEIGHT, MAX_STRENGTH
 from engine.material.maps import MAX_REPEATS

@@ -1,0 +1,233 @@
+"""The scene that is open, the one that is being opened, and from where it is traced: the talk with the worker about it.
+
+What is open stays until the next one was loaded and traced. What a picture of it needs is the mode's affair, whose talk
+is told of every scene and of every look at it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Protocol
+
+from app.commands import EditCommand
+from app.commands.light import lit_by
+from app.document import Document, Selection
+from app.files.session import Session
+from app.files.session_keeper import SessionKeeper
+from app.history import History
+from app.looking import LookTalk, what_is_missing
+from app.looks import Looks
+from app.messages import Failed, Request, SceneOpened, SceneSeen, SkyImage
+from app.mode import ModeTalk, OpenedScene
+from app.opening import Opening
+from app.picture import PictureEvent, SceneFrame, SkyChanged
+from app.selecting import first_choice
+from app.status import Gauges
+from app.timeline import shown_poses
+from app.view_state import ViewState
+from engine.errors import InsituError
+from engine.scene.builtin import DEFAULT_SCENE
+from engine.scene.description import SceneDescription
+
+
+class Host(Protocol):
+    """What it needs of the editor."""
+
+    view: ViewState
+    history: History[Document]
+    gauges: Gauges
+    talk: ModeTalk
+    looks: Looks
+    resolution: tuple[int, int] | None
+
+    @property
+    def document(self) -> Document: ...
+
+    @property
+    def scene_is_open(self) -> bool: ...
+
+    def send(self, request: Request) -> int: ...
+
+    def notify(self, text: str, is_error: bool = False) -> None: ...
+
+    def do(self, command: EditCommand) -> str | None: ...
+
+    def select(self, path: str | Selection | None) -> str | None: ...
+
+    def document_changed(self) -> None: ...
+
+    def forget_picture(self, notes: tuple[str, ...]) -> None: ...
+
+    def take_failure(self, response: Failed) -> None: ...
+
+
+class SceneTalk:
+    """`tracing` is the part of the talk about the view; `opened`: the scene as it is open, None before the first."""
+
+    def __init__(self, host: Host, keeper: SessionKeeper) -> None:
+        self._host, self._keeper = host, keeper
+        self.tracing = LookTalk(host.send)
+        self.opened: OpenedScene | None = None
+        self._shown: list[PictureEvent] = []
+        self._opening: Opening | None = None
+        self._given_up: Opening | None = None
+
+    def open(self, opening: Opening) -> None:
+        """Have a scene loaded and traced."""
+        host = self._host
+        host.talk.scene_closed()
+        id = host.send(opening.request())
+        self.tracing.ask(opening.look(host.resolution), id, opening.poses, opening.bumps, host.view.n_edge_rays)
+        self._opening = replace(opening, id=id)
+        host.gauges.progress = None
+
+    def open_default(self, why: str) -> None:
+        """Where nothing is open, so that the window is of use: the built-in scene, and why it is that one."""
+        if not self._host.scene_is_open and self._opening is None:
+            self.open(Opening.of(DEFAULT_SCENE, f"{why} - the built-in {DEFAULT_SCENE} is open instead"))
+
+    def give_up(self) -> None:
+        """The work was stopped: what is being opened or traced will not come."""
+        self._given_up, self._opening = self._opening, None
+        self._give_up_look(self._given_up)
+
+    def open_again(self) -> bool:
+        """Open what was given up, where there is no other scene; whether there was one to be opened."""
+        if self._given_up is None or self._host.scene_is_open:
+            return False
+        self.open(self._given_up)
+        return True
+
+    def update(self, now: float, view: ViewState) -> None:
+        """Once a frame: have the scene traced as it is looked at, once view and poses rest. view: the host's, with what
+        was decided for it."""
+        document, talk = self._host.document, self._host.talk
+        sight = view.look, shown_poses(document, self._host.view), document.new_bumps, view.n_edge_rays
+        if self._opening is None and self.tracing.update(now, *sight):
+            (talk.looked_away if self.tracing.is_away else talk.looked_back)()
+
+    def tell(self, talk: ModeTalk) -> list[PictureEvent]:
+        """Tell another mode's talk of the scene as if it had just come; what its picture is to be told."""
+        if self.opened is None:
+            return []
+        talk.scene_opened(replace(self.opened, document=self._host.document))
+        if self._opening is not None:
+            talk.scene_closed()
+        elif self.tracing.is_away:
+            talk.looked_away()
+        return list(self._shown)
+
+    # -------------------------------------------------------------------------------------------------------- answers
+
+    def take_loaded(self, response: SceneOpened) -> None:
+        """A scene was read: it is open once it is traced."""
+        if self._opening is not None and response.id == self._opening.id:
+            self._opening = replace(self._opening, opened=response)
+
+    def take_sky(self, response: SkyImage) -> list[PictureEvent]:
+        """What lies behind the scene."""
+        self._host.gauges.notes += response.notes
+        sky = SkyChanged(response.radiance)
+        self._shown = [*self._shown[:1], sky]
+        return [sky]
+
+    def take_seen(self, response: SceneSeen) -> list[PictureEvent]:
+        """The scene was traced: one that is being opened is open now."""
+        if not self.tracing.took(response):
+            return []
+        opening = self._opening
+        if opening is not None and opening.opened is not None:
+            events = self._take_scene(opening, opening.opened, response)
+            self._tell_flaws(response)
+            return events
+        assert self.opened is not None
+        host = self._host
+        host.forget_picture(self.opened.notes)
+        host.view = host.view.seen_from(host.view.look)  # which may have moved on
+        host.talk.scene_seen(self._seen(replace(self.opened, document=host.document), response))
+        host.document_changed()
+        if self.tracing.has_resized:
+            width, height = self.tracing.seen.resolution or host.looks.own_resolution
+            host.notify(f"the picture has {width} x {height} pixels")
+        if missing := what_is_missing(response.frame):
+            host.notify(missing)
+        self._tell_flaws(response)
+        return self._shown
+
+    def take_failure(self, response: Failed) -> None:
+        """A scene could not be opened, or not be traced."""
+        opening = self._opening
+        if opening is not None and response.id == opening.id or self.tracing.awaits(response.id):
+            self._opening = None
+            self._give_up_look(opening)
+            if opening is not None and opening.source != DEFAULT_SCENE:
+                self.open_default(response.line)
+
+    def _take_scene(self, opening: Opening, opened: SceneOpened, response: SceneSeen) -> list[PictureEvent]:
+        host = self._host
+        description = SceneDescription.model_validate_json(opened.description)
+        try:
+            described = opening.document(description, opened)
+        except InsituError as error:
+            host.take_failure(Failed(str(error), id=opened.id))
+            return []
+        left_unsaved = self._keeper.leave(host.document, host.view)
+        host.forget_picture(opened.notes)
+        self._opening = None
+        host.looks.scene_opened(description, opened.boxes)
+        host.view = host.view.of_scene(description)
+        host.history = History(described)
+        self._keeper.opened(described, host.view)
+        kept = "; the unsaved edits before it can be recovered at the next start" if left_unsaved else ""
+        said = opening.instead_of or f"opened {description.name}{kept}"
+        said = "; ".join(filter(None, (said, *opened.notes, what_is_missing(response.frame))))
+        host.notify(said, bool(opening.instead_of))
+        if opening.session is not None:
+            self._restore(opening, opening.session, opened)
+        host.view = host.view.seen_from(self.tracing.adopted(host.looks.own_resolution))
+        host.looks.begin_anew()
+        scene = OpenedScene(0, opened.planned, description, described, host.document, opened.notes)
+        host.talk.scene_opened(self._seen(scene, response))
+        if host.view.selected is None:
+            host.select(first_choice(host.document))
+        if opening.light is not None:
+            host.do(lit_by(opening.light))
+        return self._shown
+
+    def _restore(self, opening: Opening, session: Session, opened: SceneOpened) -> None:
+        """Put a session's document and view in the place of the scene's, where they fit."""
+        host = self._host
+        try:
+            document = opening.restored(session, host.document, opened)
+        except InsituError as error:
+            host.notify(f"opened the scene without its session: {error}", True)
+            return
+        host.history = History(document)
+        host.view = replace(session.view, panels=host.view.panels)
+        self._keeper.opened(document, host.view, opening.session_path, opening.recovery)
+        host.notify("recovered what was not saved" if opening.recovery else f"opened {opening.file}")
+
+    def _seen(self, scene: OpenedScene, seen: SceneSeen) -> OpenedScene:
+        """A scene as it was traced; the renderer is to be told of it."""
+        described = scene.description.seen_from(self.tracing.seen.camera)
+        self._shown = [SceneFrame(self.tracing.scene, scene.document.source, described, seen.frame)]
+        self.opened = scene = replace(scene, view_id=seen.id)
+        return scene
+
+    def _tell_flaws(self, response: SceneSeen) -> None:
+        """What bumps are not shown, and why."""
+        if response.flaws:
+            self._host.notify("; ".join(response.flaws), True)
+            self._host.gauges.notes += response.flaws
+
+    def _give_up_look(self, opening: Opening | None) -> None:
+        """What was asked to be traced will not come: the view is again the one there is a picture of, where a hand has
+        not moved it on."""
+        host = self._host
+        asked = self.tracing.gave_up()
+        if asked is None or not host.scene_is_open:
+            return
+        stays = opening is None and asked == host.view.look and not host.looks.history.dragging
+        if stays:  # else the hand has moved it on, and it will be traced from there
+            host.looks.go_back_to(self.tracing.seen)
+        (host.talk.looked_back if opening is None else host.talk.scene_stays)()

@@ -1,0 +1,83 @@
+"""When the window's next frame is due: at once after what a hand did, soon while tooltips may come up, else with news.
+
+Frames take processor time from the worker: what only counts its progress waits.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+from app.status import Status
+
+# After an event tooltips and hover go on for this long, a frame every `REDRAW_SECONDS`.
+SETTLE_SECONDS = 0.9
+REDRAW_SECONDS = 0.1
+# So long frames follow each other at once.
+AT_ONCE_SECONDS = 0.05
+# Frames that the layout takes to settle after the start.
+FIRST_FRAMES = 3
+# After an event, however long they take: the first hears it, the second shows what came of it in panels drawn before.
+INPUT_FRAMES = 2
+# How often the worker's progress alone is worth a frame.
+PROGRESS_SECONDS = 0.1
+
+
+class Pacing:
+    """`inputs` counts what asked for a frame. clock: steady, in seconds."""
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self._clock = clock
+        self.inputs = 0
+        self._n_frames = 0
+        self._last_input, self._input_frame = -math.inf, 0
+        self._told: Status | None = None
+        self._told_at = -math.inf
+
+    def note_input(self) -> None:
+        """An event came in: tooltips and hover need frames for a little while."""
+        self.inputs += 1
+        self._last_input, self._input_frame = self._clock(), self._n_frames
+
+    def note_change(self) -> None:
+        """The window itself changed: it needs a frame."""
+        self.inputs += 1
+
+    def begin_frame(self, now: float, status: Status) -> None:
+        """A frame that tells this status is being drawn."""
+        self._n_frames += 1
+        self._told, self._told_at = _telling(status), now
+
+    @property
+    def has_started(self) -> bool:
+        """Whether the first frames are behind it."""
+        return self._n_frames > FIRST_FRAMES
+
+    def has_news(self, now: float, status: Status) -> bool:
+        """Whether the status differs from what was drawn; by progress alone not sooner than a tenth of a second."""
+        telling, told = _telling(status), self._told
+        if told is None or telling == told:
+            return told is None
+        only_progress = replace(telling, fraction=told.fraction, text=told.text) == told
+        return not only_progress or now - self._told_at >= PROGRESS_SECONDS
+
+    @property
+    def is_settling(self) -> bool:
+        """Whether the next frame is due at once."""
+        n_wanted = max(FIRST_FRAMES, self._input_frame + INPUT_FRAMES)
+        return self._since_input < AT_ONCE_SECONDS or self._n_frames < n_wanted
+
+    @property
+    def redraw_in(self) -> float | None:
+        """Seconds until the next frame is due after an event; None where it is long past."""
+        return REDRAW_SECONDS if self._since_input < SETTLE_SECONDS else None
+
+    @property
+    def _since_input(self) -> float:
+        return self._clock() - self._last_input
+
+
+def _telling(status: Status) -> Status:
+    """What of the status is worth a frame of its own."""
+    return replace(status, frame_ms=0.0, memory_mb=0.0, seconds_left=None, fraction=round(status.fraction, 2))
