@@ -31,7 +31,9 @@ def scene(layer: str) -> str:
         ('model = "ward_anisotropic", alpha_u = 0.3, alpha_v = 0.04', 0.5, 512),
     ],
 )
-def test_a_lamp_is_mirrored_as_paths_find_it_or_it_is_said(tmp_path: Path, layer: str, limit: float, n_paths: int) -> None:
+def test_a_lamp_is_mirrored_as_paths_find_it_or_it_is_said(
+    tmp_path: Path, layer: str, limit: float, n_paths: int
+) -> None:
     file = tmp_path / "scene.toml"
     file.write_text(scene(layer))
     project, series = open_project(str(file)), BounceSeries(1)
