@@ -54,6 +54,7 @@ from app.table_talk import TableTalk
 from app.view_state import OpenPanel, SetView, ViewCommand, ViewState
 from app.writing import written_material, written_scene
 from engine.errors import InsituError
+from engine.plan import planned_edge_rays
 
 __all__ = ["Editor", "Status", "WorkerClient"]
 
@@ -359,7 +360,10 @@ class Editor:
     def status(self) -> Status:
         """The truth about what is on screen."""
         status = self.gauges.status(self._client.alive)
-        return self.talk.status(replace(status, is_away=self.scenes.tracing.is_away))
+        opened = self.scenes.opened
+        planned_edges = 0 if opened is None else planned_edge_rays(opened.description)
+        status = replace(status, is_away=self.scenes.tracing.is_away, planned_edges=planned_edges)
+        return self.talk.status(status)
 
     # -------------------------------------------------------------------------------------------------------- answers
 

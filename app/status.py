@@ -37,6 +37,7 @@ class Status:
     ``shown_by``: which mode's picture is seen, where a mode shows those of two; else empty.
     ``is_away``: whether the view has moved on from the one that was traced last.
     ``compared_exact``: whether side A of a comparison is. ``stopped``: whether a person stopped what is missing.
+    ``planned_edges`` are the rays through a pixel at an edge that the scene requires.
     ``message`` is the last thing that happened, ``is_error`` whether it went wrong; ``message_number`` counts them.
     """
 
@@ -66,6 +67,7 @@ class Status:
     message_number: int = 0
     notes: tuple[str, ...] = ()
     stopped: bool = False
+    planned_edges: int = 0
 
     @property
     def goes_with_hand(self) -> bool:

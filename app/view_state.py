@@ -33,6 +33,7 @@ DEFAULT_PANELS = MappingProxyType(
         "material": True,
         "light": True,
         "accuracy": True,
+        "plan": True,
         "library": True,
         "brdf": True,
     }

@@ -36,6 +36,7 @@ from engine.material.model import Model
 from engine.plan_lines import MOST_BANDS_OVERRULED, PICTURE_LINES, LineValue, checked_bands, checked_line
 
 if TYPE_CHECKING:
+    from engine.scene.description import SceneDescription
     from engine.scene.load import Scene
 
 MOST_BANDS = 128
@@ -64,6 +65,7 @@ SPHERE_PAYS_FROM = 1280
 # Of which there may be fewer than are planned at first.
 NEEDED_LINES = frozenset({"lights", "patches"})
 N_FINE = 512
+PRECISION_REASON = "each coefficient's plane has its own scale, so half floats hold it to 0.05 %"
 
 Precision = Literal["half", "float"]
 
@@ -161,7 +163,7 @@ class Plan:
         needs_sphere = self.needs_sphere and decisions.keeps_sphere
         reasons = {**self.reasons, **reasons}
         if needs_sphere != self.needs_sphere:
-            reasons["sphere"] = _sphere_reason(True, needs_sphere)
+            reasons["sphere"] = sphere_reason(True, needs_sphere)
         return replace(self, n_lights=n_lights, n_patches=n_patches, needs_sphere=needs_sphere, reasons=reasons)
 
     def layer(self, key: str) -> LayerPlan:
@@ -241,14 +243,14 @@ def plan_scene(
         needs_sphere=needs_sphere,
         precision="half",
         bounces=scene.description.bounces,
-        n_edge_rays=planned_edge_rays(scene),
+        n_edge_rays=planned_edge_rays(scene.description),
         reasons={
             "lights": "triangles cut from the sky where it is bright" if has_sky else "no sky",
             "patches": "of the objects that shine" if has_emitters else "nothing shines",
-            "sphere": _sphere_reason(has_sky, needs_sphere),
-            "precision": "each coefficient's plane has its own scale, so half floats hold it to 0.05 %",
+            "sphere": sphere_reason(has_sky, needs_sphere),
+            "precision": PRECISION_REASON,
             "bounces": "as the scene says",
-            "edges": _edge_reason(planned_edge_rays(scene)),
+            "edges": edge_reason(planned_edge_rays(scene.description)),
         },
         is_still=still,
     )
@@ -257,14 +259,15 @@ def plan_scene(
     return plan
 
 
-def planned_edge_rays(scene: Scene) -> int:
+def planned_edge_rays(description: SceneDescription) -> int:
     """Rays through pixels at edges: for a scene whose materials have highlights twice as many as for a matt one, since
     on narrow rims light differs from one to the next. By the scene's file: edits do not trace the view anew."""
-    models = {layer.model for each in scene.description.objects for layer in each.layers}
+    models = {layer.model for each in description.objects for layer in each.layers}
     return 8 if all(MODELS[name].is_matt for name in models if name in MODELS) else 16
 
 
-def _edge_reason(n_rays: int) -> str:
+def edge_reason(n_rays: int) -> str:
+    """Why so many are planned."""
     return "highlights may be narrower than a pixel" if n_rays > 8 else "where objects meet; nothing is glossy"
 
 
@@ -308,7 +311,8 @@ def _plan_still_layer(key: str, layer: Layer) -> LayerPlan:
     return LayerPlan(key, layer.model.name, False, tuple(counts), tuple(counts.values()), reasons)
 
 
-def _sphere_reason(has_sky: bool, needs_sphere: bool) -> str:
+def sphere_reason(has_sky: bool, needs_sphere: bool) -> str:
+    """Why shadows from every direction are found, or not."""
     if not has_sky:
         return "no sky, so only emitters cast shadows"
     if needs_sphere:
@@ -352,7 +356,7 @@ def _with_lights(plan: Plan, n_lights: int) -> Plan:
     if "sphere" in plan.overruled or not plan.is_still:
         return replace(plan, n_lights=n_lights)
     needs_sphere = n_lights >= SPHERE_PAYS_FROM
-    reasons = {**plan.reasons, "sphere": _sphere_reason(n_lights > 0, needs_sphere)}
+    reasons = {**plan.reasons, "sphere": sphere_reason(n_lights > 0, needs_sphere)}
     return replace(plan, n_lights=n_lights, needs_sphere=needs_sphere, reasons=reasons)
 
 

@@ -32,7 +32,9 @@ class _Line:
 
 
 def _from_to(least: int, most: int) -> _Line:
-    return _Line(lambda value: isinstance(value, int) and least <= value <= most, f"{least} to {most:,}")
+    return _Line(
+        lambda value: isinstance(value, int) and least <= value <= most, f"a whole number from {least} to {most:,}"
+    )
 
 
 _LINES = {

@@ -45,12 +45,13 @@ CURVE = Panel("curve", "Curve")
 MATERIAL = Panel("material", "Material")
 LIGHT = Panel("light", "Light")
 ACCURACY = Panel("accuracy", "Accuracy")
+PLAN = Panel("plan", "Plan")
 LIBRARY = Panel("library", "Library")
 BRDF = Panel("brdf", "BRDF")
-PANELS = (OBJECTS, VIEWPORT, CURVE, MATERIAL, LIGHT, ACCURACY, BRDF, LIBRARY)
+PANELS = (OBJECTS, VIEWPORT, CURVE, MATERIAL, LIGHT, ACCURACY, PLAN, BRDF, LIBRARY)
 # Of panels behind each other, those that are seen first; and those that are folded away at first.
 IN_FRONT: dict[Form, tuple[str, ...]] = {
-    "wide": (), "compact": (OBJECTS.key, MATERIAL.key), "small": (),
+    "wide": (ACCURACY.key,), "compact": (OBJECTS.key, MATERIAL.key, CURVE.key), "small": (),
 }  # fmt: skip
 FOLDED: dict[Form, frozenset[str]] = {
     "wide": frozenset(), "compact": frozenset(), "small": frozenset(p.key for p in PANELS) - {VIEWPORT.key},
@@ -94,7 +95,7 @@ def build_default(identity: int, size: ImVec2, form: Form, scale: float) -> None
 
 
 def _wide(root: int, scale: float) -> dict[Panel, int]:
-    """Objects over library and BRDF; the picture over the curve; material, light and accuracy in a column right."""
+    """Objects over library and BRDF; the picture over the curve; right material, light, and accuracy with the plan."""
     left, rest = _split(root, imgui.Dir.left, LEFT_WIDTH * scale, 0.25)
     right, middle = _split(rest, imgui.Dir.right, RIGHT_WIDTH * scale, 0.4)
     curve, picture = _split(middle, imgui.Dir.down, CURVE_HEIGHT * scale, 0.36)
@@ -103,18 +104,18 @@ def _wide(root: int, scale: float) -> dict[Panel, int]:
     library, objects = _split(left, imgui.Dir.down, LIBRARY_SHARE * _size(left).y)
     return {
         OBJECTS: objects, LIBRARY: library, BRDF: library, VIEWPORT: picture, CURVE: curve, MATERIAL: material,
-        LIGHT: light, ACCURACY: accuracy,
+        LIGHT: light, ACCURACY: accuracy, PLAN: accuracy,
     }  # fmt: skip
 
 
 def _compact(root: int, scale: float) -> dict[Panel, int]:
-    """The picture over the curve; right objects, library and BRDF over material, light and accuracy."""
+    """The picture over curve and plan; right objects, library and BRDF over material, light and accuracy."""
     right, middle = _split(root, imgui.Dir.right, COMPACT_WIDTH * scale, 0.4)
     curve, picture = _split(middle, imgui.Dir.down, COMPACT_CURVE_HEIGHT * scale, 0.42)
     upper, lower = _split(right, imgui.Dir.up, COMPACT_OBJECTS_SHARE * _size(right).y)
     return {
         OBJECTS: upper, LIBRARY: upper, BRDF: upper, VIEWPORT: picture, CURVE: curve, MATERIAL: lower, LIGHT: lower,
-        ACCURACY: lower,
+        ACCURACY: lower, PLAN: curve,
     }  # fmt: skip
 
 

@@ -79,7 +79,7 @@ class Bench:
         if seen.scene is None:
             raise InsituError("no scene is open")
         scene, caster = seen.posed(request.poses)
-        n_edge_rays = planned_edge_rays(scene) if request.n_edge_rays is None else request.n_edge_rays
+        n_edge_rays = planned_edge_rays(scene.description) if request.n_edge_rays is None else request.n_edge_rays
         scene = scene.bumped(dict(request.bumps)).seen_from(request.camera, request.resolution)
         placement = Placement(scene, caster, n_edge_rays)
         self._scene, self._loaded = seen, _Loaded()

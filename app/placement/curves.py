@@ -48,10 +48,14 @@ class Curves:
 
     def bands(self, document: Document, key: str) -> dict[str, int]:
         """J of each of a layer's transport factors: as planned, or as a person chose for the sharpest, or for each."""
-        layer, chosen, lines = document.layer(key), document.first_bands, dict(document.overrules)
-        counts = self.plans.of(key, layer)
-        counts = counts if chosen is None else bands_by_hand(layer, counts, chosen)
+        counts, lines = self.planned(document, key), dict(document.overrules)
         return bands_of_lines(key, counts, lines) if lines else counts
+
+    def planned(self, document: Document, key: str) -> dict[str, int]:
+        """The same where no line of the plan has been set."""
+        layer, chosen = document.layer(key), document.first_bands
+        counts = self.plans.of(key, layer)
+        return counts if chosen is None else bands_by_hand(layer, counts, chosen)
 
     def coefficients(self, document: Document, key: str, most: int | None = None) -> dict[str, Array]:
         """Band values of each transport factor of a layer, (J,3) by factor [BenArtzi07, eq. 4.17], of `most` bands."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from app.placement.transport_talk import TransportTalk
 from app.status import Status
@@ -25,6 +26,9 @@ class PlacementStatus(Status):
     ``indirect_noise`` is what chance is left in the indirect light, RMS relative to its own mean; None while unknown.
     ``bounces_note`` says what of the light so many bounces leave out, empty where that is little; ``transport_note``
     what of the transport is not yet as it is asked for, its bands or its precision.
+    ``has_sky``: whether anything shines from afar. Of the plan: ``planned_bands`` are those of each layer by key and
+    factor, ``needed_lights`` and ``needed_patches`` what the worker found to be enough of those asked for (0: it did
+    not look), ``plan_reasons`` why, by line.
     """
 
     shown_coefficients: int = 0
@@ -34,6 +38,11 @@ class PlacementStatus(Status):
     indirect_noise: float | None = None
     bounces_note: str = ""
     transport_note: str = ""
+    has_sky: bool = True
+    planned_bands: tuple[tuple[str, Mapping[str, int]], ...] = ()
+    needed_lights: int = 0
+    needed_patches: int = 0
+    plan_reasons: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

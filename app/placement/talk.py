@@ -40,6 +40,7 @@ from app.placement.messages import (
     IndirectNoise,
     LayerPicture,
     LayerTransport,
+    LightPlanned,
     MapsRefused,
     MapsSampled,
     PlanBands,
@@ -89,7 +90,8 @@ class PlacementTalk(ModeTalk):
         self._known_light = KnownLight()
         self._report = RenderReport()
         self._has_picture = False
-        self._bounces = 0, ""
+        self._bounces, self._bounces_reason = (0, ""), ""
+        self._light_plan = LightPlanned(0, 0)
         self._transport_bytes = 0
 
     # ----------------------------------------------------------------------------------------- what the editor tells
@@ -260,6 +262,7 @@ class PlacementTalk(ModeTalk):
         estimate = self._error.estimate_of(self._document) if picture in ("finished", "exact") else None
         missing = transport_note(talk, report.precision, view.precision)
         n_bounces, bounces_note = self._bounces
+        light = self._light_plan if self._light_plan.revision == talk.revision else LightPlanned(0, 0)
         said = {
             "picture": picture,
             # That nothing is left to be added says nothing of how far off the picture is.
@@ -284,6 +287,11 @@ class PlacementTalk(ModeTalk):
             indirect_noise=self.indirect.noise,
             bounces_note=bounces_note if n_bounces == view.n_bounces else "",
             transport_note=missing,
+            has_sky=talk.has_sky,
+            planned_bands=tuple((key, self.curves.planned(self._document, key)) for key, _ in self._document.layers()),
+            needed_lights=light.n_lights,
+            needed_patches=light.n_patches,
+            plan_reasons={**dict(light.reasons), "bounces": self._bounces_reason},
         )
 
     @property
@@ -338,6 +346,8 @@ class PlacementTalk(ModeTalk):
 
     def _take_picture(self, response: Response) -> list[PictureEvent]:
         match response:
+            case LightPlanned():
+                self._light_plan = response
             case BouncesPlanned() if self._view.n_bounces in (AS_PLANNED, response.n_bounces):
                 self._take_bounces(response)  # else a person has chosen meanwhile
             case ErrorEstimated():
@@ -375,7 +385,7 @@ class PlacementTalk(ModeTalk):
             self._transport.took_bounces(response.n_bounces)
         if response.warning and (response.n_bounces, response.warning) != (n_bounces, said):
             desk.notify(response.warning)
-        self._bounces = response.n_bounces, response.warning
+        self._bounces, self._bounces_reason = (response.n_bounces, response.warning), response.reason
 
     def _take_failure(self, response: Failed) -> None:
         self._bands.took_failure(response)

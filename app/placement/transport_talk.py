@@ -200,6 +200,11 @@ class TransportTalk:
         return self._asked.light.rotation
 
     @property
+    def has_sky(self) -> bool:
+        """Whether an environment lights the scene in the transport asked last."""
+        return self.asked_rotation is not None
+
+    @property
     def running(self) -> bool:
         """Whether the worker computes transport for us."""
         return self._running

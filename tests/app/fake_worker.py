@@ -166,7 +166,8 @@ class ServingClient(FakeClient):
             text = parse_description(SCENE, "scene.toml").model_dump_json(by_alias=True)
             self._answers = {OpenScene: [stamped(SceneOpened(text), id, sent.revision)]}
         elif isinstance(sent, LookFrom):
-            self._answers.setdefault(OpenScene, []).append(stamped(SceneSeen(FRAME), id, sent.revision))
+            opened = self._answers.get(OpenScene, [])  # what was built on the look before it is given up
+            self._answers = {OpenScene: [*opened, stamped(SceneSeen(FRAME), id, sent.revision)]}
         elif isinstance(sent, ComputeTransport):
             if sent.selected is not None and sent.factor is not None:
                 self._selected = dict.fromkeys((sent.selected, *sent.followers), sent.factor)

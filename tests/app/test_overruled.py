@@ -37,7 +37,7 @@ def test_a_line_is_set_by_its_name_and_given_back(document: Document) -> None:
     changed = with_lines(document, **LINES, **{"pot.1.theta_h": 32})
     assert dict(changed.overrules) == LINES | {"pot.1.theta_h": 32}
     view = decided_view(ViewState(), changed)
-    assert decisions_of(view, changed) == Decisions(1000, 256, 2, keeps_sphere=False)
+    assert decisions_of(view, changed) == Decisions(1000, 256, 2, False, frozenset({"lights", "patches"}))
     assert (view.precision, view.n_edge_rays) == ("float", 4)
     for line in dict(changed.overrules):
         changed = overrule(line, "auto").apply(changed)
@@ -50,7 +50,7 @@ def test_a_line_is_set_by_its_name_and_given_back(document: Document) -> None:
         ("lamps", 3, "the plan has no line 'lamps' to overrule; there is: lights, patches"),
         ("pot.1.theta_x", 3, "the plan has no line"),
         ("pot.1.alpha", 3, "the plan has no line"),
-        ("lights", 3, "plan: lights = 3, expected 20 to 80,000"),
+        ("lights", 3, "plan: lights = 3, expected a whole number from 20 to 80,000"),
         ("lights", True, "plan: lights = True"),
         ("edges", 5, "plan: edges = 5, expected off, 4, 8 or 16"),
         ("precision", "double", "expected half or float"),
@@ -96,7 +96,10 @@ def test_the_editor_asks_for_what_is_set_and_undo_brings_back(settled: Editor, c
     client.see_scene()
     settled.tick(1.5)
     request = computed(client)[-1]
-    assert request.decisions == Decisions(1000, 256, 2, keeps_sphere=False) and request.precision == "float"
+    assert (
+        request.decisions == Decisions(1000, 256, 2, False, frozenset({"lights", "patches"}))
+        and request.precision == "float"
+    )
     assert {state.key: state.bands for state in request.scene.layers}["pot.1"][0] == 32
     for _ in range(7):
         settled.undo()

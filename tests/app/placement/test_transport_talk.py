@@ -1,6 +1,8 @@
 """Whatever a person does, and however the answers come in, the talk with the worker ends with the right picture."""
 
+import tempfile
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,8 +13,11 @@ from app.commands.curves import AddOperator, ResetCurve
 from app.commands.layers import SetEditable, SetFresnelTerm, SetModel, SetParameter, SetVisible
 from app.commands.light import SetEnvironment, SetIntensity, SetRotation
 from app.commands.material import AddLayers, RemoveLayer, SetMaterial, new_layer
+from app.commands.plan import Overrule, standing_overrules
+from app.decided import decided_view, decisions_of
 from app.document import LightState, reflecting_layers
 from app.editor import Editor
+from app.files.session import load_session
 from app.placement.events import LayerRadiance, TransportReady
 from app.placement.messages import ComputeTransport, Contract, EstimateError
 from app.placement.status import RenderReport
@@ -57,8 +62,27 @@ ACTIONS: dict[str, Any] = {
     "fix the floor": lambda editor: editor.do(SetEditable("floor", False)),
     "half": lambda editor: editor.do(SetView.of(precision="half")),
     "float": lambda editor: editor.do(SetView.of(precision="float")),
+    "few lights": lambda editor: editor.do(Overrule("lights", 600)),
+    "more lights": lambda editor: editor.do(Overrule("lights", 5000)),
+    "few bands": lambda editor: editor.do(Overrule("pot.1.theta_h", 16)),
+    "few bands of the floor": lambda editor: editor.do(Overrule("floor.0.theta_i", 4)),
+    "no sphere": lambda editor: editor.do(Overrule("sphere", 0)),
+    "float by hand": lambda editor: editor.do(Overrule("precision", "float")),
+    "edges by hand": lambda editor: editor.do(Overrule("edges", 4)),
+    "as planned": lambda editor: [editor.do(Overrule(line, None)) for line, _ in editor.document.overrules],
+    "open again": lambda editor: opened_again(editor),
     "rest": lambda editor: None,
 }
+
+
+def opened_again(editor: Editor) -> None:
+    """Save the session and open it, where a scene is open."""
+    if editor.scene_is_open and editor.scenes._opening is None:
+        document = editor.document
+        with tempfile.TemporaryDirectory() as folder:
+            assert editor.save(Path(folder, "s.insitu")) is None
+            assert load_session(Path(folder, "s.insitu")).document.overrules == document.overrules
+            assert editor.open(str(Path(folder, "s.insitu"))) is None
 
 
 class Renderer:
@@ -129,13 +153,20 @@ def test_the_picture_comes_right(seed: int, actions: list[str], step: float) -> 
         renderer.frame(now)
         assert_estimate_is_of_the_picture(editor, client)
     editor.end_drag()
-    settle(editor, renderer, now)
+    now = settle(editor, renderer, now)
     for key, _ in editor.document.layers():
         assert same_coefficients(renderer.shown[key], editor.talk.wanted_coefficients(key)), key
     selected = editor.view.selected
     for key in editor.talk.edited_layers:
         if selected is not None and selected.factor in editor.talk.wanted_coefficients(key):
-            assert renderer.curves[key] == (selected.factor, editor.view.precision)
+            view = decided_view(editor.view, editor.document)
+            assert renderer.curves[key] == (selected.factor, view.precision)
+    (*_, request) = client.sent(ComputeTransport)
+    assert request.decisions == decisions_of(decided_view(editor.view, editor.document), editor.document)
+    for key, n_bands in standing_overrules(editor.document).items():
+        layer, _, factor = key.rpartition(".")
+        if layer:
+            assert len(editor.talk.wanted_coefficients(layer)[factor]) == n_bands
     for _ in range(6):
         now += 0.3
         renderer.frame(now)

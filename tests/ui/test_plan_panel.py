@@ -1,0 +1,102 @@
+"""The sheet of the plan: every line says why, is set by hand in a list, given back by its button, undone and drawn."""
+
+from __future__ import annotations
+
+import pytest
+
+from app.commands.layers import SetEditable
+from app.commands.plan import Overrule
+from app.decided import decided_view
+from app.placement.messages import ComputeTransport
+from app.placement.sheet import SheetLine, plan_sheet
+from app.placement.status import PlacementStatus
+from app.view_state import SetView, ViewState
+from tests.ui.stand_in import StandInClient
+from ui.headless import HeadlessWindow
+from ui.panels.actions import SetPanel
+
+pytestmark = pytest.mark.gl
+
+
+def sheet(window: HeadlessWindow) -> dict[str, SheetLine]:
+    editor = window.shell.editor
+    return {line.line: line for line in plan_sheet(editor.document, editor.view, editor.status)}
+
+
+@pytest.fixture
+def shown(window: HeadlessWindow) -> HeadlessWindow:
+    """The sheet before the panel that shares its place."""
+    window.shell.do(SetPanel({"front": ("plan",)}))
+    window.frames(3)
+    return window
+
+
+def choose(window: HeadlessWindow, line: str, choice: str) -> None:
+    """By the mouse, in the list of a line."""
+    window.click_handle(f"plan.{line}")
+    window.frames(2)
+    window.click_handle(f"plan.{line}.{choice}")
+    window.frames(2)
+
+
+def test_each_line_says_what_it_has_come_to_and_why(window: HeadlessWindow) -> None:
+    lines = sheet(window)
+    assert (lines["lights"].value, lines["precision"].value) == ("4,000", "half floats")
+    assert lines["teapot.1.theta_h"].value == "64 bands" and lines["teapot.1.theta_h"].reason == "room for edits"
+    assert "of a fixed object none are kept" in lines["wall.0.theta_i"].reason
+    assert all(line.value and line.reason and not line.is_set for line in lines.values())
+    window.shell.editor.do(SetEditable("wall", True))
+    assert sheet(window)["wall.0.theta_i"].reason == "room for edits"
+
+
+def test_what_the_worker_found_to_be_enough_is_told() -> None:
+    from app.document import Document
+
+    status = PlacementStatus(needed_lights=1000, plan_reasons={"lights": "within 0.2 % of what 4,000 show"})
+    (first, *_) = plan_sheet(Document("scene"), ViewState(), status)
+    assert (first.value, first.reason) == ("1,000", "within 0.2 % of what 4,000 show")
+
+
+def test_a_line_is_set_in_its_list_and_given_back(shown: HeadlessWindow) -> None:
+    editor = shown.shell.editor
+    client = editor._client
+    assert isinstance(client, StandInClient)
+    choose(shown, "lights", "1,000")
+    assert dict(editor.document.overrules) == {"lights": 1000}
+    line = sheet(shown)["lights"]
+    assert line.is_set and line.value == "1,000" and line.reason == "set by hand, in the place of 4,000"
+    assert shown.run_until(lambda: client.requests and computed(client)[-1].decisions.n_lights == 1000, 30.0)
+    shown.click_handle("button.plan.lights.reset")
+    shown.frames(2)
+    assert editor.document.overrules == () and "button.plan.lights.reset" not in shown.shell.handles.names()
+    editor.undo()
+    assert dict(editor.document.overrules) == {"lights": 1000}
+    choose(shown, "lights", "As planned")
+    assert editor.document.overrules == ()
+
+
+def test_a_knob_of_the_accuracy_panel_follows_the_line_that_stands_over_it(window: HeadlessWindow) -> None:
+    editor = window.shell.editor
+    editor.do(Overrule("precision", "float"))
+    window.frames(2)
+    window.click_handle("accuracy.precision.0")
+    window.frames(2)
+    assert dict(editor.document.overrules) == {"precision": "half"} and editor.view.precision == "half"
+    editor.do(Overrule("precision", None))
+    window.frames(2)
+    window.click_handle("accuracy.precision.1")
+    window.frames(2)
+    assert editor.document.overrules == () and editor.view.precision == "float"
+    assert decided_view(editor.view, editor.document) is editor.view
+
+
+@pytest.mark.parametrize("mode", ["orbit", "deform"])
+def test_other_modes_have_the_lines_that_they_carry_out(window: HeadlessWindow, mode: str) -> None:
+    editor = window.shell.editor
+    editor.do(SetView.of(mode=mode))
+    window.frames(2)
+    assert set(sheet(window)) == {"bounces", "edges"}
+
+
+def computed(client: StandInClient) -> list[ComputeTransport]:
+    return [request for request in client.requests if isinstance(request, ComputeTransport)]

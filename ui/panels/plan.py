@@ -1,0 +1,85 @@
+"""The plan of the picture: every line says what it has come to and why, and can be set by hand and given back.
+
+What is set is an edit of the document, undone and saved as any other; a dot marks it.
+"""
+
+from __future__ import annotations
+
+from imgui_bundle import ImVec2, imgui
+
+from app.commands.plan import Overrule
+from app.placement.sheet import SheetLine, plan_sheet
+from ui import theme as look
+from ui.panels import widgets
+from ui.panels.actions import Action
+from ui.panels.context import PanelContext
+from ui.spoken_names import spoken
+from ui.theme import Icon
+
+VALUE_WIDTH, DOT = 118.0, 3.0
+PLANNED = "As planned"
+PICTURE = "The whole picture"
+HINT = "Set this line of the plan by hand, or leave it to the plan. It is an edit: undone, and saved with the session."
+GIVE_BACK = "Give this line back to the plan."
+
+
+def draw(context: PanelContext) -> list[Action]:
+    """The sheet, a heading above the lines of the picture and of each layer."""
+    actions: list[Action] = []
+    group: str | None = None
+    for line in plan_sheet(context.document, context.view, context.status):
+        if line.group != group:
+            _heading(context, line.group, is_first=group is None)
+            group = line.group
+        actions += _line(context, line)
+    return actions
+
+
+def _heading(context: PanelContext, key: str, is_first: bool) -> None:
+    if not is_first:
+        imgui.dummy(ImVec2(0.0, context.px(4)))
+    imgui.push_style_color(imgui.Col_.text, look.pack(look.TEXT_FAINT))
+    imgui.separator_text(spoken(context.document, key) if key else PICTURE)
+    imgui.pop_style_color()
+
+
+def _line(context: PanelContext, line: SheetLine) -> list[Action]:
+    """Name and value on one line, why so below."""
+    actions: list[Action] = []
+    side, gap = imgui.get_frame_height(), imgui.get_style().item_spacing.x
+    start, corner = imgui.get_cursor_pos_x(), imgui.get_cursor_screen_pos()
+    width = min(context.px(VALUE_WIDTH), 0.55 * imgui.get_content_region_avail().x)
+    edge = start + imgui.get_content_region_avail().x
+    if line.is_set:
+        middle = ImVec2(corner.x - context.px(6), corner.y + 0.5 * side)
+        imgui.get_window_draw_list().add_circle_filled(middle, context.px(DOT), look.pack(look.ACCENT))
+    widgets.rich_label(widgets.subscripted(line.title))
+    if line.is_set:
+        imgui.same_line(edge - width - side - 0.5 * gap)
+        if widgets.icon_button(context, f"plan.{line.line}.reset", Icon.RESET, GIVE_BACK):
+            actions.append(Overrule(line.line, None))
+    imgui.same_line(edge - width)
+    actions += _value(context, line, width)
+    imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() - 0.5 * imgui.get_style().item_spacing.y)
+    widgets.caption(line.reason)
+    return actions
+
+
+def _value(context: PanelContext, line: SheetLine, width: float) -> list[Action]:
+    """What it has come to, and a list of what else there is."""
+    actions: list[Action] = []
+    imgui.set_next_item_width(width)
+    name = f"plan.{line.line}"
+    if imgui.begin_combo(f"##{name}", line.value):
+        if imgui.selectable(PLANNED, not line.is_set)[0] and line.is_set:
+            actions.append(Overrule(line.line, None))
+        context.handles.note_item(f"{name}.{PLANNED}")
+        for text, value in line.choices:
+            if imgui.selectable(text, line.is_set and text == line.value)[0]:
+                actions.append(Overrule(line.line, value))
+            context.handles.note_item(f"{name}.{text}")
+        imgui.end_combo()
+    else:
+        context.handles.note_item(name)
+    widgets.tooltip(HINT)
+    return actions
