@@ -79,6 +79,11 @@ class Status:
         """Whether nothing more comes: all that was asked for is in the picture."""
         return self.picture in ("finished", "exact")
 
+    @property
+    def is_whole(self) -> bool:
+        """Whether it is all that the mode itself shows, though another mode's picture may still follow."""
+        return self.is_finished or self.goes_with_hand and self.picture == "refining"
+
 
 @dataclass
 class Gauges:

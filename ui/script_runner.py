@@ -137,7 +137,7 @@ def wait_for_picture(window: HeadlessWindow, editor: Editor, picture: Awaited, t
         if picture == "judged":
             return status.estimate is not None
         if picture == "orbit":
-            return status.goes_with_hand and status.picture == "refining" or status.is_finished
+            return status.is_whole
         return status.is_finished if picture == "exact" else status.picture != "waiting"
 
     window.frames(2)

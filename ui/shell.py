@@ -412,7 +412,7 @@ class Shell:
     def _view_thumbnails_go_on(self) -> None:
         source, editor = self.source, self.editor
         follow, still = self._view_thumbnails.follow, lambda: None if source is None else source.still(editor)
-        if self._at_leisure and follow(editor, still):
+        if not self._hand_is_busy and editor.status.is_whole and follow(editor, still):
             self.pacing.note_change()
 
     def _read_library(self) -> None:

@@ -38,9 +38,10 @@ class ViewThumbnails:
         return self._textures.get(data)
 
     def follow(self, editor: Editor, still: Callable[[], ShownStill | None]) -> bool:
-        """Take the finished picture, where it is of a kept view that has none; whether there is a new one."""
+        """Take the whole picture, where it is of a kept view that has none; whether there is a new one."""
         self._forget_unused(editor.view.bookmarks)
-        if editor.status.is_away or all(bookmark.thumbnail for bookmark in editor.view.bookmarks):
+        is_elsewhere = editor.status.is_away and not editor.status.goes_with_hand
+        if is_elsewhere or all(bookmark.thumbnail for bookmark in editor.view.bookmarks):
             return False
         seen = editor.looks.camera, editor.looks.resolution
         for bookmark in editor.view.bookmarks:

@@ -68,8 +68,10 @@ class DrawnErrorTalk:
             self._asked = None
 
     def at_rest(self, seen: Seen) -> ErrorEstimate | None:
-        """Of the picture at rest; None while that is not known."""
-        return self._known.at_rest if self._known is not None and self._known_of == seen else None
+        """Of the picture at rest; None while that is not known. With or without a map it is the same picture."""
+        of = self._known_of
+        is_of_it = of is not None and of._replace(has_map=seen.has_map) == seen
+        return self._known.at_rest if self._known is not None and is_of_it else None
 
     def colours(self, seen: Seen) -> NDArray[np.uint8] | None:
         """Where the picture at rest is off; None while that is not known."""

@@ -14,7 +14,7 @@ from app.jobs.in_process import InProcessClient
 from app.jobs.orbit import OrbitWork
 from app.jobs.tasks import Tasks
 from app.orbit.messages import DrawOrbit
-from app.view_state import SetView
+from app.view_state import Bookmark, SetView, Viewpoint
 from engine.scene.description import Camera
 from tests.ui.small_scene import CountingClient, opened_window, wait_until_exact, write_small_scene
 from ui.gl.context import GraphicsError
@@ -99,6 +99,14 @@ def test_a_camera_that_moves_is_followed_by_orbit_at_once(window: HeadlessWindow
     wait_until_exact(window)
     after = feed_of(window).placement.renderer.linear_image()
     assert np.abs(before - after).mean() < 0.2 * after.mean()
+
+
+def test_a_view_that_is_kept_has_orbits_picture_before_placements_is_there(window: HeadlessWindow) -> None:
+    wait_until_shown_by(window, "Orbit")
+    editor = window.shell.editor
+    editor.do(SetView.of(camera=ASIDE, bookmarks=(Bookmark("Aside", Viewpoint(ASIDE, (48, 32))),)))
+    assert window.run_until(lambda: bool(editor.view.bookmarks[0].thumbnail), 120.0)
+    assert editor.status.shown_by == "Orbit" and not editor.status.is_finished
 
 
 def n_moving(window: HeadlessWindow) -> int:

@@ -311,6 +311,7 @@ def test_where_it_is_off_is_told_where_that_is_asked_for(table: Table) -> None:
     (asked,) = (request for request in requests if isinstance(request, EstimateOrbit))
     colours = np.zeros((HEIGHT, WIDTH, 4), np.uint8)
     assert asked.has_map and table.talk.status(Status()).error_colours is None
+    assert table.talk.status(Status()).estimate == NEAR  # the same picture's, so that its map is awaited
     table.talk.take(DrawnEstimated(NEAR, FAR, colours, id=table.id_of(EstimateOrbit)))
     assert table.talk.status(Status()).error_colours is colours
     table.look(CAMERAS[0])
