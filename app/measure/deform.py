@@ -72,7 +72,7 @@ def deform_figures(effort: DeformEffort | None, report: Callable[[str], None]) -
     points = bending_points(scene, RayCaster(scene.vertices, scene.triangles), 0)
     finish(fit(np.ones((2, ORDER * ORDER)), N_LOBES))  # compiled before anything is timed
     begun, cpu = time.perf_counter(), time.process_time()
-    mesh = points.mesh(0)
+    mesh = points.mesh(0, (0,))
     vectors = finish(shadowed(mesh, points.caster((0,)), ORDER, effort.n_rays))
     zonal = finish(fit(vectors, N_LOBES))
     seconds, cpu = time.perf_counter() - begun, time.process_time() - cpu

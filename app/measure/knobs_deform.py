@@ -89,7 +89,7 @@ class _Bench:
 
     def _traced(self, n: int, n_rays: int) -> Floats:
         points = self._points
-        return finish(shadowed(points.mesh(0), points.caster((0,)), n, n_rays))
+        return finish(shadowed(points.mesh(0, (0,)), points.caster((0,)), n, n_rays))
 
     def by_harmonics(self, n: int) -> Any:
         """All n² coefficients turned, as one would without lobes."""

@@ -75,7 +75,7 @@ class ObjectTransfer:
         """Of the object's points, or of a patch's texels (P, n^2)."""
         if self.says.patch is not None:
             return (yield from patch_vectors(scene, self.says.patch, ORDER, self.n_rays))
-        mesh, caster = points.mesh(self.i_object), points.caster(self.casters)
+        mesh, caster = points.mesh(self.i_object, self.casters), points.caster(self.casters)
         if self.says.subsurface is not None:
             medium, own = Medium(**self.says.values), mesh.corners[mesh.corners[:, 0] >= 0]
             return (yield from simulate_subsurface(mesh, caster, own, ORDER, medium, self.n_rays))

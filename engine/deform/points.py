@@ -53,6 +53,7 @@ class BendingPoints:
         self.places = self._rest.astype(np.float32)
         self.frames = self._rest_frames.astype(np.float32)
         self.resting_frames = self.frames.copy()
+        self._caster: tuple[tuple[int, ...], RayCaster] | None = None
 
     def __len__(self) -> int:
         return len(self._points)
@@ -108,20 +109,25 @@ class BendingPoints:
         is_point = mine < len(self)
         self.frames[mine[is_point]] = pose.frames[is_point]
 
-    def mesh(self, i_object: int) -> TransferPoints:
+    def mesh(self, i_object: int, casters: tuple[int, ...]) -> TransferPoints:
         """An object's points at rest, and which corners of the triangles of `caster` they are."""
         mine, points = self.of(i_object), self._points
         numbers = np.full(len(points) + 1, -1, np.int32)
         numbers[mine] = np.arange(len(mine))
         surface = SurfacePoints(points.position[mine], points.normal[mine], points.lifted[mine])
-        return TransferPoints(surface, self._rest_frames[mine], numbers[points.triangles[:, 0]])
+        return TransferPoints(surface, self._rest_frames[mine], numbers[points.triangles[self._of(casters), 0]])
 
-    def caster(self, objects: tuple[int, ...]) -> RayCaster:
-        """Rays against all triangles of some objects at rest, numbered as in `surface`; the others are points."""
-        corners = self._points.corners.copy()
-        others = ~np.isin(self.surface.i_object, objects)
-        corners[others] = corners[~others][0, 0] if (~others).any() else 0.0
-        return RayCaster(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
+    def caster(self, casters: tuple[int, ...]) -> RayCaster:
+        """Rays against all triangles of some objects at rest; the last is kept, for objects that rest share one."""
+        if self._caster is None or self._caster[0] != casters:
+            corners = self._points.corners[self._of(casters)]
+            caster = RayCaster(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
+            self._caster = casters, caster
+        return self._caster[1]
+
+    def _of(self, objects: tuple[int, ...]) -> NDArray[np.bool_]:
+        """Which triangles (T,) are theirs."""
+        return np.isin(self.surface.i_object, objects)
 
     def stands_as(self, other: BendingPoints, i_object: int) -> bool:
         """Whether an object has the same points among these as among others of the scene."""
@@ -146,8 +152,8 @@ class BendingPoints:
 
     def geometry(self, i_object: int, casters: tuple[int, ...]) -> tuple[NDArray[np.generic], ...]:
         """All that an object's transfer hangs on, but for materials."""
-        mesh, shade = self.mesh(i_object), np.isin(self.surface.i_object, casters)
-        return (mesh.points.offset_position, mesh.frames, self._points.corners[shade])
+        mine = self.of(i_object)
+        return (self._points.lifted[mine], self._rest_frames[mine], self._points.corners[self._of(casters)])
 
 
 def bending_points(

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from engine.deform.points import BendingPoints
 from engine.deform.pose import Pose, Poses, Row, deformed
-from engine.deform.posed_scene import at_moment, deformers, shifted
+from engine.deform.posed_scene import at_moment, deformers, moment_of, shifted
 from engine.deform.uv_axes import SurfaceAxes
 from engine.scene.load import Scene
 
@@ -54,8 +54,9 @@ class PosedPoints:
 
     def _pose(self, i: int, row: Row) -> Pose:
         """Where a row takes all that is drawn of an object."""
-        resting = self._points.resting(i)
-        rest, moment = at_moment(self._scene, i, row)
-        carried = resting if moment is rest else self._points.carried(i, resting, rest, moment)
-        self._shifts[i] = shifted(rest, moment)
+        carried = resting = self._points.resting(i)
+        self._shifts[i] = np.zeros(3)
+        if moment_of(self._scene, i, row) is not None:
+            rest, moment = at_moment(self._scene, i, row)
+            carried, self._shifts[i] = self._points.carried(i, resting, rest, moment), shifted(rest, moment)
         return deformed(carried, deformers(row), resting.box + self._shifts[i])

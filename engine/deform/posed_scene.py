@@ -50,12 +50,17 @@ def shifted(rest: Pose, moment: Pose) -> NDArray[np.float64]:
 def at_moment(scene: Scene, i: int, row: Row) -> tuple[Pose, Pose]:
     """The vertices of object i in their range, as the scene's file has them and as the row's moment does: the same
     where it has none, or the object no such animation."""
-    rest = _resting(scene, i)
-    rig, moment = scene.rigs[i], next((each for each in row if isinstance(each, Moment)), None)
-    if rig is None or moment is None or moment.clip not in [clip.name for clip in rig.skeleton.clips]:
+    rest, rig, moment = _resting(scene, i), scene.rigs[i], moment_of(scene, i, row)
+    if rig is None or moment is None:
         return rest, rest
     triangles = scene.triangles[slice(*scene.triangle_ranges[i])] - scene.vertex_ranges[i, 0]
     return rest, animation.posed(rig, rest, triangles, moment.clip, moment.time)
+
+
+def moment_of(scene: Scene, i: int, row: Row) -> Moment | None:
+    """The row's, where object i has such an animation."""
+    clips = [] if (rig := scene.rigs[i]) is None else [clip.name for clip in rig.skeleton.clips]
+    return next((each for each in row if isinstance(each, Moment) and each.clip in clips), None)
 
 
 def _resting(scene: Scene, i: int) -> Pose:

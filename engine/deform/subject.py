@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,9 +72,12 @@ def plain_albedo(layers: Sequence[Layer]) -> NDArray[np.float64]:
 
 def albedo(layer: Layer) -> NDArray[np.float64]:
     """Of a layer that is matt (3,), 0 of any other."""
-    found = matt_reflectance(layer)
-    return np.zeros(3) if found is None else np.asarray(found) * np.pi
+    found = _reflectance(layer)
+    return np.zeros(3) if found is None else found * np.pi
 
 
 def is_glossy(layer: Layer) -> bool:
-    return matt_reflectance(layer) is None
+    return _reflectance(layer) is None
+
+
+_reflectance = lru_cache(maxsize=256)(matt_reflectance)  # which every picture asks for

@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 
 N_RAYS = 5000
 N_BOUNCE_RAYS = 1000
-_BLOCK_RAYS = 1 << 18  # a piece of work that pictures can be drawn between
+_BLOCK_RAYS = 1 << 19  # a piece of work that pictures can be drawn between
 _GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 
 

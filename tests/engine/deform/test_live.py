@@ -86,7 +86,7 @@ def test_what_is_bent_too_far_is_finite(deform: Deform, scene: Scene, row: tuple
 def test_at_rest_it_is_the_transfer_to_the_error_of_the_fit(deform: Deform) -> None:
     points = deform._points
     assert points is not None and deform._lobes is not None and deform._bands is not None
-    mesh = points.mesh(0)
+    mesh = points.mesh(0, (0, 1))
     vectors = finish(shadowed(mesh, points.caster((0, 1)), ORDER, 64))
     vectors = finish(bounced(mesh, points.caster((0, 1)), vectors, 0.5, 2))
     error = finish(fit(vectors, N_LOBES)).errors
@@ -128,6 +128,14 @@ def test_the_shadow_of_what_begins_to_bend_goes_before_anything_else_is_made(sce
     truth = finished(made).draw(eye, SIZE)
     off, was_off = (np.sqrt(((each - truth)[floor] ** 2).mean()) for each in (roughly, stale))
     assert off < 0.2 * was_off
+
+
+def test_rays_know_of_what_shades_alone_and_objects_share_them(deform: Deform) -> None:
+    points = deform._points
+    assert points is not None
+    both, floor = points.caster((0, 1)), (points.surface.i_object == 1).sum()
+    assert points.caster((0, 1)) is both and points.caster((1,)) is not both
+    assert len(points.mesh(1, (1,)).corners) == floor < len(points.mesh(1, (0, 1)).corners)
 
 
 def test_light_that_goes_through_an_object_leaves_the_others_as_they_are(scene: Scene) -> None:

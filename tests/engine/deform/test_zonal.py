@@ -127,6 +127,13 @@ def test_it_is_the_same_on_any_number_of_cores(monkeypatch: pytest.MonkeyPatch) 
     assert (one.axes == three.axes).all() and (one.coefficients == three.coefficients).all()
 
 
+def test_a_hand_waits_for_few_points_at_once() -> None:
+    """A picture is drawn between two pieces: of points that are hard to fit so many take a tenth of a second."""
+    vectors = np.random.default_rng(3).normal(size=(700, 9))
+    shares = np.diff([0.0, *fit(vectors, 1, 0)])
+    assert shares.max() * 700 <= 256 and shares.sum() == pytest.approx(1.0)
+
+
 def test_odd_requests_are_refused() -> None:
     with pytest.raises(ValueError, match="7 lobes, expected 1 to 6"):
         fitted(random_vectors(1), 7)
