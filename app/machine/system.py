@@ -150,17 +150,28 @@ def anonymous_file() -> int:
     raise OSError("no anonymous files on this system")
 
 
+SEAL_TRIES = 4  # in each the kernel waits some 0.2 seconds
+
+
 def seal(descriptor: int) -> None:
-    """Nobody changes or shortens an anonymous file any more, so that who maps it meets no SIGBUS; elsewhere nothing."""
+    """Nobody changes or shortens an anonymous file any more, so that who maps it meets no SIGBUS; elsewhere nothing.
+
+    Where pages stay busy it is its length alone: contents have a checksum.
+    """
     if sys.platform == "linux":
         import errno
         import fcntl
 
-        try:
-            fcntl.fcntl(descriptor, fcntl.F_ADD_SEALS, fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_WRITE)
-        except OSError as error:
-            if error.errno not in (errno.EPERM, errno.EINVAL):  # an ordinary file: no seals
-                raise
+        length = fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW
+        for seals in (*[length | fcntl.F_SEAL_WRITE] * SEAL_TRIES, length):
+            try:
+                fcntl.fcntl(descriptor, fcntl.F_ADD_SEALS, seals)
+                return
+            except OSError as error:
+                if error.errno in (errno.EPERM, errno.EINVAL):  # an ordinary file: no seals
+                    return
+                if error.errno != errno.EBUSY:  # while the system itself has hold of a page, for it moves it
+                    raise
 
 
 def reserve(descriptor: int, n_bytes: int, allocates: bool = sys.platform == "linux") -> None:

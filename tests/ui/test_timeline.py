@@ -47,6 +47,18 @@ def test_a_scrub_is_one_step(window: HeadlessWindow, flying: Editor) -> None:
     assert time_of(flying) is None
 
 
+def test_a_press_takes_the_time_there_and_a_drag_goes_on_from_it(window: HeadlessWindow, flying: Editor) -> None:
+    window.drag_handle("timeline.time", (60, 0))
+    window.frames(2)
+    x, y = window.shell.handle_position("timeline.time")
+    after, steps = time_of(flying), len(flying.history.undo_steps)
+    window.click(x + 100, y)
+    window.frames(2)
+    assert window.shell.handle_position("timeline.time")[0] == pytest.approx(x + 100, abs=1.0)
+    window.drag((x - 30, y), (x, y))
+    assert time_of(flying) == pytest.approx(after, abs=0.01) and len(flying.history.undo_steps) == steps + 2
+
+
 def test_space_plays_and_stops(window: HeadlessWindow, flying: Editor) -> None:
     window.key(imgui.Key.space)
     assert flying.view.playing is not None and not window.shell.state.alone

@@ -41,7 +41,8 @@ WHOLE = Touch(changed=True, began=True, ended=True)
 
 @dataclass(frozen=True)
 class _Field:
-    """A number on screen: what it is, and where its control stands."""
+    """A number on screen: what it is, and where its control stands; at: its value at a column, where a press takes it
+    there."""
 
     name: str
     title: str
@@ -52,6 +53,7 @@ class _Field:
     corner: ImVec2
     size: ImVec2
     shown: str = ""
+    at: Callable[[float], float] | None = None
 
     def parts(self) -> tuple[str, str]:
         """The number alone as a person reads and types it, and the unit after it."""
@@ -77,20 +79,27 @@ def slider(
     title: str = "",
     pixels_to_double: float | None = None,
     shown: str = "",
+    jumps: bool = False,
 ) -> tuple[Touch, float]:
     """A horizontal slider filled from `origin` (its least value where None) to its value.
 
     `pixels_to_double`: a drag by so many makes it twice as much, instead of following the trough: where that holds
     many decades, a few pixels would be out of all proportion. What may be 0 leaves it evenly, and doubles well above 1.
-    shown: words in the place of the number. Returns the touch and the value, kept in [low, high]. `handle` names its
-    grab for scripts, `title` it for a person.
+    shown: words in the place of the number. jumps: to where it is pressed. Returns the touch and the value, kept in
+    [low, high]. `handle` names its grab for scripts, `title` it for a person.
     """
     corner = imgui.get_cursor_screen_pos()
     size = ImVec2(imgui.calc_item_width(), imgui.get_frame_height())
     zero = slider_zero(text) if logarithmic and low <= 0.0 else low
     share = slider_share(value, zero, high, logarithmic)
-    field = _Field(name, title or name.replace("_", " "), value, low, high, text, corner, size, shown)
     travel = slider_travel(context, size.x)
+
+    def at(x: float) -> float:
+        shares = (x - corner.x - slider_inset(context)) / travel
+        return slider_value(min(max(shares, 0.0), 1.0), zero, high, logarithmic)
+
+    named = title or name.replace("_", " ")
+    field = _Field(name, named, value, low, high, text, corner, size, shown, at if jumps else None)
 
     def law(start: float, pixels: float) -> float:
         if pixels_to_double is not None:
@@ -245,9 +254,12 @@ def _moved(context: PanelContext, field: _Field, law: Law, changed: bool, keyed:
             return Touch(), field.value
         mouse, gone = imgui.get_mouse_pos(), imgui.get_mouse_drag_delta(0)
         pressed = (mouse.x - gone.x, mouse.y - gone.y)
-        context.fields.held = HeldField(item, field.value, Travel(pressed, fine=imgui.get_io().key_shift), law)
+        start = field.value if field.at is None else field.at(pressed[0])
+        context.fields.held = HeldField(item, start, Travel(pressed, fine=imgui.get_io().key_shift), law)
         hand, to = _dragged(context, field)
         return replace(hand, began=True), to
+    if field.at is not None and imgui.is_item_deactivated() and imgui.is_mouse_released(0):
+        return WHOLE, field.at(imgui.get_mouse_pos().x)
     changed = changed and _is_allowed(context, field, keyed, f"{keyed:.6g}")
     ended = imgui.is_item_deactivated() and not imgui.is_mouse_released(0)
     return Touch(changed, imgui.is_item_activated(), ended), keyed

@@ -54,9 +54,9 @@ def _scrub(context: PanelContext, line: Timeline, end: float) -> list[Action]:
     imgui.set_next_item_width(max(end - imgui.get_cursor_screen_pos().x - _width_of_ways(context, line), 1.0))
     hand, time = fields.slider(
         context, "time", line.time or 0.0, 0.0, max(line.duration, 1e-3), f"%.2f s of {line.duration:.2f} s",
-        handle="timeline.time", title="Time",
+        handle="timeline.time", title="Time", jumps=True,
     )  # fmt: skip
-    widgets.tooltip("Drag through the animation; double-click to type a time. One drag is one step of the history.")
+    widgets.tooltip("Press or drag to go to a time; double-click to type one. One drag is one step of the history.")
     actions: list[Action] = [Play(False)] if hand.began and context.view.playing is not None else []
     if hand.began:
         actions.append(BeginDrag())

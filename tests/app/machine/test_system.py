@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import socket
 import subprocess
@@ -12,11 +13,14 @@ from pathlib import Path
 import pytest
 
 from app.machine.system import (
+    SEAL_TRIES,
+    anonymous_file,
     has_hung_up,
     kill_group,
     process_lives,
     read_at,
     reserve,
+    seal,
     start_with_socket,
     write_at,
 )
@@ -92,3 +96,28 @@ def test_processes_live_until_they_end() -> None:
     assert not process_lives(process.pid)
     process.wait()
     assert not process_lives(process.pid) and not process_lives(2**22 + 1)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memfd_create(2)")
+@pytest.mark.parametrize("n_busy", [1, 100])
+def test_a_page_that_the_system_has_hold_of_does_not_keep_a_block_from_being_sealed(
+    monkeypatch: pytest.MonkeyPatch, n_busy: int
+) -> None:
+    import fcntl
+
+    seal_file, tries = fcntl.fcntl, list[int]()
+
+    def busy(descriptor: int, command: int, seals: int) -> int:
+        tries.append(seals)
+        if seals & fcntl.F_SEAL_WRITE and len(tries) <= n_busy:
+            raise OSError(errno.EBUSY, "busy")
+        return seal_file(descriptor, command, seals)
+
+    monkeypatch.setattr(fcntl, "fcntl", busy)
+    descriptor = anonymous_file()
+    os.ftruncate(descriptor, 10)
+    seal(descriptor)
+    with pytest.raises(PermissionError):
+        os.ftruncate(descriptor, 5)
+    assert len(tries) == min(n_busy, SEAL_TRIES) + 1
+    os.close(descriptor)
