@@ -36,6 +36,12 @@ def quick_indirect_light(monkeypatch: pytest.MonkeyPatch) -> None:
     light_quickly(monkeypatch)
 
 
+@pytest.fixture(autouse=True)
+def quick_judgement(monkeypatch: pytest.MonkeyPatch) -> None:
+    """So is how well errors are judged: under a lamp of 768 leaves, and not of 16 times as many."""
+    monkeypatch.setattr("engine.render.error_estimate.FINER_PATCHES", 1)
+
+
 @pytest.fixture(scope="session")
 def context() -> Iterator[moderngl.Context]:
     """One GL context for all windows of the run."""

@@ -1,4 +1,5 @@
-"""A worker's process whose finest indirect light is the quick one, and whose Orbit has few points."""
+"""A worker's process whose finest indirect light is the quick one, whose errors are judged quickly, and whose
+Orbit has few points."""
 
 from __future__ import annotations
 
@@ -17,8 +18,10 @@ def quick_tasks() -> Tasks:
     tasks = prepared_tasks()
     from app.jobs import indirect
     from app.jobs.orbit import OrbitWork
+    from engine.render import error_estimate
     from tests.fineness import QUICK
 
     indirect.FINE = QUICK
+    error_estimate.FINER_PATCHES = 1
     OrbitWork.n_points = 1000
     return tasks

@@ -89,12 +89,23 @@ def scene_frame() -> PictureFrame:
     )
 
 
+@functools.lru_cache(maxsize=64)
 def transport_of(key: str, n_bands: int) -> np.ndarray:
-    """(J,p,3) in the domain of bands: each pixel sees all bands, by amounts of its own."""
+    """(J,p,3) in the domain of bands: each pixel sees all bands, by amounts of its own. To be read alone."""
     index = STRIPES.index(key.partition(".")[0])
     n_samples = int(np.diff(scene_frame().object_ranges[index])[0])
     generator = np.random.default_rng(index)
     return generator.uniform(0.2, 1.0, (n_bands, n_samples, 3)) / n_bands
+
+
+@functools.lru_cache(maxsize=64)
+def wavelets_of(key: str, n_bands: int, precision: Precision) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The same in the wavelet domain as the worker sends it: numbers (J,p,3), norms (J,) and scale (J,)."""
+    waves = forward(transport_of(key, n_bands))
+    norms = np.sqrt(np.sum(waves**2, axis=1))
+    scale = np.abs(waves).max(axis=(1, 2))
+    numbers = (waves / scale[:, None, None]).astype(np.float16 if precision == "half" else np.float32)
+    return numbers, norms, scale
 
 
 @functools.cache
@@ -190,8 +201,4 @@ class StandInClient:
     def _transport(
         self, key: str, factor: str, coefficients: dict[str, np.ndarray], precision: Precision
     ) -> LayerTransport:
-        waves = forward(transport_of(key, len(coefficients[factor])))
-        norms = np.sqrt(np.sum(waves**2, axis=1))
-        scale = np.abs(waves).max(axis=(1, 2))
-        numbers = (waves / scale[:, None, None]).astype(np.float16 if precision == "half" else np.float32)
-        return LayerTransport(key, factor, "final", numbers, norms, scale)
+        return LayerTransport(key, factor, "final", *wavelets_of(key, len(coefficients[factor]), precision))
