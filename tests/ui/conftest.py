@@ -62,7 +62,7 @@ def opened(context: moderngl.Context, size: tuple[int, int], scale: float) -> It
     window = HeadlessWindow(editor, size=size, scale=scale, context=context)
     feed = PictureFeed(context, editor.mode)
     window.shell.source = feed
-    assert window.run_until(lambda: editor.status.picture == "exact", 90.0), editor.status
+    assert window.run_until(lambda: editor.status.picture == "exact" and not feed.is_behind, 90.0), editor.status
     assert window.run_until(lambda: feed.environment is not None, 90.0)  # its thumbnail is made by a thread
     editor.select("teapot.1.theta_h")
     window.frames(4)

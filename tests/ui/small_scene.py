@@ -103,10 +103,17 @@ def opened_window(
 
 
 def wait_until_exact(window: HeadlessWindow, timeout: float = 600.0) -> None:
-    """Draw frames until nothing more comes, then the few that a layout needs to settle."""
+    """Draw frames until nothing more comes and all of it is in the picture, then the few that a layout needs."""
     window.frames(2)
-    assert window.run_until(lambda: window.shell.editor.status.is_finished, timeout), window.shell.editor.status
+    assert window.run_until(lambda: window.shell.editor.status.is_finished and is_drawn(window), timeout), (
+        window.shell.editor.status
+    )
     window.frames(3)
+
+
+def is_drawn(window: HeadlessWindow) -> bool:
+    """Whether all that the worker has answered is in the picture: the status may be ahead of it."""
+    return window.shell.source is not None and not window.shell.source.is_behind
 
 
 def linear_picture(window: HeadlessWindow) -> np.ndarray:

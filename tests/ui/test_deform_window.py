@@ -21,7 +21,7 @@ from engine.deform.parts import Told
 from engine.deform.pose import Deformation
 from tests.engine.deform.test_moments import write_bar
 from tests.engine.scene.test_rigs import Bar
-from tests.ui.small_scene import opened_window, wait_until_exact, write_small_scene
+from tests.ui.small_scene import is_drawn, opened_window, wait_until_exact, write_small_scene
 from ui.deform_feed import DeformFeed
 from ui.gl.context import GraphicsError
 from ui.gl.deform.posed_picture import PosedPicture
@@ -64,7 +64,9 @@ def test_morph_targets_play(opened: Opened, tmp_path: Path) -> None:
     bar.move(0, "weights", [0, 1], [[0.0], [1.0]])
     window = opened(write_bar(tmp_path, bar))
     editor = window.shell.editor
-    assert window.run_until(lambda: editor.status.shown_by == "Deform" and editor.status.picture == "refining", 60.0)
+    assert window.run_until(
+        lambda: editor.status.shown_by == "Deform" and editor.status.picture == "refining" and is_drawn(window), 60.0
+    )
 
     def width() -> int:
         """Of all that is seen, in pixels."""
@@ -92,7 +94,9 @@ def test_a_graphics_card_draws_what_moves_and_where_it_fails_the_worker_does(
     drawing_window: HeadlessWindow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window, editor = drawing_window, drawing_window.shell.editor
-    assert window.run_until(lambda: editor.status.shown_by == "Deform" and editor.status.picture != "waiting", 120.0)
+    assert window.run_until(
+        lambda: editor.status.shown_by == "Deform" and editor.status.picture != "waiting" and is_drawn(window), 120.0
+    )
     feed = window.shell.source.source
     drawn: list[tuple[int, int]] = []
     draw = PosedPicture.draw
@@ -132,7 +136,9 @@ def test_a_graphics_card_draws_what_moves_and_where_it_fails_the_worker_does(
 @pytest.mark.sweep
 def test_a_deformer_is_dragged_and_placement_takes_the_pose_over(window: HeadlessWindow) -> None:
     editor = window.shell.editor
-    assert window.run_until(lambda: editor.status.shown_by == "Deform" and editor.status.picture != "waiting", 120.0)
+    assert window.run_until(
+        lambda: editor.status.shown_by == "Deform" and editor.status.picture != "waiting" and is_drawn(window), 120.0
+    )
     editor.select("ball")
     window.frames(2)
     before = shown(window)

@@ -12,6 +12,7 @@ import pytest
 
 from app.jobs.client import Client
 from engine.curve.operators import Operator
+from tests.ui.quick_worker import HANDLERS
 from tests.ui.small_scene import linear_picture, opened_window, wait_until_exact, write_small_scene
 from ui.headless import HeadlessWindow
 from ui.panels.status_bar import picture_state
@@ -24,7 +25,7 @@ CURVE = "ball.1.theta_h"
 
 def session(context: moderngl.Context, scene: Path, *, kill: bool) -> np.ndarray:
     """The exact picture after two edits, the second made while the final lights are computed."""
-    client = Client()
+    client = Client(HANDLERS)
     with opened_window(context, scene, client, resolution=RESOLUTION, n_lights=N_LIGHTS) as window:
         editor = window.shell.editor
         editor.select(CURVE)

@@ -16,7 +16,7 @@ from app.jobs.tasks import Tasks
 from app.orbit.messages import DrawOrbit
 from app.view_state import Bookmark, SetView, Viewpoint
 from engine.scene.description import Camera
-from tests.ui.small_scene import CountingClient, opened_window, wait_until_exact, write_small_scene
+from tests.ui.small_scene import CountingClient, is_drawn, opened_window, wait_until_exact, write_small_scene
 from ui.gl.context import GraphicsError
 from ui.gl.moving import VARIABLE
 from ui.gl.orbit.shaded_picture import ShadedPicture
@@ -60,7 +60,9 @@ def feed_of(window: HeadlessWindow) -> OrbitFeed:
 
 def wait_until_shown_by(window: HeadlessWindow, name: str) -> None:
     editor = window.shell.editor
-    assert window.run_until(lambda: editor.status.shown_by == name and editor.status.picture != "waiting", 120.0)
+    assert window.run_until(
+        lambda: editor.status.shown_by == name and editor.status.picture != "waiting" and is_drawn(window), 120.0
+    )
 
 
 def test_before_the_first_picture_objects_are_lit_from_the_eye(window: HeadlessWindow) -> None:
@@ -83,7 +85,7 @@ def test_the_first_picture_has_light_everywhere(window: HeadlessWindow) -> None:
 
 def test_the_picture_of_a_view_at_rest_is_placements(window: HeadlessWindow) -> None:
     wait_until_shown_by(window, "Orbit")
-    assert window.run_until(lambda: window.shell.editor.status.picture == "refining", 120.0)
+    assert window.run_until(lambda: window.shell.editor.status.picture == "refining" and is_drawn(window), 120.0)
     first = feed_of(window).canvas.linear_image()
     wait_until_exact(window)
     assert window.shell.editor.status.shown_by == "Placement"
@@ -129,7 +131,7 @@ def test_shaders_draw_the_picture_that_the_worker_does_at_rest(drawing_window: H
     before = n_moving(window)
     moving = look_aside(window)
     assert editor.talk.drawn_in_window is not None  # type: ignore[attr-defined]
-    assert window.run_until(lambda: editor.talk.drawn_in_window is None, 120.0)  # type: ignore[attr-defined]
+    assert window.run_until(lambda: editor.talk.drawn_in_window is None and is_drawn(window), 120.0)  # type: ignore[attr-defined]
     at_rest = feed_of(window).canvas.linear_image()
     assert n_moving(window) == before
     assert np.abs(moving - at_rest).mean() < 0.1 * at_rest.mean()  # fewer coefficients, pixels enlarged
