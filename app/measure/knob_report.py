@@ -132,5 +132,5 @@ def _names_apart(axes: Axes, rows: Sequence[KnobRow], xs: Sequence[float], ys: S
         else:
             groups.append([i])
     for group in groups:
-        name, at = ", ".join(rows[i].setting for i in group), (xs[group[0]], ys[group[0]])
+        name, at = "; ".join(rows[i].setting for i in group), (xs[group[0]], ys[group[0]])
         axes.annotate(name, at, (5, 4), textcoords="offset points", fontsize=7, color=INK)

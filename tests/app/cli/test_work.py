@@ -55,7 +55,6 @@ def test_overruled_bands_are_those_of_the_picture(scene: Path, tmp_path: Path) -
         (("render", "-o", "OUT", "--overrule", "ball.9.theta_i=4"), "the plan has no line 'ball.9.theta_i'"),
         (("render", "-o", "OUT", "--overrule", "precision=float"), "a still is made in single floats"),
         (("render", "-o", "OUT", "--mode", "orbit", "--overrule", "lights=40"), "the plan is Placement's"),
-        (("precompute", "--overrule", "ball.0.theta_i=4"), "expected one of lights, patches, bounces, edges"),
         (("precompute", "--overrule", "lights=3"), "20 to 80,000"),
     ],
 )

@@ -106,7 +106,7 @@ def check(mode: str, scene: str, expected: np.ndarray, folder: Path, n_kills: in
     assert not list(folder.glob("*.tmp"))
 
 
-@in_any_mode
+@in_other_modes
 def test_killed_at_random_moments_the_picture_is_the_same(
     mode: str, scene: str, pictures: dict[str, np.ndarray], state_folder: Path
 ) -> None:

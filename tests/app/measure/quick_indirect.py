@@ -1,4 +1,4 @@
-"""`python -m ui.measure_indirect` over a worker whose finest light is the quick one."""
+"""`python -m ui.measure_indirect` over a worker whose finest light is the quick one, and no edit is made to warm up."""
 
 import functools
 import sys
@@ -9,4 +9,5 @@ from ui import measure_gl, measure_indirect
 
 if __name__ == "__main__":
     measure_gl.Client = functools.partial(Client, HANDLERS)
+    measure_indirect.WARM_UP = 0
     sys.exit(measure_indirect.main())

@@ -35,7 +35,7 @@ EFFORT = Effort(
     False,
     600.0,
     Grid((50, 400), (16, 64), (1, 64), side=24, n_points=6, level=4, oracle_lights=800),
-    IndirectEffort(2, 1, (2, 4), 12, 12, ((2, 2), (3, 3)), 12, warm_up=False, room=False),
+    IndirectEffort(1, 1, (2, 4), 12, 12, ((2, 2), (3, 3)), 12, warm_up=False, room=False),
     edges=None,
     rooms=None,
     gloss=None,
