@@ -11,7 +11,7 @@
     teatray, turned ─► relighting, turning ─┘
     subject, a relief ─► knobs ─► knobs.csv, front.json, report.md, plots
     shapes, bunny, plant, dominoes ─► visibility ─► visibility.csv, its tables and plot
-    every scene ─► planning ─► planning.csv
+    every scene ─► planning ─► planning.csv, savings.csv
 
 `figures` names what was promised and its limits; `speed` and `accuracy` measure in this process, `launches` starts the
 window and the renderer's measurements as programs of their own, because nothing here may touch GL. What cannot be
@@ -45,6 +45,7 @@ from app.measure.planning import PlanEffort, measure_plans
 from app.measure.plots import write_plots
 from app.measure.relighting import RelightEffort, relight_figures
 from app.measure.rooms import RoomEffort, room_figures
+from app.measure.savings import measure_savings
 from app.measure.speed import (
     RAW_RAYS,
     Precomputed,
@@ -136,6 +137,7 @@ def run(
         write_visibility(output, visibility_rows(effort.visibility, report))
     if "planning" in only and effort.planning is not None:
         measure_plans(effort.planning, output, report)
+        measure_savings(effort.planning.scenes, output, report)
     return _measured_figures(source, output, effort, report) if "figures" in only else []
 
 

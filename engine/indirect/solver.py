@@ -6,9 +6,11 @@ asks for the cells' irradiance anew, a material for nothing but sums.
 """
 
 import itertools
+import math
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,6 +78,7 @@ STILL = Fineness("still", 1024, 1, 1024, 1 << 20, 16000, 64, 128, True, True)
 _PILOT_POINTS, _PILOT_RAYS = 1024, 64
 # How much larger cells are where there were too many, at least; with what power of the fans there are more of them.
 _GROWTH, CELLS_BY_FANS = 1.26, 0.4
+_MOST_GROWTH, _LEAST_POWER, _MOST_POWER = 4.0, 0.5, 2.0
 # Of the cells that there may be, those that are aimed at then.
 FULL = 0.85
 # Gather points, by those that silhouettes and creases alone call for.
@@ -90,6 +93,29 @@ Progress = tuple[float, str]
 # asked for, share with the latter; as many as there were first ones take as long as all looks did.
 _LOOKED, _ROUGHLY_LIT, _LOOKED_CLOSER, _LIT, _SHONE_ON = 0.1, 0.35, (0.45, 0.6, 0.75), 0.93, 0.96
 _ALL_LOOKS = _LOOKED + _LOOKED_CLOSER[-1] - _ROUGHLY_LIT
+
+
+class Try(NamedTuple):
+    """Cells of so many metres were too many after so many fans."""
+
+    size: float
+    n_fans: int
+
+
+def growth(tries: Sequence[Try], expected: float) -> float:
+    """By how much cells are to be larger than in the last try, so that there are not too many after as many fans as are
+    expected: to begin anew once costs less than to do so at every step.
+
+    There are C n^0.4 s^-p cells of size s after n fans. On a plain surface p = 2; beside polished metal, which shows
+    small ones of all the scene, they hardly become fewer: two tries tell p.
+    """
+    last, power = tries[-1], _MOST_POWER
+    if len(tries) > 1:
+        first = tries[-2]
+        told = CELLS_BY_FANS * math.log(last.n_fans / first.n_fans) / math.log(last.size / first.size)
+        power = min(max(told, _LEAST_POWER), _MOST_POWER)
+    too_many = max((expected / last.n_fans) ** CELLS_BY_FANS, 1.0) / FULL
+    return min(max(too_many ** (1.0 / power), _GROWTH), _MOST_GROWTH)
 
 
 class Solver:
@@ -123,7 +149,7 @@ class Solver:
 
         keeper: where parts are kept that this run has finished, and found that another has.
         """
-        size, parts = self._cell_size(), Parts(keeper)
+        size, parts, tries = self._cell_size(), Parts(keeper), list[Try]()
         while True:
             self._n_traced = PART_POINTS // 2  # of the part that is given up
             cells = Cells(self._placement.scene, self._placement.caster, size)
@@ -131,7 +157,8 @@ class Solver:
                 return (yield from self._solve(cells, layers, parts))
             except TooManyCells:
                 parts.too_fine()
-                size *= self._growth()
+                tries.append(Try(size, self._n_traced))
+                size *= growth(tries, self._expected)
 
     def restored(self, arrays: Arrays) -> IndirectLight:
         """What `solve` gave and `stored.arrays_of` made arrays of. Raises UnsoundArrays for anything else."""
@@ -249,11 +276,10 @@ class Solver:
                 )
                 return self._points(gathered, photons), found, done
 
-    def _growth(self) -> float:
-        """By how much cells are to be larger, that were too many after the fans so far: to begin anew once costs less
-        than to do so at every step."""
-        expected = _BY_LIGHT * count_by_shape(self._lattice()) if self._fineness.adaptive else 0
-        return max(float(((expected / self._n_traced) ** CELLS_BY_FANS / FULL) ** 0.5), _GROWTH)
+    @property
+    def _expected(self) -> float:
+        """How many fans there will be."""
+        return _BY_LIGHT * count_by_shape(self._lattice()) if self._fineness.adaptive else 0.0
 
     def _lattice(self) -> Lattice:
         return Lattice(self._placement.hits, self._poles != NORMAL, self._fineness.close)

@@ -114,7 +114,8 @@ class _Trials:
         self, placement: Placement, layers: Sequence[StillLayer], sky: SkyState, is_still: bool, seed: int
     ) -> None:
         n_points = len(placement.hits.pixel)
-        self._rows = np.sort(np.random.default_rng(seed).choice(n_points, N_POINTS, replace=False)).astype(np.int32)
+        chosen = np.random.default_rng(seed).choice(n_points, min(N_POINTS, n_points), replace=False)
+        self._rows = np.sort(chosen).astype(np.int32)
         self._placement, self._layers, self._sky, self._is_still = placement, layers, sky, is_still
         self._part = placement.at(self._rows)
         if placement.sphere.done[self._rows].all():
