@@ -63,7 +63,7 @@ def test_the_estimate_is_within_a_factor_of_two(room: str, n_bounces: int) -> No
 
 def test_too_few_patches_are_told(tmp_path: Path, capsys: Captured) -> None:
     out = tmp_path / "poor.exr"
-    arguments = ["render", "stairwell", "-o", str(out), "--resolution", "48", "36", "--bounces", "1"]
+    arguments = ["render", "stairwell", "-o", str(out), "--resolution", "24", "18", "--bounces", "1"]
     assert run([*arguments, "--patches", "20"], Desktop()) == 0
     line, *notes = capsys.readouterr().out.splitlines()
     assert "s, error about " in line
@@ -74,7 +74,7 @@ def test_too_few_patches_are_told(tmp_path: Path, capsys: Captured) -> None:
 
 def test_too_few_lights_are_told() -> None:
     _, few = judged("teatray", 1, (24, 18), n_lights=20)
-    _, usual = judged("teatray", 1, (24, 18))
+    _, usual = judged("teatray", 1, (24, 18), n_lights=1000)
     assert few.is_poor and few.total > 4.0 * usual.total
 
 
