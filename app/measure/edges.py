@@ -32,8 +32,6 @@ from engine.transport.pipeline import FINAL, Placement
 
 SCENES = ("teatray", "bunny")
 _SEED = 7
-MOST_COST = 1.5
-"""Of time and memory of transport with one point a pixel."""
 
 Radiance = NDArray[np.floating]
 
