@@ -145,9 +145,12 @@ class Cells:
         )  # fmt: skip
         return rays
 
-    def irradiance(self, lights: kernels.Lights, n_samples: int, seed: int = 0, begin: int = 0) -> NDArray[np.float32]:
-        """Irradiance (C - begin, 3) of the cells from `begin` on, from the lights directly, by S samples a cell."""
-        n = len(self) - begin
+    def irradiance(
+        self, lights: kernels.Lights, n_samples: int, seed: int = 0, begin: int = 0, end: int | None = None
+    ) -> NDArray[np.float32]:
+        """Irradiance (end - begin, 3) of the cells from `begin` on, from the lights directly, by S samples a cell; end:
+        None for all."""
+        n = (len(self) if end is None else min(end, len(self))) - begin
         irradiance = np.zeros((n, 3), np.float32)
         if len(lights.cumulative):
             step = max(1, CHUNK // n_samples)

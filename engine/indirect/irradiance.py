@@ -9,7 +9,7 @@ is left of a cell is N numbers, whatever the number of objects [BenArtzi07, sect
 may be 0.
 """
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 from functools import partial
 
@@ -26,6 +26,7 @@ from engine.threads import even_parts, on_threads
 
 NOBODY = -1
 MOST_GENERATIONS = 4
+_SAMPLES = 1 << 18  # rays to lights at a time, of each kind
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,11 +68,16 @@ def _look(
     return cells.seen_by(rays, first_open, turn).reshape(part[1] - part[0], -1)
 
 
-def direct_irradiance(cells: Cells, lights: tuple[Lights, ...], n_samples: int) -> NDArray[np.float32]:
-    """Irradiance (C, 3) of the cells from all lights, by `n_samples` samples of each kind."""
+def direct_irradiance(
+    cells: Cells, lights: tuple[Lights, ...], n_samples: int
+) -> Generator[float, None, NDArray[np.float32]]:
+    """Irradiance (C, 3) of the cells from all lights, by `n_samples` samples of each kind; yields how much is done."""
     total = np.zeros((len(cells), 3), np.float32)
-    for seed, each in enumerate(lights):
-        total += cells.irradiance(each, n_samples, seed)
+    step = max(_SAMPLES // n_samples, 1)
+    for begin in range(0, len(cells), step):
+        for seed, each in enumerate(lights):
+            total[begin : begin + step] += cells.irradiance(each, n_samples, seed, begin, begin + step)
+        yield min((begin + step) / len(cells), 1.0)
     return total
 
 

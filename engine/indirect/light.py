@@ -96,6 +96,15 @@ class GatherPoints:
             out[mine] = radiance
         return out
 
+    def halves(self, layers: Sequence[IndirectLayer], light: SentLight) -> Generator[None, None, NDArray[np.float32]]:
+        """What each half of the rays brings, (2, p, 3), in steps; held so that its square is one."""
+        found = np.zeros((2, len(self.gathered.points), 3), np.float32)
+        for half in (0, 1):
+            for mine, radiance in self.reflected_by_object(layers, light, half):
+                found[half, mine] = held(radiance, SQUARED)
+                yield None
+        return found
+
     def reflected_by_object(
         self, layers: Sequence[IndirectLayer], light: SentLight, half: int | None = None
     ) -> Iterator[tuple[NDArray[np.intp], NDArray[np.float32]]]:
@@ -148,10 +157,10 @@ class IndirectLight:
         """The same with the noise that the rays have."""
         return replace(self, points=replace(self.points, smoothing=None))
 
-    def smoothed(self, layers: Sequence[IndirectLayer]) -> "IndirectLight":
-        """The same with the filter that the noise under these layers calls for."""
+    def smoothed(self, layers: Sequence[IndirectLayer]) -> Generator[None, None, "IndirectLight"]:
+        """The same with the filter that the noise under these layers calls for, in steps."""
         points, light = self.unfiltered().points, self.sent(layers)
-        first, second = (held(points.reflected(layers, light, half), SQUARED) for half in (0, 1))
+        first, second = yield from points.halves(layers, light)
         turns = least_alike(self.points.poles != NORMAL)
         smoothing = smoothing_for(self.points.hits, self.points.gathered.points, turns, first, second)
         return replace(self, points=replace(self.points, smoothing=smoothing))
@@ -184,11 +193,7 @@ class IndirectLight:
         light, (rows, weights) = self.sent(layers), self.footprint
         if not len(rows):  # nothing in the picture reflects
             return 0.0, 0.0
-        halves = np.zeros((2, len(self.points.gathered.points), 3), np.float32)
-        for half in (0, 1):
-            for mine, radiance in self.points.reflected_by_object(layers, light, half):
-                halves[half, mine] = held(radiance, SQUARED)
-                yield None
+        halves = yield from self.points.halves(layers, light)
         first, second = (np.einsum("pk,pkc->pc", weights, found[rows]) for found in halves)
         mean = 0.5 * float(np.mean(first + second, dtype=np.float64))
         rms = 0.5 * float(np.sqrt(np.mean((first - second) ** 2, dtype=np.float64)))

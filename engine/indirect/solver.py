@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from engine.indirect._cell_kernels import NO_CELL, CellTable
 from engine.indirect._ray_kernels import HALF, NORMAL
-from engine.indirect.beyond import SQUARED, held
 from engine.indirect.cells import Cells, TooManyCells
 from engine.indirect.curves import any_glossy, pole_of
 from engine.indirect.further import further_fans
@@ -43,6 +42,7 @@ from engine.indirect.stored import (
 )
 from engine.scene.frames import object_axes
 from engine.scene.hits import PrimaryHits
+from engine.steps import Result, finish, told_as
 from engine.stored_arrays import ArrayReader, Arrays
 from engine.transport.footprint import footprint, lattice_rows
 from engine.transport.pipeline import Placement, SkyState
@@ -210,7 +210,8 @@ class Solver:
             points, found, begin = yield from self._even(cells, nothing, photons, parts)
         light = yield from self._light(cells, self._fineness, parts, (begin, _LIT))
         yield _SHONE_ON, "taking out noise"
-        return self._found(points, found, cells, light).smoothed(layers)
+        smoothing = self._found(points, found, cells, light).smoothed(layers)
+        return (yield from _said(smoothing, _SHONE_ON, "taking out noise"))
 
     def _found(self, points: GatherPoints, found: Footprint, cells: Cells, light: CellLight) -> IndirectLight:
         return IndirectLight(points, found, cells, light, self._shining.lamps, self._n_bounces, self._shining.unit)
@@ -261,7 +262,7 @@ class Solver:
             thrown = points.thrown(layers)
             thrown = thrown._replace(light=_PHOTONS_SHARE * thrown.light)
             sent = SentLight(np.concatenate([bright, new_cells]), None, thrown)
-            first, second = (held(points.reflected(layers, sent, half), SQUARED) for half in (0, 1))
+            first, second = yield from _said(points.halves(layers, sent), span[0], "looking around")
             values[gathered.rows], noise[gathered.rows] = 0.5 * (first + second), 0.5 * abs(first - second)
             clearance[gathered.rows] = gathered.clearance
             if not lattice.refine(values, noise, clearance):
@@ -353,7 +354,8 @@ class Solver:
         for fraction, seen in connect(cells, self._n_bounces, fineness.n_cell_rays):
             found.append(seen)
             yield span[0] + (span[1] - span[0]) * fraction, "light between surfaces"
-        direct = direct_irradiance(cells, self._shining.lights, fineness.n_samples)
+        shining = direct_irradiance(cells, self._shining.lights, fineness.n_samples)
+        direct = yield from _said(shining, span[1], "light between surfaces")
         light = CellLight(cells.objects.copy(), np.concatenate(found), direct)
         parts.keep({"cell_seen": light.seen, "direct": direct, **arrays_of_table(cells.table())})
         return light
@@ -376,8 +378,13 @@ def relit(
     What was recorded of glossy surfaces belongs to the old light: they go by albedo, until the rays are traced anew.
     """
     shining = shining_on(placement, sky)
-    light = replace(found.light, direct=direct_irradiance(found.cells, shining.lights, fineness.n_samples))
+    light = replace(found.light, direct=finish(direct_irradiance(found.cells, shining.lights, fineness.n_samples)))
     return replace(found.by_albedo(), light=light, n_bounces=n_bounces, unit=shining.unit)
+
+
+def _said(steps: Generator[object, None, Result], fraction: float, text: str) -> Generator[Progress, None, Result]:
+    """The same steps, of which each says how far the whole is."""
+    return told_as(steps, lambda step: (fraction, text))
 
 
 def _first(rows: NDArray[np.int32]) -> NDArray[np.uint8]:

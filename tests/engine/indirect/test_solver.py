@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from engine.indirect import further
+from engine.indirect import further, irradiance
 from engine.indirect.beyond import is_beyond
 from engine.indirect.irradiance import NOBODY
 from engine.indirect.layers import indirect_layer
@@ -202,3 +202,18 @@ def test_its_progress_grows_to_near_its_end(corner, monkeypatch):
         steps = Solver(placement, models, sky, 3, replace(QUICK, **changes)).solve(layers)
         told = [fraction for fraction, _ in steps]
         assert told == sorted(told) and told[0] == 0.0 and 0.9 < told[-1] < 1.0
+
+
+def test_light_on_cells_and_the_filter_come_in_steps_and_are_the_same(corner, monkeypatch):
+    # So that whoever moves a camera meanwhile waits for one of them alone.
+    placement, (_, layers) = placement_of(CORNER, **CORNER_VIEW), corner
+    models = {layer.i_object: [layer.curves.model.name] for layer in layers}
+    pictures, told = [], []
+    for n_samples in (1 << 30, 64):
+        monkeypatch.setattr(irradiance, "_SAMPLES", n_samples)
+        solver, texts = Solver(placement, models, SkyState(constant_environment((1.0, 1.0, 1.0))), 3, QUICK), []
+        pictures.append(finish(solver.solve(layers), lambda step, texts=texts: texts.append(step[1])).picture(layers))
+        told.append(texts)
+    np.testing.assert_array_equal(*pictures)
+    assert told[1].count("light between surfaces") > told[0].count("light between surfaces") + 10
+    assert told[0].count("taking out noise") >= 2 * len(layers)
