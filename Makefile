@@ -8,10 +8,9 @@ export PYTHONDONTWRITEBYTECODE :=
 # Small tests: what runs with the bounds of each index checked, and what can wait for kernels that are not compiled
 # (`engine/lanes.py`, which samples pyramids, is the compiler's alone).
 BOUNDS_CHECKED := $(addprefix tests/engine/,curve deform indirect light material measured orbit render scene sphere texture transport visibility)
-UNCOMPILED := $(filter-out %/test_pyramid.py,$(wildcard tests/engine/texture/test_*.py)) \
-	$(addprefix tests/engine/,curve material deform/test_pose.py deform/test_extremes.py \
-	indirect/test_smoothing.py light/test_image_files.py measured/test_cornell.py sphere/test_harmonics.py \
-	sphere/test_symmetry.py transport/test_bandstore.py)
+UNCOMPILED := $(addprefix tests/engine/,curve material texture/test_images.py texture/test_strokes.py deform/test_pose.py \
+	deform/test_extremes.py indirect/test_smoothing.py light/test_image_files.py measured/test_cornell.py \
+	sphere/test_harmonics.py sphere/test_symmetry.py transport/test_bandstore.py)
 
 .PHONY: setup run test sweep checked coverage fuzz lint measure clean
 
