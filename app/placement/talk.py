@@ -258,15 +258,16 @@ class PlacementTalk(ModeTalk):
         talk, report, view = self._transport, self._report, self._view
         noise, picture = self._noise, self._picture
         known = picture not in ("waiting", "preview")
-        error = math.hypot(report.image_error or 0.0, noise) if known and self._rest_is_complete else None
+        # That nothing is left to be added says nothing of how far off the picture is.
+        says_error = known and self._rest_is_complete and picture != "exact"
+        error = math.hypot(report.image_error or 0.0, noise) if says_error else None
         estimate = self._error.estimate_of(self._document) if picture in ("finished", "exact") else None
         missing = transport_note(talk, report.precision, view.precision)
         n_bounces, bounces_note = self._bounces
         light = self._light_plan if self._light_plan.revision == talk.revision else LightPlanned(0, 0)
         said = {
             "picture": picture,
-            # That nothing is left to be added says nothing of how far off the picture is.
-            "image_error": (error or None) if estimate is None else estimate.total,
+            "image_error": error if estimate is None else estimate.total,
             "estimate": estimate,
             "error_colours": None if estimate is None else self._error.colours_of(self._document),
             "precomputed_mb": self._transport_bytes / 1e6,

@@ -16,6 +16,7 @@ from app.view_state import SetView
 from engine.curve.operators import Operator
 from tests.ui.small_scene import linear_picture, wait_until_exact
 from ui.headless import HeadlessWindow
+from ui.layout import PANELS
 from ui.panels.curve_keys import HANDLES, next_handle
 from ui.panels.help import SHORTCUTS
 
@@ -163,9 +164,12 @@ def test_other_panels_keep_their_arrows(lifted: HeadlessWindow) -> None:
 
 
 def test_the_curve_has_its_keys_when_ctrl_tab_goes_there(lifted: HeadlessWindow) -> None:
-    go_to_another_panel(lifted, times=3)
-    window = imgui.get_current_context().nav_window  # type: ignore[attr-defined]
-    assert window.name.endswith("###curve")
+    times = 1
+    go_to_another_panel(lifted, times)
+    while not imgui.get_current_context().nav_window.name.endswith("###curve"):  # type: ignore[attr-defined]
+        times += 1  # the order is that in which panels were gone to last
+        assert times < len(PANELS)
+        go_to_another_panel(lifted, times)
     lifted.key(Key.up_arrow)
     assert operator(lifted).magnitude > LIFT.magnitude
 

@@ -265,7 +265,8 @@ def _draw_error_legend(context: PanelContext, corner: ImVec2) -> None:
     """What the false colours over the picture stand for, above its lower left corner; why there are none."""
     pad, width = context.px(12), context.px(LEGEND_WIDTH)
     known = context.error_overlay is not None
-    words = ERROR_LEGEND if known else ERROR_AWAITED if context.status.image_error is not None else ERROR_UNKNOWN
+    is_awaited = context.status.image_error is not None or context.status.is_finished
+    words = ERROR_LEGEND if known else ERROR_AWAITED if is_awaited else ERROR_UNKNOWN
     line, bar = imgui.get_text_line_height(), error_legend.height(context) + 0.3 * pad if known else 0.0
     place = ImVec2(corner.x + pad, corner.y - 1.5 * pad - line - bar)
     draw_list = imgui.get_window_draw_list()
