@@ -53,6 +53,8 @@ _LEAST_COEFFICIENTS = 20
 _BYTES_A_COEFFICIENT = 8
 # Points a piece and thread: some 15 ms.
 _COARSE, _FINE, _TRACED = 1536, 256, 96
+# Of a picture: for silhouettes a pixel wide, which turned normals show from behind, no hand waits half a second.
+_LEAST_BACK = 0.005
 _FIRST_LOOK = 256  # pixels across, to find which points come first
 
 
@@ -270,7 +272,8 @@ class Orbit:
         lit = self._lit
         if lit is None:
             raise ValueError("nothing is ready to be drawn: expected some steps of work before")
-        seen = self._looked(lit, camera, resolution, has_soft_edges or quality != "moving")
+        least = 0.0 if quality == "still" else _LEAST_BACK
+        seen = self._looked(lit, camera, resolution, has_soft_edges or quality != "moving", least)
         # Where no light has been found yet, because the camera was led away at once or backs came in sight: black.
         while len(which := np.flatnonzero(lit.seen & ~lit.known)[: _COARSE * n_threads()]):
             lit.light(which, self._sky, self._lamps(lit), is_coarse=True)
@@ -332,15 +335,17 @@ class Orbit:
             self._looked(lit, camera, (_FIRST_LOOK, max(1, round(_FIRST_LOOK * height / width))), False)
 
     def _looked(
-        self, lit: LitPoints, camera: CameraDescription, resolution: tuple[int, int], has_soft_edges: bool
-    ) -> Seen:
-        """What a picture sees comes first from now on; backs that no other has seen get points, without shadows yet."""
+        self, lit: LitPoints, camera: CameraDescription, resolution: tuple[int, int], has_soft_edges: bool,
+        least: float = 0.0,
+    ) -> Seen:  # fmt: skip
+        """What a picture sees comes first from now on; backs that no other has seen get points, without shadows yet,
+        where they are more than a share of it, and the others while nobody waits."""
         seen = lit.mesh.look(camera, resolution, has_soft_edges)
-        if seen.from_behind:
-            lit.add_backs(seen.from_behind, self._are_glossy)
+        if behind := seen.from_behind(least):
+            lit.add_backs(behind, self._are_glossy)
             self.version += 1
             seen = lit.mesh.look(camera, resolution, has_soft_edges)
-        lit.seen = seen.points_seen()
+        lit.seen, lit.behind = seen.points_seen(), lit.behind | set(seen.from_behind())
         return seen
 
     def _within_memory(self, n_points: int) -> int:

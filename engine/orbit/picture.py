@@ -128,10 +128,10 @@ class Seen:
         """The samples that see an object."""
         return self.order[self.bounds[i_object] : self.bounds[i_object + 1]]
 
-    @property
-    def from_behind(self) -> tuple[int, ...]:
-        """Objects that are seen where they have no points."""
-        return tuple(np.unique(self.samples.i_object[self.samples.behind]).tolist())
+    def from_behind(self, least: float = 0.0) -> tuple[int, ...]:
+        """Objects that are seen where they have no points, in more than this share of what is seen."""
+        n_samples = np.bincount(self.samples.i_object[self.samples.behind])
+        return tuple(np.flatnonzero(n_samples > least * len(self.samples.behind)).tolist())
 
     def points_seen(self) -> NDArray[np.bool_]:
         """Which shading points (S,) are corners of samples."""
