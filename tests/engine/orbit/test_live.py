@@ -103,7 +103,8 @@ def test_whatever_is_done_pictures_are_finite_and_nothing_grows(block_scene, orb
     chance, work = np.random.default_rng(n_steps), orbit.work()
     while not orbit.is_ready:
         next(work)
-    orbit.draw(block_scene.description.camera.model_copy(update={"position": (0.0, -3.0, 1.0)}), SIZE)  # all backs
+    for position in ((0.0, -3.0, 1.0), (0.0, 0.5, 0.4)):  # below the floor and within the block: all backs
+        orbit.draw(block_scene.description.camera.model_copy(update={"position": position}), SIZE)
     assert [*work]
     before = orbit.n_bytes
     for k in range(n_steps):
