@@ -43,6 +43,13 @@ class LowGloss:
     lean: Singles
     lost: float
 
+    @property
+    def albedo(self) -> Floats:
+        """What of even light it reflects (3,), of all angles of the eye."""
+        angles = np.linspace(0.0, STEEPEST, N_ANGLES)
+        weights = np.sin(2.0 * angles)
+        return np.asarray(weights @ self.bands[:, 0] / weights.sum())
+
 
 @lru_cache(maxsize=64)
 def low_gloss(layer: Layer, n: int) -> LowGloss:

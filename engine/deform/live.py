@@ -22,17 +22,18 @@ from numpy.typing import NDArray
 
 from engine.deform.details import Detail, detail
 from engine.deform.gloss import low_gloss
-from engine.deform.object_transfer import ALBEDO_STEPS, N_LOBES, ORDER, FoundTransfer, ObjectTransfer, Shelf
+from engine.deform.object_transfer import N_LOBES, ORDER, FoundTransfer, ObjectTransfer, Shelf
 from engine.deform.parts import NOTHING, Numbers, Told
 from engine.deform.pictures import Pictures, Quality, eye_of
 from engine.deform.points import BendingPoints, bending_points
 from engine.deform.pose import Poses
+from engine.deform.reflectance import Reflectance, albedos, reflectance
 from engine.deform.shading import BandLight, Lobes, band_light
-from engine.deform.subject import LayersOf, Subject, is_glossy, plain_albedo
+from engine.deform.subject import LayersOf, Subject, is_glossy
 from engine.deform.telling import Telling
 from engine.deform.transfer import N_RAYS, unshadowed
 from engine.deform.zonal import Zonal, fit
-from engine.light.environment import LUMINANCE, triangle_integrals
+from engine.light.environment import triangle_integrals
 from engine.material.layer import Layer
 from engine.material.maps import Images
 from engine.render.still import StillProgress
@@ -70,6 +71,7 @@ class Deform:
         self._light = SkyState(None)
         self._bands: BandLight | None = None
         self._layers_of: dict[int, tuple[Layer, ...]] = {}
+        self._reflectances: dict[int, Reflectance] = {}  # as they are asked for
         self._surfaces: dict[str, DeformSurface] = {}
         self._posed: frozenset[int] = frozenset()
         self._n_bounces = N_BOUNCES
@@ -103,7 +105,10 @@ class Deform:
         layers = {i: tuple(each for each in own if each.visible) for i, own in layers_of.items()}
         layers = {i: own for i, own in layers.items() if not self.scene.emitters[i]}
         if layers != self._layers_of:
-            self._layers_of = layers
+            before, self._layers_of = self._layers_of, layers
+            self._reflectances = {
+                i: each for i, each in self._reflectances.items() if before.get(i) == layers.get(i)
+            }
             self.version += 1
 
     def set_posed(self, names: Sequence[str]) -> None:
@@ -186,6 +191,7 @@ class Deform:
         self._even = self._translucent()
         even = np.isin(np.arange(len(self.scene.smooth)), list(self._even))
         points = bending_points(self.scene, self._caster, self._n_points, even)
+        self._reflectances = {}
         self._points, self._found = points, FoundTransfer(self.scene, points, self._shelf)
         self._lobes, self._errors = _open(len(points)), np.zeros(len(points), np.float32)
         if before is not None and had is not None and errors is not None:
@@ -200,14 +206,20 @@ class Deform:
         """The best transfer of all objects that there is to be."""
         resting = tuple(i for i in range(len(self.scene.smooth)) if i not in self._posed)
         found = []
-        for i, layers in self._layers_of.items():
+        for i in self._layers_of:
             says = self._says(i)
             casters = (i,) if i in self._posed or says.kind else resting
-            albedo = round(float(plain_albedo(layers) @ LUMINANCE) * ALBEDO_STEPS) if self._n_bounces else 0
-            albedo = 0 if says.kind else min(albedo, ALBEDO_STEPS - 1)
-            n_bounces = self._n_bounces if albedo else 0
-            found.append(ObjectTransfer(i, casters, says, albedo, n_bounces, self._rays[1], self._n_lobes))
+            bright = Reflectance() if says.kind or not self._n_bounces else self._reflectance(i)
+            n_bounces = self._n_bounces if bright.brightest else 0
+            found.append(ObjectTransfer(i, casters, says, bright, n_bounces, self._rays[1], self._n_lobes))
         return found
+
+    def _reflectance(self, i: int) -> Reflectance:
+        """What an object reflects onto itself."""
+        if i not in self._reflectances:
+            assert self._points is not None
+            self._reflectances[i] = reflectance(albedos(self.scene, self._points, i, self._layers_of[i], ORDER))
+        return self._reflectances[i]
 
     def _share(self, wanted: ObjectTransfer) -> float:
         known = self._known.get(wanted.i_object)
@@ -228,7 +240,7 @@ class Deform:
             is_other = known is None or (known.casters, known.says) != (each.casters, each.says)
             if is_other:
                 is_there = self._found is not None and self._found.get(each) is not None
-                return each if is_there else replace(each, albedo=0, n_rays=self._rays[0], n_lobes=1)
+                return each if is_there else replace(each, reflectance=Reflectance(), n_rays=self._rays[0], n_lobes=1)
         return missing[0] if missing else None
 
     def _simulate(self, wanted: ObjectTransfer) -> Generator[float, None, Zonal]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from engine.deform.details import heights, n_texels, patch_vectors, wrinkle_lobes
 from engine.deform.membrane import membrane
 from engine.deform.points import BendingPoints
+from engine.deform.reflectance import Reflectance
 from engine.deform.subsurface import Medium, simulate_subsurface
 from engine.deform.transfer import bounced, shadowed
 from engine.deform.zonal import Zonal, about_linear, fit
@@ -21,18 +22,17 @@ from engine.scene.surface_kinds import DeformSurface
 from engine.steps import told_as
 
 ORDER, N_LOBES = 6, 4
-ALBEDO_STEPS = 8  # in which albedos count for what an object reflects onto itself
 
 
 @dataclass(frozen=True)
 class ObjectTransfer:
-    """Which object's; the objects that shade its points; what is said of its surface; its albedo in `ALBEDO_STEPS`, and
-    how often light goes from it onto itself; rays and lobes a point."""
+    """Which object's; the objects that shade its points; what is said of its surface; how bright its points are,
+    and how often light goes from it onto itself; rays and lobes a point."""
 
     i_object: int
     casters: tuple[int, ...]
     says: DeformSurface
-    albedo: int
+    reflectance: Reflectance
     n_bounces: int
     n_rays: int
     n_lobes: int
@@ -49,7 +49,8 @@ class ObjectTransfer:
             return ("wrinkles 2",)
         if says.patch is not None:
             return "patch", self.n_rays, self.n_lobes, heights(scene, says.patch)
-        own = (says.model_dump_json(),) if says.kind else (self.albedo, self.n_bounces)
+        bright = (self.reflectance.brightest, self.n_bounces, *filter(None, (self.reflectance.shares,)))
+        own = (says.model_dump_json(),) if says.kind else bright
         lobes = () if self.n_lobes == N_LOBES else (self.n_lobes,)
         return *points.geometry(self.i_object, self.casters), *own, self.n_rays, *lobes
 
@@ -80,8 +81,8 @@ class ObjectTransfer:
             medium, own = Medium(**self.says.values), mesh.corners[mesh.corners[:, 0] >= 0]
             return (yield from simulate_subsurface(mesh, caster, own, ORDER, medium, self.n_rays))
         vectors = yield from shadowed(mesh, caster, ORDER, self.n_rays)
-        if self.albedo and self.n_bounces:
-            albedo = self.albedo / ALBEDO_STEPS
+        if self.reflectance.brightest and self.n_bounces:
+            albedo = self.reflectance.albedo
             vectors = yield from told_as(bounced(mesh, caster, vectors, albedo, self.n_bounces), lambda share: 0.99)
         return vectors
 

@@ -16,7 +16,7 @@ from engine.deform.transfer import TransferPoints
 from engine.orbit.shading_points import ShadingPoints, shading_points, with_backs
 from engine.scene.frames import local_frames
 from engine.scene.load import Scene
-from engine.scene.raycaster import RayCaster
+from engine.scene.raycaster import Intersections, RayCaster
 from engine.scene.surface_points import SurfacePoints
 from engine.scene.surface_uvs import corner_uvs, uvs_at
 
@@ -91,6 +91,29 @@ class BendingPoints:
         """Texture coordinates (P, 2) of an object's points; of one that has several, any of them."""
         mine = self.of(i_object)
         return uvs_at(self._scene, self._at[0][mine], *self._at[1][mine].T)
+
+    def middles(self, i_object: int) -> tuple[Intersections, Floats, Floats]:
+        """Where the middles of an object's triangles lie on the scene's, their texture coordinates (T, 2), and how wide
+        a square of the texture each of the triangles covers (T,)."""
+        own = np.flatnonzero(self.surface.i_object == i_object)
+        u, v = self.within[own].mean(axis=1).T
+        uvs = self.corner_uvs(self._scene, own)
+        sides = np.sqrt(0.5 * np.abs(np.linalg.det(uvs[:, 1:] - uvs[:, :1])))
+        return Intersections(self.source[own], u, v, np.zeros(len(own), np.float32)), uvs.mean(axis=1), sides
+
+    def means_around(self, i_object: int, values: Floats) -> Floats:
+        """By area the means (P,) around an object's points of what its triangles (T,) have."""
+        own = np.flatnonzero(self.surface.i_object == i_object)
+        a, b, c = np.moveaxis(self._points.corners[own].astype(np.float64), 1, 0)
+        areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        sides = self.surface.sides[own]
+        is_point = sides >= 0
+
+        def summed(each: Floats) -> Floats:
+            shares = np.broadcast_to(each[:, None, None], sides.shape)[is_point]
+            return np.bincount(sides[is_point], shares, len(self))[self.of(i_object)]
+
+        return np.asarray(summed(values * areas) / np.maximum(summed(areas), 1e-300))
 
     def corner_uvs(self, scene: Scene, triangle: NDArray[np.integer]) -> Floats:
         """Texture coordinates (N, 3, 2) of the corners of triangles (N,)."""
