@@ -1,6 +1,6 @@
 """What moving pictures are drawn of by a graphics card, part by part: arrays as its buffers have them.
 
-Shape, look and cover stay as they are while a pose and a camera move; then nothing is sent but places and axes.
+Shape, look, cover and sky stay as they are while a pose and a camera move; then nothing is sent but places and axes.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class LookPart:
     """harmonics (n^2, 3) and table (rows, columns, n, 3) of the light, see `BandLight`; objects (M, 8): albedo, the
     first of its layers with gloss, emission, how many they are; gloss (G, A, 3 n + 1): of each such layer, for angles
     of the eye up to `steepest`, its bands and its lean, see `LowGloss`; cosine (n,): the bands of a white matt surface;
-    sky (h, w, 3), see `Backdrop`; terms: by the cover that is told with it, or was."""
+    turn, scale: of the sky, see `Backdrop`; terms: by the cover that is told with it, or was."""
 
     number: int
     harmonics: Singles
@@ -81,10 +81,17 @@ class LookPart:
     gloss: Singles
     steepest: float
     cosine: Singles
-    sky: Singles
     turn: float
     scale: float
     terms: tuple[ToldTerm, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class SkyPart:
+    """radiance (h, w, 3) of what is behind it all, see `Backdrop`: by far the largest, and the same however it turns."""
+
+    number: int
+    radiance: Singles
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,8 +105,8 @@ class PosedPart:
     eye: tuple[float, float, float]
 
 
-Numbers = tuple[int, int, int]  # of shape, look and cover; 0 for none
-NOTHING: Numbers = (0, 0, 0)
+Numbers = tuple[int, int, int, int]  # of shape, look, cover and sky; 0 for none
+NOTHING: Numbers = (0, 0, 0, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,8 +118,9 @@ class Told:
     shape: ShapePart | None
     look: LookPart | None
     cover: CoverPart | None
+    sky: SkyPart | None
 
     def lacks(self, known: Numbers) -> bool:
         """Whether more parts are needed to draw it than it brings, and than those of these numbers."""
-        parts = zip((self.shape, self.look, self.cover), self.numbers, known, strict=True)
+        parts = zip((self.shape, self.look, self.cover, self.sky), self.numbers, known, strict=True)
         return any(part is None and number != here for part, number, here in parts)

@@ -19,6 +19,7 @@ from engine.deform.parts import (
     PosedPart,
     ShapePart,
     Singles,
+    SkyPart,
     Told,
     ToldDetail,
     ToldTerm,
@@ -43,6 +44,7 @@ class Telling:
         self._shape: tuple[Lobes, ShapePart] | None = None
         self._look: tuple[int, LookPart] | None = None
         self._cover: tuple[tuple[object, ...], CoverPart] | None = None
+        self._sky: SkyPart | None = None
 
     def told(self, of: Subject, eye: NDArray[np.float64], poses: Poses, known: Numbers = NOTHING) -> Told:
         """All of a picture but the parts whose numbers are known; eye (3,): where the camera stands."""
@@ -51,15 +53,19 @@ class Telling:
             self._shape = of.lobes, shape_part(self._points, of.lobes)
         if self._look is None or self._look[0] != of.version:
             self._look = of.version, self._seen(of)
+        backdrop = of.backdrop.radiance
+        if self._sky is None or self._sky.radiance is not backdrop:
+            self._sky = SkyPart(next(_numbers), backdrop)
         assert self._cover is not None
-        shape, look, cover = self._shape[1], self._look[1], self._cover[1]
+        shape, look, cover, sky = self._shape[1], self._look[1], self._cover[1], self._sky
         axes = [self._posed.axes_of(i)[1].reshape(-1, 9) for i in of.details]
         posed = posed_part(places, frames, np.concatenate(axes) if axes else np.zeros((0, 9), np.float32), eye)
-        numbers = shape.number, look.number, cover.number
+        numbers = shape.number, look.number, cover.number, sky.number
         is_new = [number != here for number, here in zip(numbers, known, strict=True)]
         return Told(
-            posed, numbers, shape if is_new[0] else None, look if is_new[1] else None, cover if is_new[2] else None
-        )
+            posed, numbers, shape if is_new[0] else None, look if is_new[1] else None, cover if is_new[2] else None,
+            sky if is_new[3] else None,
+        )  # fmt: skip
 
     def _seen(self, of: Subject) -> LookPart:
         """The look, after the cover that it speaks of."""
@@ -118,8 +124,8 @@ def look_part(of: Subject, terms: tuple[ToldTerm, ...] = ()) -> LookPart:
     gloss = np.array(rows, np.float32) if rows else np.zeros((0, 2, 3 * order + 1), np.float32)
     cosine = (clamped_cosine(order) / np.pi).astype(np.float32)
     return LookPart(
-        next(_numbers), light.harmonics, light.table, objects, gloss, float(STEEPEST), cosine, backdrop.radiance,
-        backdrop.turn, backdrop.scale, terms,
+        next(_numbers), light.harmonics, light.table, objects, gloss, float(STEEPEST), cosine, backdrop.turn,
+        backdrop.scale, terms,
     )  # fmt: skip
 
 

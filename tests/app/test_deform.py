@@ -102,7 +102,7 @@ def test_where_the_window_draws_it_is_told_what_moves_and_the_rest_once(
         assert isinstance(drawn, PoseTold) and drawn.is_done and not drawn.radiance.size
         sent.append(drawn.told)
         known = sent[0].numbers
-    assert sent[1].shape is None and sent[1].look is None and sent[1].cover is None
+    assert not any((sent[1].shape, sent[1].look, sent[1].cover, sent[1].sky))
     assert np.abs(sent[1].posed.places - sent[0].posed.places).max() > 0.1
     # What lies between points is told as it is looked up.
     grooves = DeformSurface.model_validate({"patch": {"kind": "bumps"}})
@@ -124,17 +124,17 @@ def test_a_moving_picture_is_the_windows_where_it_draws_and_one_at_rest_the_work
     (asked,) = [each for each in table.update() if isinstance(each, DrawDeform)]
     assert (asked.quality, asked.known) == ("moving", NOTHING)
     pose = PosedPart(np.zeros((0, 12), np.float32), np.zeros((0, 9), np.float32), (0.0, 0.0, 0.0))
-    told, radiance = Told(pose, (3, 4, 5), None, None, None), np.zeros((0, 0, 3), np.float32)
+    told, radiance = Told(pose, (3, 4, 5, 6), None, None, None, None), np.zeros((0, 0, 3), np.float32)
     (came,) = talk.take(PoseTold(radiance, 1, 1, False, 0.01, told=told, id=table.id_of(DrawDeform)))
     assert isinstance(came, PoseCame) and came.told is told and came.resolution == asked.resolution
     talk.take(OrbitAdvanced(2, False, id=table.id_of(PrepareDeform)))
     table.now += 0.1
     (asked,) = [each for each in table.update() if isinstance(each, DrawDeform)]
-    assert asked.known == (3, 4, 5)  # before the window has drawn them
+    assert asked.known == (3, 4, 5, 6)  # before the window has drawn them
     talk.take(PoseTold(radiance, 1, 2, False, 0.01, told=told, id=table.id_of(DrawDeform)))
-    talk.tell_again((3, 0, 0))  # which it could not
+    talk.tell_again((3, 0, 0, 0))  # which it could not
     (asked,) = [each for each in table.update() if isinstance(each, DrawDeform)]
-    assert asked.known == (3, 0, 0)
+    assert asked.known == (3, 0, 0, 0)
     talk.take(PoseTold(radiance, 1, 2, False, 0.01, told=told, id=table.id_of(DrawDeform)))
     talk.take(OrbitAdvanced(3, True, id=table.id_of(PrepareDeform)))
     table.now += 1.0

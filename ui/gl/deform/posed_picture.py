@@ -4,8 +4,8 @@ shader, then the triangles between points [Sloan05, 5].
     backdrop ─► what points send, on either side (lobes.comp) ─► triangles (surface)
     ─► where images or detail lie, matt layers once more, pixel by pixel (term)
 
-As `engine.deform.pictures` draws moving pictures, and with several samples a pixel. Shape, look and cover lie in
-buffers; in a frame places and axes are sent alone, for the deformers are Python's.
+As `engine.deform.pictures` draws moving pictures, and with several samples a pixel. Shape, look, cover and sky
+lie in buffers; in a frame places and axes are sent alone, for the deformers are Python's.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from engine.deform.parts import CoverPart, LookPart, Numbers, PosedPart, ShapePart, Told, ToldDetail, ToldTerm
+from engine.deform.parts import CoverPart, LookPart, Numbers, PosedPart, ShapePart, SkyPart, Told, ToldDetail, ToldTerm
 from engine.scene.camera import camera_frame
 from engine.scene.description import Camera
 from ui.gl.buffers import BufferMemory
@@ -47,15 +47,17 @@ class PosedPicture:
         self._shape: ShapePart | None = None
         self._look: LookPart | None = None
         self._cover: CoverPart | None = None
-        self._sky: moderngl.Texture | None = None
+        self._sky: SkyPart | None = None
+        self._backdrop: moderngl.Texture | None = None
         self._array: moderngl.VertexArray | None = None
         self._cover_arrays: dict[int, moderngl.VertexArray] = {}
 
     @property
     def known(self) -> Numbers:
         """The numbers of the parts that are here."""
-        shape, look, cover = (each.number if each else 0 for each in (self._shape, self._look, self._cover))
-        return shape, look, cover
+        parts = self._shape, self._look, self._cover, self._sky
+        shape, look, cover, sky = (each.number if each else 0 for each in parts)
+        return shape, look, cover, sky
 
     def rehearse(self) -> Iterator[None]:
         """Compile all shaders, one a step; raises GraphicsError."""
@@ -79,11 +81,13 @@ class PosedPicture:
             self._take_cover(told.cover)
         if told.look is not None:
             self._take_look(told.look)
+        if told.sky is not None:
+            self._take_sky(told.sky)
         shape, look, cover = self._shape, self._look, self._cover
-        assert shape is not None and look is not None and cover is not None and self._sky is not None
+        assert shape is not None and look is not None and cover is not None and self._backdrop is not None
         self._fill("posed", told.posed.places)
         self._fill("axes", told.posed.axes)
-        target = self._target.begin(camera, size, self._sky, look.turn, look.scale)
+        target = self._target.begin(camera, size, self._backdrop, look.turn, look.scale)
         self._shade(shape, look, told.posed)
         self._draw_triangles(target, look, cover, _view(camera, size, told.posed))
         return self._target.finish()
@@ -117,11 +121,15 @@ class PosedPicture:
         self._fill("light", np.concatenate([part.harmonics.ravel(), part.table.ravel()]))
         self._fill("objects", part.objects)
         self._fill("gloss", part.gloss)
-        height, width = part.sky.shape[:2]
-        sky = self._textures.texture((width, height), 3, "f4", part.sky)
-        sky.filter, sky.repeat_x = (moderngl.LINEAR, moderngl.LINEAR), True
-        self._textures.release(self._sky)
-        self._sky, self._look = sky, part
+        self._look = part
+
+    def _take_sky(self, part: SkyPart) -> None:
+        self._sky = None
+        height, width = part.radiance.shape[:2]
+        texture = self._textures.texture((width, height), 3, "f4", part.radiance)
+        texture.filter, texture.repeat_x = (moderngl.LINEAR, moderngl.LINEAR), True
+        self._textures.release(self._backdrop)
+        self._backdrop, self._sky = texture, part
 
     def _fill(self, name: str, array: NDArray[np.generic]) -> None:
         """A buffer of that name with these numbers: the one that is there where it has their size."""
@@ -204,8 +212,8 @@ class PosedPicture:
         for buffer in self._buffers.values():
             self._memory.release(buffer)
         self._buffers.clear()
-        self._textures.release(self._sky)
-        self._array = self._sky = self._shape = self._look = self._cover = None
+        self._textures.release(self._backdrop)
+        self._array = self._backdrop = self._shape = self._look = self._cover = self._sky = None
 
     def _release_cover_arrays(self) -> None:
         for array in self._cover_arrays.values():
