@@ -106,9 +106,7 @@ class Deform:
         layers = {i: own for i, own in layers.items() if not self.scene.emitters[i]}
         if layers != self._layers_of:
             before, self._layers_of = self._layers_of, layers
-            self._reflectances = {
-                i: each for i, each in self._reflectances.items() if before.get(i) == layers.get(i)
-            }
+            self._reflectances = {i: each for i, each in self._reflectances.items() if before.get(i) == layers.get(i)}
             self.version += 1
 
     def set_posed(self, names: Sequence[str]) -> None:

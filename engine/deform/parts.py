@@ -88,7 +88,7 @@ class LookPart:
 
 @dataclass(frozen=True, eq=False)
 class SkyPart:
-    """radiance (h, w, 3) of what is behind it all, see `Backdrop`: by far the largest, and the same however it turns."""
+    """radiance (h, w, 3) of what is behind it all, see `Backdrop`: the largest part, the same however it turns."""
 
     number: int
     radiance: Singles

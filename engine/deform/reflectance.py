@@ -1,4 +1,4 @@
-"""How much of its light an object's points reflect onto the rest of it, images and strokes and all; told so coarsely that
+"""How much of its light an object's points reflect onto the rest of it, images and strokes and all; so coarsely that
 most edits of a material leave what hangs on it as it is.
 
 Light between points is without colour, as all transfer: an albedo is its luminance.
@@ -54,8 +54,8 @@ def reflectance(albedo: Floats) -> Reflectance:
 
 
 def albedos(scene: Scene, points: BendingPoints, i_object: int, layers: Sequence[Layer], order: int) -> Floats:
-    """Of an object's points (P,), gloss as if it were matt: the mean over the triangles around each, for an image may be
-    finer than they. order: in which gloss is known. Raises LoadError."""
+    """Of an object's points (P,), gloss as if it were matt: the mean over the triangles around each, for an image may
+    be finer than they. order: in which gloss is known. Raises LoadError."""
     middles, uvs, sides = points.middles(i_object)
     none, total = np.zeros_like(sides), np.zeros(len(sides))
     across, down = np.stack([sides, none], axis=1), np.stack([none, sides], axis=1)
