@@ -111,7 +111,7 @@ class BendingPoints:
 
         def summed(each: Floats) -> Floats:
             shares = np.broadcast_to(each[:, None, None], sides.shape)[is_point]
-            return np.bincount(sides[is_point], shares, len(self))[self.of(i_object)]
+            return np.asarray(np.bincount(sides[is_point], shares, len(self))[self.of(i_object)], np.float64)
 
         return np.asarray(summed(values * areas) / np.maximum(summed(areas), 1e-300))
 
