@@ -183,7 +183,7 @@ def bending_points(
     scene: Scene, caster: RayCaster, n_points: int, even: NDArray[np.bool_] | None = None
 ) -> BendingPoints:
     """About n_points besides the meshes' own vertices; caster: of the scene's triangles; even: see `shading_points`."""
-    points = shading_points(scene, caster, n_points, even)
+    points = shading_points(scene, caster, n_points, even, is_whole=True)
     return BendingPoints(scene, with_backs(points, _is_open(scene)))
 
 

@@ -77,26 +77,28 @@ class ShadingPoints:
 
 
 def shading_points(
-    scene: Scene, caster: RayCaster, n_points: int, even: NDArray[np.bool_] | None = None
+    scene: Scene, caster: RayCaster, n_points: int, even: NDArray[np.bool_] | None = None, is_whole: bool = False
 ) -> ShadingPoints:
     """About `n_points` points besides the meshes' own vertices, spread evenly over what is coarse; on the side that the
     winding faces.
 
-    caster: of the scene's triangles; even (M,): objects of which all triangles are cut as often, or none. Raises
+    caster: of the scene's triangles; even (M,): objects of which all triangles are cut as often, or none; is_whole:
+    where a triangle is cut, those beside it have the same corners, so that none part when points move. Raises
     ValueError unless n_points ≥ 0.
     """
-    return finish(placing(scene, caster, n_points, even))
+    return finish(placing(scene, caster, n_points, even, is_whole))
 
 
 def placing(
-    scene: Scene, caster: RayCaster, n_points: int, even: NDArray[np.bool_] | None = None
+    scene: Scene, caster: RayCaster, n_points: int, even: NDArray[np.bool_] | None = None, is_whole: bool = False
 ) -> Generator[None, None, ShadingPoints]:
     """The same in pieces of some 30 ms."""
     if n_points < 0:
         raise ValueError(f"n_points = {n_points}, expected 0 or more")
     reflects = ~scene.emitters[scene.object_of_triangle]
     even = np.zeros(len(scene.smooth), bool) if even is None else even
-    corners, normals, within, source = yield from _cut_where_coarse(scene, reflects, even, n_points)
+    parts = yield from _cut_where_coarse(scene, reflects, even, n_points)
+    corners, normals, within, source = _joined_at_edges(parts) if is_whole else parts
     mine = np.flatnonzero(reflects[source])
     ids = np.repeat(scene.object_of_triangle[source[mine]], 3)
     kept, number = _joined(corners[mine], normals[mine], ids)
@@ -194,6 +196,40 @@ def _cut(parts: Parts, cut: NDArray[np.bool_]) -> Parts:
         np.concatenate([a[~cut], _quarters(a[cut], _middles(a[cut])).reshape(-1, *a.shape[1:])]) for a in parts[:3]
     )
     return corners, normals, within, np.concatenate([parts[3][~cut], np.repeat(parts[3][cut], 4)])
+
+
+def _joined_at_edges(parts: Parts) -> Parts:
+    """The parts, halved wherever others have a corner in the middle of one of their edges; no corner is a new one."""
+    there, halved = np.unique(_places(parts[0], parts[0])), parts
+    while (hangs := _hang(halved[0], parts[0], there)).any():
+        which = hangs.any(axis=1)
+        turn = (np.argmax(hangs[which], axis=1)[:, None] + np.arange(3)) % 3  # that edge first
+        corners, normals, within = (
+            np.concatenate([a[~which], _halves(np.take_along_axis(a[which], turn[..., None], 1))]) for a in halved[:3]
+        )
+        halved = corners, normals, within, np.concatenate([halved[3][~which], np.tile(halved[3][which], 2)])
+    return halved
+
+
+def _hang(corners: Vectors, among: Vectors, there: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which edges (T, 3) have one of these places between their ends; one without length has nothing between them."""
+    ends, middles = _places(corners, among), _places(_middles(corners), among)
+    return np.isin(middles, there) & (middles != ends) & (middles != np.roll(ends, -1, axis=1))
+
+
+def _halves(corners: NDArray) -> NDArray:
+    """(2 T, 3, k): what stands at corners of triangles (T, 3, k) that are halved at their first edge."""
+    a, b, c = np.moveaxis(corners, 1, 0)
+    middle = (a + b) / 2.0
+    return np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
+
+
+def _places(places: Vectors, among: Vectors) -> NDArray[np.int64]:
+    """Numbers of places (..., 3), the same for the same place; among: (..., 3) in whose box they lie."""
+    low = among.min(axis=(0, 1))
+    size = float((among.max(axis=(0, 1)) - low).max()) or 1.0
+    x, y, z = np.moveaxis(np.round((places - low) / size * (2**20 - 1)).astype(np.int64), -1, 0)
+    return np.asarray((x << 40) + (y << 20) + z)
 
 
 def _errors(casters: cKDTree, corners: Vectors, normals: Vectors) -> Generator[None, None, NDArray[np.float64]]:

@@ -130,6 +130,18 @@ def test_the_shadow_of_what_begins_to_bend_goes_before_anything_else_is_made(sce
     assert off < 0.2 * was_off
 
 
+def test_nothing_opens_between_coarse_and_fine_triangles_that_bend(deform: Deform, scene: Scene) -> None:
+    """Each edge of a closed box has a triangle on either side, as they are drawn."""
+    points = deform._points
+    assert points is not None
+    mine = points.surface.corners[points.surface.i_object == 0]
+    assert len(mine) > 50  # of 12
+    _, place = np.unique(np.round(points.resting(0).positions, 6), axis=0, return_inverse=True)
+    corners = place.ravel()[np.searchsorted(points.of(0), mine)]
+    edges = np.sort(np.concatenate([corners[:, (0, 1)], corners[:, (1, 2)], corners[:, (2, 0)]]), axis=1)
+    assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
+
+
 def test_rays_know_of_what_shades_alone_and_objects_share_them(deform: Deform) -> None:
     points = deform._points
     assert points is not None

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from engine.orbit.shading_points import shading_points, with_backs
+from engine.orbit.shading_points import _joined_at_edges, shading_points, with_backs
 from engine.orbit.visibility import N_UPPER, see_patches, upper
 from engine.scene.raycaster import RayCaster
 from engine.sphere.geodesic import geodesic
@@ -110,3 +110,14 @@ def test_a_lamp_is_seen_where_no_ball_is_before_it(ball) -> None:
     # Light from 2 m over a ball that reaches to 1 m: shadow to 0.5 · 2 / √(1.5² − 0.5²) = 0.707 m, and its penumbra.
     assert (seen[floor][distance < 0.5] == 0).all()
     assert (seen[floor][distance > 1.2] == 1).all()
+
+
+def test_triangles_are_halved_where_others_have_corners_and_none_without_length_is() -> None:
+    """A whole triangle beside one that is cut in four: it is halved; one that is a point, and one that is a line, stay."""
+    a, b, c, d = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]])
+    ab, bc, ca = (a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0
+    corners = np.array([(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca), (b, d, c), (a, a, a), (d, d, c)])
+    n = len(corners)
+    halved, *_, source = _joined_at_edges((corners, np.ones((n, 3, 3)), np.zeros((n, 3, 2)), np.arange(n)))
+    assert sorted(source) == [0, 1, 2, 3, 4, 4, 5, 6]
+    assert (halved[source == 4] == bc).all(axis=2).any(axis=1).all()
