@@ -45,9 +45,12 @@ def test_a_grip_goes_with_the_hand_in_one_step(window: HeadlessWindow, bending: 
     assert amount(bending) == before
 
 
-def test_grips_that_would_lie_on_one_another_stand_apart(window: HeadlessWindow, bending: Editor) -> None:
-    for _ in range(2):
-        bending.do(AddDeformer("teapot", "bend"))
+@pytest.mark.parametrize("kinds", [("bend", "bend"), ("twist", "taper")])
+def test_grips_that_would_lie_on_one_another_stand_apart(
+    window: HeadlessWindow, bending: Editor, kinds: tuple[str, str]
+) -> None:
+    for kind in kinds:
+        bending.do(AddDeformer("teapot", kind))
     window.frames(2)
     (_, lower), (_, upper) = (window.shell.handle_position(f"pose.handle.{i}") for i in range(2))
     assert lower - upper > 6.0

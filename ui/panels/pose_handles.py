@@ -59,8 +59,8 @@ def handles(context: PanelContext, placed: Placed) -> list[PictureHandle]:
 def _axis(box: Floats, row: tuple[Deformation, ...], index: int) -> Floats:
     """The line (N, 3) along a deformer's axis at rest, from its foot to its grip."""
     deformation = row[index]
-    across, upward = KINDS[deformation.kind].grip
-    before = [each for each in row[:index] if (each.kind, each.axis) == (deformation.kind, deformation.axis)]
+    across, upward = grip = KINDS[deformation.kind].grip
+    before = [each for each in row[:index] if (KINDS[each.kind].grip, each.axis) == (grip, deformation.axis)]
     upward += BESIDE * (len(before) + 1)
     i_across, i_axis, i_depth = AXES[deformation.axis]
     low, high = box

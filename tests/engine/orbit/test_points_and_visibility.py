@@ -113,7 +113,7 @@ def test_a_lamp_is_seen_where_no_ball_is_before_it(ball) -> None:
 
 
 def test_triangles_are_halved_where_others_have_corners_and_none_without_length_is() -> None:
-    """A whole triangle beside one that is cut in four: it is halved; one that is a point, and one that is a line, stay."""
+    """A whole triangle beside one that is cut in four: it is halved; a point and a line stay."""
     a, b, c, d = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]])
     ab, bc, ca = (a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0
     corners = np.array([(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca), (b, d, c), (a, a, a), (d, d, c)])
