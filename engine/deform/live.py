@@ -165,7 +165,7 @@ class Deform:
     def work(self) -> Iterator[StillProgress]:
         """All that is missing, piece by piece; ends where nothing is. What is set meanwhile is taken up at once."""
         if self._points is None or self._even != self._translucent():
-            yield StillProgress(0.0, "points")
+            yield StillProgress(0.0, "placing points")
             self._make_points()
         for layer in [each for own in self._layers_of.values() for each in own if is_glossy(each)]:
             low_gloss(layer, ORDER)  # kept: no picture waits for it
@@ -174,7 +174,7 @@ class Deform:
             if self._job is None or self._job[0] != wanted:
                 self._job = wanted, self._simulate(wanted)
             try:
-                yield StillProgress(self.fraction, "transfer" if next(self._job[1]) < 1.0 else "lobes")
+                yield StillProgress(self.fraction, "tracing transfer" if next(self._job[1]) < 1.0 else "fitting lobes")
             except StopIteration as end:
                 self._job = None
                 self._take(wanted, end.value)

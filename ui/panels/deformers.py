@@ -15,6 +15,7 @@ from ui.panels.context import PanelContext
 from ui.theme import Icon
 
 AXES = ("x", "y", "z")
+REST = "Back to rest"
 DEGREES_A_PIXEL = 0.5
 FROM_AFAR = "With deformers it shades itself alone; shadows between objects come back when the hand rests."
 
@@ -31,7 +32,8 @@ def draw(context: PanelContext) -> list[Action]:
     actions += _add(context, state.name, len(state.deformations))
     if state.deformations:
         hint = "Takes all deformers away; Ctrl+Z brings them back."
-        if widgets.text_button(context, "pose.reset", "Back to rest", hint):
+        _beside(REST)
+        if widgets.text_button(context, "pose.reset", REST, hint):
             actions.append(SetPose(state.name))
         if not getattr(context.status, "alone", ()):
             widgets.caption(FROM_AFAR)
@@ -101,11 +103,16 @@ def _add(context: PanelContext, name: str, count: int) -> list[Action]:
     actions: list[Action] = []
     for index, (kind, form) in enumerate(KINDS.items()):
         if index:
-            widgets.go_on(imgui.calc_text_size(form.title).x + 2.0 * imgui.get_style().frame_padding.x)
+            _beside(form.title)
         if widgets.text_button(context, f"pose.add.{index}", form.title, hint):
             actions.append(AddDeformer(name, kind))
     imgui.end_disabled()
     return actions
+
+
+def _beside(title: str) -> None:
+    """In the same row as the button before it, where a button of that title has room there."""
+    widgets.go_on(imgui.calc_text_size(title).x + 2.0 * imgui.get_style().frame_padding.x)
 
 
 def _format(kind: Kind) -> str:
