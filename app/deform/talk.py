@@ -51,7 +51,7 @@ class DeformWish(OrbitWish):
 class DeformTalk(OrbitTalk):
     """The talk of Deform."""
 
-    title = "Deform"
+    title, lacks = "Deform", "How much of sharp highlights is lost here the Accuracy panel says."
     prepares = PrepareDeform
     draws = DrawDeform
     estimates = EstimateDeform

@@ -108,7 +108,7 @@ def edited_pictures(
     curve = layers[0].curves.curves[0] * np.linspace(0.2, 1.5, N_BANDS)[:, None]
     albedo = layers[0].albedo * 0.7
     edited = replace(layers[0], curves=replace(layers[0].curves, curves=(curve,)), albedo=albedo)
-    [plain] = light.points.fans(0).reflected([edited.curves], light.sent([edited, *layers[1:]]))
+    [plain] = finish(light.points.fans(0).reflected([edited.curves], light.sent([edited, *layers[1:]])))
     powers = albedo ** np.arange(frozen.bands.shape[2])[:, None]
     return np.einsum("cjnp,jc,nc->pc", frozen.bands, curve, powers), plain[:, 0]
 

@@ -64,13 +64,17 @@ LOOK_SECONDS = 0.25
 _WORK_SHARE = 4.0
 _listeners = count(1)
 PLACEMENT_FOLLOWS = "Placement computes this view, and fades in when it is there."
+LACKS = (
+    "Gloss mirrors lights alone here, sharp ones blurred by some three degrees; of the objects around it shows an even "
+    "glow."
+)
 
 
 class OrbitTalk(ModeTalk):
     """The talk of Orbit; `placement` is that of the view at rest. Another mode whose pictures are drawn in the worker
     says what it is called, what it wants made ready, and what it has drawn."""
 
-    title = "Orbit"
+    title, lacks = "Orbit", LACKS
     prepares: type[Request] = PrepareOrbit
     draws: type[Request] = DrawOrbit
     estimates: type[EstimateDrawn] = EstimateOrbit
@@ -243,16 +247,17 @@ class OrbitTalk(ModeTalk):
     def status(self, status: Status) -> Status:
         if self._shows_placement:
             return replace(self.placement.status(status), shown_by="Placement")
-        note = PLACEMENT_FOLLOWS if self._picture == "refining" else ""
-        resolution = (0, 0) if self._shown is None else self._shown.resolution
+        estimate, resolution = self._estimate, (0, 0) if self._shown is None else self._shown.resolution
+        lacks = self.lacks if estimate is not None and estimate.is_poor else ""
+        note = "\n".join(filter(None, (lacks, PLACEMENT_FOLLOWS))) if self._picture == "refining" else ""
         said = {
             "picture": self._picture,
             "missing_note": note,
             "shown_by": self.title,
             "precomputed_mb": self._n_bytes / 1e6,
-            "estimate": self._estimate,
+            "estimate": estimate,
             "error_colours": self._error_colours,
-            "image_error": None if self._estimate is None else self._estimate.total,
+            "image_error": None if estimate is None else estimate.total,
         }
         return OrbitStatus(**(vars(status) | said), drawn_resolution=resolution, drawn_seconds=self._seconds)
 

@@ -66,13 +66,15 @@ class SecondAim:
         self._fans, self._position, self._records, self._area = fans, position, records, area
         self._first = int(records.start[0])
         self._kept = np.empty((int(records.start[-1]) - self._first, 3, 3), np.float32) if keeps else None
-        self._known: tuple[tuple[bytes, ...], second_kernels.SampledLights] | None = None
+        self._known: dict[int, tuple[tuple[bytes, ...], second_kernels.SampledLights]] = {}
 
-    def wanted(self, light: SecondLight) -> NDArray[np.bool_]:
-        """The objects (M,) whose surfaces send what is not known yet."""
-        if self._known is None or self._known[1] is not light.lamps:
+    def wanted(self, light: SecondLight, step: int) -> NDArray[np.bool_]:
+        """The objects (M,) whose surfaces send what is not known yet of the parts of a step, by its number: another
+        light may be asked for between two steps."""
+        looks, lamps = self._known.get(step, ((), None))
+        if lamps is not light.lamps:
             return np.ones(len(light.looks), bool)
-        return np.array([now != then for now, then in zip(light.looks, self._known[0], strict=True)])
+        return np.array([now != then for now, then in zip(light.looks, looks, strict=True)])
 
     def part(self, begin: int, end: int, light: SecondLight, wanted: NDArray[np.bool_]) -> kernels.Second:
         """Of points [begin, end)."""
@@ -91,10 +93,10 @@ class SecondAim:
         )  # fmt: skip
         return kernels.Second(records.start, records.ray, lit, base)
 
-    def complete(self, light: SecondLight) -> None:
-        """All parts were found under this light."""
+    def complete(self, light: SecondLight, step: int) -> None:
+        """The parts of a step were found under this light."""
         if self._kept is not None:
-            self._known = light.looks, light.lamps
+            self._known[step] = light.looks, light.lamps
 
     @property
     def n_bytes(self) -> int:

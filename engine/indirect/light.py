@@ -1,6 +1,6 @@
 """Indirect light that was found: where, by which rays, and what follows from it for any materials."""
 
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,6 +21,7 @@ from engine.indirect.smoothing import Smoothing, smoothing_for
 from engine.scene.hits import PrimaryHits
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
+from engine.steps import finish
 
 Footprint = tuple[NDArray[np.int32], NDArray[np.float32]]
 
@@ -89,37 +90,26 @@ class GatherPoints:
 
     def reflected(
         self, layers: Sequence[IndirectLayer], light: SentLight, half: int | None = None
-    ) -> NDArray[np.float32]:
-        """Radiance (p, 3) towards the eye of light that no object is edited in."""
-        out = np.zeros((len(self.gathered.points), 3), np.float32)
-        for mine, radiance in self.reflected_by_object(layers, light, half):
-            out[mine] = radiance
-        return out
+    ) -> Generator[None, None, NDArray[np.float32]]:
+        """Radiance (p, 3) towards the eye of light that no object is edited in, in steps."""
+        out, rows = np.zeros((len(self.gathered.points), 3), np.float32), self.gathered.points
+        objects = object_of_rows(self.hits, rows)
+        for i_object in sorted({layer.i_object for layer in layers}):
+            mine = np.flatnonzero(objects == i_object)
+            own = [layer for layer in layers if layer.i_object == i_object]
+            found = yield from self.fans(i_object, half).reflected([layer.curves for layer in own], light)
+            for layer, reflected in zip(own, found, strict=True):
+                with np.errstate(over="ignore"):
+                    out[mine] += reflected[:, 0] * seen_from(self.hits, rows[mine], layer)
+            yield None
+        return held(out)
 
     def halves(self, layers: Sequence[IndirectLayer], light: SentLight) -> Generator[None, None, NDArray[np.float32]]:
         """What each half of the rays brings, (2, p, 3), in steps; held so that its square is one."""
         found = np.zeros((2, len(self.gathered.points), 3), np.float32)
         for half in (0, 1):
-            for mine, radiance in self.reflected_by_object(layers, light, half):
-                found[half, mine] = held(radiance, SQUARED)
-                yield None
+            found[half] = held((yield from self.reflected(layers, light, half)), SQUARED)
         return found
-
-    def reflected_by_object(
-        self, layers: Sequence[IndirectLayer], light: SentLight, half: int | None = None
-    ) -> Iterator[tuple[NDArray[np.intp], NDArray[np.float32]]]:
-        """The same in steps: the numbers of one object's gather points, and their radiance."""
-        rows = self.gathered.points
-        objects = object_of_rows(self.hits, rows)
-        for i_object in sorted({layer.i_object for layer in layers}):
-            mine = np.flatnonzero(objects == i_object)
-            own = [layer for layer in layers if layer.i_object == i_object]
-            found = self.fans(i_object, half).reflected([layer.curves for layer in own], light)
-            radiance = np.zeros((len(mine), 3), np.float32)
-            for layer, reflected in zip(own, found, strict=True):
-                with np.errstate(over="ignore"):
-                    radiance += reflected[:, 0] * seen_from(self.hits, rows[mine], layer)
-            yield mine, held(radiance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,7 +173,7 @@ class IndirectLight:
 
     def at_points(self, layers: Sequence[IndirectLayer], half: int | None = None) -> NDArray[np.float32]:
         """Indirect radiance (p, 3) of all gather points; of one half of the rays where one is named."""
-        return in_full(self.points.reflected(layers, self.sent(layers), half), self.unit)
+        return in_full(finish(self.points.reflected(layers, self.sent(layers), half)), self.unit)
 
     def noise(self, layers: Sequence[IndirectLayer]) -> Generator[None, None, tuple[float, float]]:
         """What chance is left in the picture, RMS relative to its mean, and that mean, in steps: its halves differ by
@@ -201,5 +191,5 @@ class IndirectLight:
 
     def picture(self, layers: Sequence[IndirectLayer], half: int | None = None) -> NDArray[np.float32]:
         """Indirect radiance (P, 3) of all points of the picture."""
-        found, (rows, weights) = self.points.reflected(layers, self.sent(layers), half), self.footprint
+        found, (rows, weights) = finish(self.points.reflected(layers, self.sent(layers), half)), self.footprint
         return in_full(np.einsum("pk,pkc->pc", weights, found[rows]), self.unit)

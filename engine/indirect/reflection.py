@@ -5,9 +5,9 @@ faster than they could be read. Stills, which sum once, keep nothing at all.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
-from functools import cached_property, reduce
+from functools import cached_property, partial, reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +24,10 @@ from engine.indirect.second_bounce import SecondLight
 from engine.indirect.smoothing import Smoothing, mean_of_fans
 from engine.scene.hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
-from engine.threads import even_parts, on_threads
+from engine.threads import even_parts, n_threads, on_threads
 
 _PART = 128
+_PARTS = 2  # a step and thread: some 50 ms
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +89,10 @@ class Fans:
         """The photons about the points of the fans, no farther than (q,)."""
         return land(photon_map, i_object, self._hits, self._fans, self._times, farthest, self._clearance, caster)
 
-    def reflected(self, layers: Sequence[LayerCurves], light: SentLight) -> list[NDArray[np.float32]]:
-        """Radiance (p, D, 3) of each layer at the p points towards the eye, without f_q and f_o."""
+    def reflected(
+        self, layers: Sequence[LayerCurves], light: SentLight
+    ) -> Generator[None, None, list[NDArray[np.float32]]]:
+        """Radiance (p, D, 3) of each layer at the p points towards the eye, without f_q and f_o, in steps."""
         out = [np.empty((len(self), light.n_powers, 3), np.float32) for _ in layers]
         optics = [layer.optics(folded=True) for layer in layers]
         aims = [self._aim(each) for each in optics]
@@ -100,15 +103,17 @@ class Fans:
                 if light.thrown is not None:
                     reflect_photons(self._fans, begin, end, each, self._landed, light.thrown, result)
 
-        self._in_parts(light, work, aims)
+        yield from self._in_parts(light, work, aims)
         for layer, result in zip(layers, out, strict=True):
             if layer.is_tinted:
                 result *= layer.tint.astype(np.float32)
         return [reduce(_mean_rows, self._means, held(each)) for each in out]
 
-    def by_band(self, layer: LayerCurves, factor: int, light: SentLight) -> NDArray[np.float32]:
+    def by_band(
+        self, layer: LayerCurves, factor: int, light: SentLight
+    ) -> Generator[None, None, NDArray[np.float32]]:
         """Of one layer by band of its first or second curve: (3, J, D, p); times the curve and summed over J it is
-        `reflected`."""
+        `reflected`. In steps."""
         out = np.empty((3, len(layer.curves[factor]), light.n_powers, len(self)), np.float32)
         optics = layer.optics()
         aim = self._aim(optics)
@@ -119,7 +124,7 @@ class Fans:
             if light.thrown is not None:
                 reflect_photon_bands(self._fans, begin, end, optics, factor == 0, self._landed, light.thrown, out)
 
-        self._in_parts(light, work, [aim])
+        yield from self._in_parts(light, work, [aim])
         if layer.is_tinted:
             out *= layer.tint.astype(np.float32)[:, None, None, None]
         return reduce(_mean_planes, self._means, held(out))
@@ -137,24 +142,26 @@ class Fans:
 
     def _in_parts(
         self, light: SentLight, work: Callable[[int, int, kernels.Second], None], aims: Sequence[Aim]
-    ) -> None:
-        glossy = light.glossy
+    ) -> Generator[None, None, None]:
+        glossy, step = light.glossy, _PARTS * _PART * n_threads()
         none = np.zeros((0, light.n_powers, 4), np.float32)
         no_second = kernels.Second(np.zeros(len(self) + 1, np.int64), np.zeros(0, np.uint16), none, 0)
-        wanted = None if glossy is None else self._second.wanted(glossy)
 
-        def do(begin: int) -> None:
+        def do(wanted: NDArray[np.bool_] | None, begin: int) -> None:
             end = min(begin + _PART, len(self))
             second = no_second
             if glossy is not None and wanted is not None:
                 second = self._second.part(begin, end, glossy, wanted)
             work(begin, end, second)
 
-        on_threads(do, range(0, len(self), _PART))
+        for begin in range(0, len(self), step):
+            wanted = None if glossy is None else self._second.wanted(glossy, begin)
+            on_threads(partial(do, wanted), range(begin, min(begin + step, len(self)), _PART))
+            if glossy is not None:
+                self._second.complete(glossy, begin)
+            yield
         for aim in aims:
             aim.complete()
-        if glossy is not None:
-            self._second.complete(glossy)
 
 
 def _mean_rows(light: NDArray[np.float32], means: Smoothing) -> NDArray[np.float32]:

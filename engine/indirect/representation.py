@@ -99,11 +99,10 @@ class GatherPolynomial:
             fans = self._fans_of(i_object)
             own = [i for i, layer in enumerate(layers) if layer.i_object == i_object]
             whole = [i for i in own if selected is None or i != selected.layer]
-            reflected |= zip(whole, fans.reflected([layers[i].curves for i in whole], light), strict=True)
-            yield None
+            found = yield from fans.reflected([layers[i].curves for i in whole], light)
+            reflected |= zip(whole, found, strict=True)
             if selected is not None and selected.layer in own:
-                bands = fans.by_band(layers[selected.layer].curves, selected.factor, light)
-                yield None
+                bands = yield from fans.by_band(layers[selected.layer].curves, selected.factor, light)
         return FrozenLight(reflected, bands)
 
     def _fans_of(self, i_object: int) -> Fans:

@@ -144,9 +144,17 @@ def judge_drawn(
     found = []
     for picture in pictures:
         squares = _squares(_at_pixels(picture, hits.pixel[rows], hits.resolution), truth.whole, top)
-        estimate = ErrorEstimate(None, None, _relative(weights * squares, mean))
+        mostly = _mostly(placement, rows, weights * squares)
+        estimate = ErrorEstimate(None, None, _relative(weights * squares, mean), mostly)
         found.append(Judged(estimate, hits.pixel[rows], _relative_squares(squares, mean)))
     return tuple(found)
+
+
+def _mostly(placement: Placement, rows: NDArray[np.int32], squares: Floats) -> str:
+    """The object that has more than half of what weighted squares (n,) at some rows sum up to; "" where none has."""
+    of_object = np.bincount(placement.hits.objects[rows], squares)
+    most = int(of_object.argmax())
+    return placement.scene.object_names[most] if 2.0 * of_object[most] > squares.sum() > 0.0 else ""
 
 
 def inside(hits: PrimaryHits) -> NDArray[np.bool_]:

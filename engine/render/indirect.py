@@ -31,7 +31,7 @@ def indirect_radiance(
 def reflected_light(
     found: IndirectLight, layers: Sequence[StillLayer], second: int | None, hits: PrimaryHits
 ) -> Generator[None, None, NDArray[np.float32]]:
-    """The same of light that was found, object by object; second: the most bands of the second bounce, as a
+    """The same of light that was found, in steps; second: the most bands of the second bounce, as a
     `BounceSeries` has them.
 
     Layers with images one by one: what they reflect varies slowly between gather points, the images do not."""
@@ -53,10 +53,7 @@ def _reflected(
     found: IndirectLight, layers: Sequence[IndirectLayer], light: SentLight
 ) -> Generator[None, None, NDArray[np.float32]]:
     """What some layers reflect of light that all of them sent, (P, 3)."""
-    at_points = np.zeros((len(found.points.gathered.points), 3), np.float32)
-    for mine, radiance in found.points.reflected_by_object(layers, light):
-        at_points[mine] = radiance
-        yield
+    at_points = yield from found.points.reflected(layers, light)
     rows, weights = found.footprint
     return in_full(np.einsum("pk,pkc->pc", weights, at_points[rows]), found.unit)
 

@@ -17,12 +17,14 @@ class ErrorEstimate:
 
     direct: of light that was reflected once, None where a picture's parts are not known; indirect: of light that was
     reflected before, None where the picture is to have none; whole: of both together, what is left of chance included,
-    None where direct light is all. Each is an estimate, within about a factor of two.
+    None where direct light is all. Each is an estimate, within about a factor of two. mostly: the object that has more
+    than half of it, "" where none has or the parts are told.
     """
 
     direct: float | None
     indirect: float | None = None
     whole: float | None = None
+    mostly: str = ""
 
     @property
     def total(self) -> float:
@@ -38,6 +40,12 @@ class ErrorEstimate:
     def is_none(self) -> bool:
         """Whether nothing is left that could be told from the truth."""
         return self.total <= NONE
+
+    @property
+    def short(self) -> str:
+        """In a line beside others, such as "about 7.0 % off, mostly on teapot"."""
+        place = f", mostly on {self.mostly}" if self.is_poor and self.mostly else ""
+        return f"about {percent(self.total)} off{place}"
 
     @property
     def text(self) -> str:

@@ -136,9 +136,12 @@ def test_what_other_modes_draw_is_judged_within_a_factor_of_two(
     plan = plan_still(project)
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
     smaller = zoom(picture, (0.5, 0.5, 1), order=1)
-    judged, coarse, exact = finish(judge_drawn(placement, layers, project.sky, 1, [picture, smaller, truth]))
-    assert 0.5 * error < judged.estimate.total < 2.0 * error
-    assert 2.0 * exact.estimate.total < judged.estimate.total < coarse.estimate.total
+    dim = np.where((placement.hits.object_image == 1)[..., None], 0.5 * picture, picture)
+    judging = judge_drawn(placement, layers, project.sky, 1, [picture, smaller, truth, dim])
+    judged, coarse, exact, off = (each.estimate for each in finish(judging))
+    assert 0.5 * error < judged.total < 2.0 * error
+    assert 2.0 * exact.total < judged.total < coarse.total
+    assert off.mostly == "box" and off.short.endswith(" % off, mostly on box")
 
 
 def test_the_whole_error_is_measured_and_not_added_up() -> None:

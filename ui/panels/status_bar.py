@@ -109,7 +109,7 @@ def picture_state(status: Status) -> tuple[look.Colour, str, str]:
     """Colour, words and explanation of what the picture is: waiting, preview, refining, finished or exact."""
     error = "" if status.image_error is None else f" (error {error_text(status.image_error)})"
     if status.estimate is not None:
-        error = f", about {percent(status.estimate.total)} off"
+        error = f", {status.estimate.short}"
     if not status.worker_alive:
         return look.BAD, "computing stopped", "What computes has ended and is being started again; edits are safe."
     if status.is_away and not status.goes_with_hand:
@@ -139,7 +139,7 @@ def _finished_state(status: Status) -> tuple[look.Colour, str, str]:
         hint = f"{MODES_OWN}\n{JUDGED_DRAWN}"
     else:
         hint = "\n".join(filter(None, (error_parts(estimate), estimate.advice, JUDGED)))
-    return look.TEXT_SOFT if estimate.is_poor else look.GOOD, f"finished, about {percent(estimate.total)} off", hint
+    return look.TEXT_SOFT if estimate.is_poor else look.GOOD, f"finished, {estimate.short}", hint
 
 
 def work_line(status: Status) -> str:

@@ -6,12 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from engine.indirect import reflection
 from engine.indirect.layers import IndirectLayer, indirect_layer
 from engine.indirect.light import IndirectLight
 from engine.indirect.reflection import Fans, SentLight
 from engine.light.environment import constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer
+from engine.steps import Stepped, finish
 from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of, solve
 from tests.naive.fans import reflected as reflected_naively
 
@@ -31,7 +33,7 @@ def found() -> IndirectLight:
 def frozen(fans: Fans, light: SentLight, layers: Sequence[IndirectLayer], i_object: int) -> list[np.ndarray]:
     """What the object's layers reflect, and the last one's first curve by band."""
     curves = [each.curves for each in layers if each.i_object == i_object]
-    return [*fans.reflected(curves[:-1], light), fans.by_band(curves[-1], 0, light)]
+    return [*finish(fans.reflected(curves[:-1], light)), finish(fans.by_band(curves[-1], 0, light))]
 
 
 def louder(layers: Sequence[IndirectLayer], i_object: int) -> list[IndirectLayer]:
@@ -61,16 +63,30 @@ def test_what_is_kept_is_what_is_found_anew(found):
     assert found.points.fans(0).n_bytes == 0
 
 
+def test_two_freezings_whose_steps_alternate_are_as_each_alone(found, monkeypatch):
+    # What a material sends along the rays is kept by one of them while the other is under way.
+    monkeypatch.setattr(reflection, "_PART", 8)
+    fans, curves = found.points.fans(2, keeps=True), [LAYERS[-1].curves]
+    lights = [found.sent(layers) for layers in (LAYERS, louder(LAYERS, 0))]
+    runs = [Stepped(fans.reflected(curves, light)) for light in lights]
+    ended = [False, False]
+    while not all(ended):
+        ended = [is_ended or run.advance() for is_ended, run in zip(ended, runs, strict=True)]
+    for light, run in zip(lights, runs, strict=True):
+        np.testing.assert_allclose(run.result[0], finish(found.points.fans(2).reflected(curves, light))[0], rtol=1e-5)
+    assert np.abs(runs[0].result[0] - runs[1].result[0]).max() > 0.01 * runs[0].result[0].max()
+
+
 def test_other_lamps_are_other_light(found):
     # Twice the sky: what glossy surfaces reflect of it directly doubles, though no curve changed.
     fans, light = found.points.fans(2, keeps=True), found.sent(LAYERS)
     curves = [LAYERS[-1].curves]
-    fans.reflected(curves, light)
+    finish(fans.reflected(curves, light))
     assert light.glossy is not None
     lamps = light.glossy.lamps
     brighter = lamps._replace(power=2 * lamps.power, radiance=2 * lamps.radiance)
     doubled = replace(light, glossy=replace(light.glossy, lamps=brighter))
-    [one], [two] = fans.reflected(curves, doubled), found.points.fans(2).reflected(curves, doubled)
+    [one], [two] = (finish(each.reflected(curves, doubled)) for each in (fans, found.points.fans(2)))
     np.testing.assert_allclose(one, two, rtol=1e-5)
 
 
@@ -79,7 +95,7 @@ def test_contraction_is_the_sum_over_the_rays(found, i_layer):
     layer = louder(LAYERS, LAYERS[i_layer].i_object)[i_layer]
     matt_only = SentLight(found.radiosity(LAYERS, 1), None, None)
     fans = found.unfiltered().points.fans(layer.i_object)
-    [reflected] = fans.reflected([layer.curves], matt_only)
+    [reflected] = finish(fans.reflected([layer.curves], matt_only))
     points = range(0, len(fans), len(fans) // 6)
     slowly = np.array([reflected_naively(fans._fans, i, layer.curves, matt_only.matt) for i in points])
     np.testing.assert_allclose(reflected[points], slowly, rtol=1e-4, atol=1e-5 * reflected.max())

@@ -113,10 +113,10 @@ def test_bands_times_the_curve_are_the_reflection_of_photons(under_lamp, edited)
     nothing = np.zeros((len(found.light.objects), n_powers, 3), np.float32)
     light = SentLight(nothing, None, thrown)
     for layer in (matt(0, 0.7), indirect_layer(0, make_layer(MODELS["rough_conductor"], GOLD), (32, 8))):
-        [whole] = found.points.fans(0).reflected([layer.curves], light)
+        [whole] = finish(found.points.fans(0).reflected([layer.curves], light))
         assert whole[:, int(edited == 1)].max() > 0.0
         for factor, curve in enumerate(layer.curves.curves):
-            bands = found.points.fans(0).by_band(layer.curves, factor, light)
+            bands = finish(found.points.fans(0).by_band(layer.curves, factor, light))
             contracted = np.einsum("cjnp,jc->pnc", bands, curve)
             np.testing.assert_allclose(contracted, whole, rtol=1e-4, atol=1e-5 * whole.max())
 

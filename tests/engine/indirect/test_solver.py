@@ -73,10 +73,10 @@ def test_bands_times_the_curve_are_the_reflection(corner, model):
     layer = make_layer(MODELS[model])
     glossy = indirect_layer(0, layer, (16, 8)[: len(layer.model.factors)])
     light = found.sent([*layers, indirect_layer(1, make_layer(MODELS["rough_conductor"]), (16, 8))], 1)
-    [whole] = found.points.fans(0).reflected([glossy.curves], light)
+    [whole] = finish(found.points.fans(0).reflected([glossy.curves], light))
     assert whole.max() > 0.0
     for factor, curve in enumerate(glossy.curves.curves):
-        bands = found.points.fans(0).by_band(glossy.curves, factor, light)
+        bands = finish(found.points.fans(0).by_band(glossy.curves, factor, light))
         contracted = np.einsum("cjnp,jc->pnc", bands, curve)
         np.testing.assert_allclose(contracted, whole, rtol=1e-4, atol=1e-5 * whole.max())
 

@@ -53,7 +53,7 @@ def test_it_follows_the_albedo_of_what_is_edited(thrice: IndirectLight, edited: 
     albedo = LAYERS[edited].albedo.astype(np.float32)
     for i in (0, 1):
         curves = [LAYERS[i].curves]
-        [whole], [powers] = (thrice.points.fans(i).reflected(curves, light) for light in (plain, sent))
+        [whole], [powers] = (finish(thrice.points.fans(i).reflected(curves, light)) for light in (plain, sent))
         summed = sum(powers[:, n] * albedo**n for n in range(powers.shape[1]))
         np.testing.assert_allclose(summed, whole[:, 0], rtol=1e-3, atol=1e-5 * whole.max())
         assert powers[:, 1].max() > 0.0

@@ -67,7 +67,7 @@ def test_sums_over_rays_are_tinted() -> None:
     light = solve(placement_of(CORNER, **CORNER_VIEW), layers, 2, replace(QUICK, n_samples=64), constant_environment(1))
     changed = [tinted(METAL), *layers[1:]]
     held = light.sent(layers)
-    plain, seen = (light.points.reflected(each, held) for each in (layers, changed))
+    plain, seen = (finish(light.points.reflected(each, held)) for each in (layers, changed))
     mine = seen[:, 0] > 1.5 * plain[:, 0]
     assert mine.any()
     np.testing.assert_allclose(seen[mine], plain[mine] * TINT, rtol=1e-4)
