@@ -14,6 +14,8 @@ from pathlib import Path
 from app.view_state import SetView, ViewState
 from engine.scene.toml_text import parse_toml
 
+# Knobs of what is made ready at points, which takes as long for a picture of any size.
+OF_POINTS = frozenset({"n_points", "n_rays"})
 FRONT_FILE = Path(__file__).with_name("front.toml")
 
 
@@ -54,6 +56,12 @@ class Front:
         """The stop next to a place between 0 and 1."""
         stops = self.stops[mode]
         return stops[round(min(max(accuracy, 0.0), 1.0) * (len(stops) - 1))]
+
+    def seconds(self, stop: Stop, n_pixels: int) -> float:
+        """That a picture of so many pixels takes at a stop."""
+        if OF_POINTS.intersection(name for name, _ in stop.knobs):
+            return stop.seconds
+        return stop.seconds * max(n_pixels, 1) / self.n_pixels
 
 
 @cache

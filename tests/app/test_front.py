@@ -48,6 +48,13 @@ def test_a_table_is_read_as_it_was_written() -> None:
     assert (table.origin, table.n_pixels, table.stops) == ("measured here", 1000, stops)
 
 
+def test_a_larger_picture_takes_longer_where_pixels_are_computed_and_not_where_points_are() -> None:
+    table = front()
+    for mode, expected in {"placement": 4.0, "orbit": 1.0, "deform": 1.0}.items():
+        last = table.stops[mode][-1]
+        assert table.seconds(last, 4 * table.n_pixels) == expected * last.seconds
+
+
 def test_a_front_is_measured() -> None:
     effort = FrontEffort(("cornell",), (), (), (24, 18), lights=((20, 20), (2000, 768)))
     told: list[str] = []

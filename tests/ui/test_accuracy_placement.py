@@ -73,6 +73,10 @@ def test_the_bar_says_exact_of_nothing_that_is_not(status: Status, ink: look.Col
     assert picture_state(status)[:2] == (ink, words)
 
 
+def test_what_is_seen_before_the_first_picture_is_said() -> None:
+    assert picture_state(Status(), is_there=True)[1] == "waiting, objects lit from the eye"
+
+
 @pytest.mark.gl
 def test_the_plan_follows_what_is_editable(window: HeadlessWindow) -> None:
     editor = window.shell.editor

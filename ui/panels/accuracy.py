@@ -72,8 +72,7 @@ def _slider(context: PanelContext) -> list[Action]:
 
 def expected(table: Front, stop: Stop, resolution: tuple[int, int]) -> str:
     """The error and time to expect of a stop, of a picture of (width, height) pixels, in words."""
-    seconds = stop.seconds * max(resolution[0] * resolution[1], 1) / table.n_pixels
-    return f"{percent(stop.error)} · {duration(seconds)}"
+    return f"{percent(stop.error)} · {duration(table.seconds(stop, resolution[0] * resolution[1]))}"
 
 
 def _budget(context: PanelContext) -> list[Action]:

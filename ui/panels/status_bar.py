@@ -75,7 +75,7 @@ def draw(context: PanelContext) -> list[Action]:
 def _contents(context: PanelContext) -> tuple[list[Words], list[Action]]:
     """The line; what it had no room for, and what was asked for by a click."""
     status = context.status
-    ink, text, hint = picture_state(status)
+    ink, text, hint = picture_state(status, context.picture is not None)
     text = " · ".join(filter(None, (status.shown_by, text)))
     _dot(context, ink)
     imgui.text_unformatted(text)
@@ -105,8 +105,9 @@ def _contents(context: PanelContext) -> tuple[list[Words], list[Action]]:
     return left_over, actions
 
 
-def picture_state(status: Status) -> tuple[look.Colour, str, str]:
-    """Colour, words and explanation of what the picture is: waiting, preview, refining, finished or exact."""
+def picture_state(status: Status, is_there: bool = False) -> tuple[look.Colour, str, str]:
+    """Colour, words and explanation of what the picture is: waiting, preview, refining, finished or exact. is_there:
+    whether any is seen."""
     error = "" if status.image_error is None else f" (error {error_text(status.image_error)})"
     if status.estimate is not None:
         error = f", {status.estimate.short}"
@@ -121,7 +122,8 @@ def picture_state(status: Status) -> tuple[look.Colour, str, str]:
     if status.picture == "preview":
         coarse = "Coarse or fewer lights, or not yet the present light or roughness."
         return look.ACCENT, f"preview{error}", f"{coarse}\n{JUDGED_DRAWN}" if error else coarse
-    return look.TEXT_FAINT, "waiting", "Lit from the eye, without shadows, until the first picture is computed."
+    words = "waiting, objects lit from the eye" if is_there else "waiting"
+    return look.TEXT_FAINT, words, "Lit from the eye, without shadows, until the first picture is computed."
 
 
 def _finished_state(status: Status) -> tuple[look.Colour, str, str]:
