@@ -109,9 +109,7 @@ class Fans:
                 result *= layer.tint.astype(np.float32)
         return [reduce(_mean_rows, self._means, held(each)) for each in out]
 
-    def by_band(
-        self, layer: LayerCurves, factor: int, light: SentLight
-    ) -> Generator[None, None, NDArray[np.float32]]:
+    def by_band(self, layer: LayerCurves, factor: int, light: SentLight) -> Generator[None, None, NDArray[np.float32]]:
         """Of one layer by band of its first or second curve: (3, J, D, p); times the curve and summed over J it is
         `reflected`. In steps."""
         out = np.empty((3, len(layer.curves[factor]), light.n_powers, len(self)), np.float32)

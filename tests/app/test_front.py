@@ -52,7 +52,7 @@ def test_a_larger_picture_takes_longer_where_pixels_are_computed_and_not_where_p
     table = front()
     for mode, expected in {"placement": 4.0, "orbit": 1.0, "deform": 1.0}.items():
         last = table.stops[mode][-1]
-        assert table.seconds(last, 4 * table.n_pixels) == expected * last.seconds
+        assert table.seconds(last, 4 * table.n_pixels) == pytest.approx(expected * last.seconds)
 
 
 def test_a_front_is_measured() -> None:

@@ -62,7 +62,8 @@ def test_parts_of_the_error_are_told_once_they_are_known() -> None:
         (Status(picture="finished", estimate=ErrorEstimate(0.006, 0.017)), look.GOOD, "finished, about 1.8 % off"),
         (Status(picture="exact", estimate=ErrorEstimate(0.08)), look.TEXT_SOFT, "finished, about 8.0 % off"),
         (
-            Status(picture="refining", estimate=ErrorEstimate(None, None, 0.08, "pot")), look.ACCENT,
+            Status(picture="refining", estimate=ErrorEstimate(None, None, 0.08, "pot")),
+            look.ACCENT,
             "refining, about 8.0 % off, mostly on pot",
         ),
         (Status(picture="finished", image_error=0.021), look.TEXT_SOFT, "finished, noise 2.1 %"),
