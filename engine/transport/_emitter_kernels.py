@@ -69,9 +69,10 @@ class Cut(NamedTuple):
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def make_cut(n_nodes, n_roots):
     room = n_roots + _ROOM if n_roots > 0 else 0
+    corners = np.arange(3 * room).astype(np.int32)  # as the sky's are: of another type, all would be compiled twice
     return Cut(
         np.empty(n_nodes, np.float32), np.empty((_DEPTH, 3, 3), np.float32), np.empty(_DEPTH, np.int64),
-        np.empty((3, 3), np.float32), np.empty(room, np.float32), np.arange(3 * room).reshape(room, 3), np.arange(room),
+        np.empty((3, 3), np.float32), np.empty(room, np.float32), corners.reshape(room, 3), np.arange(room),
     )  # fmt: skip
 
 

@@ -144,7 +144,8 @@ def share_out(bands, colours, n, spots, scale_a, scale_b):
     radian. Wide spots are cut into even pieces of at most half a band's spread, gathered behind the n-th spot, where
     there must be room, and shared out like the others whenever that is full.
     """
-    _share_and_add(bands, colours, 0, n, spots, scale_a, scale_b)
+    # A literal 0 would be a type of its own, and have all of it compiled twice.
+    _share_and_add(bands, colours, np.int64(0), n, spots, scale_a, scale_b)
     light, weight, wide, two = spots.light, spots.weight, spots.wide, bands.shape[1] > 1
     mean_a, mean_b, spread_a, spread_b = spots.mean_a, spots.mean_b, spots.spread_a, spots.spread_b
     at = n
