@@ -3,7 +3,7 @@
 import numba as nb
 import numpy as np
 
-from engine.indirect._ray_kernels import HORIZON, fan_density, fan_direction, turn_of
+from engine.indirect._ray_kernels import ABOUT_POLE, BY_COSINE, HORIZON, fan_density, fan_direction, turn_of
 from engine.indirect._reflection_kernels import HALF_PI, ONE, ZERO, _node
 from engine.material._kernels import gamma, quotient_cosine
 
@@ -19,9 +19,9 @@ def albedo_bands(model, q, kind_a, kind_b, pole, eyes, tables_cosine, tables_pol
         pattern = s % tables_cosine.shape[0]
         for m in range(n_cosine + n_pole):
             if m < n_cosine:
-                x, y, z = fan_direction(tables_cosine[pattern], m, True, cosine, sine, pole, ox, oy, oz)
+                x, y, z = fan_direction(tables_cosine[pattern], m, BY_COSINE, cosine, sine, pole, ox, oy, oz)
             else:
-                x, y, z = fan_direction(tables_pole[pattern], m - n_cosine, False, cosine, sine, pole, ox, oy, oz)
+                x, y, z = fan_direction(tables_pole[pattern], m - n_cosine, ABOUT_POLE, cosine, sine, pole, ox, oy, oz)
             if z <= HORIZON:
                 continue
             angle = gamma(kind_a, q, x, y, z, ox, oy, oz)

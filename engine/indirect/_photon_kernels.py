@@ -17,7 +17,7 @@ import numba as nb
 import numpy as np
 
 from engine.indirect._cell_kernels import _point_in_triangle, _position, _shading_normal
-from engine.indirect._ray_kernels import HORIZON, fan_density, fan_direction, local_eye
+from engine.indirect._ray_kernels import ABOUT_POLE, HORIZON, fan_density, fan_direction, local_eye
 from engine.indirect._reflection_kernels import CONSTANT, HALF_PI, ONE, ZERO, _node
 from engine.indirect._second_kernels import (
     TINY,
@@ -73,7 +73,7 @@ def emit(numbers, about, triangles, per_area, mesh, poles, axes, lamps, offset,
         lx, ly, lz = _to_local(tx, ty, tz, nx, ny, nz, x, y, z)
         if lz <= HORIZON or geometry <= ZERO:
             continue
-        ox, oy, oz = fan_direction(about, i, False, ONE, ZERO, poles[o], lx, ly, lz)
+        ox, oy, oz = fan_direction(about, i, ABOUT_POLE, ONE, ZERO, poles[o], lx, ly, lz)
         if oz <= HORIZON:
             continue
         wx, wy, wz = _to_world(tx, ty, tz, nx, ny, nz, ox, oy, oz)

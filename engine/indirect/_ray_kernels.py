@@ -13,6 +13,8 @@ import numba as nb
 import numpy as np
 
 NORMAL, MIRROR, HALF = 0, 1, 2
+# Which of the two sets a direction is of; as literals they would have `fan_direction` compiled for each.
+BY_COSINE, ABOUT_POLE = np.bool_(True), np.bool_(False)
 EPSILON = 1.4e-3
 _POLE_DENSITY = np.float32(1.0 / (2.0 * math.pi * math.log1p(1.0 / EPSILON)))
 _INVERSE_PI = np.float32(1.0 / math.pi)

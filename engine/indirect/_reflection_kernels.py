@@ -7,7 +7,16 @@ import numba as nb
 import numpy as np
 
 from engine.indirect._cell_kernels import NO_CELL
-from engine.indirect._ray_kernels import HORIZON, fan_density, fan_direction, local_eye, pattern_of, turn_of
+from engine.indirect._ray_kernels import (
+    ABOUT_POLE,
+    BY_COSINE,
+    HORIZON,
+    fan_density,
+    fan_direction,
+    local_eye,
+    pattern_of,
+    turn_of,
+)
 from engine.material._kernels import gamma, quotient_cosine
 
 # In place of an angle: the curve is the same at all of them.
@@ -123,8 +132,8 @@ def _ray(fans, i, m, pattern, cosine, sine, ox, oy, oz):
     """Local direction of ray m of point i."""
     n_cosine = fans.tables_cosine.shape[1]
     if m < n_cosine:
-        return fan_direction(fans.tables_cosine[pattern], m, True, cosine, sine, fans.poles[i], ox, oy, oz)
-    return fan_direction(fans.tables_pole[pattern], m - n_cosine, False, cosine, sine, fans.poles[i], ox, oy, oz)
+        return fan_direction(fans.tables_cosine[pattern], m, BY_COSINE, cosine, sine, fans.poles[i], ox, oy, oz)
+    return fan_direction(fans.tables_pole[pattern], m - n_cosine, ABOUT_POLE, cosine, sine, fans.poles[i], ox, oy, oz)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")

@@ -15,6 +15,7 @@ import numpy as np
 
 from engine.indirect._cell_kernels import NO_CELL, _point_in_triangle, _shading_normal
 from engine.indirect._ray_kernels import (
+    ABOUT_POLE,
     HORIZON,
     fan_density,
     fan_direction,
@@ -151,7 +152,7 @@ def _about_pole(table, seed, pole, ox, oy, oz):
     turn = np.float32(2.0 * math.pi) * uniform(seed ^ np.uint64(3))
     pattern = np.int64(seed % np.uint64(table.shape[0]))
     k = np.int64((seed >> np.uint64(20)) % np.uint64(table.shape[1]))
-    return fan_direction(table[pattern], k, False, np.cos(turn), np.sin(turn), pole, ox, oy, oz)
+    return fan_direction(table[pattern], k, ABOUT_POLE, np.cos(turn), np.sin(turn), pole, ox, oy, oz)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -222,6 +223,7 @@ def choose_lights(which, at, vertex, n_rays, rows, nth, hits, origins, direction
     Writes normals (n, 3), the light chosen (n,), which candidate it was and its weight (n,), 0 for none; of a ray to it
     the direction to_light, its origin starts (n, 3) and its limit (n,).
     """
+    nobody = np.int64(-1)  # a literal would be a type of its own, and have `_candidate` compiled twice
     for i in range(at.shape[0]):
         r = at[i]
         triangle, o = hits.triangle[r], mesh.objects[hits.triangle[r]]
@@ -242,7 +244,9 @@ def choose_lights(which, at, vertex, n_rays, rows, nth, hits, origins, direction
         lx, ly, lz = ZERO, ZERO, ONE
         if lamps.cumulative.shape[0] > 0 and oz > HORIZON:
             for c in range(N_BY_POWER + N_BY_POLE):
-                m, x, y, z, limit, density, share = _candidate(lamps, table, c, -1, seed, poles[o], frame, place, eye)
+                m, x, y, z, limit, density, share = _candidate(
+                    lamps, table, c, nobody, seed, poles[o], frame, place, eye
+                )
                 if m < 0:
                     continue
                 worth = share * density * _brightest(lamps, m)
@@ -391,7 +395,7 @@ def second_light(fans, position, records, begin, end, objects, g, lamps, table, 
                     gloss[:] = ZERO
                     ahead = photons_ahead(lamps, m, g.poles[o], per_area[o], x, y, z, ox, oy, oz)
                     share *= ONE - photon_share(ahead, slant, area[i], fan)
-                    _add_gloss(g, o, x, y, z, ox, oy, oz, PI * times * share * records.weight[e], gloss)
+                    _add_gloss(g, o, x, y, z, ox, oy, oz, np.float32(PI * times * share * records.weight[e]), gloss)
                     colour = lamps.radiance[m] if m < lamps.density.shape[0] else lamps.power[m]
                     for channel in range(3):
                         out[n, 0, channel] = gloss[channel] * colour[channel]
@@ -419,7 +423,7 @@ def second_light(fans, position, records, begin, end, objects, g, lamps, table, 
             if m < 0 or oz <= HORIZON:
                 continue
             gloss[:] = ZERO
-            _add_gloss(g, o, x, y, z, ox, oy, oz, PI * share * records.weight_3[e], gloss)
+            _add_gloss(g, o, x, y, z, ox, oy, oz, np.float32(PI * share * records.weight_3[e]), gloss)
             colour = lamps.radiance[m] if m < lamps.density.shape[0] else lamps.power[m]
             for channel in range(3):
                 out[n, 2, channel] = gloss[channel] * colour[channel]

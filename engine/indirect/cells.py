@@ -54,8 +54,8 @@ class Cells:
         self.caster = caster
         reflects = ~scene.emitters
         self.mesh = kernels.MeshArrays(
-            scene.vertices, scene.normals, scene.triangles, scene.geometric_normals, scene.object_of_triangle,
-            scene.smooth, reflects,
+            scene.vertices, scene.normals, scene.triangles, np.ascontiguousarray(scene.geometric_normals),
+            scene.object_of_triangle, scene.smooth, reflects,
         )  # fmt: skip
         self._low = scene.vertices[np.unique(scene.triangles)].min(axis=0) - np.float32(0.37 * size)
         places = (MOST_CELLS, kernels.N_PLACES)

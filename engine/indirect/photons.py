@@ -116,7 +116,7 @@ class PhotonSource:
         per_area[o] = n_photons / mine[o]
         numbers = _numbers(n_photons, o)
         places = (np.arange(n_photons) + 0.5) / n_photons * cumulative[-1]
-        triangles = (begin + np.minimum(np.searchsorted(cumulative, places), end - begin - 1)).astype(np.int64)
+        triangles = (begin + np.minimum(np.searchsorted(cumulative, places), end - begin - 1)).astype(np.int32)
         parts = [
             self._chunk(hits, triangles[i : i + CHUNK], numbers[i : i + CHUNK], per_area)
             for i in range(0, n_photons, CHUNK)
@@ -124,7 +124,7 @@ class PhotonSource:
         return _joined(parts, per_area)
 
     def _chunk(
-        self, hits: PrimaryHits, triangles: NDArray[np.int64], numbers: NDArray[np.float64],
+        self, hits: PrimaryHits, triangles: NDArray[np.int32], numbers: NDArray[np.float64],
         per_area: NDArray[np.float32],
     ) -> Photons:  # fmt: skip
         n, caster, mesh = len(triangles), self.cells.caster, self.cells.mesh

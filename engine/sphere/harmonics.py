@@ -30,7 +30,8 @@ def basis(directions: ArrayLike, n: int) -> Floats:
     """
     _check_order(n)
     directions = np.asarray(directions, np.float64)
-    flat = np.ascontiguousarray(directions.reshape(-1, 3))
+    flat = np.ascontiguousarray(directions.reshape(-1, 3)).view()
+    flat.flags.writeable = False  # as some come: the kernel is compiled anew for an array that may be written
     lengths = np.linalg.norm(flat, axis=1)
     if not np.all(np.abs(lengths - 1.0) < 1e-3):
         raise ValueError(f"direction {flat[np.argmax(~(np.abs(lengths - 1.0) < 1e-3))]}, expected one of length 1")

@@ -61,6 +61,7 @@ class Pyramid:
         """Values (N, C) at coordinates (N, 2), linear between texels and between levels (N,)."""
         out = np.empty((len(uv), self.n_channels), np.float32)
         depth = np.ascontiguousarray(np.broadcast_to(level, len(uv)), np.float64)
+        depth.flags.writeable = False  # as those that are not copied: the kernel is compiled once
         kernels.fill_at(self._packed, np.ascontiguousarray(uv, np.float64), depth, out)
         return out
 

@@ -117,7 +117,7 @@ class RowMaker:
             n = kernels.fill_rows(tile, surface, self.sphere.bits, parts, reflection, self.effects, least, room)
             return kernels.Rows(start, scale, number[:n].copy(), value[:n].copy())
 
-        points = np.asarray(points, np.int32)
+        points = np.ascontiguousarray(points, np.int32)
         tiles = [points[i : i + TILE] for i in range(0, len(points), TILE)]
         with pool() as threads:
             for i in range(0, len(tiles), n_threads()):

@@ -36,6 +36,10 @@ class Targets:
     doubt_step: int = 0
     rotating: bool = False
 
+    def __post_init__(self) -> None:
+        # As the sphere's are, all over: kernels are compiled anew for an array that may be written.
+        self.neighbours.flags.writeable = False
+
     @property
     def n_words(self) -> int:
         return (len(self.positions) + 63) // 64
