@@ -1,5 +1,6 @@
 """Fixtures shared by all tests: data beside the checkout, a cache of its own, NumPy's float errors raised."""
 
+import gc
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,6 +16,9 @@ use_kernel_cache()
 # The same examples each time, and no failure for a slow machine: time is measured elsewhere.
 settings.register_profile("insitu", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("insitu")
+
+# What tests and libraries brought stays: looking through it again and again takes half of collecting.
+gc.set_threshold(10_000)
 
 COMPILING_SECONDS = 600.0
 UNCOMPILED = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
@@ -41,6 +45,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Files with long tests first: where several processes take the next file each, none has a long one at the end."""
     long = {item.path for item in items if item.get_closest_marker("slow") or item.get_closest_marker("window")}
     items.sort(key=lambda item: item.path not in long)
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """From here on memory is looked through for what tests leave alone."""
+    gc.freeze()
 
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -212,6 +212,15 @@ def _add_shared(a, b, c, share, light, below, above):
         above[n, 0], above[n, 1], above[n, 2], above[n, 3] = red_1, green_1, blue_1, none_1
 
 
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _take_colours(total, out):
+    """Three of the four columns of total (D, 4) into out. One by one: for whole arrays the compiler makes the words of
+    an error that they may raise, which takes as long as all the rest."""
+    for n in range(total.shape[0]):
+        for channel in range(3):
+            out[n, channel] = total[n, channel]
+
+
 @nb.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def bounce(begin, end, seen, radiosity, n_powers, out):
     """Irradiance (C, D, 3) of cells [begin, end): the mean radiosity (C, D, 4) of what their rays see (C, R)."""
@@ -221,7 +230,7 @@ def bounce(begin, end, seen, radiosity, n_powers, out):
         for m in range(seen.shape[1]):
             if seen[c, m] != NO_CELL:
                 add_product(share, share, share, radiosity[seen[c, m]], total)
-        out[c, :n_powers] = total[:, :3]
+        _take_colours(total, out[c])
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -253,7 +262,7 @@ def reflect(fans, begin, end, optics, aimed, radiosity, second, out):
         for e in range(second.start[i], second.start[i + 1]):
             m = second.ray[e]
             add_product(values[m, 0], values[m, 1], values[m, 2], second.light[e - second.base], total)
-        out[i] = total[:, :3]
+        _take_colours(total, out[i])
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")

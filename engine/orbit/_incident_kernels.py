@@ -338,9 +338,10 @@ def light_range(
         else:
             add_sky(p, at, half, light, powers, moments)
         add_patches(p, at, half, light, is_coarse, powers, moments)
-        kept.irradiance[p] = moments[1]
-        if at.slot[p] >= 0:
-            kept.leaning[at.slot[p], 0], kept.leaning[at.slot[p], 1] = moments[0], moments[2]
+        for i in range(3):  # not all at once: for that the compiler makes the words of an error
+            kept.irradiance[p, i] = moments[1, i]
+            if at.slot[p] >= 0:
+                kept.leaning[at.slot[p], 0, i], kept.leaning[at.slot[p], 1, i] = moments[0, i], moments[2, i]
         _add_suns(p, at, half, light, kept)
         if at.slot[p] >= 0:
             slot, size = at.slot[p], 320 if is_coarse else n

@@ -154,13 +154,18 @@ def _quarter(parts, spare, depth):
                 y = parts[i, c, 1] + parts[i, j, 1]
                 z = parts[i, c, 2] + parts[i, j, 2]
                 inverse = _ONE / np.sqrt(max(x * x + y * y + z * z, np.float32(1e-30)))
-                six[c] = parts[i, c]
+                for axis in range(3):  # not all at once, see `_copy_colours` of the projection
+                    six[c, axis] = parts[i, c, axis]
                 six[3 + c, 0], six[3 + c, 1], six[3 + c, 2] = x * inverse, y * inverse, z * inverse
             for child in range(4):
                 for corner in range(3):
-                    spare[4 * i + child, corner] = six[_CHILDREN[child, corner]]
+                    for axis in range(3):
+                        spare[4 * i + child, corner, axis] = six[_CHILDREN[child, corner], axis]
         n *= 4
-        parts[:n] = spare[:n]
+        for i in range(n):
+            for corner in range(3):
+                for axis in range(3):
+                    parts[i, corner, axis] = spare[i, corner, axis]
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")

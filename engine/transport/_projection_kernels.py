@@ -228,6 +228,15 @@ def _sharpened(optics):
     )  # fmt: skip
 
 
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _copy_colours(colours, out):
+    """Into the first rows. One by one: for whole arrays the compiler makes the words of an error that they may raise,
+    which takes as long as the rest of a kernel."""
+    for m in range(colours.shape[0]):
+        for channel in range(3):
+            out[m, channel] = colours[m, channel]
+
+
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def _make_scratch(n_directions, n_lights):
     depth, n = 3 * MAX_DEPTH + 4, n_lights + _ROOM
@@ -269,7 +278,7 @@ def project_tile(rows, surface, sky, emitters, bits, optics, trim, encoded):
             to_local(sky.directions, frame, s.x, s.y, s.z)
             gather_local(sky.centres, lights, n, frame, s.cx, s.cy, s.cz)
             if i == 0 or n_most > 0:
-                s.colours[:n_sky] = sky.colours
+                _copy_colours(sky.colours, s.colours)
             _project_lights(
                 bands, sky.corners, sky.sizes, sky.rows, sky.tree, n_sky_corners, n, optics, frame, ox, oy, oz, s
             )
@@ -279,7 +288,8 @@ def project_tile(rows, surface, sky, emitters, bits, optics, trim, encoded):
                 bits.emitters[r], near, emitters, surface.position[r], frame, optics, ox, oy, oz, cut, s.x, s.y, s.z,
                 s.cx, s.cy, s.cz, s.colours, weights,
             )  # fmt: skip
-            lights[:n] = cut.rows[:n]
+            for k in range(n):
+                lights[k] = cut.rows[k]
             _project_lights(bands, cut.corners, cut.sizes, cut.rows, no_tree, 3 * n, n, sharp, frame, ox, oy, oz, s)
         encoded.start[i] = written
         written = encode_bands(bands[: optics.n_a, : optics.n_b], trim, cells, maxima, encoded, i, written)

@@ -37,8 +37,10 @@ class Targets:
     rotating: bool = False
 
     def __post_init__(self) -> None:
-        # As the sphere's are, all over: kernels are compiled anew for an array that may be written.
-        self.neighbours.flags.writeable = False
+        # Read alone, as the sphere's are: kernels would be compiled anew for those that may be written.
+        neighbours = self.neighbours.view()
+        neighbours.flags.writeable = False
+        object.__setattr__(self, "neighbours", neighbours)
 
     @property
     def n_words(self) -> int:
