@@ -39,11 +39,11 @@ def fit_range(
     axes (P, N, 3), coefficients (P, N, n), errors (P,): filled.
     """
     n_lobes, n = axes.shape[1], coefficients.shape[2]
-    work, single = _make_work(n_lobes, n), _make_work(np.int64(1), n)  # as a literal: compiled twice
+    work, single = _make_work(n_lobes, n), _make_work(1, n)
     trial = np.empty((n_lobes, 3))
     for point in range(start, stop):
         target = targets[point]
-        length = _length(target, np.int64(0))
+        length = _length(target, 0)
         if not _length(target, first) > 0.0:  # nothing to fit: no lobe, about any axis
             axes[point], coefficients[point], errors[point] = 0.0, 0.0, 0.0
             axes[point, :, 2] = 1.0
