@@ -32,7 +32,7 @@ class Status:
     it has nothing to do. ``image_error`` is what is left to the exact picture, relative RMS, None while unknown.
     ``light_note``, ``material_note`` and ``emitter_note`` say what is shown for light, roughness, and what emitters
     throw on the scene, empty when there is nothing to say; ``missing_note`` what a picture that is being refined lacks,
-    ``error_note`` what of its error is known by parts.
+    ``error_note`` what of its error is known by parts; ``unjudged`` why it will not be known at all.
     ``precomputed_mb`` is what the worker keeps for the picture, ``gpu_mb`` what the picture takes there.
     ``shown_by``: which mode's picture is seen, where a mode shows those of two; else empty.
     ``is_away``: whether the view has moved on from the one that was traced last.
@@ -50,6 +50,7 @@ class Status:
     image_error: float | None = None
     estimate: ErrorEstimate | None = None
     error_colours: NDArray[np.uint8] | None = field(default=None, compare=False)
+    unjudged: str = ""
     frame_ms: float = 0.0
     memory_mb: float = 0.0
     precomputed_mb: float = 0.0

@@ -111,6 +111,7 @@ class DeformTalk(OrbitTalk):
         if told.shown_by != self.title:
             return told
         own: dict[str, object] = {"lost": self._lost, "alone": self._alone, "carried": self._carried}
+        own["unjudged"] = self._unjudged
         if self._picture == "refining" and self._split is not None:
             n, of = (self._traced.n_passes, self._traced.of) if self._traced.id == self._prepare_id else (0, 1)
             own["missing_note"] = f"The part by paths becomes smoother: {n / of:.0%} of them are in it."
@@ -155,7 +156,16 @@ class DeformTalk(OrbitTalk):
 
     @property
     def _can_be_judged(self) -> bool:
-        return self._may_hand_over
+        return not self._unjudged
+
+    @property
+    def _unjudged(self) -> str:
+        """Why nobody asks how far off the picture is; empty where that is asked."""
+        if self._alone:
+            return f"Where it is off is not known: paths do not know the surface of {', '.join(self._alone)}"
+        if self._split is not None:
+            return "Beside paths the picture is not judged"
+        return "The colours of the fit's error are not judged" if self._fit_error else ""
 
     def _follow(self, now: float, document: Document, view: ViewState) -> None:
         """Where the picture is split and rests, what paths are to show is a part of the wish."""

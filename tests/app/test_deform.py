@@ -257,6 +257,14 @@ def test_a_surface_is_the_documents_and_deforms_alone() -> None:
     table.update()
     status = talk.status(Status())
     assert status.alone == (NAME,) and status.picture == "finished" and not talk.hands_over
+    assert NAME in status.unjudged  # nobody finds out where it is off
+    table.view = replace(table.view, split=(0.3, 0.6))
+    table.history.do(SetSurface(NAME, ""))
+    table.update()
+    assert "Beside paths" in talk.status(Status()).unjudged
+    table.view = replace(table.view, split=None)
+    table.update()
+    assert not talk.status(Status()).unjudged
 
 
 def test_an_image_that_cannot_be_read_leaves_the_document_and_the_picture_as_they_were() -> None:

@@ -11,6 +11,7 @@ from imgui_bundle import imgui
 from app.placement.talk import PlacementTalk
 from app.status import Status
 from ui.headless import HeadlessWindow
+from ui.panels.viewport import ERROR_AWAITED, ERROR_UNKNOWN, error_missing
 
 pytestmark = pytest.mark.gl
 
@@ -35,3 +36,9 @@ def test_a_key_lays_it_over_the_picture_and_takes_it_off(
     window.key(imgui.Key.e)
     window.leave()
     assert not editor.view.shows_error and (window.pixels()[y, x] == before[y, x]).all()
+
+
+def test_nobody_is_told_to_wait_for_what_will_not_come() -> None:
+    assert error_missing(Status(picture="finished")) == ERROR_AWAITED
+    assert error_missing(Status()) == ERROR_UNKNOWN
+    assert error_missing(Status(picture="finished", unjudged="no paths")) == "no paths"

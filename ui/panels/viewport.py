@@ -7,6 +7,7 @@ from imgui_bundle import ImVec2, imgui
 from app.commands.light import SetRotation
 from app.naming import named
 from app.solo import alone
+from app.status import Status
 from app.view_state import SetView
 from engine.material.layer import object_of
 from ui import theme as look
@@ -261,12 +262,18 @@ def _draw_zoom(context: PanelContext, end: ImVec2) -> None:
     _plate(context, imgui.get_window_draw_list(), place, text, look.TEXT_SOFT)
 
 
+def error_missing(status: Status) -> str:
+    """What is said where no false colours are seen."""
+    if status.unjudged:
+        return status.unjudged
+    return ERROR_AWAITED if status.image_error is not None or status.is_finished else ERROR_UNKNOWN
+
+
 def _draw_error_legend(context: PanelContext, corner: ImVec2) -> None:
     """What the false colours over the picture stand for, above its lower left corner; why there are none."""
     pad, width = context.px(12), context.px(LEGEND_WIDTH)
     known = context.error_overlay is not None
-    is_awaited = context.status.image_error is not None or context.status.is_finished
-    words = ERROR_LEGEND if known else ERROR_AWAITED if is_awaited else ERROR_UNKNOWN
+    words = ERROR_LEGEND if known else error_missing(context.status)
     line, bar = imgui.get_text_line_height(), error_legend.height(context) + 0.3 * pad if known else 0.0
     place = ImVec2(corner.x + pad, corner.y - 1.5 * pad - line - bar)
     draw_list = imgui.get_window_draw_list()
