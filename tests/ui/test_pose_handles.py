@@ -70,7 +70,7 @@ def test_escape_takes_a_drag_back(window: HeadlessWindow, bending: Editor) -> No
     assert amount(bending) == 0.0 and len(bending.history.undo_steps) == 1
 
 
-def test_dividers_of_a_split_picture_stop_at_each_other(window: HeadlessWindow, bending: Editor) -> None:
+def test_dividers_of_a_split_picture_push_each_other(window: HeadlessWindow, bending: Editor) -> None:
     window.frames(2)
     window.click_handle("button.deform.split")
     assert bending.view.split == pytest.approx((1 / 3, 2 / 3))
@@ -78,7 +78,16 @@ def test_dividers_of_a_split_picture_stop_at_each_other(window: HeadlessWindow, 
     window.drag_handle("split.0", (20.0, 0.0))
     assert bending.view.split is not None and bending.view.split[0] > 1 / 3
     window.drag_handle("split.0", (2000.0, 0.0))
-    assert bending.view.split[0] == bending.view.split[1] == pytest.approx(2 / 3)
+    assert bending.view.split == (1.0, 1.0)
+    window.frames(2)
+    x, y = window.shell.handle_position("split.1")
+    window.drag((x, y + 60.0), (x - 40.0, y + 60.0))  # a divider is taken anywhere
+    assert bending.view.split[0] < 0.98
+    window.drag_handle("split.1", (-2000.0, 0.0))
+    assert bending.view.split == (0.0, 0.0)
+    window.frames(2)
+    window.drag_handle("split.0", (60.0, 0.0))
+    assert bending.view.split[1] > 0.02  # neither is stuck
     assert not bending.history.undo_steps  # the view is no edit
     window.click_handle("button.deform.split")
     assert bending.view.split is None

@@ -32,14 +32,16 @@ def _dividers(placed: Placed, split: tuple[float, float]) -> list[PictureHandle]
         x, middle = placed.x + share * placed.width, placed.y + 0.5 * placed.height
         line = [(x, placed.y), (x, placed.y + placed.height)]
         hint = f"{parts[0]} | {parts[1]}: drag it."
-        found.append(PictureHandle(f"split.{i}", (x, middle), line, "", hint, partial(_dragged, placed, split, i)))
+        found.append(
+            PictureHandle(f"split.{i}", (x, middle), line, "", hint, partial(_dragged, placed, split, i), True)
+        )
     return found
 
 
 def _dragged(placed: Placed, split: tuple[float, float], i: int, to: Place) -> list[Action]:
-    """A divider stops at the other."""
+    """A divider pushes the other along: where they stand on one another, either can be drawn off."""
     share = (to[0] - placed.x) / max(placed.width, 1.0)
-    moved = (min(share, split[1]), split[1]) if i == 0 else (split[0], max(share, split[0]))
+    moved = (share, max(share, split[1])) if i == 0 else (min(split[0], share), share)
     return [SetView.of(split=moved)] if moved != split else []
 
 

@@ -22,7 +22,7 @@ RADIUS, REACH = 6.0, 10.0
 @dataclass(frozen=True)
 class PictureHandle:
     """A grip at a place on screen, a line with it; what dragging it to a place does to the document, as one step of
-    the history called `label`; hint: what it is."""
+    the history called `label`; hint: what it is; by_line: whether a hand may take it anywhere along the line."""
 
     name: str
     place: Place
@@ -30,6 +30,15 @@ class PictureHandle:
     label: str
     hint: str
     drag: Callable[[Place], list[Action]]
+    by_line: bool = False
+
+    def away(self, x: float, y: float) -> float:
+        """How far a place on screen is from where it can be taken."""
+        spot = complex(x, y)
+        ends = [complex(*each) for each in self.line] if self.by_line else []
+        return min(
+            [abs(spot - complex(*self.place)), *(_away(spot, *pair) for pair in zip(ends, ends[1:], strict=False))]
+        )
 
 
 def handles_of(context: PanelContext, placed: Placed) -> list[PictureHandle]:
@@ -41,11 +50,18 @@ def handles_of(context: PanelContext, placed: Placed) -> list[PictureHandle]:
 
 
 def under_mouse(context: PanelContext, handles: Sequence[PictureHandle]) -> PictureHandle | None:
-    """The one that a press would take: of several the nearest."""
+    """The one that a press would take: of several the nearest, and one that is small before one along a line."""
     mouse = imgui.get_mouse_pos()
-    away = [(abs(complex(*each.place) - complex(mouse.x, mouse.y)), i) for i, each in enumerate(handles)]
-    nearest, i = min(away, default=(float("inf"), 0))
-    return handles[i] if nearest <= context.px(REACH) else None
+    away = [(each.by_line, each.away(mouse.x, mouse.y), i) for i, each in enumerate(handles)]
+    near = [each for each in away if each[1] <= context.px(REACH)]
+    return handles[min(near)[2]] if near else None
+
+
+def _away(spot: complex, start: complex, end: complex) -> float:
+    """From a straight line."""
+    along = end - start
+    share = ((spot - start) * along.conjugate()).real / max(abs(along) ** 2, 1e-12)
+    return abs(spot - start - min(max(share, 0.0), 1.0) * along)
 
 
 def held(context: PanelContext, handles: Sequence[PictureHandle]) -> PictureHandle | None:
