@@ -48,7 +48,7 @@ LATER_PART = "later"
 COMPILING = "compiling, first start only"
 FIRST_TIME = "compiling for this computer, kept for later starts"
 # How many files the compiled kernels of the first picture are, about equally long to make.
-N_FILES = 56
+N_FILES = 64
 _COMPILER_SECONDS = 300.0
 # How long one step of waiting for them takes.
 _STEP_SECONDS = 0.05

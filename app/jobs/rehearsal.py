@@ -74,7 +74,8 @@ def rehearse_later() -> Iterator[str]:
         yield PAINTING
         description = parse_description(parse_toml(_SCENE, scene.name), scene.name)
         state = scene_state(document_from_description(str(scene), description), _with_bands)
-        _ask(client, ComputeTransport(state, "ball.1", "theta_h", 100, Decisions(100, 64, 3)))
+        # A preview, and a final picture that sees the whole sphere, without which there is nothing to light anew.
+        _ask(client, ComputeTransport(state, "ball.1", "theta_h", 50, Decisions(100, 64, 3)))
         _ask(client, Freeze(state, "ball.1", 0))
         _ask(client, Freeze(state))
         yield INDIRECT
@@ -82,7 +83,7 @@ def rehearse_later() -> Iterator[str]:
         yield ESTIMATE
         _ask(client, PrepareRelighting(state))
         turned = replace(state, light=replace(state.light, rotation=90.0))
-        _ask(client, ComputeTransport(turned, "ball.1", "theta_h", 100, Decisions(100, 64), is_drag=True))
+        _ask(client, ComputeTransport(turned, "ball.1", "theta_h", 50, Decisions(100, 64), is_drag=True))
         yield RELIGHTING
         _rehearse_orbit(client, Path(folder))
         yield ORBIT
