@@ -1,4 +1,4 @@
-"""What is wanted after the first picture is compiled before it is wanted: each part calls the kernels that it is for."""
+"""What is wanted after the first picture is compiled before that: each part calls the kernels that it is for."""
 
 import subprocess
 import sys
