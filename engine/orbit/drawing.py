@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from engine.orbit.lit_points import LitPoints
 from engine.orbit.picture import Seen, added, interpolated
-from engine.orbit.reflected import reflected, shaded
+from engine.orbit.reflected import reflected, reflected_quickly, shaded
 from engine.orbit.reflections import Reflections, Term
 from engine.orbit.seen_maps import factors
 from engine.orbit.sky import Sky
@@ -22,6 +22,7 @@ Floats = NDArray[np.float32]
 Quality = Literal["moving", "rest", "still"]
 
 N_MOVING = 64  # coefficients of a point, while something moves
+_N_SHARP = 96  # the same at least of sharp gloss, which fewer would blur again
 # Of what a pixel reflects: by which a sun may differ among the slices around it and be looked up in them.
 _LITTLE = {"rest": 0.005, "still": 0.001}
 
@@ -67,12 +68,16 @@ def reflected_light(
         evenly = None if bumpy else term.reflectance
         lit.colours[points] = lit.sent_evenly(points, evenly, reflections.albedo(term), n_bounces)
         tables = None if bumpy or term.reflectance is not None else reflections.tables(term.layers)
-        if tables is not None and quality == "moving":
+        is_sharp = tables is not None and reflections.is_sharp(term.layers)
+        if tables is not None and quality == "moving" and not is_sharp:
             shaded(seen, points, lit.incident, tables, n_moving, lit.shades, lit.colours)
         interpolated(seen, which, lit.colours, factor, radiance)
         if bumpy:
             added(which, reflected_by_bumps(which, term), factor, radiance)
         if tables is not None and quality != "moving":
             found = reflected(seen, which, lit.incident, sky, term.layers, tables, _LITTLE[quality])
+            added(which, found, factor, radiance)
+        elif tables is not None and is_sharp:
+            found = reflected_quickly(seen, which, lit.incident, sky, tables, max(n_moving, _N_SHARP))
             added(which, found, factor, radiance)
     return radiance

@@ -1,7 +1,8 @@
 """What shading points and pixels reflect to the eye with gloss.
 
-While something moves, the points that are seen are shaded, each towards the eye, and colours are interpolated; at rest
-every pixel takes the light of its three points and reflects it towards its own eye [Ma06, 3.3: functions, not colours].
+While something moves, the points that are seen are shaded, each towards the eye, and colours are interpolated; at rest,
+and where gloss is sharper than points are dense, every pixel takes the light of its three points and reflects it
+towards its own eye [Ma06, 3.3: functions, not colours].
 """
 
 from __future__ import annotations
@@ -68,6 +69,12 @@ def reflected(
     if len(sharp):
         _add_sharp(seen, which, suns, sharp, layers, radiance)
     return radiance
+
+
+def reflected_quickly(seen: Seen, which: Rows, incident: Incident, sky: Sky, tables: kernels.Tables, n: int) -> Floats:
+    """The same while something moves: by n coefficients, and of all suns by slices."""
+    ways, no_bits = mirrored(seen.samples.wo[which], seen.normals(which)), np.zeros((0, 2), np.uint64)
+    return at_corners(seen, which, ways, incident, suns_of(sky, incident, np.inf), tables, no_bits, n)
 
 
 def suns_of(sky: Sky, incident: Incident, little: float) -> corner_kernels.Suns:

@@ -18,6 +18,8 @@ from engine.scene.load import Scene
 from engine.steps import Stepped, finish
 
 LayersOf = Mapping[int, Sequence[Layer]]
+# Steradians: less have copper of the tea tray (Ashikhmin and Shirley's 320 and 70) and Beckmann's roughness of 0.12.
+SHARP = 0.4
 
 
 @dataclass(frozen=True)
@@ -101,6 +103,10 @@ class Reflections:
                 total = total + self._slices[layer]
             self._tables[layers] = total.tables
         return self._tables[layers]
+
+    def is_sharp(self, layers: tuple[Layer, ...]) -> bool:
+        """Whether one of the layers, whose slices are known, has highlights that points are too far apart for."""
+        return any(self._slices[layer].lobe < SHARP for layer in layers)
 
     def albedo(self, term: Term) -> NDArray[np.float64]:
         """Of the matt reflection that stands for a term's, (3,); without its maps."""

@@ -98,6 +98,14 @@ class Slices:
         polar = np.linspace(0.0, _STEEPEST, N_POLAR)
         return np.asarray(np.trapezoid(sent * np.sin(2.0 * polar)[:, None], polar, axis=0))
 
+    @cached_property
+    def lobe(self) -> float:
+        """Solid angle of the even lobe that is as sharp as what light along the normal becomes: (∫ f)² / ∫ f²."""
+        solid_angles = geodesic(self._level).solid_angles[_above(self._level)]
+        sent = kernels.unpacked(self.packed[:1, :1])[0, 0].sum(axis=1, dtype=np.float64)
+        square = float(solid_angles @ sent**2)
+        return float(solid_angles @ sent) ** 2 / square if square > 0.0 else 2.0 * np.pi
+
     @property
     def _level(self) -> int:
         return LEVEL if self.packed.shape[2] == len(upper()) else LEVEL - 1

@@ -6,6 +6,7 @@ from imgui_bundle import ImVec2, imgui
 
 from app.orbit.status import OrbitStatus
 from ui.panels import accuracy_placement
+from ui.panels.accuracy import duration
 from ui.panels.actions import Action
 from ui.panels.context import PanelContext
 
@@ -25,7 +26,9 @@ def draw(context: PanelContext) -> list[Action]:
 def figures(status: OrbitStatus) -> list[tuple[str, str, str]]:
     """(name, value, explanation) of every measured figure."""
     width, height = status.drawn_resolution
-    drawn = f"{width} × {height}, {1e3 * status.drawn_seconds:.0f} ms" if width else "–"
+    seconds = status.drawn_seconds
+    took = duration(seconds) if seconds >= 1.0 else f"{1e3 * seconds:.0f} ms"
+    drawn = f"{width} × {height}, {took}" if width else "–"
     return [
         (
             "Drawn",

@@ -24,6 +24,7 @@ from ui.theme import Icon
 DEGREES_PER_PIXEL = 0.5
 DIVIDER_REACH = 7.0
 LEGEND_WIDTH = 230.0
+BELOW = 0.9  # of the panel's height: where a plate hides little of the picture
 ERROR_LEGEND = "Error, of the picture's mean"
 ERROR_AWAITED = "Finding out where the picture is off…"
 ERROR_UNKNOWN = "Where the picture is off is not known"
@@ -49,7 +50,7 @@ def _draw_picture(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[A
     context.handles.note_item("viewport.centre")
     picture = context.picture
     if picture is None:
-        _draw_waiting(context, corner, room)
+        _draw_waiting(context, corner, room, 0.5)
         return []
     space = room_of(corner, room, picture)
     placed = space.place(context.view)
@@ -71,7 +72,7 @@ def _draw_picture(context: PanelContext, corner: ImVec2, room: ImVec2) -> list[A
     if context.view.shows_error:
         _draw_error_legend(context, ImVec2(max(placed.x, corner.x), min(placed.y + placed.height, end.y)))
     if context.status.picture == "waiting":
-        _draw_waiting(context, corner, room)
+        _draw_waiting(context, corner, room, BELOW)
     draw_list.pop_clip_rect()
     return actions
 
@@ -306,12 +307,12 @@ def _plate(context: PanelContext, draw_list: imgui.ImDrawList, place: ImVec2, te
     draw_list.add_text(place, look.pack(ink), text)
 
 
-def _draw_waiting(context: PanelContext, corner: ImVec2, room: ImVec2) -> None:
-    """What the window waits for, on a plate of its own: there may be a background behind it."""
+def _draw_waiting(context: PanelContext, corner: ImVec2, room: ImVec2, down: float) -> None:
+    """What the window waits for, on a plate of its own, so far down: there may be objects behind it, lit from the eye."""
     status = context.status
     text = f"{status.text or status.stage}…" if status.stage else "Starting to compute…"
     extent = imgui.calc_text_size(text)
-    place_x, place_y = corner.x + 0.5 * (room.x - extent.x), corner.y + 0.5 * room.y - extent.y
+    place_x, place_y = corner.x + 0.5 * (room.x - extent.x), corner.y + down * room.y - extent.y
     draw_list = imgui.get_window_draw_list()
     width, height, pad = context.px(220), context.px(3), context.px(14)
     left, top = corner.x + 0.5 * (room.x - width), place_y + extent.y + context.px(12)

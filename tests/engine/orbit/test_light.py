@@ -13,7 +13,8 @@ from engine.orbit import _incident_kernels as kernels
 from engine.orbit import _slice_kernels as slice_kernels
 from engine.orbit.incident import Lamps, hemisphere, light, lights, more_glossy, no_light, places
 from engine.orbit.picture import PointMesh, interpolated
-from engine.orbit.reflected import at_corners, mirrored, no_shades, reflected, shaded, suns_of
+from engine.orbit.reflected import at_corners, mirrored, no_shades, reflected, reflected_quickly, shaded, suns_of
+from engine.orbit.reflections import SHARP
 from engine.orbit.shading_points import shading_points
 from engine.orbit.sky import MAP_SIDE, make_sky, texel_directions
 from engine.orbit.slices import looks_isotropic, matt_reflectance, slicing, spherical, to_shading
@@ -325,7 +326,9 @@ def test_a_highlight_stands_where_the_surface_shows_it_also_where_points_are_far
     seen = PointMesh(scene, points).look(scene.description.camera, (48, 36))
     which = seen.of(1)[::5]
     incident = lit((points, caster, bits), sky)
-    found = reflected(seen, which, incident, sky, [layer], finish(slicing(layer)).tables, 0.01)
+    tables = finish(slicing(layer)).tables
+    found = reflected(seen, which, incident, sky, [layer], tables, 0.01)
+    quickly = reflected_quickly(seen, which, incident, sky, tables, 96)
     above, exact = upper(), np.zeros((len(which), 3))
     for n, (j, normal) in enumerate(zip(which, seen.normals(which), strict=True)):
         tangent = np.cross([0.0, 1.0, 0.0], normal)
@@ -337,6 +340,14 @@ def test_a_highlight_stands_where_the_surface_shows_it_also_where_points_are_far
             values = evaluate_layers([layer], wi, np.repeat(wo, len(wi), axis=0))
             exact[n] += weight * (values * visible_powers(points, p, bits, sky)[above]).sum(axis=0)
     assert np.sqrt(((found - exact) ** 2).mean()) < 0.1 * exact.mean()
+    assert np.sqrt(((quickly - exact) ** 2).mean()) < 0.2 * exact.mean()
+
+
+def test_how_sharp_a_layer_is_is_told_by_its_slices() -> None:
+    # Of a matt one f = cos θ: (∫ f)² / ∫ f² = π² / (2 π / 3).
+    assert finish(slicing(MATT, 0)).lobe == pytest.approx(1.5 * np.pi, rel=1e-2)
+    blunt, sharp = (make_layer(MODELS["rough_conductor"], {"alpha": alpha}) for alpha in (0.3, 0.1))
+    assert finish(slicing(sharp, -1)).lobe < SHARP < finish(slicing(blunt, -1)).lobe
 
 
 def test_a_layer_with_gloss_is_kept_in_seven_megabytes() -> None:

@@ -104,6 +104,12 @@ def shaded(context: moderngl.Context) -> Iterator[ShadedPicture]:
     assert made.memory_bytes == 0
 
 
+@pytest.fixture(autouse=True)
+def _all_gloss_at_points(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As shaders have it, where the worker asks sharp gloss pixel by pixel."""
+    monkeypatch.setattr("engine.orbit.reflections.SHARP", 0.0)
+
+
 def image(shaded: ShadedPicture, camera: CameraDescription, n: int = 64) -> np.ndarray:
     return np.asarray(read_texture(shaded.draw(camera, SIZE, n), np.float32)[..., :3])
 
