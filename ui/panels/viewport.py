@@ -308,7 +308,7 @@ def _plate(context: PanelContext, draw_list: imgui.ImDrawList, place: ImVec2, te
 
 
 def _draw_waiting(context: PanelContext, corner: ImVec2, room: ImVec2, down: float) -> None:
-    """What the window waits for, on a plate of its own, so far down: there may be objects behind it, lit from the eye."""
+    """What the window waits for, on a plate so far down: there may be objects behind it, lit from the eye."""
     status = context.status
     text = f"{status.text or status.stage}…" if status.stage else "Starting to compute…"
     extent = imgui.calc_text_size(text)
