@@ -155,6 +155,9 @@ def apply(scale: float) -> Theme:
     return theme
 
 
+WINDOW_PADDING = ImVec2(12, 10)
+
+
 def set_style(scale: float) -> None:
     """Set colours and sizes for `scale` (1 at 96 dpi); may be called again when a window moves to another screen."""
     style = imgui.get_style()
@@ -166,7 +169,7 @@ def set_style(scale: float) -> None:
 
 
 def _set_sizes(style: imgui.Style) -> None:
-    style.window_padding = ImVec2(12, 10)
+    style.window_padding = WINDOW_PADDING
     style.frame_padding = ImVec2(8, 4)
     style.item_spacing = ImVec2(8, 5)
     style.item_inner_spacing = ImVec2(6, 5)

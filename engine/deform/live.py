@@ -169,7 +169,7 @@ class Deform:
             self._make_points()
         for layer in [each for own in self._layers_of.values() for each in own if is_glossy(each)]:
             low_gloss(layer, ORDER)  # kept: no picture waits for it
-            yield StillProgress(self.fraction, "reflection")
+            yield StillProgress(self.fraction, "finding reflections")
         while (wanted := self._next()) is not None:
             if self._job is None or self._job[0] != wanted:
                 self._job = wanted, self._simulate(wanted)

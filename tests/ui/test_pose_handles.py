@@ -93,6 +93,19 @@ def test_dividers_of_a_split_picture_push_each_other(window: HeadlessWindow, ben
     assert bending.view.split is None
 
 
+def test_what_a_grip_says_has_room_around_it(window: HeadlessWindow, bending: Editor) -> None:
+    bending.do(AddDeformer("teapot", "bend"))
+    window.frames(2)
+    window.move(*window.shell.handle_position("pose.handle.0"))
+    assert window.run_until(lambda: any(map(is_tooltip, imgui.get_current_context().windows)), 5.0)
+    (said,) = filter(is_tooltip, imgui.get_current_context().windows)
+    assert said.window_padding.x > 8.0
+
+
+def is_tooltip(window: imgui.internal.Window) -> bool:
+    return "Tooltip" in window.name and window.active
+
+
 def test_other_modes_and_objects_have_none(window: HeadlessWindow, bending: Editor) -> None:
     bending.do(AddDeformer("teapot", "bend"))
     for change in (lambda: bending.select("tray"), lambda: bending.do(SetView.of(mode="placement"))):

@@ -20,11 +20,17 @@ SUBSCRIPTS, LETTERS = "ᵢᵣᵤᵥₐₑₒₓₕₖₗₘₙₚₛₜ", "iruva
 
 def tooltip(text: str) -> None:
     """Explain the control drawn last when the mouse rests on it, not while it is in use, at a readable width."""
-    if text and not imgui.is_item_active() and imgui.begin_item_tooltip():
+    if not text or imgui.is_item_active():
+        return
+    scale = imgui.get_style().font_scale_dpi
+    padding = ImVec2(scale * look.WINDOW_PADDING.x, scale * look.WINDOW_PADDING.y)  # the picture's window has none
+    imgui.push_style_var(imgui.StyleVar_.window_padding, padding)
+    if imgui.begin_item_tooltip():
         imgui.push_text_wrap_pos(imgui.get_font_size() * 22.0)
         imgui.text_unformatted(subscripted(text))
         imgui.pop_text_wrap_pos()
         imgui.end_tooltip()
+    imgui.pop_style_var()
 
 
 def label(context: PanelContext, text: str, width: float = LABEL_WIDTH, least: float = LEAST_CONTROL) -> None:
