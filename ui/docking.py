@@ -13,6 +13,8 @@ from ui.layout_memory import LayoutMemory
 
 # Frames until imgui has put its windows where they are docked, and their tabs know whom they share their place with.
 SETTLING = 3
+# So many frames before that, they are docked where a remembered text has them.
+SETTLED_IN = 1
 
 
 class Docking:
@@ -25,6 +27,7 @@ class Docking:
         self._is_placed = False
         self._unsettled = 0
         self._rebuild = False
+        self._recalled = ""
 
     def take_size(self, size: tuple[int, int], scale: float) -> None:
         """Before a frame: where the window has another form than before, the panels stand as they did in that one."""
@@ -37,6 +40,7 @@ class Docking:
         places = self._memory.places.get(form)
         self._rebuild = places is None
         self._unsettled = SETTLING
+        self._recalled = "" if places is None or form == "small" else places
         if places is not None:
             imgui.load_ini_settings_from_memory(places)
         self._fold(self._memory.folded.get(form, layout.FOLDED[form]))
@@ -64,7 +68,13 @@ class Docking:
         layout.begin_dock_space(self.form, scale, self._rebuild)
         rebuilt, self._rebuild = self._rebuild, False
         self._unsettled = SETTLING if rebuilt else max(self._unsettled - 1, 0)
-        return layout.IN_FRONT[self.form] if rebuilt else ()
+        if rebuilt:
+            self._recalled = ""
+            return layout.IN_FRONT[self.form]
+        if self._recalled and self._unsettled == SETTLED_IN:
+            recalled, self._recalled = self._recalled, ""
+            return layout.chosen_tabs(recalled)
+        return ()
 
     def reset(self) -> None:
         """All panels where they are by default."""

@@ -8,6 +8,7 @@ when it is large again.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Literal
 
@@ -24,6 +25,7 @@ LEAST_SIZE = (400, 300)
 DOCK_SPACE = "insitu.dock"
 
 Form = Literal["wide", "compact", "small"]
+_SELECTED = re.compile(r"Selected=0x([0-9A-F]+)")
 
 
 @dataclass(frozen=True)
@@ -141,6 +143,13 @@ def is_behind(panel: Panel) -> bool:
     """Whether another panel that shares its place is before it."""
     window = imgui.internal.find_window_by_name(panel.window)
     return window is not None and bool(window.hidden)
+
+
+def chosen_tabs(places: str) -> tuple[str, ...]:
+    """Keys of the panels that imgui's text of their places has before others; once they are in those places."""
+    chosen = {int(number, 16) for number in _SELECTED.findall(places)}
+    windows = {panel: imgui.internal.find_window_by_name(panel.window) for panel in PANELS if shares_place(panel)}
+    return tuple(panel.key for panel, window in windows.items() if window.tab_id in chosen)
 
 
 def shares_place(panel: Panel) -> bool:

@@ -51,8 +51,8 @@ def draw_panels(context: PanelContext, barrier: Barrier, begin_space: Callable[[
     actions += _window(barrier, context, layout.CURVE, curve_editor.draw)
     actions += _window(barrier, context, layout.MATERIAL, material.draw)
     actions += _window(barrier, context, layout.LIGHT, light.draw)
-    actions += _window(barrier, context, layout.PLAN, plan.draw)
     actions += _window(barrier, context, layout.ACCURACY, accuracy.draw)
+    actions += _window(barrier, context, layout.PLAN, plan.draw)
     actions += guarded(barrier, "The tabs", folding.draw_buttons, context) or []
     actions += guarded(barrier, "The dialog", dialogs.draw, context) or []
     actions += guarded(barrier, "The resolution", resolution.draw, context) or []

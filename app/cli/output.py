@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from app.machine.memory import gib
 from app.project import Project
 from engine.plan import Plan, plan_lines
 
@@ -37,6 +38,21 @@ def describe_plan(plan: Plan) -> Iterator[str]:
             f"{cost.gpu_mib:.0f} MiB on the GPU (largest layer selected)"
         )
         yield f"tried on {cost.n_sampled:,} of {cost.n_points:,} points and a few windows: within about 30 %"
+
+
+def memory_note(plan: Plan, free: int) -> str:
+    """What is to be said where a plan asks for more main memory than so many bytes, else "".
+
+    An editor holds besides what precomputing leaves on the disk.
+    """
+    if plan.cost is None:
+        return ""
+    precomputing, editing = plan.cost.memory_mib * 2**20, (plan.cost.memory_mib + plan.cost.disk_mib) * 2**20
+    if editing <= free:
+        return ""
+    who = "to precompute it" if precomputing > free else "to edit it"
+    needed = precomputing if precomputing > free else editing
+    return f"{who} takes {gib(round(needed))} of main memory, {gib(free)} are free; give a smaller --resolution"
 
 
 def describe_check(plan: Plan, was: Carried) -> str:

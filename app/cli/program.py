@@ -13,8 +13,9 @@ from app.cli.console import FAILED, INTERRUPTED, USAGE, complain
 from app.cli.exchange import export, export_brdf, import_brdf
 from app.cli.frontend import Frontend
 from app.cli.options import LIGHTS, Lights, Overrule, Resolution, Scene, Scheduler, Values, assignments, lines
-from app.cli.output import describe_check, describe_plan, progress, tell_notes
+from app.cli.output import describe_check, describe_plan, memory_note, progress, tell_notes
 from app.cli.pictures import render, screenshot
+from app.machine.memory import available_memory
 from app.project import ProjectWords
 from app.sources import find_source
 from engine.plan import N_LIGHTS
@@ -69,6 +70,8 @@ def plan(
         )
     for line in describe_plan(planned):
         print(line)
+    if note := memory_note(planned, available_memory()):
+        print(f"note: {note}")
     if check:
         from app.measure.planning import carried_out
 

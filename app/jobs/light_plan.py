@@ -61,21 +61,21 @@ class LightPlans:
         layers = tuple((each.key, each.model, each.bands, each.fixed) for each in request.scene.visible)
         shining = tuple(name for name, emission in request.scene.emission if any(emission))
         return content_key(
-            "light need", self._bench.view_key, radiance, sky.scale, shining, layers, decisions.n_lights,
+            "light need, both pictures", self._bench.view_key, radiance, sky.scale, shining, layers, decisions.n_lights,
             decisions.n_patches, decisions.keeps_sphere, tuple(sorted(decisions.overruled)),
         )  # fmt: skip
 
 
 def _arrays_of(need: LightNeed) -> dict[str, np.ndarray]:
-    off = dict(need.off)
+    off = {line: (plain, sharper) for line, plain, sharper in need.off}
     return {
         "numbers": np.array([need.lights, need.patches], np.int64),
-        "off": np.array([off.get(line, -1.0) for line in LINES], np.float64),
+        "off": np.array([off.get(line, (-1.0, -1.0)) for line in LINES], np.float64),
     }
 
 
 def _need_of(arrays: Arrays) -> LightNeed:
     reader = ArrayReader(arrays)
     lights, patches = map(int, reader.take("numbers", np.int64, 2))
-    off = zip(LINES, reader.take("off", np.float64, 2).tolist(), strict=True)
-    return LightNeed(lights, patches, tuple((line, error) for line, error in off if error >= 0.0))
+    off = zip(LINES, reader.take("off", np.float64, 2, 2).tolist(), strict=True)
+    return LightNeed(lights, patches, tuple((line, plain, sharper) for line, (plain, sharper) in off if plain >= 0.0))

@@ -183,6 +183,7 @@ class PlacementWork(ModeWork):
             yield from self._tell_kept(placement, request, sky, replace(lit_by, decided=need.decided(decisions)))
         yield from self._tell_relit(request, sky, lit_by)
         n_bounces, bounces_told = decisions.n_bounces, decisions.n_bounces == 1
+        begun = time.process_time()
         for quality, exact in _stages(request)[-1 if self._bench.fills else 0 :]:
             started = time.monotonic()
             works = self._selected_first(request)
@@ -204,7 +205,8 @@ class PlacementWork(ModeWork):
                 tasks = self._indirect_tasks()
                 yield from tasks.find(scene.visible, sky, _lit_key(sky, placement.scene), n_bounces, exact)
             if due or exact:
-                yield StageDone(quality.name, exact, time.monotonic() - started, self._n_bytes)
+                spent, kept = time.process_time() - begun, self._kept_bytes if quality.name == FINAL.name else 0
+                yield StageDone(quality.name, exact, time.monotonic() - started, self._n_bytes, spent, kept)
             yield from self._bench.noted()
 
     @property
@@ -212,6 +214,12 @@ class PlacementWork(ModeWork):
         """Memory of all that was computed."""
         n_bytes = sum(data.store.n_bytes for data in self._layers.values()) + sum(self._filled.values())
         return n_bytes + self._relighting.n_bytes + (0 if self._indirect is None else self._indirect.n_bytes)
+
+    @property
+    def _kept_bytes(self) -> int:
+        """What of that is on disk, shadows from every direction included."""
+        sphere = self._bench.open_placement.sphere
+        return self._n_bytes - self._relighting.n_bytes + (sphere.bits.nbytes if sphere.done.all() else 0)
 
     def _indirect_tasks(self) -> IndirectTasks:
         """Made, and its kernels read, when a scene first wants more than direct light."""

@@ -1,9 +1,9 @@
-"""What the plan saves: stills of direct light with everything on, and as planned, and by how much these differ.
+"""What the plan saves: stills with everything on, and as planned, and by how much these differ.
 
 Everything on is the most of each line that a plan takes by itself: as many lights and patches, shadows from every
-direction, 128 bands a curve. Edges are alike in both, and so is light between surfaces: how many bounces there are is
-the scene's to say, and fewer would be another picture. Seconds are those of the processors, from
-the triangles to the picture, the pilot included.
+direction, 128 bands a curve, four bounces; as planned are as many bounces as the pilot finds, whatever the scene says.
+Edges are alike in both, and light of further bounces is found as finely as an editor does. Seconds are those of the
+processors, from the triangles to the picture, the pilots included.
 """
 
 from __future__ import annotations
@@ -19,7 +19,11 @@ from numpy.typing import NDArray
 from app.machine.atomic import save_file
 from app.project import Project, open_project
 from app.stills import plan_still
+from engine.indirect.series import BounceSeries
+from engine.indirect.solver import FINE
 from engine.plan import MOST_BANDS, Plan
+from engine.render.bounces import MOST_PLANNED, planned_bounces
+from engine.render.indirect import indirect_radiance
 from engine.render.light_pilot import with_needed_light
 from engine.render.still import StillLayer, compose, reflected, still_layers, still_quality, with_maps
 from engine.scene.builtin import builtin_scenes
@@ -34,7 +38,8 @@ CLAMPED_AT = 99.9
 
 @dataclass(frozen=True)
 class SavingRow:
-    """A scene, what was planned for it, seconds with everything on and as planned, and the relative RMS difference."""
+    """A scene, what was planned for it, seconds with everything on and as planned, direct light with all the rest and
+    light of further bounces apart, and the relative RMS difference."""
 
     scene: str
     points: int
@@ -42,14 +47,23 @@ class SavingRow:
     patches: int
     keeps_sphere: bool
     edge_rays: int
+    bounces: int
     everything_seconds: float
     planned_seconds: float
+    everything_indirect: float
+    planned_indirect: float
     difference: float
 
     @property
     def saved(self) -> float:
         """The share of the time."""
-        return 1.0 - self.planned_seconds / max(self.everything_seconds, 1e-9)
+        planned, everything = self.planned_seconds + self.planned_indirect, self.all_seconds
+        return 1.0 - planned / max(everything, 1e-9)
+
+    @property
+    def all_seconds(self) -> float:
+        """With everything on."""
+        return self.everything_seconds + self.everything_indirect
 
 
 def measure_savings(sources: Sequence[str], output: Path, report: Callable[[str], None]) -> tuple[SavingRow, ...]:
@@ -59,20 +73,44 @@ def measure_savings(sources: Sequence[str], output: Path, report: Callable[[str]
         rows.append(saving(open_project(source), Path(source).stem))
         write_savings(output / "savings.csv", rows)
         row = rows[-1]
-        report(f"saving of {row.scene}: {row.saved:.0%} of {row.everything_seconds:.0f} s, {row.difference:.2%} apart")
+        report(f"saving of {row.scene}: {row.saved:.0%} of {row.all_seconds:.0f} s, {row.difference:.2%} apart")
     return tuple(rows)
+
+
+@dataclass(frozen=True, eq=False)
+class _Further:
+    """Light of further bounces at the points, None of one, and the seconds that took."""
+
+    n_bounces: int
+    radiance: NDArray[np.floating] | None
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Drawn:
+    """A picture, the seconds of all but further bounces, the plan that was carried out."""
+
+    picture: NDArray[np.floating]
+    seconds: float
+    plan: Plan
+    n_points: int
+    further: _Further
 
 
 def saving(project: Project, name: str) -> SavingRow:
     """Draw a scene in both ways."""
     plan = plan_still(project)
-    _draw(_of_pixels(project, KERNEL_PIXELS), plan)  # reads kernels
+    small = _of_pixels(project, KERNEL_PIXELS)  # reads kernels
+    _draw_everything(small, plan)
+    _draw_planned(small, plan)
     project = _of_pixels(project, N_PIXELS)
-    everything, seconds, _ = _draw(project, replace(plan, needs_sphere=True), MOST_BANDS)
-    picture, planned_seconds, (carried, n_points) = _draw(project, plan)
+    everything = _draw_everything(project, plan)
+    planned = _draw_planned(project, plan, everything.further)
+    carried = planned.plan
     return SavingRow(
-        name, n_points, carried.n_lights, carried.n_patches, carried.needs_sphere, carried.n_edge_rays, seconds,
-        planned_seconds, difference(picture, everything),
+        name, planned.n_points, carried.n_lights, carried.n_patches, carried.needs_sphere, carried.n_edge_rays,
+        planned.further.n_bounces, everything.seconds, planned.seconds, everything.further.seconds,
+        planned.further.seconds, difference(planned.picture, everything.picture),
     )  # fmt: skip
 
 
@@ -90,21 +128,50 @@ def difference(picture: NDArray[np.floating], truth: NDArray[np.floating]) -> fl
     return float(np.sqrt(np.mean((one - two) ** 2)) / max(float(two.mean()), 1e-12))
 
 
-def _draw(
-    project: Project, plan: Plan, bands: int | None = None
-) -> tuple[NDArray[np.floating], float, tuple[Plan, int]]:
-    """The picture, its seconds, and the plan that was carried out with the number of its points; bands: of every
-    curve, with all that is planned at first; None: as the picture needs."""
+def _draw_everything(project: Project, plan: Plan) -> _Drawn:
+    """With the most there is of each line."""
     started = time.process_time()
+    plan = replace(plan, needs_sphere=True)
+    placement, layers = _opened(project, plan)
+    seconds = time.process_time() - started
+    further = _further(project, placement, layers, MOST_PLANNED)
+    layers = tuple(_with_bands(each, MOST_BANDS) for each in layers)
+    return _drawn(project, plan, placement, layers, further, seconds)
+
+
+def _draw_planned(project: Project, plan: Plan, known: _Further | None = None) -> _Drawn:
+    """With as much as the picture needs; known: what is not to be found twice where it is as many bounces."""
+    started = time.process_time()
+    placement, layers = _opened(project, plan)
+    plan = finish(with_needed_light(placement, layers, project.sky, plan))
+    n_bounces = planned_bounces(placement, project.indexed_layers).n_bounces
+    seconds = time.process_time() - started
+    further = known if known and known.n_bounces == n_bounces else _further(project, placement, layers, n_bounces)
+    return _drawn(project, plan, placement, layers, further, seconds)
+
+
+def _opened(project: Project, plan: Plan) -> tuple[Placement, tuple[StillLayer, ...]]:
     placement = Placement(project.scene, n_edge_rays=plan.n_edge_rays)
-    layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
-    if bands is None:
-        plan = finish(with_needed_light(placement, layers, project.sky, plan))
-    else:
-        layers = tuple(_with_bands(each, bands) for each in layers)
-    radiance = finish(reflected(placement, layers, project.sky, still_quality(plan)))
+    return placement, with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
+
+
+def _further(project: Project, placement: Placement, layers: Sequence[StillLayer], n_bounces: int) -> _Further:
+    if n_bounces < 2:
+        return _Further(n_bounces, None, 0.0)
+    started = time.process_time()
+    steps = indirect_radiance(placement, layers, project.sky, BounceSeries(n_bounces), FINE)
+    return _Further(n_bounces, finish(steps), time.process_time() - started)
+
+
+def _drawn(
+    project: Project, plan: Plan, placement: Placement, layers: Sequence[StillLayer], further: _Further, before: float
+) -> _Drawn:
+    """The picture; before: the seconds that went by already."""
+    started = time.process_time()
+    radiance = finish(reflected(placement, layers, project.sky, still_quality(plan), further.radiance))
     picture = compose(placement, radiance, project.sky)
-    return picture, time.process_time() - started, (plan, len(placement.hits.pixel))
+    seconds = before + time.process_time() - started
+    return _Drawn(picture, seconds, plan, len(placement.hits.pixel), further)
 
 
 def _with_bands(each: StillLayer, bands: int) -> StillLayer:
@@ -120,11 +187,15 @@ def write_savings(file: Path, rows: Sequence[SavingRow]) -> None:
 
 def table(rows: Sequence[SavingRow]) -> Iterator[str]:
     """As `docs/planning.md` has it."""
-    yield "| scene | points | lights, patches | shadows | edges | everything on | as planned | saved | apart |"
-    yield "| --- | ---: | --- | --- | ---: | ---: | ---: | ---: | ---: |"
+    yield (
+        "| scene | points | lights, patches | shadows | edges | bounces | direct: everything on, as planned | further "
+        "bounces: everything on, as planned | saved | apart |"
+    )
+    yield "| --- | ---: | --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |"
     for row in rows:
         shadows = "all directions" if row.keeps_sphere else "the lights' alone" if row.lights else "lamps' alone"
         yield (
             f"| *{row.scene}* | {row.points:,} | {row.lights:,}, {row.patches:,} | {shadows} | {row.edge_rays} | "
-            f"{row.everything_seconds:.0f} s | {row.planned_seconds:.0f} s | {row.saved:.0%} | {row.difference:.2%} |"
+            f"{row.bounces} | {row.everything_seconds:.1f} s, {row.planned_seconds:.1f} s | "
+            f"{row.everything_indirect:.1f} s, {row.planned_indirect:.1f} s | {row.saved:.0%} | {row.difference:.2%} |"
         )

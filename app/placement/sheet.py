@@ -33,7 +33,8 @@ HALVES = {"half": "half floats", "float": "full floats"}
 class SheetLine:
     """One line: its name in the plan, what a person calls it, what it has come to and why, and what it can be set to.
 
-    group: the key of the layer that it is of, "" for the whole picture; is_set: a person has.
+    group: the key of the layer that it is of, "" for the whole picture; is_set: a person has. Without choices it tells
+    what the others come to.
     """
 
     line: str
@@ -49,7 +50,7 @@ def plan_sheet(document: Document, view: ViewState, status: Status) -> tuple[She
     """The lines of the mode at hand: of the picture, then of each layer that reflects."""
     lines = [*_common_lines(document, view, status)]
     if isinstance(status, PlacementStatus):
-        lines = [*_light_lines(document, view, status), *lines, *_curve_lines(document, status)]
+        lines = [_cost_line(status), *_light_lines(document, view, status), *lines, *_curve_lines(document, status)]
     return tuple(lines)
 
 
@@ -64,6 +65,27 @@ def _line(
     value = lines[line]
     set_to = words.get(value) or f"{value:,}"
     return SheetLine(line, title, set_to, f"set by hand, in the place of {as_planned}", choices, True, group)
+
+
+def _cost_line(status: PlacementStatus) -> SheetLine:
+    """What the picture takes: while it is being computed the time that is left, then what it was."""
+    memory = f"{_size(status.memory_mb)} of main memory, {_size(status.gpu_mb)} on the graphics card"
+    if status.spent_seconds is None:
+        left = "being found out" if status.seconds_left is None else f"{_time(status.seconds_left)} to go"
+        return SheetLine("cost", "Cost", left, f"so far {memory}", (), False)
+    reason = f"of the processors since its last change, and on disk for the next time; {memory}"
+    value = f"{_time(status.spent_seconds)}, {_size(status.disk_mb)}"
+    return SheetLine("cost", "Cost", value, reason, (), False)
+
+
+def _time(seconds: float) -> str:
+    if seconds >= 100.0:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds:.0f} s" if seconds >= 9.95 else f"{seconds:.1f} s"
+
+
+def _size(megabytes: float) -> str:
+    return f"{megabytes:.0f} MB" if megabytes < 1000.0 else f"{megabytes / 1000:.1f} GB"
 
 
 def _light_lines(document: Document, view: ViewState, status: PlacementStatus) -> Iterator[SheetLine]:

@@ -93,6 +93,7 @@ class PlacementTalk(ModeTalk):
         self._bounces, self._bounces_reason = (0, ""), ""
         self._light_plan = LightPlanned(0, 0)
         self._transport_bytes = 0
+        self._done: StageDone | None = None
 
     # ----------------------------------------------------------------------------------------- what the editor tells
 
@@ -264,6 +265,7 @@ class PlacementTalk(ModeTalk):
         estimate = self._error.estimate_of(self._document) if picture in ("finished", "exact") else None
         missing = transport_note(talk, report.precision, view.precision)
         n_bounces, bounces_note = self._bounces
+        done = self._done if self._done is not None and self._done.revision == talk.revision else None
         light = self._light_plan if self._light_plan.revision == talk.revision else LightPlanned(0, 0)
         said = {
             "picture": picture,
@@ -293,6 +295,8 @@ class PlacementTalk(ModeTalk):
             needed_lights=light.n_lights,
             needed_patches=light.n_patches,
             plan_reasons={**dict(light.reasons), "bounces": self._bounces_reason},
+            spent_seconds=None if done is None else done.spent_seconds,
+            disk_mb=0.0 if done is None else done.disk_bytes / 1e6,
         )
 
     @property
@@ -405,6 +409,7 @@ class PlacementTalk(ModeTalk):
         if response.transport_bytes:
             self._transport_bytes = response.transport_bytes
         if response.exact:
+            self._done = response
             self._desk.gauges.progress = None
 
 

@@ -34,15 +34,19 @@ FEWER = (8, 4, 2)
 LEAST = {"lights": 500, "patches": 96}
 NARROWER, BRIGHTER = 2, 3.0
 
+Pictures = Sequence[NDArray[np.float64]]
+"""As layers are, and with sharper highlights where these can be edited; (P, 3) each."""
+
 
 @dataclass(frozen=True)
 class LightNeed:
-    """As many lights and patches as are needed; off: how far the picture would be off that has no more than these, or
-    where none can be spared with half of them, relative RMS; by line of the plan, none that were not tried."""
+    """As many lights and patches as are needed; off: by line of the plan how far the picture would be off that has no
+    more than these, or where none can be spared with half of them, relative RMS, as it is and with sharper highlights;
+    none that were not tried."""
 
     lights: int
     patches: int
-    off: tuple[tuple[str, float], ...] = ()
+    off: tuple[tuple[str, float, float], ...] = ()
 
     def decided(self, most: Decisions, is_still: bool = False) -> Decisions:
         """These of the most there may be; a still of few lights asks for their shadows alone."""
@@ -52,11 +56,16 @@ class LightNeed:
     def reasons(self, most: Decisions) -> dict[str, str]:
         """Why, by line of the plan."""
         said = {}
-        for line, error in self.off:
+        for line, plain, sharper in self.off:
             ceiling, needed = (most.n_lights, self.lights) if line == "lights" else (most.n_patches, self.patches)
-            about = f"{100.0 * error:.1f} %"
-            fewer = f"{ceiling // FEWER[-1]:,} would change the picture by {about}"
-            said[line] = f"within {about} of what {ceiling:,} show" if needed < ceiling else fewer
+            fewer = f"{ceiling // FEWER[-1]:,}"
+            if needed < ceiling:
+                said[line] = f"within {100.0 * plain:.1f} % of what {ceiling:,} show"
+            elif plain > TOLERANCE:
+                said[line] = f"{fewer} would change the picture by {100.0 * plain:.1f} %"
+            else:
+                error = f"{100.0 * sharper:.1f} % off once its highlights are edited to be sharper"
+                said[line] = f"{fewer} would do for the picture as it is, but be {error}"
         return said
 
 
@@ -84,10 +93,10 @@ def needed_light(
             fewer = replace(need, **{line: number})
             errors = deviations((yield from tried.pictures(fewer.decided(most, is_still))), truth)
             if errors[0] <= TOLERANCE and errors[1] <= EDITED_TOLERANCE:
-                need = replace(fewer, off=(*need.off, (line, errors[0])))
+                need = replace(fewer, off=(*need.off, (line, *errors)))
                 break
         else:
-            need = replace(need, off=(*need.off, (line, max(errors))))
+            need = replace(need, off=(*need.off, (line, *errors)))
     return need
 
 
@@ -100,11 +109,16 @@ def with_needed_light(
     return plan.with_need(need.decided(most, plan.is_still), need.reasons(most))
 
 
-def deviations(trial: Sequence[NDArray[np.floating]], truth: Sequence[NDArray[np.floating]]) -> tuple[float, ...]:
-    """Relative RMS difference of each of some pictures (P, 3) from another; 0 where that is black."""
-    means = [float(picture.mean()) for picture in truth]
-    pairs = zip(trial, truth, means, strict=True)
-    return tuple(float(np.sqrt(np.mean((one - two) ** 2))) / mean if mean > 0.0 else 0.0 for one, two, mean in pairs)
+def deviations(trial: Pictures, truth: Pictures) -> tuple[float, float]:
+    """Relative RMS difference of each of both pictures (P, 3) from another; 0 where that is black."""
+    plain, sharper = (deviation(one, two) for one, two in zip(trial, truth, strict=True))
+    return plain, sharper
+
+
+def deviation(trial: NDArray[np.floating], truth: NDArray[np.floating]) -> float:
+    """Relative RMS difference of a picture from another; 0 where that is black."""
+    mean = float(truth.mean())
+    return float(np.sqrt(np.mean((trial - truth) ** 2))) / mean if mean > 0.0 else 0.0
 
 
 class _Trials:
@@ -121,7 +135,7 @@ class _Trials:
         if placement.sphere.done[self._rows].all():
             self._part.sphere.bits[:], self._part.sphere.done[:] = placement.sphere.bits[self._rows], True
 
-    def pictures(self, decisions: Decisions) -> Generator[None, None, list[NDArray[np.float64]]]:
+    def pictures(self, decisions: Decisions) -> Generator[None, None, Pictures]:
         """What the points reflect (P, 3): as the layers are, and with sharper highlights where these can be edited."""
         part = self._part if decisions.keeps_sphere else self._placement.at(self._rows)
         light = yield from told_as(part.light(self._sky, final_quality(decisions)), lambda fraction: None)

@@ -45,11 +45,11 @@ NO_INDIRECT = IndirectCost(0.0, 0.0, 0, 0)
 
 def estimate_cost(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, plan: Plan, seed: int = 1,
-    opening_seconds: float = 0.0,
+    spent_seconds: float = 0.0,
 ) -> Generator[StillProgress, None, Plan]:  # fmt: skip
     """The plan with its cost; yields its progress. The placement's own visibility is not touched.
 
-    opening_seconds: what it took to read the scene and to see it.
+    spent_seconds: what it took to read the scene, to see it and to find what it needs.
     """
     rows_of = {each.i_object: placement.rows_of(each.i_object) for each in layers}
     rows_of = {index: rows for index, rows in rows_of.items() if len(rows)}
@@ -70,7 +70,7 @@ def estimate_cost(
     indirect = yield from _try_indirect(placement, layers, sky, plan)
     n_bytes += indirect.n_bytes + (placement.sphere.bits.nbytes if plan.needs_sphere else 0)
     cost = Cost(
-        seconds=opening_seconds + visibility_seconds + projection_seconds + indirect.seconds,
+        seconds=spent_seconds + visibility_seconds + projection_seconds + indirect.seconds,
         visibility_seconds=visibility_seconds,
         indirect_seconds=indirect.seconds,
         memory_mib=_memory_bytes(placement, sky, plan, JOINING * indirect.n_bytes) / MIB,

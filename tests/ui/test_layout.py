@@ -17,6 +17,7 @@ from app.view_state import SetView
 from tests.ui.conftest import opened
 from tests.ui.stand_in import StandInClient
 from ui import layout
+from ui.docking import SETTLING
 from ui.headless import HeadlessWindow
 from ui.panels.actions import ShowPanel
 
@@ -252,3 +253,46 @@ def test_a_window_that_has_changed_its_form_draws_until_its_tabs_are_in_place(wi
     # On tabs that do not fit there are arrows in its place.
     for key in ("material", "objects", "curve"):
         window.shell.handle_position(f"button.fold.{key}")
+
+
+def in_front(window: HeadlessWindow) -> set[str]:
+    """Of the panels that share a place with others, those that are seen."""
+    shared = {panel.key for panel in layout.PANELS if layout.shares_place(panel)}
+    return shared & set(rectangles(window))
+
+
+def test_accuracy_is_before_the_plan_whatever_form_the_window_had(window: HeadlessWindow) -> None:
+    assert in_front(window) == {"library", "accuracy"}
+    for size in ((400, 300), (1280, 800)):  # small, all panels are folded away: they come back together
+        window.resize(size)
+        window.frames(layout_frames())
+    assert in_front(window) == {"library", "accuracy"}
+    tabs = imgui.internal.find_window_by_name(layout.ACCURACY.window).dock_node.tab_bar.tabs
+    assert [tabs[i].window.name.partition("#")[0] for i in range(len(tabs))] == ["Accuracy", "Plan"]
+
+
+def test_the_panel_a_hand_has_put_in_front_stays_there(context: moderngl.Context, tmp_path: Path) -> None:
+    """While the window has another form, and when it is opened again."""
+
+    def opened_again() -> HeadlessWindow:
+        editor = Editor(StandInClient(), "stand-in")
+        found = HeadlessWindow(editor, context=context, layout_file=tmp_path / "layout.ini")
+        found.frames(layout_frames())
+        return found
+
+    window = opened_again()
+    window.shell.do(ShowPanel("plan"))
+    window.frames(3)
+    for size in ((400, 300), (1280, 800)):  # small, all panels are folded away: they come back together
+        window.resize(size)
+        window.frames(layout_frames())
+    assert in_front(window) == {"library", "plan"}
+    window.close()
+    again = opened_again()
+    assert in_front(again) == {"library", "plan"}
+    again.close()
+
+
+def layout_frames() -> int:
+    """Until panels stand where their form has them, the right ones in front."""
+    return SETTLING + 2

@@ -53,8 +53,24 @@ def test_what_the_worker_found_to_be_enough_is_told() -> None:
     from app.document import Document
 
     status = PlacementStatus(needed_lights=1000, plan_reasons={"lights": "within 0.2 % of what 4,000 show"})
-    (first, *_) = plan_sheet(Document("scene"), ViewState(), status)
-    assert (first.value, first.reason) == ("1,000", "within 0.2 % of what 4,000 show")
+    (_, lights, *_) = plan_sheet(Document("scene"), ViewState(), status)
+    assert (lights.value, lights.reason) == ("1,000", "within 0.2 % of what 4,000 show")
+
+
+def test_the_first_line_says_what_the_picture_takes(shown: HeadlessWindow) -> None:
+    assert shown.run_until(lambda: shown.shell.editor.status.spent_seconds is not None, 30.0)
+    line = sheet(shown)["cost"]
+    assert line.value == "26 s, 311 MB" and "of main memory" in line.reason and not line.choices
+    assert "plan.cost" not in shown.shell.handles.names()  # it tells, and cannot be set
+
+
+def test_until_it_is_there_the_cost_is_the_time_that_is_left() -> None:
+    from app.document import Document
+
+    at_work = PlacementStatus(stage="final", fraction=0.3, seconds_left=12.4, memory_mb=683.0, gpu_mb=1240.0)
+    (cost, *_) = plan_sheet(Document("scene"), ViewState(), at_work)
+    assert cost.value == "12 s to go"
+    assert cost.reason == "so far 683 MB of main memory, 1.2 GB on the graphics card"
 
 
 def test_a_line_is_set_in_its_list_and_given_back(shown: HeadlessWindow) -> None:

@@ -58,8 +58,12 @@ def _line(context: PanelContext, line: SheetLine) -> list[Action]:
         imgui.same_line(edge - width - side - 0.5 * gap)
         if widgets.icon_button(context, f"plan.{line.line}.reset", Icon.RESET, GIVE_BACK):
             actions.append(Overrule(line.line, None))
-    imgui.same_line(edge - width)
-    actions += _value(context, line, width)
+    if line.choices:
+        imgui.same_line(edge - width)
+        actions += _value(context, line, width)
+    else:
+        imgui.same_line(edge - imgui.calc_text_size(line.value).x)
+        imgui.text_unformatted(line.value)
     imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() - 0.5 * imgui.get_style().item_spacing.y)
     widgets.caption(line.reason)
     return actions

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,8 @@ import pytest
 from PIL import Image
 
 from app import stills
+from app.cli import planning as cli_planning
+from app.cli.output import memory_note
 from app.cli.planning import plan_project
 from app.cli.precompute import precompute
 from app.editor import Editor
@@ -24,6 +27,7 @@ from app.messages import Progress
 from app.project import ProjectWords, open_project
 from app.view_state import ViewState
 from engine.errors import InsituError
+from engine.plan import Cost, Plan
 from engine.scene.builtin import builtin_scenes
 from tests.scene_text import ground
 
@@ -144,6 +148,37 @@ def test_the_table_of_plans_says_what_was_planned_and_what_it_was(
     assert [row.triangles for row in rows] == [2, 200 + 16_128] and len(written) == 3 and len(told) == 2
     first = rows[0]
     assert first.errors[1] == pytest.approx(first.planned_memory_mib / 400.0 - 1.0)
+
+
+def test_what_the_pilots_take_is_in_the_cost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A pilot of 0.3 s, before which the scene took 5 s to open, is in what was spent before shadows are tried."""
+    spent: list[float] = []
+
+    def pilot(placement: Any, layers: Any, sky: Any, plan: Plan) -> Any:
+        begun = time.process_time()
+        while time.process_time() < begun + 0.3:
+            pass
+        return plan
+        yield
+
+    def cost(*arguments: Any, spent_seconds: float) -> Any:
+        spent.append(spent_seconds)
+        return arguments[-1]
+        yield
+
+    monkeypatch.setattr(cli_planning, "with_needed_light", pilot)
+    monkeypatch.setattr(cli_planning, "estimate_cost", cost)
+    project = open_project(scene_of(tmp_path, ground((16, 12))))
+    plan_project(project, lambda step: None, opening_seconds=5.0)
+    assert spent[0] > 5.3
+
+
+def test_a_plan_that_does_not_fit_into_memory_says_so() -> None:
+    cost = Cost(1.0, 0.0, 0.0, memory_mib=1024.0, disk_mib=2048.0, gpu_mib=0.0, n_points=1, n_sampled=1)
+    plan = Plan((), 0, 0, False, "half", 1, 8, {}, cost=cost)
+    assert memory_note(plan, 4 << 30) == memory_note(replace(plan, cost=None), 1) == ""
+    assert memory_note(plan, 2 << 30).startswith("to edit it takes 3.0 GiB of main memory, 2.0 GiB are free")
+    assert memory_note(plan, 1 << 20).startswith("to precompute it takes 1.0 GiB")
 
 
 def scene_of(folder: Path, text: str) -> str:

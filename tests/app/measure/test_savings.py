@@ -17,6 +17,7 @@ def test_a_scene_is_drawn_in_both_ways(tmp_path: Path, monkeypatch: pytest.Monke
     (row,) = measure_savings([str(tmp_path / "even.toml")], tmp_path, told.append)
     assert row.points >= 48 * 36 // 2 and row.lights < 4000 and row.patches == 0 and not row.keeps_sphere
     assert 0.0 < row.difference < 0.005 and row.planned_seconds > 0.0
+    assert row.bounces == 1 and row.everything_indirect > 0.0 == row.planned_indirect  # a floor alone reflects nothing
     written = (tmp_path / "savings.csv").read_text().splitlines()
     assert written[0].startswith("scene,points") and written[1].startswith("even,") and len(told) == 1
     *_, line = table([row])
@@ -32,5 +33,5 @@ def test_a_difference_is_of_the_clamped_pictures() -> None:
 
 
 def test_the_share_of_the_time_is_told() -> None:
-    row = SavingRow("a", 1, 500, 0, False, 16, 8.0, 2.0, 0.001)
-    assert row.saved == pytest.approx(0.75)
+    row = SavingRow("a", 1, 500, 0, False, 16, 2, 8.0, 2.0, 12.0, 3.0, 0.001)
+    assert row.saved == pytest.approx(0.75)  # 5 of 20 s
