@@ -4,12 +4,18 @@ Which places of a picture need a gather point is only known once it is lit: by s
 between 0.6 and 0.95 of them. So a trial lights the scene roughly and refines some hundred blocks of the lattice, chosen
 at random, just as the solver refines all; what took place at its points is multiplied by how many there will be, what
 between its cells by theirs and their rays.
+
+Where there will be more cells than there may be, the solver begins anew with larger ones, several times where these
+hardly become fewer. What is lost so is most of the time of small scenes with polished metal: the reference bunny's
+light is looked for five times. How many cells there are of larger ones a second trial tells; the tries are then gone
+through as the solver does.
 """
 
+import math
 import time
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +27,7 @@ from engine.indirect.lattice import Lattice
 from engine.indirect.layers import IndirectLayer
 from engine.indirect.parts import Parts
 from engine.indirect.photons import PhotonMap
-from engine.indirect.solver import CELLS_BY_FANS, FINE, FULL, Fineness, Progress, Solver
+from engine.indirect.solver import CELLS_BY_FANS, FINE, FULL, PART_POINTS, Fineness, Progress, Solver, Try, growth
 from engine.indirect.stored import arrays_of
 from engine.transport.pipeline import Placement, SkyState
 
@@ -29,7 +35,20 @@ N_BLOCKS = 192
 FEWER = 8
 """As many times fewer are rays between cells, and photons."""
 
+# How much larger cells are in a second trial; of the solver's tries, those that are gone through at most.
+COARSER, MOST_TRIES = 1.5, 8
+
 Value = TypeVar("Value")
+
+
+class Lost(NamedTuple):
+    """Tries that are given up, and how many times as many fans as are kept are traced in them."""
+
+    n_tries: int
+    fans: float
+
+
+NOTHING_LOST = Lost(0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -47,11 +66,12 @@ class _Trial(Solver):
 
     def __init__(
         self, placement: Placement, models: Mapping[int, Sequence[str]], sky: SkyState, n_bounces: int,
-        fineness: Fineness, n_blocks: int,
+        fineness: Fineness, n_blocks: int, larger: float = 1.0,
     ) -> None:  # fmt: skip
+        """larger: by how much cells are than the solver would have them at first."""
         super().__init__(placement, models, sky, n_bounces, fineness)
-        self._n_blocks = n_blocks
-        self.seconds = dict.fromkeys(("size", "photons", "fans", "cells"), 0.0)
+        self._n_blocks, self._larger = n_blocks, larger
+        self.seconds = dict.fromkeys(("size", "photons", "fans", "rough", "cells"), 0.0)
         self.lattice: Lattice | None = None
 
     def _lattice(self) -> Lattice:
@@ -60,7 +80,7 @@ class _Trial(Solver):
         return self.lattice
 
     def _cell_size(self) -> float:
-        return self._timed("size", super()._cell_size)
+        return self._larger * self._timed("size", super()._cell_size)
 
     def _photons(self, cells: Cells) -> PhotonMap:
         return self._timed("photons", super()._photons, cells)
@@ -74,7 +94,8 @@ class _Trial(Solver):
     def _light(
         self, cells: Cells, fineness: Fineness, parts: Parts, span: tuple[float, float]
     ) -> Generator[Progress, None, CellLight]:
-        return (yield from self._steps("cells", super()._light(cells, fineness, parts, span)))
+        what = "cells" if fineness is self._fineness else "rough"
+        return (yield from self._steps(what, super()._light(cells, fineness, parts, span)))
 
     def _timed(self, what: str, work: Callable[..., Value], *arguments: object) -> Value:
         started = time.process_time()
@@ -114,22 +135,35 @@ def indirect_cost(
     n_points, n_tried_cells = trial.lattice.n_expected, max(len(found.cells), 1)
     by_point = n_points / max(len(found.points.gathered.points), 1)
     wanted = n_tried_cells * max(by_point, 1.0) ** CELLS_BY_FANS
-    # Where there are too many, what was done until then is done once more, by larger cells.
-    too_many = wanted > MOST_CELLS
-    n_cells = FULL * MOST_CELLS if too_many else wanted
-    again = (MOST_CELLS / wanted) ** (1.0 / CELLS_BY_FANS) if too_many else 0.0
+    lost = NOTHING_LOST
+    if wanted > MOST_CELLS:
+        coarser = _Trial(placement, models, sky, n_bounces, fewer, N_BLOCKS, COARSER)
+        n_coarser = len((yield from coarser.solve(layers)).cells)
+        lost = lost_tries(wanted, n_points, math.log(n_tried_cells / max(n_coarser, 1)) / math.log(COARSER))
+    n_cells = min(wanted, FULL * MOST_CELLS) if lost.n_tries else wanted
     by_cell = n_cells / n_tried_cells
     rest = seconds - sum(tried.values())
     total = (
         tried["size"]
-        + FEWER * tried["photons"]
-        + (1.0 + again) * by_point * tried["fans"]
+        + (1 + lost.n_tries) * FEWER * (tried["photons"] + by_cell * tried["rough"])
+        + (1.0 + lost.fans) * by_point * (tried["fans"] + rest)
         + by_cell * FEWER * tried["cells"]
-        + by_point * rest
     )
     arrays = arrays_of(found).items()
     n_bytes = sum(array.nbytes * _times(name, len(array), n_tried_cells, by_point, by_cell) for name, array in arrays)
     return IndirectCost(total, n_bytes, round(n_points), round(n_cells))
+
+
+def lost_tries(wanted: float, n_fans: float, power: float) -> Lost:
+    """What is lost until cells are large enough: wanted: cells of the first size after all fans; of s times larger ones
+    there are s^-power as many."""
+    size, n_lost, tries = 1.0, 0.0, list[Try]()
+    while (n_cells := wanted * size**-power) > MOST_CELLS and len(tries) < MOST_TRIES:
+        done = n_fans * (MOST_CELLS / n_cells) ** (1.0 / CELLS_BY_FANS)
+        n_lost += done
+        tries.append(Try(size, round(done) + PART_POINTS // 2))
+        size *= growth(tries, n_fans)
+    return Lost(len(tries), n_lost / max(n_fans, 1.0))
 
 
 def _times(name: str, length: int, n_cells: int, by_point: float, by_cell: float) -> float:
