@@ -71,7 +71,7 @@ def _cost_line(status: PlacementStatus) -> SheetLine:
     """What the picture takes: while it is being computed the time that is left, then what it was."""
     memory = f"{_size(status.memory_mb)} of main memory, {_size(status.gpu_mb)} on the graphics card"
     if status.spent_seconds is None:
-        left = "being found out" if status.seconds_left is None else f"{_time(status.seconds_left)} to go"
+        left = "being computed" if status.seconds_left is None else f"{_time(status.seconds_left)} to go"
         return SheetLine("cost", "Cost", left, f"so far {memory}", (), False)
     reason = f"of the processors since its last change, and on disk for the next time; {memory}"
     value = f"{_time(status.spent_seconds)}, {_size(status.disk_mb)}"

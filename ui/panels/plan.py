@@ -63,7 +63,7 @@ def _line(context: PanelContext, line: SheetLine) -> list[Action]:
         actions += _value(context, line, width)
     else:
         imgui.same_line(edge - imgui.calc_text_size(line.value).x)
-        imgui.text_unformatted(line.value)
+        widgets.rich_label(line.value)
     imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() - 0.5 * imgui.get_style().item_spacing.y)
     widgets.caption(line.reason)
     return actions
