@@ -124,9 +124,10 @@ def indirect_cost(
         fineness, n_cell_rays=fineness.n_cell_rays // FEWER, n_samples=fineness.n_samples // FEWER,
         n_photons=fineness.n_photons // FEWER,
     )  # fmt: skip
+    seconds = first = 0.0
     for n_blocks in (2, N_BLOCKS):  # the first reads kernels
         trial = _Trial(placement, models, sky, n_bounces, fewer, n_blocks)
-        started = time.process_time()
+        started, first = time.process_time(), seconds
         found = yield from trial.solve(layers)
         seconds = time.process_time() - started
     if trial.lattice is None:
@@ -143,8 +144,10 @@ def indirect_cost(
     n_cells = min(wanted, FULL * MOST_CELLS) if lost.n_tries else wanted
     by_cell = n_cells / n_tried_cells
     rest = seconds - sum(tried.values())
+    reading = max(first - tried["size"] - tried["photons"], 0.0)
     total = (
-        tried["size"]
+        reading
+        + tried["size"]
         + (1 + lost.n_tries) * FEWER * (tried["photons"] + by_cell * tried["rough"])
         + (1.0 + lost.fans) * by_point * (tried["fans"] + rest)
         + by_cell * FEWER * tried["cells"]

@@ -56,21 +56,22 @@ def estimate_cost(
     n_each = int(np.clip(MOST_SAMPLED // max(len(rows_of), 1), LEAST_SAMPLED, N_SAMPLED))
     generator = np.random.default_rng(seed)
     samples = {index: _sample(rows, n_each, generator) for index, rows in rows_of.items()}
-    yield StillProgress(0.0, "trying the light")
+    yield StillProgress(0.0, "trying shadows")
+    visibility_seconds, reading_seconds = _try_shadows(placement, sky, plan)
+    yield StillProgress(0.2, "trying the light")
     light = _light_of(placement, samples, sky, plan)
-    yield StillProgress(0.1, "trying shadows")
-    visibility_seconds = _try_shadows(placement, sky, plan)
     projection_seconds, n_bytes = 0.0, 0.0
     present = [each for each in layers if each.i_object in samples]
     for i, each in enumerate(present):
         yield StillProgress(0.3 + 0.2 * i / len(present), f"trying {each.layer.name} of object {each.i_object}")
-        seconds, size = _try_layer(placement, samples[each.i_object], light, each)
+        seconds, size, reading = _try_layer(placement, samples[each.i_object], light, each)
+        reading_seconds += reading
         projection_seconds += seconds * len(rows_of[each.i_object])
         n_bytes += size * len(rows_of[each.i_object])
     indirect = yield from _try_indirect(placement, layers, sky, plan)
     n_bytes += indirect.n_bytes + (placement.sphere.bits.nbytes if plan.needs_sphere else 0)
     cost = Cost(
-        seconds=spent_seconds + visibility_seconds + projection_seconds + indirect.seconds,
+        seconds=spent_seconds + reading_seconds + visibility_seconds + projection_seconds + indirect.seconds,
         visibility_seconds=visibility_seconds,
         indirect_seconds=indirect.seconds,
         memory_mib=_memory_bytes(placement, sky, plan, JOINING * indirect.n_bytes) / MIB,
@@ -105,20 +106,20 @@ def _light_of(placement: Placement, samples: Mapping[int, np.ndarray], sky: SkyS
     return VisibleLight(lighting, sphere, fine, emitters, near)
 
 
-def _try_shadows(placement: Placement, sky: SkyState, plan: Plan) -> float:
+def _try_shadows(placement: Placement, sky: SkyState, plan: Plan) -> tuple[float, float]:
     """Seconds that cutting and seeing the light takes, by one window of the picture and by some: what does not grow
-    with the points is told apart so."""
+    with the points is told apart so; and seconds that reading its kernels took."""
     windows = _windows(placement)
     if not windows:
-        return 0.0
+        return 0.0, 0.0
     few, many = windows[0], np.sort(np.concatenate(windows))
     quality = still_quality(plan)
-    _seconds_of_light(placement.at(few), sky, quality)  # reads kernels
-    least, seconds = (_seconds_of_light(placement.at(rows), sky, quality) for rows in (few, many))
+    first, least, seconds = (_seconds_of_light(placement.at(rows), sky, quality) for rows in (few, few, many))
+    reading = max(first - least, 0.0)
     if len(windows) == 1:
-        return seconds
+        return seconds, reading
     by_point = max(seconds - least, 0.0) / (len(many) - len(few))
-    return seconds + by_point * (len(placement.hits.pixel) - len(many))
+    return seconds + by_point * (len(placement.hits.pixel) - len(many)), reading
 
 
 def _seconds_of_light(placement: Placement, sky: SkyState, quality: Quality) -> float:
@@ -138,16 +139,20 @@ def _windows(placement: Placement) -> list[np.ndarray]:
     return [np.flatnonzero(number == each).astype(np.int32) for each in chosen] if len(there) else []
 
 
-def _try_layer(placement: Placement, rows: np.ndarray, light: VisibleLight, each: StillLayer) -> tuple[float, float]:
-    """Seconds and bytes that one point of a layer takes."""
+def _try_layer(
+    placement: Placement, rows: np.ndarray, light: VisibleLight, each: StillLayer
+) -> tuple[float, float, float]:
+    """Seconds and bytes that one point of a layer takes, and seconds that reading kernels took."""
     shape = LayerShape(each.layer.model.name, tuple(each.layer.quotient_parameters().tolist()), each.bands)
-    project_points(placement.hits, rows[:1], light, shape, 0)  # compiles
+    started = time.process_time()
+    project_points(placement.hits, rows[:1], light, shape, 0)
+    reading = time.process_time() - started
     parts = np.array_split(rows, n_threads())  # shared as the work is: cores that share what they have are slower
     started = time.process_time()
     tiles = on_threads(lambda part: project_points(placement.hits, part, light, shape, 0), parts)
     seconds = time.process_time() - started
     n_bytes = sum(tile.n_bytes for tile in tiles)
-    return seconds / len(rows), n_bytes / len(rows) if each.editable else BYTES_A_POINT
+    return seconds / len(rows), n_bytes / len(rows) if each.editable else BYTES_A_POINT, reading
 
 
 def _try_indirect(
