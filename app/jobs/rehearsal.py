@@ -49,6 +49,8 @@ primitive = "quad"
 transform = [1,0,0,0, 0,0,-1,2, 0,1,0,0, 0,0,0,1]
 emission = [5, 5, 5]
 """
+# Beside those of the ball, whose shadow has an edge that asks for suns.
+_N_POINTS = 100
 # What Orbit reads besides: an image, bumps, and a sky with suns, a brushed layer.
 _ORBIT_CHANGES = (
     ("radiance = 0.5", 'file = "sky.exr"'),
@@ -101,9 +103,9 @@ def _rehearse_orbit(client: InProcessClient, folder: Path) -> None:
     _ask(client, LookFrom(1))
     description = parse_description(parse_toml(text, scene.name), scene.name)
     state = scene_state(document_from_description(str(scene), description))
-    _ask(client, PrepareOrbit(state, 3))
+    _ask(client, PrepareOrbit(state, 3, n_points=_N_POINTS))
     for quality in ("moving", "rest"):
-        _ask(client, DrawOrbit(description.camera, (8, 8), quality))  # type: ignore[arg-type]
+        _ask(client, DrawOrbit(description.camera, (24, 24), quality))  # type: ignore[arg-type]
 
 
 def _with_bands(document: Document, key: str) -> LayerState:

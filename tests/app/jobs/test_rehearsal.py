@@ -18,11 +18,11 @@ from app.jobs.rehearsal import rehearse_later
 called = {}
 for part in rehearse_later():
     from engine.indirect._second_kernels import second_light
-    from engine.orbit._corner_kernels import shade_corners
+    from engine.orbit._sun_kernels import add_asked
     from engine.texture._stroke_kernels import cover
     from engine.transport._relight_kernels import fill_rows
 
-    kernels = {"painting": cover, "indirect": second_light, "relighting": fill_rows, "orbit": shade_corners}
+    kernels = {"painting": cover, "indirect": second_light, "relighting": fill_rows, "orbit": add_asked}
     called[part] = {name for name, kernel in kernels.items() if kernel.signatures}
 assert tuple(called) == LATER
 for part, found in called.items():
