@@ -45,13 +45,14 @@ class Request(Message):
     What the two processes need to know of a kind it says itself. `built_on`: kinds that it means nothing without.
     `quick`: it is served between the steps of long ones, which none of it may be; the lower number goes first; None:
     it is a long one. `once`: answered once and for all, not again to a worker that is started anew. `alone`: nothing is
-    served before it is done. `stops`: a person who stops the work means it as well.
+    served before it is done, but what is served at `any_time`. `stops`: a person who stops the work means it as well.
     """
 
     built_on: ClassVar[tuple[type[Request], ...]] = ()
     quick: ClassVar[int | None] = None
     once: ClassVar[bool] = False
     alone: ClassVar[bool] = False
+    any_time: ClassVar[bool] = False
     stops: ClassVar[bool] = True
 
     @classmethod

@@ -7,7 +7,7 @@ it is looked at.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,6 +24,7 @@ from engine.deform.posed_scene import posed
 from engine.errors import InsituError
 from engine.light.environment import Environment, downsampled, load_environment
 from engine.plan import planned_edge_rays
+from engine.scene.hits import tracing_primary
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
 from engine.transport.pipeline import Placement, SkyState
@@ -73,15 +74,17 @@ class Bench:
         """This scene is there to be looked at, by the request of that number."""
         self._loaded = _Loaded(id, scene)
 
-    def look(self, request: LookFrom) -> None:
-        """A scene that is there is open as this camera sees it; what it sees may be the background alone."""
+    def look(self, request: LookFrom) -> Generator[None, None, None]:
+        """A scene that is there is open as this camera sees it, after some steps; what it sees may be the background
+        alone."""
         seen = next((each for each in (self._loaded, self._scene) if each.id == request.scene), _Loaded())
         if seen.scene is None:
             raise InsituError("no scene is open")
         scene, caster = seen.posed(request.poses)
         n_edge_rays = planned_edge_rays(scene.description) if request.n_edge_rays is None else request.n_edge_rays
         scene = scene.bumped(dict(request.bumps)).seen_from(request.camera, request.resolution)
-        placement = Placement(scene, caster, n_edge_rays)
+        hits = yield from tracing_primary(scene, caster, n_edge_rays=n_edge_rays)
+        placement = Placement(scene, caster, hits=hits)
         self._scene, self._loaded = seen, _Loaded()
         self._placement, self.view_id = placement, request.id
         self.geometry_key = _geometry_key(placement.scene, n_edge_rays)

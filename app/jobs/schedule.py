@@ -81,7 +81,7 @@ class Schedule:
             kind = min(long, key=lambda kind: kind.depth(), default=None)
             self._long = None if kind is None else _Job(self._waiting.pop(kind), self._handler.handle)
         for kind in [kind for kind in self._waiting if kind.quick is not None and kind not in self._quick]:
-            if self._serves_quick:
+            if self._serves(kind):
                 self._quick[kind] = _Job(self._waiting.pop(kind), self._handler.handle)
         job = self._chosen
         return job.request if job else None
@@ -113,10 +113,9 @@ class Schedule:
         line = _line_for(error, job.request, self._details)
         return Failed(line, id=job.request.id, revision=job.request.revision)
 
-    @property
-    def _serves_quick(self) -> bool:
-        """Whether nothing is under way that has to be done first, such as the opening of a scene."""
-        return self._long is None or (self._long.begun and not self._long.request.alone)
+    def _serves(self, kind: type[Request]) -> bool:
+        """Whether nothing is under way that a quick kind waits for, such as the opening of a scene."""
+        return self._long is None or (self._long.begun and (kind.any_time or not self._long.request.alone))
 
     def _finish(self, job: _Job) -> None:
         if self._quick.pop(type(job.request), None) is None:

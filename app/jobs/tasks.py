@@ -75,7 +75,7 @@ class Tasks:
 
     def _look(self, request: LookFrom) -> Steps:
         yield Progress("scene", 0.5, text="tracing what the camera sees")
-        self.bench.look(request)
+        yield from self.bench.look(request)
         for work in self._works:
             work.scene_seen()
         placement = self.bench.open_placement

@@ -63,6 +63,7 @@ class DrawOrbit(Request):
     built_on = (OpenScene,)
     quick = 0
     once = True
+    any_time = True
     stops = False
 
     camera: Camera

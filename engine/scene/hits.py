@@ -6,6 +6,7 @@ object, so that everything about one object is a range.
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -21,6 +22,7 @@ from engine.scene.picture_frame import Lamps
 from engine.scene.raycaster import Intersections, RayCaster
 from engine.scene.surface_points import SurfacePoints
 from engine.scene.surface_uvs import pixel_footprints
+from engine.steps import finish
 
 Floats = npt.NDArray[np.float32]
 Integers = npt.NDArray[np.int32]
@@ -131,18 +133,30 @@ def trace_primary(
 ) -> PrimaryHits:
     """Trace a ray through every pixel centre (Python's oracle renders the same), and through pixels at edges as many
     more as are asked for, 0 or what `ray_offsets` knows; resolution = (width, height)."""
+    return finish(tracing_primary(scene, caster, resolution, n_edge_rays))
+
+
+def tracing_primary(
+    scene: Scene, caster: RayCaster, resolution: tuple[int, int] | None = None, n_edge_rays: int = 0
+) -> Generator[None, None, PrimaryHits]:
+    """The same in steps."""
     size = width, height = resolution or scene.resolution
     directions = centre_directions(scene.description.camera, size)
     every = np.arange(width * height, dtype=np.int32)
     centres = _met(scene, caster, every, np.zeros((len(every), 2), np.float32), directions.reshape(-1, 3))
+    yield
     points = _points(scene, caster, centres, centres.reflecting(scene), size)
+    yield
     background = (centres.ids < 0).astype(np.float32)
     inner, lamps = every, []
     if n_edge_rays:
         met = _surface(points, len(every))
         edge = edge_pixels(centres.ids, met, turn_of(n_edge_rays), size)
+        yield
         around = _through_edges(scene, caster, every[edge], n_edge_rays, size)
+        yield
         points = _with_edges(scene, caster, points, met, around, every[edge], size)
+        yield
         background[edge] = (around.ids < 0).reshape(-1, n_edge_rays).mean(axis=1)
         inner = every[~edge]
         lamps.append(around.lamps(scene, 1.0 / n_edge_rays, np.arange(len(around.ids))))

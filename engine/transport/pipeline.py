@@ -83,11 +83,14 @@ def _within(steps: Iterator[float], begin: float, end: float) -> Iterator[float]
 class Placement:
     """One scene seen from one camera."""
 
-    def __init__(self, scene: Scene, caster: RayCaster | None = None, n_edge_rays: int = 0) -> None:
-        """caster: that of the scene's triangles, where there is one already; n_edge_rays: see `trace_primary`."""
+    def __init__(
+        self, scene: Scene, caster: RayCaster | None = None, n_edge_rays: int = 0, hits: PrimaryHits | None = None
+    ) -> None:
+        """caster: that of the scene's triangles, where there is one already; n_edge_rays: see `trace_primary`; hits:
+        what the camera sees, where it was traced already."""
         self.scene = scene
         self.caster = caster or RayCaster(scene.vertices, scene.triangles)
-        self.hits: PrimaryHits = trace_primary(scene, self.caster, n_edge_rays=n_edge_rays)
+        self.hits = trace_primary(scene, self.caster, n_edge_rays=n_edge_rays) if hits is None else hits
         self.sphere: Visibility = empty_visibility(self.hits, sphere_targets(VISIBILITY_LEVEL))
         self._rows: dict[int, np.ndarray] = {}
         self._footprints: dict[int, tuple[np.ndarray, np.ndarray]] = {}

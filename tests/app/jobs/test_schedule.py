@@ -1,6 +1,7 @@
 """What runs when: newer cancels older, quick requests run between steps, errors end one job alone."""
 
 import logging
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -8,8 +9,10 @@ import pytest
 
 from app.jobs.in_process import InProcessClient
 from app.jobs.schedule import Schedule
-from app.messages import Cancel, Failed, OpenScene, Progress, Response
+from app.messages import Cancel, Failed, LookFrom, OpenScene, Progress, Request, Response
+from app.orbit.messages import DrawOrbit
 from app.placement.messages import Contract, LayerPicture, LayerTransport, StageDone
+from engine.scene.description import Camera
 from tests.app.jobs.faulty_tasks import FaultyTasks, compute
 from tests.opened import run_in_process
 
@@ -47,6 +50,31 @@ def test_contraction_waits_for_its_scene_and_for_its_transport_to_begin() -> Non
     for request in (OpenScene("open x"), compute("pictures 2"), contract(2.0)):
         client.send(request)
     assert names(client.poll(10)) == ["SceneOpened", "LayerPicture", "LayerTransport", "LayerPicture", "StageDone"]
+
+
+class Steps:
+    """Takes three steps for anything, and notes them."""
+
+    def __init__(self) -> None:
+        self.done: list[str] = []
+
+    def handle(self, request: Request) -> Iterator[Response | None]:
+        for _ in range(3):
+            self.done.append(type(request).__name__)
+            yield None
+
+
+def test_orbit_draws_while_a_camera_is_traced_and_nothing_else_is_done() -> None:
+    # A hand that moves on meets a look that began when it rested.
+    handler = Steps()
+    schedule = Schedule(handler)
+    schedule.accept(LookFrom(1))
+    schedule.step()
+    schedule.accept(contract(2.0))
+    schedule.accept(DrawOrbit(Camera(position=(0.0, 0.0, 1.0), target=(0.0, 0.0, 0.0)), (4, 3), "moving"))
+    while schedule.choose() is not None:
+        schedule.step()
+    assert handler.done == ["LookFrom", *3 * ["DrawOrbit"], *2 * ["LookFrom"], *3 * ["Contract"]]
 
 
 def test_contraction_is_served_when_nothing_else_runs() -> None:
