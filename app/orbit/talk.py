@@ -222,8 +222,12 @@ class OrbitTalk(ModeTalk):
 
     @property
     def shows_look(self) -> bool:
-        """Whether the picture is from where the view looks now, and not from where it did a moment ago."""
-        return self._shows_placement or self._shown is not None and self._shown.look == self._desk.view.look
+        """Whether the picture is from where the view looks now, and in its poses, and not as it was a moment ago."""
+        if self._shows_placement or self._shown is None:
+            return self._shows_placement
+        view = self._desk.view
+        poses = self._poses_of(self._desk.history.document, view)
+        return (self._shown.look, self._shown.poses) == (view.look, poses)
 
     @property
     def hands_over(self) -> bool:

@@ -213,7 +213,9 @@ def test_a_hand_that_bends_has_one_picture_a_frame_and_nothing_made_ready_anew()
         table.history.do(SetDeformer(name, 0, amount=amount))
         (asked,) = table.update()
         assert isinstance(asked, DrawDeform) and asked.poses == ((name, (Deformation("bend", amount),)),)
+        assert not talk.shows_look  # what is selected has no outline over the pose of before
         take_picture(table)
+        assert talk.shows_look
     assert not any(isinstance(each, PrepareOrbit | DrawOrbit) for each in table.sent)
 
 
