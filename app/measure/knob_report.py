@@ -47,7 +47,7 @@ def report_text(rows: Sequence[KnobRow], facts: Mapping[str, Any]) -> str:
         f"# Speed against accuracy: {facts['scene']}\n",
         f"By `insitu measure` at {width} × {height}: each knob alone, all others as they are at present (**bold**). "
         "Errors are relRMSE against brute force, and the relative difference of means, in %. Seconds are the "
-        f"processor's, the median of {facts['repetitions']} runs, of more where they are quick and of fewer where "
+        f"processor's, the median of {_runs(facts['repetitions'])}, of more where they are quick and of fewer where "
         "they are slow, with the least and the most of them. A star: no other setting of the knob is as quick and as "
         "right.\n",
         f"Machine: {machine['cpu']}, {machine['cores']} cores, {machine['ram_gib']} GiB, {machine['system']}, "
@@ -58,6 +58,10 @@ def report_text(rows: Sequence[KnobRow], facts: Mapping[str, Any]) -> str:
         parts.append(f"## {TITLES[mode]}\n\n![{TITLES[mode]}: error over time]({plot_name(mode)})\n")
         parts += [_knob_text(name, own) for name, own in knobs.items()]
     return "\n".join(parts)
+
+
+def _runs(count: int) -> str:
+    return "one run" if count == 1 else f"{count} runs"
 
 
 def _load(load: Sequence[float] | None) -> str:

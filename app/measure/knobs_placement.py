@@ -90,7 +90,8 @@ def placement_knobs(subject: Subject, effort: PlacementKnobs) -> Iterator[Knob]:
     """Of a subject at the effort's size."""
     bench = _Direct(subject, effort)
     yield from _stage_knobs(bench, effort)
-    yield bench.knob("shadows", effort.shadows, bench.with_shadows, "ours", "visibility and transport")
+    if bench.has_sky:
+        yield bench.knob("shadows", effort.shadows, bench.with_shadows, "ours", "visibility and transport")
     yield bench.precision_knob()
     yield _edge_knob(bench, effort)
     yield from _Drag(bench, effort).knobs()
@@ -103,6 +104,7 @@ class _Direct:
 
     def __init__(self, subject: Subject, effort: PlacementKnobs) -> None:
         self.subject, self.effort = subject, effort
+        self.has_sky = subject.sky.environment is not None
         self.placement = Placement(subject.scene)
         visibility_seconds(self.placement)
         self.rows = random_rows(self.placement, effort.n_points)
@@ -172,9 +174,11 @@ class _Direct:
 
 def _stage_knobs(bench: _Direct, effort: PlacementKnobs) -> Iterator[Knob]:
     cost = "transport, its shadows known"
-    yield bench.knob("lights", effort.lights, lambda n: bench.stage(replace(FINAL, n_lights=n)), FINAL.n_lights, cost)
-    alone = "every direction of the judged points"
-    yield bench.knob("sphere level", effort.levels, bench.by_level, VISIBILITY_LEVEL, alone)
+    if bench.has_sky:  # lamps are no lights of the sphere, nor seen by its directions
+        n_lights = FINAL.n_lights
+        yield bench.knob("lights", effort.lights, lambda n: bench.stage(replace(FINAL, n_lights=n)), n_lights, cost)
+        alone = "every direction of the judged points"
+        yield bench.knob("sphere level", effort.levels, bench.by_level, VISIBILITY_LEVEL, alone)
     yield bench.knob("bands", effort.bands, lambda n: bench.stage(FINAL, n), bench.subject.most_bands, cost)
     if bench.placement.patches(1) is not None:
         yield bench.knob(

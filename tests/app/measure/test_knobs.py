@@ -6,6 +6,7 @@ import csv
 import json
 import math
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +19,9 @@ from app.measure.knob_study import KnobEffort
 from app.measure.knobs import Knob, KnobRow, Shown, measured, pareto_front, write_knobs
 from app.measure.knobs_deform import DeformKnobs
 from app.measure.knobs_orbit import WHOLE, OrbitKnobs, in_bits
-from app.measure.knobs_placement import SIMPLE_SERIES, PlacementKnobs
+from app.measure.knobs_placement import QUICKLY, SIMPLE_SERIES, PlacementKnobs, placement_knobs
 from app.measure.markdown import table
+from app.measure.subject import open_subject
 from app.measure.turning import spent
 from engine.indirect.solver import ROUGH
 from tests.app.measure.test_run import EFFORT
@@ -175,3 +177,15 @@ def test_all_knobs_of_a_tiny_scene(tiny_scene: str, tmp_path: Path) -> None:
     # Both representations are the plain sum, in single precision.
     assert max(error for (knob, _), error in found.items() if knob.startswith("representation")) < 1e-5
     assert found["order, harmonics themselves", "3"] < found["order, harmonics themselves", "2"]
+
+
+def test_under_lamps_alone_the_skys_knobs_are_left_out(tiny_scene: str) -> None:
+    lit = open_subject(tiny_scene)
+    effort = replace(QUICKLY, side=12, n_points=4, level=2)
+    dark = replace(lit, sky=replace(lit.sky, environment=None))
+    found = {
+        name: [knob.name for knob in islice(placement_knobs(subject, effort), count)]
+        for name, subject, count in (("sky", lit, 4), ("lamps", dark, 2))
+    }
+    assert found["sky"] == ["lights", "sphere level", "bands", "shadows"]
+    assert found["lamps"] == ["bands", "precision"]
