@@ -17,5 +17,5 @@ class OrbitStatus(Status):
 
     @property
     def goes_with_hand(self) -> bool:
-        """It is: pictures are drawn as the hand moves."""
-        return True
+        """It is: pictures are drawn as the hand moves, from the first on."""
+        return self.picture != "waiting"

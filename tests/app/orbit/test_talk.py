@@ -108,7 +108,12 @@ def table() -> Table:
 def test_nothing_is_drawn_before_there_is_anything_to_draw_of() -> None:
     table = Table()
     table.update()
-    assert table.update(1.0) == [] and table.talk.status(Status()).picture == "waiting"
+    status = table.talk.status(Status())
+    assert table.update(1.0) == [] and status.picture == "waiting" and not status.goes_with_hand
+
+
+def test_from_the_first_picture_on_it_goes_with_the_hand(table: Table) -> None:
+    assert table.talk.status(Status()).goes_with_hand
 
 
 def test_a_camera_that_moves_has_one_picture_under_way_and_the_next_is_of_then(table: Table) -> None:
