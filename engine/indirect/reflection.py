@@ -125,7 +125,11 @@ class Fans:
         yield from self._in_parts(light, work, [aim])
         if layer.is_tinted:
             out *= layer.tint.astype(np.float32)[:, None, None, None]
-        return reduce(_mean_planes, self._means, held(out))
+        out = held(out)
+        for means in self._means:
+            yield
+            out = _mean_planes(out, means)
+        return out
 
     def _aim(self, optics: kernels.ReflectingLayer) -> Aim:
         """What is kept for such a layer, or new."""
