@@ -67,7 +67,7 @@ class Desk:
         self.scene.write_text(SCENE)
         self.client = WatchedClient(folder / "cache")
         self.editor, self.now = Editor(self.client, str(self.scene)), 0.0
-        self.frames(2)
+        self.until_open()
         self.editor.do(SetView.of(n_lights=500, n_bounces=n_bounces))
 
     def frames(self, n: int, seconds: float = 0.1) -> None:
@@ -75,6 +75,13 @@ class Desk:
             self.now += seconds
             self.editor.tick(self.now)
             self.editor.talk.rendered(RenderReport(exact=True))
+
+    def until_open(self) -> None:
+        for _ in range(1000):
+            if self.editor.scene_is_open:
+                return
+            self.frames(1)
+        raise AssertionError(self.editor.status)
 
     def until_finished(self) -> None:
         for _ in range(100_000):
