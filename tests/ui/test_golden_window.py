@@ -68,6 +68,7 @@ def window(context: moderngl.Context, tmp_path: Path, monkeypatch: pytest.Monkey
         wait_until_exact(opened)
         opened.drag_handle("curve.magnitude", (0, -30))
         wait_until_exact(opened)
+        assert opened.run_until(lambda: editor.status.estimate is not None, 600.0), editor.status
         editor.notify("")
         opened.move(400.0, 15.0)
         opened.frames(60)  # until the library has been read, a file a frame

@@ -139,6 +139,7 @@ def test_the_mode_is_saved_with_the_session_and_opened_with_it(window: HeadlessW
     assert load_session(tmp_path / "flat.insitu").view.mode == "flat"
     editor.do(SetView.of(mode="placement"))
     assert editor.open(str(tmp_path / "flat.insitu")) is None
+    wait_until_exact(window)
     assert shown(window) == [153, 128, 102] and editor.mode is FLAT
 
 
