@@ -127,3 +127,10 @@ class Gauges:
             notes=self.notes,
             stopped=self.stopped,
         )
+
+
+def duration(seconds: float) -> str:
+    """Seconds as a person says them: "0.4 s", "12 s", "3 min"."""
+    if seconds < 9.95:
+        return f"{seconds:.1f} s"
+    return f"{seconds:.0f} s" if seconds < 119.5 else f"{seconds / 60.0:.0f} min"

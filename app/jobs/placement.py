@@ -205,8 +205,8 @@ class PlacementWork(ModeWork):
                 tasks = self._indirect_tasks()
                 yield from tasks.find(scene.visible, sky, _lit_key(sky, placement.scene), n_bounces, exact)
             if due or exact:
-                spent, kept = time.process_time() - begun, self._kept_bytes if quality.name == FINAL.name else 0
-                yield StageDone(quality.name, exact, time.monotonic() - started, self._n_bytes, spent, kept)
+                spent = time.process_time() - begun
+                yield StageDone(quality.name, exact, time.monotonic() - started, self._n_bytes, spent)
             yield from self._bench.noted()
 
     @property
@@ -214,12 +214,6 @@ class PlacementWork(ModeWork):
         """Memory of all that was computed."""
         n_bytes = sum(data.store.n_bytes for data in self._layers.values()) + sum(self._filled.values())
         return n_bytes + self._relighting.n_bytes + (0 if self._indirect is None else self._indirect.n_bytes)
-
-    @property
-    def _kept_bytes(self) -> int:
-        """What of that is on disk, shadows from every direction included."""
-        sphere = self._bench.open_placement.sphere
-        return self._n_bytes - self._relighting.n_bytes + (sphere.bits.nbytes if sphere.done.all() else 0)
 
     def _indirect_tasks(self) -> IndirectTasks:
         """Made, and its kernels read, when a scene first wants more than direct light."""

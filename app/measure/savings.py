@@ -24,7 +24,7 @@ from engine.indirect.solver import FINE
 from engine.plan import MOST_BANDS, Plan
 from engine.render.bounces import MOST_PLANNED, planned_bounces
 from engine.render.indirect import indirect_radiance
-from engine.render.light_pilot import with_needed_light
+from engine.render.light_pilot import deviation, with_needed_light
 from engine.render.still import StillLayer, compose, reflected, still_layers, still_quality, with_maps
 from engine.scene.builtin import builtin_scenes
 from engine.steps import finish
@@ -125,7 +125,7 @@ def _of_pixels(project: Project, most: int) -> Project:
 def difference(picture: NDArray[np.floating], truth: NDArray[np.floating]) -> float:
     """Relative RMS, both clamped at the truth's percentile."""
     one, two = (np.minimum(each, np.percentile(truth, CLAMPED_AT)) for each in (picture, truth))
-    return float(np.sqrt(np.mean((one - two) ** 2)) / max(float(two.mean()), 1e-12))
+    return deviation(one, two)
 
 
 def _draw_everything(project: Project, plan: Plan) -> _Drawn:

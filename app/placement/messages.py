@@ -288,12 +288,11 @@ class RelightingPrepared(Response):
 
 @dataclass(frozen=True)
 class StageDone(Response):
-    """A stage is complete; `exact` when no finer one follows. spent_seconds: of the processors, since it was asked for;
-    disk_bytes: what is kept there of the picture."""
+    """A stage is complete; `exact` when no finer one follows. spent_seconds: of the processors, since it was asked
+    for."""
 
     stage: str
     exact: bool
     seconds: float
     transport_bytes: int = 0
     spent_seconds: float = 0.0
-    disk_bytes: int = 0

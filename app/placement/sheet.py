@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from app.document import Document, reflecting_layers
 from app.placement.status import PlacementStatus
-from app.status import Status
+from app.status import Status, duration
 from app.view_state import ViewState
 from engine.material.layer import Layer, object_of
 from engine.plan import PRECISION_REASON, edge_reason, sphere_reason, usual_bands
@@ -69,23 +69,12 @@ def _line(
 
 def _cost_line(status: PlacementStatus) -> SheetLine:
     """What the picture takes: while it is being computed the time that is left, then what it was."""
-    memory = f"{_size(status.memory_mb)} of main memory, {_size(status.gpu_mb)} on the graphics card"
+    memory = f"{status.memory_mb:.0f} MB of main memory, {status.gpu_mb:.0f} MB on the graphics card"
     if status.spent_seconds is None:
-        left = "being computed" if status.seconds_left is None else f"{_time(status.seconds_left)} to go"
+        left = "being computed" if status.seconds_left is None else f"{duration(status.seconds_left)} to go"
         return SheetLine("cost", "Cost", left, f"so far {memory}", (), False)
-    reason = f"of the processors since its last change, and on disk for the next time; {memory}"
-    value = f"{_time(status.spent_seconds)}, {_size(status.disk_mb)}"
-    return SheetLine("cost", "Cost", value, reason, (), False)
-
-
-def _time(seconds: float) -> str:
-    if seconds >= 100.0:
-        return f"{seconds / 60:.0f} min"
-    return f"{seconds:.0f} s" if seconds >= 9.95 else f"{seconds:.1f} s"
-
-
-def _size(megabytes: float) -> str:
-    return f"{megabytes:.0f} MB" if megabytes < 1000.0 else f"{megabytes / 1000:.1f} GB"
+    reason = f"of the processors since its last change; {memory}"
+    return SheetLine("cost", "Cost", duration(status.spent_seconds), reason, (), False)
 
 
 def _light_lines(document: Document, view: ViewState, status: PlacementStatus) -> Iterator[SheetLine]:

@@ -29,8 +29,7 @@ class PlacementStatus(Status):
     ``has_sky``: whether anything shines from afar. Of the plan: ``planned_bands`` are those of each layer by key and
     factor, ``needed_lights`` and ``needed_patches`` what the worker found to be enough of those asked for (0: it did
     not look), ``plan_reasons`` why, by line.
-    ``spent_seconds`` of the processors the picture has taken since its last change, None while it is being computed;
-    ``disk_mb`` are kept of it.
+    ``spent_seconds`` of the processors the picture has taken since its last change, None while it is being computed.
     """
 
     shown_coefficients: int = 0
@@ -46,7 +45,6 @@ class PlacementStatus(Status):
     needed_patches: int = 0
     plan_reasons: Mapping[str, str] = field(default_factory=dict)
     spent_seconds: float | None = None
-    disk_mb: float = 0.0
 
 
 @dataclass(frozen=True)

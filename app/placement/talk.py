@@ -296,7 +296,6 @@ class PlacementTalk(ModeTalk):
             needed_patches=light.n_patches,
             plan_reasons={**dict(light.reasons), "bounces": self._bounces_reason},
             spent_seconds=None if done is None else done.spent_seconds,
-            disk_mb=0.0 if done is None else done.disk_bytes / 1e6,
         )
 
     @property

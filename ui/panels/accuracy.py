@@ -12,7 +12,7 @@ from imgui_bundle import ImVec2, imgui
 
 from app.front import Front, Stop, front
 from app.naming import named
-from app.status import Status
+from app.status import Status, duration
 from app.view_state import SetView
 from engine.render.picture_error import ErrorEstimate, percent
 from ui import theme as look
@@ -142,10 +142,3 @@ def error_parts(estimate: ErrorEstimate) -> str:
     """What the error is of, line by line; "" where that is not known."""
     parts = {"direct light": estimate.direct, "light between surfaces": estimate.indirect}
     return "\n".join(f"{name}: {percent(error)}" for name, error in parts.items() if error is not None)
-
-
-def duration(seconds: float) -> str:
-    """Seconds as a person says them: "0.4 s", "12 s", "3 min"."""
-    if seconds < 10.0:
-        return f"{seconds:.1f} s"
-    return f"{seconds:.0f} s" if seconds < 120.0 else f"{seconds / 60.0:.0f} min"
