@@ -165,12 +165,10 @@ def interpolate(blocks, objects, row_image, position, normal, least_alike, point
     for b in range(blocks.shape[0]):
         block = blocks[b]
         y1, x1 = _corner(block, 3, height, width)
-        # The last row and column belong to the next block, where there is one.
-        last_y = y1 if y1 == height - 1 else y1 - 1
-        last_x = x1 if x1 == width - 1 else x1 - 1
-        for y in range(block[0], last_y + 1):
+        # Its last row and column belong to the next block, unless the picture ends before one.
+        for y in range(block[0], min(block[0] + block[2], height)):
             v = np.float32(y - block[0]) / np.float32(max(y1 - block[0], 1))
-            for x in range(block[1], last_x + 1):
+            for x in range(block[1], min(block[1] + block[2], width)):
                 r = row_image[y, x]
                 if r < 0:
                     continue
