@@ -32,4 +32,5 @@ def decisions_of(view: ViewState, document: Document) -> Decisions:
     """What transport is asked for with; view: as `decided_view` has it."""
     lines = dict(document.overrules)
     keeps_sphere, overruled = bool(lines.get("sphere", True)), NEEDED_LINES & lines.keys()
-    return Decisions(view.n_lights, view.n_patches, view.n_bounces, keeps_sphere, overruled)
+    n_rays = int(lines.get("rays", 0))
+    return Decisions(view.n_lights, view.n_patches, view.n_bounces, keeps_sphere, overruled, n_rays)

@@ -21,6 +21,7 @@ from engine.deform.still import render_deform
 from engine.deform.transfer import N_RAYS as DEFORM_RAYS
 from engine.errors import InsituError
 from engine.indirect.beyond import BRIGHTEST, held
+from engine.indirect.fineness import STILL
 from engine.indirect.series import BounceSeries
 from engine.material.layer import Layer, object_of
 from engine.orbit.live import Orbit
@@ -127,7 +128,9 @@ def render_project(
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
     layers = _at_most(layers, series.first or project.document.first_bands)
     if series.n_bounces > 1:
-        indirect = finish(indirect_radiance(placement, layers, sky, series), report)
+        fineness = STILL.with_rays(plan.n_rays) if plan.n_rays else STILL
+        finding = indirect_radiance(placement, layers, sky, series, fineness, as_needed=not plan.n_rays)
+        indirect = finish(finding, report)
     plan = finish(with_needed_light(placement, layers, sky, plan))
     quality = still_quality(plan)
     radiance = finish(reflected(placement, layers, sky, quality, indirect), report)

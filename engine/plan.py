@@ -65,6 +65,7 @@ SPHERE_PAYS_FROM = 1280
 # Of which there may be fewer than are planned at first.
 NEEDED_LINES = frozenset({"lights", "patches"})
 N_FINE = 512
+RAYS_REASON = "as few as the noise of a first look allows"
 PRECISION_REASON = "each coefficient's plane has its own scale, so half floats hold it to 0.05 %"
 
 Precision = Literal["half", "float"]
@@ -76,7 +77,8 @@ class Decisions:
 
     n_lights, n_patches: that sky and emitters are cut into at last, or fewer where these do (`render.light_pilot`) and
     no person has overruled it; keeps_sphere: whether shadows from every direction are found and kept, else those of
-    the lights alone; n_bounces: 0 for as many as the scene requires.
+    the lights alone; n_bounces: 0 for as many as the scene requires; n_rays: a fan of indirect light, 0 for as many as
+    the picture needs (`indirect.fineness`).
     """
 
     n_lights: int = N_LIGHTS
@@ -84,11 +86,12 @@ class Decisions:
     n_bounces: int = 1
     keeps_sphere: bool = True
     overruled: frozenset[str] = frozenset()
+    n_rays: int = 0
 
     @property
     def lit(self) -> Decisions:
         """The same as far as direct light goes."""
-        return replace(self, n_bounces=1)
+        return replace(self, n_bounces=1, n_rays=0)
 
 
 @dataclass(frozen=True)
@@ -135,7 +138,8 @@ class Cost:
 class Plan:
     """What will be computed for one scene. `reasons` says why, by line; `overruled` which lines a person set.
 
-    bounces: None until a pilot has said (`engine.render.bounces`); n_edge_rays: one of `engine.plan_lines.EDGE_RAYS`;
+    bounces: None until a pilot has said (`engine.render.bounces`); n_rays: a fan of indirect light, 0 for as many as it
+    needs when it is found (`engine.indirect.fineness`); n_edge_rays: one of `engine.plan_lines.EDGE_RAYS`;
     is_still: nothing of it is edited afterwards.
     """
 
@@ -150,12 +154,14 @@ class Plan:
     overruled: frozenset[str] = frozenset()
     cost: Cost | None = None
     is_still: bool = False
+    n_rays: int = 0
 
     @property
     def decisions(self) -> Decisions:
         """What its light is computed by."""
         n_lights, n_patches = self.n_lights or N_LIGHTS, self.n_patches or N_PATCHES
-        return Decisions(n_lights, n_patches, self.bounces or 0, self.needs_sphere, self.overruled & NEEDED_LINES)
+        overruled = self.overruled & NEEDED_LINES
+        return Decisions(n_lights, n_patches, self.bounces or 0, self.needs_sphere, overruled, self.n_rays)
 
     def with_need(self, decisions: Decisions, reasons: Mapping[str, str]) -> Plan:
         """With as many lights and patches as were found to be needed."""
@@ -250,6 +256,7 @@ def plan_scene(
             "sphere": sphere_reason(has_sky, needs_sphere),
             "precision": PRECISION_REASON,
             "bounces": "as the scene says",
+            "rays": RAYS_REASON,
             "edges": edge_reason(planned_edge_rays(scene.description)),
         },
         is_still=still,
@@ -282,10 +289,17 @@ def plan_lines(plan: Plan) -> Iterator[tuple[str, str, str]]:
         "sphere": "5,120 directions" if plan.needs_sphere else "not needed",
         "precision": plan.precision,
         "bounces": plan.bounces or "to be planned",
+        "rays": _rays_said(plan),
         "edges": f"{plan.n_edge_rays} rays a pixel" if plan.n_edge_rays else "off",
     }
     for line, value in values.items():
         yield line, f"{value:,}" if isinstance(value, int) else value, plan.reasons[line]
+
+
+def _rays_said(plan: Plan) -> str:
+    if plan.bounces == 1:
+        return "none"
+    return f"{plan.n_rays:,} a fan" if plan.n_rays else "as needed"
 
 
 def _plan_layer(key: str, layer: Layer, editable: bool, still: bool) -> LayerPlan:
@@ -342,6 +356,8 @@ def _switch(plan: Plan, line: str, value: LineValue) -> Plan:
             return replace(plan, needs_sphere=bool(value) and plan.n_lights > 0)
         case "edges", int():
             return replace(plan, n_edge_rays=value)
+        case "rays", int():
+            return replace(plan, n_rays=value)
         case "bounces", int():
             return replace(plan, bounces=value)
         case "lights", int():

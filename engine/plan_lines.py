@@ -1,7 +1,7 @@
 """The lines of a plan that a person may set, by name, and what to: one table for window, sessions and commands.
 
-"lights", "patches", "sphere", "precision", "bounces", "edges" are of the whole picture; "teapot.1.theta_h" is of one
-curve, by its layer's key and its name: as many bands. What a scene has of them `engine.plan` says.
+"lights", "patches", "sphere", "precision", "bounces", "rays", "edges" are of the whole picture; "teapot.1.theta_h" is
+of one curve, by its layer's key and its name: as many bands. What a scene has of them `engine.plan` says.
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ LineValue = int | str
 FEWEST_LIGHTS, MOST_LIGHTS = 20, 80_000
 # Rays through a pixel at an edge (`engine.scene.edges`); 0: through its centre alone.
 EDGE_RAYS = (0, 4, 8, 16)
+# Rays of a fan of indirect light.
+FAN_RAYS = (128, 256, 512, 1024)
 # What can be stored: rows of factor A may be long, the runs of factor B are counted in bytes.
 MOST_BANDS_OVERRULED = (512, 128)
 OFF = "off"
@@ -43,6 +45,7 @@ _LINES = {
     "sphere": _Line(lambda value: value in (0, 1), "0 or 1"),
     "precision": _Line(lambda value: value in ("half", "float"), "half or float"),
     "bounces": _from_to(1, MAX_BOUNCES),
+    "rays": _Line(lambda value: value in FAN_RAYS, "128, 256, 512 or 1024"),
     "edges": _Line(lambda value: value in EDGE_RAYS, "off, 4, 8 or 16"),
 }
 PICTURE_LINES = tuple(_LINES)

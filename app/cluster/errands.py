@@ -107,7 +107,7 @@ def project_tiles(
         return [replace(tile, begin=begin + tile.begin) for tile in project_layer(hits, rows, light, layer)]
 
 
-def find_indirect(errand: ViewErrand, layers: Sequence[LayerState], lit_by: str, n_bounces: int) -> Arrays:
+def find_indirect(errand: ViewErrand, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int) -> Arrays:
     """The fine indirect light of a view, as it is kept on disk."""
     from app.jobs.indirect import IndirectTasks
     from engine.indirect.stored import arrays_of
@@ -115,7 +115,7 @@ def find_indirect(errand: ViewErrand, layers: Sequence[LayerState], lit_by: str,
     with _at_work(errand):
         bench = _opened(errand, lambda: _bench(errand))
         tasks = IndirectTasks(bench.open_placement, bench.store, bench.view_key, bench.view_id)
-        for _ in tasks.find(layers, bench.sky(errand.scene.light), lit_by, n_bounces, is_last=True):
+        for _ in tasks.find(layers, bench.sky(errand.scene.light), lit_by, n_bounces, True, n_rays):
             pass
         assert tasks.light is not None
         return arrays_of(tasks.light)

@@ -57,8 +57,8 @@ class OnWorkers:
         for found in self._cluster.results(tasks):
             yield from [None] if found is None else found[1]
 
-    def indirect(self, layers: Sequence[LayerState], lit_by: str, n_bounces: int) -> FindingLight | None:
-        task = self._cluster.submit(find_indirect, self._errand, tuple(layers), lit_by, n_bounces)
+    def indirect(self, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int) -> FindingLight | None:
+        task = self._cluster.submit(find_indirect, self._errand, tuple(layers), lit_by, n_bounces, n_rays)
         return self._only(task, Progress("indirect light", 0.0, text="on one worker"))
 
     def _only(self, task: Future, meanwhile: Told) -> Generator[Told, None, Result]:

@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
@@ -24,22 +25,25 @@ from app.messages import Progress, Response
 from app.placement.messages import BouncesPlanned, Freeze, Frozen, IndirectFound, IndirectNoise
 from app.scene_state import LayerState
 from engine.indirect.albedo import albedo_bands
+from engine.indirect.fineness import FINE, ROUGH, Fineness
 from engine.indirect.irradiance import NOBODY
 from engine.indirect.layers import IndirectLayer, indirect_layer
 from engine.indirect.light import IndirectLight
 from engine.indirect.representation import GatherPolynomial, Selected
-from engine.indirect.solver import FINE, ROUGH, Fineness, Solver, relit
+from engine.indirect.solver import Solver, relit
 from engine.indirect.stored import NAMES, arrays_of
-from engine.material.layer import object_of
+from engine.material.layer import Layer, object_of
 from engine.render.bounces import planned_bounces
+from engine.render.indirect import direct_mean
 from engine.steps import told_as
 from engine.stored_arrays import Arrays
 from engine.transport.pipeline import Placement, SkyState
 
 Steps = Iterator[Response | None]
-Elsewhere = Callable[[Sequence[LayerState], str, int], FindingLight | None]
+Elsewhere = Callable[[Sequence[LayerState], str, int, int], FindingLight | None]
+Value = TypeVar("Value")
 # Raised when anything changes the numbers in what is kept on disk.
-STORED_VERSION = 7
+STORED_VERSION = 8
 MOST_PARTS = 1024
 # Of the work on indirect light, the share until it is found; then surfaces reflect it, and its noise is told.
 FOUND_AT = 0.9
@@ -112,16 +116,19 @@ class IndirectTasks:
         plan = planned_bounces(self._placement, indexed, n_bounces or None)
         return BouncesPlanned(plan.n_bounces, plan.reason, plan.warning)
 
-    def find(self, layers: Sequence[LayerState], sky: SkyState, lit_by: str, n_bounces: int, is_last: bool) -> Steps:
+    def find(
+        self, layers: Sequence[LayerState], sky: SkyState, lit_by: str, n_bounces: int, is_last: bool, n_rays: int = 0
+    ) -> Steps:
         """What a stage of the direct light calls for: `is_last` all that can be had, else what can be had at once.
 
-        lit_by: a key of the light.
+        lit_by: a key of the light; n_rays: a fan of fine light, 0 for as many as are needed.
         """
+        fine = FINE.with_rays(n_rays) if n_rays else FINE
         self._asked = lit_by, n_bounces
         models = tuple((each.key, each.model) for each in layers)
         found = self._found
         same_rays = found is not None and found.models == models and found.depth >= n_bounces
-        finest = found is not None and found.fineness is FINE and found.light.points.glossy
+        finest = found is not None and found.fineness == fine and found.light.points.glossy
         if found is not None and same_rays and (finest or not is_last):
             if (found.lit_by, found.light.n_bounces) == (lit_by, n_bounces):
                 yield self._where(found)
@@ -130,31 +137,37 @@ class IndirectTasks:
             light = relit(found.light, self._placement, sky, found.fineness, n_bounces)
             yield from self._hold(replace(found, light=light, lit_by=lit_by))
             return
-        of_object: dict[int, list[str]] = {}
+        by_object: dict[int, list[Layer]] = {}
         for each in layers:
-            of_object.setdefault(self._object(each), []).append(each.model)
+            by_object.setdefault(self._object(each), []).append(each.layer)
+        of_object = {i_object: [layer.model.name for layer in found] for i_object, found in by_object.items()}
         solver = partial(Solver, self._placement, of_object, sky, n_bounces)
         # The curves that decided where light is finest do not count: within a session they do not either.
-        key = content_key("indirect", STORED_VERSION, NAMES, self._scene_key, models, lit_by, n_bounces, repr(FINE))
-        kept = None if self._store is None else self._store.get(key, lambda arrays: solver(FINE).restored(arrays))
+        key = content_key("indirect", STORED_VERSION, NAMES, self._scene_key, models, lit_by, n_bounces, repr(fine))
+        kept = None if self._store is None else self._store.get(key, lambda arrays: solver(fine).restored(arrays))
         if kept is not None:
-            yield from self._hold(_Found(kept, FINE, models, lit_by, n_bounces, 0))
+            yield from self._hold(_Found(kept, fine, models, lit_by, n_bounces, 0))
             return
-        finding = self._elsewhere(layers, lit_by, n_bounces) if is_last and self._elsewhere else None
+        reflecting = [self._reflecting(each) for each in layers]
+        if not is_last:
+            light = yield from _told(solver(ROUGH).solve(reflecting))
+            yield from self._hold(_Found(light, ROUGH, models, lit_by, n_bounces, 0))
+            return
+        finding = self._elsewhere(layers, lit_by, n_bounces, n_rays) if self._elsewhere else None
         if self._store is not None and finding is not None:
             arrays = yield from finding
             self._store.put(key, arrays)
-            yield from self._hold(_Found(solver(FINE).restored(arrays), FINE, models, lit_by, n_bounces, 0))
+            yield from self._hold(_Found(solver(fine).restored(arrays), fine, models, lit_by, n_bounces, 0))
             return
-        reflecting = [self._reflecting(each) for each in layers]
-        fineness = FINE if is_last else ROUGH
-        if self._store is None or fineness is not FINE:
-            light = yield from _told(solver(fineness).solve(reflecting))
-            yield from self._hold(_Found(light, fineness, models, lit_by, n_bounces, 0))
+        other_light = None if n_rays else (yield from _silently(direct_mean(self._placement, by_object, sky)))
+        finder = solver(fine, other_light=other_light)
+        if self._store is None:
+            light = yield from _told(finder.solve(reflecting))
+            yield from self._hold(_Found(light, fine, models, lit_by, n_bounces, 0))
             return
         with self._store.open_tiles(key, MOST_PARTS) as tiles:
-            light = yield from _told(solver(FINE).solve(reflecting, _KeptParts(tiles)))
-            yield from self._hold(_Found(light, FINE, models, lit_by, n_bounces, 0))
+            light = yield from _told(finder.solve(reflecting, _KeptParts(tiles)))
+            yield from self._hold(_Found(light, fine, models, lit_by, n_bounces, 0))
             if self._store.put(key, arrays_of(light)):
                 tiles.finish()
 
@@ -184,7 +197,10 @@ class IndirectTasks:
     def _where(self, found: _Found) -> IndirectFound:
         rows, weights = found.light.footprint_by_object()
         self._told = found.number
-        return IndirectFound(found.number, found.fineness.name, rows, weights, id=self._scene_id)
+        need = found.light.need
+        return IndirectFound(
+            found.number, found.fineness.name, rows, weights, need.n_rays, need.reason, id=self._scene_id
+        )
 
     def _frozen(self, found: _Found, wish: Freeze) -> Steps:
         layers = {each.key: self._reflecting(each, wish.second_bands) for each in wish.scene.visible}
@@ -227,6 +243,10 @@ def _seen_by(found: _Found, wish: Freeze) -> IndirectLight:
 def _look_alike(one: Freeze, two: Freeze) -> bool:
     """Whether all layers look the same in both."""
     return (one.second_bands, one.scene.visible) == (two.second_bands, two.scene.visible)
+
+
+def _silently(steps: Generator[object, None, Value]) -> Generator[None, None, Value]:
+    return told_as(steps, lambda step: None)
 
 
 def _told(steps: Generator[tuple[float, str], None, IndirectLight]) -> Generator[Response | None, None, IndirectLight]:

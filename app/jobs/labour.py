@@ -33,7 +33,7 @@ class Labour(Protocol):
     ) -> Iterator[BandTile | None]:  # fmt: skip
         """The tiles of a layer's points as they are made, in any order, but those to skip; None while there is none."""
 
-    def indirect(self, layers: Sequence[LayerState], lit_by: str, n_bounces: int) -> FindingLight | None:
+    def indirect(self, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int) -> FindingLight | None:
         """The fine indirect light, as it is kept on disk; None: it is to be found here."""
 
 
@@ -49,5 +49,5 @@ class Here:
     ) -> Iterator[BandTile | None]:  # fmt: skip
         return project_layer(placement.hits, rows, light, layer, skip)
 
-    def indirect(self, layers: Sequence[LayerState], lit_by: str, n_bounces: int) -> FindingLight | None:
+    def indirect(self, layers: Sequence[LayerState], lit_by: str, n_bounces: int, n_rays: int) -> FindingLight | None:
         return None

@@ -203,7 +203,9 @@ class PlacementWork(ModeWork):
             if n_bounces > 1 and quality is not DRAG and (exact or is_rough):
                 yield from self._until_compiled(INDIRECT, "indirect light")
                 tasks = self._indirect_tasks()
-                yield from tasks.find(scene.visible, sky, _lit_key(sky, placement.scene), n_bounces, exact)
+                yield from tasks.find(
+                    scene.visible, sky, _lit_key(sky, placement.scene), n_bounces, exact, decisions.n_rays
+                )
             if due or exact:
                 spent = time.process_time() - begun
                 yield StageDone(quality.name, exact, time.monotonic() - started, self._n_bytes, spent)

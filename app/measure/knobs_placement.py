@@ -27,8 +27,8 @@ from app.project import Project, open_project
 from app.stills import layers_by_object, plan_still
 from engine.curve.operators import Operator
 from engine.curve.wavelet import forward
+from engine.indirect.fineness import FINE, ROUGH, STILL, Fineness
 from engine.indirect.series import BounceSeries, parse_series
-from engine.indirect.solver import FINE, ROUGH, STILL, Fineness
 from engine.material.layer import Layer
 from engine.render.indirect import indirect_radiance
 from engine.render.path_tracer import trace_halves

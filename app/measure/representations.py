@@ -26,10 +26,11 @@ from app.measure.growth import SOURCE, cut
 from app.measure.knobs import Knob, Shown
 from app.measure.subject import at_most, open_subject
 from app.sky import sky_of
+from engine.indirect.fineness import ROUGH, Fineness
 from engine.indirect.layers import IndirectLayer, indirect_layer
 from engine.indirect.light import IndirectLight
 from engine.indirect.representation import FrozenLight, GatherPolynomial, Representation, Selected
-from engine.indirect.solver import ROUGH, Fineness, Solver
+from engine.indirect.solver import Solver
 from engine.material import MODELS
 from engine.material.layer import make_layer
 from engine.scene.load import Scene

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from app.machine.atomic import save_file
 from app.project import Project, open_project
 from app.stills import plan_still
+from engine.indirect.fineness import FINE
 from engine.indirect.series import BounceSeries
-from engine.indirect.solver import FINE
 from engine.plan import MOST_BANDS, Plan
 from engine.render.bounces import MOST_PLANNED, planned_bounces
 from engine.render.indirect import indirect_radiance

@@ -210,12 +210,14 @@ class BouncesPlanned(Response):
 class IndirectFound(Response):
     """Where the indirect light of a stage was found: for each point four samples of its own object, by number, and
     their weights (P,4). `number` tells which `Frozen` belong to it. It belongs to the view, as `StageFootprint`
-    does, and is told again under each transport whose light it is."""
+    does, and is told again under each transport whose light it is. n_rays: of its fans, and why so many."""
 
     number: int
     stage: str
     rows: NDArray[np.integer]
     weights: NDArray[np.floating]
+    n_rays: int = 0
+    reason: str = ""
 
 
 @dataclass(frozen=True)

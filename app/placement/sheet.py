@@ -14,8 +14,8 @@ from app.placement.status import PlacementStatus
 from app.status import Status, duration
 from app.view_state import ViewState
 from engine.material.layer import Layer, object_of
-from engine.plan import PRECISION_REASON, edge_reason, sphere_reason, usual_bands
-from engine.plan_lines import MOST_BANDS_OVERRULED, LineValue
+from engine.plan import PRECISION_REASON, RAYS_REASON, edge_reason, sphere_reason, usual_bands
+from engine.plan_lines import FAN_RAYS, MOST_BANDS_OVERRULED, LineValue
 from engine.scene.description import MAX_BOUNCES
 
 Choices = tuple[tuple[str, LineValue], ...]
@@ -88,6 +88,9 @@ def _light_lines(document: Document, view: ViewState, status: PlacementStatus) -
         reason = why.get("patches", "parts of what shines in the scene")
         n_patches = status.needed_patches or view.n_patches
         yield _line(document, "patches", "Lamp patches", n_patches, reason, _numbers(PATCH_CHOICES))
+    if view.n_bounces != 1:
+        n_rays, reason = status.found_rays or "as needed", why.get("rays") or RAYS_REASON
+        yield _line(document, "rays", "Rays a fan", n_rays, reason, _numbers(FAN_RAYS))
     yield _line(document, "precision", "Transport", view.precision, PRECISION_REASON, _named(HALVES))
 
 

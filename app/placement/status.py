@@ -28,7 +28,8 @@ class PlacementStatus(Status):
     what of the transport is not yet as it is asked for, its bands or its precision.
     ``has_sky``: whether anything shines from afar. Of the plan: ``planned_bands`` are those of each layer by key and
     factor, ``needed_lights`` and ``needed_patches`` what the worker found to be enough of those asked for (0: it did
-    not look), ``plan_reasons`` why, by line.
+    not look), ``found_rays`` those of a fan of the indirect light that is there (0: none is), ``plan_reasons`` why, by
+    line.
     ``spent_seconds`` of the processors the picture has taken since its last change, None while it is being computed.
     """
 
@@ -43,6 +44,7 @@ class PlacementStatus(Status):
     planned_bands: tuple[tuple[str, Mapping[str, int]], ...] = ()
     needed_lights: int = 0
     needed_patches: int = 0
+    found_rays: int = 0
     plan_reasons: Mapping[str, str] = field(default_factory=dict)
     spent_seconds: float | None = None
 

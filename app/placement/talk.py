@@ -267,6 +267,7 @@ class PlacementTalk(ModeTalk):
         n_bounces, bounces_note = self._bounces
         done = self._done if self._done is not None and self._done.revision == talk.revision else None
         light = self._light_plan if self._light_plan.revision == talk.revision else LightPlanned(0, 0)
+        fine = self.indirect.fine
         said = {
             "picture": picture,
             "image_error": error if estimate is None else estimate.total,
@@ -294,7 +295,12 @@ class PlacementTalk(ModeTalk):
             planned_bands=tuple((key, self.curves.planned(self._document, key)) for key, _ in self._document.layers()),
             needed_lights=light.n_lights,
             needed_patches=light.n_patches,
-            plan_reasons={**dict(light.reasons), "bounces": self._bounces_reason},
+            found_rays=0 if fine is None else fine.n_rays,
+            plan_reasons={
+                **dict(light.reasons),
+                "bounces": self._bounces_reason,
+                "rays": "" if fine is None else fine.reason,
+            },
             spent_seconds=None if done is None else done.spent_seconds,
         )
 

@@ -10,6 +10,7 @@ from engine.indirect._ray_kernels import NORMAL
 from engine.indirect._second_kernels import SampledLights
 from engine.indirect.beyond import SQUARED, held, in_full
 from engine.indirect.cells import Cells
+from engine.indirect.fineness import RayNeed
 from engine.indirect.gather import FanSize, Gathered, object_of_rows
 from engine.indirect.irradiance import NOBODY, CellLight, radiosity
 from engine.indirect.lattice import least_alike
@@ -116,7 +117,7 @@ class GatherPoints:
 class IndirectLight:
     """footprint: for each point of the picture four gather points, by number, and their weights, (P, 4) each; light:
     what the cells send on, in up to n_bounces reflections; lamps: all that shines. All of it is in units of `unit`,
-    pictures excepted."""
+    pictures excepted. need: how many rays its fans have, and why."""
 
     points: GatherPoints
     footprint: Footprint
@@ -124,7 +125,8 @@ class IndirectLight:
     light: CellLight
     lamps: SampledLights
     n_bounces: int
-    unit: float = 1.0
+    unit: float
+    need: RayNeed
 
     @property
     def n_bytes(self) -> int:

@@ -8,7 +8,7 @@ asks for the cells' irradiance anew, a material for nothing but sums.
 import itertools
 import math
 from collections.abc import Generator, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -19,6 +19,7 @@ from engine.indirect._cell_kernels import NO_CELL, CellTable
 from engine.indirect._ray_kernels import HALF, NORMAL
 from engine.indirect.cells import Cells, TooManyCells
 from engine.indirect.curves import any_glossy, pole_of
+from engine.indirect.fineness import FINE, LEVELS, Fineness, RayNeed, needed_rays, noise_of
 from engine.indirect.further import further_fans
 from engine.indirect.gather import FanSize, Gathered, gather, joined, object_of_rows
 from engine.indirect.irradiance import CellLight, connect, direct_irradiance, radiosity
@@ -37,6 +38,7 @@ from engine.indirect.stored import (
     read_cell_size,
     read_footprint,
     read_gathered,
+    read_need,
     read_smoothing,
     read_table,
 )
@@ -47,33 +49,6 @@ from engine.stored_arrays import ArrayReader, Arrays
 from engine.transport.footprint import footprint, lattice_rows
 from engine.transport.pipeline import Placement, SkyState
 
-
-@dataclass(frozen=True)
-class Fineness:
-    """How finely indirect light is found.
-
-    n_rays a fan, of which n_records at most are followed where they end on glossy surfaces; most_further fans, a gather
-    point on average, where the first ones are noisy; n_photons that glossy surfaces throw; n_cells to aim at;
-    n_cell_rays between cells, a cell; n_samples of each kind of light, a cell; adaptive: refine the lattice of gather
-    points, else every eighth pixel; close: down to single pixels beside edges and contacts, which doubles what an
-    editor would hold and freeze.
-    """
-
-    name: str
-    n_rays: int
-    most_further: float
-    n_records: int
-    n_photons: int
-    n_cells: int
-    n_cell_rays: int
-    n_samples: int
-    adaptive: bool
-    close: bool = False
-
-
-ROUGH = Fineness("rough", 128, 0, 32, 1 << 15, 4000, 64, 64, False)
-FINE = Fineness("fine", 512, 1, 96, 1 << 19, 24000, 128, 256, True)
-STILL = Fineness("still", 1024, 1, 1024, 1 << 20, 16000, 64, 128, True, True)
 # What a first look at the scene takes.
 _PILOT_POINTS, _PILOT_RAYS = 1024, 64
 # How much larger cells are where there were too many, at least; with what power of the fans there are more of them.
@@ -123,16 +98,18 @@ class Solver:
 
     def __init__(
         self, placement: Placement, models: Mapping[int, Sequence[str]], sky: SkyState, n_bounces: int,
-        fineness: Fineness = FINE, glossy: bool = True,
+        fineness: Fineness = FINE, glossy: bool = True, other_light: float | None = None,
     ) -> None:  # fmt: skip
         """models: names of the models of every object's layers, by the object's index; n_bounces ≥ 2.
 
-        glossy: whether the second bounce off glossy surfaces has a direction, else it goes by albedo as all others do.
+        glossy: whether the second bounce off glossy surfaces has a direction, else it goes by albedo as all others do;
+        other_light: the mean radiance of what else the picture shows, by which noise is seen or not: with it no more
+        rays are taken than are needed, None for all.
         """
-        self._placement, self._fineness, self._n_bounces = placement, fineness, n_bounces
+        self._placement, self._most, self._n_bounces = placement, fineness, n_bounces
+        self._fineness, self._need, self._other_light = fineness, RayNeed(fineness.n_rays, fineness.n_rays), other_light
         n_objects = len(placement.hits.object_ranges)
         self._poles = np.array([pole_of(models.get(i, ())) for i in range(n_objects)], np.int64)
-        self._sizes = tuple(_fan_size(fineness.n_rays, int(pole)) for pole in self._poles)
         self._shining = shining_on(placement, sky)
         glossy_objects = np.array([any_glossy(models.get(i, ())) for i in range(n_objects)], bool)
         self._axes = np.ascontiguousarray(object_axes(placement.scene)[:, [1, 0]], np.float32)
@@ -150,9 +127,12 @@ class Solver:
         keeper: where parts are kept that this run has finished, and found that another has.
         """
         size, parts, tries = self._cell_size(), Parts(keeper), list[Try]()
+        asks_need = self._other_light is not None and self._most.adaptive
         while True:
             self._n_traced = PART_POINTS // 2  # of the part that is given up
             cells = Cells(self._placement.scene, self._placement.caster, size)
+            if asks_need and self._need.noise is None:
+                self._fineness = self._most.with_rays(self._most.n_rays // LEVELS[0])
             try:
                 return (yield from self._solve(cells, layers, parts))
             except TooManyCells:
@@ -162,6 +142,7 @@ class Solver:
 
     def restored(self, arrays: Arrays) -> IndirectLight:
         """What `solve` gave and `stored.arrays_of` made arrays of. Raises UnsoundArrays for anything else."""
+        self._fineness, self._need = self._restored_need(arrays)
         reader = self._reader(arrays)
         cells = Cells(self._placement.scene, self._placement.caster, read_cell_size(reader))
         cells.restore(read_table(reader))
@@ -169,6 +150,10 @@ class Solver:
         light = read_cell_light(reader, self._fineness.n_cell_rays, cells.objects.copy())
         points = replace(self._points(gathered, self._photons(cells)), smoothing=smoothing)
         return self._found(points, found, cells, light)
+
+    def _restored_need(self, arrays: Arrays) -> tuple[Fineness, RayNeed]:
+        need = read_need(ArrayReader(arrays), self._most.n_rays)
+        return self._most.with_rays(need.n_rays), need
 
     def _reader(self, arrays: Arrays) -> ArrayReader:
         """Of arrays that belong to this scene, light and fineness."""
@@ -199,22 +184,20 @@ class Solver:
     def _solve(
         self, cells: Cells, layers: Sequence[IndirectLayer], parts: Parts
     ) -> Generator[Progress, None, IndirectLight]:
-        none = np.zeros((0, self._fineness.n_rays), np.uint16)
-        rows = np.zeros(0, np.int32)
-        nothing = Gathered(rows, _first(rows), none, no_records(0), np.zeros(0, np.float32))
         yield 0.0, "looking around"
         photons = self._photons(cells)
         if self._fineness.adaptive:
-            points, found, begin = yield from self._refined(cells, nothing, layers, photons, parts)
+            points, found, begin = yield from self._refined(cells, layers, photons, parts)
         else:
-            points, found, begin = yield from self._even(cells, nothing, photons, parts)
+            points, found, begin = yield from self._even(cells, photons, parts)
         light = yield from self._light(cells, self._fineness, parts, (begin, _LIT))
         yield _SHONE_ON, "taking out noise"
         smoothing = self._found(points, found, cells, light).smoothed(layers)
         return (yield from _said(smoothing, _SHONE_ON, "taking out noise"))
 
     def _found(self, points: GatherPoints, found: Footprint, cells: Cells, light: CellLight) -> IndirectLight:
-        return IndirectLight(points, found, cells, light, self._shining.lamps, self._n_bounces, self._shining.unit)
+        lamps, unit = self._shining.lamps, self._shining.unit
+        return IndirectLight(points, found, cells, light, lamps, self._n_bounces, unit, self._need)
 
     def _photons(self, cells: Cells) -> PhotonMap:
         """What glossy surfaces throw."""
@@ -226,23 +209,27 @@ class Solver:
         return PhotonMap(source.send(self._placement.hits, self._fineness.n_photons))
 
     def _even(
-        self, cells: Cells, nothing: Gathered, photons: PhotonMap, parts: Parts
+        self, cells: Cells, photons: PhotonMap, parts: Parts
     ) -> Generator[Progress, None, tuple[GatherPoints, Footprint, float]]:
         """Every eighth pixel; and how much of the whole is done."""
         hits = self._placement.hits
         rows = lattice_rows(hits, COARSEST)
-        gathered = yield from self._gather(cells, nothing, rows, _first(rows), parts, (0.0, _LOOKED))
+        gathered = yield from self._gather(cells, self._nothing(), rows, _first(rows), parts, (0.0, _LOOKED))
         points = self._points(gathered, photons)
         numbers, weights = footprint(hits, rows, COARSEST)
         return points, (_among_all(hits, rows, numbers), weights), _LOOKED
 
+    def _nothing(self) -> Gathered:
+        """No fans yet."""
+        rows, seen = np.zeros(0, np.int32), np.zeros((0, self._fineness.n_rays), np.uint16)
+        return Gathered(rows, _first(rows), seen, no_records(0), np.zeros(0, np.float32))
+
     def _refined(
-        self, cells: Cells, gathered: Gathered, layers: Sequence[IndirectLayer], photons: PhotonMap, parts: Parts
+        self, cells: Cells, layers: Sequence[IndirectLayer], photons: PhotonMap, parts: Parts
     ) -> Generator[Progress, None, tuple[GatherPoints, Footprint, float]]:
         """As many points as the picture of these layers needs, by a quarter of the light between cells; and how much of
         the whole is done."""
-        n_rays, n_samples = self._fineness.n_cell_rays // 4, self._fineness.n_samples // 4
-        lattice = self._lattice()
+        lattice, gathered = self._lattice(), self._nothing()
         values, noise = np.zeros((2, len(self._placement.hits.pixel), 3), np.float32)
         clearance = np.zeros(len(self._placement.hits.pixel), np.float32)
         bright = None
@@ -253,16 +240,18 @@ class Solver:
             gathered = yield from self._gather(cells, gathered, rows, _first(rows), parts, span)
             span = next(looks, (_LOOKED_CLOSER[-1],) * 2)
             if bright is None:
-                coarser = replace(self._fineness, n_cell_rays=n_rays, n_samples=n_samples)
+                coarser = replace(
+                    self._most, n_cell_rays=self._most.n_cell_rays // 4, n_samples=self._most.n_samples // 4
+                )
                 light = yield from self._light(cells, coarser, parts, (_LOOKED, _ROUGHLY_LIT))
                 bright, _ = radiosity(light, albedos_of(layers, len(self._poles)), self._n_bounces)
-            new_cells = np.zeros((len(cells) - len(bright), *bright.shape[1:]), np.float32)  # not known yet: dark
             points = self._points(gathered, photons)
-            # By albedo and a share of the photons: what glossy surfaces send is noisier.
-            thrown = points.thrown(layers)
-            thrown = thrown._replace(light=_PHOTONS_SHARE * thrown.light)
-            sent = SentLight(np.concatenate([bright, new_cells]), None, thrown)
-            first, second = yield from _said(points.halves(layers, sent), span[0], "looking around")
+            halves = yield from _said(self._halves(points, layers, bright, len(cells)), span[0], "looking around")
+            if self._is_noisy(gathered.rows, halves):
+                gathered = yield from self._gather(cells, self._nothing(), rows, _first(rows), parts, span[:1] * 2)
+                points = self._points(gathered, photons)
+                halves = yield from _said(self._halves(points, layers, bright, len(cells)), span[0], "looking around")
+            first, second = halves
             values[gathered.rows], noise[gathered.rows] = 0.5 * (first + second), 0.5 * abs(first - second)
             clearance[gathered.rows] = gathered.clearance
             if not lattice.refine(values, noise, clearance):
@@ -276,6 +265,26 @@ class Solver:
                     cells, gathered, rows, nth, parts, (_LOOKED_CLOSER[-1], done), len(cells)
                 )
                 return self._points(gathered, photons), found, done
+
+    def _halves(
+        self, points: GatherPoints, layers: Sequence[IndirectLayer], bright: NDArray[np.float32], n_cells: int
+    ) -> Generator[None, None, NDArray[np.float32]]:
+        """What each half of the rays brings, (2, p, 3), of radiosities `bright` (C, D, 3) of the first C cells: by
+        albedo and a share of the photons, as what glossy surfaces send is noisier."""
+        new_cells = np.zeros((n_cells - len(bright), *bright.shape[1:]), np.float32)  # not known yet: dark
+        thrown = points.thrown(layers)
+        thrown = thrown._replace(light=_PHOTONS_SHARE * thrown.light)
+        sent = SentLight(np.concatenate([bright, new_cells]), None, thrown)
+        return (yield from points.halves(layers, sent))
+
+    def _is_noisy(self, rows: NDArray[np.int32], halves: NDArray[np.float32]) -> bool:
+        """Whether a first look with the fewest rays, by what its halves bring (2, p, 3), calls for more of them."""
+        if self._other_light is None or self._need.noise is not None:
+            return False
+        other = self._other_light / self._shining.unit
+        self._need = needed_rays(self._most.n_rays, noise_of(halves, self._placement.hits.share[rows], other))
+        before, self._fineness = self._fineness, self._most.with_rays(self._need.n_rays)
+        return self._fineness.n_rays > before.n_rays
 
     @property
     def _expected(self) -> float:
@@ -301,10 +310,14 @@ class Solver:
 
     def _points(self, gathered: Gathered, photons: PhotonMap) -> GatherPoints:
         points = GatherPoints(
-            self._placement.hits, gathered, self._poles, self._sizes, self._axes, self._second is not None,
+            self._placement.hits, gathered, self._poles, self._sizes(), self._axes, self._second is not None,
             photons.photons, nothing_landed(len(gathered.rows)),
         )  # fmt: skip
         return points.reached_by(photons, self._placement.scene, self._placement.caster)
+
+    def _sizes(self) -> tuple[FanSize, ...]:
+        """What each object's fans are."""
+        return tuple(_fan_size(self._fineness.n_rays, int(pole)) for pole in self._poles)
 
     def _gather(
         self, cells: Cells, before: Gathered, rows: NDArray[np.int32], nth: NDArray[np.uint8], parts: Parts,
@@ -313,7 +326,7 @@ class Solver:
         """The fans with some more, the nth (q,) of rows (q,); span: from where to where in the whole this is;
         first_open: see `gather`."""
         found = [before]
-        n_pole = np.array([size.n_pole for size in self._sizes])[object_of_rows(self._placement.hits, rows)]
+        n_pole = np.array([size.n_pole for size in self._sizes()])[object_of_rows(self._placement.hits, rows)]
         done = 0
         for n in np.unique(n_pole):
             own, size = np.flatnonzero(n_pole == n), FanSize(self._fineness.n_rays - int(n), int(n))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from engine.indirect._cell_kernels import MOST_CELLS, N_PLACES, NO_CELL, CellTable
 from engine.indirect._second_kernels import N_BY_POLE, N_BY_POWER, NO_LIGHT, LitPlaces, Records
 from engine.indirect.cells import N_SLOTS
+from engine.indirect.fineness import LEVELS, RayNeed
 from engine.indirect.gather import MOST_FANS, Gathered
 from engine.indirect.irradiance import CellLight
 from engine.indirect.light import Footprint, IndirectLight
@@ -20,9 +21,13 @@ from engine.indirect.smoothing import Smoothing, no_smoothing
 from engine.stored_arrays import ArrayReader, UnsoundArrays
 
 Arrays = dict[str, NDArray[np.generic]]
+UNASKED = -1.0  # in the place of noise that nobody asked for
 N_CANDIDATES = N_BY_POWER + N_BY_POLE
 _RECORDS, _CELLS, _SMOOTHING = "records.", "cells.", "smoothing."
-_OWN = ("rows", "nth", "seen", "clearance", "footprint", "footprint_weights", "cell_seen", "direct", "cell_size")
+_OWN = (
+    "rows", "nth", "seen", "clearance", "footprint", "footprint_weights", "cell_seen", "direct", "cell_size", "n_rays",
+    "noise",
+)  # fmt: skip
 NAMES = (
     *_OWN, *(_RECORDS + name for name in Records._fields), *(_CELLS + name for name in CellTable._fields),
     *(_SMOOTHING + name for name in Smoothing._fields),
@@ -34,7 +39,8 @@ def arrays_of(light: IndirectLight) -> Arrays:
     gathered, cells = light.points.gathered, light.cells
     own = (
         gathered.rows, gathered.nth, gathered.seen, gathered.clearance, *light.footprint, light.light.seen,
-        light.light.direct, np.array([cells.size]),
+        light.light.direct, np.array([cells.size]), np.array([light.need.n_rays], np.int64),
+        np.array([UNASKED if light.need.noise is None else light.need.noise]),
     )  # fmt: skip
     smoothing = light.points.smoothing or no_smoothing(len(gathered.points))
     return dict(zip(NAMES, (*own, *gathered.records, *cells.table(), *smoothing), strict=True))
@@ -135,6 +141,14 @@ def read_cell_light(reader: ArrayReader, n_rays: int, objects: NDArray[np.int32]
     if known["sending"] > known["C"]:
         raise UnsoundArrays("more cells send than there are")
     return CellLight(objects, seen, reader.take("direct", np.float32, "C", 3))
+
+
+def read_need(reader: ArrayReader, most: int) -> RayNeed:
+    """How many rays the fans have, of so many that there may be."""
+    n_rays, noise = int(reader.take("n_rays", np.int64, 1)[0]), float(reader.take("noise", np.float64, 1)[0])
+    if n_rays not in [most // level for level in LEVELS] or noise < 0.0 and noise != UNASKED:
+        raise UnsoundArrays("fans that nobody asked for")
+    return RayNeed(n_rays, most, None if noise == UNASKED else noise)
 
 
 def read_cell_size(reader: ArrayReader) -> float:

@@ -21,7 +21,7 @@ from engine.scene.hits import object_ids, shading_frames
 from engine.scene.load import Scene
 from engine.transport.pipeline import Placement
 
-TOLERANCE = 0.01
+TOLERANCE = 0.005
 MOST_PLANNED = 4
 MUCH = 0.25
 """A share of the light that is said to be missing."""

@@ -29,11 +29,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.light.lights import TriangleLights, cut_lights
-from engine.material.layer import Layer
 from engine.plan_lines import MOST_BANDS_OVERRULED
 from engine.render.path_tracer import trace_halves
 from engine.render.picture_error import ErrorEstimate
-from engine.render.still import StillLayer, StillProgress, layer_radiance, shape_of
+from engine.render.still import StillLayer, StillProgress, by_object, layer_radiance, shape_of
 from engine.scene.hits import PrimaryHits
 from engine.scene.raycaster import RayCaster
 from engine.transport.lighting import prepare_lighting
@@ -198,7 +197,7 @@ def _look(
     if n_bounces > 1:
         wanted = n_paths or int(np.clip(PATHS_A_PIXEL * len(placement.hits.pixel), FEWEST_PATHS, MOST_PATHS))
         n_each = max(wanted // len(rows), 2)
-        halves = yield from trace_halves(placement, _by_object(layers), sky, n_bounces, n_each, seed, rows)
+        halves = yield from trace_halves(placement, by_object(layers), sky, n_bounces, n_each, seed, rows)
         reflected = halves[:, :, 1] - halves[:, :, 0]
     return _Truth(rows, weights, direct, reflected)
 
@@ -315,13 +314,6 @@ def _twice(bands: tuple[int, int]) -> tuple[int, int]:
     """Twice as many of each curve that has any, as far as there can be."""
     most = MOST_BANDS_OVERRULED[0] if bands[1] == 1 else min(MOST_BANDS_OVERRULED)
     return min(2 * bands[0], most), 1 if bands[1] == 1 else min(2 * bands[1], most)
-
-
-def _by_object(layers: Sequence[StillLayer]) -> dict[int, list[Layer]]:
-    found: dict[int, list[Layer]] = {}
-    for each in layers:
-        found.setdefault(each.i_object, []).append(each.layer)
-    return found
 
 
 def _squares(shown: Floats, looks: Floats, top: float) -> Floats:

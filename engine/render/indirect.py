@@ -1,29 +1,38 @@
 """The indirect light of a still: what the editor shows when everything rests, by the same sums."""
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine.indirect.beyond import in_full
+from engine.indirect.fineness import STILL, Fineness
 from engine.indirect.layers import IndirectLayer, indirect_layer
 from engine.indirect.light import IndirectLight
 from engine.indirect.reflection import SentLight
 from engine.indirect.series import BounceSeries
-from engine.indirect.solver import STILL, Fineness, Solver
-from engine.render.still import StillLayer, StillProgress
+from engine.indirect.solver import Solver
+from engine.material.layer import Layer
+from engine.render.path_tracer import trace_halves
+from engine.render.still import StillLayer, StillProgress, by_object
 from engine.scene.hits import PrimaryHits
 from engine.steps import finish, told_as
 from engine.transport.pipeline import Placement, SkyState
 
+# Of the picture's points, those whose direct light is looked at, and by how many paths each.
+_N_ROWS, _N_PATHS = 2048, 8
+
 
 def indirect_radiance(
-    placement: Placement, layers: Sequence[StillLayer], sky: SkyState, series: BounceSeries, fineness: Fineness = STILL
-) -> Generator[StillProgress, None, NDArray[np.float32]]:
-    """Radiance (P, 3) that reaches the eye after 2 bounces to all of the series, at the points of the hits."""
+    placement: Placement, layers: Sequence[StillLayer], sky: SkyState, series: BounceSeries, fineness: Fineness = STILL,
+    as_needed: bool = False,
+) -> Generator[StillProgress, None, NDArray[np.float32]]:  # fmt: skip
+    """Radiance (P, 3) that reaches the eye after 2 bounces to all of the series, at the points of the hits; as_needed:
+    by no more rays than it needs."""
     reflecting = indirect_layers(layers, series.second)
-    solver = Solver(placement, models_of(layers), sky, series.n_bounces, fineness, glossy=series.second != 1)
+    other_light = (yield from direct_mean(placement, by_object(layers), sky)) if as_needed else None
+    solver = Solver(placement, models_of(layers), sky, series.n_bounces, fineness, series.second != 1, other_light)
     found = yield from told_as(solver.solve(reflecting), lambda step: StillProgress(*step))
     return finish(reflected_light(found, layers, series.second, placement.hits))
 
@@ -56,6 +65,20 @@ def _reflected(
     at_points = yield from found.points.reflected(layers, light)
     rows, weights = found.footprint
     return in_full(np.einsum("pk,pkc->pc", weights, at_points[rows]), found.unit)
+
+
+def direct_mean(
+    placement: Placement, layers_of: Mapping[int, Sequence[Layer]], sky: SkyState
+) -> Generator[StillProgress, None, float]:
+    """The mean of what the picture's points, with these layers of each object, reflect of light straight from sky and
+    lamps, by paths: within some per cent."""
+    hits = placement.hits
+    if not len(hits.pixel):
+        return 0.0
+    rows = np.sort(np.random.default_rng(1).choice(len(hits.pixel), min(_N_ROWS, len(hits.pixel)), replace=False))
+    halves = yield from trace_halves(placement, layers_of, sky, 1, _N_PATHS, 1, rows)
+    weights = hits.share[rows] / max(float(hits.share[rows].sum()), 1e-30)
+    return float(weights @ halves[:, :, 0].mean(axis=(0, 2)))
 
 
 def models_of(layers: Sequence[StillLayer]) -> dict[int, list[str]]:

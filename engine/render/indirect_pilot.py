@@ -21,13 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.indirect.cells import MOST_CELLS, Cells
+from engine.indirect.fineness import FINE, Fineness, RayNeed
 from engine.indirect.gather import Gathered
 from engine.indirect.irradiance import CellLight
 from engine.indirect.lattice import Lattice
 from engine.indirect.layers import IndirectLayer
 from engine.indirect.parts import Parts
 from engine.indirect.photons import PhotonMap
-from engine.indirect.solver import CELLS_BY_FANS, FINE, FULL, PART_POINTS, Fineness, Progress, Solver, Try, growth
+from engine.indirect.solver import CELLS_BY_FANS, FULL, PART_POINTS, Progress, Solver, Try, growth
 from engine.indirect.stored import arrays_of
 from engine.transport.pipeline import Placement, SkyState
 
@@ -53,12 +54,13 @@ NOTHING_LOST = Lost(0, 0.0)
 
 @dataclass(frozen=True)
 class IndirectCost:
-    """Processor seconds, bytes on disk, and how many gather points and cells there will be."""
+    """Processor seconds, bytes on disk, how many gather points and cells there will be, and rays a fan."""
 
     seconds: float
     n_bytes: float
     n_points: int
     n_cells: int
+    need: RayNeed | None = None
 
 
 class _Trial(Solver):
@@ -66,10 +68,10 @@ class _Trial(Solver):
 
     def __init__(
         self, placement: Placement, models: Mapping[int, Sequence[str]], sky: SkyState, n_bounces: int,
-        fineness: Fineness, n_blocks: int, larger: float = 1.0,
+        fineness: Fineness, n_blocks: int, larger: float = 1.0, other_light: float | None = None,
     ) -> None:  # fmt: skip
         """larger: by how much cells are than the solver would have them at first."""
-        super().__init__(placement, models, sky, n_bounces, fineness)
+        super().__init__(placement, models, sky, n_bounces, fineness, other_light=other_light)
         self._n_blocks, self._larger = n_blocks, larger
         self.seconds = dict.fromkeys(("size", "photons", "fans", "rough", "cells"), 0.0)
         self.lattice: Lattice | None = None
@@ -117,16 +119,17 @@ class _Trial(Solver):
 
 def indirect_cost(
     placement: Placement, models: Mapping[int, Sequence[str]], sky: SkyState, n_bounces: int,
-    layers: Sequence[IndirectLayer], fineness: Fineness = FINE,
+    layers: Sequence[IndirectLayer], fineness: Fineness = FINE, other_light: float | None = None,
 ) -> Generator[Progress, None, IndirectCost]:  # fmt: skip
-    """What `Solver(placement, models, sky, n_bounces, fineness)` will cost for these layers; yields its progress."""
+    """What `Solver(placement, models, sky, n_bounces, fineness, other_light=other_light)` will cost for these layers;
+    yields its progress."""
     fewer = replace(
         fineness, n_cell_rays=fineness.n_cell_rays // FEWER, n_samples=fineness.n_samples // FEWER,
         n_photons=fineness.n_photons // FEWER,
     )  # fmt: skip
     seconds = first = 0.0
     for n_blocks in (2, N_BLOCKS):  # the first reads kernels
-        trial = _Trial(placement, models, sky, n_bounces, fewer, n_blocks)
+        trial = _Trial(placement, models, sky, n_bounces, fewer, n_blocks, other_light=other_light)
         started, first = time.process_time(), seconds
         found = yield from trial.solve(layers)
         seconds = time.process_time() - started
@@ -138,7 +141,7 @@ def indirect_cost(
     wanted = n_tried_cells * max(by_point, 1.0) ** CELLS_BY_FANS
     lost = NOTHING_LOST
     if wanted > MOST_CELLS:
-        coarser = _Trial(placement, models, sky, n_bounces, fewer, N_BLOCKS, COARSER)
+        coarser = _Trial(placement, models, sky, n_bounces, fewer, N_BLOCKS, COARSER, other_light)
         n_coarser = len((yield from coarser.solve(layers)).cells)
         lost = lost_tries(wanted, n_points, math.log(n_tried_cells / max(n_coarser, 1)) / math.log(COARSER))
     n_cells = min(wanted, FULL * MOST_CELLS) if lost.n_tries else wanted
@@ -154,7 +157,7 @@ def indirect_cost(
     )
     arrays = arrays_of(found).items()
     n_bytes = sum(array.nbytes * _times(name, len(array), n_tried_cells, by_point, by_cell) for name, array in arrays)
-    return IndirectCost(total, n_bytes, round(n_points), round(n_cells))
+    return IndirectCost(total, n_bytes, round(n_points), round(n_cells), found.need)
 
 
 def lost_tries(wanted: float, n_fans: float, power: float) -> Lost:

@@ -13,11 +13,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from engine.indirect.fineness import FINE
 from engine.light.lights import cut_lights
 from engine.plan import Cost, Plan
-from engine.render.indirect import indirect_layers, models_of
+from engine.render.indirect import direct_mean, indirect_layers, models_of
 from engine.render.indirect_pilot import IndirectCost, indirect_cost
-from engine.render.still import StillLayer, StillProgress, still_quality
+from engine.render.still import StillLayer, StillProgress, by_object, still_quality
 from engine.steps import finish, told_as
 from engine.threads import n_threads, on_threads
 from engine.transport.fixed import BYTES_A_POINT
@@ -81,7 +82,10 @@ def estimate_cost(
         n_sampled=sum(len(sample) for sample in samples.values()),
         n_cores=n_threads(),
     )
-    return replace(plan, cost=cost)
+    plan = replace(plan, cost=cost)
+    if indirect.need is None or plan.n_rays:
+        return plan
+    return replace(plan, n_rays=indirect.need.n_rays, reasons={**plan.reasons, "rays": indirect.need.reason})
 
 
 def _sample(rows: np.ndarray, most: int, generator: np.random.Generator) -> np.ndarray:
@@ -160,7 +164,13 @@ def _try_indirect(
 ) -> Generator[StillProgress, None, IndirectCost]:
     if (plan.bounces or 1) < 2 or not len(placement.hits.pixel):
         return NO_INDIRECT
-    trying = indirect_cost(placement, models_of(layers), sky, plan.bounces or 1, indirect_layers(layers))
+    by_hand, other_light = plan.n_rays, None
+    if not by_hand:
+        other_light = yield from direct_mean(placement, by_object(layers), sky)
+    trying = indirect_cost(
+        placement, models_of(layers), sky, plan.bounces or 1, indirect_layers(layers),
+        FINE.with_rays(by_hand) if by_hand else FINE, other_light,
+    )  # fmt: skip
     return (yield from told_as(trying, lambda step: StillProgress(0.5 + 0.5 * step[0], f"trying: {step[1]}")))
 
 

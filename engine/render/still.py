@@ -65,6 +65,14 @@ class StillLayer:
         return self.layer.maps.factor(self.seen.texture[own], self.seen.weight[own])
 
 
+def by_object(layers: Iterable[StillLayer]) -> dict[int, list[Layer]]:
+    """The layers of each object, by its index."""
+    found: dict[int, list[Layer]] = {}
+    for each in layers:
+        found.setdefault(each.i_object, []).append(each.layer)
+    return found
+
+
 def with_maps(placement: Placement, layers: Iterable[StillLayer]) -> tuple[StillLayer, ...]:
     """The layers with their images sampled at the placement's points. Raises LoadError."""
     sampler = MapSampler(placement.scene, placement.caster, placement.hits)

@@ -17,7 +17,8 @@ from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks
 from app.project import open_project
 from app.view_state import ViewState
-from engine.indirect.solver import ROUGH, Solver
+from engine.indirect.fineness import ROUGH
+from engine.indirect.solver import Solver
 
 SCENE = """version = 1
 name = "two"

@@ -75,7 +75,7 @@ def rendered(source: str, monkeypatch: pytest.MonkeyPatch) -> int:
     """How many a still has."""
     found: list[int] = []
 
-    def note(placement: Any, layers: Any, sky: Any, series: Any) -> Any:
+    def note(placement: Any, layers: Any, sky: Any, series: Any, *finely: Any, **wanted: Any) -> Any:
         found.append(series.n_bounces)
         yield None
         return np.zeros((len(placement.hits.pixel), 3))

@@ -19,8 +19,9 @@ from app.placement.curves import Curves
 from app.placement.messages import Freeze, Frozen, IndirectFound
 from app.sky import sky_of
 from engine.indirect import solver as solver_module
+from engine.indirect.fineness import ROUGH
 from engine.indirect.gather import Gathered, gather
-from engine.indirect.solver import ROUGH, Solver
+from engine.indirect.solver import Solver
 from engine.scene.load import Scene, load_scene
 from engine.transport.pipeline import Placement
 from tests.app.jobs.ball_and_lamp import SCENE
@@ -91,7 +92,7 @@ from engine.scene.load import load_scene
 from engine.transport.pipeline import Placement
 from tests.app.jobs.test_indirect_tasks import PART_POINTS, found_by
 
-indirect.FINE, solver.PART_POINTS = solver.ROUGH, PART_POINTS
+indirect.FINE, solver.PART_POINTS = indirect.ROUGH, PART_POINTS
 append = tiles.Tiles.append_tile
 
 def append_and_die(self, index, arrays):

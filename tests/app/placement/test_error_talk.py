@@ -24,8 +24,8 @@ from app.project import open_project
 from app.stills import render_project
 from app.view_state import SetView
 from engine.curve.operators import Operator
+from engine.indirect.fineness import ROUGH
 from engine.indirect.series import BounceSeries
-from engine.indirect.solver import ROUGH
 from tests.scene_text import ground
 
 LIFT = Operator("translate", "y", 0.1, 0.2, 0.3, 0.4, magnitude=1.0)

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from engine.indirect.fineness import FINE, Fineness
 from engine.indirect.layers import IndirectLayer, indirect_layer
 from engine.indirect.light import IndirectLight
-from engine.indirect.solver import FINE, Fineness, Solver
+from engine.indirect.solver import Solver
 from engine.light.environment import Environment
 from engine.material import MODELS
 from engine.material.layer import make_layer

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from engine.indirect import further
+from engine.indirect.fineness import STILL
 from engine.indirect.further import NOISY, VERY_NOISY, further_fans
 from engine.indirect.gather import MOST_FANS
 from engine.indirect.light import IndirectLight
-from engine.indirect.solver import STILL
 from engine.light.environment import constant_environment
 from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placed, placement_of, solve
 

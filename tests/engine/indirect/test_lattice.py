@@ -128,9 +128,9 @@ def test_some_blocks_tell_how_many_points_all_of_them_ask_for():
 @pytest.mark.parametrize("close", [True, False], ids=["close", "not close"])
 @pytest.mark.parametrize("n", range(41, 51))
 def test_whatever_the_size_every_point_is_stood_for_by_known_ones(n, close):
-    # Blocks of eight pixels end on the last row and column of a picture of 41 or 49, and another one begins there, which
-    # is large, as all is even in it, while those before it are single pixels.
-    hits = placement_of(CORNER, eye=(0.7, 0.7, 0.8), target=(0.0, 0.1, 0.0), n=n).hits  # nothing beside the floor and walls
+    # Blocks of eight pixels end on the last row and column of a picture of 41 or 49, where others begin: large ones, as
+    # all is even in them, while those before are single pixels.
+    hits = placement_of(CORNER, eye=(0.7, 0.7, 0.8), target=(0.0, 0.1, 0.0), n=n).hits  # floor and walls fill it
     values, far = np.random.default_rng(n).random((len(hits.pixel), 1)), np.full(len(hits.pixel), np.inf, np.float32)
     values[np.max(np.divmod(hits.pixel, n), axis=0) == n - 1] = 0.5
     lattice = Lattice(hits, MATT, close)

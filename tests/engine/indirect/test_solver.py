@@ -7,9 +7,10 @@ import pytest
 
 from engine.indirect import further, irradiance
 from engine.indirect.beyond import is_beyond
+from engine.indirect.fineness import ROUGH
 from engine.indirect.irradiance import NOBODY
 from engine.indirect.layers import indirect_layer
-from engine.indirect.solver import ROUGH, Solver
+from engine.indirect.solver import Solver
 from engine.light.environment import Environment, constant_environment
 from engine.material import MODELS
 from engine.material.layer import make_layer

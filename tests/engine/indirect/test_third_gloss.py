@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from engine.indirect.fineness import STILL
 from engine.indirect.layers import indirect_layer
 from engine.indirect.light import IndirectLight
-from engine.indirect.solver import STILL
 from engine.material import MODELS, make_layer
 from engine.render.path_tracer import trace_paths
 from engine.steps import finish
