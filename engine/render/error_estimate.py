@@ -126,6 +126,19 @@ def judge(
     return Judged(estimate, hits.pixel[rows], _relative_squares(squares, mean))
 
 
+def judge_alike(
+    placement: Placement, layers: Sequence[StillLayer], sky: SkyState, quality: Quality, n_bounces: int,
+    radiances: Sequence[NDArray[np.floating]], n_paths: int, n_points: int, seed: int = _SEED,
+) -> Generator[StillProgress, None, tuple[float, ...]]:  # fmt: skip
+    """The whole errors of one picture that was computed in several ways, each (P, 3), by the same looks at the same
+    points, so that their difference is known better than each; other arguments: see `judge`."""
+    rows, weights = _sample(placement.hits, radiances[0], np.random.default_rng(seed), n_points)
+    truth = yield from _look(placement, layers, sky, quality, n_bounces, rows, weights, n_paths, seed)
+    top, mean = _scale(truth, float(np.percentile(radiances[0], CLAMP_PERCENTILE)))
+    shown = (np.asarray(radiance[rows], np.float64) for radiance in radiances)
+    return tuple(_relative(weights * _squares(each, truth.whole, top), mean) for each in shown)
+
+
 def judge_drawn(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, n_bounces: int,
     pictures: Sequence[NDArray[np.floating]], n_paths: int | None = None, seed: int = _SEED, n_points: int = N_POINTS,

@@ -28,13 +28,21 @@ def indirect_radiance(
     placement: Placement, layers: Sequence[StillLayer], sky: SkyState, series: BounceSeries, fineness: Fineness = STILL,
     as_needed: bool = False,
 ) -> Generator[StillProgress, None, NDArray[np.float32]]:  # fmt: skip
-    """Radiance (P, 3) that reaches the eye after 2 bounces to all of the series, at the points of the hits; as_needed:
-    by no more rays than it needs."""
-    reflecting = indirect_layers(layers, series.second)
+    """Radiance (P, 3) that reaches the eye after 2 bounces to all of the series, at the points of the hits; arguments:
+    see `find_indirect`."""
+    found = yield from find_indirect(placement, layers, sky, series, fineness, as_needed)
+    return finish(reflected_light(found, layers, series.second, placement.hits))
+
+
+def find_indirect(
+    placement: Placement, layers: Sequence[StillLayer], sky: SkyState, series: BounceSeries, fineness: Fineness,
+    as_needed: bool,
+) -> Generator[StillProgress, None, IndirectLight]:  # fmt: skip
+    """The light of a picture after 2 bounces to all of the series; as_needed: by no more rays than it needs."""
     other_light = (yield from direct_mean(placement, by_object(layers), sky)) if as_needed else None
     solver = Solver(placement, models_of(layers), sky, series.n_bounces, fineness, series.second != 1, other_light)
-    found = yield from told_as(solver.solve(reflecting), lambda step: StillProgress(*step))
-    return finish(reflected_light(found, layers, series.second, placement.hits))
+    steps = solver.solve(indirect_layers(layers, series.second))
+    return (yield from told_as(steps, lambda step: StillProgress(*step)))
 
 
 def reflected_light(

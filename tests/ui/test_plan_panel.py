@@ -57,6 +57,19 @@ def test_what_the_worker_found_to_be_enough_is_told() -> None:
     assert (lights.value, lights.reason) == ("1,000", "within 0.2 % of what 4,000 show")
 
 
+def test_rays_of_indirect_light_are_told_once_there_is_any() -> None:
+    from app.document import Document
+
+    found = PlacementStatus(found_rays=256, plan_reasons={"rays": "within 0.3 % of what 512 show"})
+    for status, told in (
+        (PlacementStatus(), ("as needed", "as few as the noise of a first look allows")),
+        (found, ("256", "within 0.3 % of what 512 show")),
+    ):
+        lines = {line.line: line for line in plan_sheet(Document("scene"), ViewState(n_bounces=3), status)}
+        assert (lines["rays"].value, lines["rays"].reason) == told
+    assert all(line.line != "rays" for line in plan_sheet(Document("scene"), ViewState(n_bounces=1), found))
+
+
 def test_the_first_line_says_what_the_picture_takes(shown: HeadlessWindow) -> None:
     assert shown.run_until(lambda: shown.shell.editor.status.spent_seconds is not None, 30.0)
     line = sheet(shown)["cost"]

@@ -105,11 +105,12 @@ def test_a_script_chooses_the_series(window: HeadlessWindow, tmp_path: Path) -> 
 
 def test_a_script_overrules_the_plan(window: HeadlessWindow, tmp_path: Path) -> None:
     editor = window.shell.editor
-    run(window, tmp_path, '[[step]]\noverrule = { lights = 600, edges = "off", "teapot.coat.theta_h" = 32 }\n')
-    assert dict(editor.document.overrules) == {"lights": 600, "edges": 0, "teapot.1.theta_h": 32}
+    lines = 'lights = 600, edges = "off", rays = 256, "teapot.coat.theta_h" = 32'
+    run(window, tmp_path, f"[[step]]\noverrule = {{ {lines} }}\n")
+    assert dict(editor.document.overrules) == {"lights": 600, "edges": 0, "rays": 256, "teapot.1.theta_h": 32}
     assert len(editor.talk.wanted_coefficients("teapot.1")["theta_h"]) == 32
     run(window, tmp_path, '[[step]]\nundo = 1\n[[step]]\noverrule = { lights = "auto" }\n')
-    assert dict(editor.document.overrules) == {"edges": 0}
+    assert dict(editor.document.overrules) == {"edges": 0, "rays": 256}
 
 
 @pytest.mark.parametrize(

@@ -25,6 +25,7 @@ from engine.indirect.solver import Solver
 from engine.scene.load import Scene, load_scene
 from engine.transport.pipeline import Placement
 from tests.app.jobs.ball_and_lamp import SCENE
+from tests.fineness import QUICK
 
 N_BOUNCES = 3
 ROOT = Path(__file__).parents[3]
@@ -38,12 +39,14 @@ def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Scene:
     return load_scene(path)
 
 
-def found_by(tasks: IndirectTasks, scene: Scene, lit_by: str = "noon", is_last: bool = True) -> list[Response]:
+def found_by(
+    tasks: IndirectTasks, scene: Scene, lit_by: str = "noon", is_last: bool = True, n_rays: int = 0
+) -> list[Response]:
     """What the worker tells of the scene's light, a freezing for the ball's gloss having been asked for before."""
     document = document_from_description("scene", scene.description)
     wanted = Curves().scene_state(document)
     list(tasks.freeze(Freeze(wanted, "ball.1", 0)))
-    steps = tasks.find(wanted.visible, sky_of(scene, document.light), lit_by, N_BOUNCES, is_last)
+    steps = tasks.find(wanted.visible, sky_of(scene, document.light), lit_by, N_BOUNCES, is_last, n_rays)
     return [answer for answer in steps if isinstance(answer, IndirectFound | Frozen)]
 
 
@@ -63,6 +66,21 @@ def test_light_found_before_is_there_with_the_first_picture(
     for key, values in frozen.reflected.items():
         assert values.max() > 0.0
         np.testing.assert_array_equal(again.reflected[key], values)
+
+
+def test_as_many_rays_are_taken_as_are_needed_or_asked_for(
+    scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(indirect_module, "FINE", QUICK)
+    tasks = IndirectTasks(Placement(scene), Store(tmp_path / "cache"), "scene")
+    where, _ = found_by(tasks, scene)
+    assert where.n_rays in (32, 64, 128) and where.reason.startswith(("within", "64 would be"))
+    more, _ = found_by(tasks, scene, n_rays=256)
+    assert (more.n_rays, more.reason) == (256, "as many as there may be") and more.number != where.number
+    back, *frozen = found_by(tasks, scene)
+    assert back.n_rays == where.n_rays and back.number != more.number and len(frozen) == 1  # from the cache
+    again, *nothing = found_by(tasks, scene)
+    assert again.number == back.number and not nothing  # as it is
 
 
 @pytest.mark.parametrize("change", [{"scene_key": "another"}, {"lit_by": "evening"}])

@@ -1,0 +1,102 @@
+"""As few rays as the noise of the picture allows, and no fewer."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from engine.errors import InsituError
+from engine.indirect.fineness import FINE, STILL, TOLERANCE, RayNeed, needed_rays, noise_of
+from engine.indirect.light import IndirectLight
+from engine.indirect.solver import Solver
+from engine.indirect.stored import arrays_of
+from engine.light.environment import constant_environment
+from engine.plan_lines import FAN_RAYS, checked_line
+from engine.steps import finish
+from engine.stored_arrays import UnsoundArrays
+from engine.transport.pipeline import SkyState
+from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of
+
+ASKING = replace(QUICK, n_rays=512, n_cell_rays=64, n_samples=64)
+LAYERS = [matt(0, 0.7), matt(1, 0.5), matt(2, 0.3)]
+MODELS_OF = {i: ["lambert"] for i in range(3)}
+SKY = SkyState(constant_environment((1.0, 0.8, 0.6)))
+
+
+def solver(other_light: float | None) -> Solver:
+    return Solver(placement_of(CORNER, **CORNER_VIEW), MODELS_OF, SKY, 3, ASKING, True, other_light)
+
+
+def solved(other_light: float | None) -> IndirectLight:
+    return finish(solver(other_light).solve(LAYERS))
+
+
+@pytest.mark.parametrize(("noise", "expected"), [(0.0, 128), (0.01, 128), (0.03, 256), (0.2, 512), (1e6, 512)])
+def test_more_noise_calls_for_more_rays(noise: float, expected: int) -> None:
+    need = needed_rays(512, noise)
+    assert need.n_rays == expected
+    assert need.added(need.n_rays) <= TOLERANCE and need.added(512) == 0.0
+    assert expected == 128 or need.added(expected // 2) > TOLERANCE
+
+
+def test_fewer_rays_take_others_with_them() -> None:
+    quick = FINE.with_rays(128)
+    assert (quick.n_rays, quick.n_cell_rays, quick.n_samples) == (128, 32, 128)  # of samples no less than half
+    assert quick.with_rays(512).n_cell_rays == FINE.n_cell_rays and FINE.with_rays(512) == FINE
+    assert STILL.with_rays(256).n_cell_rays == 16
+
+
+def test_noise_is_half_of_what_halves_differ_by() -> None:
+    # Halves 0.9 and 1.1 are 1.0 with an error of 0.1; beside three times as much other light a quarter of that.
+    halves = np.full((2, 50, 3), 1.0) + np.array([-0.1, 0.1])[:, None, None]
+    assert noise_of(halves, np.ones(50), 0.0) == pytest.approx(0.1)
+    assert noise_of(halves, np.ones(50), 3.0) == pytest.approx(0.025)
+    weights = np.zeros(50)
+    weights[0], halves[:, 1:] = 2.0, 7.0
+    assert noise_of(halves, weights, 0.0) == pytest.approx(0.1)  # what has no share of a pixel does not count
+    assert noise_of(np.zeros((2, 0, 3)), np.zeros(0), 0.0) == 0.0  # nothing reflects
+
+
+def test_a_quiet_picture_is_found_by_few_rays_and_a_noisy_one_by_all() -> None:
+    every, many, few = solved(None), solved(0.0), solved(1e3)  # the last beside a thousand times as much light
+    assert [light.need.n_rays for light in (every, many, few)] == [512, many.need.n_rays, 128]
+    assert few.points.gathered.seen.shape[1] == 128 and few.light.seen.shape[1] == ASKING.n_cell_rays // 4
+    assert every.need.noise is None and few.need.noise < many.need.noise
+    first, last = (light.picture(LAYERS).mean() for light in (every, few))
+    assert last == pytest.approx(first, rel=0.02)
+
+
+def test_all_rays_are_those_of_a_solver_that_never_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Cells that the first look alone has hit have other places: so alike, not equal.
+    monkeypatch.setattr("engine.indirect.fineness.TOLERANCE", 0.0)
+    asked, plain = solved(0.0), solved(None)
+    assert asked.need.n_rays == 512 and asked.need.reason.startswith("256 would be")
+    assert asked.points.gathered.seen.shape == plain.points.gathered.seen.shape
+    np.testing.assert_allclose(asked.picture(LAYERS), plain.picture(LAYERS), rtol=0.1, atol=0.02)
+
+
+@pytest.mark.parametrize("other_light", [None, 0.0, 1e3])
+def test_what_is_stored_knows_how_many_rays_it_has(other_light: float | None) -> None:
+    light = solved(other_light)
+    restored = solver(other_light).restored(arrays_of(light))
+    assert restored.need == light.need
+    np.testing.assert_array_equal(restored.picture(LAYERS), light.picture(LAYERS))
+
+
+@pytest.mark.parametrize(("name", "value"), [("n_rays", np.array([300])), ("noise", np.array([-0.5]))])
+def test_what_nobody_asked_for_is_refused(name: str, value: np.ndarray) -> None:
+    with pytest.raises(UnsoundArrays):
+        solver(0.0).restored({**arrays_of(solved(0.0)), name: value})
+
+
+def test_each_reason_can_be_read() -> None:
+    assert RayNeed(512, 512).reason == "as many as there may be"
+    assert needed_rays(512, 0.01).reason == "within 0.2 % of what 512 show"
+    assert needed_rays(512, 0.2).reason == "256 would be 1.8 % noisier"
+
+
+@pytest.mark.parametrize("value", [0, 100, 2048, "many", True, 128.0])
+def test_a_line_takes_what_a_fan_can_have(value: object) -> None:
+    assert all(checked_line("rays", n) == n for n in FAN_RAYS)
+    with pytest.raises(InsituError, match="rays = .*, expected 128, 256, 512 or 1024"):
+        checked_line("rays", value)
