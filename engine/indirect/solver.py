@@ -240,10 +240,7 @@ class Solver:
             gathered = yield from self._gather(cells, gathered, rows, _first(rows), parts, span)
             span = next(looks, (_LOOKED_CLOSER[-1],) * 2)
             if bright is None:
-                coarser = replace(
-                    self._most, n_cell_rays=self._most.n_cell_rays // 4, n_samples=self._most.n_samples // 4
-                )
-                light = yield from self._light(cells, coarser, parts, (_LOOKED, _ROUGHLY_LIT))
+                light = yield from self._light(cells, self._roughly(), parts, (_LOOKED, _ROUGHLY_LIT))
                 bright, _ = radiosity(light, albedos_of(layers, len(self._poles)), self._n_bounces)
             points = self._points(gathered, photons)
             halves = yield from _said(self._halves(points, layers, bright, len(cells)), span[0], "looking around")
@@ -265,6 +262,10 @@ class Solver:
                     cells, gathered, rows, nth, parts, (_LOOKED_CLOSER[-1], done), len(cells)
                 )
                 return self._points(gathered, photons), found, done
+
+    def _roughly(self) -> Fineness:
+        """How finely light between cells is found to tell where to look closer."""
+        return replace(self._most, n_cell_rays=self._most.n_cell_rays // 4, n_samples=self._most.n_samples // 4)
 
     def _halves(
         self, points: GatherPoints, layers: Sequence[IndirectLayer], bright: NDArray[np.float32], n_cells: int

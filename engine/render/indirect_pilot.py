@@ -34,7 +34,7 @@ from engine.transport.pipeline import Placement, SkyState
 
 N_BLOCKS = 192
 FEWER = 8
-"""As many times fewer are rays between cells, and photons."""
+"""As many times fewer are rays between cells, the last ones, and photons."""
 
 # How much larger cells are in a second trial; of the solver's tries, those that are gone through at most.
 COARSER, MOST_TRIES = 1.5, 8
@@ -71,7 +71,12 @@ class _Trial(Solver):
         fineness: Fineness, n_blocks: int, larger: float = 1.0, other_light: float | None = None,
     ) -> None:  # fmt: skip
         """larger: by how much cells are than the solver would have them at first."""
-        super().__init__(placement, models, sky, n_bounces, fineness, other_light=other_light)
+        fewer = replace(
+            fineness, n_cell_rays=fineness.n_cell_rays // FEWER, n_samples=fineness.n_samples // FEWER,
+            n_photons=fineness.n_photons // FEWER,
+        )  # fmt: skip
+        super().__init__(placement, models, sky, n_bounces, fewer, other_light=other_light)
+        self._whole = fineness
         self._n_blocks, self._larger = n_blocks, larger
         self.seconds = dict.fromkeys(("size", "photons", "fans", "rough", "cells"), 0.0)
         self.lattice: Lattice | None = None
@@ -80,6 +85,11 @@ class _Trial(Solver):
         self.lattice = super()._lattice()
         self.lattice.thin(self._n_blocks, np.random.default_rng(1))
         return self.lattice
+
+    def _roughly(self) -> Fineness:
+        """As the solver does: noise of cells would be taken for that of the picture."""
+        whole = self._whole
+        return replace(self._most, n_cell_rays=whole.n_cell_rays // 4, n_samples=whole.n_samples // 4)
 
     def _cell_size(self) -> float:
         return self._larger * self._timed("size", super()._cell_size)
@@ -123,13 +133,9 @@ def indirect_cost(
 ) -> Generator[Progress, None, IndirectCost]:  # fmt: skip
     """What `Solver(placement, models, sky, n_bounces, fineness, other_light=other_light)` will cost for these layers;
     yields its progress."""
-    fewer = replace(
-        fineness, n_cell_rays=fineness.n_cell_rays // FEWER, n_samples=fineness.n_samples // FEWER,
-        n_photons=fineness.n_photons // FEWER,
-    )  # fmt: skip
     seconds = first = 0.0
     for n_blocks in (2, N_BLOCKS):  # the first reads kernels
-        trial = _Trial(placement, models, sky, n_bounces, fewer, n_blocks, other_light=other_light)
+        trial = _Trial(placement, models, sky, n_bounces, fineness, n_blocks, other_light=other_light)
         started, first = time.process_time(), seconds
         found = yield from trial.solve(layers)
         seconds = time.process_time() - started
@@ -141,7 +147,7 @@ def indirect_cost(
     wanted = n_tried_cells * max(by_point, 1.0) ** CELLS_BY_FANS
     lost = NOTHING_LOST
     if wanted > MOST_CELLS:
-        coarser = _Trial(placement, models, sky, n_bounces, fewer, N_BLOCKS, COARSER, other_light)
+        coarser = _Trial(placement, models, sky, n_bounces, fineness, N_BLOCKS, COARSER, other_light)
         n_coarser = len((yield from coarser.solve(layers)).cells)
         lost = lost_tries(wanted, n_points, math.log(n_tried_cells / max(n_coarser, 1)) / math.log(COARSER))
     n_cells = min(wanted, FULL * MOST_CELLS) if lost.n_tries else wanted
@@ -151,7 +157,7 @@ def indirect_cost(
     total = (
         reading
         + tried["size"]
-        + (1 + lost.n_tries) * FEWER * (tried["photons"] + by_cell * tried["rough"])
+        + (1 + lost.n_tries) * (FEWER * tried["photons"] + by_cell * tried["rough"])
         + (1.0 + lost.fans) * by_point * (tried["fans"] + rest)
         + by_cell * FEWER * tried["cells"]
     )
