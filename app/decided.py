@@ -8,8 +8,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from app.commands.plan import Overrule
 from app.document import Document
-from app.view_state import ViewState
+from app.view_state import SetView, ViewState
 from engine.plan import NEEDED_LINES, Decisions
 
 # The knobs of the view that a line of the plan stands over.
@@ -17,9 +18,12 @@ KNOBS = {
     "lights": "n_lights",
     "patches": "n_patches",
     "bounces": "n_bounces",
+    "rays": "n_fan_rays",
     "edges": "n_edge_rays",
     "precision": "precision",
 }
+
+ZERO_IS_PLANNED = frozenset({"bounces", "rays"})
 
 
 def decided_view(view: ViewState, document: Document) -> ViewState:
@@ -32,5 +36,14 @@ def decisions_of(view: ViewState, document: Document) -> Decisions:
     """What transport is asked for with; view: as `decided_view` has it."""
     lines = dict(document.overrules)
     keeps_sphere, overruled = bool(lines.get("sphere", True)), NEEDED_LINES & lines.keys()
-    n_rays = int(lines.get("rays", 0))
-    return Decisions(view.n_lights, view.n_patches, view.n_bounces, keeps_sphere, overruled, n_rays)
+    return Decisions(view.n_lights, view.n_patches, view.n_bounces, keeps_sphere, overruled, view.n_fan_rays)
+
+
+def by_lines(command: SetView, document: Document) -> tuple[Overrule | SetView, ...]:
+    """What sets some knobs of the view: of those that a line of the plan stands over that line, by which the picture
+    goes."""
+    lines = {KNOBS[line]: line for line, _ in document.overrules if line in KNOBS}
+    set_to = [(lines[name], value) for name, value in command.changes if name in lines and value is not None]
+    by_line = [Overrule(line, None if value == 0 and line in ZERO_IS_PLANNED else value) for line, value in set_to]
+    rest = tuple((name, value) for name, value in command.changes if name not in lines)
+    return (*by_line, *([SetView(rest)] if rest else []))

@@ -16,6 +16,7 @@ from app.commands.paint import Paint
 from app.commands.plan import overrule
 from app.commands.poses import SetTime, with_amounts
 from app.commands.series import set_series
+from app.decided import by_lines
 from app.document import layer_key, split_key
 from app.editor import Editor, WorkerClient
 from app.files.bookmarks import named
@@ -195,7 +196,8 @@ def _run(window: HeadlessWindow, editor: Editor, step: Step) -> None:
             for line, value in step.lines:
                 _refused(editor.do(overrule(line, value)))
         case SetAccuracy():
-            _refused(editor.do(front().stop(editor.mode.name, step.share).command))
+            for command in by_lines(front().stop(editor.mode.name, step.share).command, editor.document):
+                _refused(editor.do(command))
         case UndoSteps():
             _repeat(editor.undo, step.count, "undo")
         case RedoSteps():

@@ -106,6 +106,8 @@ def render(
             raise InsituError(f"--bounces {bounces} --series {series}: expected as many bounces in both")
         chosen = chosen or BounceSeries(bounces)
     planned = lines(overrule)
+    if n_fan_rays := knobs.pop("n_fan_rays", 0):
+        planned = {"rays": n_fan_rays, **planned}
     if planned and (reference or mode is not StillMode.PLACEMENT):
         other = "--reference" if reference else f"--mode {mode.value}"
         raise InsituError(f"--overrule {next(iter(planned))} {other}: the plan is Placement's, expected one of them")

@@ -118,6 +118,7 @@ class ViewRecord(StrictModel):
     n_bounces: Annotated[int, Field(ge=AS_PLANNED, le=MAX_BOUNCES, strict=True)] = 1
     second_bands: Literal[1, 8, 16] | None = None
     n_edge_rays: Literal[0, 4, 8, 16] | None = None
+    n_fan_rays: Literal[0, 128, 256, 512, 1024] = 0
     n_points: Annotated[int, Field(ge=0, le=200_000, strict=True)] = 40_000
     n_coefficients: Annotated[int, Field(ge=20, le=1280, strict=True)] = 320
     n_rays: Annotated[int, Field(ge=32, le=20000, strict=True)] = 5000

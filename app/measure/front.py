@@ -3,9 +3,10 @@
     python -m app.measure.front [FILE]        writes the table that the slider reads (`app.front`)
 
 Errors are by the picture's own judgement (`engine.render.error_estimate`), by the same looks at the truth; seconds are
-of the processor, from an opened scene to the picture. Placement: lights and patches; bands and sphere levels gain
-nothing there, as `sweep` shows, and precision and edges cost little time. Orbit: points beside the meshes' own, and the
-coefficients that each keeps. Deform: rays and lobes a point.
+of the processor, from an opened scene to the picture, all bounces of the scene included. Placement: lights, patches and
+rays of a fan of indirect light; bands and sphere levels gain nothing there, as `sweep` shows, and precision and edges
+cost little time. Orbit: points beside the meshes' own, and the coefficients that each keeps. Deform: rays and lobes a
+point, of matt layers alone: what is left of a gloss there hangs on neither.
 """
 
 from __future__ import annotations
@@ -25,11 +26,15 @@ from app.measure.machine import machine_facts
 from app.project import Project, open_project, with_edges
 from app.stills import layers_by_object, plan_still, still_quality
 from engine.deform.live import Deform, finished
+from engine.indirect.fineness import FINE
+from engine.indirect.series import BounceSeries
 from engine.orbit.live import Orbit
+from engine.render.bounces import planned_bounces
 from engine.render.error_estimate import judge, judge_drawn
+from engine.render.indirect import indirect_radiance
 from engine.render.still import StillLayer, reflected, still_layers, with_maps
 from engine.steps import finish
-from engine.transport.pipeline import Placement
+from engine.transport.pipeline import Placement, Quality
 
 
 @dataclass(frozen=True)
@@ -40,11 +45,12 @@ class FrontEffort:
     orbit: tuple[str, ...] = ("teatray",)
     deform: tuple[str, ...] = ("idol",)
     size: tuple[int, int] = (192, 144)
-    lights: tuple[tuple[int, int], ...] = (
-        (50, 32), (100, 64), (200, 128), (400, 256), (1000, 400), (4000, 768), (10_000, 3000),
+    lights: tuple[tuple[int, int, int], ...] = (  # and patches, and rays of a fan, 0 for as many as are needed
+        (50, 32, 128), (100, 64, 128), (200, 128, 128), (400, 256, 128), (1000, 400, 0), (4000, 768, 0),
+        (10_000, 3000, 1024),
     )  # fmt: skip
     points: tuple[tuple[int, int], ...] = ((0, 40), (2000, 80), (10_000, 160), (40_000, 320))  # and coefficients
-    rays: tuple[tuple[int, int], ...] = ((64, 1), (128, 2), (1000, 2), (1000, 3), (5000, 4))  # and lobes
+    rays: tuple[tuple[int, int], ...] = ((64, 1), (128, 2), (256, 2), (1000, 3), (5000, 4))  # and lobes
 
 
 def measure_front(effort: FrontEffort, report: Callable[[str], None]) -> dict[str, tuple[Stop, ...]]:
@@ -87,14 +93,29 @@ def _project(scene: str, size: tuple[int, int]) -> Project:
 def _placement(project: Project, effort: FrontEffort) -> Iterator[Stop]:
     judging = Placement(project.scene)
     layers, quality = _layers(judging, project), still_quality(plan_still(project))
-    finish(reflected(Placement(project.scene), layers, project.sky, replace(quality, n_lights=20, n_patches=20)))
-    for n_lights, n_patches in effort.lights:
-        placement, began = Placement(project.scene), time.process_time()
+    n_bounces = planned_bounces(judging, project.indexed_layers, project.scene.description.bounces).n_bounces
+    series = BounceSeries(n_bounces)
+    _placement_picture(project, layers, replace(quality, n_lights=20, n_patches=20), series, 128)  # reads kernels
+    for n_lights, n_patches, n_fan_rays in effort.lights:
+        began = time.process_time()
         wanted = replace(quality, n_lights=n_lights, n_patches=n_patches)
-        radiance = finish(reflected(placement, layers, project.sky, wanted))
+        radiance, indirect = _placement_picture(project, layers, wanted, series, n_fan_rays)
         seconds = time.process_time() - began
-        judged = finish(judge(judging, layers, project.sky, quality, 1, radiance))
-        yield Stop(_knobs(n_lights=n_lights, n_patches=n_patches), judged.estimate.total, seconds)
+        judged = finish(judge(judging, layers, project.sky, quality, n_bounces, radiance, indirect))
+        knobs = _knobs(n_lights=n_lights, n_patches=n_patches, n_fan_rays=n_fan_rays)
+        yield Stop(knobs, judged.estimate.total, seconds)
+
+
+def _placement_picture(
+    project: Project, layers: tuple[StillLayer, ...], quality: Quality, series: BounceSeries, n_fan_rays: int
+) -> tuple[NDArray[np.floating], NDArray[np.floating] | None]:
+    """What the points reflect of all light (P, 3), and of that which was reflected before, None of one bounce."""
+    placement, indirect = Placement(project.scene), None
+    if series.n_bounces > 1:
+        fineness = FINE.with_rays(n_fan_rays) if n_fan_rays else FINE
+        finding = indirect_radiance(placement, layers, project.sky, series, fineness, as_needed=not n_fan_rays)
+        indirect = finish(finding)
+    return finish(reflected(placement, layers, project.sky, quality, indirect)), indirect
 
 
 def _orbit(project: Project, effort: FrontEffort) -> Iterator[Stop]:
@@ -112,16 +133,20 @@ def _orbit(project: Project, effort: FrontEffort) -> Iterator[Stop]:
 
 
 def _deform(project: Project, effort: FrontEffort) -> Iterator[Stop]:
+    document = project.document
+    for key, layer in document.layers():
+        document = document.with_layer(key, replace(layer, visible=layer.visible and layer.model.is_matt))
+    matt = replace(project, document=document)
     for n_rays, n_lobes in effort.rays:
         began = time.process_time()
         deform = Deform(project.resting)
         deform.set_effort(n_rays, n_lobes)
         deform.set_light(project.sky)
-        deform.set_layers(layers_by_object(project))
+        deform.set_layers(layers_by_object(matt))
         deform.set_bounces(1)
         picture = _drawn(project, finished(deform))
         seconds = time.process_time() - began
-        yield Stop(_knobs(n_rays=n_rays, n_lobes=n_lobes), _judged(project, picture), seconds)
+        yield Stop(_knobs(n_rays=n_rays, n_lobes=n_lobes), _judged(matt, picture), seconds)
 
 
 def _drawn(project: Project, engine: Orbit | Deform) -> NDArray[np.float32]:
@@ -152,7 +177,7 @@ def main() -> None:
     scenes = f"{', '.join(effort.placement)} (Placement), {effort.orbit[0]} (Orbit), {effort.deform[0]} (Deform)"
     origin = (
         f"`python -m app.measure.front` of {datetime.now(UTC):%Y-%m-%d} on {facts['cpu']}: {scenes} at "
-        "{} × {}, direct light; processor seconds".format(*effort.size)
+        "{} × {}; processor seconds".format(*effort.size)
     )
     file.write_text(front_text(origin, effort.size[0] * effort.size[1], found))
 

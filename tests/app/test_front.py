@@ -42,6 +42,11 @@ def test_every_mode_has_a_front_from_speed_to_accuracy_which_its_knobs_can_follo
     assert table.position(mode, beside) is None
 
 
+@pytest.mark.parametrize("mode", [mode.name for mode in MODES])
+def test_where_nobody_has_moved_a_knob_the_slider_stands_on_the_front(mode: str) -> None:
+    assert front().position(mode, ViewState()) is not None
+
+
 def test_a_table_is_read_as_it_was_written() -> None:
     stops = {"placement": (Stop((("n_lights", 100), ("n_patches", 64)), 0.125, 2.5), stop(400, 0.05, 3.0))}
     table = read_front(front_text("measured here", 1000, stops))
@@ -56,11 +61,11 @@ def test_a_larger_picture_takes_longer_where_pixels_are_computed_and_not_where_p
 
 
 def test_a_front_is_measured() -> None:
-    effort = FrontEffort(("cornell",), (), (), (24, 18), lights=((20, 20), (2000, 768)))
+    effort = FrontEffort(("cornell",), (), (), (24, 18), lights=((20, 20, 128), (2000, 768, 0)))
     told: list[str] = []
     stops = measure_front(effort, told.append)["placement"]
-    assert len(told) == 2 and stops[-1].knobs == (("n_lights", 2000), ("n_patches", 768))
-    assert stops[-1].error < 0.03 and all(each.seconds > 0.0 for each in stops)
+    assert len(told) == 2 and stops[-1].knobs == (("n_lights", 2000), ("n_patches", 768), ("n_fan_rays", 0))
+    assert stops[-1].error < 0.2 and all(each.seconds > 0.0 for each in stops)
 
 
 def test_a_script_moves_the_slider(tmp_path: Path) -> None:
@@ -71,13 +76,12 @@ def test_a_script_moves_the_slider(tmp_path: Path) -> None:
 
 
 def test_the_command_line_takes_accuracy_in_place_of_knobs(tmp_path: Path, capsys: Captured) -> None:
-    said = []
-    for name, knobs in {
-        "accuracy": ["--accuracy", "0"],
-        "knobs": [f"--{key[2:]}={value}" for key, value in front().stops["placement"][0].knobs],
-    }.items():
+    said, first = [], dict(front().stops["placement"][0].knobs)
+    by_hand = [f"--lights={first['n_lights']}", f"--patches={first['n_patches']}"]
+    by_hand += [f"--overrule=rays={first['n_fan_rays']}"] if first.get("n_fan_rays") else []
+    for name, knobs in {"accuracy": ["--accuracy", "0"], "knobs": by_hand}.items():
         out = tmp_path / f"{name}.exr"
-        words = ["render", "cornell", "-o", str(out), "--resolution", "16", "12", "--bounces", "1", *knobs]
+        words = ["render", "cornell", "-o", str(out), "--resolution", "16", "12", "--bounces", "2", *knobs]
         assert run(words, Desktop()) == 0
         said.append(capsys.readouterr().out.split(" s, ", 1)[1])
     assert said[0] == said[1]

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from imgui_bundle import ImVec2, imgui
 
+from app.decided import by_lines, decided_view
 from app.front import Front, Stop, front
 from app.naming import named
 from app.status import Status, duration
@@ -17,7 +18,7 @@ from app.view_state import SetView
 from engine.render.picture_error import ErrorEstimate, percent
 from ui import theme as look
 from ui.panels import fields, history_plot, widgets
-from ui.panels.actions import Action, CancelWork, ResumeWork
+from ui.panels.actions import Action, BeginDrag, CancelWork, EndDrag, ResumeWork
 from ui.panels.context import PanelContext
 from ui.theme import Icon
 
@@ -58,8 +59,9 @@ def _trade(context: PanelContext) -> list[Action]:
 
 
 def _slider(context: PanelContext) -> list[Action]:
-    table, mode = front(), context.mode.name
-    at = table.position(mode, context.view)
+    table, mode, document = front(), context.mode.name, context.document
+    view = decided_view(context.view, document)
+    at = table.position(mode, view)
     shown = CUSTOM if at is None else expected(table, table.stop(mode, at), context.resolution)
     hand, moved = fields.slider(
         context, "speed_accuracy", 0.5 if at is None else at, 0.0, 1.0, "%.2f", handle="accuracy.slider",
@@ -67,7 +69,9 @@ def _slider(context: PanelContext) -> list[Action]:
     )  # fmt: skip
     widgets.tooltip(f"{SLIDER_HINT}\n{table.origin}")
     chosen = table.stop(mode, moved)
-    return [chosen.command] if hand.changed and not chosen.is_set(context.view) else []
+    moving = by_lines(chosen.command, document) if hand.changed and not chosen.is_set(view) else ()
+    begun = [BeginDrag("accuracy")] if hand.began and document.overrules else []
+    return [*begun, *moving, *([EndDrag()] if hand.ended and document.overrules else [])]
 
 
 def expected(table: Front, stop: Stop, resolution: tuple[int, int]) -> str:

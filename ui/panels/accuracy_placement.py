@@ -7,9 +7,8 @@ from dataclasses import replace
 
 from imgui_bundle import ImVec2, imgui
 
-from app.commands.plan import Overrule
 from app.commands.series import SetFirstBands
-from app.decided import KNOBS, decided_view
+from app.decided import by_lines, decided_view
 from app.placement.status import PlacementStatus
 from app.view_state import SetView
 from engine.plan import N_PATCHES
@@ -47,7 +46,9 @@ def draw(context: PanelContext) -> list[Action]:
     status = context.status
     assert isinstance(status, PlacementStatus)
     context = replace(context, view=decided_view(context.view, context.document))
-    actions = [_by_line(context, action) for action in _quality(context, status)]
+    actions: list[Action] = []
+    for action in _quality(context, status):
+        actions += by_lines(action, context.document) if isinstance(action, SetView) else [action]
     imgui.spacing()
     imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(imgui.get_style().item_spacing.x, context.px(1)))
     selected = context.view.selected
@@ -55,15 +56,6 @@ def draw(context: PanelContext) -> list[Action]:
         figure(context, name, value, spoken(context.document, hint))
     imgui.pop_style_var()
     return actions
-
-
-def _by_line(context: PanelContext, action: Action) -> Action:
-    """A knob whose line of the plan was set by hand sets that line: it is what the picture goes by."""
-    if isinstance(action, SetView):
-        for line, _ in context.document.overrules:
-            if line in KNOBS and KNOBS[line] == action.changes[0][0] and action.changes[0][1] is not None:
-                return Overrule(line, action.changes[0][1])
-    return action
 
 
 def _quality(context: PanelContext, status: PlacementStatus) -> list[Action]:

@@ -15,8 +15,12 @@ from ui.panels.curve_plot import Point
 from ui.panels.plot_axes import Axis
 
 LEAST_HEIGHT, MOST_HEIGHT = 28.0, 90.0
+LABELLED_HEIGHT, FAINT = 60.0, 0.55  # labels lie behind lines of their ink
 FRAME_MS = 1.0, 1000.0
 ERROR = 1e-4, 1.0
+FRAME_LINES = (10.0, 100.0)
+ERRORS_TOLD = (1e-3, 1e-2, 1e-1)
+HALF_MINUTES = (30.0, 60.0, 90.0)
 INKS = FRAME_INK, ERROR_INK = look.ACCENT, look.GOOD
 HINT = (
     "The slowest frame of each quarter of a second, and how far off the picture was, in the last two minutes. Lines "
@@ -42,6 +46,8 @@ def draw(context: PanelContext, hint: str = "") -> None:
     across = Axis(SECONDS, 0.0, left + inner, end.x - inner)
     scales = [Axis(*limits, end.y - inner, corner.y + inner, "log") for limits in (FRAME_MS, ERROR)]
     _grid(draw_list, across, scales[0])
+    if height >= context.px(LABELLED_HEIGHT):
+        _labels(draw_list, across, scales[0], scales[1], inner)
     for axis, values, ink in zip(scales, record[:, 1:].T, INKS, strict=True):
         _line(context, draw_list, across.to_pixels(record[:, 0]), _heights(axis, values), ink)
 
@@ -60,12 +66,28 @@ def _last(context: PanelContext, corner: ImVec2) -> None:
 
 def _grid(draw_list: imgui.ImDrawList, across: Axis, upward: Axis) -> None:
     """A line a decade and half a minute, with the times of frames that the former stand for."""
-    for ms in (10.0, 100.0):
+    for ms in FRAME_LINES:
         y = upward.to_pixel(ms)
         draw_list.add_line(ImVec2(across.start, y), ImVec2(across.end, y), look.pack(look.GRID), 1.0)
-    for ago in (30.0, 60.0, 90.0):
+    for ago in HALF_MINUTES:
         x = across.to_pixel(ago)
         draw_list.add_line(ImVec2(x, upward.start), ImVec2(x, upward.end), look.pack(look.GRID), 1.0)
+
+
+def _labels(draw_list: imgui.ImDrawList, across: Axis, frames: Axis, errors: Axis, inner: float) -> None:
+    """What the lines stand for: of frames at the left, of errors at the right, of time at the bottom."""
+    imgui.push_font(None, look.SMALL_SIZE)
+    middle = 0.5 * imgui.get_text_line_height()
+    of_frames, of_errors = (look.pack(look.with_alpha(ink, FAINT)) for ink in INKS)
+    for ms in FRAME_LINES:
+        draw_list.add_text(ImVec2(across.start + inner, frames.to_pixel(ms) - middle), of_frames, f"{ms:.0f} ms")
+    for error in ERRORS_TOLD:
+        text = f"{100.0 * error:g} %"
+        left = across.end - inner - imgui.calc_text_size(text).x
+        draw_list.add_text(ImVec2(left, errors.to_pixel(error) - middle), of_errors, text)
+    place = ImVec2(across.to_pixel(HALF_MINUTES[1]) + inner, frames.start - 2.0 * middle)
+    draw_list.add_text(place, look.pack(look.TEXT_FAINT), "1 min ago")
+    imgui.pop_font()
 
 
 def _heights(axis: Axis, values: NDArray[np.float64]) -> NDArray[np.float64]:
