@@ -65,6 +65,7 @@ SPHERE_PAYS_FROM = 1280
 # Of which there may be fewer than are planned at first.
 NEEDED_LINES = frozenset({"lights", "patches"})
 N_FINE = 512
+ONCE_REASON = "light is reflected once"
 RAYS_REASON = "as few as the noise of a first look allows"
 PRECISION_REASON = "each coefficient's plane has its own scale, so half floats hold it to 0.05 %"
 
@@ -256,7 +257,7 @@ def plan_scene(
             "sphere": sphere_reason(has_sky, needs_sphere),
             "precision": PRECISION_REASON,
             "bounces": "as the scene says",
-            "rays": RAYS_REASON,
+            "rays": ONCE_REASON if scene.description.bounces == 1 else RAYS_REASON,
             "edges": edge_reason(planned_edge_rays(scene.description)),
         },
         is_still=still,

@@ -51,14 +51,15 @@ FOUND_AT = 0.9
 
 @dataclass(frozen=True, eq=False)
 class _Found:
-    """Indirect light, what its rays and what its irradiance were found for."""
+    """Indirect light, what its rays and what its irradiance were found for; n_rays: 0 for as many as it needs."""
 
     light: IndirectLight
     fineness: Fineness
+    n_rays: int
     models: tuple[tuple[str, str], ...]
     lit_by: str
     depth: int  # bounces that the rays were found for
-    number: int
+    number: int = 0
 
 
 class _KeptParts:
@@ -128,7 +129,8 @@ class IndirectTasks:
         models = tuple((each.key, each.model) for each in layers)
         found = self._found
         same_rays = found is not None and found.models == models and found.depth >= n_bounces
-        finest = found is not None and found.fineness == fine and found.light.points.glossy
+        asked_so = found is not None and (found.fineness, found.n_rays) == (fine, n_rays)
+        finest = found is not None and asked_so and found.light.points.glossy
         if found is not None and same_rays and (finest or not is_last):
             if (found.lit_by, found.light.n_bounces) == (lit_by, n_bounces):
                 yield self._where(found)
@@ -140,34 +142,36 @@ class IndirectTasks:
         by_object: dict[int, list[Layer]] = {}
         for each in layers:
             by_object.setdefault(self._object(each), []).append(each.layer)
-        of_object = {i_object: [layer.model.name for layer in found] for i_object, found in by_object.items()}
+        of_object = {i_object: [layer.model.name for layer in those] for i_object, those in by_object.items()}
         solver = partial(Solver, self._placement, of_object, sky, n_bounces)
         # The curves that decided where light is finest do not count: within a session they do not either.
-        key = content_key("indirect", STORED_VERSION, NAMES, self._scene_key, models, lit_by, n_bounces, repr(fine))
+        key = content_key(
+            "indirect", STORED_VERSION, NAMES, self._scene_key, models, lit_by, n_bounces, repr(fine), n_rays
+        )
+        as_asked = partial(_Found, fineness=fine, n_rays=n_rays, models=models, lit_by=lit_by, depth=n_bounces)
         kept = None if self._store is None else self._store.get(key, lambda arrays: solver(fine).restored(arrays))
         if kept is not None:
-            yield from self._hold(_Found(kept, fine, models, lit_by, n_bounces, 0))
+            yield from self._hold(as_asked(kept))
             return
         reflecting = [self._reflecting(each) for each in layers]
         if not is_last:
             light = yield from _told(solver(ROUGH).solve(reflecting))
-            yield from self._hold(_Found(light, ROUGH, models, lit_by, n_bounces, 0))
+            yield from self._hold(replace(as_asked(light), fineness=ROUGH))
             return
         finding = self._elsewhere(layers, lit_by, n_bounces, n_rays) if self._elsewhere else None
         if self._store is not None and finding is not None:
             arrays = yield from finding
             self._store.put(key, arrays)
-            yield from self._hold(_Found(solver(fine).restored(arrays), fine, models, lit_by, n_bounces, 0))
+            yield from self._hold(as_asked(solver(fine).restored(arrays)))
             return
         other_light = None if n_rays else (yield from _silently(direct_mean(self._placement, by_object, sky)))
         finder = solver(fine, other_light=other_light)
         if self._store is None:
-            light = yield from _told(finder.solve(reflecting))
-            yield from self._hold(_Found(light, fine, models, lit_by, n_bounces, 0))
+            yield from self._hold(as_asked((yield from _told(finder.solve(reflecting)))))
             return
         with self._store.open_tiles(key, MOST_PARTS) as tiles:
             light = yield from _told(finder.solve(reflecting, _KeptParts(tiles)))
-            yield from self._hold(_Found(light, fine, models, lit_by, n_bounces, 0))
+            yield from self._hold(as_asked(light))
             if self._store.put(key, arrays_of(light)):
                 tiles.finish()
 
@@ -198,9 +202,8 @@ class IndirectTasks:
         rows, weights = found.light.footprint_by_object()
         self._told = found.number
         need = found.light.need
-        return IndirectFound(
-            found.number, found.fineness.name, rows, weights, need.n_rays, need.reason, id=self._scene_id
-        )
+        told = (need.n_rays, need.reason) if need.noise is not None else (0, "")
+        return IndirectFound(found.number, found.fineness.name, rows, weights, *told, id=self._scene_id)
 
     def _frozen(self, found: _Found, wish: Freeze) -> Steps:
         layers = {each.key: self._reflecting(each, wish.second_bands) for each in wish.scene.visible}

@@ -30,7 +30,6 @@ from app.placement.messages import Freeze, Frozen, IndirectFound, IndirectNoise
 from app.scene_state import LayerState, SceneState
 from engine.indirect.beyond import in_full, is_beyond
 from engine.indirect.equivalence import albedo_of
-from engine.indirect.fineness import FINE
 from engine.material.layer import object_of
 
 FREEZE_PATIENCE = 5.0
@@ -140,10 +139,10 @@ class IndirectTalk:
         """Whether what is shown is the document's indirect light in its final quality, or none is wanted."""
         return self._n_bounces <= 1 or self._complete
 
-    @property
-    def fine(self) -> IndirectFound | None:
-        """The fine light that was found, None while there is none."""
-        return self._found if self._found is not None and self._found.stage == FINE.name else None
+    def found_under(self, revision: int) -> IndirectFound | None:
+        """The fine light that was found, or is there as well, under the transport of that number; None without any."""
+        found = self._found if self._confirmed == revision else None
+        return found if found is not None and found.stage == FINE_STAGE else None
 
     @property
     def is_shown(self) -> bool:

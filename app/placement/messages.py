@@ -210,7 +210,8 @@ class BouncesPlanned(Response):
 class IndirectFound(Response):
     """Where the indirect light of a stage was found: for each point four samples of its own object, by number, and
     their weights (P,4). `number` tells which `Frozen` belong to it. It belongs to the view, as `StageFootprint`
-    does, and is told again under each transport whose light it is. n_rays: of its fans, and why so many."""
+    does, and is told again under each transport whose light it is. n_rays: as many as its fans were found
+    to need, 0 where nobody asked, and why."""
 
     number: int
     stage: str

@@ -88,7 +88,7 @@ def _light_lines(document: Document, view: ViewState, status: PlacementStatus) -
         reason = why.get("patches", "parts of what shines in the scene")
         n_patches = status.needed_patches or view.n_patches
         yield _line(document, "patches", "Lamp patches", n_patches, reason, _numbers(PATCH_CHOICES))
-    if view.n_bounces != 1:
+    if dict(document.overrules).get("bounces", view.n_bounces) != 1:
         n_rays = view.n_fan_rays or status.found_rays or "as needed"
         reason = KNOB if view.n_fan_rays else why.get("rays") or RAYS_REASON
         yield _line(document, "rays", "Rays a fan", n_rays, reason, _numbers(FAN_RAYS))

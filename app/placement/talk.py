@@ -267,7 +267,7 @@ class PlacementTalk(ModeTalk):
         n_bounces, bounces_note = self._bounces
         done = self._done if self._done is not None and self._done.revision == talk.revision else None
         light = self._light_plan if self._light_plan.revision == talk.revision else LightPlanned(0, 0)
-        fine = self.indirect.fine
+        fine = self.indirect.found_under(talk.revision)
         said = {
             "picture": picture,
             "image_error": error if estimate is None else estimate.total,

@@ -39,7 +39,10 @@ def find_indirect(
     as_needed: bool,
 ) -> Generator[StillProgress, None, IndirectLight]:  # fmt: skip
     """The light of a picture after 2 bounces to all of the series; as_needed: by no more rays than it needs."""
-    other_light = (yield from direct_mean(placement, by_object(layers), sky)) if as_needed else None
+    other_light = None
+    if as_needed:
+        looking = StillProgress(0.0, "looking around")
+        other_light = yield from told_as(direct_mean(placement, by_object(layers), sky), lambda step: looking)
     solver = Solver(placement, models_of(layers), sky, series.n_bounces, fineness, series.second != 1, other_light)
     steps = solver.solve(indirect_layers(layers, series.second))
     return (yield from told_as(steps, lambda step: StillProgress(*step)))

@@ -166,7 +166,8 @@ def _try_indirect(
         return NO_INDIRECT
     by_hand, other_light = plan.n_rays, None
     if not by_hand:
-        other_light = yield from direct_mean(placement, by_object(layers), sky)
+        looking = StillProgress(0.5, "trying: direct light")
+        other_light = yield from told_as(direct_mean(placement, by_object(layers), sky), lambda step: looking)
     trying = indirect_cost(
         placement, models_of(layers), sky, plan.bounces or 1, indirect_layers(layers),
         FINE.with_rays(by_hand) if by_hand else FINE, other_light,

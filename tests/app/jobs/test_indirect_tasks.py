@@ -75,8 +75,12 @@ def test_as_many_rays_are_taken_as_are_needed_or_asked_for(
     tasks = IndirectTasks(Placement(scene), Store(tmp_path / "cache"), "scene")
     where, _ = found_by(tasks, scene)
     assert where.n_rays in (32, 64, 128) and where.reason.startswith(("within", "64 would be"))
-    more, _ = found_by(tasks, scene, n_rays=256)
-    assert (more.n_rays, more.reason) == (256, "as many as there may be") and more.number != where.number
+    numbers = {where.number}
+    for n_rays in (128, 256):  # 128 are all of it, too: by hand they are another light than as needed
+        more, _ = found_by(tasks, scene, n_rays=n_rays)
+        assert (more.n_rays, more.reason) == (0, "") and tasks.light.points.gathered.seen.shape[1] == n_rays
+        numbers.add(more.number)
+    assert len(numbers) == 3
     back, *frozen = found_by(tasks, scene)
     assert back.n_rays == where.n_rays and back.number != more.number and len(frozen) == 1  # from the cache
     again, *nothing = found_by(tasks, scene)

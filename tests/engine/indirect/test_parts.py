@@ -10,8 +10,10 @@ import pytest
 from numpy.typing import NDArray
 
 from engine.indirect import cells as cells_module
+from engine.indirect import fineness as fineness_module
 from engine.indirect import further
 from engine.indirect import solver as solver_module
+from engine.indirect.fineness import LEVELS
 from engine.indirect.layers import IndirectLayer, indirect_layer
 from engine.indirect.parts import Keeper
 from engine.indirect.solver import Solver
@@ -65,8 +67,9 @@ def layers_of(albedo: float = 0.5) -> list[IndirectLayer]:
     return [matt(0, albedo), indirect_layer(1, make_layer(MODELS["rough_conductor"]), (16, 8)), matt(2, 0.3)]
 
 
-def found(keeper: Keeper | None, albedo: float = 0.5) -> Arrays:
-    solver = Solver(placement_of([*CORNER, LAMP], **CORNER_VIEW), MODELS_OF, SkyState(None), 4, FINENESS)
+def found(keeper: Keeper | None, albedo: float = 0.5, other_light: float | None = None) -> Arrays:
+    placement = placement_of([*CORNER, LAMP], **CORNER_VIEW)
+    solver = Solver(placement, MODELS_OF, SkyState(None), 4, FINENESS, other_light=other_light)
     return arrays_of(finish(solver.solve(layers_of(albedo), keeper), lambda progress: None))
 
 
@@ -94,6 +97,21 @@ def test_what_is_resumed_is_what_is_found_at_once(at_once: Arrays) -> None:
     resumed = found(memory)
     assert memory.read == 5 and len(memory.parts) > 6
     assert_same(at_once, resumed)
+
+
+@pytest.mark.parametrize("tolerance", [0.0, 1.0], ids=["looked at anew", "by the fewest rays"])
+def test_wherever_it_ends_it_goes_on_with_as_many_rays(monkeypatch: pytest.MonkeyPatch, tolerance: float) -> None:
+    monkeypatch.setattr(fineness_module, "TOLERANCE", tolerance)
+    whole = Memory()
+    once = found(whole, other_light=0.0)
+    assert once["n_rays"] == FINENESS.n_rays // (1 if tolerance == 0.0 else LEVELS[0]) and once["noise"] > 0.0
+    for lives in range(1, len(whole.parts)):
+        memory = Memory(lives=lives)
+        with pytest.raises(Killed):
+            found(memory, other_light=0.0)
+        memory.lives, memory.read = -1, 0
+        assert_same(once, found(memory, other_light=0.0))
+        assert memory.read == lives
 
 
 def test_a_part_that_is_gone_is_found_anew(at_once: Arrays) -> None:
