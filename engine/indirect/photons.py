@@ -30,6 +30,7 @@ from engine.threads import even_parts, n_threads, on_threads
 
 _SEED = 20260812
 _N_NEAREST = 128
+_AT_ONCE = 8192  # points, whose nearest photons are 30 MB; of all points they were most of what a search took
 # Of the picture's height: a gather point takes photons from no farther than this.
 _FARTHEST = 1.0 / 24.0
 _PILOT, _LEAST_SHARE = 2048, 0.125
@@ -239,8 +240,20 @@ def land(
     photon_map: PhotonMap, i_object: int, hits: PrimaryHits, fans: FanArrays, times: NDArray[np.float32],
     farthest: NDArray[np.float32], clearance: NDArray[np.float32], caster: RayCaster,
 ) -> Landed:  # fmt: skip
-    """The photons about the gather points of one object; times (p,): what each of their recorded rays stands for;
-    clearance (p,) of what is around."""
+    """The photons about the gather points of one object, some points at a time, for whom all that are near are looked
+    at; times (p,): what each of their recorded rays stands for; clearance (p,) of what is around."""
+    parts = []
+    for begin in range(0, max(len(fans.rows), 1), _AT_ONCE):
+        part = slice(begin, begin + _AT_ONCE)
+        some = fans._replace(rows=fans.rows[part], nth=fans.nth[part], poles=fans.poles[part], seen=fans.seen[part])
+        parts.append(_land(photon_map, i_object, hits, some, times[part], farthest[part], clearance[part], caster))
+    return joined_landed(parts)
+
+
+def _land(
+    photon_map: PhotonMap, i_object: int, hits: PrimaryHits, fans: FanArrays, times: NDArray[np.float32],
+    farthest: NDArray[np.float32], clearance: NDArray[np.float32], caster: RayCaster,
+) -> Landed:  # fmt: skip
     found, distances2, radii2 = photon_map.nearest(i_object, hits.position[fans.rows], farthest)
     weights = np.empty(found.shape, np.float32)
 
