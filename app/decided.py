@@ -5,6 +5,7 @@ Everybody who computes a picture of a document, be it a mode's talk or a command
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -12,6 +13,7 @@ from app.commands.plan import Overrule
 from app.document import Document
 from app.view_state import SetView, ViewState
 from engine.plan import NEEDED_LINES, Decisions
+from engine.plan_lines import MODE_LINES, LineValue
 
 # The knobs of the view that a line of the plan stands over.
 KNOBS = {
@@ -21,6 +23,10 @@ KNOBS = {
     "rays": "n_fan_rays",
     "edges": "n_edge_rays",
     "precision": "precision",
+    "points": "n_points",
+    "coefficients": "n_coefficients",
+    "transfer_rays": "n_rays",
+    "lobes": "n_lobes",
 }
 
 ZERO_IS_PLANNED = frozenset({"bounces", "rays"})
@@ -30,6 +36,11 @@ def decided_view(view: ViewState, document: Document) -> ViewState:
     """The view with what the document's overruled lines have in the place of its knobs; the same one without any."""
     changes: dict[str, Any] = {KNOBS[line]: value for line, value in document.overrules if line in KNOBS}
     return replace(view, **changes) if changes else view
+
+
+def mode_knobs(mode: str, lines: Mapping[str, LineValue]) -> dict[str, int]:
+    """The knobs of Orbit's or Deform's own light that are set by lines of the plan, by their names in the view."""
+    return {KNOBS[line]: int(lines[line]) for line in MODE_LINES.get(mode, ()) if line in lines}
 
 
 def decisions_of(view: ViewState, document: Document) -> Decisions:

@@ -6,17 +6,18 @@ from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from app.decided import mode_knobs
 from app.jobs.cache import Store
 from app.jobs.deform import StoredLobes
 from app.machine.atomic import make_folder_of, save_file
 from app.project import Project
 from engine.colour import ToneMapping
-from engine.deform.live import Deform
+from engine.deform.live import N_LOBES, Deform
 from engine.deform.still import render_deform
 from engine.deform.transfer import N_RAYS as DEFORM_RAYS
 from engine.errors import InsituError
@@ -113,6 +114,7 @@ def render_project(
         steps = _reference(placement, project, series.n_bounces, n_samples)
         return Still(held(finish(steps, report) * intensity, BRIGHTEST), warning=bounces.warning)
     if mode == "orbit":
+        knobs = {**mode_knobs(mode, project.overruled), **knobs}
         drawing = render_orbit(
             placement, layers_by_object(project), sky, n_patches, n_bounces=series.n_bounces,
             **knobs,
@@ -120,9 +122,7 @@ def render_project(
         return Still(held(finish(drawing, report) * intensity, BRIGHTEST), warning=bounces.warning)
     if mode == "deform":
         poses = project.document.poses
-        deform = prepared_deform(project, [name for name, _ in poses], series)
-        if knobs:
-            deform.set_effort(**knobs)
+        deform = prepared_deform(project, [name for name, _ in poses], series, knobs)
         bending = render_deform(deform, project.scene.resolution, poses)
         return Still(held(finish(bending, report) * intensity, BRIGHTEST), warning=bounces.warning)
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
@@ -144,7 +144,8 @@ def render_project(
 def prepared_orbit(project: Project, n_patches: int = N_PATCHES, series: BounceSeries | None = None) -> Orbit:
     """What pictures in Orbit's way are drawn of, from anywhere; all its work is to be done. series: None for as many
     bounces as the session or the scene says, or Orbit takes."""
-    orbit = Orbit(project.scene, n_patches=n_patches)
+    knobs: dict[str, Any] = {"n_patches": n_patches, **mode_knobs("orbit", project.overruled)}
+    orbit = Orbit(project.scene, **knobs)
     orbit.set_light(project.sky)
     orbit.set_layers(layers_by_object(project))
     if n_bounces := series.n_bounces if series else project.chosen_bounces:
@@ -152,9 +153,15 @@ def prepared_orbit(project: Project, n_patches: int = N_PATCHES, series: BounceS
     return orbit
 
 
-def prepared_deform(project: Project, posed: Sequence[str], series: BounceSeries | None = None) -> Deform:
-    """What pictures in Deform's way are drawn of, of objects, by name, that bend; all its work is to be done."""
-    deform = Deform(project.resting, n_rays=DEFORM_RAYS, shelf=StoredLobes(Store()))
+def prepared_deform(
+    project: Project, posed: Sequence[str], series: BounceSeries | None = None,
+    knobs: Mapping[str, int] = MappingProxyType({}),
+) -> Deform:  # fmt: skip
+    """What pictures in Deform's way are drawn of, of objects, by name, that bend; all its work is to be done. knobs: as
+    in `render_project`."""
+    deform = Deform(project.resting, shelf=StoredLobes(Store()))
+    usual = {"n_rays": DEFORM_RAYS, "n_lobes": N_LOBES}
+    deform.set_effort(**{**usual, **mode_knobs("deform", project.overruled), **knobs})
     deform.set_light(project.sky)
     deform.set_layers(layers_by_object(project))
     deform.set_surfaces(project.document.new_surfaces)

@@ -33,7 +33,7 @@ from engine.errors import InsituError
 from engine.material import MODELS, kinds
 from engine.material.layer import Layer
 from engine.material.model import Model
-from engine.plan_lines import MOST_BANDS_OVERRULED, PICTURE_LINES, LineValue, checked_bands, checked_line
+from engine.plan_lines import MODE_LINES, MOST_BANDS_OVERRULED, PICTURE_LINES, LineValue, checked_bands, checked_line
 
 if TYPE_CHECKING:
     from engine.scene.description import SceneDescription
@@ -337,6 +337,8 @@ def sphere_reason(has_sky: bool, needs_sphere: bool) -> str:
 
 def _overrule(plan: Plan, line: str, value: LineValue) -> Plan:
     overruled = plan.overruled | {line}
+    if any(line in lines for lines in MODE_LINES.values()):
+        return plan
     if line in PICTURE_LINES:
         changed = _switch(plan, line, checked_line(line, value))
         return replace(changed, reasons={**changed.reasons, line: "overruled"}, overruled=overruled)

@@ -1,7 +1,8 @@
 """The lines of a plan that a person may set, by name, and what to: one table for window, sessions and commands.
 
 "lights", "patches", "sphere", "precision", "bounces", "rays", "edges" are of the whole picture; "teapot.1.theta_h" is
-of one curve, by its layer's key and its name: as many bands. What a scene has of them `engine.plan` says.
+of one curve, by its layer's key and its name: as many bands. What a scene has of them `engine.plan` says. "points" and
+"coefficients" are Orbit's, "transfer_rays" and "lobes" Deform's.
 """
 
 from __future__ import annotations
@@ -47,8 +48,14 @@ _LINES = {
     "bounces": _from_to(1, MAX_BOUNCES),
     "rays": _Line(lambda value: value in FAN_RAYS, "128, 256, 512 or 1024"),
     "edges": _Line(lambda value: value in EDGE_RAYS, "off, 4, 8 or 16"),
+    "points": _from_to(0, 200_000),
+    "coefficients": _from_to(20, 1280),
+    "transfer_rays": _from_to(32, 20_000),
+    "lobes": _from_to(1, 4),
 }
 PICTURE_LINES = tuple(_LINES)
+# Beside bounces, those of the modes whose light hangs on neither lights nor bands.
+MODE_LINES = {"orbit": ("points", "coefficients"), "deform": ("transfer_rays", "lobes")}
 
 
 def checked_line(line: str, value: object) -> LineValue:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Mapping
 from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -41,6 +42,7 @@ from engine.colour import view_named
 from engine.errors import InsituError
 from engine.indirect.series import BounceSeries, parse_series
 from engine.plan import N_LIGHTS, N_PATCHES
+from engine.plan_lines import MODE_LINES
 from engine.scene.builtin import DEFAULT_SCENE
 
 if TYPE_CHECKING:
@@ -108,9 +110,7 @@ def render(
     planned = lines(overrule)
     if n_fan_rays := knobs.pop("n_fan_rays", 0):
         planned = {"rays": n_fan_rays, **planned}
-    if planned and (reference or mode is not StillMode.PLACEMENT):
-        other = "--reference" if reference else f"--mode {mode.value}"
-        raise InsituError(f"--overrule {next(iter(planned))} {other}: the plan is Placement's, expected one of them")
+    _check_lines(planned, mode, reference)
     if "precision" in planned:
         raise InsituError("--overrule precision: a still is made in single floats, expected another line of the plan")
     if samples is not None and not reference:
@@ -178,6 +178,23 @@ def _knobs(accuracy: float | None, mode: StillMode, reference: bool, lights: int
     from app.front import front
 
     return dict(front().stop(mode.value, accuracy).knobs)
+
+
+def _check_lines(planned: Mapping[str, Any], mode: StillMode, reference: bool) -> None:
+    """Refuses lines of the plan that the picture does not go by."""
+    if planned and reference:
+        raise InsituError(f"--overrule {next(iter(planned))} --reference: expected one of them")
+    for line in planned:
+        own = MODE_LINES.get(mode.value)
+        if own is not None and line not in ("bounces", *own):
+            expected = ", ".join(("bounces", *own))
+            raise InsituError(f"--overrule {line} --mode {mode.value}: expected a line that it goes by: {expected}")
+        if own is None and any(line in lines for lines in MODE_LINES.values()):
+            raise InsituError(f"--overrule {line}: expected --mode {_mode_of(line)} as well")
+
+
+def _mode_of(line: str) -> str:
+    return next(mode for mode, lines in MODE_LINES.items() if line in lines)
 
 
 def _check_frames(

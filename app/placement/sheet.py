@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from app.decided import KNOBS
 from app.document import Document, reflecting_layers
 from app.placement.status import PlacementStatus
 from app.status import Status, duration
 from app.view_state import ViewState
 from engine.material.layer import Layer, object_of
 from engine.plan import PRECISION_REASON, RAYS_REASON, edge_reason, sphere_reason, usual_bands
-from engine.plan_lines import FAN_RAYS, MOST_BANDS_OVERRULED, LineValue
+from engine.plan_lines import FAN_RAYS, MODE_LINES, MOST_BANDS_OVERRULED, LineValue
 from engine.scene.description import MAX_BOUNCES
 
 Choices = tuple[tuple[str, LineValue], ...]
@@ -25,6 +26,16 @@ PATCH_CHOICES = (96, 256, 768, 3000, 10_000)
 BAND_CHOICES = tuple(2**n for n in range(10))
 SPHERE = {1: "every direction", 0: "the lights' alone"}
 EDGES = {0: "off", 4: "4 rays", 8: "8 rays", 16: "16 rays"}
+OF_MODES = {
+    "points": ("Points", "beside the meshes' own, where light bends between these", (0, 2000, 10_000, 40_000, 100_000)),
+    "coefficients": (
+        "Coefficients",
+        "of light that each point keeps; few blur highlights",
+        (40, 80, 160, 320, 640, 1280),
+    ),
+    "transfer_rays": ("Rays a point", "sent once, to find what light can reach it", (64, 128, 256, 1000, 5000, 20_000)),
+    "lobes": ("Lobes", "that stand for what the rays found", (1, 2, 3, 4)),
+}
 KNOB = "as the scene or the Accuracy panel says"
 HALVES = {"half": "half floats", "float": "full floats"}
 
@@ -48,7 +59,7 @@ class SheetLine:
 
 def plan_sheet(document: Document, view: ViewState, status: Status) -> tuple[SheetLine, ...]:
     """The lines of the mode at hand: of the picture, then of each layer that reflects."""
-    lines = [*_common_lines(document, view, status)]
+    lines = [*_common_lines(document, view, status), *_mode_lines(document, view)]
     if isinstance(status, PlacementStatus):
         lines = [_cost_line(status), *_light_lines(document, view, status), *lines, *_curve_lines(document, status)]
     return tuple(lines)
@@ -102,6 +113,13 @@ def _common_lines(document: Document, view: ViewState, status: Status) -> Iterat
     n_rays = status.planned_edges if view.n_edge_rays is None else view.n_edge_rays
     reason = edge_reason(n_rays) if view.n_edge_rays is None else KNOB
     yield _line(document, "edges", "Edges", n_rays, reason, _named(EDGES))
+
+
+def _mode_lines(document: Document, view: ViewState) -> Iterator[SheetLine]:
+    """Of Orbit's or Deform's own light."""
+    for line in MODE_LINES.get(view.mode, ()):
+        title, reason, choices = OF_MODES[line]
+        yield _line(document, line, title, getattr(view, KNOBS[line]), reason, _numbers(choices))
 
 
 def _curve_lines(document: Document, status: PlacementStatus) -> Iterator[SheetLine]:

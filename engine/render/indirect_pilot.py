@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.indirect.cells import MOST_CELLS, Cells
-from engine.indirect.fineness import FINE, Fineness, RayNeed
+from engine.indirect.fineness import FINE, LEVELS, Fineness, RayNeed
 from engine.indirect.gather import Gathered
 from engine.indirect.irradiance import CellLight
 from engine.indirect.lattice import Lattice
@@ -38,7 +38,7 @@ FEWER = 8
 
 # How much larger cells are in a second trial; of the solver's tries, those that are gone through at most.
 COARSER, MOST_TRIES = 1.5, 8
-CELLS_BY_SMALL_FANS = 0.55  # the power that fewer rays show more cells with: 0.4 to 0.6 in six scenes
+CELLS_BY_SMALL_FANS = 0.55  # with what power fans of the fewest rays show more cells: 0.4 to 0.6
 
 Value = TypeVar("Value")
 
@@ -145,8 +145,8 @@ def indirect_cost(
     tried = trial.seconds
     n_points, n_tried_cells = trial.lattice.n_expected, max(len(found.cells), 1)
     by_point = n_points / max(len(found.points.gathered.points), 1)
-    has_all = found.need.n_rays == found.need.most
-    wanted = n_tried_cells * max(by_point, 1.0) ** (CELLS_BY_FANS if has_all else CELLS_BY_SMALL_FANS)
+    is_small = found.need.n_rays <= found.need.most // LEVELS[0]
+    wanted = n_tried_cells * max(by_point, 1.0) ** (CELLS_BY_SMALL_FANS if is_small else CELLS_BY_FANS)
     lost = NOTHING_LOST
     if wanted > MOST_CELLS:
         coarser = _Trial(placement, models, sky, n_bounces, fineness, N_BLOCKS, COARSER, other_light)

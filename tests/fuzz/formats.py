@@ -396,6 +396,7 @@ FORMATS = {
     "glb": Format("a.glb", glbs, read_glb_file, repaired=repaired_glb),
     "exr": Format("a.exr", exrs, read_light),
     "hdr": Format("a.hdr", hdrs, read_light),
+    "exr_texture": Format("t.exr", exrs, read_texture_file),
     "png": Format("a.png", pngs, read_texture_file, repaired=repaired_png),
     "jpeg": Format("a.jpg", jpegs, read_texture_file),
     "cornell": Format("a.brdf", cornells, read_cornell_file, is_text=True),

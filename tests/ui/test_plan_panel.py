@@ -119,12 +119,23 @@ def test_a_knob_of_the_accuracy_panel_follows_the_line_that_stands_over_it(windo
     assert decided_view(editor.view, editor.document) is editor.view
 
 
-@pytest.mark.parametrize("mode", ["orbit", "deform"])
-def test_other_modes_have_the_lines_that_they_carry_out(window: HeadlessWindow, mode: str) -> None:
+@pytest.mark.parametrize(
+    ("mode", "own", "value", "knob"),
+    [("orbit", ("points", "coefficients"), 80, "n_coefficients"), ("deform", ("transfer_rays", "lobes"), 2, "n_lobes")],
+)
+def test_other_modes_have_the_lines_that_they_carry_out(
+    window: HeadlessWindow, mode: str, own: tuple[str, str], value: int, knob: str
+) -> None:
     editor = window.shell.editor
     editor.do(SetView.of(mode=mode))
     window.frames(2)
-    assert set(sheet(window)) == {"bounces", "edges"}
+    assert set(sheet(window)) == {"bounces", "edges", *own}
+    editor.do(Overrule(own[1], value))
+    assert getattr(decided_view(editor.view, editor.document), knob) == value
+    line = sheet(window)[own[1]]
+    assert line.is_set and line.value == str(value) and line.reason.startswith("set by hand, in the place of")
+    editor.undo()
+    assert not sheet(window)[own[1]].is_set
 
 
 def computed(client: StandInClient) -> list[ComputeTransport]:

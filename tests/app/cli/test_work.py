@@ -54,7 +54,16 @@ def test_overruled_bands_are_those_of_the_picture(scene: Path, tmp_path: Path) -
     [
         (("render", "-o", "OUT", "--overrule", "ball.9.theta_i=4"), "the plan has no line 'ball.9.theta_i'"),
         (("render", "-o", "OUT", "--overrule", "precision=float"), "a still is made in single floats"),
-        (("render", "-o", "OUT", "--mode", "orbit", "--overrule", "lights=40"), "the plan is Placement's"),
+        (
+            ("render", "-o", "OUT", "--mode", "orbit", "--overrule", "lights=40"),
+            "bounces, points, coefficients",
+        ),
+        (
+            ("render", "-o", "OUT", "--mode", "deform", "--overrule", "points=40"),
+            "bounces, transfer_rays, lobes",
+        ),
+        (("render", "-o", "OUT", "--overrule", "points=40"), "expected --mode orbit as well"),
+        (("render", "-o", "OUT", "--reference", "--overrule", "lights=40"), "--reference: expected one of them"),
         (("precompute", "--overrule", "lights=3"), "20 to 80,000"),
     ],
 )
