@@ -83,7 +83,9 @@ def plan(
 def measure(
     output: Annotated[Path, typer.Option("-o", "--output", help="The folder for figures, CSV and plots.")],
     scene: Scene = DEFAULT_SCENE,
-    quick: Annotated[bool, typer.Option("--quick", help="Tiny pictures, to see that all works.")] = False,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Tiny pictures, in less than two minutes, to see that all works.")
+    ] = False,
     only: Annotated[
         list[str] | None,
         typer.Option("--only", metavar="PART", help="A part alone: knobs, visibility, planning or figures."),

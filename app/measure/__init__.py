@@ -135,7 +135,9 @@ def run(
         measure_knobs(source, output, effort.knobs, report)
     if "visibility" in only:
         write_visibility(output, visibility_rows(effort.visibility, report))
-    if "planning" in only and effort.planning is not None:
+    if "planning" in only and effort.planning is None:
+        report("plans: not carried out where it is to be quick")
+    elif "planning" in only and effort.planning is not None:
         measure_plans(effort.planning, output, report)
         measure_savings(effort.planning.scenes, output, report)
     return _measured_figures(source, output, effort, report) if "figures" in only else []

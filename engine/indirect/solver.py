@@ -127,11 +127,10 @@ class Solver:
         keeper: where parts are kept that this run has finished, and found that another has.
         """
         size, parts, tries = self._cell_size(), Parts(keeper), list[Try]()
-        asks_need = self._other_light is not None and self._most.adaptive
         while True:
             self._n_traced = PART_POINTS // 2  # of the part that is given up
             cells = Cells(self._placement.scene, self._placement.caster, size)
-            if asks_need and self._need.noise is None:
+            if self._asks_need:
                 self._fineness = self._most.with_rays(self._most.n_rays // LEVELS[0])
             try:
                 return (yield from self._solve(cells, layers, parts))
@@ -242,13 +241,15 @@ class Solver:
             if bright is None:
                 light = yield from self._light(cells, self._roughly(), parts, (_LOOKED, _ROUGHLY_LIT))
                 bright, _ = radiosity(light, albedos_of(layers, len(self._poles)), self._n_bounces)
+                if self._asks_need:
+                    halves = self._halves(
+                        self._points(gathered, photons), layers, bright, len(cells), has_photons=False
+                    )
+                    if self._is_noisy(gathered.rows, (yield from _said(halves, span[0], "looking around"))):
+                        gathered = yield from self._gather(cells, self._nothing(), rows, _first(rows), parts, span)
             points = self._points(gathered, photons)
-            halves = yield from _said(self._halves(points, layers, bright, len(cells)), span[0], "looking around")
-            if self._is_noisy(gathered.rows, halves):
-                gathered = yield from self._gather(cells, self._nothing(), rows, _first(rows), parts, span[:1] * 2)
-                points = self._points(gathered, photons)
-                halves = yield from _said(self._halves(points, layers, bright, len(cells)), span[0], "looking around")
-            first, second = halves
+            halves = self._halves(points, layers, bright, len(cells))
+            first, second = yield from _said(halves, span[0], "looking around")
             values[gathered.rows], noise[gathered.rows] = 0.5 * (first + second), 0.5 * abs(first - second)
             clearance[gathered.rows] = gathered.clearance
             if not lattice.refine(values, noise, clearance):
@@ -268,21 +269,25 @@ class Solver:
         return replace(self._most, n_cell_rays=self._most.n_cell_rays // 4, n_samples=self._most.n_samples // 4)
 
     def _halves(
-        self, points: GatherPoints, layers: Sequence[IndirectLayer], bright: NDArray[np.float32], n_cells: int
-    ) -> Generator[None, None, NDArray[np.float32]]:
+        self, points: GatherPoints, layers: Sequence[IndirectLayer], bright: NDArray[np.float32], n_cells: int,
+        has_photons: bool = True,
+    ) -> Generator[None, None, NDArray[np.float32]]:  # fmt: skip
         """What each half of the rays brings, (2, p, 3), of radiosities `bright` (C, D, 3) of the first C cells: by
         albedo and a share of the photons, as what glossy surfaces send is noisier."""
         new_cells = np.zeros((n_cells - len(bright), *bright.shape[1:]), np.float32)  # not known yet: dark
-        thrown = points.thrown(layers)
-        thrown = thrown._replace(light=_PHOTONS_SHARE * thrown.light)
+        thrown = points.thrown(layers) if has_photons else None
+        thrown = thrown and thrown._replace(light=_PHOTONS_SHARE * thrown.light)
         sent = SentLight(np.concatenate([bright, new_cells]), None, thrown)
         return (yield from points.halves(layers, sent))
 
+    @property
+    def _asks_need(self) -> bool:
+        """Whether it is not known yet how many rays are needed."""
+        return self._other_light is not None and self._most.adaptive and self._need.noise is None
+
     def _is_noisy(self, rows: NDArray[np.int32], halves: NDArray[np.float32]) -> bool:
         """Whether a first look with the fewest rays, by what its halves bring (2, p, 3), calls for more of them."""
-        if self._other_light is None or self._need.noise is not None:
-            return False
-        other = self._other_light / self._shining.unit
+        other = (self._other_light or 0.0) / self._shining.unit
         self._need = needed_rays(self._most.n_rays, noise_of(halves, self._placement.hits.share[rows], other))
         before, self._fineness = self._fineness, self._most.with_rays(self._need.n_rays)
         return self._fineness.n_rays > before.n_rays
