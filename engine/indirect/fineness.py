@@ -102,7 +102,7 @@ def needed_rays(most: int, noise: float) -> RayNeed:
 
 def noise_of(halves: NDArray[np.floating], weights: NDArray[np.floating], other_light: float) -> float:
     """Relative RMS noise of a picture at points with weights (p,) by what each half of their rays brings, (2, p, 3);
-    other_light: the mean of what else it shows. 0 where all is dark. The noisiest hundredth of the points counts no more
+    other_light: the mean of what else it shows. 0 where all is dark. The noisiest hundredth of points counts no more
     than what comes next: one of thousands was six times as noisy as all others together."""
     first, second = np.asarray(halves, np.float64)
     total = max(float(weights.sum()), 1e-300)
