@@ -130,7 +130,7 @@ class ViewState:
     n_fan_rays: int = 0
     n_points: int = 40_000
     n_coefficients: int = 320
-    n_rays: int = 5000
+    n_rays: int = 1000
     n_lobes: int = 4
     panels: Mapping[str, bool] = field(default_factory=lambda: DEFAULT_PANELS)
     show_shortcuts: bool = False

@@ -43,7 +43,7 @@ class PrepareDeform(Request):
     posed: tuple[str, ...] = ()
     surfaces: SurfacesOf = ()
     traced: Traced | None = None
-    n_rays: int = 5000
+    n_rays: int = 1000
     n_lobes: int = 4
 
 

@@ -121,7 +121,7 @@ class ViewRecord(StrictModel):
     n_fan_rays: Literal[0, 128, 256, 512, 1024] = 0
     n_points: Annotated[int, Field(ge=0, le=200_000, strict=True)] = 40_000
     n_coefficients: Annotated[int, Field(ge=20, le=1280, strict=True)] = 320
-    n_rays: Annotated[int, Field(ge=32, le=20000, strict=True)] = 5000
+    n_rays: Annotated[int, Field(ge=32, le=20000, strict=True)] = 1000
     n_lobes: Annotated[int, Field(ge=1, le=4, strict=True)] = 4
     precision: Literal["half", "float"] = "half"
     camera: Camera | None = None

@@ -6,7 +6,7 @@ Errors are by the picture's own judgement (`engine.render.error_estimate`), by t
 of the processor, from an opened scene to the picture, all bounces of the scene included. Placement: lights, patches and
 rays of a fan of indirect light; bands and sphere levels gain nothing there, as `sweep` shows, and precision and edges
 cost little time. Orbit: points beside the meshes' own, and the coefficients that each keeps. Deform: rays and lobes a
-point, of matt layers alone: what is left of a gloss there hangs on neither.
+point, of a bent relief that is matt (`knobs_deform`): what a gloss lacks there, and others' shadows, hang on neither.
 """
 
 from __future__ import annotations
@@ -22,10 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.front import FRONT_FILE, Stop, front_text
+from app.measure.knobs_deform import Bench, DeformKnobs
 from app.measure.machine import machine_facts
 from app.project import Project, open_project, with_edges
 from app.stills import layers_by_object, plan_still, still_quality
-from engine.deform.live import Deform, finished
+from engine.deform.live import N_POINTS
 from engine.indirect.fineness import FINE
 from engine.indirect.series import BounceSeries
 from engine.orbit.live import Orbit
@@ -43,26 +44,25 @@ class FrontEffort:
 
     placement: tuple[str, ...] = ("teatray", "stairwell")
     orbit: tuple[str, ...] = ("teatray",)
-    deform: tuple[str, ...] = ("idol",)
     size: tuple[int, int] = (192, 144)
     lights: tuple[tuple[int, int, int], ...] = (  # and patches, and rays of a fan, 0 for as many as are needed
         (50, 32, 128), (100, 64, 128), (200, 128, 128), (400, 256, 128), (1000, 400, 0), (4000, 768, 0),
         (10_000, 3000, 1024),
     )  # fmt: skip
     points: tuple[tuple[int, int], ...] = ((0, 40), (2000, 80), (10_000, 160), (40_000, 320))  # and coefficients
-    rays: tuple[tuple[int, int], ...] = ((64, 1), (128, 2), (256, 2), (1000, 3), (5000, 4))  # and lobes
+    rays: tuple[tuple[int, int], ...] = (  # and lobes
+        (64, 1), (128, 2), (256, 2), (1000, 3), (1000, 4), (2500, 4), (5000, 4),
+    )  # fmt: skip
 
 
 def measure_front(effort: FrontEffort, report: Callable[[str], None]) -> dict[str, tuple[Stop, ...]]:
     """The front of each mode, from the quickest to the truest; of several scenes geometric means."""
     found: dict[str, tuple[Stop, ...]] = {}
-    for mode, scenes, measured in (
-        ("placement", effort.placement, _placement),
-        ("orbit", effort.orbit, _orbit),
-        ("deform", effort.deform, _deform),
-    ):  # fmt: skip
+    for mode, scenes, measured in (("placement", effort.placement, _placement), ("orbit", effort.orbit, _orbit)):
         stops = [list(_told(mode, scene, measured(_project(scene, effort.size), effort), report)) for scene in scenes]
         found[mode] = on_the_front([_mean(each) for each in zip(*stops, strict=True)])
+    if effort.rays:
+        found["deform"] = on_the_front([*_told("deform", "relief", _deform(Bench(DeformKnobs()), effort), report)])
     return found
 
 
@@ -132,24 +132,16 @@ def _orbit(project: Project, effort: FrontEffort) -> Iterator[Stop]:
         yield Stop(_knobs(n_points=n_points, n_coefficients=n_coefficients), _judged(project, picture), seconds)
 
 
-def _deform(project: Project, effort: FrontEffort) -> Iterator[Stop]:
-    document = project.document
-    for key, layer in document.layers():
-        document = document.with_layer(key, replace(layer, visible=layer.visible and layer.model.is_matt))
-    matt = replace(project, document=document)
+def _deform(bench: Bench, effort: FrontEffort) -> Iterator[Stop]:
+    bench.shaded(*effort.rays[0])  # reads kernels
     for n_rays, n_lobes in effort.rays:
         began = time.process_time()
-        deform = Deform(project.resting)
-        deform.set_effort(n_rays, n_lobes)
-        deform.set_light(project.sky)
-        deform.set_layers(layers_by_object(matt))
-        deform.set_bounces(1)
-        picture = _drawn(project, finished(deform))
-        seconds = time.process_time() - began
-        yield Stop(_knobs(n_rays=n_rays, n_lobes=n_lobes), _judged(matt, picture), seconds)
+        shaded = bench.shaded(n_rays, n_lobes)
+        seconds = (time.process_time() - began) * N_POINTS / len(shaded)
+        yield Stop(_knobs(n_rays=n_rays, n_lobes=n_lobes), bench.error(shaded), seconds)
 
 
-def _drawn(project: Project, engine: Orbit | Deform) -> NDArray[np.float32]:
+def _drawn(project: Project, engine: Orbit) -> NDArray[np.float32]:
     return engine.draw(project.scene.description.camera, project.scene.resolution)
 
 
@@ -174,10 +166,10 @@ def main() -> None:
     effort = FrontEffort()
     found = measure_front(effort, lambda line: print(line, flush=True))
     facts = machine_facts()
-    scenes = f"{', '.join(effort.placement)} (Placement), {effort.orbit[0]} (Orbit), {effort.deform[0]} (Deform)"
+    scenes = f"{', '.join(effort.placement)} (Placement), {effort.orbit[0]} (Orbit)"
     origin = (
         f"`python -m app.measure.front` of {datetime.now(UTC):%Y-%m-%d} on {facts['cpu']}: {scenes} at "
-        "{} × {}; processor seconds".format(*effort.size)
+        "{} × {}, 12,000 points of a relief (Deform); processor seconds".format(*effort.size)
     )
     file.write_text(front_text(origin, effort.size[0] * effort.size[1], found))
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from app.measure.accuracy import errors
 from app.measure.deform import BEND, relief, varied_sky
 from app.measure.knobs import Knob, Shown
 from app.measure.sweep import MIB
@@ -54,7 +55,7 @@ QUICKLY = DeformKnobs(20, 12, 400, (3, 6), (6,), (1, 4), (64, 256), 256)
 
 def deform_knobs(effort: DeformKnobs) -> Iterator[Knob]:
     """See above."""
-    bench = _Bench(effort)
+    bench = Bench(effort)
     frame = "shading all points once"
     yield bench.knob("order, harmonics themselves", effort.orders, bench.by_harmonics, ORDER, frame)
     for n in effort.of_orders:
@@ -64,7 +65,9 @@ def deform_knobs(effort: DeformKnobs) -> Iterator[Knob]:
     yield bench.knob("rays a point", rays, bench.by_rays, N_RAYS, "transfer and its lobes")
 
 
-class _Bench:
+class Bench:
+    """The relief, what light reaches its vertices, and what other settings make of that."""
+
     def __init__(self, effort: DeformKnobs) -> None:
         scene = relief(effort.columns, effort.rows)
         self._points = bending_points(scene, RayCaster(scene.vertices, scene.triangles), 0)
@@ -104,10 +107,13 @@ class _Bench:
         return lambda: Shown(shade(zonal, self._frames, light), kept)
 
     def by_rays(self, n_rays: int) -> Any:
-        light = band_light(project(self._powers, ORDER))
+        return lambda: Shown(self.shaded(n_rays, N_LOBES))
 
-        def compute() -> Shown:
-            zonal = finish(fit(self._traced(ORDER, n_rays), N_LOBES))
-            return Shown(shade(lobes(zonal), self._frames, light))
+    def shaded(self, n_rays: int, n_lobes: int) -> Floats:
+        """Light (p, 3) of the vertices by so many rays from each, and lobes for what they find."""
+        zonal = finish(fit(self._traced(ORDER, n_rays), n_lobes))
+        return np.asarray(shade(lobes(zonal), self._frames, band_light(project(self._powers, ORDER))), np.float64)
 
-        return compute
+    def error(self, shaded: Floats) -> float:
+        """relRMSE of that light."""
+        return errors(shaded, self._truth).rmse
