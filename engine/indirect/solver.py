@@ -242,9 +242,7 @@ class Solver:
                 light = yield from self._light(cells, self._roughly(), parts, (_LOOKED, _ROUGHLY_LIT))
                 bright, _ = radiosity(light, albedos_of(layers, len(self._poles)), self._n_bounces)
                 if self._asks_need:
-                    halves = self._halves(
-                        self._points(gathered, photons), layers, bright, len(cells), has_photons=False
-                    )
+                    halves = self._halves_of_fans(self._points(gathered, photons), layers, cells, light)
                     if self._is_noisy(gathered.rows, (yield from _said(halves, span[0], "looking around"))):
                         gathered = yield from self._gather(cells, self._nothing(), rows, _first(rows), parts, span)
             points = self._points(gathered, photons)
@@ -269,16 +267,23 @@ class Solver:
         return replace(self._most, n_cell_rays=self._most.n_cell_rays // 4, n_samples=self._most.n_samples // 4)
 
     def _halves(
-        self, points: GatherPoints, layers: Sequence[IndirectLayer], bright: NDArray[np.float32], n_cells: int,
-        has_photons: bool = True,
-    ) -> Generator[None, None, NDArray[np.float32]]:  # fmt: skip
+        self, points: GatherPoints, layers: Sequence[IndirectLayer], bright: NDArray[np.float32], n_cells: int
+    ) -> Generator[None, None, NDArray[np.float32]]:
         """What each half of the rays brings, (2, p, 3), of radiosities `bright` (C, D, 3) of the first C cells: by
         albedo and a share of the photons, as what glossy surfaces send is noisier."""
         new_cells = np.zeros((n_cells - len(bright), *bright.shape[1:]), np.float32)  # not known yet: dark
-        thrown = points.thrown(layers) if has_photons else None
-        thrown = thrown and thrown._replace(light=_PHOTONS_SHARE * thrown.light)
+        thrown = points.thrown(layers)
+        thrown = thrown._replace(light=_PHOTONS_SHARE * thrown.light)
         sent = SentLight(np.concatenate([bright, new_cells]), None, thrown)
         return (yield from points.halves(layers, sent))
+
+    def _halves_of_fans(
+        self, points: GatherPoints, layers: Sequence[IndirectLayer], cells: Cells, light: CellLight
+    ) -> Generator[None, None, NDArray[np.float32]]:
+        """The same of all that hangs on how many rays there are: what glossy surfaces send included, photons not."""
+        nowhere = np.zeros((0, 4), np.int32), np.zeros((0, 4), np.float32)
+        sent = self._found(points, nowhere, cells, light).sent(layers)
+        return (yield from points.halves(layers, replace(sent, thrown=None)))
 
     @property
     def _asks_need(self) -> bool:

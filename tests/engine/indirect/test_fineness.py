@@ -53,9 +53,9 @@ def test_noise_is_half_of_what_halves_differ_by() -> None:
     weights = np.zeros(50)
     weights[:25], halves[:, 25:] = 2.0, 7.0
     assert noise_of(halves, weights, 0.0) == pytest.approx(0.1)  # what has no share of a pixel does not count
-    halves = np.full((2, 1000, 3), 1.0) + np.array([-0.1, 0.1])[:, None, None]
+    halves = np.full((2, 10_000, 3), 1.0) + np.array([-0.1, 0.1])[:, None, None]
     halves[:, 7] = [[-99.0], [101.0]]
-    assert noise_of(halves, np.ones(1000), 0.0) == pytest.approx(0.1)  # nor does one in a thousand
+    assert noise_of(halves, np.ones(10_000), 0.0) == pytest.approx(0.1)  # nor does one in ten thousand
     assert noise_of(np.zeros((2, 0, 3)), np.zeros(0), 0.0) == 0.0  # nothing reflects
 
 
