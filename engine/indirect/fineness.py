@@ -14,8 +14,8 @@ of 60,000 pixels, four bounces:
       of            128      128      256       256        256       256      512
     seconds     10.5, 5.7  30, 19  8.6, 5.6   33, 25     18, 15    26, 20   25, 15
 
-(By 0.5 % of noise that was allowed; 0.3 are now, and gloss counts: copper that throws light on copper, the reference tea
-tray, was 3.2 % off by a quarter of the rays, is 2.7 % by half, and 2.0 by all.)
+(By 0.5 % of noise that was allowed; 0.3 are now, and gloss counts: the reference tea tray, whose copper throws light on
+copper, was 3.2 % off by a quarter of the rays, is 2.7 % by half, and 2.0 by all.)
 
 Noise falls with the 0.63th power of the rays (0.47 to 0.8 in six of these scenes), and interpolation and the filter
 leave 0.4 of it (a third to two thirds). A pilot before the solver was rejected: it would find cells and photons of its
