@@ -128,9 +128,8 @@ def render_project(
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
     layers = _at_most(layers, series.first or project.document.first_bands)
     if series.n_bounces > 1:
-        fineness = STILL.with_rays(plan.n_rays) if plan.n_rays else STILL
-        finding = indirect_radiance(placement, layers, sky, series, fineness, as_needed=not plan.n_rays)
-        indirect = finish(finding, report)
+        fineness, as_needed = STILL.with_rays(plan.n_rays), not plan.n_rays
+        indirect = finish(indirect_radiance(placement, layers, sky, series, fineness, as_needed), report)
     plan = finish(with_needed_light(placement, layers, sky, plan))
     quality = still_quality(plan)
     radiance = finish(reflected(placement, layers, sky, quality, indirect), report)

@@ -124,7 +124,7 @@ class IndirectTasks:
 
         lit_by: a key of the light; n_rays: a fan of fine light, 0 for as many as are needed.
         """
-        fine = FINE.with_rays(n_rays) if n_rays else FINE
+        fine = FINE.with_rays(n_rays)
         self._asked = lit_by, n_bounces
         models = tuple((each.key, each.model) for each in layers)
         found = self._found

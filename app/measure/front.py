@@ -112,9 +112,8 @@ def _placement_picture(
     """What the points reflect of all light (P, 3), and of that which was reflected before, None of one bounce."""
     placement, indirect = Placement(project.scene), None
     if series.n_bounces > 1:
-        fineness = FINE.with_rays(n_fan_rays) if n_fan_rays else FINE
-        finding = indirect_radiance(placement, layers, project.sky, series, fineness, as_needed=not n_fan_rays)
-        indirect = finish(finding)
+        fineness, as_needed = FINE.with_rays(n_fan_rays), not n_fan_rays
+        indirect = finish(indirect_radiance(placement, layers, project.sky, series, fineness, as_needed))
     return finish(reflected(placement, layers, project.sky, quality, indirect)), indirect
 
 

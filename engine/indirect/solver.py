@@ -17,9 +17,18 @@ from numpy.typing import NDArray
 
 from engine.indirect._cell_kernels import NO_CELL, CellTable
 from engine.indirect._ray_kernels import HALF, NORMAL
-from engine.indirect.cells import Cells, TooManyCells
+from engine.indirect.cells import MOST_CELLS, Cells, TooManyCells
 from engine.indirect.curves import any_glossy, pole_of
-from engine.indirect.fineness import FINE, LEVELS, Fineness, RayNeed, needed_rays, noise_of
+from engine.indirect.fineness import (
+    FINE,
+    LEFT_OF_GLOSSY,
+    LEFT_OF_MATT,
+    LEVELS,
+    Fineness,
+    RayNeed,
+    needed_rays,
+    noise_of,
+)  # fmt: skip
 from engine.indirect.further import further_fans
 from engine.indirect.gather import FanSize, Gathered, gather, joined, object_of_rows
 from engine.indirect.irradiance import CellLight, connect, direct_irradiance, radiosity
@@ -244,7 +253,9 @@ class Solver:
                 if self._asks_need:
                     halves = self._halves_of_fans(self._points(gathered, photons), layers, cells, light)
                     if self._is_noisy(gathered.rows, (yield from _said(halves, span[0], "looking around"))):
-                        gathered = yield from self._gather(cells, self._nothing(), rows, _first(rows), parts, span)
+                        none, at = self._nothing(), span[:1] * 2
+                        gathered = yield from self._gather(cells, none, rows, _first(rows), parts, at)
+                self._forecast(cells, len(rows))
             points = self._points(gathered, photons)
             halves = self._halves(points, layers, bright, len(cells))
             first, second = yield from _said(halves, span[0], "looking around")
@@ -261,6 +272,14 @@ class Solver:
                     cells, gathered, rows, nth, parts, (_LOOKED_CLOSER[-1], done), len(cells)
                 )
                 return self._points(gathered, photons), found, done
+
+    def _forecast(self, cells: Cells, n_fans: int) -> None:
+        """Raises TooManyCells where so many fans have found so many cells that all of them will find too many: that
+        would be known when nearly all are traced."""
+        wanted = len(cells) * (max(self._expected, n_fans) / max(n_fans, 1)) ** CELLS_BY_FANS
+        if wanted > MOST_CELLS:
+            self._n_traced = round(n_fans * (MOST_CELLS / len(cells)) ** (1.0 / CELLS_BY_FANS))
+            raise TooManyCells(f"{wanted:.0f} to come")
 
     def _roughly(self) -> Fineness:
         """How finely light between cells is found to tell where to look closer."""
@@ -293,7 +312,10 @@ class Solver:
     def _is_noisy(self, rows: NDArray[np.int32], halves: NDArray[np.float32]) -> bool:
         """Whether a first look with the fewest rays, by what its halves bring (2, p, 3), calls for more of them."""
         other = (self._other_light or 0.0) / self._shining.unit
-        self._need = needed_rays(self._most.n_rays, noise_of(halves, self._placement.hits.share[rows], other))
+        matt = self._poles[object_of_rows(self._placement.hits, rows)] == NORMAL
+        left = np.where(matt, LEFT_OF_MATT, LEFT_OF_GLOSSY)
+        noise = noise_of(halves, left, self._placement.hits.share[rows], other)
+        self._need = needed_rays(self._most.n_rays, noise)
         before, self._fineness = self._fineness, self._most.with_rays(self._need.n_rays)
         return self._fineness.n_rays > before.n_rays
 

@@ -6,9 +6,8 @@ at random, just as the solver refines all; what took place at its points is mult
 between its cells by theirs and their rays.
 
 Where there will be more cells than there may be, the solver begins anew with larger ones, several times where these
-hardly become fewer. What is lost so is most of the time of small scenes with polished metal: the reference bunny's
-light is looked for five times. How many cells there are of larger ones a second trial tells; the tries are then gone
-through as the solver does.
+hardly become fewer; its first look foresees most such ends. How many cells there are of larger ones a second trial
+tells; the tries are then gone through as the solver does.
 """
 
 import math
@@ -92,6 +91,11 @@ class _Trial(Solver):
         whole = self._whole
         return replace(self._most, n_cell_rays=whole.n_cell_rays // 4, n_samples=whole.n_samples // 4)
 
+    @property
+    def n_first(self) -> int:
+        """How many fans the first look of the whole picture has."""
+        return len(super()._lattice().wanted())
+
     def _cell_size(self) -> float:
         return self._larger * self._timed("size", super()._cell_size)
 
@@ -151,7 +155,9 @@ def indirect_cost(
     if wanted > MOST_CELLS:
         coarser = _Trial(placement, models, sky, n_bounces, fineness, N_BLOCKS, COARSER, other_light)
         n_coarser = len((yield from coarser.solve(layers)).cells)
-        lost = lost_tries(wanted, n_points, math.log(n_tried_cells / max(n_coarser, 1)) / math.log(COARSER))
+        lost = lost_tries(
+            wanted, n_points, trial.n_first, math.log(n_tried_cells / max(n_coarser, 1)) / math.log(COARSER)
+        )
     n_cells = min(wanted, FULL * MOST_CELLS) if lost.n_tries else wanted
     by_cell = n_cells / n_tried_cells
     rest = seconds - sum(tried.values())
@@ -168,13 +174,13 @@ def indirect_cost(
     return IndirectCost(total, n_bytes, round(n_points), round(n_cells), found.need)
 
 
-def lost_tries(wanted: float, n_fans: float, power: float) -> Lost:
-    """What is lost until cells are large enough: wanted: cells of the first size after all fans; of s times larger ones
-    there are s^-power as many."""
+def lost_tries(wanted: float, n_fans: float, n_first: int, power: float) -> Lost:
+    """What is lost until cells are large enough: wanted: cells of the first size after all fans, which the first look,
+    of n_first, foresees; of s times larger ones there are s^-power as many."""
     size, n_lost, tries = 1.0, 0.0, list[Try]()
     while (n_cells := wanted * size**-power) > MOST_CELLS and len(tries) < MOST_TRIES:
         done = n_fans * (MOST_CELLS / n_cells) ** (1.0 / CELLS_BY_FANS)
-        n_lost += done
+        n_lost += min(done, n_first)
         tries.append(Try(size, round(done) + PART_POINTS // 2))
         size *= growth(tries, n_fans)
     return Lost(len(tries), n_lost / max(n_fans, 1.0))

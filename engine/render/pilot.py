@@ -170,7 +170,7 @@ def _try_indirect(
         other_light = yield from told_as(direct_mean(placement, by_object(layers), sky), lambda step: looking)
     trying = indirect_cost(
         placement, models_of(layers), sky, plan.bounces or 1, indirect_layers(layers),
-        FINE.with_rays(by_hand) if by_hand else FINE, other_light,
+        FINE.with_rays(by_hand), other_light,
     )  # fmt: skip
     return (yield from told_as(trying, lambda step: StillProgress(0.5 + 0.5 * step[0], f"trying: {step[1]}")))
 

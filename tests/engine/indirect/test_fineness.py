@@ -18,6 +18,7 @@ from engine.transport.pipeline import SkyState
 from tests.engine.indirect.small_scenes import CORNER, CORNER_VIEW, QUICK, matt, placement_of
 
 ASKING = replace(QUICK, n_rays=512, n_cell_rays=64, n_samples=64)
+ONE = np.ones(50)
 LAYERS = [matt(0, 0.7), matt(1, 0.5), matt(2, 0.3)]
 MODELS_OF = {i: ["lambert"] for i in range(3)}
 SKY = SkyState(constant_environment((1.0, 0.8, 0.6)))
@@ -31,7 +32,7 @@ def solved(other_light: float | None) -> IndirectLight:
     return finish(solver(other_light).solve(LAYERS))
 
 
-@pytest.mark.parametrize(("noise", "expected"), [(0.0, 128), (0.01, 128), (0.03, 256), (0.2, 512), (np.inf, 512)])
+@pytest.mark.parametrize(("noise", "expected"), [(0.0, 128), (0.004, 128), (0.015, 256), (0.08, 512), (np.inf, 512)])
 def test_more_noise_calls_for_more_rays(noise: float, expected: int) -> None:
     need = needed_rays(512, noise)
     assert need.n_rays == expected
@@ -43,20 +44,22 @@ def test_fewer_rays_take_others_with_them() -> None:
     quick = FINE.with_rays(128)
     assert (quick.n_rays, quick.n_cell_rays, quick.n_samples) == (128, FINE.n_cell_rays // 2, FINE.n_samples // 2)
     assert FINE.with_rays(512) == FINE and FINE.with_rays(1024) == replace(FINE, n_rays=1024)
+    assert FINE.with_rays(0) == FINE  # as nobody has asked for
 
 
 def test_noise_is_half_of_what_halves_differ_by() -> None:
     # Halves 0.9 and 1.1 are 1.0 with an error of 0.1; beside three times as much other light a quarter of that.
     halves = np.full((2, 50, 3), 1.0) + np.array([-0.1, 0.1])[:, None, None]
-    assert noise_of(halves, np.ones(50), 0.0) == pytest.approx(0.1)
-    assert noise_of(halves, np.ones(50), 3.0) == pytest.approx(0.025)
+    assert noise_of(halves, 0.4 * ONE, np.ones(50), 0.0) == pytest.approx(0.04)  # what a filter leaves of it
+    assert noise_of(halves, ONE, np.ones(50), 0.0) == pytest.approx(0.1)
+    assert noise_of(halves, ONE, np.ones(50), 3.0) == pytest.approx(0.025)
     weights = np.zeros(50)
     weights[:25], halves[:, 25:] = 2.0, 7.0
-    assert noise_of(halves, weights, 0.0) == pytest.approx(0.1)  # what has no share of a pixel does not count
+    assert noise_of(halves, ONE, weights, 0.0) == pytest.approx(0.1)  # what has no share of a pixel does not count
     halves = np.full((2, 10_000, 3), 1.0) + np.array([-0.1, 0.1])[:, None, None]
     halves[:, 7] = [[-99.0], [101.0]]
-    assert noise_of(halves, np.ones(10_000), 0.0) == pytest.approx(0.1)  # nor does one in ten thousand
-    assert noise_of(np.zeros((2, 0, 3)), np.zeros(0), 0.0) == 0.0  # nothing reflects
+    assert noise_of(halves, np.ones(10_000), np.ones(10_000), 0.0) == pytest.approx(0.1)  # nor does one in ten thousand
+    assert noise_of(np.zeros((2, 0, 3)), np.zeros(0), np.zeros(0), 0.0) == 0.0  # nothing reflects
 
 
 def test_a_quiet_picture_is_found_by_few_rays_and_a_noisy_one_by_all() -> None:
@@ -94,8 +97,8 @@ def test_what_nobody_asked_for_is_refused(name: str, value: np.ndarray) -> None:
 
 def test_each_reason_can_be_read() -> None:
     assert RayNeed(512, 512).reason == "as many as there may be"
-    assert needed_rays(512, 0.01).reason == "within 0.2 % of what 512 show"
-    assert needed_rays(512, 0.2).reason == "256 would be 1.8 % noisier"
+    assert needed_rays(512, 0.004).reason == "within 0.2 % of what 512 show"
+    assert needed_rays(512, 0.08).reason == "256 would be 1.8 % noisier"
 
 
 @pytest.mark.parametrize("value", [0, 100, 2048, "many", True, 128.0])

@@ -204,3 +204,25 @@ def test_a_part_that_was_forged_is_found_anew(at_once: Arrays, wanted: str) -> N
             free = {name: part[name] for name in FREE if name in part}
             memory.parts[index] = forgeries[index % len(forgeries)] | digest | free
     assert_same(found(memory), at_once)
+
+
+def test_what_a_first_look_foresees_is_not_traced_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    n_cells = len(found(None)["cells.objects"])
+    traced: list[int] = []
+    gather = solver_module.gather
+
+    def counted(hits: object, cells: object, rows: np.ndarray, *rest: object, **named: object) -> object:
+        traced.append(len(rows))
+        return gather(hits, cells, rows, *rest, **named)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(solver_module, "gather", counted)
+    found(None)
+    n_traced = sum(traced)
+    traced.clear()
+    monkeypatch.setattr(cells_module, "MOST_CELLS", n_cells // 2)
+    late = len(found(None)["cells.objects"]), sum(traced)
+    traced.clear()
+    monkeypatch.setattr(solver_module, "MOST_CELLS", n_cells // 2)
+    early = len(found(None)["cells.objects"]), sum(traced)
+    assert max(late[0], early[0]) <= n_cells // 2
+    assert n_traced < early[1] < late[1]
