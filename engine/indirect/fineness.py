@@ -15,10 +15,11 @@ of 60,000 pixels, four bounces:
     seconds     10.5, 5.7  30, 19  8.6, 5.6   33, 25     18, 15    26, 20   25, 15
 
 Noise falls with the 0.63th power of the rays (0.47 to 0.8 in six of these scenes). Interpolation and the filter leave
-0.4 of it on matt surfaces (a third to two thirds). On glossy ones they leave it as it is, and the first look misses
-what is rare and bright: copper that throws light on copper, the reference tea tray, was 1.2 % farther off by a
-quarter of the rays, 0.7 % by half, where its points' noise of 1.7 % says 1.0 and 0.4. A pilot before the solver was
-rejected: it would find cells and photons of its own, and take half of what it saves.
+0.35 of it on matt surfaces (a third to two thirds). On glossy ones, by their share of what is reflected, they leave it
+as it is, and the first look misses what is rare and bright: copper that throws light on copper, the reference tea
+tray, was 1.2 % farther off by a quarter of the rays, 0.7 % by half, where its points' noise of 1.7 % says 1.0 and
+0.4. A pilot before the solver was rejected: it would find cells and photons of its own, and take half of what it
+saves.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from numpy.typing import NDArray
 LEVELS = (4, 2, 1)
 """As many times fewer rays as there may be, the quickest first."""
 _BY_RAYS, _NOISIEST = 0.63, 99.0
-LEFT_OF_MATT, LEFT_OF_GLOSSY = 0.4, 1.3
+LEFT_OF_MATT, LEFT_OF_GLOSSY = 0.35, 1.6
 TOLERANCE = 0.005
 """By how much more the picture may be off, relative RMS."""
 

@@ -38,7 +38,7 @@ from engine.indirect.light import Footprint, GatherPoints, IndirectLight
 from engine.indirect.parts import Keeper, Parts
 from engine.indirect.photons import PhotonMap, PhotonSource, no_photons, nothing_landed
 from engine.indirect.reflection import SentLight
-from engine.indirect.second_bounce import SecondRays, no_records
+from engine.indirect.second_bounce import SecondRays, matt_share, no_records
 from engine.indirect.shining import shining_on
 from engine.indirect.stored import (
     arrays_of_gathered,
@@ -252,7 +252,7 @@ class Solver:
                 bright, _ = radiosity(light, albedos_of(layers, len(self._poles)), self._n_bounces)
                 if self._asks_need:
                     halves = self._halves_of_fans(self._points(gathered, photons), layers, cells, light)
-                    if self._is_noisy(gathered.rows, (yield from _said(halves, span[0], "looking around"))):
+                    if self._is_noisy(layers, gathered.rows, (yield from _said(halves, span[0], "looking around"))):
                         none, at = self._nothing(), span[:1] * 2
                         gathered = yield from self._gather(cells, none, rows, _first(rows), parts, at)
                 self._forecast(cells, len(rows))
@@ -309,11 +309,11 @@ class Solver:
         """Whether it is not known yet how many rays are needed."""
         return self._other_light is not None and self._most.adaptive and self._need.noise is None
 
-    def _is_noisy(self, rows: NDArray[np.int32], halves: NDArray[np.float32]) -> bool:
+    def _is_noisy(self, layers: Sequence[IndirectLayer], rows: NDArray[np.int32], halves: NDArray[np.float32]) -> bool:
         """Whether a first look with the fewest rays, by what its halves bring (2, p, 3), calls for more of them."""
         other = (self._other_light or 0.0) / self._shining.unit
-        matt = self._poles[object_of_rows(self._placement.hits, rows)] == NORMAL
-        left = np.where(matt, LEFT_OF_MATT, LEFT_OF_GLOSSY)
+        matt = matt_share(layers, len(self._poles)).mean(axis=1)[object_of_rows(self._placement.hits, rows)]
+        left = LEFT_OF_GLOSSY + matt * (LEFT_OF_MATT - LEFT_OF_GLOSSY)
         noise = noise_of(halves, left, self._placement.hits.share[rows], other)
         self._need = needed_rays(self._most.n_rays, noise)
         before, self._fineness = self._fineness, self._most.with_rays(self._need.n_rays)
