@@ -322,9 +322,13 @@ class Solver:
     @property
     def _expected(self) -> float:
         """How many fans there will be."""
-        return _BY_LIGHT * count_by_shape(self._lattice()) if self._fineness.adaptive else 0.0
+        return _BY_LIGHT * count_by_shape(self._whole_lattice()) if self._fineness.adaptive else 0.0
 
     def _lattice(self) -> Lattice:
+        """What is refined."""
+        return self._whole_lattice()
+
+    def _whole_lattice(self) -> Lattice:
         return Lattice(self._placement.hits, self._poles != NORMAL, self._fineness.close)
 
     def _further(

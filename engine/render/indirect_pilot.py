@@ -43,7 +43,7 @@ Value = TypeVar("Value")
 
 
 class Lost(NamedTuple):
-    """Tries that are given up, and how many times as many fans as are kept are traced in them."""
+    """Tries that are given up, and how many times as many fans as there are points are traced in them."""
 
     n_tries: int
     fans: float
@@ -79,6 +79,7 @@ class _Trial(Solver):
         self._whole = fineness
         self._n_blocks, self._larger = n_blocks, larger
         self.seconds = dict.fromkeys(("size", "photons", "fans", "rough", "cells"), 0.0)
+        self.n_rays_traced = 0
         self.lattice: Lattice | None = None
 
     def _lattice(self) -> Lattice:
@@ -94,7 +95,10 @@ class _Trial(Solver):
     @property
     def n_first(self) -> int:
         """How many fans the first look of the whole picture has."""
-        return len(super()._lattice().wanted())
+        return len(self._whole_lattice().wanted())
+
+    def _forecast(self, cells: Cells, n_fans: int) -> None:
+        """Nothing: of some blocks there are never too many."""
 
     def _cell_size(self) -> float:
         return self._larger * self._timed("size", super()._cell_size)
@@ -106,6 +110,7 @@ class _Trial(Solver):
         self, cells: Cells, before: Gathered, rows: NDArray[np.int32], nth: NDArray[np.uint8], parts: Parts,
         span: tuple[float, float], first_open: int = 0,
     ) -> Generator[Progress, None, Gathered]:  # fmt: skip
+        self.n_rays_traced += len(rows) * self._fineness.n_rays
         return (yield from self._steps("fans", super()._gather(cells, before, rows, nth, parts, span, first_open)))
 
     def _light(
@@ -161,12 +166,15 @@ def indirect_cost(
     n_cells = min(wanted, FULL * MOST_CELLS) if lost.n_tries else wanted
     by_cell = n_cells / n_tried_cells
     rest = seconds - sum(tried.values())
+    # Who begins anew knows how many rays are needed; halves are told of the look that he foresaw his end by alone.
+    by_fan = tried["fans"] * found.need.n_rays / max(trial.n_rays_traced, 1)
     reading = max(first - tried["size"] - tried["photons"], 0.0)
     total = (
         reading
         + tried["size"]
         + (1 + lost.n_tries) * (FEWER * tried["photons"] + by_cell * tried["rough"])
-        + (1.0 + lost.fans) * by_point * (tried["fans"] + rest)
+        + by_point * (tried["fans"] + rest)
+        + lost.fans * n_points * by_fan
         + by_cell * FEWER * tried["cells"]
     )
     arrays = arrays_of(found).items()
