@@ -312,8 +312,8 @@ class Solver:
     def _is_noisy(self, layers: Sequence[IndirectLayer], rows: NDArray[np.int32], halves: NDArray[np.float32]) -> bool:
         """Whether a first look with the fewest rays, by what its halves bring (2, p, 3), calls for more of them."""
         other = (self._other_light or 0.0) / self._shining.unit
-        matt = matt_share(layers, len(self._poles)).mean(axis=1)[object_of_rows(self._placement.hits, rows)]
-        left = LEFT_OF_GLOSSY + matt * (LEFT_OF_MATT - LEFT_OF_GLOSSY)
+        matt = matt_share(layers, len(self._poles)).mean(axis=1) > 0.5
+        left = np.where(matt, LEFT_OF_MATT, LEFT_OF_GLOSSY)[object_of_rows(self._placement.hits, rows)]
         noise = noise_of(halves, left, self._placement.hits.share[rows], other)
         self._need = needed_rays(self._most.n_rays, noise)
         before, self._fineness = self._fineness, self._most.with_rays(self._need.n_rays)
