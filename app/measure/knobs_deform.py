@@ -19,6 +19,7 @@ from app.measure.accuracy import errors
 from app.measure.deform import BEND, relief, varied_sky
 from app.measure.knobs import Knob, Shown
 from app.measure.sweep import MIB
+from app.view_state import ViewState
 from engine.deform.live import N_LOBES, ORDER
 from engine.deform.points import bending_points
 from engine.deform.pose import deformed
@@ -62,7 +63,7 @@ def deform_knobs(effort: DeformKnobs) -> Iterator[Knob]:
         present = N_LOBES if n == ORDER else None
         yield bench.knob(f"lobes, order {n}", effort.lobes, lambda k, n=n: bench.by_lobes(n, k), present, frame)
     rays = sorted({each for each in effort.rays if each <= max(N_RAYS, effort.n_rays)})
-    yield bench.knob("rays a point", rays, bench.by_rays, N_RAYS, "transfer and its lobes")
+    yield bench.knob("rays a point", rays, bench.by_rays, ViewState().n_rays, "transfer and its lobes")
 
 
 class Bench:
