@@ -19,7 +19,7 @@ Noise falls with the 0.63th power of the rays (0.47 to 0.8 in six of these scene
 look misses what is rare and bright, so that more is taken to be left than it shows: copper that throws light on
 copper, the reference tea tray, was 1.2 % farther off by a quarter of the rays and 0.7 % by half, where its points'
 noise of 1.7 % says 1.0 and 0.4. All that is glossy in part was counted so at first: the Cornell box then took all rays,
-a third of its time, for 0.02 %. A pilot before the solver was rejected: it would find cells and photons of its own, and
+a third of its time, for 0.3 %. A pilot before the solver was rejected: it would find cells and photons of its own, and
 take half of what it saves.
 """
 

@@ -70,7 +70,7 @@ class _Trial(Solver):
         self, placement: Placement, models: Mapping[int, Sequence[str]], sky: SkyState, n_bounces: int,
         fineness: Fineness, n_blocks: int, larger: float = 1.0, other_light: float | None = None,
     ) -> None:  # fmt: skip
-        """larger: by how much cells are than the solver would have them at first."""
+        """larger: by how much cells are than the solver would have them at first. `n_rays_traced`: of all fans."""
         fewer = replace(
             fineness, n_cell_rays=fineness.n_cell_rays // FEWER, n_samples=fineness.n_samples // FEWER,
             n_photons=fineness.n_photons // FEWER,
@@ -166,7 +166,7 @@ def indirect_cost(
     n_cells = min(wanted, FULL * MOST_CELLS) if lost.n_tries else wanted
     by_cell = n_cells / n_tried_cells
     rest = seconds - sum(tried.values())
-    # Who begins anew knows how many rays are needed; halves are told of the look that he foresaw his end by alone.
+    # A try that is given up ends with its first look, and most know by then how many rays are needed.
     by_fan = tried["fans"] * found.need.n_rays / max(trial.n_rays_traced, 1)
     reading = max(first - tried["size"] - tried["photons"], 0.0)
     total = (
