@@ -3,8 +3,10 @@
 imgui knows a state, not a history: of what comes in between two of its frames it would see the end. It spreads presses
 of one button or key over frames by itself; chords it does not: of Z pressed and Ctrl let go in one long frame it would
 see Z alone, and of a drag that ends in one it would not see where. So each pass of the panels hears one act at most, a
-press, a release or turns of the wheel, with the place and the modifiers of then. The shell passes through its panels
-until all is heard (`ui.shell`).
+press, a release or turns of the wheel, with the place and the modifiers of then. A press of the mouse, or a turn of its
+wheel, also waits for a pass that finds the mouse in its place already: items that others may overlap (rows, tabs) react
+only where the pass before found the mouse over them. The shell passes through its panels until all is heard
+(`ui.shell`).
 """
 
 from __future__ import annotations
@@ -25,13 +27,24 @@ ALTS = frozenset({Key.left_alt, Key.right_alt})
 
 
 class _Kind(Enum):
-    """What may come before an act, and the acts: a button is let go only after its last move was heard."""
+    """What may come before an act (`STATE`, `MOVE`), and the acts: of keys `PRESS`, of the mouse the others."""
 
-    STATE, PRESS, RELEASE, WHEEL = range(4)
+    STATE, MOVE, PRESS, CLICK, RELEASE, WHEEL = range(6)
 
-    def follows(self, earlier: _Kind) -> bool:
-        """Whether a pass that heard `earlier` may hear this, too."""
-        return self is earlier if earlier is _Kind.WHEEL else earlier is _Kind.STATE and self is not _Kind.RELEASE
+
+_ACTS = frozenset({_Kind.PRESS, _Kind.CLICK, _Kind.RELEASE, _Kind.WHEEL})
+_AFTER_A_MOVE = frozenset({_Kind.STATE, _Kind.MOVE, _Kind.PRESS})
+
+
+def _share_a_pass(heard: set[_Kind], next_kind: _Kind) -> bool:
+    """Whether a pass that has `heard` these kinds may hear the next event as well."""
+    if not heard:
+        return True
+    if heard & _ACTS:
+        return heard == {_Kind.WHEEL} and next_kind is _Kind.WHEEL
+    if _Kind.MOVE in heard:
+        return next_kind in _AFTER_A_MOVE
+    return next_kind is not _Kind.RELEASE
 
 
 class EventQueue:
@@ -56,12 +69,12 @@ class EventQueue:
 
     def move(self, x: float, y: float) -> None:
         """The mouse is there now, framebuffer pixels."""
-        self._add(partial(self._io.add_mouse_pos_event, x, y))
+        self._add(partial(self._io.add_mouse_pos_event, x, y), _Kind.MOVE)
 
     def button(self, button: int, pressed: bool) -> None:
         """A mouse button: 0 left, 1 right, 2 middle."""
         self._alt_alone = False
-        kind = _Kind.PRESS if pressed else _Kind.RELEASE
+        kind = _Kind.CLICK if pressed else _Kind.RELEASE
         self._add(partial(self._io.add_mouse_button_event, button, pressed), kind)
 
     def wheel(self, x: float, y: float) -> None:
@@ -96,9 +109,10 @@ class EventQueue:
         self.alt_tapped, self.repeated = False, None
         if self._context.input_events_queue.size() > 0:
             return
-        heard: _Kind | None = None
-        while self._waiting and (heard is None or self._waiting[0][0].follows(heard)):
-            heard, give = self._waiting.popleft()
+        heard = set[_Kind]()
+        while self._waiting and _share_a_pass(heard, self._waiting[0][0]):
+            kind, give = self._waiting.popleft()
+            heard.add(kind)
             give()
 
     def _tap(self) -> None:

@@ -21,7 +21,7 @@ Event = tuple[Any, ...]
 VIEW_OF_THE_START = (
     "hovered", "exposure", "tone_mapping", "compare", "compare_divider", "fit", "zoom", "centre", "log_y", "curve_zoom",
     "channel", "active_tool", "regions", "operator", "solo", "lobe_pixel", "brdf_plot", "brdf_whole", "brdf_across",
-    "panels", "show_shortcuts",
+    "panels", "show_shortcuts", "mode",
 )  # fmt: skip
 CALLBACKS = ("Key", "Char", "CursorPos", "MouseButton", "Scroll", "Drop", "WindowFocus")
 

@@ -8,7 +8,17 @@ from random import Random
 
 import pytest
 
-from tests.ui.real_window import ALT, CTRL, MODIFIERS, PRESS, RELEASE, RealWindow, chord_events, real_window_fixture
+from tests.ui.real_window import (
+    ALT,
+    CTRL,
+    MODIFIERS,
+    PRESS,
+    RELEASE,
+    Place,
+    RealWindow,
+    chord_events,
+    real_window_fixture,
+)
 
 pytestmark = pytest.mark.window
 
@@ -129,6 +139,50 @@ def test_the_wheel_sums(real: RealWindow) -> None:
     real.wheel(1.0, "curve.plot", times=5)
     low, high = real.ask("editor.view.curve_zoom")[:2]
     assert (high - low) / (0.5 * 3.141592653589793) == pytest.approx(0.85**5)
+
+
+def arrive_and_click(real: RealWindow, place: Place) -> None:
+    """The pointer comes from elsewhere, presses and lets go between two frames."""
+    real.move((5.0, 5.0))
+    real.events(("move", *real.at(place)), ("button", 0, PRESS, 0), ("button", 0, RELEASE, 0))
+
+
+@pytest.mark.parametrize("milliseconds", [pytest.param(0.0, marks=pytest.mark.sweep), LONG])
+def test_a_row_is_selected_by_a_press_in_the_frame_in_which_the_pointer_arrives(
+    real: RealWindow, milliseconds: float
+) -> None:
+    real.fresh()
+    lift(real)
+    real.slow(milliseconds)
+    for name in ("tray", "wall", "teapot"):
+        arrive_and_click(real, f"objects.{name}")
+        assert real.ask(SELECTED).object == name
+    arrive_and_click(real, "objects.teapot.1")
+    assert real.ask(OPERATOR) is None
+    arrive_and_click(real, "curve.operator.0")
+    assert real.ask(OPERATOR) == 0
+
+
+def tab_middle(real: RealWindow, window: str) -> tuple[float, float]:
+    """Where the tab of a docked window is."""
+    bar = f"{window}.dock_node.tab_bar"
+    tab = f"next(tab for tab in {bar}.tabs if tab.id_ == {window}.tab_id)"
+    x, low, high = real.ask(
+        f"({bar}.bar_rect.min.x + {tab}.offset + 0.5 * {tab}.width, {bar}.bar_rect.min.y, {bar}.bar_rect.max.y)"
+    )
+    return x, 0.5 * (low + high)
+
+
+@pytest.mark.parametrize("milliseconds", [pytest.param(0.0, marks=pytest.mark.sweep), LONG])
+def test_a_panel_comes_to_the_front_by_a_press_in_the_frame_in_which_the_pointer_arrives(
+    real: RealWindow, milliseconds: float
+) -> None:
+    real.fresh()
+    real.slow(milliseconds)
+    for panel in ("Plan###plan", "Accuracy###accuracy", "BRDF###brdf", "Library###library"):
+        window = f"imgui.internal.find_window_by_name({panel!r})"
+        arrive_and_click(real, tab_middle(real, window))
+        assert real.ask(f"{window}.dock_node.visible_window.name") == panel
 
 
 # ---------------------------------------------------------------------------------------------------------------- Esc
