@@ -20,10 +20,11 @@ Singles = NDArray[np.float32]
 @njit(cache=True, nogil=True, error_model="numpy")
 def gloss_range(
     which: NDArray[np.int64], places: Singles, normals: Singles, eye: Floats, table: Singles, bands: Singles,
-    lean: Singles, steepest: float, cosine: Singles, white: Singles, sent: Singles,
+    lean: Singles, steepest: float, cosine: Singles, even: float, white: Singles, sent: Singles,
 ) -> None:  # fmt: skip
     """Add what points send to the eye to sent (S, 3); bands (A, n, 3), lean (A,) for angles 0 to steepest of the eye;
-    cosine (n,): the bands of a white matt surface."""
+    cosine (n,): the bands of a white matt surface; even: what a white matt surface has of all the light's mean, summed
+    over the channels, times `engine.deform.gloss.EVEN`."""
     n = table.shape[2]
     light = np.empty((n, 3), np.float32)
     for at in range(len(which)):
@@ -49,7 +50,9 @@ def gloss_range(
         unblocked = np.float32(0.0)
         for l in range(n):  # noqa: E741
             unblocked += cosine[l] * (light[l, 0] + light[l, 1] + light[l, 2])
-        open_ = (white[p, 0] + white[p, 1] + white[p, 2]) / max(unblocked, np.float32(1e-20))
+        # Where there is hardly any light to block, both are what the bands are off by: then nothing is blocked.
+        reached = white[p, 0] + white[p, 1] + white[p, 2] + np.float32(even)
+        open_ = reached / max(unblocked + np.float32(even), np.float32(1e-20))
         open_ = min(max(open_, np.float32(0.0)), np.float32(1.0))
         for i in range(3):
             sent[p, i] += max(open_ * values[i], np.float32(0.0))

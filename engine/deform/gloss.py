@@ -1,8 +1,9 @@
 """What low frequencies allow of a layer that is not matt: a lobe about the direction its light comes from on average.
 
-For each angle of the eye the reflection is taken for symmetrical about that direction, and n bands of it are kept: with
-n = 6 a lobe of some 25 degrees and more. How much of a sharper one is lost is known, and told. What of the light is
-blocked is taken for the same share as of a matt surface's.
+For each angle of the eye the reflection is taken for symmetrical about that direction, and n bands of it are kept,
+moved as little as they must be for the lobe to have no rings (`engine.sphere.deringing`): with n = 6 it is some 33
+degrees wide, or more. How far a sharper one is off is known, and told. What of the light is blocked is taken for the
+same share as of a matt surface's.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from engine.deform.shading import BandLight
 from engine.light.environment import LUMINANCE
 from engine.material.layer import Layer
 from engine.render.integrator import evaluate_layer
+from engine.sphere.deringing import without_rings
 from engine.sphere.geodesic import geodesic
 from engine.sphere.harmonics import clamped_cosine
 from engine.threads import even_parts, on_threads
@@ -28,6 +30,7 @@ Singles = NDArray[np.float32]
 
 N_ANGLES = 16
 STEEPEST = np.radians(85.0)
+EVEN = 0.125  # of the mean light, that reaches all points where it is asked how much of the light is blocked
 _LEVEL = 5
 
 
@@ -36,7 +39,7 @@ class LowGloss:
     """A layer's reflection for `N_ANGLES` angles of the eye, 0 to `STEEPEST`: bands (A, n, 3), what it makes of each
     band of the light along its axis; lean (A,): how far that leans from the normal to the mirrored eye, radians.
 
-    lost: the share of the reflection's energy that n bands do not hold, 0 to 1, for an eye at 45 degrees.
+    lost: what n bands are off, as a share of the reflection's energy, 0 to 1, for an eye at 45 degrees.
     """
 
     bands: Singles
@@ -65,10 +68,12 @@ def low_gloss(layer: Layer, n: int) -> LowGloss:
         lean[i] = np.arctan2(-mean[0], mean[2])
         axis = np.array([-np.sin(lean[i]), 0.0, np.cos(lean[i])])
         legendre = eval_legendre(np.arange(n)[:, None], np.clip(wi @ axis, -1.0, 1.0))
-        bands[i] = legendre @ (weights * sent)
-        grey = bands[i] @ LUMINANCE
-        kept = ((2 * np.arange(n) + 1) / (4.0 * np.pi) * grey**2).sum()
-        lost[i] = 1.0 - kept / max(float((weights[:, 0] * (sent @ LUMINANCE) ** 2).sum()), 1e-30)
+        exact = legendre @ (weights * sent)
+        bands[i] = np.stack([without_rings(exact[:, c]) for c in range(3)], axis=1)
+        # Of the square integral of what is sent: |f|^2 - |f - h|^2, of which f has the exact bands and h those kept.
+        grey, kept = exact @ LUMINANCE, bands[i] @ LUMINANCE
+        held = ((2 * np.arange(n) + 1) / (4.0 * np.pi) * (2.0 * grey * kept - kept**2)).sum()
+        lost[i] = 1.0 - held / max(float((weights[:, 0] * (sent @ LUMINANCE) ** 2).sum()), 1e-30)
     at_45 = np.interp(np.radians(45.0), np.linspace(0.0, STEEPEST, N_ANGLES), lost)
     return LowGloss(bands, lean, float(np.clip(at_45, 0.0, 1.0)))
 
@@ -86,8 +91,13 @@ def add_gloss(
 
     def part(start: int, stop: int) -> None:
         kernels.gloss_range(
-            which[start:stop], places, normals, eye, light.table, bands, gloss.lean, float(STEEPEST), cosine, white,
-            sent,
+            which[start:stop], places, normals, eye, light.table, bands, gloss.lean, float(STEEPEST), cosine,
+            even_light(light), white, sent,
         )  # fmt: skip
 
     on_threads(part, *even_parts(len(which)))
+
+
+def even_light(light: BandLight) -> float:
+    """`EVEN` of what a white surface reflects of the light's mean, summed over the channels."""
+    return EVEN * float(light.harmonics[0].sum()) / float(np.sqrt(4.0 * np.pi))

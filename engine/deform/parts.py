@@ -72,7 +72,8 @@ class LookPart:
     """harmonics (n^2, 3) and table (rows, columns, n, 3) of the light, see `BandLight`; objects (M, 8): albedo, the
     first of its layers with gloss, emission, how many they are; gloss (G, A, 3 n + 1): of each such layer, for angles
     of the eye up to `steepest`, its bands and its lean, see `LowGloss`; cosine (n,): the bands of a white matt surface;
-    turn, scale: of the sky, see `Backdrop`; terms: by the cover that is told with it, or was."""
+    even: see `engine.deform.gloss.even_light`; turn, scale: of the sky, see `Backdrop`; terms: by the cover that is
+    told with it, or was."""
 
     number: int
     harmonics: Singles
@@ -81,6 +82,7 @@ class LookPart:
     gloss: Singles
     steepest: float
     cosine: Singles
+    even: float
     turn: float
     scale: float
     terms: tuple[ToldTerm, ...] = ()

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.deform.details import Detail
-from engine.deform.gloss import STEEPEST
+from engine.deform.gloss import STEEPEST, even_light
 from engine.deform.parts import (
     NOTHING,
     CoverPart,
@@ -124,8 +124,8 @@ def look_part(of: Subject, terms: tuple[ToldTerm, ...] = ()) -> LookPart:
     gloss = np.array(rows, np.float32) if rows else np.zeros((0, 2, 3 * order + 1), np.float32)
     cosine = (clamped_cosine(order) / np.pi).astype(np.float32)
     return LookPart(
-        next(_numbers), light.harmonics, light.table, objects, gloss, float(STEEPEST), cosine, backdrop.turn,
-        backdrop.scale, terms,
+        next(_numbers), light.harmonics, light.table, objects, gloss, float(STEEPEST), cosine, even_light(light),
+        backdrop.turn, backdrop.scale, terms,
     )  # fmt: skip
 
 

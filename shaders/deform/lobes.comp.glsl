@@ -15,6 +15,7 @@ uniform int n_points, n_lobes;
 uniform int n_angles;
 uniform float steepest;   // radians
 uniform float cosine[ORDER];
+uniform float even;       // light that reaches all points where it is asked how much is blocked, summed over channels
 uniform vec3 eye;
 
 vec3 matt(int p, mat3 frame) {
@@ -48,7 +49,7 @@ vec3 shiny(int layer, vec3 normal, vec3 towards, vec3 white) {
     look_up(normal, bands);
     for (int l = 0; l < ORDER; l++)
         unblocked += cosine[l] * bands[l];
-    float open = dot(white, vec3(1.0)) / max(dot(unblocked, vec3(1.0)), 1e-20);
+    float open = (dot(white, vec3(1.0)) + even) / max(dot(unblocked, vec3(1.0)) + even, 1e-20);
     return max(clamp(open, 0.0, 1.0) * values, 0.0);
 }
 

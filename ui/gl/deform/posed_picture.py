@@ -147,7 +147,7 @@ class PosedPicture:
         program, n_points = self._programs.compute("deform/lobes.comp.glsl"), len(shape.owners)
         set_uniforms(
             program, n_points=n_points, n_lobes=shape.n_lobes, table=look.table.shape[:2], eye=posed.eye,
-            n_angles=look.gloss.shape[1], steepest=look.steepest, cosine=look.cosine.tolist(),
+            n_angles=look.gloss.shape[1], steepest=look.steepest, cosine=look.cosine.tolist(), even=look.even,
         )  # fmt: skip
         program.run(-(-n_points // _GROUP))
         self._context.memory_barrier()

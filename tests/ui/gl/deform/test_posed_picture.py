@@ -85,6 +85,20 @@ def test_it_is_the_picture_of_compiled_code(deform: Deform, picture: PosedPictur
     assert np.median(off) < 1e-4 and expected.std() > 0.1
 
 
+def test_gloss_under_a_small_sun_is_the_same_and_has_no_rings(deform: Deform, picture: PosedPicture) -> None:
+    light, eye = deform._light, deform.scene.description.camera
+    sky = np.full((32, 64, 3), 0.05, np.float32)
+    sky[8, 20] = 600.0
+    deform.set_light(SkyState(Environment(sky, "sun")))
+    deform.set_layers({0: (GLOSS,), 1: (GLOSS,), 2: (MATT, GLOSS, GLOSS)})
+    expected, found = deform.draw(eye, SIZE, BENT), shown(picture, deform, eye, BENT)
+    deform.set_light(light)
+    deform.set_layers({0: (MATT, GLOSS), 1: (MATT,), 2: (MATT, GLOSS, GLOSS)})
+    off = np.abs(found - expected).max(axis=2)
+    assert (off > 0.01 * expected.max()).mean() < 0.01 and expected.max() > 0.5
+    assert np.percentile(found, 1.0) > 0.2 * 0.05  # of the even part of the sky
+
+
 def shown(picture: PosedPicture, deform: Deform, eye: Camera, poses: Poses) -> np.ndarray:
     told = deform.told(eye, poses, picture.known)
     return read_texture(picture.draw(told, eye, SIZE), np.float32)[..., :3].astype(np.float32)
