@@ -49,9 +49,15 @@ def plain_line(text: str) -> str:
     return text if len(text) <= LONGEST_LINE else f"{text[:_LONGEST_HEAD]} … {text[-_LONGEST_TAIL:]}"
 
 
+def shown_name(text: str, longest: int) -> str:
+    """A name that a file gives, so that it can be shown, written and read back: printable, and cut where longer."""
+    text = _printable(" ".join(text[: 4 * longest].split()))
+    return text if len(text) <= longest else text[: longest - 1] + "…"
+
+
 def describe_value(value: object) -> str:
     """The value on one printable line of at most 80 characters."""
-    text = _printable(value if isinstance(value, str) else repr(value))
+    text = _printable(value[: 2 * _LONGEST_VALUE] if isinstance(value, str) else repr(value))
     return text if len(text) <= _LONGEST_VALUE else text[: _LONGEST_VALUE - 1] + "…"
 
 

@@ -14,22 +14,28 @@ Floats = NDArray[np.float64]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def skin_range(
-    positions: Floats, bones: NDArray[np.int32], weights: Floats, moves: Floats,
-    start: int, stop: int, moved: Floats, linear: Floats,
+    places: Floats, normals: Floats, bones: NDArray[np.int32], weights: Floats, moves: Floats, turns: Floats,
+    start: int, stop: int, moved: Floats, linear: Floats, turned: Floats,
 ) -> None:  # fmt: skip
-    """Fill moved[start:stop] (V, 3) and their linear parts (V, 3, 3).
+    """Add to moved[start:stop] (V, 3) and to linear parts (V, 3, 3) what bones do to places (V, 3); fill turned (V, 3)
+    with normals (V, 3) under them.
 
-    bones (V, K) and weights (V, K): what each hangs on; moves (B, 3, 4): what a bone does beyond leaving all in place.
+    bones (V, K) and weights (V, K): what each hangs on; moves (B, 3, 4): a bone's matrix less that at rest; turns
+    (B, 3, 3): its matrix for normals.
     """
-    move = np.empty((3, 4))
+    move, turn = np.empty((3, 4)), np.empty((3, 3))
     for v in range(start, stop):
         move[:] = 0.0
+        turn[:] = 0.0
         for k in range(bones.shape[1]):
             share = weights[v, k]
             if share > 0.0:
                 move += share * moves[bones[v, k]]
-        x, y, z = positions[v]
+                turn += share * turns[bones[v, k]]
+        x, y, z = places[v]
+        nx, ny, nz = normals[v]
         for a in range(3):
-            moved[v, a] = positions[v, a] + (move[a, 0] * x + move[a, 1] * y + move[a, 2] * z + move[a, 3])
+            moved[v, a] += move[a, 0] * x + move[a, 1] * y + move[a, 2] * z + move[a, 3]
+            turned[v, a] = turn[a, 0] * nx + turn[a, 1] * ny + turn[a, 2] * nz
             for b in range(3):
-                linear[v, a, b] = move[a, b] + (1.0 if a == b else 0.0)
+                linear[v, a, b] += move[a, b]

@@ -1,8 +1,9 @@
 """A mesh where an animation of its file has taken it at a time: morph targets, then the skin [glTF20, 3.7, 3.11].
 
-Each vertex moves by the sum of what its bones do beyond resting: with all bones at rest it stays as it was to the last
-bit. Its axes go by the Jacobian of both steps: that of morph targets by differences over the triangles, that of the
-skin the mean of its bones' linear parts; how weights change along the surface is left out, as is usual [Sloan05, 5].
+Each vertex moves by the sum of what its bones and targets do beyond resting: with all at rest it stays as it was to the
+last bit. Its axes go from the mesh at rest back to that of the accessors, by the Jacobian of morph targets there
+(differences over the triangles), and by the mean of its bones' linear parts, normals by that of their inverse
+transposes; how weights change along the surface is left out, as is usual [Sloan05, 5].
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from engine.deform import _animation_kernels as kernels
 from engine.deform.gradients import gradients
 from engine.deform.pose import Pose, deformed_frames, orthonormal
 from engine.scene.gltf_nodes import matrix_of
-from engine.scene.rig import PATHS, Clip, Rig, Track
+from engine.scene.rig import PATHS, Clip, Rig, Track, morph_weight, normal_matrices
 from engine.threads import even_parts, on_threads
 
 Floats = NDArray[np.float64]
@@ -32,8 +33,36 @@ def posed(rig: Rig, rest: Pose, triangles: NDArray[np.int32], clip: str, time: f
     if len(rig.binding.bones) != len(rest.positions):
         raise ValueError(f"{len(rest.positions)} vertices, expected {len(rig.binding.bones)}, as the rig has")
     values = sampled(rig.skeleton.clip(clip), time, loop)
-    pose, moves = _morphed(rig, rest, triangles, values), _bone_moves(rig, rest.positions, values)
-    return _skinned(rig, pose, moves) if moves.any() else pose
+    weights = {node: values.get((node, "weights"), own) for node, own in rig.skeleton.weights.items()}
+    moves = _bone_moves(rig, values)
+    is_morphed = any(morph_weight(m, weights) != morph_weight(m, rig.skeleton.weights) for m in rig.binding.morphs)
+    if not is_morphed and not moves.any():
+        return rest
+    # Places and axes before any bone, now and at rest, and what the bones at rest make of the difference.
+    before, normals = rig.binding.morphed(rig.skeleton.weights)
+    places, positions, frames = before, rest.positions.copy(), deformed_frames(rest.frames, rig.rest.inverse)
+    has_normals = np.asarray(rig.binding.normals.any(axis=1))
+    if is_morphed:
+        places, normals = rig.binding.morphed(weights)
+        positions += np.einsum("vab,vb->va", rig.rest.linear, places - before)
+        frames = deformed_frames(frames, gradients(before, places, triangles))
+        for morph in rig.binding.morphs:
+            if morph.normals is None and morph_weight(morph, weights) != 0.0:
+                has_normals[morph.vertices] = False
+    frames[has_normals, 2] = normals[has_normals]
+    linear, turned = rig.rest.linear.copy(), np.empty_like(positions)
+    bones, shares, turns = rig.binding.bones, rig.binding.weights, normal_matrices(rig.rest.matrices + moves)
+    above = np.ascontiguousarray(frames[:, 2])
+    on_threads(
+        lambda start, stop: kernels.skin_range(
+            places, above, bones, shares, moves, turns, start, stop, positions, linear, turned
+        ),
+        *even_parts(len(positions)),
+    )
+    axes = deformed_frames(frames, linear)
+    about = axes.copy()
+    about[:, 2] = turned
+    return Pose(positions, orthonormal(about, axes))
 
 
 def sampled(clip: Clip, time: float, loop: bool = True) -> Values:
@@ -92,56 +121,19 @@ def _slerp(before: Floats, after: Floats, share: float) -> Floats:
     return np.asarray(value / np.linalg.norm(value))
 
 
-def _bone_moves(rig: Rig, places: Floats, values: Values) -> Floats:
-    """What each bone does (B, 3, 4) beyond leaving all in place; 0 of those at rest."""
-    skeleton, matrices = rig.skeleton, dict[int, Floats]()
-    for node in skeleton.order:
-        own = skeleton.matrices[node]
-        if node in skeleton.parts:
-            rest = zip(PATHS, skeleton.parts[node], strict=True)
-            parts = [values.get((node, path), part) for path, part in rest]
-            own = matrix_of(*parts) if any((node, path) in values for path in PATHS) else own
-        parent = skeleton.parents.get(node)
-        matrices[node] = own if parent is None else matrices[parent] @ own
-    there = rig.frame @ np.stack([matrices[int(node)] for node in rig.binding.nodes])
-    moves = np.ascontiguousarray((there @ rig.binding.maps - np.eye(4))[:, :3])
+def _bone_moves(rig: Rig, values: Values) -> Floats:
+    """The matrices of bones less those at rest (B, 3, 4); 0 of those at rest."""
+    skeleton, moved = rig.skeleton, dict[int, Floats]()
+    for node, rest in skeleton.parts.items():
+        if any((node, path) in values for path in PATHS):
+            moved[node] = matrix_of(*(values.get((node, path), part) for path, part in zip(PATHS, rest, strict=True)))
+    places, matrices = rig.binding.places, rig.rest.matrices
+    moves = np.ascontiguousarray(rig.bone_matrices(moved) - matrices)
     low, high = places.min(axis=0), places.max(axis=0)
     corners = np.array(
         [[x, y, z, 1.0] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
     )
-    furthest = np.abs(moves @ corners.T).max(axis=(1, 2))
-    moves[furthest <= RESTS * (high - low).max()] = 0.0
+    # How far a bone takes the mesh, and how large it makes it.
+    furthest, size = np.abs(moves @ corners.T).max(axis=(1, 2)), np.ptp(matrices @ corners.T, axis=2).max(axis=1)
+    moves[furthest <= RESTS * size] = 0.0
     return moves
-
-
-def _morphed(rig: Rig, rest: Pose, triangles: NDArray[np.int32], values: Values) -> Pose:
-    """The pose after the morph targets; the resting one itself where all weigh nothing."""
-    positions, normals, has_normals = rest.positions, rest.frames[:, 2], np.ones(len(rest.positions), bool)
-    for morph in rig.binding.morphs:
-        weights = values.get((morph.node, "weights"), rig.skeleton.weights.get(morph.node))
-        weight = float(weights[morph.number]) if weights is not None and morph.number < len(weights) else 0.0
-        if weight == 0.0:
-            continue
-        if positions is rest.positions:
-            positions, normals = positions.copy(), normals.copy()
-        positions[morph.vertices] += weight * morph.offsets
-        if morph.normals is None:
-            has_normals[morph.vertices] = False
-        else:
-            normals[morph.vertices] += weight * morph.normals
-    if positions is rest.positions:
-        return rest
-    frames = deformed_frames(rest.frames, gradients(rest.positions, positions, triangles))
-    about = frames.copy()
-    about[has_normals, 2] = normals[has_normals]
-    return Pose(positions, orthonormal(about, frames))
-
-
-def _skinned(rig: Rig, pose: Pose, moves: Floats) -> Pose:
-    positions, linear = np.empty_like(pose.positions), np.empty((len(pose.positions), 3, 3))
-    bones, weights = rig.binding.bones, rig.binding.weights
-    on_threads(
-        lambda start, stop: kernels.skin_range(pose.positions, bones, weights, moves, start, stop, positions, linear),
-        *even_parts(len(positions)),
-    )
-    return Pose(positions, deformed_frames(pose.frames, linear))

@@ -37,6 +37,7 @@ MAX_BOUNCES = 8
 MAX_OBJECTS = 4096
 MAX_RESOLUTION = 16384
 MAX_COORDINATE = 1e9
+MAX_RADIANCE = 1e12
 IDENTITY = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
@@ -105,7 +106,7 @@ Coordinate = Annotated[
     float, BeforeValidator(_number), Field(ge=-MAX_COORDINATE, le=MAX_COORDINATE, allow_inf_nan=False)
 ]
 Vector = tuple[Coordinate, Coordinate, Coordinate]
-Intensity = Annotated[float, BeforeValidator(_number), Field(ge=0.0, le=1e12, allow_inf_nan=False)]
+Intensity = Annotated[float, BeforeValidator(_number), Field(ge=0.0, le=MAX_RADIANCE, allow_inf_nan=False)]
 Radiance = Annotated[tuple[Intensity, Intensity, Intensity], BeforeValidator(_grey_to_rgb)]
 Pixels = Annotated[int, Field(ge=1, le=MAX_RESOLUTION, strict=True)]
 Name = Annotated[str, PlainValidator(_name)]

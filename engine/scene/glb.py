@@ -2,6 +2,7 @@
 
 Every length is held against the bytes that are there before it is used. The JSON is decoded once; `JsonObject` then
 hands out its integers, numbers and lists only if they are what glTF 2.0 (Khronos) says, and names the place where not.
+What is wrong but can be mended (a factor of 1.0000001) is mended, and a note says so.
 """
 
 from __future__ import annotations
@@ -9,11 +10,11 @@ from __future__ import annotations
 import json
 import math
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from engine.errors import LoadError
+from engine.errors import LoadError, describe_value
 
 MAX_ITEMS = 1_000_000
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
@@ -21,15 +22,29 @@ _JSON, _BIN = 0x4E4F534A, 0x004E4942
 
 @dataclass(frozen=True)
 class JsonObject:
-    """A JSON object of a file and its place in it ("meshes 3: primitives 0")."""
+    """A JSON object of a file and its place in it ("meshes 3: primitives 0"). notes: what of the file was mended or
+    left out, each line once, in order; all objects of a file share them."""
 
     values: dict[str, Any]
     place: str
     file: Path
+    notes: dict[str, None] = field(default_factory=dict)
 
     def error(self, key: str, value: object, expected: str) -> LoadError:
         """An error about one key."""
         return LoadError(self.file, f"{self.place}: {key}" if self.place else key, value, expected)
+
+    def note(self, key: str, value: object, words: str) -> None:
+        """Say what became of a value that is not as it should be, without refusing the file for it."""
+        self.notes[f"{self.place}: {key} = {describe_value(value)}, {words}"] = None
+
+    def clamped(self, value: float, key: str, low: float = 0.0, high: float = 1.0) -> float:
+        """The value or the end of the range that it is beyond, with a note: exporters round their numbers."""
+        if low <= value <= high:
+            return value
+        end = min(max(value, low), high)
+        self.note(key, value, f"taken as {end:g}")
+        return end
 
     def has(self, key: str) -> bool:
         """Whether the key is there."""
@@ -69,7 +84,7 @@ class JsonObject:
         value = self.values.get(key, {})
         if not isinstance(value, dict):
             raise self.error(key, value, "an object")
-        return JsonObject(value, f"{self.place}: {key}" if self.place else key, self.file)
+        return JsonObject(value, f"{self.place}: {key}" if self.place else key, self.file, self.notes)
 
     def children(self, key: str) -> list[JsonObject]:
         """The list of objects under a key, empty if it is not there."""
@@ -80,7 +95,7 @@ class JsonObject:
         for i, item in enumerate(value):
             if not isinstance(item, dict):
                 raise LoadError(self.file, f"{place} {i}", item, "an object")
-        return [JsonObject(item, f"{place} {i}", self.file) for i, item in enumerate(value)]
+        return [JsonObject(item, f"{place} {i}", self.file, self.notes) for i, item in enumerate(value)]
 
     def item(self, key: str, index: int) -> JsonObject | None:
         """One object of a list, without a look at the others; None past its end."""
@@ -88,7 +103,7 @@ class JsonObject:
         if not isinstance(value, list) or not all(isinstance(item, dict) for item in value[index : index + 1]):
             raise self.error(f"{key} {index}", value, "an object")
         place = f"{self.place}: {key} {index}" if self.place else f"{key} {index}"
-        return JsonObject(value[index], place, self.file) if index < len(value) else None
+        return JsonObject(value[index], place, self.file, self.notes) if index < len(value) else None
 
     def indices(self, key: str, count: int) -> list[int]:
         """A list of indices below count."""
@@ -118,9 +133,9 @@ def parse_glb(data: bytes, file: Path) -> tuple[JsonObject, bytes]:
         raise LoadError(file, "magic", magic.decode("ascii", "replace"), "glTF")
     if version != 2:
         raise LoadError(file, "container version", version, "GLB 2")
-    if length != len(data):
-        found = f"{len(data)} bytes" if length < len(data) else f"truncated at byte {len(data)}"
-        raise LoadError(file, "size", found, f"{length} bytes, as the header says")
+    if length > len(data):
+        raise LoadError(file, "size", f"truncated at byte {len(data)}", f"{length} bytes, as the header says")
+    trailing, data = len(data) - length, data[:length]
     kind, text, at = _chunk(data, 12, file)
     if kind != _JSON:
         raise LoadError(file, "first chunk", hex(kind), "JSON")
@@ -128,7 +143,10 @@ def parse_glb(data: bytes, file: Path) -> tuple[JsonObject, bytes]:
     if at < len(data):
         kind, content, at = _chunk(data, at, file)
         binary = content if kind == _BIN else b""
-    return _decode(text, file), binary
+    root = _decode(text, file)
+    if trailing:
+        root.notes[f"{trailing} bytes after the end that the header gives are left out"] = None
+    return root, binary
 
 
 def _chunk(data: bytes, start: int, file: Path) -> tuple[int, bytes, int]:

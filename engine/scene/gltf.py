@@ -2,8 +2,11 @@
 
 The accessors are checked and read here, not by trimesh or pygltflib, which read what is not there (see `mesh`): counts,
 offsets and strides are held against the binary chunk, indices against the vertices. Nodes must form a forest of bounded
-depth. What is read is the mesh at rest, without what its skin and its morph targets do to it; where the file has
+depth. What is read is the mesh at rest, where its skin and the weights of its morph targets have it; where the file has
 animations, each part has a rig that says how they move it (`gltf_rig`). Materials are `gltf_materials`'.
+
+What a file has wrong beside its lengths and indices is mended or left out with a note, as other programs do: a normal
+that is no number is computed, a node scaled by 0 shows nothing. A mesh without normals is flat [glTF 2.0, 3.7.2.1].
 """
 
 from __future__ import annotations
@@ -26,14 +29,27 @@ from engine.scene.gltf_materials import PartMaterial, read_material
 from engine.scene.gltf_nodes import MeshNode, placed_meshes
 from engine.scene.gltf_rig import Attached, RigReader
 from engine.scene.gltf_textures import GltfImages
-from engine.scene.mesh import MAX_MESH_BYTES, Mesh, join_meshes, place_copies, validate_mesh
-from engine.scene.rig import Binding, Rig, join_bindings
+from engine.scene.mesh import (
+    MAX_COORDINATE,
+    MAX_MESH_BYTES,
+    MAX_UV,
+    Floats,
+    Mesh,
+    faceted,
+    join_meshes,
+    normalize,
+    smooth_normals,
+    validate_mesh,
+)
+from engine.scene.rig import Binding, Rig, Skeleton, join_bindings
+
+Bound = tuple[Mesh, Binding | None]
 
 MAX_COUNT = 2**31 - 1
 # Vertices and faces of all copies that nodes make of meshes, one more for every byte: small files must not cost much.
 MOST_COPIED = 1_000_000
 _HARMLESS = ("KHR_materials_", "KHR_texture_", "KHR_lights_")
-_TRIANGLES = 4
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
 
 @dataclass(frozen=True)
@@ -69,33 +85,44 @@ def read_glb(path: Path) -> GlbModel:
         root.children("nodes"),
         len(root.children("materials")),
     )
-    rigs = RigReader(file, root) if root.children("animations") else None
+    rigs = RigReader(file, root)
     copies, skipped = _Copies(file, rigs), 0
     for mesh_index, placed in placed_meshes(file, root).items():
         for primitive in file.meshes[mesh_index].children("primitives"):
             skipped += 0 if copies.take(primitive, placed) else len(placed)
     by_material = copies.by_material()
     if not by_material:
-        raise LoadError(path, "faces", 0, "at least one mesh of triangles in the scene")
+        why = f": {next(iter(root.notes))}" if root.notes else ""
+        raise LoadError(path, "faces", 0, f"at least one mesh of triangles in the scene{why}")
     images = GltfImages(root, binary)
     described = root.children("materials")
     used = {k: PartMaterial() if k < 0 else read_material(described[k], images) for k in by_material}
-    bindings = copies.bindings()
-    skeleton = rigs.skeleton(bindings.values()) if rigs else None
-    parts = [
-        _part(by_material[k], material, Rig(skeleton, bindings[k], np.eye(4)) if skeleton else None)
-        for k, material in used.items()
-    ]
-    notes = _notes(root, list(used.values()), skipped) + (rigs.notes if rigs else [])
+    skeleton = None
+    if root.children("animations"):
+        skeleton = rigs.skeleton(b for bound in by_material.values() for _, b in bound if b is not None)
+    parts = [_part(by_material[k], material, skeleton) for k, material in used.items()]
+    notes = [*root.notes, *_notes(list(used.values()), skipped), *rigs.notes]
     return GlbModel(tuple(parts), tuple(notes))
 
 
-def _part(meshes: list[Mesh], material: PartMaterial, rig: Rig | None) -> GlbPart:
-    """The joined meshes of one material; without texture coordinates it has no textures."""
-    mesh, layers, bumps = join_meshes(meshes), material.layers, material.bumps
+def _part(bound: list[Bound], material: PartMaterial, skeleton: Skeleton | None) -> GlbPart:
+    """The joined meshes of one material; without texture coordinates it has no textures. Where some have normals, those
+    without get vertices of their own for every face, so that they stay flat."""
+    if any(mesh.normals is not None for mesh, _ in bound):
+        bound = [each if each[0].normals is not None else _faceted(*each) for each in bound]
+    mesh, layers, bumps = join_meshes([mesh for mesh, _ in bound]), material.layers, material.bumps
     if mesh.uvs is None:
         layers, bumps = tuple(layer.model_copy(update={"maps": LayerMaps()}) for layer in layers), NO_BUMPS
+    rig = None
+    if skeleton is not None:
+        rig = Rig(skeleton, join_bindings([binding for _, binding in bound if binding is not None]), np.eye(4))
     return GlbPart(mesh, layers, material.emission, rig, bumps)
+
+
+def _faceted(mesh: Mesh, binding: Binding | None) -> Bound:
+    """The same with flat normals."""
+    facets, vertices = faceted(mesh)
+    return facets, None if binding is None else binding.taken(vertices)
 
 
 def _check_extensions(root: JsonObject) -> None:
@@ -134,26 +161,25 @@ class _Copies:
     """The triangles of a file by material: each list of them read once, and placed once for all its copies, of which a
     file may have no more than its size is worth; and what they hang on, where something moves them."""
 
-    def __init__(self, file: GltfFile, rigs: RigReader | None) -> None:
+    def __init__(self, file: GltfFile, rigs: RigReader) -> None:
         self._file, self._rigs = file, rigs
-        self._read: dict[str, tuple[Mesh, Attached | None]] = {}
+        self._read: dict[str, tuple[Mesh, Attached | None] | None] = {}
         self._placed: dict[tuple[int, str], list[MeshNode]] = {}
         self._most, self._n = MOST_COPIED + len(file.binary), 0
 
     def take(self, primitive: JsonObject, placed: list[MeshNode]) -> bool:
         """Read a primitive and note where copies of it stand; False for points and lines, which are left out."""
-        mode = primitive.integer("mode", 0, 6, _TRIANGLES)
-        if mode < _TRIANGLES:
+        if primitive.integer("mode", 0, 6, _TRIANGLES) < _TRIANGLES:
             return False
-        if mode != _TRIANGLES:
-            raise primitive.error("mode", mode, f"{_TRIANGLES} (triangles; no strips, no fans)")
-        made_of = repr(tuple(primitive.values.get(key) for key in ("attributes", "indices", "targets")))
+        made_of = repr([primitive.values.get(key) for key in ("attributes", "indices", "targets", "mode")])
         if made_of not in self._read:
             mesh = _read_primitive(self._file, primitive)
-            attached = self._rigs.attached(primitive, len(mesh.vertices)) if self._rigs else None
-            self._read[made_of] = mesh, attached
-        mesh = self._read[made_of][0]
-        self._n += (len(mesh.vertices) + len(mesh.triangles)) * len(placed)
+            attached = self._rigs.attached(primitive, len(mesh.vertices), placed) if mesh else None
+            self._read[made_of] = (mesh, attached) if mesh else None
+        read = self._read[made_of]
+        if read is None:
+            return True
+        self._n += (len(read[0].vertices) + len(read[0].triangles)) * len(placed)
         if self._n > self._most:
             expected = f"at most {self._most} in a file of this size"
             raise primitive.error("vertices and faces of all copies", self._n, expected)
@@ -161,26 +187,18 @@ class _Copies:
         self._placed.setdefault((material, made_of), []).extend(placed)
         return True
 
-    def by_material(self) -> dict[int, list[Mesh]]:
-        """All triangles, in the order of the materials, −1 for what has none."""
-        found: dict[int, list[Mesh]] = {}
+    def by_material(self) -> dict[int, list[Bound]]:
+        """All triangles at rest, in the order of the materials, −1 for what has none, and what they hang on."""
+        found: dict[int, list[Bound]] = {}
         for (material, made_of), placed in self._placed.items():
-            matrices = np.stack([each.matrix for each in placed])
-            found.setdefault(material, []).append(place_copies(self._read[made_of][0], matrices))
+            read = self._read[made_of]
+            if read and (copies := self._rigs.copies(*read, placed)):
+                found.setdefault(material, []).extend(copies)
         return dict(sorted(found.items()))
 
-    def bindings(self) -> dict[int, Binding]:
-        """What the vertices of `by_material`'s meshes hang on; empty where nothing moves."""
-        found: dict[int, list[Binding]] = {}
-        for (material, made_of), placed in self._placed.items():
-            mesh, attached = self._read[made_of]
-            if self._rigs and attached:
-                found.setdefault(material, []).extend(self._rigs.bindings(mesh, attached, placed))
-        return {material: join_bindings(bindings) for material, bindings in found.items()}
 
-
-def _read_primitive(file: GltfFile, primitive: JsonObject) -> Mesh:
-    """One list of triangles."""
+def _read_primitive(file: GltfFile, primitive: JsonObject) -> Mesh | None:
+    """One list, strip or fan of triangles; None where it has none."""
     attributes = primitive.child("attributes")
     if not attributes.has("POSITION"):
         raise attributes.error("POSITION", "nothing", "an accessor of positions")
@@ -194,18 +212,52 @@ def _read_primitive(file: GltfFile, primitive: JsonObject) -> Mesh:
         corners = file.read(primitive, "indices", "SCALAR", INTEGERS).astype(np.int64)[:, 0]
     else:
         corners = np.arange(len(vertices))
-    if len(corners) % 3:
-        raise primitive.error("indices", f"{len(corners)} corners", "a multiple of 3")
     if len(corners) and corners.max() >= len(vertices):
         k = int(np.argmax(corners >= len(vertices)))
         raise primitive.error(f"index {k}", int(corners[k]), f"an index from 0 to {len(vertices) - 1}")
-    triangles = corners.reshape(-1, 3).astype(np.int32)
+    triangles = _triangles(primitive, corners)
+    is_place = np.abs(vertices) <= MAX_COORDINATE  # false for NaN too
+    if not is_place.all():
+        is_whole = is_place[triangles].all(axis=(1, 2))
+        primitive.note("faces", f"{np.count_nonzero(~is_whole)} with a corner that is no number", "left out")
+        triangles, vertices = triangles[is_whole], np.where(is_place, vertices, 0.0)
+    if not len(triangles):
+        primitive.note("faces", 0, "left out")
+        return None
     uvs = _read_uvs(file, attributes, len(vertices), triangles)
-    tangents = None  # of use beside both others alone [glTF 2.0, 3.7.2.1]
-    if normals is not None and uvs is not None:
-        tangents = _read_tangents(file, attributes, len(vertices), triangles)
+    tangents = None
+    if normals is not None:
+        normals = _mended(normals, vertices, triangles, attributes)
+        if uvs is not None:  # tangents are of use beside both others alone [glTF 2.0, 3.7.2.1]
+            tangents = _read_tangents(file, attributes, len(vertices), triangles)
     mesh = Mesh(vertices, triangles, normals, uvs, tangents)
     return validate_mesh(mesh, file.path, f"{primitive.place}: ")
+
+
+def _triangles(primitive: JsonObject, corners: npt.NDArray[np.int64]) -> npt.NDArray[np.int32]:
+    """Triangles (T, 3) of a list, a strip or a fan [glTF 2.0, 3.7.2.1]; those of a strip that only turn it round, with
+    a corner twice, are none."""
+    mode, n = primitive.integer("mode", _TRIANGLES, _FAN, _TRIANGLES), len(corners)
+    if mode == _TRIANGLES:
+        if n % 3:
+            raise primitive.error("indices", f"{n} corners", "a multiple of 3")
+        return corners.reshape(-1, 3).astype(np.int32)
+    i = np.arange(max(n - 2, 0))
+    if mode == _STRIP:  # v_i, v_(i + 1 + i mod 2), v_(i + 2 − i mod 2)
+        triangles = corners[np.stack([i, i + 1 + i % 2, i + 2 - i % 2], axis=1)]
+    else:
+        triangles = corners[np.stack([i + 1, i + 2, np.zeros_like(i)], axis=1)]
+    a, b, c = triangles.T
+    return triangles[(a != b) & (b != c) & (c != a)].astype(np.int32)
+
+
+def _mended(normals: Floats, vertices: Floats, triangles: npt.NDArray[np.int32], attributes: JsonObject) -> Floats:
+    """Unit normals (V, 3), those that are no numbers as the faces around have them."""
+    is_usable = np.asarray(np.isfinite(normals).all(axis=1))
+    around = smooth_normals(vertices, triangles)
+    if not is_usable.all():
+        attributes.note("NORMAL", f"{np.count_nonzero(~is_usable)} that are no numbers", "computed from the faces")
+    return normalize(np.where(is_usable[:, None], normals, around), around)
 
 
 def _read_uvs(
@@ -221,17 +273,19 @@ def _read_uvs(
     scale = 1.0 if values.dtype.kind == "f" else 1.0 / np.iinfo(values.dtype).max
     uvs = values.astype(np.float32) * np.float32(scale)
     uvs[:, 1] = np.float32(1.0) - uvs[:, 1]
+    is_usable = np.abs(uvs) <= MAX_UV
+    if not is_usable.all():
+        attributes.note("TEXCOORD_0", f"{np.count_nonzero(~is_usable)} numbers beyond {MAX_UV:g}", "taken as 0")
+        uvs = np.where(is_usable, uvs, np.float32(0.0))
     return uvs[triangles]
 
 
-def _notes(root: JsonObject, materials: list[PartMaterial], skipped: int) -> list[str]:
+def _notes(materials: list[PartMaterial], skipped: int) -> list[str]:
     """What the file holds that is not shown."""
     lines = []
     if skipped:
         lines.append(f"{skipped} primitives of points or lines left out")
     lines += dict.fromkeys(note for material in materials for note in material.notes)
-    if root.children("skins") and not root.children("animations"):
-        lines.append("a skin without an animation: shown at rest")
     return lines
 
 
@@ -244,4 +298,8 @@ def _read_tangents(
     values = file.read(attributes, "TANGENT", "VEC4", FLOATS)
     if len(values) != n_vertices:
         raise attributes.error("TANGENT", f"{len(values)} tangents", f"{n_vertices}, as there are positions")
+    is_usable = np.isfinite(values).all(axis=1)
+    if not is_usable.all():
+        attributes.note("TANGENT", f"{np.count_nonzero(~is_usable)} that are no numbers", "all are computed")
+        return None
     return np.asarray(values[triangles], np.float32)

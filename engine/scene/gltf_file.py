@@ -18,6 +18,7 @@ SHARES = (5126, 5121, 5123)  # from 0 to 1: as floats, or as integers of which t
 ANY_SHARES = (5126, 5120, 5121, 5122, 5123)
 INTEGERS = (5121, 5123, 5125)
 _COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+MOST_ZEROS = 1_000_000  # rows of a sparse accessor without a view, one more for every byte of the file
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 
 
@@ -41,18 +42,38 @@ class GltfFile:
         component = accessor.integer("componentType", 5120, 5126)
         if component not in components:
             raise accessor.error("componentType", component, f"one of {', '.join(map(str, components))} for {key}")
-        if accessor.has("sparse") or not accessor.has("bufferView"):
-            raise accessor.error("sparse", "a sparse accessor", "values in a buffer view")
-        layout = np.dtype(_COMPONENTS[component])
-        row = layout.itemsize * _WIDTHS[kind]
-        view = self.views[accessor.integer("bufferView", 0, len(self.views) - 1)]
+        layout, width = np.dtype(_COMPONENTS[component]), _WIDTHS[kind]
+        if not accessor.has("sparse"):
+            return self._rows(accessor, layout, width)
+        # Some rows instead of those of the view, or of zeros [glTF 2.0, 3.6.2.3].
+        if accessor.has("bufferView"):
+            rows = self._rows(accessor, layout, width).copy()
+        else:
+            rows = np.zeros((accessor.integer("count", 1, MOST_ZEROS + len(self.binary)), width), layout)
+        sparse = accessor.child("sparse")
+        n, where = sparse.integer("count", 0, len(rows)), sparse.child("indices")
+        if n:
+            index = np.dtype(_COMPONENTS[where.integer("componentType", 5121, 5125)])
+            places = self._rows(where, index, 1, n)[:, 0].astype(np.int64)
+            if places.min() < 0 or places.max() >= len(rows):
+                raise where.error("indices", int(places.max()), f"indices from 0 to {len(rows) - 1}")
+            rows[places] = self._rows(sparse.child("values"), layout, width, n)
+        return rows
+
+    def _rows(self, owner: JsonObject, layout: np.dtype, width: int, count: int | None = None) -> npt.NDArray:
+        """The rows of a buffer view from an owner's byteOffset on; as many as the owner says, or count."""
+        row = layout.itemsize * width
+        view = self.views[owner.integer("bufferView", 0, len(self.views) - 1)]
         view.integer("buffer", 0, 0)
         start = view.integer("byteOffset", 0, len(self.binary), 0)
         length = view.integer("byteLength", 1, len(self.binary) - start)
         stride = view.integer("byteStride", max(4, row), 252) if view.has("byteStride") else row
-        offset = accessor.integer("byteOffset", 0, length, 0)
+        offset = owner.integer("byteOffset", 0, length, 0)
         most = max(0, length - offset - row) // stride + (1 if length - offset >= row else 0)
-        count = accessor.integer("count", 1, most)
+        if count is None:
+            count = owner.integer("count", 1, most)
+        elif count > most:
+            raise owner.error("count", count, f"an integer from 1 to {most}")
         window = np.frombuffer(self.binary, np.uint8, (count - 1) * stride + row, start + offset)
         rows = np.lib.stride_tricks.as_strided(window, (count, row), (stride, 1))
         return np.ascontiguousarray(rows).view(layout)

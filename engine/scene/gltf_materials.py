@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 from engine.material.bumps import MAX_STRENGTH, NO_BUMPS, Bumps
 from engine.material.maps import LayerMaps
-from engine.scene.description import LayerDescription
+from engine.scene.description import MAX_RADIANCE, LayerDescription
 from engine.scene.glb import JsonObject
 from engine.scene.gltf_textures import GltfImages, TextureUse
 
@@ -47,18 +47,18 @@ class PartMaterial:
 
 
 def read_material(fields: JsonObject, images: GltfImages) -> PartMaterial:
-    """A material as layers; raises LoadError for values outside their range."""
+    """A material as layers; values outside their range are taken as its ends, with a note in the file's."""
     notes: list[str] = []
     pbr = fields.child("pbrMetallicRoughness")
-    red, green, blue, _ = (_unit(v, pbr, "baseColorFactor") for v in pbr.numbers("baseColorFactor", 4, (1.0,) * 4))
-    metallic = _unit(pbr.number("metallicFactor", 1.0), pbr, "metallicFactor")
-    roughness = _unit(pbr.number("roughnessFactor", 1.0), pbr, "roughnessFactor")
+    base_colour = pbr.numbers("baseColorFactor", 4, (1.0,) * 4)
+    red, green, blue, _ = (pbr.clamped(v, "baseColorFactor") for v in base_colour)
+    metallic = pbr.clamped(pbr.number("metallicFactor", 1.0), "metallicFactor")
+    roughness = pbr.clamped(pbr.number("roughnessFactor", 1.0), "roughnessFactor")
     if pbr.has("metallicRoughnessTexture"):
         _, rough_mean, metal_mean = images.mean(pbr.child("metallicRoughnessTexture"), notes)
         metallic, roughness = metallic * metal_mean, roughness * rough_mean
     texture = images.use(pbr.child("baseColorTexture"), notes) if pbr.has("baseColorTexture") else None
-    emissive = fields.numbers("emissiveFactor", 3, (0.0, 0.0, 0.0))
-    emission = _rgb(tuple(_unit(v, fields, "emissiveFactor") for v in emissive))
+    emission = _emission(fields)
     notes += [f"{words} are not shown" for key, words in _NOT_SHOWN.items() if fields.has(key)]
     if fields.text("alphaMode") not in (None, "OPAQUE"):
         notes.append("transparency is not shown")
@@ -70,6 +70,14 @@ def read_material(fields: JsonObject, images: GltfImages) -> PartMaterial:
 
 
 _NOT_SHOWN = {"emissiveTexture": "emissive textures"}
+
+
+def _emission(fields: JsonObject) -> RGB:
+    """Radiance: the factor, in [0, 1], times the strength of KHR_materials_emissive_strength."""
+    factor = (fields.clamped(v, "emissiveFactor") for v in fields.numbers("emissiveFactor", 3, (0.0, 0.0, 0.0)))
+    extension = fields.child("extensions").child("KHR_materials_emissive_strength")
+    strength = extension.clamped(extension.number("emissiveStrength", 1.0), "emissiveStrength", 0.0, MAX_RADIANCE)
+    return _rgb(tuple(v * strength for v in factor))
 
 
 def _bumps(info: JsonObject, images: GltfImages, notes: list[str]) -> Bumps:
@@ -130,13 +138,12 @@ def _facing_reflectance(extensions: JsonObject) -> RGB:
     """F0 of what is no metal: ((n − 1)/(n + 1))² times the colour and the strength of its reflection."""
     ior, specular = extensions.child("KHR_materials_ior"), extensions.child("KHR_materials_specular")
     index = ior.number("ior", 1.5)
-    if index != 0.0 and not 1.0 <= index <= 20.0:
-        raise ior.error("ior", index, "0 or a number from 1 to 20")
+    if index != 0.0:
+        index = ior.clamped(index, "ior", 1.0, 20.0)
     facing = 1.0 if index == 0.0 else ((index - 1.0) / (index + 1.0)) ** 2
-    strength = _unit(specular.number("specularFactor", 1.0), specular, "specularFactor")
-    colour = specular.numbers("specularColorFactor", 3, (1.0, 1.0, 1.0))
-    if min(colour) < 0.0:
-        raise specular.error("specularColorFactor", list(colour), "numbers of at least 0")
+    strength = specular.clamped(specular.number("specularFactor", 1.0), "specularFactor")
+    given = specular.numbers("specularColorFactor", 3, (1.0, 1.0, 1.0))
+    colour = [specular.clamped(v, "specularColorFactor", 0.0, math.inf) for v in given]
     return _rgb(tuple(min(facing * c, 1.0) * strength for c in colour))
 
 
@@ -151,10 +158,3 @@ def conductor_index(f0: float, tint: float) -> tuple[float, float]:
 
 def _rgb(values: tuple[float, ...]) -> RGB:
     return values[0], values[1], values[2]
-
-
-def _unit(value: float, fields: JsonObject, key: str) -> float:
-    """The value if it is in [0, 1]."""
-    if not 0.0 <= value <= 1.0:
-        raise fields.error(key, value, "numbers from 0 to 1")
-    return value

@@ -19,21 +19,22 @@ _TRANSFORM = ("matrix", "translation", "rotation", "scale")
 
 
 class MeshNode(NamedTuple):
-    """A node that has a mesh, and its matrix (4, 4) to the file's frame."""
+    """A node that has a mesh, its matrix (4, 4) to the file's frame, and whether that flattens what it places."""
 
     node: int
     matrix: Floats
+    is_flat: bool = False
 
 
 def placed_meshes(file: GltfFile, root: JsonObject) -> dict[int, list[MeshNode]]:
     """Of every mesh in the scene the nodes that have it."""
     children = [node.indices("children", len(file.nodes)) for node in file.nodes]
     parents = _parents(file, children)
-    stack = [(k, np.eye(4), 0) for k in reversed(_roots(file, root, parents))]
+    stack = [(k, np.eye(4), False, 0) for k in reversed(_roots(file, root, parents))]
     placed: dict[int, list[MeshNode]] = {}
     reached = 0
     while stack:
-        k, above, depth = stack.pop()
+        k, above, is_flat, depth = stack.pop()
         reached += 1
         if depth > MAX_DEPTH or reached > len(file.nodes):
             raise LoadError(
@@ -43,10 +44,14 @@ def placed_meshes(file: GltfFile, root: JsonObject) -> dict[int, list[MeshNode]]
                 f"a tree of at most {MAX_DEPTH} levels",
             )
         node = file.nodes[k]
-        matrix = above if node.values.keys().isdisjoint(_TRANSFORM) else _finite(above @ node_matrix(node), node)
+        matrix = above
+        if not node.values.keys().isdisjoint(_TRANSFORM):
+            matrix = _finite(above @ node_matrix(node), node)
+            is_flat = check_transform((*matrix.reshape(-1)[:12].tolist(), 0.0, 0.0, 0.0, 1.0)) is not None
         if node.has("mesh"):
-            placed.setdefault(node.integer("mesh", 0, len(file.meshes) - 1), []).append(MeshNode(k, matrix))
-        stack += [(child, matrix, depth + 1) for child in reversed(children[k])]
+            at = MeshNode(k, matrix, is_flat)
+            placed.setdefault(node.integer("mesh", 0, len(file.meshes) - 1), []).append(at)
+        stack += [(child, matrix, is_flat, depth + 1) for child in reversed(children[k])]
     return placed
 
 
@@ -97,8 +102,13 @@ def node_matrix(node: JsonObject) -> Floats:
 def node_parts(node: JsonObject) -> tuple[Floats, Floats, Floats]:
     """Translation (3,), rotation (4,) as a quaternion x, y, z, w, and scale (3,)."""
     rotation = np.array(node.numbers("rotation", 4, (0.0, 0.0, 0.0, 1.0)))
-    if not 0.5 < rotation @ rotation < 2.0:
-        raise node.error("rotation", rotation.tolist(), "a unit quaternion")
+    length = float(np.linalg.norm(rotation))
+    if not 1e-6 < length < 1e9:
+        node.note("rotation", rotation.tolist(), "taken as none: no direction of a quaternion")
+        rotation = np.array([0.0, 0.0, 0.0, 1.0])
+    elif not 0.7 < length < 1.4:
+        node.note("rotation", rotation.tolist(), "taken at length 1")
+        rotation = rotation / length
     scale = np.array(node.numbers("scale", 3, (1.0, 1.0, 1.0)))
     return np.array(node.numbers("translation", 3, (0.0, 0.0, 0.0))), rotation, scale
 
@@ -122,6 +132,26 @@ def _finite(matrix: Floats, node: JsonObject) -> Floats:
     """The matrix if its entries are of a usable size and it is affine."""
     if not (np.abs(matrix) <= 1e9).all() or np.abs(matrix[3] - (0, 0, 0, 1)).max() > 1e-6:
         raise node.error("transform", matrix.reshape(-1).tolist(), "an affine matrix with entries up to 1e+09")
-    if check_transform((*matrix.reshape(-1)[:12].tolist(), 0.0, 0.0, 0.0, 1.0)):
-        raise node.error("transform", "a matrix that flattens", "an invertible matrix")
     return matrix
+
+
+class WorldMatrices:
+    """The matrices of a file's nodes at rest to its frame, each found once."""
+
+    def __init__(self, file: GltfFile) -> None:
+        self._file, self._parents = file, parents_of(file)
+        self._found: dict[int, Floats] = {}
+
+    def of(self, node: int) -> Floats:
+        """(4, 4). Raises LoadError for nodes that are too deep or in a loop."""
+        way = [node]
+        while way[-1] not in self._found and way[-1] in self._parents:
+            way.append(self._parents[way[-1]])
+            if len(way) > MAX_DEPTH:
+                expected = f"a tree of at most {MAX_DEPTH} levels"
+                raise LoadError(self._file.path, f"nodes {node}: depth", "too deep, or a loop", expected)
+        for k in reversed(way):
+            if k not in self._found:
+                above = self._found[self._parents[k]] if k in self._parents else np.eye(4)
+                self._found[k] = _finite(above @ node_matrix(self._file.nodes[k]), self._file.nodes[k])
+        return self._found[node]

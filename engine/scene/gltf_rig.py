@@ -1,4 +1,4 @@
-"""Skins, morph targets and animations of a GLB file: what `engine.scene.rig` describes.
+"""Skins, morph targets and animations of a GLB file: what `engine.scene.rig` describes, and the meshes at rest.
 
 What moves a mesh is worth less than the mesh: a skin or an animation that cannot be read is left out, and the line that
 says why becomes a note.
@@ -8,24 +8,26 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import groupby
 from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from engine.errors import LoadError
+from engine.errors import LoadError, shown_name
 from engine.scene.glb import JsonObject
 from engine.scene.gltf_file import ANY_SHARES, FLOATS, SHARES, GltfFile
-from engine.scene.gltf_nodes import MAX_DEPTH, MeshNode, node_matrix, node_parts, parents_of
-from engine.scene.mesh import Mesh
-from engine.scene.rig import INTERPOLATIONS, PATHS, Binding, Clip, Morph, Skeleton, Track
+from engine.scene.gltf_nodes import MAX_DEPTH, MeshNode, WorldMatrices, node_matrix, node_parts, parents_of
+from engine.scene.mesh import Mesh, place_copies
+from engine.scene.rig import INTERPOLATIONS, PATHS, Binding, Clip, Morph, Skeleton, Track, rest_mesh
 
 Floats = npt.NDArray[np.float64]
 Read = TypeVar("Read")
 
 MAX_TARGETS = 256
 MAX_NOTES = 8
+LONGEST_NAME = 64  # of an animation, in characters; sessions write it
 # Numbers of all tracks, morph targets and bones, one more for every byte: accessors may be shared, and small files must
 # not cost much.
 MOST_NUMBERS = 4_000_000
@@ -43,53 +45,86 @@ class Attached:
 
 
 class RigReader:
-    """Reads what moves the meshes of a file; `notes` grow by what is left out."""
+    """Reads what moves the meshes of a file, and how that has them at rest; `notes` grow by what is left out."""
 
     def __init__(self, file: GltfFile, root: JsonObject) -> None:
         self._file, self._root = file, root
         self._skins = root.children("skins")
+        self._is_animated = bool(root.children("animations"))
         self._maps: dict[int, tuple[npt.NDArray[np.int32], Floats]] = {}
         self._left = MOST_NUMBERS + len(file.binary)
         self._notes: dict[str, None] = {}
+
+    @cached_property
+    def _world(self) -> WorldMatrices:
+        return WorldMatrices(self._file)
 
     @property
     def notes(self) -> list[str]:
         """What was left out, and why; of many lines the first."""
         return list(self._notes)[:MAX_NOTES]
 
-    def attached(self, primitive: JsonObject, n_vertices: int) -> Attached:
-        """Joints, weights and morph targets of a primitive."""
-        skinned = self._try(primitive.place, lambda: self._influences(primitive, n_vertices))
-        targets = self._try(primitive.place, lambda: self._targets(primitive, n_vertices))
+    def attached(self, primitive: JsonObject, n_vertices: int, placed: list[MeshNode]) -> Attached | None:
+        """Joints, weights and morph targets of a primitive; None where nothing moves it, now or at rest."""
+        nodes = [self._file.nodes[each.node] for each in placed]
+        has_skin = any(node.has("skin") for node in nodes)
+        skinned = self._try(primitive.place, lambda: self._influences(primitive, n_vertices)) if has_skin else None
+        targets = None
+        if primitive.has("targets") and (self._is_animated or any(any(self._weights(node)) for node in nodes)):
+            targets = self._try(primitive.place, lambda: self._targets(primitive, n_vertices))
+        if skinned is None and not targets and not self._is_animated:
+            return None
         bones, weights = skinned or (None, None)
         return Attached(bones, weights, targets or ())
 
-    def bindings(self, mesh: Mesh, attached: Attached, placed: list[MeshNode]) -> list[Binding]:
-        """Of the copies of a primitive that stand where nodes put them, in their order; of those that only follow their
-        nodes one for all that stand together, as there may be many."""
-        found: list[Binding] = []
-        for bends, copies in groupby(placed, lambda each: self._bends(attached, self._file.nodes[each.node])):
-            if bends:
-                found += [self._binding(mesh, attached, each) for each in copies]
-            else:
-                found.append(_following(list(copies), len(mesh.vertices)))
+    def copies(
+        self, mesh: Mesh, attached: Attached | None, placed: list[MeshNode]
+    ) -> list[tuple[Mesh, Binding | None]]:
+        """The copies of a primitive at rest, in the order of their nodes, and what they hang on, None where nothing
+        moves them; of those that only follow their nodes one for all that stand together, as there may be many."""
+        found: list[tuple[Mesh, Binding | None]] = []
+        for bends, group in groupby(placed, lambda each: self._bends(attached, self._file.nodes[each.node])):
+            rigid: list[MeshNode] = []
+            for each in group:
+                bound = self._bent(mesh, attached, each) if bends and attached else None
+                if bound is not None:
+                    found.append(bound)
+                elif each.is_flat:
+                    node = self._file.nodes[each.node]
+                    node.note("transform", "flat, as a scale of 0", "its mesh is not shown")
+                else:
+                    rigid.append(each)
+            if rigid:
+                matrices = np.stack([each.matrix for each in rigid])
+                found.append((place_copies(mesh, matrices), _following(mesh, rigid) if attached else None))
         return found
 
-    def _bends(self, attached: Attached, node: JsonObject) -> bool:
+    def _bends(self, attached: Attached | None, node: JsonObject) -> bool:
         """Whether a copy has a skin or morph targets; no more of them than the file is worth."""
-        if not attached.targets and not node.has("skin"):
+        if attached is None or not (attached.targets or node.has("skin")):
             return False
         return self._try(node.place, lambda: self._spend(OF_A_COPY, node, "mesh")) is not None
 
-    def _binding(self, mesh: Mesh, attached: Attached, placed: MeshNode) -> Binding:
-        own = np.array([placed.node], np.int32), np.eye(4)[None]
-        rigid = Binding(*own, np.zeros((len(mesh.vertices), 1), np.int32), np.ones((len(mesh.vertices), 1)))
-        skinned = self._try(f"nodes {placed.node}", lambda: self._hung(attached, self._file.nodes[placed.node], own))
+    def _bent(self, mesh: Mesh, attached: Attached, placed: MeshNode) -> tuple[Mesh, Binding] | None:
+        """A copy with its skin and its morph targets; None where it has neither after all."""
+        node = self._file.nodes[placed.node]
+        skinned = self._try(node.place, lambda: self._hung(mesh, attached, node))
+        if skinned is None and not attached.targets:
+            return None
         every = np.arange(len(mesh.vertices), dtype=np.int32)
         morphs = tuple(
             Morph(placed.node, k, every, offsets, normals) for k, (offsets, normals) in enumerate(attached.targets)
         )
-        return replace(skinned or rigid, morphs=morphs).placed(placed.matrix, mesh.normals)
+        weights = {placed.node: np.array(self._weights(node))}
+        if skinned is None and not weights[placed.node].any():
+            if placed.is_flat:
+                return None
+            return place_copies(mesh, placed.matrix[None]), replace(_following(mesh, [placed]), morphs=morphs)
+        binding = replace(skinned or _following(mesh, [placed]), morphs=morphs)
+        world = self._try(node.place, lambda: np.stack([self._world.of(k) for k in binding.nodes.tolist()]))
+        if world is None:
+            return None
+        return rest_mesh(mesh, binding, (world @ binding.maps)[:, :3], weights), binding
 
     def skeleton(self, bindings: Iterable[Binding]) -> Skeleton | None:
         """The nodes that these hang on with all above them, and the animations; None where nothing moves."""
@@ -97,8 +132,8 @@ class RigReader:
 
     def _moving(self, bindings: Iterable[Binding]) -> Skeleton | None:
         parents, bindings = parents_of(self._file), list(bindings)
-        wanted = {int(node) for binding in bindings for node in binding.nodes}
         shaped = sorted({morph.node for binding in bindings for morph in binding.morphs})
+        wanted = {int(node) for binding in bindings for node in binding.nodes} | set(shaped)
         depths: dict[int, int] = {}
         for node in wanted:
             way = [node]
@@ -122,7 +157,7 @@ class RigReader:
             {k: parents[k] for k in order if k in parents},
             {k: node_matrix(nodes[k]) for k in order},
             {k: node_parts(nodes[k]) for k in moved},
-            {k: self._rest_weights(nodes[k]) for k in shaped},
+            {k: np.array(self._weights(nodes[k])) for k in shaped},
             tuple(clips),
         )
 
@@ -130,13 +165,15 @@ class RigReader:
         """All animations that can be read, each by a name of its own."""
         clips: list[Clip] = []
         taken: set[str] = set()
+        n_of: dict[str, int] = {}
         for i, animation in enumerate(self._root.children("animations")):
             tracks = self._try(animation.place, lambda a=animation: self._tracks(a, nodes))  # type: ignore[misc]
             if tracks is None:
                 continue
-            name = (animation.text("name") or "").strip() or f"animation {i}"
+            name = own = shown_name(animation.text("name") or "", LONGEST_NAME) or f"animation {i}"
             while name in taken:
-                name += "+"
+                n_of[own] = n_of.get(own, 1) + 1
+                name = f"{own} ({n_of[own]})"
             taken.add(name)
             clips.append(Clip(name, max((float(t.times[-1]) for t in tracks), default=0.0), tuple(tracks)))
         return clips
@@ -192,12 +229,14 @@ class RigReader:
         mesh = self._file.meshes[node.integer("mesh", 0, len(self._file.meshes) - 1)]
         return max((len(primitive.children("targets")) for primitive in mesh.children("primitives")), default=0)
 
-    def _rest_weights(self, node: JsonObject) -> Floats:
+    def _weights(self, node: JsonObject) -> tuple[float, ...]:
         """Of a node's morph targets where no animation says them: its own, or its mesh's, or 0."""
         count = self._n_targets(node)
+        if not count:
+            return ()
         mesh = self._file.meshes[node.integer("mesh", 0, len(self._file.meshes) - 1)]
-        owner = node if node.has("weights") else mesh
-        return np.array(owner.numbers("weights", count, (0.0,) * count))
+        owner, none = node if node.has("weights") else mesh, (0.0,) * count
+        return self._try(owner.place, lambda: owner.numbers("weights", count, none)) or none
 
     def _influences(self, primitive: JsonObject, n_vertices: int) -> tuple[npt.NDArray[np.int32], Floats] | None:
         """Joints (V, K) and weights (V, K), which sum to 1 or are all 0; None where the file has none."""
@@ -239,8 +278,8 @@ class RigReader:
             raise target.error(key, f"{len(offsets)} offsets", f"{n_vertices} finite ones, as there are positions")
         return offsets
 
-    def _hung(self, attached: Attached, node: JsonObject, own: tuple[npt.NDArray[np.int32], Floats]) -> Binding | None:
-        """On the joints of a node's skin; a vertex without weights stays on the node itself, which is bone 0."""
+    def _hung(self, mesh: Mesh, attached: Attached, node: JsonObject) -> Binding | None:
+        """On the joints of a node's skin; a vertex without weights on the first that it names."""
         if not node.has("skin"):
             return None
         skin = node.integer("skin", 0, len(self._skins) - 1)
@@ -249,15 +288,15 @@ class RigReader:
             return None
         joints, maps = self._skin(skin)
         self._spend(maps.size, node, "skin")
-        outside = (attached.bones >= len(joints)) & (attached.weights > 0.0)
+        weights = attached.weights.copy()
+        weights[~(weights > 0.0).any(axis=1), 0] = 1.0
+        outside = (attached.bones >= len(joints)) & (weights > 0.0)
         if outside.any():
             k = int(np.argmax(outside.any(axis=1)))
             expected = f"joints from 0 to {len(joints) - 1}"
             raise node.error(f"joint of vertex {k}", int(attached.bones[k][outside[k]][0]), expected)
-        weights = attached.weights.copy()
-        bones = np.where(weights > 0.0, attached.bones + 1, 0).astype(np.int32)
-        weights[~(weights > 0.0).any(axis=1), 0] = 1.0
-        return Binding(np.concatenate([own[0], joints]), np.concatenate([own[1], maps]), bones, weights)
+        bones = np.where(weights > 0.0, attached.bones, 0).astype(np.int32)
+        return Binding(joints, maps, bones, weights, mesh.vertices, _or_zero(mesh.normals, len(mesh.vertices)))
 
     def _skin(self, number: int) -> tuple[npt.NDArray[np.int32], Floats]:
         """A skin's joints (J,) and inverse bind matrices (J, 4, 4)."""
@@ -294,13 +333,15 @@ class RigReader:
         return self._left
 
 
-def _following(placed: list[MeshNode], n_vertices: int) -> Binding:
-    """Of copies that stand on their nodes, each of so many vertices."""
+def _following(mesh: Mesh, placed: list[MeshNode]) -> Binding:
+    """Of copies of a mesh that stand on their nodes."""
     nodes = np.array([each.node for each in placed], np.int32)
-    bones = np.repeat(np.arange(len(placed), dtype=np.int32), n_vertices)[:, None]
-    maps = np.linalg.inv(np.stack([each.matrix for each in placed]))
-    return Binding(nodes, maps, bones, np.ones(bones.shape))
+    bones = np.repeat(np.arange(len(placed), dtype=np.int32), len(mesh.vertices))[:, None]
+    maps = np.broadcast_to(np.eye(4), (len(placed), 4, 4))
+    places = np.tile(mesh.vertices, (len(placed), 1))
+    normals = np.tile(_or_zero(mesh.normals, len(mesh.vertices)), (len(placed), 1))
+    return Binding(nodes, maps, bones, np.ones(bones.shape), places, normals)
 
 
-def _or_zero(offsets: Floats | None, n_vertices: int) -> Floats:
-    return np.zeros((n_vertices, 3)) if offsets is None else offsets
+def _or_zero(vectors: Floats | None, n_vertices: int) -> Floats:
+    return np.zeros((n_vertices, 3)) if vectors is None else vectors

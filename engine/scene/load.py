@@ -265,7 +265,7 @@ def _rig(item: ObjectMesh, origin: npt.NDArray[np.float64]) -> Rig | None:
         return None
     matrix = np.reshape(item.description.transform, (4, 4)).astype(np.float64)
     matrix[:3, 3] -= origin
-    return item.rig.placed(matrix, item.mesh.normals)
+    return item.rig.placed(matrix)
 
 
 def _layer_notes(description: SceneDescription) -> list[str]:

@@ -155,6 +155,15 @@ def _are_short(vectors: Floats) -> npt.NDArray[np.bool_]:
     return scale <= 1e-12 * scale.max(initial=0.0)
 
 
+def faceted(mesh: Mesh) -> tuple[Mesh, npt.NDArray[np.int32]]:
+    """The mesh with flat normals: each face has three vertices of its own; and which ones these were (3 T,)."""
+    vertices = mesh.triangles.ravel()
+    flat, _ = face_normals(mesh.vertices, mesh.triangles)
+    triangles = np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)
+    facets = replace(mesh, vertices=mesh.vertices[vertices], triangles=triangles, normals=np.repeat(flat, 3, axis=0))
+    return facets, vertices
+
+
 def place_mesh(mesh: Mesh, matrix: npt.NDArray[np.float64]) -> Mesh:
     """The mesh under an affine transform, with unit normals: its own, or smooth ones where it has none."""
     placed = place_copies(mesh, matrix[None])

@@ -17,7 +17,7 @@ from engine.files import resolve_inside
 from engine.scene.description import MAX_OBJECTS, LayerDescription, ObjectDescription, SceneDescription
 from engine.scene.gltf import GlbModel, GlbPart, read_glb
 from engine.scene.gltf_materials import GREY
-from engine.scene.mesh import Mesh, join_meshes, read_mesh
+from engine.scene.mesh import Mesh, faceted, join_meshes, read_mesh
 from engine.scene.primitives import PRIMITIVES
 from engine.scene.rig import Rig, join_bindings
 
@@ -82,9 +82,9 @@ def _glb_objects(item: ObjectDescription, model: GlbModel, path: Path, taken: se
         raise LoadError(path, f"object {item.name!r}: part", item.part, f"a part from 0 to {len(model.parts) - 1}")
     chosen = range(len(model.parts)) if item.part is None else [item.part]
     if item.layers or item.emits:
-        rigs = [rig for k in chosen if (rig := model.parts[k].rig)]
-        rig = replace(rigs[0], binding=join_bindings([each.binding for each in rigs])) if rigs else None
-        return [ObjectMesh(item, join_meshes([model.parts[k].mesh for k in chosen]), rig)]
+        mesh, rig = _joined([model.parts[k] for k in chosen])
+        flat = {"smooth": item.smooth and mesh.normals is not None}
+        return [ObjectMesh(item.model_copy(update=flat), mesh, rig)]
     if len(chosen) == 1:
         part = model.parts[chosen[0]]
         own = _material(item, part)
@@ -98,12 +98,28 @@ def _glb_objects(item: ObjectDescription, model: GlbModel, path: Path, taken: se
     return items
 
 
+def _joined(parts: list[GlbPart]) -> tuple[Mesh, Rig | None]:
+    """Parts as one; beside smooth ones those without normals stay flat."""
+    is_mixed = len({part.mesh.normals is None for part in parts}) > 1
+    meshes, rigs = [], []
+    for part in parts:
+        mesh, rig = part.mesh, part.rig
+        if is_mixed and mesh.normals is None:
+            mesh, vertices = faceted(mesh)
+            rig = rig and replace(rig, binding=rig.binding.taken(vertices))
+        meshes.append(mesh)
+        rigs += [rig] if rig else []
+    binding = join_bindings([rig.binding for rig in rigs]) if rigs else None
+    return join_meshes(meshes), replace(rigs[0], binding=binding) if binding else None
+
+
 def _material(item: ObjectDescription, part: GlbPart) -> dict[str, object]:
-    """What a part of its file gives an object; its own bumps stay."""
+    """What a part of its file gives an object; its own bumps stay. What has no normals is flat [glTF 2.0, 3.7.2.1]."""
     bumps = item.bumps
     if part.bumps.file and not bumps.file:
         bumps = replace(part.bumps, normal_map=f"{item.mesh}{part.bumps.normal_map}")
-    return {"layers": _layers(part, str(item.mesh)), "emission": part.emission, "bumps": bumps}
+    smooth = item.smooth and part.mesh.normals is not None
+    return {"layers": _layers(part, str(item.mesh)), "emission": part.emission, "bumps": bumps, "smooth": smooth}
 
 
 def _layers(part: GlbPart, file: str) -> tuple[LayerDescription, ...]:

@@ -1,20 +1,26 @@
 """How the vertices of a mesh hang on the nodes of its file, and how animations move these [glTF20, 3.7, 3.11].
 
-Descriptions alone, in arrays; `engine.deform.animation` evaluates them. A *bone* is a node together with the map that
-takes the mesh at rest into the node's own axes; one that has not moved changes nothing. What has no skin hangs on one
-bone, the node that has the mesh.
+Descriptions in arrays, and the mesh at rest; `engine.deform.animation` moves it. A *bone* is a node together with the
+map that takes the mesh as its accessors have it into the node's own axes (a skin's inverse bind matrix). What has no
+skin hangs on one bone, the node that has the mesh, by the identity. A vertex x with weights w_b, bones at G_b, and
+morph targets d_m of weights u_m is at
+
+    Σ_b w_b G_b B_b (x + Σ_m u_m d_m),
+
+at rest, too: the node of a skinned mesh has no part in it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from engine.scene.mesh import cross
+from engine.scene.mesh import Mesh, cross, normalize, smooth_normals
 
 Floats = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int32]
@@ -89,19 +95,107 @@ class Morph:
 
 @dataclass(frozen=True, eq=False)
 class Binding:
-    """What V vertices hang on: bones, as nodes (B,) and maps (B, 4, 4) from the mesh at rest to their axes; for each
-    vertex some of them (V, K) and weights (V, K) that sum to 1."""
+    """What V vertices hang on. places (V, 3) and unit normals (V, 3), 0 where the file has none: as the accessors have
+    them, before anything moves them. Bones, as nodes (B,) and maps (B, 4, 4) from there to their axes; for each vertex
+    some of them (V, K) and weights (V, K) that sum to 1."""
 
     nodes: Indices
     maps: Floats
     bones: Indices
     weights: Floats
+    places: Floats
+    normals: Floats
     morphs: tuple[Morph, ...] = ()
 
-    def placed(self, matrix: Floats, normals: Floats | None) -> Binding:
-        """Of vertices under an affine transform (4, 4); normals (V, 3): theirs before it, of length 1."""
-        morphs = tuple(_placed(morph, matrix, normals) for morph in self.morphs)
-        return replace(self, maps=self.maps @ np.linalg.inv(matrix), morphs=morphs)
+    def blended(self, matrices: Floats) -> Floats:
+        """Of bones' matrices (B, 3, N) the mean of each vertex's own, (V, 3, N)."""
+        total = np.zeros((len(self.bones), *matrices.shape[1:]))
+        for bones, weights in zip(self.bones.T, self.weights.T, strict=True):
+            total += weights[:, None, None] * matrices[bones]
+        return total
+
+    def morphed(self, weights: Mapping[int, Floats]) -> tuple[Floats, Floats]:
+        """Places and normals (V, 3) under morph targets of these weights, by node; 0 for what has none."""
+        places, normals = self.places, self.normals
+        for morph in self.morphs:
+            weight = morph_weight(morph, weights)
+            if weight == 0.0:
+                continue
+            if places is self.places:
+                places, normals = places.copy(), normals.copy()
+            places[morph.vertices] += weight * morph.offsets
+            if morph.normals is not None:
+                normals[morph.vertices] += weight * morph.normals
+        return places, normals
+
+    def taken(self, vertices: npt.NDArray[np.integer]) -> Binding:
+        """Of copies of some vertices (n,)."""
+        every = np.argsort(vertices, kind="stable")
+        morphs = []
+        for morph in self.morphs:
+            of = np.full(len(self.places), -1)
+            of[morph.vertices] = np.arange(len(morph.vertices))
+            own = every[of[vertices[every]] >= 0]
+            rows = of[vertices[own]]
+            normals = None if morph.normals is None else morph.normals[rows]
+            morphs.append(replace(morph, vertices=own.astype(np.int32), offsets=morph.offsets[rows], normals=normals))
+        return replace(
+            self, bones=self.bones[vertices], weights=self.weights[vertices], places=self.places[vertices],
+            normals=self.normals[vertices], morphs=tuple(morphs),
+        )  # fmt: skip
+
+
+def morph_weight(morph: Morph, weights: Mapping[int, Floats]) -> float:
+    """That of a target among those of its node; 0 where nothing says it."""
+    own = weights.get(morph.node)
+    return float(own[morph.number]) if own is not None and morph.number < len(own) else 0.0
+
+
+def normal_matrices(matrices: Floats) -> Floats:
+    """What normals go by under matrices (B, 3, 4): the inverse transposes (B, 3, 3) of their linear parts, blended as
+    those are [glTF20, 3.7.3.3]; where there is no inverse the cofactors, which have its directions."""
+    linear = matrices[..., :3]
+    cofactor = cross(linear[:, [1, 2, 0]], linear[:, [2, 0, 1]])
+    volume = np.einsum("bk,bk->b", linear[:, 0], cofactor[:, 0])
+    is_flat = np.abs(volume) <= 1e-9 * np.linalg.norm(linear, axis=1).prod(axis=1)
+    return cofactor / np.where(is_flat, 1.0, volume)[:, None, None]
+
+
+def rest_mesh(mesh: Mesh, binding: Binding, matrices: Floats, weights: Mapping[int, Floats]) -> Mesh:
+    """A mesh where its bones and morph targets have it: matrices (B, 3, 4) of the bones, G_b B_b; weights of morph
+    targets by node. What a bone mirrors is wound the other way round, so that fronts stay fronts."""
+    places, normals = binding.morphed(weights)
+    skin = binding.blended(matrices)
+    linear = skin[..., :3]
+    vertices = np.einsum("vab,vb->va", linear, places) + skin[..., 3]
+    hand = np.where(np.linalg.det(linear) < 0.0, -1.0, 1.0)
+    mirrored = hand[mesh.triangles].sum(axis=1) < 0.0
+
+    def wound(corners: npt.NDArray) -> npt.NDArray:
+        return np.where(mirrored.reshape(-1, *[1] * (corners.ndim - 1)), corners[:, ::-1], corners)
+
+    tangents = None
+    if mesh.tangents is not None:
+        along = np.einsum("tcij,tcj->tci", linear[mesh.triangles], mesh.tangents[..., :3].astype(np.float64))
+        length = np.linalg.norm(along, axis=2, keepdims=True)
+        sides = np.where(mirrored, -1.0, 1.0)[:, None, None] * np.sign(mesh.tangents[..., 3:])
+        both = np.concatenate([along / np.where(length > 0.0, length, 1.0), sides], axis=2)
+        tangents = wound(both.astype(np.float32))
+    triangles = wound(mesh.triangles)
+    turned = None
+    if mesh.normals is not None:
+        turned = np.einsum("vab,vb->va", binding.blended(normal_matrices(matrices)), normals)
+        turned = normalize(turned, smooth_normals(vertices, triangles))
+    return Mesh(vertices, triangles, turned, None if mesh.uvs is None else wound(mesh.uvs), tangents)
+
+
+class Rest(NamedTuple):
+    """What a rig's mesh is at rest: its bones' matrices (B, 3, 4), those of its vertices (V, 3, 3) without where they
+    take them, and back."""
+
+    matrices: Floats
+    linear: Floats
+    inverse: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,9 +211,28 @@ class Rig:
         """All that move anything of it."""
         return tuple(Animation(clip.name, clip.duration) for clip in self.skeleton.clips if clip.tracks)
 
-    def placed(self, matrix: Floats, normals: Floats | None) -> Rig:
-        """Of the mesh under an affine transform, see `Binding.placed`."""
-        return Rig(self.skeleton, self.binding.placed(matrix, normals), matrix @ self.frame)
+    def bone_matrices(self, moved: Mapping[int, Floats]) -> Floats:
+        """Those of the bones (B, 3, 4), G_b B_b, where some nodes have other matrices (4, 4) to their parents."""
+        skeleton, matrices = self.skeleton, dict[int, Floats]()
+        for node in skeleton.order:
+            own = moved.get(node, skeleton.matrices[node])
+            parent = skeleton.parents.get(node)
+            matrices[node] = own if parent is None else matrices[parent] @ own
+        there = self.frame @ np.stack([matrices[int(node)] for node in self.binding.nodes])
+        return np.ascontiguousarray((there @ self.binding.maps)[:, :3])
+
+    @cached_property
+    def rest(self) -> Rest:
+        """See `Rest`; where bones flatten a vertex's surroundings there is no way back, and the identity stands."""
+        matrices = self.bone_matrices({})
+        linear = np.ascontiguousarray(self.binding.blended(matrices)[..., :3])
+        is_flat = np.abs(np.linalg.det(linear)) <= 1e-9 * np.linalg.norm(linear, axis=1).prod(axis=1)
+        inverse = np.linalg.inv(np.where(is_flat[:, None, None], np.eye(3), linear))
+        return Rest(matrices, linear, inverse)
+
+    def placed(self, matrix: Floats) -> Rig:
+        """Of the mesh under an affine transform (4, 4)."""
+        return Rig(self.skeleton, self.binding, matrix @ self.frame)
 
 
 def join_bindings(bindings: Sequence[Binding]) -> Binding:
@@ -138,17 +251,7 @@ def join_bindings(bindings: Sequence[Binding]) -> Binding:
         np.concatenate([binding.maps for binding in bindings]),
         np.concatenate(bones).astype(np.int32),
         np.concatenate(weights),
+        np.concatenate([binding.places for binding in bindings]),
+        np.concatenate([binding.normals for binding in bindings]),
         tuple(morphs),
     )
-
-
-def _placed(morph: Morph, matrix: Floats, normals: Floats | None) -> Morph:
-    linear = matrix[:3, :3]
-    offsets, turned = morph.offsets @ linear.T, None
-    if morph.normals is not None and normals is not None:
-        cofactor = cross(linear[[1, 2, 0]], linear[[2, 0, 1]])
-        lengths = np.linalg.norm(normals[morph.vertices] @ cofactor.T, axis=1, keepdims=True)
-        # A mirror turns normals round with the winding.
-        sign = np.sign(np.linalg.det(linear))
-        turned = sign * (morph.normals @ cofactor.T) / np.where(lengths > 0.0, lengths, 1.0)
-    return replace(morph, offsets=offsets, normals=turned)
