@@ -53,7 +53,7 @@ from app.status import Gauges, Status
 from app.table_talk import TableTalk
 from app.view_state import OpenPanel, SetView, ViewCommand, ViewState
 from app.writing import written_material, written_scene
-from engine.errors import InsituError
+from engine.errors import InsituError, plain_line
 from engine.plan import planned_edge_rays
 
 __all__ = ["Editor", "Status", "WorkerClient"]
@@ -202,8 +202,8 @@ class Editor:
 
     def say_once(self, note: str) -> None:
         """What is worth a word when it first comes up in a scene."""
-        if note and note not in self.gauges.notes:
-            self.gauges.notes += (note,)
+        if note and plain_line(note) not in self.gauges.notes:
+            self.gauges.note(note)
             self.notify(note)
 
     # ---------------------------------------------------------------------------------------------------------- files
@@ -388,7 +388,7 @@ class Editor:
                 self.gauges.progress = None
                 self.notify("; ".join((f"written {response.path}", *response.notes)))
             case Noted():
-                self.gauges.notes += response.lines
+                self.gauges.note(*response.lines)
                 self.notify("; ".join(response.lines), True)
             case SkyImage() if response.id == self.scenes.tracing.id:
                 return self.scenes.take_sky(response)
@@ -404,7 +404,8 @@ class Editor:
     def forget_picture(self, notes: tuple[str, ...]) -> None:
         """The worker sees another scene, or the same in another way."""
         gauges = self.gauges
-        self.gauges = Gauges(message_number=gauges.message_number, notes=notes, memory_mb=gauges.memory_mb)
+        self.gauges = Gauges(message_number=gauges.message_number, memory_mb=gauges.memory_mb)
+        self.gauges.note(*notes)
         self._tables.scene_opened()
 
     def _follow_mode(self) -> list[PictureEvent]:

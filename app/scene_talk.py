@@ -126,7 +126,7 @@ class SceneTalk:
 
     def take_sky(self, response: SkyImage) -> list[PictureEvent]:
         """What lies behind the scene."""
-        self._host.gauges.notes += response.notes
+        self._host.gauges.note(*response.notes)
         sky = SkyChanged(response.radiance)
         self._shown = [*self._shown[:1], sky]
         return [sky]
@@ -218,7 +218,7 @@ class SceneTalk:
         """What bumps are not shown, and why."""
         if response.flaws:
             self._host.notify("; ".join(response.flaws), True)
-            self._host.gauges.notes += response.flaws
+            self._host.gauges.note(*response.flaws)
 
     def _give_up_look(self, opening: Opening | None) -> None:
         """What was asked to be traced will not come: the view is again the one there is a picture of, where a hand has

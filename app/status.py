@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from app.machine.memory import resident_megabytes
 from app.messages import Progress
-from engine.errors import plain_line
+from engine.errors import first_notes, plain_line
 from engine.render.picture_error import ErrorEstimate
 
 PictureState = Literal["waiting", "preview", "refining", "finished", "exact"]
@@ -88,7 +88,8 @@ class Status:
 
 @dataclass
 class Gauges:
-    """What of a ``Status`` is neither in the document nor the mode's to say."""
+    """What of a ``Status`` is neither in the document nor the mode's to say. Messages and notes come in by `notify` and
+    `note`, which make them plain lines, whatever names and values of somebody's files are in them."""
 
     message: str = ""
     is_error: bool = False
@@ -103,6 +104,10 @@ class Gauges:
     def notify(self, text: str, is_error: bool) -> None:
         """Something happened."""
         self.message, self.is_error, self.message_number = plain_line(text), is_error, self.message_number + 1
+
+    def note(self, *lines: str) -> None:
+        """What is odd about the scene, besides what has been said."""
+        self.notes = tuple(dict.fromkeys((*self.notes, *map(plain_line, lines))))
 
     def measure_memory(self, now: float, worker: int | None) -> None:
         """Once a second: what the window and the worker hold."""
@@ -124,7 +129,7 @@ class Gauges:
             message=self.message,
             is_error=self.is_error,
             message_number=self.message_number,
-            notes=self.notes,
+            notes=first_notes(self.notes),
             stopped=self.stopped,
         )
 

@@ -42,6 +42,11 @@ def guarded(work: Callable[[], int]) -> int:
     return FAILED
 
 
+def say(line: str) -> None:
+    """One line on standard output, whatever names and values of somebody's files are in it: all that commands print."""
+    print(plain_line(line, keep_spaces=True), flush=True)
+
+
 def complain(line: str) -> None:
     """One line on standard error."""
     print(f"insitu: {plain_line(line)}", file=sys.stderr)

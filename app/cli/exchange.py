@@ -8,8 +8,9 @@ from typing import Annotated
 
 import typer
 
+from app.cli.console import say
 from app.cli.options import SCENE_HELP, Bounces, Resolution, Values, assignments
-from app.cli.output import progress
+from app.cli.output import progress, tell
 from app.project import open_project
 
 
@@ -27,8 +28,8 @@ def import_brdf(
     with progress() as report:
         measurement = import_file(file, output, smooth, cloth, Store(), report)
     for line in import_lines(measurement, cloth):
-        print(line)
-    print(f"{output}: {file.name}, {time.monotonic() - started:.1f} s")
+        say(line)
+    say(f"{output}: {file.name}, {time.monotonic() - started:.1f} s")
     return 0
 
 
@@ -52,14 +53,13 @@ def export_brdf(
     layers = document.object(object_).layers
     if as_it_is:
         save_material(output, Material(object_, with_full_names(layers, document.source)))
-        print(f"{output}: {object_}, {len(layers)} layers")
+        say(f"{output}: {object_}, {len(layers)} layers")
         return 0
     with progress() as report:
         for fraction in export_steps(layers, output):
             report(fraction, "evaluating the layers")
-    for note in left_out(layers):
-        print(f"note: {note}")
-    print(f"{output}: {object_}, {len(layers)} layers, {time.monotonic() - started:.1f} s")
+    tell(left_out(layers))
+    say(f"{output}: {object_}, {len(layers)} layers, {time.monotonic() - started:.1f} s")
     return 0
 
 
@@ -76,7 +76,6 @@ def export(
     project = open_project(scene, resolution, assignments(set_))
     with progress() as report:
         notes = export_scene(project, output, bounces or project.scene.description.bounces or 1, report)
-    for note in notes:
-        print(f"note: {note}")
-    print(f"{output}: scene.xml; python {output / 'render.py'} renders it where Mitsuba 3 is installed")
+    tell(notes)
+    say(f"{output}: scene.xml; python {output / 'render.py'} renders it where Mitsuba 3 is installed")
     return 0

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from app.cli.console import say
 from app.machine.memory import gib
 from app.project import Project
+from engine.errors import plain_line, plain_notes
 from engine.plan import Plan, plan_lines
 
 if TYPE_CHECKING:
@@ -19,8 +21,13 @@ Report = Callable[[float, str], None]
 
 def tell_notes(project: Project) -> None:
     """What was odd about the scene, and what was done about it."""
-    for note in project.scene.notes:
-        print(f"note: {note}")
+    tell(project.scene.notes)
+
+
+def tell(notes: Iterable[str]) -> None:
+    """Notes, a line each; of very many the first."""
+    for note in plain_notes(notes):
+        say(f"note: {note}")
 
 
 def describe_plan(plan: Plan) -> Iterator[str]:
@@ -85,6 +92,6 @@ def progress() -> Iterator[Report]:
         def report(fraction: float, text: str) -> None:
             if fraction < bar.tasks[0].completed - 0.01:
                 bar.reset(task)  # another stage begins
-            bar.update(task, completed=fraction, description=text)
+            bar.update(task, completed=fraction, description=plain_line(text))
 
         yield report

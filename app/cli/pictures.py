@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from app.cli.console import complain
+from app.cli.console import complain, say
 from app.cli.frontend import Frontend
 from app.cli.options import (
     Accuracy,
@@ -160,11 +160,11 @@ def render(
     if is_beyond(picture):
         print(TOO_BRIGHT, file=sys.stderr)
     line = f"{output}: {picture.shape[1]} x {picture.shape[0]}, {time.monotonic() - started:.1f} s"
-    print(f"{line}, {said}" if said else line)
+    say(f"{line}, {said}" if said else line)
     if error is not None and error.is_poor:
-        print(f"note: {error.advice}")
+        say(f"note: {error.advice}")
     if still.warning:
-        print(f"note: {still.warning}")
+        say(f"note: {still.warning}")
     return 0
 
 
@@ -228,7 +228,7 @@ def _frames(words: ProjectWords, output: Path, frames: Frames, view: str | None,
         )  # fmt: skip
     tell_notes(project)
     kept = f", {frames.count - drawn} were there" if drawn < frames.count else ""
-    print(f"{files.folder}: {drawn} frames{kept}, {time.monotonic() - started:.1f} s")
+    say(f"{files.folder}: {drawn} frames{kept}, {time.monotonic() - started:.1f} s")
     return 0
 
 
@@ -254,5 +254,5 @@ def screenshot(
         steps = (ChooseView(view_named(view)), *steps)
     frontend: Frontend = context.obj
     frontend.take_screenshot(find_source(scene), output, steps, size, scale, resolution)
-    print(f"{output}: {size[0]} x {size[1]}")
+    say(f"{output}: {size[0]} x {size[1]}")
     return 0

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from app.cli.console import FAILED, INTERRUPTED, USAGE, complain
+from app.cli.console import FAILED, INTERRUPTED, USAGE, complain, say
 from app.cli.exchange import export, export_brdf, import_brdf
 from app.cli.frontend import Frontend
 from app.cli.options import LIGHTS, Lights, Overrule, Resolution, Scene, Scheduler, Values, assignments, lines
@@ -41,9 +41,9 @@ def precompute(
     with progress() as report, opened(words, scheduler) as (project, cluster):
         done = fill(project, lambda step: report(step.fraction, f"{step.stage}: {step.text}"), lights, cluster=cluster)
     megabytes, seconds = done.n_bytes / 2**20, time.monotonic() - started
-    print(f"{scene}: {megabytes:.0f} MiB of transport, {seconds:.1f} s, {done.error.text}")
+    say(f"{scene}: {megabytes:.0f} MiB of transport, {seconds:.1f} s, {done.error.text}")
     if done.error.is_poor:
-        print(f"note: {done.error.advice}")
+        say(f"note: {done.error.advice}")
     return 0
 
 
@@ -69,13 +69,13 @@ def plan(
             project, lambda step: report(step.fraction, step.text), n_lights=lights, opening_seconds=opening
         )
     for line in describe_plan(planned):
-        print(line)
+        say(line)
     if note := memory_note(planned, available_memory()):
-        print(f"note: {note}")
+        say(f"note: {note}")
     if check:
         from app.measure.planning import carried_out
 
-        print(describe_check(planned, carried_out(words, lights)))
+        say(describe_check(planned, carried_out(words, lights)))
     tell_notes(project)
     return 0
 
@@ -107,9 +107,9 @@ def doctor(context: typer.Context) -> int:
     marks = {"ok": "ok     ", "without": "without", "broken": "BROKEN "}
     status = 0
     for finding in examine(context.obj):
-        print(f"{marks[finding.state]} {finding.name}: {' '.join(finding.found.split())}", flush=True)
+        say(f"{marks[finding.state]} {finding.name}: {' '.join(finding.found.split())}")
         if finding.mend:
-            print(f"        to mend it: {finding.mend}")
+            say(f"        to mend it: {finding.mend}")
         if finding.state == "broken":
             status = FAILED
     return status

@@ -319,7 +319,7 @@ class RigReader:
         try:
             return read()
         except LoadError as error:
-            self._note(f"{error.what} = {error.value}, expected {error.expected}: {place} rests")
+            self._note(f"{error.reason}: {place} rests")
             return None
 
     def _note(self, line: str) -> None:

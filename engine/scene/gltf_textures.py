@@ -90,7 +90,7 @@ class GltfImages:
         try:
             size = image_size(image_bytes(self._root, self._binary, image), f"{self._root.file}#{image}")
         except LoadError as error:
-            return None, f"image {image} is not shown: {error.what} = {error.value}"
+            return None, f"image {image} is not shown: {error.reason}"
         if size is None:
             return None, f"image {image} is no PNG or JPEG and not shown"
         n_pixels = size[0] * size[1]

@@ -2,7 +2,7 @@ import pickle
 
 import pytest
 
-from engine.errors import LONGEST_LINE, InsituError, LoadError, plain_line
+from engine.errors import LONGEST_LINE, MOST_NOTES, InsituError, LoadError, plain_line, plain_notes, shown_name
 from engine.scene.description import parse_description
 
 
@@ -48,3 +48,23 @@ def test_names_of_any_length_in_a_scene_stay_one_line():
     with pytest.raises(LoadError) as caught:
         parse_description({"version": 1, "\x1b" + "k" * 100_000: 1, "object": [{"name": "n" * 100_000}]}, "p" * 4_000)
     assert len(str(caught.value)) <= LONGEST_LINE and str(caught.value).endswith("; nothing was changed")
+
+
+def test_a_note_of_what_is_left_out_is_as_short_as_the_error_itself():
+    error = LoadError("f", "samplers 0: interpolation", "\x1b[31m" + "y" * 1_000_000, "LINEAR")
+    assert error.reason.isprintable() and len(error.reason) < 150 and error.reason.endswith(", expected LINEAR")
+
+
+def test_columns_of_a_table_stay_aligned():
+    assert plain_line("a    b\n   c", keep_spaces=True) == "a    b�   c"
+
+
+def test_notes_are_plain_few_and_said_once():
+    notes = plain_notes(["a\nnote: forged", "b", "b", *(f"c {i}" for i in range(100))])
+    assert notes[:2] == ("a note: forged", "b") and len(notes) == MOST_NOTES + 1
+    assert notes[-1] == f"and {102 - MOST_NOTES} more notes" and all(note.isprintable() for note in notes)
+
+
+def test_names_from_files_are_cut_and_printable():
+    assert shown_name(" a \n b\x1b\ud800 ", 9) == "a b��"
+    assert shown_name("x" * 1_000_000, 9) == "x" * 8 + "…" and shown_name("", 9) == ""

@@ -1,0 +1,46 @@
+"""What commands and the window show of names and values in somebody's files: plain lines, of a bounded number."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from app.cli.console import say
+from app.cli.output import tell_notes
+from app.status import Gauges
+from engine.errors import LONGEST_LINE, MOST_NOTES
+from engine.scene.load import load_scene
+
+HOSTILE = "\x1b]0;owned\x07\x1b[31mRED\nnote: all is well\r\u202e" + "A" * 100_000
+
+
+def test_lines_that_commands_print_are_plain(capsys: pytest.CaptureFixture[str]) -> None:
+    say(f"{HOSTILE}: 48 x 36")
+    tell_notes(SimpleNamespace(scene=SimpleNamespace(notes=(HOSTILE, *map(str, range(1000))))))  # type: ignore[arg-type]
+    lines = capsys.readouterr().out.split("\n")
+    assert lines.pop() == "" and len(lines) == 1 + MOST_NOTES + 1
+    assert all(line.isprintable() and len(line) <= LONGEST_LINE + len("note: ") for line in lines)
+    assert sum(line.startswith("note: all") for line in lines) == 0
+
+
+def test_what_the_window_says_is_plain() -> None:
+    gauges = Gauges()
+    gauges.note(HOSTILE, *map(str, range(1000)))
+    gauges.note(HOSTILE)
+    gauges.notify(HOSTILE, False)
+    status = gauges.status(True)
+    assert len(status.notes) == MOST_NOTES + 1 and status.notes[-1] == f"and {1001 - MOST_NOTES} more notes"
+    assert all(line.isprintable() and len(line) <= LONGEST_LINE for line in (*status.notes, status.message))
+
+
+def test_hostile_files_say_plain_lines(shared_data: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    files = sorted((shared_data / "cases" / "attacks").glob("*.glb"))
+    assert files
+    for file in files:
+        tell_notes(SimpleNamespace(scene=load_scene(file, (8, 6))))  # type: ignore[arg-type]
+        lines = capsys.readouterr().out.split("\n")[:-1]
+        for line in lines:
+            assert line.isprintable() and len(line) <= LONGEST_LINE + len("note: "), file.name
+            assert line.startswith(f"note: {file.stem[:20]}"), line  # none is forged
