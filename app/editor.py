@@ -214,6 +214,12 @@ class Editor:
         return self.scene_is_open and self._keeper.unsaved(self.document, self.view)
 
     @property
+    def described(self) -> Document:
+        """The document as the scene's own file describes it."""
+        opened = self.scenes.opened
+        return self.document if opened is None else opened.described
+
+    @property
     def session_path(self) -> Path | None:
         """Where the session was saved last, or opened from."""
         return self._keeper.path

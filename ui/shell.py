@@ -450,6 +450,7 @@ class Shell:
             redo_label=redo and spoken(document, redo),
             environments=self.environments,
             scenes=self.scenes,
+            described=editor.described,
             name=editor.name,
             camera=editor.looks.camera,
             own_camera=editor.looks.own_camera,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from app.commands.layers import SetParameter
+from app.commands.layers import SetModel, SetParameter
 from tests.ui.conftest import opened
 from ui.headless import HeadlessWindow
 from ui.picture_feed import PictureFeed
@@ -45,14 +45,41 @@ def test_right_click_puts_a_parameter_back(window: HeadlessWindow, name: str, ha
     editor = window.shell.editor
     editor.do(SetParameter("teapot.1", name, other))
     window.frames(2)
-    default = {p.name: p.default for p in editor.document.layer("teapot.1").table}[name]
-    assert value(window, name) == other != default
+    own = editor.described.layer("teapot.1").values[name]
+    assert value(window, name) == other != own
     right_click(window, handle)
-    assert value(window, name) == default
+    assert value(window, name) == own
     assert not editor.history.dragging and not imgui.is_any_item_active()
     editor.undo()  # one step
     assert value(window, name) == other
     editor.undo()
+
+
+def test_right_click_puts_back_what_the_scene_has_and_else_the_default(window: HeadlessWindow) -> None:
+    editor = window.shell.editor
+    editor.select("teapot.0")
+    own, default = (0.35, 0.12, 0.08), default_of(window, "teapot.0", "albedo")
+    assert editor.document.layer("teapot.0").values["albedo"] == own != default
+    editor.do(SetParameter("teapot.0", "albedo", (0.9, 0.1, 0.1)))
+    window.frames(2)
+    right_click(window, "material.albedo.r")
+    assert editor.document.layer("teapot.0").values["albedo"] == own
+    # The scene has no word on the parameters of another model.
+    editor.do(SetModel("teapot.0", "phong"))
+    editor.do(SetParameter("teapot.0", "exponent", 7.0))
+    window.frames(2)
+    right_click(window, "material.exponent")
+    exponent = default_of(window, "teapot.0", "exponent")
+    assert editor.document.layer("teapot.0").values["exponent"] == exponent != 7.0
+    while editor.history.undo_steps:
+        editor.undo()
+    editor.select("teapot.1.theta_h")
+    window.frames(2)
+
+
+def default_of(window: HeadlessWindow, key: str, name: str) -> object:
+    """The model's own default of a parameter."""
+    return {p.name: p.default for p in window.shell.editor.document.layer(key).table}[name]
 
 
 def test_right_click_leaves_fixed_objects_alone(window: HeadlessWindow) -> None:

@@ -92,7 +92,7 @@ SHORTCUTS = (
     Shortcut("Picture", "[  ]", "Exposure down, up; the brush smaller, larger", "darker", int(Key.left_bracket)),
     Shortcut("", "", "", "brighter", int(Key.right_bracket)),
     Shortcut("Picture", "S", "See the selected layer alone, or all again", "solo", int(Key.s)),
-    Shortcut("Material", "Right click", "Put a parameter back to its default"),
+    Shortcut("Material", "Right click", "Put a parameter back to the scene's value"),
     Shortcut("Material", "Double click", "Type a number; a drag with Shift is fine"),
     Shortcut("Curve", "Drag a b c d", "Where the edit begins, holds and ends"),
     Shortcut("Curve", "Drag the ring", "How strong the edit is"),

@@ -12,6 +12,7 @@ from app.linked_layers import group_of
 from app.naming import named
 from app.reading import describe_measurement
 from engine.material import MODELS, Layer, Parameter
+from engine.material.parameters import Value
 from engine.measured.measurement import Measurement
 from ui.panels import bumps, colours, emitter, fields, maps, widgets
 from ui.panels.actions import Action, BeginDrag, EndDrag, SetPanel
@@ -160,7 +161,7 @@ def _parameter(context: PanelContext, key: str, layer: Layer, parameter: Paramet
     else:
         actions = _scalar(context, key, parameter, value)
     if reset:
-        actions = [SetParameter(key, parameter.name, parameter.default)]
+        actions = [SetParameter(key, parameter.name, _own_value(context, key, layer, parameter))]
     imgui.pop_id()
     return actions
 
@@ -183,14 +184,22 @@ def _measured(value: Measurement) -> list[Action]:
     return []
 
 
-def _hint(parameter: Parameter) -> str:
+def _own_value(context: PanelContext, key: str, layer: Layer, parameter: Parameter) -> Value:
+    """A parameter as the scene's file has it; where the file has no such layer, or of another model, its default."""
+    described = next((own for name, own in context.described.layers() if name == key), None)
+    if described is None or described.model is not layer.model:
+        return parameter.default
+    return described.values.get(parameter.name, parameter.default)
+
+
+def _hint(context: PanelContext, key: str, parameter: Parameter) -> str:
     later = " Self-shadowing follows when the hand rests." if "quotient" in parameter.drives else ""
-    return f"{parameter.tooltip}{later} Right click: back to {default_text(parameter)}."
+    own = _own_value(context, key, context.document.layer(key), parameter)
+    return f"{parameter.tooltip}{later} Right click: back to {value_text(own)}."
 
 
-def default_text(parameter: Parameter) -> str:
-    """The default as a hint says it."""
-    value = parameter.default
+def value_text(value: Value) -> str:
+    """A parameter's value as a hint says it."""
     if isinstance(value, tuple):
         return f"{value[0]:.4g}" if len(set(value)) == 1 else ", ".join(f"{each:.3g}" for each in value)
     return choice_label(value) if isinstance(value, str) else f"{value:.4g}"
@@ -205,7 +214,7 @@ def _choice(context: PanelContext, key: str, parameter: Parameter, value: str) -
                 actions.append(SetParameter(key, parameter.name, choice))
         imgui.end_combo()
     context.handles.note_item(f"material.{parameter.name}")
-    widgets.tooltip(_hint(parameter))
+    widgets.tooltip(_hint(context, key, parameter))
     return actions
 
 
@@ -221,7 +230,7 @@ def _scalar(context: PanelContext, key: str, parameter: Parameter, value: float)
         handle=f"material.{parameter.name}", title=parameter.label,
         pixels_to_double=abs(parameter.power) * fields.PIXELS_TO_DOUBLE if parameter.logarithmic else None,
     )  # fmt: skip
-    widgets.tooltip(_hint(parameter))
+    widgets.tooltip(_hint(context, key, parameter))
     return _edits(hand, key, parameter, moved)
 
 
@@ -246,8 +255,9 @@ def _edits(hand: fields.Touch, key: str, parameter: Parameter, value: float | RG
 def _colour(context: PanelContext, key: str, parameter: Parameter, value: RGB) -> list[Action]:
     """Three numbers; a swatch with a colour wheel where they are reflectances."""
     actions: list[Action] = []
+    hint = f"{_hint(context, key, parameter)} Drag sideways, or double-click to type."
     numbers = colours.Numbers(
-        f"material.{parameter.name}", parameter.label, f"{_hint(parameter)} Drag sideways, or double-click to type.",
+        f"material.{parameter.name}", parameter.label, hint,
         parameter.minimum, parameter.maximum, min((parameter.maximum - parameter.minimum) / 400.0, 0.02), "%.3f",
     )  # fmt: skip
     swatch = parameter.maximum <= 1.0
