@@ -22,6 +22,8 @@ from engine.scene.description import Camera, SceneDescription
 
 NO_CAMERA = Camera(position=(0.0, 0.0, 1.0), target=(0.0, 0.0, 0.0))
 Box = NDArray[np.float64]
+# A ground's thickness is at most this share of its length, and it is at least so many times as large as what it holds.
+FLAT, GROUND_SIZE = 0.05, 2.0
 
 
 class Onlooker(Protocol):
@@ -133,14 +135,16 @@ class Looks:
         self.history.retract(lambda before: before == seen)
 
     def box_of(self, name: str | None) -> Box:
-        """The least and the largest corner (2, 3) of an object, in metres; None: of all that is not hidden."""
+        """The least and the largest corner (2, 3) of an object, in metres; None: of what the scene shows, without what
+        is hidden, lamps, and the grounds and backdrops behind it."""
         if name is not None and name not in self._boxes:
             raise InsituError(f"there is no object {name!r} to be framed; there is: {', '.join(self._boxes)}")
-        hidden = {state.name for state in self._onlooker.document.objects if not state.visible}
-        names = [name] if name is not None else [each for each in self._boxes if each not in hidden]
+        left_out = {state.name for state in self._onlooker.document.objects if state.emits or not state.visible}
+        names = [name] if name is not None else [each for each in self._boxes if each not in left_out]
         boxes = np.array([self._boxes[each] for each in names or self._boxes])
         if not len(boxes):
             raise InsituError("there is nothing to be framed")
+        boxes = boxes[~are_grounds(boxes)]
         return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
 
     def _history_now(self) -> History[Viewpoint]:
@@ -158,3 +162,20 @@ class Looks:
             self._talk.hand_released()
             self._onlooker.notify(f"{what}: {label}")
         return label
+
+
+def are_grounds(boxes: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which of the boxes (N, 2, 3) are floors or backdrops (N,): flat, and in their plane around all that is not flat
+    and at least `GROUND_SIZE` times as large as that. A tray, a wing or the wall of a room is none."""
+    extents = boxes[:, 1] - boxes[:, 0]
+    thin = extents.argmin(axis=1)
+    flat = extents.min(axis=1) <= FLAT * extents.max(axis=1)
+    grounds = np.zeros(len(boxes), np.bool_)
+    if flat.all():
+        return grounds
+    low, high = boxes[~flat, 0].min(axis=0), boxes[~flat, 1].max(axis=0)
+    for i in np.flatnonzero(flat):
+        plane = np.arange(3) != thin[i]
+        is_around = (boxes[i, 0] <= low) & (boxes[i, 1] >= high) & (extents[i] >= GROUND_SIZE * (high - low))
+        grounds[i] = is_around[plane].all()
+    return grounds

@@ -100,6 +100,13 @@ class Outcome:
         )  # fmt: skip
 
 
+# What files a question is about, where these are not images; each kind has a folder of its own.
+KIND_OF = {
+    "open_scene": "scene", "save_session": "scene", "open_environment": "environment", "open_measured": "measured",
+    "save_measured": "measured", "save_picture": "picture", "save_scene": "export",
+}  # fmt: skip
+
+
 class Actor:
     """Carries actions out on one editor. `recoveries` are edits that editors before it left behind."""
 
@@ -117,7 +124,7 @@ class Actor:
         self._noted: Path | None = None
         self.library = library or Library()
         self._clipboard = clipboard or Clipboard()
-        self._folder: Path | None = None
+        self._folders: dict[str, Path] = {}
         self._picture_ending, self._deep = ".png", False
         self.recoveries: tuple[Recovery, ...] = ()
 
@@ -156,7 +163,7 @@ class Actor:
             case Screenshot():
                 return replace(outcome, screenshot=action.path or picture_name(Path.cwd(), datetime.now()))
             case SavePicture():
-                self._folder, self._deep = action.path.resolve().parent, action.deep
+                self._folders["picture"], self._deep = action.path.resolve().parent, action.deep
                 self._picture_ending = action.path.suffix.lower()
                 return replace(outcome, picture=action)
             case ResetLayout():
@@ -207,13 +214,13 @@ class Actor:
             case OpenFile():
                 self.open(action.path)
             case ImportMeasured():
-                if self._is_there(action.path):
+                if self._is_there(action.path, "measured"):
                     editor.import_measured(action.path, action.cloth)
             case ExportMeasured():
-                self._folder = action.path.resolve().parent
+                self._folders["measured"] = action.path.resolve().parent
                 editor.export_measured(action.path)
             case ExportScene():
-                self._folder = action.folder.resolve().parent
+                self._folders["export"] = action.folder.resolve().parent
                 editor.export_scene(action.folder)
             case OpenImage():
                 self._open_image(action.path, action.key, action.name)
@@ -289,7 +296,7 @@ class Actor:
             self._open_image(path, selected.key, "texture")
 
     def _open_image(self, path: Path, key: str, name: str) -> None:
-        if not self._is_there(path):
+        if not self._is_there(path, "image"):
             return
         file = image_name(path, self._editor.document.source)
         if name in SURFACE_IMAGES:
@@ -298,17 +305,18 @@ class Actor:
         else:
             self._editor.do(SetBumps(key, name, file) if name in BUMP_KINDS else SetMap(key, name, file))
 
-    def _is_there(self, path: Path) -> bool:
-        """Whether it is a file, and if so its folder remembered; else that is said."""
+    def _is_there(self, path: Path, kind: str) -> bool:
+        """Whether it is a file, and if so its folder remembered for files of its kind; else that is said."""
         if os.path.isfile(path):  # Path.is_file raises where no system takes the name
-            self._folder = path.resolve().parent
+            self._folders[kind] = path.resolve().parent
             return True
         what = "is a folder" if os.path.isdir(path) else "there is no such file"
         self._editor.notify(f"{path}: {what}; nothing was changed", True)
         return False
 
     def _open_file(self, path: Path, suffix: str) -> None:
-        if not self._is_there(path):
+        kind = "measured" if suffix in MEASURED_ENDINGS else "environment" if suffix in LIGHT_ENDINGS else "scene"
+        if not self._is_there(path, kind):
             return
         if suffix in MEASURED_ENDINGS:
             self._editor.import_measured(path)
@@ -318,20 +326,25 @@ class Actor:
             self._editor.open(str(path))
 
     def _question(self, action: AskFile) -> FileQuestion:
-        """Where to look for the file, and of a session the name that it is likely to get."""
-        folder, editor = self._folder or Path.cwd(), self._editor
+        """Where to look for the file, and of what is saved the name that it is likely to get.
+
+        Files of a kind are looked for where the last one was, else beside what is open.
+        """
+        editor = self._editor
+        file = editor.file
+        beside = Path.cwd() if file is None else file.resolve().parent
+        folder = self._folders.get(KIND_OF.get(action.purpose, "image"), beside)
         if action.purpose == "save_picture":
             return FileQuestion(action.purpose, folder, f"{editor.name}{self._picture_ending}", deep=self._deep)
         if action.purpose != "save_session":
             return FileQuestion(action.purpose, folder, key=action.key)
-        file = editor.file
-        return FileQuestion(action.purpose, folder if file is None else file.parent, f"{editor.name}{SESSION_ENDING}")
+        return FileQuestion(action.purpose, folder if file is None else beside, f"{editor.name}{SESSION_ENDING}")
 
     def _save(self, path: Path | None, outcome: Outcome) -> Outcome:
         if path is None and self._editor.session_path is None:
             return replace(outcome, state=replace(outcome.state, question=self._question(AskFile("save_session"))))
         if path is not None:
-            self._folder = path.resolve().parent
+            self._folders["scene"] = path.resolve().parent
         if self._editor.save(path) is None and outcome.state.leaving is not None:
             return self._go_on(outcome)
         return outcome

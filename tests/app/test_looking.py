@@ -13,6 +13,7 @@ from app.files.bookmarks import kept
 from app.files.journal import Journal
 from app.files.session import load_session, save_session
 from app.looking import REST_SECONDS
+from app.looks import are_grounds
 from app.messages import Cancel, Failed, LookFrom, OpenScene
 from app.picture import SceneFrame
 from app.placement.messages import ComputeTransport
@@ -244,8 +245,42 @@ def test_boxes_of_objects_are_framed(editor: Editor, client: FakeClient) -> None
     client.open_scene(boxes=boxes)
     editor.tick(2.0)
     assert editor.looks.box_of("pot").tolist() == boxes[0].tolist()
-    assert editor.looks.box_of(None).tolist() == [[-5, -1, -5], [5, 1, 5]]
-    editor.do(SetVisible("floor", False))
-    assert editor.looks.box_of(None).tolist() == boxes[0].tolist()
+    assert editor.looks.box_of("floor").tolist() == boxes[1].tolist()
+    assert editor.looks.box_of(None).tolist() == boxes[0].tolist()  # what stands on the floor
+    editor.do(SetVisible("pot", False))
+    assert editor.looks.box_of(None).tolist() == boxes[1].tolist()  # the floor is all there is
+    editor.undo()
     with pytest.raises(InsituError, match="'lamp'.*pot, floor"):  # it has no surface
         editor.looks.box_of("lamp")
+
+
+POT, TRAY, LAMP = [[-1, 0, -1], [1, 2, 1]], [[-1.5, -0.1, -1.5], [1.5, 0, 1.5]], [[3, 5, 3], [3.5, 5.5, 3.5]]
+FLOOR, WALL, SIDE = [[-9, 0, -9], [9, 0, 9]], [[-9, 0, -9], [9, 9, -8.9]], [[-9, 0, -9], [-8.9, 9, 9]]
+LOW_CEILING, CUBE_WALL = [[-2, 2.1, -2], [1.5, 2.2, 1.5]], [[-1.5, 0, -1.5], [-1.4, 3, 1.5]]
+
+
+@pytest.mark.parametrize(
+    ("boxes", "grounds"),
+    [
+        ([POT], []),
+        ([FLOOR], []),
+        ([FLOOR, WALL], []),
+        ([POT, FLOOR], [1]),
+        ([POT, TRAY], []),
+        ([FLOOR, WALL, SIDE, POT], [0, 1, 2]),
+        ([POT, LOW_CEILING, CUBE_WALL], []),
+        ([[[0, 0, 0], [0, 0, 0]], POT], []),
+    ],
+)
+def test_what_all_stand_on_or_before_is_no_part_of_all(boxes: list[object], grounds: list[int]) -> None:
+    assert np.flatnonzero(are_grounds(np.array(boxes, np.float64))).tolist() == grounds
+
+
+def test_lamps_are_no_part_of_all(editor: Editor, client: FakeClient) -> None:
+    boxes = np.array([POT, FLOOR, LAMP], np.float64)
+    editor.open("shelf")
+    client.open_scene(boxes=boxes)
+    editor.tick(2.0)
+    assert [state.emits for state in editor.document.objects] == [False, False, True]
+    assert editor.looks.box_of(None).tolist() == POT
+    assert editor.looks.box_of("lamp").tolist() == LAMP

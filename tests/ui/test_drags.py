@@ -244,6 +244,17 @@ def test_view_drags_leave_the_document_alone(window: HeadlessWindow) -> None:
     assert editor.history.undo_label is None
 
 
+@pytest.mark.parametrize("pixels", [18, -18])
+def test_a_short_drag_of_exposure_is_a_part_of_a_stop(window: HeadlessWindow, pixels: int) -> None:
+    editor = window.shell.editor
+    before = editor.view.exposure
+    window.drag_handle("view.exposure", (pixels, 0))
+    # 50 pixels a stop, at any width of the control; the first three tell a drag from a click.
+    assert abs(editor.view.exposure - before) == pytest.approx((18 - 3) / 50.0, abs=0.02)
+    assert (editor.view.exposure > before) == (pixels > 0)
+    editor.do(SetView.of(exposure=before))
+
+
 def test_click_selects_and_hover_names(window: HeadlessWindow) -> None:
     editor = window.shell.editor
     x, y = window.shell.handle_position("viewport.corner")

@@ -16,9 +16,9 @@ from app.machine.paths import spoken_name
 from app.placement.messages import ComputeTransport
 from app.probe_file import likely_mapping, probe_size
 from tests.ui.stand_in import StandInClient
-from ui.actor import picture_name
+from ui.actor import Actor, picture_name
 from ui.headless import HeadlessWindow
-from ui.panels.actions import AskFile, ExportMeasured, ImportMeasured, OpenFile, SaveSession, SetPanel
+from ui.panels.actions import AskFile, ExportMeasured, ImportMeasured, OpenFile, SavePicture, SaveSession, SetPanel
 from ui.panels.dialogs import answer, entries
 from ui.panels.state import FileQuestion
 
@@ -133,6 +133,36 @@ def test_a_measurement_is_imported_as_cloth(window: HeadlessWindow, tmp_path: Pa
     assert editor.document.objects == before.objects
     shell.do(ImportMeasured(tmp_path / "missing.binary"))
     assert editor.status.is_error and "there is no such file" in editor.status.message
+
+
+@pytest.mark.gl
+def test_each_kind_of_file_is_asked_for_where_the_last_one_was(
+    window: HeadlessWindow, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    shell = window.shell
+    actor = shell.actor = Actor(shell.editor)
+    for name in ("skies", "brdf", "pictures"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "skies/probe.exr").write_bytes(exr_head(64, 64))
+    (tmp_path / "brdf/velvet.binary").touch()
+
+    def folder_of(purpose: str) -> Path:
+        shell.do(AskFile(purpose))
+        question = shell.state.question
+        assert question is not None
+        return question.folder
+
+    actor.open(str(tmp_path / "skies/probe.exr"))
+    actor.open(str(tmp_path / "brdf/velvet.binary"))
+    beside = shell.editor.file.resolve().parent if shell.editor.file else tmp_path
+    assert folder_of("save_picture") == folder_of("open_texture") == folder_of("save_scene") == beside
+    assert folder_of("open_environment") == tmp_path / "skies"
+    assert folder_of("open_measured") == folder_of("save_measured") == tmp_path / "brdf"
+    shell.do(SavePicture(tmp_path / "pictures/tea.png"))
+    assert folder_of("save_picture") == tmp_path / "pictures"
+    shell.do(SetPanel({"question": None}))
+    shell.editor.undo()
 
 
 @pytest.mark.gl

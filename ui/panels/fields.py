@@ -78,6 +78,7 @@ def slider(
     origin: float | None = None,
     title: str = "",
     pixels_to_double: float | None = None,
+    pixels_a_unit: float | None = None,
     shown: str = "",
     jumps: bool = False,
 ) -> tuple[Touch, float]:
@@ -85,6 +86,7 @@ def slider(
 
     `pixels_to_double`: a drag by so many makes it twice as much, instead of following the trough: where that holds
     many decades, a few pixels would be out of all proportion. What may be 0 leaves it evenly, and doubles well above 1.
+    `pixels_a_unit`: likewise, a drag by so many adds 1.
     shown: words in the place of the number. jumps: to where it is pressed. Returns the touch and the value, kept in
     [low, high]. `handle` names its grab for scripts, `title` it for a person.
     """
@@ -106,6 +108,8 @@ def slider(
             knee = 0.0 if low > 0.0 else 1.0
             to = (max(start, low) + knee) * 2.0 ** (pixels / context.px(pixels_to_double)) - knee
             return min(max(to, low), high)
+        if pixels_a_unit is not None:
+            return min(max(start + pixels / context.px(pixels_a_unit), low), high)
         to = slider_share(start, zero, high, logarithmic) + pixels / travel
         return low if to <= 0.0 else slider_value(min(to, 1.0), zero, high, logarithmic)
 

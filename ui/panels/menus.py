@@ -36,6 +36,8 @@ MODE_WIDTH = 84.0
 RECENT_WIDTH = 320.0
 NOT_SAVED = ": there are edits that no session has yet"
 LEAST_EXPOSURE, LARGEST_EXPOSURE = -8.0, 8.0
+# Along its short trough a few pixels would be stops.
+PIXELS_A_STOP = 50.0
 
 
 def draw(context: PanelContext) -> list[Action]:
@@ -327,6 +329,7 @@ def _exposure(context: PanelContext, width: float) -> list[Action]:
         "%+.2f EV",
         handle="view.exposure",
         origin=0.0,
+        pixels_a_unit=PIXELS_A_STOP,
     )
     widgets.tooltip("Exposure of the display in stops; the light in the scene stays. Right click for 0. ([ and ])")
     if imgui.is_item_clicked(1):
