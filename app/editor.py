@@ -459,6 +459,11 @@ class Editor:
         if problem and problem != self.gauges.message:
             self.notify(problem, True)
 
+    def played(self, before: Document) -> None:
+        """An animation stopped at another time than that of the document `before`."""
+        self._keeper.played(before, self.document)
+        self._document_changed()
+
     def document_changed(self) -> None:
         """It is another without a command of a person's: whoever compares is told."""
         self._document_changed()

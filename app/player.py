@@ -21,7 +21,7 @@ class Stage(Protocol):
     @property
     def document(self) -> Document: ...
 
-    def document_changed(self) -> None: ...
+    def played(self, before: Document) -> None: ...
 
 
 class Player:
@@ -45,8 +45,9 @@ class Player:
         stage = self._stage
         time, stage.view = stage.view.playing, replace(stage.view, playing=None)
         if time is not None and timeline(stage.document, stage.view) is not None:
+            before = stage.document
             stage.history.amend(SetTime(time))
-            stage.document_changed()
+            stage.played(before)
 
     def advance(self, now: float) -> None:
         """Once a frame: the time that is seen, where it plays."""

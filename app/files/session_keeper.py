@@ -46,6 +46,11 @@ class SessionKeeper:
         is_edited = document is not self._saved and document != self._saved
         return is_edited or looks_of(view.bookmarks) != self._saved_looks
 
+    def played(self, before: Document, after: Document) -> None:
+        """An animation went on from one document to another, which is no edit: what was saved counts as saved."""
+        if before == self._saved:
+            self._saved = after
+
     def give_up(self, document: Document, view: ViewState) -> None:
         """The person does not want what is unsaved: no journal keeps it."""
         self._saved, self._saved_looks = document, looks_of(view.bookmarks)
