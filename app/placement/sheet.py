@@ -108,7 +108,7 @@ def _light_lines(document: Document, view: ViewState, status: PlacementStatus) -
 
 def _common_lines(document: Document, view: ViewState, status: Status) -> Iterator[SheetLine]:
     why = status.plan_reasons.get("bounces") if isinstance(status, PlacementStatus) else ""
-    planned = view.n_bounces or "as the scene requires"
+    planned = view.n_bounces or "automatic"
     yield _line(document, "bounces", "Bounces", planned, why or KNOB, _numbers(range(1, MAX_BOUNCES + 1)))
     n_rays = status.planned_edges if view.n_edge_rays is None else view.n_edge_rays
     reason = edge_reason(n_rays) if view.n_edge_rays is None else KNOB

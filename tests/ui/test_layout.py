@@ -8,8 +8,9 @@ from pathlib import Path
 import moderngl
 import numpy as np
 import pytest
-from imgui_bundle import imgui
+from imgui_bundle import ImVec2, imgui
 
+from app.document import ObjectState
 from app.editor import Editor
 from app.messages import Progress
 from app.placement.indirect_talk import IndirectTalk
@@ -19,6 +20,7 @@ from tests.ui.stand_in import StandInClient
 from ui import layout
 from ui.docking import SETTLING
 from ui.headless import HeadlessWindow
+from ui.panels import fields, widgets
 from ui.panels.actions import ShowPanel
 
 pytestmark = pytest.mark.gl
@@ -296,3 +298,44 @@ def test_the_panel_a_hand_has_put_in_front_stays_there(context: moderngl.Context
 def layout_frames() -> int:
     """Until panels stand where their form has them, the right ones in front."""
     return SETTLING + 2
+
+
+@pytest.mark.parametrize("lamps", [True, False])
+@pytest.mark.parametrize("mode", ["placement", "orbit", "deform"])
+def test_no_words_are_cut_off_in_a_column_of_225_pixels(
+    context: moderngl.Context, monkeypatch: pytest.MonkeyPatch, mode: str, lamps: bool
+) -> None:
+    cut = set[str]()
+    segment, centred, shortened = widgets._segment, fields._centred, widgets.shortened
+
+    def note_segment(draw: object, corner: ImVec2, size: ImVec2, text: str, *rest: object) -> None:
+        window = imgui.internal.get_current_window_read()
+        if corner.x + size.x > window.work_rect.max.x + 0.5:
+            cut.add(text)
+        segment(draw, corner, size, text, *rest)
+
+    def note_field(field: fields._Field) -> None:
+        text = field.shown or field.text % field.value
+        if imgui.calc_text_size(text).x > field.size.x:
+            cut.add(text)
+        centred(field)
+
+    def note_choice(text: str, room: float) -> str:
+        if imgui.calc_text_size(text).x > room:
+            cut.add(text)
+        return shortened(text, room)
+
+    monkeypatch.setattr(layout, "RIGHT_WIDTH", 225.0)
+    monkeypatch.setattr(widgets, "_segment", note_segment)
+    monkeypatch.setattr(fields, "_centred", note_field)
+    monkeypatch.setattr(widgets, "shortened", note_choice)
+    if not lamps:
+        monkeypatch.setattr(ObjectState, "emits", False)
+    for window in opened(context, (1280, 900), 1.0):
+        window.shell.editor.do(SetView.of(n_bounces=4, mode=mode))
+        for panel in ("accuracy", "plan"):
+            window.shell.do(ShowPanel(panel))
+            window.frames(4)
+            cut.clear()  # until then panels find out whether they have a scroll bar
+            window.frames(1)
+            assert not cut, panel

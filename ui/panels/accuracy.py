@@ -24,6 +24,8 @@ from ui.theme import Icon
 
 LEAST_BUDGET, LARGEST_BUDGET = 2.0, 200.0
 GAP, SLIDER_SHARE = 4.0, 0.68
+# What the slider with its words and the time of a frame need beside each other.
+TRADE_WIDTH = 152.0
 CUSTOM = "custom"
 SLIDER_HINT = (
     "From speed to accuracy: moves all that trades one for the other in this mode along the settings that no other "
@@ -45,7 +47,7 @@ def draw(context: PanelContext) -> list[Action]:
 
 def _trade(context: PanelContext) -> list[Action]:
     """The slider, and beside it the time for a frame."""
-    widgets.label(context, "Accuracy")
+    widgets.label(context, "Accuracy", least=TRADE_WIDTH)
     room, gap = imgui.get_content_region_avail().x, context.px(GAP)
     actions: list[Action] = []
     if context.mode.name in front().stops:

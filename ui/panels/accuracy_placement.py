@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from imgui_bundle import ImVec2, imgui
@@ -39,6 +39,10 @@ EDGES_HINT = (
     "and memory. Auto: as many as the scene requires."
 )
 GAP = 4.0
+# What a number of lights and one of patches need beside each other.
+LIGHTS_WIDTH = 132.0
+# And the bands of two bounces.
+BANDS_WIDTH = 140.0
 
 
 def draw(context: PanelContext) -> list[Action]:
@@ -60,10 +64,10 @@ def draw(context: PanelContext) -> list[Action]:
 
 def _quality(context: PanelContext, status: PlacementStatus) -> list[Action]:
     actions: list[Action] = []
-    widgets.label(context, "Lights")
     if any(state.emits for state in context.document.objects):
         actions += _lights_and_patches(context)
     else:
+        widgets.label(context, "Lights", least=_least(context, map(_short, LIGHT_CHOICES)))
         chosen = LIGHT_CHOICES.index(context.view.n_lights) if context.view.n_lights in LIGHT_CHOICES else -1
         choices = [(_short(n), LIGHTS_HINT) for n in LIGHT_CHOICES]
         pressed = widgets.segments(context, "accuracy.lights", choices, chosen, least=_share(context, len(choices)))
@@ -79,13 +83,13 @@ def _quality(context: PanelContext, status: PlacementStatus) -> list[Action]:
     if status.bounces_note:
         widgets.caption(status.bounces_note)
     actions += _series(context)
-    widgets.label(context, "Transport")
     options = (
         ("Half", "Half floats on the graphics card: half the memory, errors of a thousandth."),
         ("Float", "Full floats on the graphics card: twice the memory, increments without rounding."),
     )
     chosen = 0 if context.view.precision == "half" else 1
     gap = context.px(GAP)
+    widgets.label(context, "Transport", least=2.0 * _least(context, [text for text, _ in options]) + GAP)
     room = imgui.get_content_region_avail().x - gap
     least = (0.5 * room - 1) / 2 / context.theme.scale
     pressed = widgets.segments(context, "accuracy.precision", options, chosen, least=least)
@@ -101,6 +105,7 @@ def _quality(context: PanelContext, status: PlacementStatus) -> list[Action]:
 
 def _lights_and_patches(context: PanelContext) -> list[Action]:
     """Where lamps shine too: both numbers on one line."""
+    widgets.label(context, "Lights", least=LIGHTS_WIDTH)
     gap = context.px(GAP)
     room = imgui.get_content_region_avail().x - gap
     lights = {_short(n): n for n in LIGHT_CHOICES}
@@ -118,7 +123,7 @@ def _lights_and_patches(context: PanelContext) -> list[Action]:
 def _series(context: PanelContext) -> list[Action]:
     """The bands of each bounce from the eye: the first and the second can be chosen, later ones go by albedo."""
     actions: list[Action] = []
-    widgets.label(context, "Bands")
+    widgets.label(context, "Bands", least=BANDS_WIDTH if context.view.n_bounces > 1 else widgets.LEAST_CONTROL)
     n_later = context.view.n_bounces - 2
     later = "  1" * n_later
     gap = context.px(GAP)
@@ -147,11 +152,9 @@ def _combo(
     """A list of numbers; what was picked of it, if anything."""
     picked = []
     shown = next((text for text, bands in choices.items() if bands == chosen), str(chosen))
-    spare = width - 2.0 * imgui.get_style().frame_padding.x
-    fits = imgui.calc_text_size(shown).x <= spare - imgui.get_frame_height()
-    seen = _short_of(shown, spare)
+    seen = _short_of(shown, width - 2.0 * imgui.get_style().frame_padding.x)
     imgui.set_next_item_width(width)
-    if imgui.begin_combo(f"##{name}", seen, 0 if fits else imgui.ComboFlags_.no_arrow_button):
+    if widgets.begin_combo(f"##{name}", seen):
         for text, bands in choices.items():
             pressed, _ = imgui.selectable(text, bands == chosen)
             context.handles.note_item(f"{name}.{text}")
@@ -167,6 +170,11 @@ def _combo(
 def _short_of(shown: str, room: float) -> str:
     """What is chosen, or where that is wider than the room, its number alone: "768 patches"."""
     return shown if imgui.calc_text_size(shown).x <= room else shown.partition(" ")[0]
+
+
+def _least(context: PanelContext, texts: Iterable[str]) -> float:
+    """The width, at scale 1, of segments of these texts."""
+    return widgets.segments_width(context, list(texts)) / context.theme.scale
 
 
 def _share(context: PanelContext, count: int) -> float:

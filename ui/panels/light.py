@@ -71,7 +71,7 @@ def _environment(context: PanelContext) -> list[Action]:
     actions: list[Action] = []
     light = context.document.light
     widgets.label(context, "Environment")
-    if imgui.begin_combo("##environment", environment_label(light.environment)):
+    if widgets.begin_combo("##environment", environment_label(light.environment)):
         for name in (SCENE_ENVIRONMENT, *context.environments):
             pressed, _ = imgui.selectable(environment_label(name), name == light.environment)
             if pressed:

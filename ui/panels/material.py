@@ -131,7 +131,7 @@ def _label_width(context: PanelContext, layer: Layer) -> float:
 def _model(context: PanelContext, key: str, layer: Layer, width: float) -> list[Action]:
     actions: list[Action] = []
     widgets.label(context, "Model", width, WIDE_CONTROL)
-    if imgui.begin_combo("##model", layer.model.label):
+    if widgets.begin_combo("##model", layer.model.label):
         for model in (each for each in MODELS.values() if not each.needs_file or each is layer.model):
             pressed, _ = imgui.selectable(model.label, model is layer.model)
             widgets.tooltip(model.tooltip)
@@ -207,7 +207,7 @@ def value_text(value: Value) -> str:
 
 def _choice(context: PanelContext, key: str, parameter: Parameter, value: str) -> list[Action]:
     actions: list[Action] = []
-    if imgui.begin_combo("##choice", choice_label(value)):
+    if widgets.begin_combo("##choice", choice_label(value)):
         for choice in parameter.choices:
             pressed, _ = imgui.selectable(choice_label(choice), choice == value)
             if pressed and choice != value:

@@ -340,7 +340,7 @@ def _exposure(context: PanelContext, width: float) -> list[Action]:
 def _tone_mapping(context: PanelContext) -> list[Action]:
     actions: list[Action] = []
     imgui.set_next_item_width(context.px(TONE_WIDTH))
-    if imgui.begin_combo("##tone", VIEWS[context.view.tone_mapping].label):
+    if widgets.begin_combo("##tone", VIEWS[context.view.tone_mapping].label):
         actions += _views(context, "colours")
         imgui.end_combo()
     context.handles.note_item("view.tone_mapping")

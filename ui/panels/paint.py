@@ -90,7 +90,7 @@ def _blend(context: PanelContext, key: str, width: float) -> list[Action]:
     together = [other for other in blended_with(context.document, key) if other in others]
     widgets.label(context, "Blend with", width)
     actions: list[Action] = []
-    if imgui.begin_combo("##blend", ", ".join(others[other] for other in together) or "No other layer"):
+    if widgets.begin_combo("##blend", ", ".join(others[other] for other in together) or "No other layer"):
         for other, text in others.items():
             pressed, _ = imgui.selectable(text, other in together)
             context.handles.note_item(f"material.blend.{text}")

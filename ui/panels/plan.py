@@ -74,7 +74,7 @@ def _value(context: PanelContext, line: SheetLine, width: float) -> list[Action]
     actions: list[Action] = []
     imgui.set_next_item_width(width)
     name = f"plan.{line.line}"
-    if imgui.begin_combo(f"##{name}", line.value):
+    if widgets.begin_combo(f"##{name}", line.value):
         if imgui.selectable(PLANNED, not line.is_set)[0] and line.is_set:
             actions.append(Overrule(line.line, None))
         context.handles.note_item(f"{name}.{PLANNED}")

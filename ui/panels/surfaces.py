@@ -43,7 +43,7 @@ def draw(context: PanelContext, state: ObjectState) -> list[Action]:
 def _kind(context: PanelContext, state: ObjectState) -> list[Action]:
     kind, actions = state.surface.kind, list[Action]()
     widgets.label(context, "Kind")
-    if imgui.begin_combo("##surface", SURFACES[kind].title if kind else PLAIN):
+    if widgets.begin_combo("##surface", SURFACES[kind].title if kind else PLAIN):
         choices = [("", PLAIN, PLAIN_HINT), *((name, each.title, each.tooltip) for name, each in SURFACES.items())]
         for name, title, hint in choices:
             pressed, _ = imgui.selectable(title, name == kind)
@@ -79,7 +79,7 @@ def _row(context: PanelContext, state: ObjectState, parameter: Parameter, value:
 
 def _choice(context: PanelContext, state: ObjectState, parameter: Parameter, value: str) -> list[Action]:
     actions: list[Action] = []
-    if imgui.begin_combo(f"##{parameter.name}", value.capitalize()):
+    if widgets.begin_combo(f"##{parameter.name}", value.capitalize()):
         for choice in parameter.choices:
             pressed, _ = imgui.selectable(choice.capitalize(), choice == value)
             context.handles.note_item(f"surface.{parameter.name}.{choice}")

@@ -69,6 +69,22 @@ def fitting(text: str, room: float) -> str:
     return "…" + text
 
 
+def shortened(text: str, room: float) -> str:
+    """As much of a text as fits so many pixels, its start kept."""
+    if imgui.calc_text_size(text).x <= room:
+        return text
+    while text and imgui.calc_text_size(text + "…").x > room:
+        text = text[:-1]
+    return text.rstrip() + "…"
+
+
+def begin_combo(name: str, shown: str) -> bool:
+    """imgui's list with what is chosen of it; where that is too long, first the arrow gives way, then its end."""
+    room = imgui.calc_item_width() - 2.0 * imgui.get_style().frame_padding.x
+    fits = imgui.calc_text_size(shown).x <= room - imgui.get_frame_height()
+    return imgui.begin_combo(name, shortened(shown, room), 0 if fits else imgui.ComboFlags_.no_arrow_button)
+
+
 @contextmanager
 def strip(context: PanelContext, name: str, at: ImVec2, pivot: ImVec2, padding: ImVec2) -> Iterator[bool]:
     """A small window over the picture, its pivot (shares of its size) at a place; whether anything of it is seen."""
