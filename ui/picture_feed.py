@@ -102,6 +102,7 @@ class PictureFeed:
         self._shown_scene: SceneFrame | None = None
         self._left: PictureSource | KeptPicture | None = None
         self._left_scene: SceneFrame | None = None
+        self._left_mode: Mode | None = None
         self._choose(mode, source or named(mode.picture)(context))
 
     def _choose(self, mode: Mode, source: PictureSource) -> None:
@@ -127,6 +128,11 @@ class PictureFeed:
     def shows_view_before(self) -> bool:
         """Whether the picture is of the view before, for want of one from this."""
         return self._left is not None and self._left_scene is not self._shown_scene
+
+    @property
+    def mode_before(self) -> Mode | None:
+        """The mode whose picture stays until the present one has its own; None where what is shown is its own."""
+        return self._left_mode if self._left is not None and not self.shows_view_before else None
 
     @property
     def is_behind(self) -> bool:
@@ -156,7 +162,7 @@ class PictureFeed:
             self._waiting.append(event)
         if editor.mode is not self._mode:
             if self._left is None and self.source.picture is not None:
-                self._left, self._left_scene = self.source, self._shown_scene
+                self._left, self._left_scene, self._left_mode = self.source, self._shown_scene, self._mode
             else:
                 self.source.close()
             self._choose(editor.mode, named(editor.mode.picture)(self._context))
@@ -234,6 +240,7 @@ class PictureFeed:
         elif self._left is None and self.source.picture is not None:
             try:
                 self._left, self._left_scene = KeptPicture(self._context, self.source.picture), before
+                self._left_mode = self._mode
             except GraphicsError:
                 pass  # objects are lit from the eye meanwhile
 

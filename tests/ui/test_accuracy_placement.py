@@ -16,7 +16,7 @@ from ui import theme as look
 from ui.headless import HeadlessWindow
 from ui.panels.accuracy import error_hint
 from ui.panels.accuracy_placement import figures
-from ui.panels.status_bar import ERROR_SECONDS, picture_state
+from ui.panels.status_bar import ERROR_SECONDS, PLAIN, picture_state
 
 STATUS = PlacementStatus(
     shown_coefficients=30, wanted_coefficients=64, memory_mb=512.0, precomputed_mb=230.4, gpu_mb=38.2,
@@ -75,7 +75,7 @@ def test_the_bar_says_exact_of_nothing_that_is_not(status: Status, ink: look.Col
 
 
 def test_what_is_seen_before_the_first_picture_is_said() -> None:
-    assert picture_state(Status(), is_there=True)[1] == "waiting, objects lit from the eye"
+    assert picture_state(Status(), PLAIN)[1] == "waiting, objects lit from the eye"
 
 
 @pytest.mark.gl

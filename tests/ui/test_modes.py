@@ -28,6 +28,7 @@ from app.view_state import SetView, ViewState
 from tests.ui.small_scene import linear_picture, wait_until_exact, write_small_scene
 from ui.gl.textures import small_texture
 from ui.headless import HeadlessWindow
+from ui.panels import status_bar
 from ui.picture_feed import PictureFeed, PictureSource
 
 pytestmark = pytest.mark.gl
@@ -170,4 +171,8 @@ def test_a_picture_stays_until_the_mode_that_was_chosen_has_one(
         editor.do(SetView.of(mode="flat"))
         window.frames(4)
         assert isinstance(feed.source, FlatSource) and feed.picture.read() == before
+        # Nor does the status say that something else is seen.
+        said = status_bar.picture_state(editor.status, status_bar.meanwhile(window.shell._context(0.0)))
+        assert feed.mode_before is PLACEMENT and said[1] == "waiting, Placement's picture"
     assert shown(window) == [153, 128, 102]
+    assert feed.mode_before is None

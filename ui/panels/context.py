@@ -131,6 +131,7 @@ class PanelContext:
     the scene has them; `look_undo_label` and `look_redo_label` name what the view's own history would undo or redo;
     `box_of` tells the corners (2, 3) of an object, of None all that is seen; `view_thumbnail` is a kept view's picture.
     `preferences` are the person's. `mode` is the one of `modes` that makes the picture.
+    `mode_before` is the title of the mode whose picture is still seen, "" where it is the present one's.
     `described` is the document as the scene's own file has it.
     `name` is what a person calls what is open, `unsaved` whether there are edits that no session has. `recent` are the
     files opened last, `recoveries` edits that the program left behind when it ended.
@@ -163,6 +164,7 @@ class PanelContext:
     library: tuple[LibraryEntry, ...] = ()
     thumbnail: Callable[[LibraryEntry], Picture | None] = no_thumbnail
     scenes: tuple[str, ...] = ()
+    mode_before: str = ""
     described: Document = Document("")
     name: str = ""
     camera: Camera = NO_CAMERA

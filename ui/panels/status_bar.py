@@ -20,6 +20,9 @@ from ui.theme import Icon
 
 HEIGHT = 28.0
 STRIP_WIDTH = 560.0
+PLAIN = "objects lit from the eye"
+PLAIN_HINT = "Objects are lit from the eye, without shadows, until the first picture is computed."
+STAYS_HINT = "The picture stays until this mode has its own."
 MESSAGE_SECONDS, ERROR_SECONDS = 8.0, 30.0
 # Noise of the whole picture that cannot be overlooked.
 NOISY = 0.05
@@ -75,7 +78,7 @@ def draw(context: PanelContext) -> list[Action]:
 def _contents(context: PanelContext) -> tuple[list[Words], list[Action]]:
     """The line; what it had no room for, and what was asked for by a click."""
     status = context.status
-    ink, text, hint = picture_state(status, context.picture is not None)
+    ink, text, hint = picture_state(status, meanwhile(context))
     text = " · ".join(filter(None, (status.shown_by, text)))
     _dot(context, ink)
     imgui.text_unformatted(text)
@@ -105,9 +108,16 @@ def _contents(context: PanelContext) -> tuple[list[Words], list[Action]]:
     return left_over, actions
 
 
-def picture_state(status: Status, is_there: bool = False) -> tuple[look.Colour, str, str]:
-    """Colour, words and explanation of what the picture is: waiting, preview, refining, finished or exact. is_there:
-    whether any is seen."""
+def meanwhile(context: PanelContext) -> str:
+    """What is seen while the picture is awaited."""
+    if context.picture is None:
+        return ""
+    return f"{context.mode_before}'s picture" if context.mode_before else PLAIN
+
+
+def picture_state(status: Status, meanwhile: str = "") -> tuple[look.Colour, str, str]:
+    """Colour, words and explanation of what the picture is: waiting, preview, refining, finished or exact. meanwhile:
+    what is seen while it is awaited, "" where that is nothing."""
     error = "" if status.image_error is None else f" (error {error_text(status.image_error)})"
     if status.estimate is not None:
         error = f", {status.estimate.short}"
@@ -122,8 +132,8 @@ def picture_state(status: Status, is_there: bool = False) -> tuple[look.Colour, 
     if status.picture == "preview":
         coarse = "Coarse or fewer lights, or not yet the present light or roughness."
         return look.ACCENT, f"preview{error}", f"{coarse}\n{JUDGED_DRAWN}" if error else coarse
-    words = "waiting, objects lit from the eye" if is_there else "waiting"
-    return look.TEXT_FAINT, words, "Lit from the eye, without shadows, until the first picture is computed."
+    words = f"waiting, {meanwhile}" if meanwhile else "waiting"
+    return look.TEXT_FAINT, words, PLAIN_HINT if meanwhile in ("", PLAIN) else STAYS_HINT
 
 
 def _finished_state(status: Status) -> tuple[look.Colour, str, str]:
