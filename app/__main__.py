@@ -68,9 +68,10 @@ def _started_worker() -> StartedWorker | None:
 def main() -> int:
     """Run the program on its command line; the exit status: 0, 1 (the work failed), 2 (usage), 130 (Ctrl-C)."""
     try:
-        from app.cli.console import guarded
+        from app.cli.console import guarded, speak_of_anything
         from app.machine.kernel_cache import use_kernel_cache
 
+        speak_of_anything()
         use_kernel_cache()
         return guarded(lambda: _run(sys.argv[1:]))
     except KeyboardInterrupt:

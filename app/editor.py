@@ -21,10 +21,13 @@ from app.commands import EditCommand
 from app.commands.material import SetMaterial
 from app.decided import decided_view
 from app.document import Document, Selection
+from app.export.names import written_names
 from app.files.journal import Journal, Recovery
 from app.files.session_keeper import SessionKeeper
 from app.history import History
 from app.looks import Looks
+from app.machine.atomic import require_folder, require_place
+from app.machine.inputs import note_inputs
 from app.machine.paths import is_file_name, spoken_name
 from app.messages import (
     Cancel,
@@ -43,6 +46,7 @@ from app.messages import (
 )
 from app.mode import Kept, Mode, ModeTalk
 from app.modes import MODES
+from app.named_files import files_of_document
 from app.opening import Opening
 from app.picture import PictureEvent
 from app.player import Player
@@ -220,6 +224,11 @@ class Editor:
         return self.document if opened is None else opened.described
 
     @property
+    def session_has_changed(self) -> bool:
+        """Whether the session's file has been written elsewhere since it was opened or saved here."""
+        return self._keeper.file_has_changed
+
+    @property
     def session_path(self) -> Path | None:
         """Where the session was saved last, or opened from."""
         return self._keeper.path
@@ -296,6 +305,10 @@ class Editor:
         """Have the selected object's material written as a MERL file; None, or one line that says why not."""
         if seen_layer(self.document, self.view.selected) is None or self.view.selected is None:
             return self._refuse(f"{path.name}: no object is selected whose material could be written")
+        try:
+            require_place(path)
+        except InsituError as error:
+            return self._refuse(str(error))
         self._client.send(written_material(path, self.document, self.view.selected.object))
         return None
 
@@ -303,6 +316,10 @@ class Editor:
         """Have the scene written for Mitsuba 3, as it is now; None, or one line that says why not."""
         if not self.scene_is_open:
             return self._refuse(f"{folder.name}: no scene is open that could be written")
+        try:
+            require_folder(folder, written_names([state.name for state in self.document.objects]))
+        except InsituError as error:
+            return self._refuse(str(error))
         self._client.send(written_scene(folder, self.document, self.view))
         return None
 
@@ -470,6 +487,7 @@ class Editor:
 
     def _document_changed(self, before: Document | None = None, command: EditCommand | None = None) -> None:
         """Whoever compares is told. before: what it was, where the selected operator is to be followed."""
+        note_inputs(files_of_document(self.document, before))
         self.talk.edited(command)
         selected = self.view.selected
         if selected is not None and (choice := next_choice(self.document, selected)) != selected:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from app.document import Document
 from app.linked_layers import Layers
+from app.machine.paths import full_path
 from engine.material.layer import Layer
 from engine.measured.measurement import Measurement
 
@@ -56,7 +57,7 @@ def document_with_read(document: Document, found: Mapping[str, Measurement]) -> 
 def with_full_paths(layers: Layers, folder: Path) -> Layers:
     """The layers with files named from `folder` under their absolute names."""
     names = unread_files(layers)
-    return with_read(layers, {name: Measurement(str((folder / name).resolve())) for name in names})
+    return with_read(layers, {name: Measurement(full_path(name, folder)) for name in names})
 
 
 def _with_measurement(layer: Layer, found: Mapping[str, Measurement]) -> Layer:

@@ -176,7 +176,8 @@ class SceneOpened(Response):
     `measurements`: what was read, by the names that asked for it. `planned`: what each of the scene's own layers needs,
     and of a session's those that are others, with what was read for them: of each curve, by factor, how many bands;
     planned here because it takes longer than the window may be blocked. `boxes` (M, 2, 3): the least and the largest
-    corner of each object in the world, not a number where it has no surface. `animations`: each object's.
+    corner of each object in the world, not a number where it has no surface. `animations`: each object's. `files`: what
+    the scene was read from.
     """
 
     description: str
@@ -185,6 +186,7 @@ class SceneOpened(Response):
     planned: tuple[tuple[Layer, dict[str, int]], ...] = ()
     boxes: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 2, 3)))
     animations: tuple[Animations, ...] = ()
+    files: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

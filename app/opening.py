@@ -77,6 +77,15 @@ class Opening:
         return document_with_read(fit_session(session, scene, self.file), opened.measurements)
 
     @property
+    def digest(self) -> str:
+        """Of the session's file as this was read from it; "" where that is not known."""
+        if self.session is None:
+            return ""
+        if self.recovery is None:
+            return self.session.digest
+        return "" if self.session.journal is None else self.session.journal.session_digest or ""
+
+    @property
     def file(self) -> str:
         """What the person opened."""
         return str(self.session_path or self.light or self.source)

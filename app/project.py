@@ -13,9 +13,11 @@ from app.decided import decided_view
 from app.document import Document, document_from_description, reflecting_layers
 from app.files.bookmarks import named
 from app.files.session import Session, fit_session, load_session
+from app.machine.inputs import inputs_are
 from app.machine.memory import require_memory_for
 from app.machine.paths import full_path
 from app.measurements import document_with_read, layers_of_document, unread_files
+from app.named_files import files_of_document
 from app.set_path import set_path
 from app.sources import find_source, source_of
 from app.view_state import AS_PLANNED, Viewpoint, ViewState
@@ -164,6 +166,8 @@ def open_project(
     at_rest = scene.shining(dict(emission_of(document)))
     scene = posed(at_rest, document.poses).bumped(dict(document.new_bumps))
     scene.relief.require()
+    sessions = () if source.session is None else (source.session,)
+    inputs_are((*scene.files, *files_of_document(document), *sessions))
     if session is None:
         return Project(scene, document, at_rest=at_rest)
     return Project(

@@ -7,6 +7,7 @@ is told of every scene and of every look at it.
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Protocol
 
 from app.commands import EditCommand
@@ -17,8 +18,10 @@ from app.files.session_keeper import SessionKeeper
 from app.history import History
 from app.looking import LookTalk, what_is_missing
 from app.looks import Looks
+from app.machine.inputs import inputs_are, note_inputs
 from app.messages import Failed, Request, SceneOpened, SceneSeen, SkyImage
 from app.mode import ModeTalk, OpenedScene
+from app.named_files import files_of_document
 from app.opening import Opening
 from app.picture import PictureEvent, SceneFrame, SkyChanged
 from app.selecting import first_choice
@@ -182,8 +185,11 @@ class SceneTalk:
         said = opening.instead_of or f"opened {description.name}{kept}"
         said = "; ".join(filter(None, (said, *opened.notes, what_is_missing(response.frame))))
         host.notify(said, bool(opening.instead_of))
+        inputs_are(map(Path, opened.files))
         if opening.session is not None:
             self._restore(opening, opening.session, opened)
+        note_inputs([] if opening.session_path is None else [opening.session_path])
+        note_inputs(files_of_document(host.document))
         host.view = host.view.seen_from(self.tracing.adopted(host.looks.own_resolution))
         host.looks.begin_anew()
         scene = OpenedScene(0, opened.planned, description, described, host.document, opened.notes)
@@ -204,7 +210,7 @@ class SceneTalk:
             return
         host.history = History(document)
         host.view = replace(session.view, panels=host.view.panels)
-        self._keeper.opened(document, host.view, opening.session_path, opening.recovery)
+        self._keeper.opened(document, host.view, opening.session_path, opening.recovery, opening.digest)
         host.notify("recovered what was not saved" if opening.recovery else f"opened {opening.file}")
 
     def _seen(self, scene: OpenedScene, seen: SceneSeen) -> OpenedScene:

@@ -13,6 +13,7 @@ mouse events and commands as a hand; here they are typed values.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -389,7 +390,7 @@ _STEPS: dict[str, Callable[[Any, Path], Step]] = {
     "accuracy": lambda share, folder: SetAccuracy(share),
     "overrule": lambda lines, folder: OverruleLines(tuple(lines.items())),
     "wait": lambda picture, folder: WaitFor(picture),
-    "capture": lambda name, folder: Capture((folder / name).resolve()),
+    "capture": lambda name, folder: Capture(Path(os.path.abspath(folder / name))),
     "assert_error_below": lambda bound, folder: AssertErrorBelow(bound),
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from app.decided import mode_knobs
 from app.jobs.cache import Store
 from app.jobs.deform import StoredLobes
-from app.machine.atomic import make_folder_of, save_file
+from app.machine.atomic import require_place, save_file
 from app.project import Project
 from engine.colour import ToneMapping
 from engine.deform.live import N_LOBES, Deform
@@ -62,9 +63,9 @@ def check_output(path: Path, endings: tuple[str, ...] = ENDINGS) -> Path:
     """The path itself when a picture can be put there; found out before the work rather than after it."""
     if path.suffix.lower() not in endings:
         raise InsituError(f"{path}: the name of a picture ends in {' or '.join(endings)}")
-    if path.is_dir():
+    if os.path.isdir(path):
         raise InsituError(f"{path}: is a folder, expected the name of a picture")
-    make_folder_of(path)
+    require_place(path)
     return path
 
 

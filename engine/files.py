@@ -28,9 +28,9 @@ _OWN = "insitu:"
 
 @dataclass
 class _Door:
-    """noted: what has been opened, where somebody notes it; places: where files are instead, by their name."""
+    """noted: what has been opened, for each who notes it; places: where files are instead, by their name."""
 
-    noted: set[Path] | None = None
+    noted: tuple[set[Path], ...] = ()
     places: Mapping[str, Path] | None = None
 
 
@@ -40,8 +40,8 @@ _door = _Door()
 def place_of(path: str | os.PathLike[str]) -> Path:
     """Where the bytes of a file are. Raises FileNotFoundError for one that was not sent, where files come from
     elsewhere: what happens to be there under its name is another one."""
-    if _door.noted is not None:
-        _door.noted.add(Path(path))
+    for noted in _door.noted:
+        noted.add(Path(path))
     if _door.places is None:
         return Path(path)
     place = _door.places.get(name_everywhere(path))
@@ -63,12 +63,13 @@ def name_everywhere(path: str | os.PathLike[str]) -> str:
 
 @contextlib.contextmanager
 def files_noted() -> Iterator[set[Path]]:
-    """Within the block every file that is opened is noted, in the whole process."""
-    noted = _door.noted = set()
+    """Within the block every file that is opened is noted, in the whole process; blocks may stand in one another."""
+    before, noted = _door.noted, set[Path]()
+    _door.noted = (*before, noted)
     try:
         yield noted
     finally:
-        _door.noted = None
+        _door.noted = before
 
 
 @contextlib.contextmanager
@@ -92,7 +93,7 @@ def read_regular_file(path: Path, max_bytes: int) -> bytes:
     try:
         status = os.fstat(descriptor)
         if not stat.S_ISREG(status.st_mode):
-            raise LoadError(path, "file", _kind(status.st_mode), "a regular file")
+            raise LoadError(path, "file", file_kind(status.st_mode), "a regular file")
         if status.st_size > max_bytes:
             raise LoadError(path, "size", f"{status.st_size} bytes", f"at most {max_bytes} bytes")
         with os.fdopen(descriptor, "rb", closefd=False) as file:
@@ -123,8 +124,8 @@ def resolve_inside(folder: Path, name: str, file: Path, what: str) -> Path:
     return path
 
 
-def _kind(mode: int) -> str:
-    """What a file that is not a regular one is."""
+def file_kind(mode: int) -> str:
+    """What a file of this mode is that is not a regular one."""
     names = {stat.S_IFDIR: "a folder", stat.S_IFIFO: "a named pipe", stat.S_IFSOCK: "a socket",
              stat.S_IFCHR: "a device", stat.S_IFBLK: "a device"}  # fmt: skip
     return names.get(stat.S_IFMT(mode), "not a file")

@@ -24,6 +24,7 @@ from app.files.library import Library
 from app.files.material_file import MAX_MATERIAL_BYTES, dump_material, parse_material
 from app.files.preferences import PreferenceFile
 from app.files.recent import RecentFiles
+from app.files.session import CHANGED
 from app.linked_layers import Layers
 from app.pasting import pasted
 from app.selecting import seen_layer
@@ -341,7 +342,10 @@ class Actor:
         return FileQuestion(action.purpose, folder if file is None else beside, f"{editor.name}{SESSION_ENDING}")
 
     def _save(self, path: Path | None, outcome: Outcome) -> Outcome:
-        if path is None and self._editor.session_path is None:
+        has_changed = path is None and self._editor.session_has_changed
+        if has_changed:
+            self._editor.notify(f"{self._editor.session_path}: {CHANGED}", True)
+        if has_changed or (path is None and self._editor.session_path is None):
             return replace(outcome, state=replace(outcome.state, question=self._question(AskFile("save_session"))))
         if path is not None:
             self._folders["scene"] = path.resolve().parent

@@ -22,6 +22,7 @@ from app.editor import Editor, WorkerClient
 from app.files.bookmarks import named
 from app.front import front
 from app.jobs.client import Client
+from app.machine.atomic import require_place
 from app.placement.status import PlacementStatus
 from app.script import (
     AssertErrorBelow,
@@ -103,6 +104,7 @@ def take_screenshot(
         window.shell.source = feed
         try:
             wait_for_scene(window, editor)
+            require_place(output, *(step.path for step in steps if isinstance(step, Capture)))
             run_steps(window, editor, steps)
             wait_for_picture(window, editor, wait)
             window.leave()

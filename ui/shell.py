@@ -29,6 +29,7 @@ from app.editor import Editor
 from app.files.library import LibraryEntry
 from app.files.preferences import PreferenceFile
 from app.files.recent import RecentFiles
+from app.machine.atomic import require_place
 from app.record import Record
 from app.selecting import seen_layer
 from app.view_state import Bookmark
@@ -170,6 +171,11 @@ class Shell:
         """What is shown now, taken at once and written by a thread."""
         if action.path.suffix.lower() not in ENDINGS["save_picture"]:
             self.editor.notify(f"{action.path}: the name of a picture ends in .png or .exr", True)
+            return
+        try:
+            require_place(action.path)
+        except InsituError as error:
+            self.editor.notify(str(error), True)
             return
         still = None if self.source is None else self.source.still(self.editor)
         if still is None:

@@ -5,6 +5,7 @@ Light to import: the editor starts through it without the command line's own lib
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 import traceback
@@ -45,6 +46,14 @@ def guarded(work: Callable[[], int]) -> int:
 def say(line: str) -> None:
     """One line on standard output, whatever names and values of somebody's files are in it: all that commands print."""
     print(plain_line(line, keep_spaces=True), flush=True)
+
+
+def speak_of_anything() -> None:
+    """Have what a terminal has no characters for, such as in names of files, printed by its number: a line that cannot
+    be printed would end the work when all of it is done."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 def complain(line: str) -> None:

@@ -11,6 +11,7 @@ import typer
 from app.cli.console import say
 from app.cli.options import SCENE_HELP, Bounces, Resolution, Values, assignments
 from app.cli.output import progress, tell
+from app.machine.atomic import require_place
 from app.project import open_project
 
 
@@ -50,6 +51,7 @@ def export_brdf(
         check_merl_name(output)
     started = time.monotonic()
     document = open_project(scene, (1, 1), assignments(set_)).document
+    require_place(output)
     layers = document.object(object_).layers
     if as_it_is:
         save_material(output, Material(object_, with_full_names(layers, document.source)))

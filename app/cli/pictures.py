@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Mapping
@@ -35,6 +36,7 @@ from app.cli.options import (
     window_size,
 )
 from app.cli.output import progress, tell_notes
+from app.machine.atomic import require_place
 from app.machine.paths import state_problem
 from app.project import ProjectWords
 from app.sources import find_source
@@ -140,6 +142,7 @@ def render(
         raise InsituError(f"--view {view}: {output} holds light itself, expected a name that ends in .png")
     started = time.monotonic()
     project = ProjectWords(scene, resolution, tuple(values), camera, edges, tuple(planned.items())).open()
+    require_place(output)  # now that it is known what was read
     noise: float | None = None
     with progress() as report:
 
@@ -243,11 +246,12 @@ def screenshot(
     view: ViewName = None,
 ) -> int:
     """Take a picture of the whole editor window; no display is needed."""
-    from app.script import ChooseView, load_script
+    from app.script import Capture, ChooseView, load_script
     from app.stills import check_output
 
     check_output(output, (".png",))
-    steps = load_script(script, output.resolve().parent) if script is not None else ()
+    steps = load_script(script, Path(os.path.abspath(output)).parent) if script is not None else ()
+    require_place(*(step.path for step in steps if isinstance(step, Capture)))
     if problem := state_problem():
         complain(problem)  # own materials are not there; the picture is
     if view is not None:

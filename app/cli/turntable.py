@@ -13,7 +13,7 @@ from pathlib import Path
 from app.files.session import dump_session
 from app.frames import Draw, Frames, Report, draw_here, poses_of
 from app.jobs.cache import content_key
-from app.machine.atomic import save_file
+from app.machine.atomic import require_place, save_file
 from app.project import Project
 from app.stills import ENDINGS, write_picture
 from app.view_state import ViewState
@@ -49,13 +49,17 @@ class FrameFiles:
     def path(self, i: int) -> Path:
         return self.folder / f"{self.stem}{i:04d}{self.ending}"
 
+    @property
+    def record(self) -> Path:
+        """The file that has the digest."""
+        return self.folder / f"{DIGEST}-{self.stem}{self.ending[1:]}"
+
     def missing(self, digest: str, resolution: tuple[int, int]) -> list[int]:
         """Which of them are to be drawn; the digest is noted for the next time. Raises InsituError, also where there
         are files of such names in a folder that no turn has noted: they are somebody's own."""
-        record = self.folder / f"{DIGEST}-{self.stem}{self.ending[1:]}"
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            known = record.read_text() if record.exists() else ""
+            known = self.record.read_text() if self.record.exists() else ""
         except (OSError, UnicodeDecodeError) as error:
             raise InsituError(f"{self.folder}: the folder cannot be used, {error}") from error
         if not known and (others := [self.path(i) for i in range(self.count) if self.path(i).exists()]):
@@ -63,7 +67,7 @@ class FrameFiles:
         if known != digest:
             for i in range(self.count):
                 self.path(i).unlink(missing_ok=True)
-            save_file(record, digest.encode())
+            save_file(self.record, digest.encode())
         return [i for i in range(self.count) if not _is_whole(self.path(i), resolution)]
 
 
@@ -74,6 +78,7 @@ def draw_frames(
     """Draw what is missing of the frames, here or where `draw` does; how many that were. Raises InsituError."""
     if frames.animated:
         poses_of(project, frames.count)  # where there is no animation no file is touched
+    require_place(*map(files.path, range(files.count)), files.record)
     missing = files.missing(_digest(project, frames, view), project.scene.resolution)
     drawn = 0
     for i, picture in draw(project, frames, missing, report):

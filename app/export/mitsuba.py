@@ -13,7 +13,6 @@ rejected for it: it is there for spectral rendering alone, while all our picture
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Generator
 from pathlib import Path
 from xml.etree import ElementTree
@@ -22,8 +21,9 @@ import numpy as np
 
 from app.export.materials import Written, write_material
 from app.export.meshes import ply_bytes
+from app.export.names import stem_of, written_names
 from app.export.xml_parts import add, add_numbers
-from app.machine.atomic import replacing_folder, write_atomically
+from app.machine.atomic import replacing_folder, require_folder, write_atomically
 from app.project import Project
 from engine.material.layer import Layer, object_of
 from engine.render.image_files import exr_bytes
@@ -40,6 +40,7 @@ Steps = Generator[tuple[float, str], None, list[str]]
 def export_steps(project: Project, folder: Path, n_bounces: int) -> Steps:
     """Write the folder, whole or not at all; yields the share done and the object that is next, returns notes on what
     is not the same there, a line each. Raises InsituError."""
+    require_folder(folder, written_names(project.object_names))
     with replacing_folder(folder) as unfinished:
         for part in ("meshes", "materials"):
             (unfinished / part).mkdir()
@@ -103,7 +104,7 @@ def _add_sky(root: ElementTree.Element, project: Project, folder: Path) -> list[
 def _add_object(root: ElementTree.Element, project: Project, folder: Path, index: int) -> list[str]:
     scene, name = project.scene, project.object_names[index]
     state = project.document.object(name)
-    stem = f"{index:02d}_{re.sub(r'[^A-Za-z0-9]+', '_', name)}"
+    stem = stem_of(index, name)
     write_atomically(folder / "meshes" / f"{stem}.ply", ply_bytes(scene, index))
     shape = add(root, "shape", type="ply", id=stem)
     add(shape, "string", name="filename", value=f"meshes/{stem}.ply")

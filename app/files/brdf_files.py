@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from app.files.material_file import Material, dump_material
-from app.machine.atomic import save_file
+from app.machine.atomic import require_place, save_file
+from app.machine.inputs import inputs_are
 from app.measurements import with_read
 from app.reading import measured_layers
 from engine.errors import InsituError
@@ -26,10 +27,13 @@ def import_file(
     """Read and fit a measured file (or find it in the store) and write it as a material. Raises InsituError."""
     if output.suffix != ".toml":
         raise InsituError(f"{output}: the name of a material ends in .toml")
+    inputs_are([file])
+    require_place(output)
     measurement = finish(read_measurement(file.resolve(), store), lambda step: report(*step))
     layers = with_read(measured_layers(file, cloth), {str(file.resolve()): measurement})
     smooth = tuple(layer.with_parameter("smoothing", smoothing) for layer in layers)
-    text = dump_material(Material(file.stem[:64], smooth, "Measured"), output.resolve().parent)
+    name = file.stem[:64].encode(errors="replace").decode()  # of a name that is no text "?" for what is not
+    text = dump_material(Material(name, smooth, "Measured"), output.resolve().parent)
     save_file(output, text.encode())
     return measurement
 
@@ -54,6 +58,7 @@ def import_lines(measurement: Measurement, cloth: bool) -> list[str]:
 def export_steps(layers: Sequence[Layer], output: Path) -> Iterator[float]:
     """Write what layers reflect as a MERL file; yields the share done. Raises InsituError."""
     check_merl_name(output)
+    require_place(output)
     for step in tabulate_layers(layers):
         if isinstance(step, float):
             yield step

@@ -21,16 +21,17 @@ from typing import TYPE_CHECKING
 
 from app.document import Document
 from app.files.bookmarks import Bookmarks
-from app.files.session import SUFFIX, JournalRecord, Session, dump_session, load_session
+from app.files.session import SUFFIX, JournalRecord, SeenFile, Session, dump_checked, load_session
 from app.machine.atomic import PRIVATE_FILE, make_private_folder, write_atomically
-from app.machine.paths import journal_directory
+from app.machine.paths import full_path, journal_directory, written_path
 from app.view_state import ViewState
-from engine.errors import InsituError, LoadError
+from engine.errors import InsituError, LoadError, plain_line
 
 if TYPE_CHECKING:
     from filelock import FileLock
 
 DAMAGED = ".damaged"
+NEVER_SAVED = SeenFile()
 WRITE_SECONDS = 0.5
 RETRY_SECONDS = 5.0
 STALE_LOCK_SECONDS = 86400.0
@@ -63,7 +64,7 @@ class _Entry:
 
     document: Document | None
     view: ViewState
-    session_path: Path | None
+    session: SeenFile
 
 
 class Journal:
@@ -85,7 +86,7 @@ class Journal:
         self._thread.start()
 
     def note(
-        self, now: float, document: Document, view: ViewState, unsaved: bool, session_path: Path | None = None
+        self, now: float, document: Document, view: ViewState, unsaved: bool, session: SeenFile = NEVER_SAVED
     ) -> None:
         """Once a frame: have the document written when it, or a kept view, has changed, twice a second at most. Returns
         at once."""
@@ -95,7 +96,7 @@ class Journal:
         if again or (wanted is not None and since < WRITE_SECONDS):
             return
         self._noted, self._noted_at = wanted, now
-        self._entries.put(_Entry(document if unsaved else None, view, session_path))
+        self._entries.put(_Entry(document if unsaved else None, view, session))
 
     def close(self, keep: bool = False) -> None:
         """End the thread after its last write; delete the journal unless ``keep``."""
@@ -121,6 +122,8 @@ class Journal:
                 self.written, self.problem = entry.document, ""
             except OSError as error:
                 self._failed(error)
+            except Exception as error:  # the thread goes on: the next document may be one that can be kept
+                self.problem = plain_line(f"autosave failed: {error}; the last one that did not is kept")
 
     def _failed(self, error: OSError) -> None:
         self.problem = f"autosave failed: {self.path.parent}: {error.strerror or error}"
@@ -149,9 +152,10 @@ class Journal:
         if entry.document is None:
             self.path.unlink(missing_ok=True)
             return
-        session_path = None if entry.session_path is None else str(entry.session_path)
-        record = JournalRecord(written_at=time.time(), session_path=session_path)
-        write_atomically(self.path, dump_session(entry.document, entry.view, journal=record).encode(), private=True)
+        path, digest = entry.session.path, entry.session.digest or None
+        saved_as = None if path is None else written_path(str(path), None)
+        record = JournalRecord(written_at=time.time(), session_path=saved_as, session_digest=digest)
+        write_atomically(self.path, dump_checked(self.path, entry.document, entry.view, journal=record), private=True)
 
 
 def _is_same(one: tuple[object, ...] | None, other: tuple[object, ...] | None) -> bool:
@@ -200,7 +204,7 @@ def _recovery(path: Path) -> Recovery | None:
     except InsituError:
         return None
     journal = session.journal or JournalRecord(written_at=path.stat().st_mtime)
-    saved_as = None if journal.session_path is None else Path(journal.session_path)
+    saved_as = None if journal.session_path is None else Path(full_path(journal.session_path))
     return Recovery(path, session.document.source, journal.written_at, saved_as)
 
 

@@ -28,7 +28,7 @@ from app.files.layer_records import MAX_LAYERS, CurveRecord, StrictModel, descri
 from app.linked_layers import Layers, alike
 from app.machine.atomic import save_file
 from app.measurements import with_full_paths
-from engine.errors import LoadError
+from engine.errors import InsituError, LoadError
 from engine.scene.complaints import first_complaint
 from engine.scene.description import LayerDescription, Text
 from engine.scene.toml_text import check_version, load_toml, parse_toml, toml_lines, toml_value
@@ -87,8 +87,12 @@ def parse_material(text: str, where: str) -> Material:
 
 
 def save_material(path: Path, material: Material, *, private: bool = False) -> None:
-    """Write a material file, whole or not at all. InsituError says why it cannot be written."""
-    save_file(path, dump_material(material).encode(), private=private)
+    """Write a material file, whole or not at all. InsituError says why it cannot be written, also where it could not be
+    read again."""
+    text = dump_material(material)
+    if dump_material(parse_material(text, f"{path}: not written, it could not be read again")) != text:
+        raise InsituError(f"{path}: not written, another material would be read from it")
+    save_file(path, text.encode(), private=private)
 
 
 def dump_material(material: Material, folder: Path | None = None) -> str:

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import base64
 import binascii
+import hashlib
+import os
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -29,7 +31,8 @@ from app.sources import SESSION_ENDING
 from app.view_state import AS_PLANNED, Bookmark, SetView, Viewpoint, ViewState
 from engine.colour import ToneMapping
 from engine.deform.pose import Deformation, Moment
-from engine.errors import InsituError, LoadError
+from engine.errors import InsituError, LoadError, describe_value
+from engine.files import read_regular_file
 from engine.material.bumps import Bumps, bump_parts, bumps_of_parts
 from engine.material.layer import object_of, place_of
 from engine.material.parameters import ParameterError
@@ -38,12 +41,15 @@ from engine.plan_lines import PICTURE_LINES, LineValue, checked_bands, checked_l
 from engine.scene.complaints import first_complaint
 from engine.scene.description import MAX_BOUNCES, MAX_OBJECTS, Camera, Name, Number, Pixels, Radiance, Text
 from engine.scene.surface_kinds import DeformSurface
-from engine.scene.toml_text import check_version, load_toml, toml_lines, toml_value
+from engine.scene.toml_text import check_version, parse_toml_bytes, toml_lines, toml_value
 
 SUFFIX = SESSION_ENDING
 SESSION_VERSION = 1
 MAX_SESSION_BYTES = 64 * 2**20
 MAX_OVERRULED = 4096
+CHANGED = "it has been written elsewhere since it was opened here; save under another name, or replace it"
+# A path of any length that systems take, each byte of it as "%E9".
+PathText = Annotated[str, Field(min_length=1, max_length=3 * 4096 + 5, strict=True)]
 
 
 class DeformerRecord(StrictModel):
@@ -98,7 +104,7 @@ class ObjectRecord(StrictModel):
 
 
 class LightRecord(StrictModel):
-    environment: Text
+    environment: PathText
     mapping: Literal["latlong", "angular"] = "latlong"
     rotation: Number = 0.0
     intensity: Annotated[Number, Field(ge=0.0, le=MAX_INTENSITY)] = 1.0
@@ -164,10 +170,12 @@ def _decoded(text: str) -> bytes:
 
 
 class JournalRecord(StrictModel):
-    """In a journal only: when it was written (seconds since 1970), and as what the session was saved last."""
+    """In a journal only: when it was written (seconds since 1970), as what the session was saved last, and what tells
+    that file from what another window may have saved there since."""
 
     written_at: Number
-    session_path: Text | None = None
+    session_path: PathText | None = None
+    session_digest: Text | None = None
 
 
 class EndRecord(StrictModel):
@@ -179,7 +187,7 @@ class SessionRecord(StrictModel):
 
     version: Annotated[int, Field(strict=True)]
     ends: Flag = False
-    scene: Text
+    scene: PathText
     light: LightRecord
     first_bands: FirstBands | None = None
     overrule: Annotated[dict[Text, StrictInt | StrictStr], Field(max_length=MAX_OVERRULED)] = {}
@@ -219,40 +227,100 @@ class SessionRecord(StrictModel):
 
 @dataclass(frozen=True)
 class Session:
-    """What a session file holds. ``view`` has defaults where the file does not say; ``journal`` is a journal's."""
+    """What a session file holds. ``view`` has defaults where the file does not say; ``journal`` is a journal's;
+    ``digest`` tells what it was read from from what another window may have saved there since."""
 
     document: Document
     view: ViewState
     journal: JournalRecord | None = None
+    digest: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True)
+class SeenFile:
+    """A session's file as it was read or written here last; None before."""
+
+    path: Path | None = None
+    digest: str = ""
+
+    @property
+    def has_changed(self) -> bool:
+        """Whether it has been written since, by another window or program. One that has gone is no loss."""
+        if self.path is None or not self.digest or not os.path.exists(self.path):
+            return False
+        try:
+            return _digest(read_regular_file(self.path, MAX_SESSION_BYTES)) != self.digest
+        except LoadError:
+            return True
 
 
 def save_session(path: Path, document: Document, view: ViewState) -> Path:
-    """Write a session file, whole or not at all; the path, which ends in ``.insitu``.
+    """Write a session file, whole or not at all and whatever is there; the path, which ends in ``.insitu``.
 
     Raises InsituError that says why it cannot be written; the file that was there is then untouched.
     """
+    written = write_session(path, document, view)
+    assert written.path is not None
+    return written.path
+
+
+def write_session(path: Path, document: Document, view: ViewState, last: SeenFile | None = None) -> SeenFile:
+    """The same; the file as it is now. last: as it was read or written here last: where it has changed since, it is
+    refused as well."""
     path = path if path.suffix else path.with_suffix(SUFFIX)
     if path.suffix != SUFFIX:
         raise InsituError(f"{path}: a session's name ends in {SUFFIX}; the scene's own file is never overwritten")
-    save_file(path, dump_session(document, view, path.resolve().parent).encode())
-    return path
+    data = dump_checked(path, document, view, path.resolve().parent)
+    if last is not None and last.path == path and last.has_changed:
+        raise InsituError(f"{path}: not saved, {CHANGED}")
+    save_file(path, data, session=path)
+    return SeenFile(path, _digest(data))
+
+
+def dump_checked(
+    path: Path, document: Document, view: ViewState, folder: Path | None = None, journal: JournalRecord | None = None
+) -> bytes:
+    """What the file at ``path`` is to hold. It is read back before it takes the place of another: raises InsituError
+    where opening it would refuse it, or find another document in it."""
+    text = dump_session(document, view, folder, journal)
+    data = text.encode()
+    try:
+        found = parse_session(data, path, folder)
+    except LoadError as error:
+        why = f"{error.what} = {describe_value(error.value)}, expected {error.expected}"
+        raise InsituError(f"{path}: not written, it could not be opened again: {why}") from None
+    if dump_session(found.document, replace(view, bookmarks=found.view.bookmarks), folder, journal) != text:
+        raise InsituError(f"{path}: not written, another document would be opened from it")
+    return data
 
 
 def load_session(path: Path) -> Session:
     """Read a session file; LoadError names the place of the first thing wrong."""
-    tree = load_toml(path, MAX_SESSION_BYTES)
+    data = read_regular_file(path, MAX_SESSION_BYTES)
+    return replace(parse_session(data, path, path.resolve().parent), digest=_digest(data))
+
+
+def parse_session(data: bytes, path: Path, folder: Path | None) -> Session:
+    """The session that a file at ``path`` with this data is; files are named from ``folder``. Raises LoadError."""
+    if len(data) > MAX_SESSION_BYTES:
+        raise LoadError(path, "size", f"{len(data)} bytes", f"at most {MAX_SESSION_BYTES} bytes")
+    tree = parse_toml_bytes(data, path)
     check_version(tree, path, SESSION_VERSION)
     try:
         record = SessionRecord.model_validate(tree)
     except ValidationError as error:
         raise first_complaint(error, tree, path, SessionRecord) from None
-    folder = path.resolve().parent
-    objects = tuple(_object(str(path), each) for each in record.objects)
+    objects = tuple(_object(str(path), folder, each) for each in record.objects)
     light = LightState(**{**record.light.model_dump(), "environment": full_path(record.light.environment, folder)})
     document = Document(full_path(record.scene, folder), objects, check_light(light, str(path)), record.first_bands)
     document = replace(document, overrules=tuple(sorted(record.overrule.items())))
     view = replace(_view(record.view, document), bookmarks=tuple(each.bookmark for each in record.bookmarks))
     return Session(document, view, record.journal)
+
+
+def _digest(data: bytes) -> str:
+    """What tells two contents of a session file apart."""
+    return hashlib.blake2b(data, digest_size=20).hexdigest()
 
 
 def fit_session(session: Session, scene: Document, file: str) -> Document:
@@ -345,8 +413,8 @@ def _bookmark_values(bookmark: Bookmark) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _object(file: str, record: ObjectRecord) -> ObjectState:
-    layers = with_full_paths(layers_of(file, record.name, record.layers), Path(file).resolve().parent)
+def _object(file: str, folder: Path | None, record: ObjectRecord) -> ObjectState:
+    layers = with_full_paths(layers_of(file, record.name, record.layers), folder or Path())
     deformations = tuple(each.deformation for each in record.deformers)
     moment = None if record.clip is None or record.time is None else Moment(record.clip, record.time)
     return ObjectState(

@@ -8,37 +8,49 @@ from pathlib import Path
 from app.document import Document
 from app.files.bookmarks import looks_of
 from app.files.journal import Journal, Recovery
-from app.files.session import SUFFIX, save_session
+from app.files.session import SUFFIX, SeenFile, write_session
 from app.view_state import ViewState
 from engine.errors import InsituError
 
 
 class SessionKeeper:
-    """``path`` is where the session was saved last, None before. ``journal`` None keeps no journal."""
+    """``journal`` None keeps no journal."""
 
     def __init__(self, journal: Journal | None = None) -> None:
-        self.path: Path | None = None
         self._journal = journal
         self._saved: Document | None = None
         self._saved_looks = looks_of(())
         self._recovery: Recovery | None = None
         self._told: set[str] = set()
+        self._file = SeenFile()
+
+    @property
+    def path(self) -> Path | None:
+        """Where the session was saved last, or opened from; None before."""
+        return self._file.path
+
+    @property
+    def file_has_changed(self) -> bool:
+        """Whether its file has been written elsewhere since it was opened or saved here."""
+        return self._file.has_changed
 
     def leave(self, document: Document, view: ViewState) -> bool:
         """Another scene takes the document's place: unsaved edits stay in a journal to recover; whether there were."""
         if self._journal is None or not document.objects or not self.unsaved(document, view):
             return False
-        self._journal.note(math.inf, document, view, True, self.path)
+        self._journal.note(math.inf, document, view, True, self._file)
         self._journal.close(keep=True)
         self._drop_recovered(self._journal)
         self._journal = Journal(self._journal.path.parent)
         return True
 
     def opened(
-        self, document: Document, view: ViewState, path: Path | None = None, recovery: Recovery | None = None
-    ) -> None:
-        """Another document was opened: a scene's, a session's (``path``), or a recovered one, which no file has."""
-        self.path, self._recovery = path, recovery
+        self, document: Document, view: ViewState, path: Path | None = None, recovery: Recovery | None = None,
+        digest: str = "",
+    ) -> None:  # fmt: skip
+        """Another document was opened: a scene's, a session's (``path``, and the ``digest`` of what was read there), or
+        a recovered one, which no file has."""
+        self._file, self._recovery = SeenFile(path, digest), recovery
         self._saved, self._saved_looks = document if recovery is None else None, looks_of(view.bookmarks)
 
     def unsaved(self, document: Document, view: ViewState) -> bool:
@@ -56,13 +68,16 @@ class SessionKeeper:
         self._saved, self._saved_looks = document, looks_of(view.bookmarks)
 
     def save(self, path: Path | None, document: Document, view: ViewState) -> Path:
-        """Save to ``path``, or where it was saved last; the path. Raises InsituError that says why not."""
+        """Save to ``path``, whatever is there, or where it was saved last; the path. Raises InsituError that says why
+        not, of the latter also where another window has saved there since."""
+        last = self._file if path is None else None
         path = path or self.path
         if path is None:
             raise InsituError(f"a session needs a name that ends in {SUFFIX}")
-        self.path = save_session(path, document, view)
+        self._file = write_session(path, document, view, last)
         self._saved, self._saved_looks = document, looks_of(view.bookmarks)
-        return self.path
+        assert self._file.path is not None
+        return self._file.path
 
     def keep(self, now: float, document: Document, view: ViewState) -> str:
         """Once a frame: have unsaved edits written to the journal; "", or once a line on what is wrong there.
@@ -71,7 +86,7 @@ class SessionKeeper:
         """
         if self._journal is None:
             return ""
-        self._journal.note(now, document, view, self.unsaved(document, view), self.path)
+        self._journal.note(now, document, view, self.unsaved(document, view), self._file)
         self._drop_recovered(self._journal)
         lines = {self._journal.notice, self._journal.problem}
         news = next(iter(lines - self._told - {""}), "")
@@ -82,7 +97,7 @@ class SessionKeeper:
         """Write what is unsaved a last time; it is offered at the next start. Without such edits the journal goes."""
         if self._journal is not None:
             unsaved = bool(document.objects) and self.unsaved(document, view)
-            self._journal.note(math.inf, document, view, unsaved, self.path)
+            self._journal.note(math.inf, document, view, unsaved, self._file)
             self._journal.close(keep=unsaved)
             self._drop_recovered(self._journal)
 

@@ -30,7 +30,7 @@ from engine.scene.raycaster import RayCaster
 from engine.transport.pipeline import Placement, SkyState
 
 # Raised when anything that changes the numbers in a cached array changes.
-CACHE_VERSION = 5
+CACHE_VERSION = 6
 BACKGROUND_HEIGHT = 1024
 
 

@@ -431,7 +431,7 @@ def _stages(request: ComputeTransport) -> list[tuple[Quality, bool]]:
     coarse = replace(COARSE, n_lights=request.n_lights_preview)
     preview = replace(PREVIEW, n_lights=request.n_lights_preview)
     if request.decisions.n_lights <= request.n_lights_preview:
-        return [(coarse, False), (preview, True)]
+        return [(coarse, False), (replace(preview, stays=True), True)]
     final = final_quality(request.decisions)
     return [(coarse, False), (preview, False), (final, True)]
 

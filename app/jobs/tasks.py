@@ -71,7 +71,8 @@ class Tasks:
         own = layers_of_document(document_with_read(document, measurements))
         layers = [*own, *(layer for layer in with_read(request.layers, measurements) if layer not in own)]
         planned = tuple(chain.from_iterable(work.plan(layers) for work in self._works))
-        yield SceneOpened(description, scene.notes, measurements, planned, scene.bounds, scene.animations)
+        files = tuple(map(str, (*scene.files, *names.values())))
+        yield SceneOpened(description, scene.notes, measurements, planned, scene.bounds, scene.animations, files)
 
     def _look(self, request: LookFrom) -> Steps:
         yield Progress("scene", 0.5, text="tracing what the camera sees")

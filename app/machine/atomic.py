@@ -5,42 +5,82 @@ step [POSIX, rename]. A process killed at any moment leaves the old file or the 
 file, which the next write to the same name removes. Writing in place, even with a backup beside it, was rejected: a
 kill between truncation and the last write loses both the old text and the new.
 
-What a person asked for goes through `save_file` and `replacing_folder`, whose one line names the path; what the program
-keeps for itself (`private`) is for the user's eyes alone.
+What a person asked for goes through `save_file` and `replacing_folder`, whose one line names the path; neither replaces
+anything but a regular file, nor one that the open project was read from (`app.machine.inputs`). `require_place` finds
+that out before the work rather than after it. What the program keeps for itself (`private`) is for the user's eyes
+alone.
 """
 
 from __future__ import annotations
 
 import contextlib
 import errno
+import hashlib
 import itertools
 import os
 import re
 import shutil
-from collections.abc import Iterator
+import stat
+import sys
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
+from app.machine.inputs import require_no_input
 from app.machine.system import process_lives
 from engine.errors import InsituError
+from engine.files import file_kind
 
 PRIVATE_FILE, PRIVATE_FOLDER = 0o600, 0o700
+_LONGEST_STEM = 100  # bytes of a name that its temporary one repeats: no system takes more than 255 in all
 _TEMPORARY = re.compile(r"\.(?P<name>.+)\.(?P<pid>\d+)-\d+\.tmp")
 _serial = itertools.count()
 
 
-def save_file(path: str | os.PathLike[str], data: bytes, *, private: bool = False) -> None:
-    """Replace the file at `path` by `data`; InsituError says why it cannot be, and the old file is then untouched."""
+def save_file(path: str | os.PathLike[str], data: bytes, *, private: bool = False, session: Path | None = None) -> None:
+    """Replace the file at `path` by `data`; InsituError says why it cannot be, and the old file is then untouched.
+
+    session: see `require_no_input`.
+    """
     with _telling(path):
+        require_no_input(path, session)
         write_atomically(path, data, private=private)
+
+
+def require_place(*paths: Path) -> None:
+    """Raises InsituError where files could not be put at these paths, or would take the place of what has to stay.
+
+    Their folders are made. What the last file of each folder shall be called is tried, so that a disk that cannot be
+    written, or takes no such name, is met before the work.
+    """
+    tried = {path.parent: path for path in sorted(paths, key=lambda path: len(os.fspath(path)))}
+    for path in tried.values():
+        make_folder_of(path)
+    for path in paths:
+        with _telling(path):
+            _require_file(path)
+            require_no_input(path)
+    for path in tried.values():
+        with _telling(path):
+            temporary = _temporary(Path(os.path.realpath(path)))
+            temporary.touch(exist_ok=False)
+            temporary.unlink()
+
+
+def require_folder(folder: Path, names: Iterable[str]) -> None:
+    """The same of the files that `replacing_folder` is about to put into a folder, whether it is there or not."""
+    with _telling(folder):
+        _require_folder(folder)
+    for path in (folder / name for name in names):
+        require_no_input(path)
 
 
 def make_folder_of(path: Path) -> None:
     """Make the folder that a file is to be in; InsituError says why that cannot be."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InsituError(f"{path.parent}: the folder cannot be made, {error.strerror or error}") from error
+    except (OSError, ValueError) as error:
+        raise InsituError(f"{path.parent}: the folder cannot be made, {_why(error)}") from error
 
 
 @contextlib.contextmanager
@@ -52,8 +92,7 @@ def replacing_folder(folder: Path) -> Iterator[Path]:
     """
     with _telling(folder):
         target = Path(os.path.realpath(folder))
-        if target.exists() and not target.is_dir():
-            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
+        _require_folder(target)
         target.parent.mkdir(parents=True, exist_ok=True)
         # Beside a folder that is there could be another disk, or no right to write.
         temporary = _temporary(target / target.name if target.is_dir() else target)
@@ -82,6 +121,7 @@ def replacing(path: str | os.PathLike[str], *, durable: bool = True, private: bo
     `durable` waits until the bytes are on the disk, so that not even a power cut can leave half a file. Without it
     only the death of the process is covered: enough for files that carry a checksum and can be computed again.
     """
+    _require_file(path)
     target = Path(os.path.realpath(path))
     temporary = _temporary(target)
     try:
@@ -113,7 +153,8 @@ def make_private_folder(folder: Path) -> Path:
 
 
 def sweep_temporaries(folder: Path, name: str | None = None) -> None:
-    """Remove temporary files and folders (of `name`, or all) whose writer no longer lives."""
+    """Remove temporary files and folders (of the file `name`, or all) whose writer no longer lives."""
+    name = None if name is None else _stem(name)
     try:
         entries = os.listdir(folder)
     except OSError:
@@ -132,15 +173,49 @@ def _telling(path: str | os.PathLike[str]) -> Iterator[None]:
     """What the system refuses of a file or folder that a person named, as InsituError with one line."""
     try:
         yield
-    except OSError as error:
-        why = error.strerror or str(error)
-        raise InsituError(f"{os.fspath(path)}: not written, {why}; what was there is untouched") from error
+    except (OSError, ValueError) as error:
+        raise InsituError(f"{os.fspath(path)}: not written, {_why(error)}; what was there is untouched") from error
+
+
+def _why(error: OSError | ValueError) -> str:
+    """What the system says of a path that it does not take, in words."""
+    if isinstance(error, UnicodeError):
+        return f"its name has characters that this system's ({sys.getfilesystemencoding()}) lack"
+    return (error.strerror if isinstance(error, OSError) else None) or str(error)
+
+
+def _require_file(path: str | os.PathLike[str]) -> None:
+    """Raises OSError where something is at `path`, or where its links lead, that is no regular file.
+
+    To put one in the place of a device, or of a link that leads to itself, is never what was meant.
+    """
+    try:
+        mode = os.stat(path).st_mode
+    except FileNotFoundError:
+        return
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if not stat.S_ISREG(mode):
+        raise OSError(errno.EINVAL, f"it is {file_kind(mode)}, expected a file or a new name")
+
+
+def _require_folder(folder: Path) -> None:
+    """Raises OSError where something is at a path that is no folder."""
+    with contextlib.suppress(FileNotFoundError):
+        if not stat.S_ISDIR(os.stat(folder).st_mode):
+            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
 
 
 def _temporary(target: Path) -> Path:
     """A name beside the target that nobody else uses; names of writers that were killed are swept."""
     sweep_temporaries(target.parent, target.name)
-    return target.with_name(f".{target.name}.{os.getpid()}-{next(_serial)}.tmp")
+    return target.with_name(f".{_stem(target.name)}.{os.getpid()}-{next(_serial)}.tmp")
+
+
+def _stem(name: str) -> str:
+    """What temporary names repeat of a file's: of a long one a digest, as theirs may be no longer."""
+    encoded = os.fsencode(name)
+    return name if len(encoded) <= _LONGEST_STEM else hashlib.blake2b(encoded, digest_size=12).hexdigest()
 
 
 def _put_in_place(temporary: Path, target: Path) -> None:
@@ -153,7 +228,11 @@ def _put_in_place(temporary: Path, target: Path) -> None:
     for place in (target / file for file in files):  # before anything is replaced
         if place.is_dir() or (place.parent.exists() and not place.parent.is_dir()):
             raise FileExistsError(errno.EEXIST, f"something else is at {place}")
-        place.parent.mkdir(parents=True, exist_ok=True)
+        if place.exists():
+            _require_file(place)
+        require_no_input(place)
+    for file in files:
+        (target / file).parent.mkdir(parents=True, exist_ok=True)
     for file in files:
         os.replace(temporary / file, target / file)
     _flush_folder(target)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import os
 from pathlib import Path
+from urllib.parse import quote_from_bytes, unquote_to_bytes
 
 import platformdirs
 
@@ -17,6 +18,7 @@ from app.machine.atomic import make_private_folder
 
 APPLICATION = "insitu"
 STATE_VARIABLE = "INSITU_STATE"
+_QUOTED = "file:"
 
 
 def state_directory() -> Path:
@@ -84,14 +86,22 @@ def is_file_name(source: str) -> bool:
 
 
 def full_path(source: str, folder: Path | None = None) -> str:
-    """A file's absolute path, from ``folder`` or where we are; the name of a built-in one as it is."""
+    """A file's absolute path, from ``folder`` or where we are; the name of a built-in one as it is. Names may be as
+    `written_path` has them."""
+    if source.startswith(_QUOTED):
+        source = os.fsdecode(unquote_to_bytes(source.removeprefix(_QUOTED)))
     return str(((folder or Path()) / source).resolve()) if is_file_name(source) else source
 
 
 def written_path(source: str, folder: Path | None) -> str:
-    """A file's name as it is written to a file in ``folder``: relative to it where it is inside, else absolute."""
+    """A file's name as it is written to a file in ``folder``: relative to it where it is inside, else absolute.
+
+    A file can be called by bytes that are no text. Such a name is written as a URI [RFC 8089]: "file:caf%E9.toml".
+    """
     if not is_file_name(source):
         return source
     path = Path(source).resolve()
     inside = folder is not None and path.is_relative_to(folder)
-    return str(path.relative_to(folder)) if inside and folder is not None else str(path)
+    name = str(path.relative_to(folder)) if inside and folder is not None else str(path)
+    is_text = not any("\ud800" <= character <= "\udfff" for character in name)
+    return name if is_text and not name.startswith(_QUOTED) else _QUOTED + quote_from_bytes(os.fsencode(name))

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.errors import LoadError
-from engine.files import resolve_inside
+from engine.files import files_noted, resolve_inside
 from engine.material.bumps import Bumps
 from engine.material.maps import Images, split_image_name
 from engine.scene.box_projection import box_frame
@@ -71,6 +71,7 @@ class Scene:
     rigs: tuple[Rig | None, ...]
     environment_path: Path | None = None
     notes: tuple[str, ...] = field(default=())
+    files: frozenset[Path] = frozenset()
 
     @cached_property
     def relief(self) -> Relief:
@@ -134,10 +135,14 @@ def load_scene(path: str | Path, resolution: tuple[int, int] | None = None) -> S
     """Read a scene file and its meshes, or one mesh as a scene of its own; `resolution` = (width, height) replaces the
     file's. Raises LoadError."""
     path = Path(path)
-    if path.suffix.lower() not in MESH_ENDINGS:
-        return build_scene(load_description(path), path, resolution)
-    stage = stage_mesh(path)
-    return _assemble(stage.description, stage.items, stage.notes, path, resolution, DEFAULT_ENVIRONMENT)
+    with files_noted() as files:
+        if path.suffix.lower() not in MESH_ENDINGS:
+            scene = build_scene(load_description(path), path, resolution)
+        else:
+            stage = stage_mesh(path)
+            scene = _assemble(stage.description, stage.items, stage.notes, path, resolution, DEFAULT_ENVIRONMENT)
+    environment = () if scene.environment_path is None else (scene.environment_path,)
+    return replace(scene, files=frozenset((*files, *environment)))
 
 
 def build_scene(description: SceneDescription, path: Path, resolution: tuple[int, int] | None = None) -> Scene:

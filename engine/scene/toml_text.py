@@ -16,7 +16,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from engine.errors import LoadError
+from engine.errors import InsituError, LoadError
 from engine.files import read_regular_file
 
 MAX_PARTS = 16
@@ -41,7 +41,11 @@ _TOKEN = re.compile(
 
 def load_toml(path: Path, max_bytes: int) -> dict[str, Any]:
     """The tree of a TOML file; LoadError when it is not a regular file, too large, or not TOML."""
-    data = read_regular_file(path, max_bytes)
+    return parse_toml_bytes(read_regular_file(path, max_bytes), path)
+
+
+def parse_toml_bytes(data: bytes, path: Path) -> dict[str, Any]:
+    """The tree of what a TOML file holds; LoadError when it is not TOML."""
     try:
         text = data.decode("utf-8")
     except UnicodeDecodeError as error:
@@ -96,7 +100,8 @@ def toml_lines(values: Mapping[str, Any]) -> list[str]:
 
 
 def toml_value(value: object) -> str:
-    """A TOML value; floats in the shortest form that reads back the same."""
+    """A TOML value; floats in the shortest form that reads back the same. InsituError for a text that no file can hold:
+    one with half a pair of surrogates."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, int | float):
@@ -119,4 +124,6 @@ def _key(key: str) -> str:
 def _escape(character: str) -> str:
     if character in '"\\':
         return "\\" + character
+    if "\ud800" <= character <= "\udfff":
+        raise InsituError(f"a text with the character {ascii(character)}, which no file can hold")
     return character if character.isprintable() else f"\\U{ord(character):08x}"

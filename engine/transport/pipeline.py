@@ -32,7 +32,8 @@ class Quality:
     """How finely a stage computes.
 
     Every `stride`-th pixel; sky lights; leaves of the tree of emitters; deepest sky triangle; how many bands γ may bend
-    over a light. own_rays: while the sphere's visibility is not known, trace the lights of the cut alone.
+    over a light. own_rays: trace the lights of the cut alone, without the sphere's visibility; where that is known all
+    the same, a stage on the way takes it. stays: this picture is the last, which is the same whatever is known by then.
     """
 
     name: str
@@ -42,6 +43,7 @@ class Quality:
     max_level: int = 6
     tolerance: float = 1.0
     own_rays: bool = True
+    stays: bool = False
 
 
 # One level less takes a tenth of a second from the first picture; its samples are four pixels apart anyway.
@@ -49,7 +51,7 @@ COARSE = Quality("coarse", 4, 400, 32, max_level=5)
 PREVIEW = Quality("preview", 1, 400, 32)
 # The sky is summed one level deeper than its lights mostly go: so the centres of brightness of the finest are true, and
 # the built-in tea tray is 0.46 % off the brute-force oracle where it was 0.54 %.
-FINAL = Quality("final", 1, 4000, 768, max_level=7, tolerance=0.5, own_rays=False)
+FINAL = Quality("final", 1, 4000, 768, max_level=7, tolerance=0.5, own_rays=False, stays=True)
 # While a light is dragged nothing new is traced: the brightest regions make do with the sphere's own bits.
 DRAG = Quality("drag", 8, 400, 16, VISIBILITY_LEVEL, own_rays=False)
 
@@ -125,7 +127,7 @@ class Placement:
     def light(self, sky: SkyState, quality: Quality) -> Generator[float, None, VisibleLight]:
         """Cut the light of a stage and see everything in it; yields how much of that is done."""
         rows = self.rows(quality.stride)
-        own_rays = quality.own_rays and not self.sphere.done[rows].all()
+        own_rays = quality.own_rays and (quality.stays or not self.sphere.done[rows].all())
         cut = None
         if sky.environment is not None:
             seen = None

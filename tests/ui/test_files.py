@@ -10,8 +10,11 @@ from pathlib import Path
 import pytest
 from imgui_bundle import imgui
 
+from app.commands.light import SetIntensity
 from app.document import LightState
 from app.editor import Editor
+from app.files.session import load_session
+from app.machine.inputs import note_inputs
 from app.machine.paths import spoken_name
 from app.placement.messages import ComputeTransport
 from app.probe_file import likely_mapping, probe_size
@@ -219,3 +222,30 @@ def _asked_light(editor: Editor) -> LightState:
     client = editor._client
     assert isinstance(client, StandInClient)
     return next(request.scene.light for request in reversed(client.requests) if isinstance(request, ComputeTransport))
+
+
+def test_a_session_that_another_window_has_saved_is_asked_about(window: HeadlessWindow, tmp_path: Path) -> None:
+    editor, shell = window.shell.editor, window.shell
+    session = tmp_path / "s.insitu"
+    window.shell.do(SaveSession(session))
+    editor.do(SetIntensity(2.0))
+    before = session.read_bytes() + b"# of another window\n"
+    session.write_bytes(before)
+    window.shell.do(SaveSession())
+    question = shell.state.question
+    assert question is not None and question.purpose == "save_session" and question.folder / question.name == session
+    assert "written elsewhere" in editor.status.message and editor.unsaved and session.read_bytes() == before
+    window.frames(3)
+    window.click_handle("button.files.confirm")  # it says "Replace"
+    window.frames(3)
+    assert shell.state.question is None and not editor.unsaved
+    assert load_session(session).document.light.intensity == 2.0
+
+
+def test_a_picture_replaces_nothing_that_was_read(window: HeadlessWindow, tmp_path: Path) -> None:
+    sky = tmp_path / "sky.exr"
+    sky.write_bytes(b"light")
+    note_inputs([sky])
+    window.shell.request(SavePicture(sky, False))
+    window.frames(3)
+    assert "the project reads this file" in window.shell.editor.status.message and sky.read_bytes() == b"light"

@@ -13,7 +13,7 @@ from app.commands.light import SetIntensity, SetRotation
 from app.document import Document
 from app.editor import Editor
 from app.files.journal import RETRY_SECONDS, WRITE_SECONDS, Journal, recoverable_sessions
-from app.files.session import load_session, save_session
+from app.files.session import SeenFile, load_session, save_session
 from app.view_state import ViewState
 from tests.app.fake_worker import FakeClient
 from tests.app.limits import largest_file
@@ -28,7 +28,7 @@ def opened(client: FakeClient, journal: Journal | None) -> Editor:
 
 def test_edits_are_written_soon_and_offered_after_the_end(document: Document, tmp_path: Path) -> None:
     journal = Journal(tmp_path)
-    journal.note(10.0, document, ViewState(exposure=1.0), True, Path("/home/mine.insitu"))
+    journal.note(10.0, document, ViewState(exposure=1.0), True, SeenFile(Path("/home/mine.insitu")))
     assert recoverable_sessions(tmp_path) == []  # its editor lives
     journal.close(keep=True)
     (recovery,) = recoverable_sessions(tmp_path)

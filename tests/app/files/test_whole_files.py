@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.document import Document, LightState
+from app.document import Document, LightState, ObjectState
 from app.export.mitsuba import export_scene
 from app.files.material_file import Material, save_material
 from app.files.session import save_session
@@ -34,7 +34,9 @@ ROWS = [
 WRITERS: dict[str, Callable[[Path], Any]] = {
     "picture.exr": lambda path: write_picture(path, NOISE),
     "picture.png": lambda path: write_picture(path, NOISE),
-    "a.insitu": lambda path: save_session(path, Document("shelf", (), LightState("sky.exr" * 200)), ViewState()),
+    "a.insitu": lambda path: save_session(
+        path, Document("shelf", (ObjectState("pot"),), LightState("sky.exr" * 200)), ViewState()
+    ),
     "material.toml": lambda path: save_material(path, Material("gold", LAYERS)),
     "sweep.csv": lambda path: write_csv(path, ROWS * 20),
     "error_against_time.png": lambda path: write_plots(path.parent, ROWS, "tray"),

@@ -1,0 +1,19 @@
+"""What the files of an exported scene are called, known before one of them is written."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+
+
+def written_names(objects: Sequence[str]) -> Iterator[str]:
+    """The files that may be written of a scene with objects of these names, by their place in its folder."""
+    yield from ("scene.xml", "render.py", "sky.exr")
+    for index, name in enumerate(objects):
+        stem = stem_of(index, name)
+        yield from (f"meshes/{stem}.ply", f"materials/{stem}.npz")
+
+
+def stem_of(index: int, name: str) -> str:
+    """What the files of an object are called, without their endings."""
+    return f"{index:02d}_{re.sub(r'[^A-Za-z0-9]+', '_', name)}"
