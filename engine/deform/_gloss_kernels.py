@@ -32,7 +32,9 @@ def gloss_range(
         x, y, z = eye[0] - places[p, 0], eye[1] - places[p, 1], eye[2] - places[p, 2]
         length = math.sqrt(x * x + y * y + z * z)
         nx, ny, nz = normals[p, 0], normals[p, 1], normals[p, 2]
-        up = (x * nx + y * ny + z * nz) / max(length, 1e-30)
+        if not length > 1e-15:  # the eye is where the point is: from straight above
+            x, y, z, length = nx, ny, nz, 1.0
+        up = (x * nx + y * ny + z * nz) / length
         up = max(up, 0.01)  # between normals that are bent away a triangle still faces the eye
         ax, ay, az = x / length - up * nx, y / length - up * ny, z / length - up * nz  # along the surface
         across = max(math.sqrt(ax * ax + ay * ay + az * az), 1e-12)

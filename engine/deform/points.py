@@ -1,7 +1,7 @@
 """The points of a scene whose meshes bend: where transfer is known, how they move, and the triangles between them.
 
 They are those of Orbit: a mesh's vertices, and more of them where it is coarse, so that a floor of two triangles
-shows what stands on it. Meshes that are open have points on their backs, too.
+shows what stands on it. Meshes that are open, or whose backs light reaches, have points on their backs, too.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 from engine.deform.pose import Pose, orthonormal
 from engine.deform.raster import Surface
 from engine.deform.transfer import TransferPoints
+from engine.orbit.lit_sides import lit_sides
 from engine.orbit.shading_points import ShadingPoints, shading_points, with_backs
 from engine.scene.frames import local_frames
 from engine.scene.load import Scene
@@ -184,7 +185,7 @@ def bending_points(
 ) -> BendingPoints:
     """About n_points besides the meshes' own vertices; caster: of the scene's triangles; even: see `shading_points`."""
     points = shading_points(scene, caster, n_points, even, is_whole=True)
-    return BendingPoints(scene, with_backs(points, _is_open(scene)))
+    return BendingPoints(scene, with_backs(points, _is_open(scene) | lit_sides(scene, caster)[:, 1]))
 
 
 def _anchors(surface: Surface, points: ShadingPoints, count: int) -> tuple[NDArray[np.int64], Floats]:

@@ -15,6 +15,7 @@ from engine.orbit._incident_kernels import Kept
 
 Floats = NDArray[np.float32]
 Halves = NDArray[np.uint16]
+NEAREST = np.float32(1e-30)  # squared distance of an eye that has a direction
 _TURN = 2.0 * math.pi / 5.0
 _3 = np.uint64(3)
 
@@ -189,7 +190,10 @@ def shade_points(
         p = points[j]
         slot, f = slots[p], frame[p]
         a, b, c = eye[0] - position[p, 0], eye[1] - position[p, 1], eye[2] - position[p, 2]
-        scale = 1.0 / math.sqrt(a * a + b * b + c * c)
+        squared = a * a + b * b + c * c
+        if not squared > NEAREST:  # the eye is where the point is: from straight above
+            a, b, c, squared = f[1, 0], f[1, 1], f[1, 2], np.float32(1.0)
+        scale = 1.0 / math.sqrt(squared)
         x = (f[0, 0] * a + f[0, 1] * b + f[0, 2] * c) * scale
         y = (f[1, 0] * a + f[1, 1] * b + f[1, 2] * c) * scale
         z = (f[2, 0] * a + f[2, 1] * b + f[2, 2] * c) * scale

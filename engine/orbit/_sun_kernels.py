@@ -76,13 +76,13 @@ def _interpolate_frame(corners: NDArray[np.int32], weights: Floats, frame: Float
             for corner in range(3):
                 out[i, k] += weights[corner] * frame[corners[corner], i, k]
     t, n = out[0], out[1]
-    scale = 1.0 / math.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
+    scale = 1.0 / max(math.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]), 1e-30)
     for k in range(3):
         n[k] *= scale
     along = t[0] * n[0] + t[1] * n[1] + t[2] * n[2]
     for k in range(3):
         t[k] -= along * n[k]
-    scale = 1.0 / math.sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2])
+    scale = 1.0 / max(math.sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2]), 1e-30)
     for k in range(3):
         t[k] *= scale
     for k in range(3):

@@ -143,7 +143,8 @@ class Seen:
         """Those of points, unit, between the corners of samples (N,): (N, 3)."""
         corners, weights = self.samples.corners[which], self.samples.weights[which]
         between = np.einsum("nk,nki->ni", weights, self.points.normal[corners])
-        return np.asarray(between / np.linalg.norm(between, axis=1, keepdims=True), np.float32)
+        length = np.linalg.norm(between, axis=1, keepdims=True)
+        return np.asarray(between / np.maximum(length, 1e-30), np.float32)
 
     def in_scene(self, which: Rows) -> Intersections:
         """Where samples (N,) lie on the scene's own triangles; without distances."""

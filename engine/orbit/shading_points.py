@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from engine.orbit.lit_sides import lit_sides
 from engine.scene.frames import object_tangents
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
@@ -97,7 +98,10 @@ def placing(
         raise ValueError(f"n_points = {n_points}, expected 0 or more")
     reflects = ~scene.emitters[scene.object_of_triangle]
     even = np.zeros(len(scene.smooth), bool) if even is None else even
-    parts = yield from _cut_where_coarse(scene, reflects, even, n_points)
+    yield
+    sides = lit_sides(scene, caster)
+    yield
+    parts = yield from _cut_where_coarse(scene, reflects, sides, even, n_points)
     corners, normals, within, source = _joined_at_edges(parts) if is_whole else parts
     mine = np.flatnonzero(reflects[source])
     ids = np.repeat(scene.object_of_triangle[source[mine]], 3)
@@ -145,10 +149,10 @@ def _quarters(corners: NDArray, middles: NDArray) -> NDArray:
 
 
 def _cut_where_coarse(
-    scene: Scene, reflects: NDArray[np.bool_], even: NDArray[np.bool_], n_points: int
+    scene: Scene, reflects: NDArray[np.bool_], sides: NDArray[np.bool_], even: NDArray[np.bool_], n_points: int
 ) -> Generator[None, None, Parts]:
-    """The scene's triangles, those of them quartered that are large beside their distance to what may shade them, and
-    of objects that stay even (M,) all or none.
+    """The scene's triangles, those of them quartered that are large beside their distance to what may shade them on the
+    sides (M, 2) that light reaches, and of objects that stay even (M,) all or none.
 
     A shadow varies over lengths in proportion to the distance to its caster. So the error of a part is taken for its
     area times its longest edge over that distance, and the largest is cut, until there are n_points more.
@@ -160,7 +164,7 @@ def _cut_where_coarse(
     i_object = scene.object_of_triangle
     whole = parts
     yield
-    errors = yield from _errors(casters, *parts[:2])
+    errors = yield from _errors(casters, parts[0], parts[1], sides[i_object])
     errors = np.where(reflects[parts[3]], errors, 0.0)
     most, bound = n + 2 * n_points, errors.max(initial=0.0)
     while bound > 0.0:
@@ -171,7 +175,8 @@ def _cut_where_coarse(
         if len(cut) + 3 * cut.sum() > most:
             break
         n_whole, parts = int((~cut).sum()), _cut(parts, cut)
-        of_new = yield from _errors(casters, parts[0][n_whole:], parts[1][n_whole:])
+        corners, normals, source = parts[0][n_whole:], parts[1][n_whole:], parts[3][n_whole:]
+        of_new = yield from _errors(casters, corners, normals, sides[i_object[source]])
         errors = np.concatenate([errors[~cut], of_new])
     for i in np.flatnonzero(even):  # in the place of what it was cut to, for which the others are cut as they were
         parts = _with_even(parts, i_object == i, whole, n_points)
@@ -232,16 +237,23 @@ def _places(places: Vectors, among: Vectors) -> NDArray[np.int64]:
     return np.asarray((x << 40) + (y << 20) + z)
 
 
-def _errors(casters: cKDTree, corners: Vectors, normals: Vectors) -> Generator[None, None, NDArray[np.float64]]:
+def _errors(
+    casters: cKDTree, corners: Vectors, normals: Vectors, lit: NDArray[np.bool_]
+) -> Generator[None, None, NDArray[np.float64]]:
     """What parts (T, 3, 3) are off by if they are not cut: area × longest edge / distance to casters, at most the area,
-    and that where they bend; 0 for what is fine enough."""
+    and that where they bend; 0 for what is fine enough. Of casters on the sides that light reaches, lit (T, 2), the
+    nearer counts."""
     sides = corners - np.roll(corners, 1, axis=1)
     twice = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
     longest = np.linalg.norm(sides, axis=2).max(axis=1)
     up = normals.mean(axis=1)
     up /= np.linalg.norm(up, axis=1, keepdims=True)
     bend = np.einsum("tki,tki->tk", normals, np.roll(normals, 1, axis=1)).min(axis=1)
-    nearness = yield from _nearness(casters, corners.mean(axis=1), up, longest)
+    middles, nearness = corners.mean(axis=1), np.zeros(len(corners))
+    for side, sign in enumerate((1.0, -1.0)):
+        of_side = np.flatnonzero(lit[:, side])
+        found = yield from _nearness(casters, middles[of_side], sign * up[of_side], longest[of_side])
+        nearness[of_side] = np.maximum(nearness[of_side], found)
     return twice / 2.0 * np.where(bend < _MOST_BEND, 1.0, nearness)
 
 
@@ -293,11 +305,14 @@ def _middles(corners: Vectors) -> Vectors:
 
 
 def _corner_normals(scene: Scene) -> NDArray[np.float64]:
-    """(T, 3, 3): the vertices' normals where an object is smooth and they are of use, else the face's."""
+    """(T, 3, 3): the vertices' normals where an object is smooth and they are of use, else the face's; on the side that
+    the winding faces, also where that is against them."""
     faces = np.repeat(scene.geometric_normals[:, None].astype(np.float64), 3, axis=1)
     own = scene.normals[scene.triangles].astype(np.float64)
-    usable = scene.smooth[scene.object_of_triangle][:, None] & (np.einsum("tki,tki->tk", own, faces) > 1e-3)
-    return np.where(usable[..., None], own, faces)
+    along = np.einsum("tki,tki->tk", own, faces)
+    sign = np.where(along.sum(axis=1) < 0.0, -1.0, 1.0)[:, None]
+    usable = scene.smooth[scene.object_of_triangle][:, None] & (sign * along > 1e-3)
+    return np.where(usable[..., None], sign[..., None] * own, faces)
 
 
 def _joined(

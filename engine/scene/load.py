@@ -22,7 +22,7 @@ from engine.material.maps import Images, split_image_name
 from engine.scene.box_projection import box_frame
 from engine.scene.defects import count_defects
 from engine.scene.description import Camera, SceneDescription, load_description
-from engine.scene.mesh import MESH_ENDINGS, Mesh, face_normals, join_meshes, place_mesh
+from engine.scene.mesh import MESH_ENDINGS, Mesh, face_normals, join_meshes, place_copies, with_normals
 from engine.scene.parts import ObjectMesh, object_meshes
 from engine.scene.relief import Relief
 from engine.scene.rig import Animations, Rig
@@ -229,7 +229,7 @@ def _place_all(items: Sequence[ObjectMesh], path: Path) -> tuple[list[Mesh], lis
     """Every object's mesh in world coordinates (float64), and what was odd about it."""
     placed, notes = [], []
     for item in items:
-        mesh = place_mesh(item.mesh, np.reshape(item.description.transform, (4, 4)))
+        mesh = place_copies(item.mesh, np.reshape(item.description.transform, (1, 4, 4)))
         extent = float(np.abs(mesh.vertices).max())
         where = f"object {item.description.name!r}"
         if not extent <= MAX_EXTENT:
@@ -239,7 +239,7 @@ def _place_all(items: Sequence[ObjectMesh], path: Path) -> tuple[list[Mesh], lis
         mesh = Mesh(mesh.vertices, mesh.triangles[defects.solid], mesh.normals, uvs, tangents)
         if not len(mesh.triangles):
             raise LoadError(path, f"{where}: faces with an area", 0, "at least one")
-        placed.append(mesh)
+        placed.append(with_normals(mesh))
         notes += [f"{item.description.name}: {line}" for line in defects.notes()]
     return placed, notes
 

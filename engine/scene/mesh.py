@@ -164,12 +164,20 @@ def faceted(mesh: Mesh) -> tuple[Mesh, npt.NDArray[np.int32]]:
     return facets, vertices
 
 
-def place_mesh(mesh: Mesh, matrix: npt.NDArray[np.float64]) -> Mesh:
-    """The mesh under an affine transform, with unit normals: its own, or smooth ones where it has none."""
-    placed = place_copies(mesh, matrix[None])
-    return placed if placed.normals is not None else replace(
-        placed, normals=smooth_normals(placed.vertices, placed.triangles)
-    )  # fmt: skip
+def with_normals(mesh: Mesh) -> Mesh:
+    """The mesh itself, or, where it has no normals, with smooth ones, all of a shell wound one way."""
+    if mesh.normals is not None:
+        return mesh
+    from engine.scene.winding import turned_faces  # SciPy, which the window's process does without
+
+    triangles, uvs, tangents = mesh.triangles, mesh.uvs, mesh.tangents
+    turned = turned_faces(mesh.vertices, triangles)[:, None]
+    if turned.any():
+        triangles = np.where(turned, triangles[:, ::-1], triangles)
+        uvs, tangents = (
+            None if own is None else np.where(turned[..., None], own[:, ::-1], own) for own in (uvs, tangents)
+        )
+    return Mesh(mesh.vertices, triangles, smooth_normals(mesh.vertices, triangles), uvs, tangents)
 
 
 def place_copies(mesh: Mesh, matrices: npt.NDArray[np.float64]) -> Mesh:
@@ -210,16 +218,13 @@ def _turned_tangents(
 
 
 def join_meshes(meshes: list[Mesh]) -> Mesh:
-    """Several meshes as one; those without normals get smooth ones if any other has its own, those without texture
-    coordinates (0, 0)."""
+    """Several meshes as one; those without normals get smooth ones if any other has its own (see `with_normals`), those
+    without texture coordinates (0, 0)."""
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
     normals = None
     if any(mesh.normals is not None for mesh in meshes):
-        own = (
-            mesh.normals if mesh.normals is not None else smooth_normals(mesh.vertices, mesh.triangles)
-            for mesh in meshes
-        )
-        normals = np.concatenate(list(own))
+        meshes = [with_normals(mesh) for mesh in meshes]
+        normals = np.concatenate([mesh.normals for mesh in meshes if mesh.normals is not None])
     shifted = [mesh.triangles + int(start) for mesh, start in zip(meshes, starts[:-1], strict=True)]
     triangles = np.concatenate(shifted).astype(np.int32)
     vertices = np.concatenate([mesh.vertices for mesh in meshes])

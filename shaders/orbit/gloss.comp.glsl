@@ -20,7 +20,8 @@ void main() {
     if (p >= range.y || seen[p] != picture) {
         return;
     }
-    vec3 wo = normalize(eye - place_of(p));
+    vec3 wo = eye - place_of(p);
+    wo = dot(wo, wo) > 1e-30 ? normalize(wo) : normal_of(p); // an eye at the point looks from straight above
     Cell cell = cell_at(vec3(dot(tangent_of(p), wo), dot(normal_of(p), wo), dot(across_of(p), wo)));
     int mine = int(gl_LocalInvocationID.x), first = row_of(p) * row_words;
     int n = min(int(rows[first]), n_most), start = first + FIRST_COEFFICIENT;

@@ -22,6 +22,7 @@ from engine.scene.raycaster import RayCaster
 from engine.scene.surface_kinds import DeformSurface, Subsurface
 from engine.steps import finish
 from engine.transport.pipeline import SkyState
+from tests.rooms import solid
 from tests.scene_text import camera, placed
 
 SIZE = (48, 36)
@@ -210,3 +211,28 @@ def test_light_of_no_frequency_that_is_lost_is_told(deform: Deform, scene: Scene
 def test_drawing_before_anything_is_ready_is_refused(scene: Scene) -> None:
     with pytest.raises(ValueError, match="nothing is ready"):
         Deform(scene).draw(scene.description.camera, SIZE)
+
+
+def test_no_pixel_is_nan_where_the_eye_is_exactly_on_a_vertex(scene: Scene) -> None:
+    gold = make_layer(MODELS["rough_conductor"], {"alpha": 0.4})
+    made = Deform(scene, n_points=100, n_rays=16)
+    made.set_light(sky())
+    made.set_layers({0: (gold,), 1: (MATT,)})
+    finished(made)
+    for corner in ((0.5, 0.5, 0.5), (-0.5, 0.5, 0.5)):
+        update = {"position": corner, "target": (0.0, 0.4, 0.0)}
+        for quality in ("moving", "rest"):
+            picture = made.draw(scene.description.camera.model_copy(update=update), SIZE, quality=quality)
+            assert np.isfinite(picture).all()
+
+
+def test_a_block_wound_inwards_is_as_bright_as_one_wound_outwards(tmp_path: Path) -> None:
+    pictures = []
+    for inward in (False, True):
+        made = Deform(load_scene(solid(tmp_path / str(inward), inward)), n_points=200, n_rays=64)
+        made.set_light(SkyState(constant_environment((1.0, 1.0, 1.0))))
+        made.set_layers({0: (MATT,), 1: (MATT,)})
+        pictures.append(finished(made).draw(made.scene.description.camera, (24, 18)))
+    outward, inward = pictures
+    assert outward.mean() > 0.3
+    np.testing.assert_allclose(inward, outward, rtol=0.05, atol=0.02)

@@ -192,3 +192,15 @@ def test_edges_are_smooth_on_request_while_something_moves(orbit) -> None:
     # A pixel at an edge shows its objects' colours in quarters: neither one alone nor what no object has.
     assert np.abs(soft[edges] - hard[edges]).max() > 0.1
     assert soft.max() <= hard.max() * 1.05
+
+
+@pytest.mark.parametrize("quality", ["moving", "rest"])
+def test_no_pixel_is_nan_where_the_eye_is_exactly_on_a_vertex(block_scene, orbit, quality) -> None:
+    assert [*orbit.work()]
+    points = orbit.lit.points
+    for p in (0, np.flatnonzero(points.i_object == 1)[0], len(points) - 1):
+        aside = np.array([0.3, 0.1, 0.2])
+        for target in (points.position[p] + points.normal[p] + aside, points.position[p] - points.normal[p] + aside):
+            update = {"position": tuple(map(float, points.position[p])), "target": tuple(map(float, target))}
+            picture = orbit.draw(block_scene.description.camera.model_copy(update=update), SIZE, quality)
+            assert np.isfinite(picture).all()

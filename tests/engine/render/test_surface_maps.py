@@ -16,7 +16,7 @@ from engine.render.maps import MapFactors
 from engine.render.surface_maps import MapSampler, look_up, uvs_at
 from engine.scene.description import load_description, parse_description
 from engine.scene.load import Scene, load_scene
-from engine.scene.mesh import place_mesh, read_mesh
+from engine.scene.mesh import place_copies, read_mesh
 from engine.scene.primitives import PRIMITIVES
 from engine.transport.pipeline import Placement
 
@@ -103,7 +103,7 @@ def test_obj_and_ply_bring_theirs(tmp_path: Path) -> None:
 
 def test_a_mirrored_mesh_keeps_its_texture() -> None:
     quad = PRIMITIVES["quad"]()
-    mirrored = place_mesh(quad, np.diag([-1.0, 1.0, 1.0, 1.0]))
+    mirrored = place_copies(quad, np.diag([-1.0, 1.0, 1.0, 1.0])[None])
     corners = at(mirrored.uvs, mirrored.triangles, mirrored.vertices)
     assert corners[0.5, -0.5, 0.0] == {(0.0, 0.0)} and corners[-0.5, 0.5, 0.0] == {(1.0, 1.0)}
 

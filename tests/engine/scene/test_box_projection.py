@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from engine.scene.box_projection import box_frame, box_uvs
-from engine.scene.mesh import Mesh, place_mesh
+from engine.scene.mesh import Mesh, place_copies
 from engine.scene.primitives import cube
 
 # Of each side of the cube from 0 to 1, by its normal, the corner that is at its upper right as one looks at it. Up is
@@ -21,7 +21,7 @@ STRETCH, MIRROR = np.diag([2.0, 0.5, 7.0, 1.0]), np.diag([-1.0, 1.0, 1.0, 1.0])
 
 def uvs_of(mesh: Mesh, transform: np.ndarray, origin: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> np.ndarray:
     """Of all corners of a placed mesh, as a scene finds them, in the order of the mesh's own corners."""
-    placed = place_mesh(mesh, transform)
+    placed = place_copies(mesh, transform[None])
     frame = box_frame(mesh, transform, np.array(origin))
     corners = placed.vertices[placed.triangles] - origin
     uvs = box_uvs(corners, np.repeat(frame[None], len(corners), axis=0))

@@ -199,7 +199,7 @@ def test_too_many_triangles_are_refused_before_copies_are_made(
     scene_file: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("engine.scene.load.MAX_TRIANGLES", 20)
-    monkeypatch.setattr("engine.scene.load.place_mesh", None)
+    monkeypatch.setattr("engine.scene.load.place_copies", None)
     cubes = "".join(f'[[object]]\nname = "{k}"\nprimitive = "cube"\n' for k in range(2))
     with pytest.raises(LoadError, match="triangles = 24, expected at most 20"):
         load_scene(scene_file(cubes))

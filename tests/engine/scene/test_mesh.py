@@ -10,7 +10,7 @@ from engine.scene.mesh import (
     face_normals,
     join_meshes,
     normalize,
-    place_mesh,
+    place_copies,
     smooth_normals,
     validate_mesh,
 )
@@ -86,7 +86,7 @@ def test_normalize_survives_tiny_huge_and_zero_vectors():
 
 def test_normals_go_with_the_inverse_transpose():
     stretch = np.diag([4.0, 1.0, 1.0, 1.0])
-    placed = place_mesh(sphere(), stretch)
+    placed = place_copies(sphere(), stretch[None])
     # of the ellipsoid (x/4)² + y² + z² = ¼ the gradient is (x/16, y, z)
     gradient = placed.vertices * [1 / 16, 1, 1]
     gradient /= np.linalg.norm(gradient, axis=1, keepdims=True)
@@ -96,7 +96,7 @@ def test_normals_go_with_the_inverse_transpose():
 @pytest.mark.parametrize("name", sorted(PRIMITIVES))
 def test_a_mirror_keeps_fronts_in_front(name):
     mirror = np.diag([-2.0, 1.0, 1.0, 1.0])
-    placed = place_mesh(PRIMITIVES[name](), mirror)
+    placed = place_copies(PRIMITIVES[name](), mirror[None])
     flat, _ = face_normals(placed.vertices, placed.triangles)
     assert np.einsum("tki,ti->tk", placed.normals[placed.triangles], flat).min() > 0.9  # normals and winding agree
     if name != "quad":
@@ -107,7 +107,7 @@ def test_a_mirror_keeps_fronts_in_front(name):
 
 def test_vertex_normals_of_no_length_become_the_faces_own():
     mesh = Mesh(quad().vertices, quad().triangles, np.array([[0, 0, 5.0], [0, 0, 0], [0, 0, 0], [0, 0, 1e-3]]))
-    assert place_mesh(mesh, np.eye(4)).normals == pytest.approx(np.tile([0.0, 0.0, 1.0], (4, 1)))
+    assert place_copies(mesh, np.eye(4)[None]).normals == pytest.approx(np.tile([0.0, 0.0, 1.0], (4, 1)))
 
 
 def test_joined_meshes_keep_their_triangles_and_get_missing_normals():

@@ -1,0 +1,76 @@
+"""On which sides light can reach the objects of a scene: by winding alone nobody can tell.
+
+A room may be wound outwards, a floor downwards, and half of a shell against the other half; a solid's inside, which its
+winding faces as little, is no side that anybody will see. So a few thousand paths start at all emitters and from far
+away, whether or not something shines there now, and wander from surface to surface as light does [Veach97, ch. 8];
+sides that they hardly meet are taken for dark. That depends on geometry alone.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.scene.load import Scene
+from engine.scene.raycaster import RayCaster
+
+Vectors = NDArray[np.float64]
+_PATHS = 8192  # from far away, and as many from emitters
+_LENGTH = 5  # surfaces that a path meets
+# Of the paths that meet an object, those through a crack between two triangles are fewer than this share.
+_LEAST_SHARE, _LEAST = 0.005, 8
+
+
+def lit_sides(scene: Scene, caster: RayCaster) -> NDArray[np.bool_]:
+    """Which objects (M, 2) light can reach on the side that their winding faces and on the other; the first alone where
+    it reaches neither. caster: of the scene's triangles."""
+    chance = np.random.default_rng(3)
+    counts = np.zeros((len(scene.smooth), 2), np.int64)
+    origins, directions = _from_afar(scene, chance)
+    if scene.emitters.any():
+        more = _from_emitters(scene, caster, chance)
+        origins, directions = np.concatenate([origins, more[0]]), np.concatenate([directions, more[1]])
+    for _ in range(_LENGTH):
+        found = caster.intersect(origins.astype(np.float32), directions.astype(np.float32))
+        hit = found.triangle >= 0
+        triangle, towards = found.triangle[hit], directions[hit]
+        normals = scene.geometric_normals[triangle].astype(np.float64)
+        is_back = np.einsum("nk,nk->n", normals, towards) > 0.0
+        np.add.at(counts, (scene.object_of_triangle[triangle], is_back.astype(np.intp)), 1)
+        normals[is_back] *= -1.0
+        place = origins[hit] + found.distance[hit, None] * towards
+        origins, directions = caster.offset_origins(place, normals).astype(np.float64), _diffusely(normals, chance)
+    reached = (counts >= _LEAST) & (counts >= _LEAST_SHARE * counts.sum(axis=1, keepdims=True))
+    reached[~reached.any(axis=1), 0] = True
+    return reached
+
+
+def _from_afar(scene: Scene, chance: np.random.Generator) -> tuple[Vectors, Vectors]:
+    """Parallel to every direction, through all of a ball around the scene."""
+    corners = scene.vertices[scene.triangles].reshape(-1, 3).astype(np.float64)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    centre, radius = (low + high) / 2.0, float(np.linalg.norm(high - low)) / 2.0
+    towards = _unit(chance.normal(size=(_PATHS, 3)))
+    across = _unit(np.cross(towards, _unit(chance.normal(size=(_PATHS, 3)))))  # even around the direction
+    away = radius * np.sqrt(chance.random((_PATHS, 1)))
+    return centre - 1.01 * radius * towards + away * across, towards
+
+
+def _from_emitters(scene: Scene, caster: RayCaster, chance: np.random.Generator) -> tuple[Vectors, Vectors]:
+    """From all over the fronts of what may shine, by area."""
+    mine = np.flatnonzero(scene.emitters[scene.object_of_triangle])
+    corners = scene.vertices[scene.triangles[mine]].astype(np.float64)
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    which = chance.choice(len(mine), _PATHS, p=area / area.sum())
+    place = np.einsum("nk,nki->ni", chance.dirichlet((1.0, 1.0, 1.0), _PATHS), corners[which])
+    normals = scene.geometric_normals[mine[which]].astype(np.float64)
+    return caster.offset_origins(place, normals).astype(np.float64), _diffusely(normals, chance)
+
+
+def _diffusely(normals: Vectors, chance: np.random.Generator) -> Vectors:
+    """Directions (N, 3) by the cosine to normals (N, 3): a unit sphere stands on the surface."""
+    return _unit(normals + 0.999 * _unit(chance.normal(size=normals.shape)))
+
+
+def _unit(vectors: Vectors) -> Vectors:
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))

@@ -1,0 +1,49 @@
+"""Orbit at rest in rooms that nobody tuned, against paths, Placement and the same room built otherwise."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from app.project import open_project
+from app.stills import render_project
+from engine.indirect.series import BounceSeries
+from tests.app.test_orbit_stills import off
+from tests.rooms import inside_out, solid
+
+FEW = {"n_points": 2500}
+
+
+def still(room: Path, size: tuple[int, int], n_bounces: int, **how: Any) -> np.ndarray:
+    picture = render_project(
+        open_project(str(room), size), lambda _: None, series=BounceSeries(n_bounces), **how
+    ).picture
+    assert np.isfinite(picture).all()
+    return picture
+
+
+WAYS: list[tuple[str, dict[str, Any], float]] = [
+    ("orbit", {"mode": "orbit", "knobs": FEW}, 0.03),
+    ("placement", {}, 0.03),
+    ("paths", {"reference": True, "n_samples": 32}, 0.12),
+]
+
+
+@pytest.mark.parametrize(("mode", "how", "most"), WAYS)
+@pytest.mark.parametrize("scene", [inside_out, solid])
+def test_which_way_a_shell_is_wound_is_nothing_to_see(
+    scene: Callable[..., Path], mode: str, how: dict[str, Any], most: float, tmp_path: Path
+) -> None:
+    # Shading is two-sided: a room that is built as a solid box looks as one whose walls face inwards, and a block whose
+    # faces all face inwards as one that faces outwards.
+    more = {"has_ball": False} if scene is inside_out else {}
+    inward, outward = (
+        still(scene(tmp_path / name, inward=name == "in", **more), (24, 18), 2, n_patches=64, **how)
+        for name in ("in", "out")
+    )
+    right, wound = (inward, outward) if scene is inside_out else (outward, inward)
+    error, difference = off(wound, right)
+    assert right.mean() > 0.1
+    assert error < most and abs(difference) < most / 4
