@@ -43,7 +43,7 @@ Steps = Iterator[Response | None]
 Elsewhere = Callable[[Sequence[LayerState], str, int, int], FindingLight | None]
 Value = TypeVar("Value")
 # Raised when anything changes the numbers in what is kept on disk.
-STORED_VERSION = 8
+STORED_VERSION = 9
 MOST_PARTS = 1024
 # Of the work on indirect light, the share until it is found; then surfaces reflect it, and its noise is told.
 FOUND_AT = 0.9
@@ -233,7 +233,8 @@ class IndirectTasks:
         yield IndirectNoise(found.number, wish.serial, *known[2], id=self._scene_id)
 
     def _reflecting(self, state: LayerState, second: int | None = None) -> IndirectLayer:
-        return indirect_layer(self._object(state), state.layer, state.bands, second, state.mean_factor)
+        mean = None if state.means is None else state.mean_factor
+        return indirect_layer(self._object(state), state.layer, state.bands, second, mean)
 
     def _object(self, state: LayerState) -> int:
         return self._placement.scene.object_index(state.object)

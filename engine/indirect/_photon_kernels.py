@@ -96,7 +96,9 @@ def emit(numbers, about, triangles, per_area, mesh, poles, axes, lamps, offset,
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def send(photons, g, out):
-    """What each photon carries under the curves of the glossy layers g, (n, 3) watts."""
+    """What each photon carries under the curves of the glossy layers g, and by the means of their images, (n, 3)
+    watts."""
+    nowhere = np.int64(-1)  # a literal would be a type of its own, and have `_add_gloss` compiled twice
     for i in range(out.shape[0]):
         o = photons.sources[i]
         nx, ny, nz = photons.normals[i, 0], photons.normals[i, 1], photons.normals[i, 2]
@@ -105,7 +107,7 @@ def send(photons, g, out):
         x, y, z = _to_local(tx, ty, tz, nx, ny, nz, to_light[0], to_light[1], to_light[2])
         ox, oy, oz = _to_local(tx, ty, tz, nx, ny, nz, onward[0], onward[1], onward[2])
         out[i] = ZERO
-        _add_gloss(g, o, x, y, z, ox, oy, oz, ONE, out[i])
+        _add_gloss(g, o, nowhere, x, y, z, ox, oy, oz, ONE, out[i])
         for channel in range(3):
             out[i, channel] *= photons.power[i, channel]
 

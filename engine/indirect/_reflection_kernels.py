@@ -80,10 +80,11 @@ class FanArrays(NamedTuple):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def brighten(irradiance, objects, albedos, edited, out):
+def brighten(irradiance, objects, albedos, relative, edited, out):
     """Radiosity (C, D + 1, 3 or 4) of cells from irradiance (C, D, 3), polynomials in the albedo of object `edited`.
 
-    albedos (M, 3); multiplying by that of `edited` moves a number to the next power.
+    albedos (M, 3), which cells have so many times, relative (C, 3); multiplying by that of `edited` moves a number to
+    the next power.
     """
     out[:] = ZERO
     n_powers = min(irradiance.shape[1], out.shape[1])
@@ -91,10 +92,11 @@ def brighten(irradiance, objects, albedos, edited, out):
         own = objects[c] == edited
         for n in range(n_powers):
             for channel in range(3):
+                light = irradiance[c, n, channel] * relative[c, channel]
                 if not own:
-                    out[c, n, channel] = irradiance[c, n, channel] * albedos[objects[c], channel]
+                    out[c, n, channel] = light * albedos[objects[c], channel]
                 elif n + 1 < out.shape[1]:
-                    out[c, n + 1, channel] = irradiance[c, n, channel]
+                    out[c, n + 1, channel] = light
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")

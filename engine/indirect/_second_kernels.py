@@ -53,7 +53,8 @@ class SampledLights(NamedTuple):
 class Glossy(NamedTuple):
     """The glossy layers of all objects: those of object o are first[o] to first[o + 1]. models, kinds_a, kinds_b (L,),
     q (L, 8); their curves' values joined (V, 3), the first from begin_a (L,), n_a (L,) long, the second likewise;
-    gains (L, 3); views (L, N, 3), f_o at even angles. poles (M,), axes (M, 2, 3): each object's Y and X."""
+    gains (L, 3); views (L, N, 3), f_o at even angles. poles (M,), axes (M, 2, 3): each object's Y and X. image (L,):
+    which of texels (K, C, 3), factors at the cells over those in the gains, a layer has; −1 for none."""
 
     first: np.ndarray
     models: np.ndarray
@@ -69,6 +70,8 @@ class Glossy(NamedTuple):
     views: np.ndarray
     poles: np.ndarray
     axes: np.ndarray
+    image: np.ndarray
+    texels: np.ndarray
 
 
 # Of places n (n,) that paths come to: normal (n, 3), distance, light, candidate, weight, see `Records`.
@@ -293,8 +296,9 @@ def aim_about_poles(which, n_rays, rows, nth, hits, origins, directions, normals
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _add_gloss(g, o, x, y, z, ox, oy, oz, factor, out):
-    """Add factor · Σ of object o's glossy layers f_q f_o ρ_q f_A f_B cos θ_i to out (3,)."""
+def _add_gloss(g, o, cell, x, y, z, ox, oy, oz, factor, out):
+    """Add factor · Σ of object o's glossy layers f_q f_o ρ_q f_A f_B cos θ_i to out (3,), with their images as they are
+    at a cell; −1 for their means."""
     for layer in range(g.first[o], g.first[o + 1]):
         q = g.q[layer]
         weight = factor * np.float32(quotient_cosine(g.models[layer], q, x, y, z, ox, oy, oz))
@@ -323,6 +327,8 @@ def _add_gloss(g, o, x, y, z, ox, oy, oz, factor, out):
             if two:
                 value *= (ONE - u) * g.values[low_b, c] + u * g.values[high_b, c]
             value *= (ONE - s) * g.views[layer, v, c] + s * g.views[layer, v + 1, c]
+            if cell >= 0 and g.image[layer] >= 0:
+                value *= g.texels[g.image[layer], cell, c]
             out[c] += weight * g.gains[layer, c] * value
 
 
@@ -368,7 +374,8 @@ def second_light(fans, position, records, begin, end, objects, g, lamps, table, 
         for e in range(records.start[i], records.start[i + 1]):
             n = e - first
             m = np.int64(records.ray[e])
-            o, beyond = objects[fans.seen[i, m]], records.beyond[e]
+            cell, beyond = np.int64(fans.seen[i, m]), records.beyond[e]
+            o = objects[cell]
             if not wanted[o] and (records.light_3[e] == NO_LIGHT or not wanted[objects[beyond]]):
                 continue
             out[n] = ZERO
@@ -395,7 +402,9 @@ def second_light(fans, position, records, begin, end, objects, g, lamps, table, 
                     gloss[:] = ZERO
                     ahead = photons_ahead(lamps, m, g.poles[o], per_area[o], x, y, z, ox, oy, oz)
                     share *= ONE - photon_share(ahead, slant, area[i], fan)
-                    _add_gloss(g, o, x, y, z, ox, oy, oz, np.float32(PI * times * share * records.weight[e]), gloss)
+                    _add_gloss(
+                        g, o, cell, x, y, z, ox, oy, oz, np.float32(PI * times * share * records.weight[e]), gloss
+                    )
                     colour = lamps.radiance[m] if m < lamps.density.shape[0] else lamps.power[m]
                     for channel in range(3):
                         out[n, 0, channel] = gloss[channel] * colour[channel]
@@ -406,12 +415,12 @@ def second_light(fans, position, records, begin, end, objects, g, lamps, table, 
                 continue
             gloss[:] = ZERO
             density = fan_density(ZERO, ONE, g.poles[o], x, y, z, ox, oy, oz)
-            _add_gloss(g, o, x, y, z, ox, oy, oz, times / density, gloss)
+            _add_gloss(g, o, cell, x, y, z, ox, oy, oz, times / density, gloss)
             out[n, 1] = gloss
             light = np.int64(records.light_3[e])
             if light == NO_LIGHT:
                 continue
-            o, far = objects[beyond], records.distance_3[e]
+            cell, o, far = np.int64(beyond), objects[beyond], records.distance_3[e]
             dx, dy, dz = _to_world(tx, ty, tz, nx, ny, nz, x, y, z)
             px, py, pz = px + far * dx, py + far * dy, pz + far * dz
             nx, ny, nz = records.normal_3[e, 0], records.normal_3[e, 1], records.normal_3[e, 2]
@@ -423,7 +432,7 @@ def second_light(fans, position, records, begin, end, objects, g, lamps, table, 
             if m < 0 or oz <= HORIZON:
                 continue
             gloss[:] = ZERO
-            _add_gloss(g, o, x, y, z, ox, oy, oz, np.float32(PI * share * records.weight_3[e]), gloss)
+            _add_gloss(g, o, cell, x, y, z, ox, oy, oz, np.float32(PI * share * records.weight_3[e]), gloss)
             colour = lamps.radiance[m] if m < lamps.density.shape[0] else lamps.power[m]
             for channel in range(3):
                 out[n, 2, channel] = gloss[channel] * colour[channel]

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from engine.indirect import _cell_kernels as kernels
 from engine.indirect._ray_kernels import EVEN
+from engine.indirect.cell_maps import CellMaps
 from engine.light.emitters import EmitterPatches
 from engine.light.lights import TriangleLights
 from engine.scene.load import Scene
@@ -52,6 +53,7 @@ class Cells:
     def __init__(self, scene: Scene, caster: RayCaster, size: float) -> None:
         self.size = size
         self.caster = caster
+        self._scene = scene
         reflects = ~scene.emitters
         self.mesh = kernels.MeshArrays(
             scene.vertices, scene.normals, scene.triangles, np.ascontiguousarray(scene.geometric_normals),
@@ -66,6 +68,7 @@ class Cells:
             np.zeros(places, np.float32), np.zeros(places, np.uint8),
         )  # fmt: skip
         self._lock = Lock()
+        self._maps: tuple[tuple[int, int], CellMaps] | None = None
 
     def __len__(self) -> int:
         return int(self._table.n_cells[0])
@@ -84,6 +87,14 @@ class Cells:
         """Become what `table` gave."""
         for mine, stored in zip(self._table, table, strict=True):
             mine[: len(stored)] = stored
+
+    @property
+    def maps(self) -> CellMaps:
+        """What images do at the cells that there are now; kept until there are others, or others of their places."""
+        state = len(self), int(self._table.n_places.sum())
+        if self._maps is None or self._maps[0] != state:
+            self._maps = state, CellMaps(self._scene, self.table())
+        return self._maps[1]
 
     @property
     def objects(self) -> NDArray[np.int32]:

@@ -82,14 +82,15 @@ def direct_irradiance(
 
 
 def radiosity(
-    light: CellLight, albedos: NDArray[np.floating], n_bounces: int, edited: int = NOBODY,
-    matt: NDArray[np.floating] | None = None,
+    light: CellLight, albedos: NDArray[np.floating], n_bounces: int, relative: NDArray[np.float32],
+    edited: int = NOBODY, matt: NDArray[np.floating] | None = None,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:  # fmt: skip
     """Radiosity (C, D, 3) of the cells in a picture of N bounces, a polynomial in the albedo of the object `edited`;
     and the same in one of N - 1, for what comes by one more reflection on its way, with such a share of the lights' own
-    as `matt` (M, 3) says, None for all of it.
+    as `matt` (C, 3) says, None for all of it.
 
-    albedos (M, 3); D = N powers, from 0 to N - 1, or 1 where nobody is edited. N ≥ 2.
+    albedos (M, 3), which cells have so many times, relative (C, 3); D = N powers, from 0 to N - 1, or 1 where nobody is
+    edited. N ≥ 2.
     """
     n_powers = n_bounces if edited != NOBODY else 1
     albedos = np.ascontiguousarray(albedos, np.float32)
@@ -98,16 +99,16 @@ def radiosity(
     total, sent = latest.copy(), np.empty((*latest.shape[:2], 4), np.float32)
     once_less, before = total.copy(), np.zeros_like(total)
     if matt is not None:
-        once_less[:, 0] *= matt[light.objects].astype(np.float32)
+        once_less[:, 0] *= matt
     for bounce in range(n_bounces - 2):
-        kernels.brighten(latest, light.objects, albedos, edited, sent)
+        kernels.brighten(latest, light.objects, albedos, relative, edited, sent)
         latest = bounced(light.seen, sent, min(bounce + 2, n_powers))
         before[:] = once_less
         total += latest
         once_less += latest
     bright = np.empty_like(latest)
-    kernels.brighten(before, light.objects, albedos, edited, bright)
-    kernels.brighten(total, light.objects, albedos, edited, before)
+    kernels.brighten(before, light.objects, albedos, relative, edited, bright)
+    kernels.brighten(total, light.objects, albedos, relative, edited, before)
     return held(before), held(bright)
 
 

@@ -1,7 +1,7 @@
 """The layers of a scene as indirect light needs them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,14 +9,15 @@ from numpy.typing import NDArray
 from engine.indirect.albedo import N_VIEW_SAMPLES, equivalent_albedo, tint_of
 from engine.indirect.curves import LayerCurves
 from engine.material.layer import Layer
+from engine.material.maps import LayerMaps
 from engine.scene.hits import PrimaryHits
 
 
 @dataclass(frozen=True, eq=False)
 class IndirectLayer:
     """A visible layer of one object: its curves towards the eye, and as second bounce, f_q (3,), f_o (N, 3) at even
-    angles from 0 to π/2, and its equivalent albedo (3,). Of textures and weight maps their mean over the surface is in
-    f_q and in the albedo."""
+    angles from 0 to π/2, and its equivalent albedo (3,). Of textures and weight maps their mean over the surface, share
+    (3,), is in f_q and in the albedo; cells have their own, see `cell_maps`."""
 
     i_object: int
     curves: LayerCurves
@@ -24,16 +25,18 @@ class IndirectLayer:
     gain: NDArray[np.float64]
     view_curve: NDArray[np.float64]
     albedo: NDArray[np.float64]
+    maps: LayerMaps = LayerMaps()
+    share: NDArray[np.float64] = field(default_factory=lambda: np.ones(3))
 
 
 def indirect_layer(
-    i_object: int, layer: Layer, bands: tuple[int, ...], second: int | None = None, mean: object = 1.0
+    i_object: int, layer: Layer, bands: tuple[int, ...], second: int | None = None, mean: object = None
 ) -> IndirectLayer:
     """A layer with its curves as they are, on this many bands; at the second bounce on no more than `second`.
 
-    mean (3,): of its texture and weight map over the surface.
+    mean (3,): of its texture and weight map over the surface; None where it is not known: it counts as without them.
     """
-    share = np.broadcast_to(np.asarray(mean, np.float64), 3)
+    share = np.broadcast_to(np.asarray(1.0 if mean is None else mean, np.float64), 3)
     view = layer.model.view_factor
     angles = np.linspace(0.0, np.pi / 2, N_VIEW_SAMPLES)
     seen = np.ones((N_VIEW_SAMPLES, 3)) if view is None else layer.curve(view.name)(angles)
@@ -44,11 +47,17 @@ def indirect_layer(
     return IndirectLayer(
         i_object, LayerCurves(layer.model, q, towards_eye, tint), LayerCurves(layer.model, q, towards_others, tint),
         share * layer.scale(), seen, share * equivalent_albedo(layer, bands),
+        LayerMaps() if mean is None else layer.maps, share,
     )  # fmt: skip
 
 
 def _coefficients(layer: Layer, bands: tuple[int, ...]) -> tuple[NDArray[np.float64], ...]:
     return tuple(layer.coefficients(factor.name, n) for factor, n in zip(layer.model.factors, bands, strict=False))
+
+
+def is_glossy(layer: IndirectLayer) -> bool:
+    """Whether what it sends on depends on the direction."""
+    return not layer.sent.model.is_matt
 
 
 def albedos_of(layers: Sequence[IndirectLayer], n_objects: int) -> NDArray[np.float64]:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from engine.indirect._ray_kernels import NORMAL
 from engine.indirect._second_kernels import SampledLights
 from engine.indirect.beyond import SQUARED, held, in_full
+from engine.indirect.cell_maps import CellReflectance
 from engine.indirect.cells import Cells
 from engine.indirect.fineness import RayNeed
 from engine.indirect.gather import FanSize, Gathered, object_of_rows
@@ -17,7 +18,7 @@ from engine.indirect.lattice import least_alike
 from engine.indirect.layers import IndirectLayer, albedos_of, seen_from
 from engine.indirect.photons import Landed, PhotonMap, Photons, Sent, farthest_of, joined_landed, sent_by
 from engine.indirect.reflection import Fans, SentLight
-from engine.indirect.second_bounce import SecondLight, glossy_tables, inverse_albedo, looks_of, matt_share, sent_on
+from engine.indirect.second_bounce import SecondLight, glossy_tables, inverse_albedo, looks_of, sent_on
 from engine.indirect.smoothing import Smoothing, smoothing_for
 from engine.scene.hits import PrimaryHits
 from engine.scene.load import Scene
@@ -69,19 +70,18 @@ class GatherPoints:
 
     def sent(
         self, radiosities: tuple[NDArray[np.float32], NDArray[np.float32]], objects: NDArray[np.int32],
-        layers: Sequence[IndirectLayer], lamps: SampledLights, edited: int = NOBODY,
+        layers: Sequence[IndirectLayer], cells: CellReflectance, lamps: SampledLights, edited: int = NOBODY,
     ) -> SentLight:  # fmt: skip
-        """What surfaces with radiosities (C, D, 3) as `irradiance.radiosity` gives them, of these objects (C,), send on
+        """What cells with radiosities (C, D, 3) as `irradiance.radiosity` gives them, of these objects (C,), send on
         under these layers."""
         bright, beyond = radiosities
         if not self.glossy:
             return SentLight(bright, None, None)
         n_objects = len(self.poles)
-        share = matt_share(layers, n_objects)[objects]
-        tables, inverse = glossy_tables(layers, self.poles, self.axes), self._inverse(layers, edited)
-        looks, per_area = looks_of(layers, n_objects), self.photons.per_area
+        tables, inverse = glossy_tables(layers, self.poles, self.axes, cells), self._inverse(layers, edited)
+        looks, per_area = looks_of(layers, n_objects, cells), self.photons.per_area
         second = SecondLight(objects, sent_on(beyond, inverse), per_area, looks, tables, lamps, edited, inverse)
-        return SentLight(bright * share[:, None], second, self.thrown(layers, edited))
+        return SentLight(bright * cells.matt[:, None], second, self.thrown(layers, edited))
 
     def _inverse(self, layers: Sequence[IndirectLayer], edited: int) -> NDArray[np.float32]:
         """One over the albedo (3,) of the object that is edited, 1 where none is."""
@@ -159,19 +159,24 @@ class IndirectLight:
 
     def radiosity(self, layers: Sequence[IndirectLayer], edited: int = NOBODY) -> NDArray[np.float32]:
         """Radiosity (C, D, 3) of the cells under these layers, see `irradiance.radiosity`."""
-        return self._radiosities(layers, edited)[0]
+        return self._radiosities(layers, self._reflectance(layers), edited)[0]
+
+    def _reflectance(self, layers: Sequence[IndirectLayer]) -> CellReflectance:
+        return self.cells.maps.reflectance(layers, len(self.points.poles))
 
     def _radiosities(
-        self, layers: Sequence[IndirectLayer], edited: int
+        self, layers: Sequence[IndirectLayer], cells: CellReflectance, edited: int
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        n_objects = len(self.points.poles)
+        albedos = albedos_of(layers, len(self.points.poles))
         # What glossy surfaces reflect of the lights themselves is recorded.
-        matt = matt_share(layers, n_objects) if self.points.glossy else None
-        return radiosity(self.light, albedos_of(layers, n_objects), self.n_bounces, edited, matt)
+        matt = cells.matt if self.points.glossy else None
+        return radiosity(self.light, albedos, self.n_bounces, cells.relative, edited, matt)
 
     def sent(self, layers: Sequence[IndirectLayer], edited: int = NOBODY) -> SentLight:
         """What surfaces send towards the gather points under these layers."""
-        return self.points.sent(self._radiosities(layers, edited), self.light.objects, layers, self.lamps, edited)
+        cells = self._reflectance(layers)
+        bright = self._radiosities(layers, cells, edited)
+        return self.points.sent(bright, self.light.objects, layers, cells, self.lamps, edited)
 
     def at_points(self, layers: Sequence[IndirectLayer], half: int | None = None) -> NDArray[np.float32]:
         """Indirect radiance (p, 3) of all gather points; of one half of the rays where one is named."""

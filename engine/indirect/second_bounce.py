@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from engine.indirect import _second_kernels as kernels
 from engine.indirect._cell_kernels import NO_CELL, Hits
+from engine.indirect.cell_maps import CellReflectance
 from engine.indirect.cells import NO_TURN, Cells, Rays
-from engine.indirect.layers import IndirectLayer
+from engine.indirect.layers import IndirectLayer, is_glossy
 from engine.indirect.rays import pole_tables
 from engine.light.emitters import EmitterPatches
 from engine.light.lights import TriangleLights
@@ -231,10 +232,16 @@ def _raster(cut: TriangleLights) -> NDArray[np.int32]:
 
 
 def glossy_tables(
-    layers: Sequence[IndirectLayer], poles: NDArray[np.int64], axes: NDArray[np.float32]
-) -> kernels.Glossy:
-    """The layers that are not matt, by object."""
-    chosen = sorted((each for each in layers if is_glossy(each)), key=lambda each: each.i_object)
+    layers: Sequence[IndirectLayer], poles: NDArray[np.int64], axes: NDArray[np.float32],
+    cells: CellReflectance | None = None,
+) -> kernels.Glossy:  # fmt: skip
+    """The layers that are not matt, by object; cells: what they reflect under the same layers, None where the means of
+    images will do."""
+    glossy = [i for i, each in enumerate(layers) if is_glossy(each)]
+    glossy.sort(key=lambda i: layers[i].i_object)
+    chosen = [layers[i] for i in glossy]
+    image = np.array([-1 if cells is None else cells.image[i] for i in glossy], np.int64)
+    texels = np.zeros((0, 0, 3), np.float32) if cells is None else cells.texels
     first = np.searchsorted([each.i_object for each in chosen], np.arange(len(poles) + 1))
     curves = [[np.asarray(curve, np.float32) for curve in each.sent.curves] for each in chosen]
     none = np.zeros((0, 3), np.float32)
@@ -252,22 +259,19 @@ def glossy_tables(
         np.array([each.gain * each.sent.tint for each in chosen], np.float32).reshape(-1, 3),
         np.array([each.view_curve for each in chosen], np.float32).reshape(len(chosen), -1, 3) if chosen
         else np.ones((0, 2, 3), np.float32),
-        poles, axes,
+        poles, axes, image, texels,
     )  # fmt: skip
 
 
-def looks_of(layers: Sequence[IndirectLayer], n_objects: int) -> tuple[bytes, ...]:
+def looks_of(layers: Sequence[IndirectLayer], n_objects: int, cells: CellReflectance) -> tuple[bytes, ...]:
     """What each object's glossy layers send on depends on, as bytes to compare."""
     looks = [b""] * n_objects
     for each in filter(is_glossy, layers):
         arrays = (each.sent.quotient_parameters, *each.sent.curves, each.gain * each.sent.tint, each.view_curve)
         looks[each.i_object] += b"".join([each.sent.model.name.encode(), *(array.tobytes() for array in arrays)])
+        if not each.maps.is_plain:
+            looks[each.i_object] += cells.digest
     return tuple(looks)
-
-
-def is_glossy(layer: IndirectLayer) -> bool:
-    """Whether what it sends on depends on the direction."""
-    return not layer.sent.model.is_matt
 
 
 def matt_share(layers: Sequence[IndirectLayer], n_objects: int) -> NDArray[np.float32]:

@@ -249,7 +249,8 @@ class Solver:
             span = next(looks, (_LOOKED_CLOSER[-1],) * 2)
             if bright is None:
                 light = yield from self._light(cells, self._roughly(), parts, (_LOOKED, _ROUGHLY_LIT))
-                bright, _ = radiosity(light, albedos_of(layers, len(self._poles)), self._n_bounces)
+                albedos, mapped = albedos_of(layers, len(self._poles)), cells.maps.reflectance(layers, len(self._poles))
+                bright, _ = radiosity(light, albedos, self._n_bounces, mapped.relative)
                 if self._asks_need:
                     halves = self._halves_of_fans(self._points(gathered, photons), layers, cells, light)
                     if self._is_noisy(layers, gathered.rows, (yield from _said(halves, span[0], "looking around"))):

@@ -7,7 +7,7 @@ Both multiply the layer's radiance pixel by pixel, as f_q and f_o do, by
 with t the texture's linear RGB, s its strength and (s_u, s_v) its repeats [DESIGN.md, 6]. The map is an image, or even,
 and on it are the strokes that a person painted (`engine.material.strokes`). No transport depends on it:
 the images are sampled once for each pixel and only the few numbers here follow the hand. For further bounces the
-factor's mean over the surface multiplies the layer's albedo.
+factor's mean over the surface multiplies the layer's albedo, and its mean over a cell that of the cell.
 """
 
 from __future__ import annotations
@@ -128,9 +128,16 @@ class MapMeans:
 
     def factor(self, maps: LayerMaps) -> NDArray[np.float64]:
         """The mean of the factor, (3,)."""
-        texture, both = np.asarray(self.texture), np.asarray(self.both)
-        weight, product = (1.0 - self.weight, texture - both) if maps.inverts else (self.weight, both)
-        return np.asarray((1.0 - maps.texture_strength) * weight + maps.texture_strength * product)
+        return factor_of_means(maps, np.asarray(self.texture), np.asarray(self.weight), np.asarray(self.both))
+
+
+def factor_of_means(
+    maps: LayerMaps, texture: NDArray[np.floating], weight: NDArray[np.floating], both: NDArray[np.floating]
+) -> NDArray[np.float64]:
+    """The mean of the factor (..., 3) by means of the texture (..., 3), the weight map (...) and their product."""
+    if maps.inverts:
+        weight, both = 1.0 - weight, texture - both
+    return np.asarray((1.0 - maps.texture_strength) * weight[..., None] + maps.texture_strength * both, np.float64)
 
 
 def map_fields() -> tuple[str, ...]:

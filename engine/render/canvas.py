@@ -14,7 +14,7 @@ from engine.material.maps import Images, MapMeans
 from engine.material.strokes import Strokes
 from engine.scene.hits import PrimaryHits
 from engine.scene.load import Scene
-from engine.scene.surface_uvs import between, corner_uvs, uvs_at
+from engine.scene.surface_uvs import corner_uvs, positions_at, uvs_at
 from engine.texture.pyramid import Pyramid
 from engine.texture.strokes import PaintedPoints
 
@@ -89,9 +89,9 @@ def spread_points(
         share = stretch * cumulative[-1] / _N_MEAN_SAMPLES  # of the image, that one point stands for
         if texture is not None:
             scale = np.array(images.texture_scale)
-            colours = texture.at(uv * scale, _level(texture, share * abs(scale.prod()))).astype(np.float64)
+            colours = texture.at(uv * scale, texture.level_of(share * abs(scale.prod()))).astype(np.float64)
         if weight is not None:
-            shares = weight.at(uv, _level(weight, share))[:, 0]
+            shares = weight.at(uv, weight.level_of(share))[:, 0]
     return SpreadPoints(colours, shares, positions_at(scene, triangle, u, v), scene.geometric_normals[triangle])
 
 
@@ -101,17 +101,6 @@ def mean_maps(scene: Scene, i_object: int, images: Images, texture: Pyramid | No
     if not images.strokes:
         return spread.means(spread.weight)
     return spread.means(PaintedPoints(spread.weight, spread.position, spread.normal).weights(images.strokes))
-
-
-def positions_at(scene: Scene, triangle: NDArray[np.integer], u: NDArray, v: NDArray) -> NDArray[np.float32]:
-    """Where such points are in the scene's frame, (N, 3)."""
-    return between(scene.vertices[scene.triangles[triangle]], u, v).astype(np.float32)
-
-
-def _level(pyramid: Pyramid, share: Floats) -> Floats:
-    """The level whose texels are as large as a share (N,) of the image's area."""
-    width, height = pyramid.size
-    return np.asarray(0.5 * np.log2(np.maximum(share * width * height, 1.0)))
 
 
 def _even_barycentrics(n: int) -> tuple[Floats, Floats]:

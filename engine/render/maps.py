@@ -1,8 +1,7 @@
 """The factors by which textures and weight maps multiply layers where paths meet surfaces.
 
 What the eye sees of an image is filtered over the pixel, as in the editor; where a path goes on from there the image is
-looked up between texels, at each vertex. The editor has the image's mean there: a red and white cloth throws pink light
-on what stands on it, wherever it stands.
+looked up between texels, at each vertex. The editor has the image's mean over a cell of the surface there.
 """
 
 from __future__ import annotations

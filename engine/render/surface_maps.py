@@ -6,20 +6,18 @@ textured object are traced again.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
 from engine.material.maps import Images, LayerMaps
 from engine.material.strokes import Strokes
-from engine.render.canvas import Canvas, SeenMaps, mean_maps, positions_at, spread_points
+from engine.render.canvas import Canvas, SeenMaps, mean_maps, spread_points
 from engine.scene.hits import PrimaryHits
 from engine.scene.load import Scene
 from engine.scene.raycaster import Intersections, RayCaster
-from engine.scene.surface_uvs import pixel_footprints, uvs_at
+from engine.scene.surface_uvs import pixel_footprints, positions_at, uvs_at
 from engine.texture.pyramid import Pyramid
-from engine.texture.store import TextureStore
+from engine.texture.store import TextureStore, sampled
 from engine.texture.strokes import PaintedPoints
 
 Floats = NDArray[np.float64]
@@ -73,19 +71,6 @@ class MapSampler:
 def look_up(images: Images, store: TextureStore, uv: Floats) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Texture (N, 3) and weight (N,) at coordinates (N, 2), between texels and without any filter, nor strokes."""
     return sampled(images, store, len(uv), lambda image, repeats: image.at(uv * np.array(repeats)))
-
-
-def sampled(
-    images: Images, store: TextureStore, n: int, sample: Callable[[Pyramid, tuple[float, float]], NDArray[np.float32]]
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Texture (N, 3) and weight (N,) without strokes; sample: n values of an image that repeats so often."""
-    texture, weight = store.texture(images), store.weight(images)
-    colours, shares = np.ones((n, 3), np.float32), np.full(n, images.weight_start, np.float32)
-    if texture is not None:
-        colours = sample(texture, images.texture_scale)
-    if weight is not None:
-        shares = sample(weight, (1.0, 1.0))[:, 0]
-    return colours, shares
 
 
 def painted(scene: Scene, found: Intersections, strokes: Strokes, weight: NDArray[np.float32]) -> NDArray[np.float32]:

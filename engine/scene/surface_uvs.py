@@ -36,6 +36,11 @@ def uvs_at(scene: Scene, triangle: NDArray[np.integer], u: NDArray, v: NDArray) 
     return between(corner_uvs(scene, triangle), u, v)
 
 
+def positions_at(scene: Scene, triangle: NDArray[np.integer], u: NDArray, v: NDArray) -> NDArray[np.float32]:
+    """Where such points are in the scene's frame, (N, 3)."""
+    return between(scene.vertices[scene.triangles[triangle]], u, v).astype(np.float32)
+
+
 def between(corners: NDArray, u: NDArray, v: NDArray) -> Floats:
     """What stands at corners (N, 3, k), at such points of the triangles."""
     corners = corners.astype(np.float64)

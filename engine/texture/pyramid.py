@@ -81,6 +81,11 @@ class Pyramid:
         on_threads(part, *even_parts(len(uv)))
         return out
 
+    def level_of(self, share: Floats) -> Floats:
+        """The level whose texels are as large as a share (N,) of the image's area."""
+        width, height = self.size
+        return np.asarray(0.5 * np.log2(np.maximum(share * width * height, 1.0)))
+
     @property
     def _packed(self) -> kernels.Levels:
         """As the kernels take it."""

@@ -11,6 +11,9 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from threading import Lock
 
+import numpy as np
+from numpy.typing import NDArray
+
 from engine.errors import LoadError
 from engine.files import place_of, read_regular_file, resolve_inside
 from engine.material.bumps import Bumps
@@ -106,6 +109,19 @@ class TextureStore:
 _READ = {
     "texture": read_texture, "weight": read_weight, "normal_map": read_normal_map, "bump_map": read_heights
 }  # fmt: skip
+
+
+def sampled(
+    images: Images, store: TextureStore, n: int, sample: Callable[[Pyramid, tuple[float, float]], NDArray[np.float32]]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Texture (N, 3) and weight (N,) without strokes; sample: n values of an image that repeats so often."""
+    texture, weight = store.texture(images), store.weight(images)
+    colours, shares = np.ones((n, 3), np.float32), np.full(n, images.weight_start, np.float32)
+    if texture is not None:
+        colours = sample(texture, images.texture_scale)
+    if weight is not None:
+        shares = sample(weight, (1.0, 1.0))[:, 0]
+    return colours, shares
 
 
 def _stamp(path: Path) -> Stamp:
