@@ -18,7 +18,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from engine.material.maps import MAX_NAME, MAX_REPEATS
+from engine.material.maps import MAX_NAME, MAX_REPEATS, TextureTransform, Wrap, offset_value, wrap_value
 from engine.material.parameters import ParameterError
 
 MAX_STRENGTH = 10.0
@@ -31,7 +31,8 @@ class Bumps:
     """Of one object. Names are files, as those of textures (`engine.material.maps.LayerMaps`); one of the two at most.
 
     bump_strength: 0 is as without them. bump_height: metres between a bump map's black and its white; negative ones are
-    pressed in. bump_repeats: how often the image repeats along u and v.
+    pressed in. bump_repeats: how often the image repeats along u and v; bump_offset and bump_wrap: see
+    `engine.material.maps.TextureTransform`.
     """
 
     normal_map: str = ""
@@ -39,6 +40,13 @@ class Bumps:
     bump_strength: float = 1.0
     bump_height: float = DEFAULT_HEIGHT
     bump_repeats: tuple[float, float] = (1.0, 1.0)
+    bump_offset: tuple[float, float] = (0.0, 0.0)
+    bump_wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
+
+    @property
+    def transform(self) -> TextureTransform:
+        """Where on the image coordinates are looked up."""
+        return TextureTransform(0.0, self.bump_offset, self.bump_wrap)
 
     @property
     def file(self) -> str:
@@ -86,7 +94,7 @@ def set_bump_field(bumps: Bumps, name: str, value: object) -> Bumps:
 
 
 def bumps_from(tables: Mapping[str, object]) -> Bumps:
-    """Bumps as files have them: `normal_map` = {file, scale, repeats} or `bump_map` = {file, height, scale, repeats},
+    """Bumps as files have them: `normal_map` = {file, scale, repeats, offset, wrap} or `bump_map`, with a height, too,
     scale being the strength. Raises ParameterError."""
     named = [name for name in tables if name in BUMP_KINDS]
     if len(named) != 1 or len(tables) != 1:
@@ -113,6 +121,10 @@ def bump_values(bumps: Bumps) -> dict[str, Any]:
         table["scale"] = bumps.bump_strength
     if bumps.bump_repeats != (1.0, 1.0):
         table["repeats"] = list(bumps.bump_repeats)
+    if bumps.bump_offset != (0.0, 0.0):
+        table["offset"] = list(bumps.bump_offset)
+    if bumps.bump_wrap != ("repeat", "repeat"):
+        table["wrap"] = list(bumps.bump_wrap)
     return {bumps.kind: table}
 
 
@@ -129,7 +141,10 @@ def bumps_of_parts(parts: Mapping[str, object]) -> Bumps:
     return bumps
 
 
-_KEYS = {"scale": "bump_strength", "height": "bump_height", "repeats": "bump_repeats"}
+_KEYS = {
+    "scale": "bump_strength", "height": "bump_height", "repeats": "bump_repeats", "offset": "bump_offset",
+    "wrap": "bump_wrap",
+}  # fmt: skip
 
 
 def _file_name(name: str, value: object) -> str:
@@ -168,4 +183,6 @@ _ACCEPTED: dict[str, Callable[[str, object], Any]] = {
     "bump_strength": _number(0.0, MAX_STRENGTH),
     "bump_height": _number(-MAX_HEIGHT, MAX_HEIGHT),
     "bump_repeats": _repeats,
+    "bump_offset": offset_value,
+    "bump_wrap": wrap_value,
 }

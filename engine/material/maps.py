@@ -4,7 +4,8 @@ Both multiply the layer's radiance pixel by pixel, as f_q and f_o do, by
 
     factor(u, v) = (1 - s + s t(s_u u, s_v v)) w(u, v),     w = 1 - map where it is inverted,
 
-with t the texture's linear RGB, s its strength and (s_u, s_v) its repeats [DESIGN.md, 6]. The map is an image, or even,
+with t the texture's linear RGB, s its strength and (s_u, s_v) its repeats, after which it may be turned and moved and,
+beyond its edges, repeat, be mirrored, or go on as its edge [DESIGN.md, 6]. The map is an image, or even,
 and on it are the strokes that a person painted (`engine.material.strokes`). No transport depends on it:
 the images are sampled once for each pixel and only the few numbers here follow the hand. For further bounces the
 factor's mean over the surface multiplies the layer's albedo, and its mean over a cell that of the cell.
@@ -16,7 +17,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,8 @@ from engine.material.strokes import Strokes, stroke_values, strokes_from
 
 Space = Literal["", "srgb", "linear"]
 SPACES: tuple[Space, ...] = ("", "srgb", "linear")
+Wrap = Literal["repeat", "mirror", "clamp"]
+WRAPS: tuple[Wrap, ...] = get_args(Wrap)
 MAX_REPEATS = 1000.0
 MAX_NAME = 4096
 
@@ -36,6 +39,25 @@ def split_image_name(name: str) -> tuple[str, str | None]:
     return (file, number) if mark and file.lower().endswith(".glb") else (name, None)
 
 
+class TextureTransform(NamedTuple):
+    """Where on an image coordinates are looked up once they are multiplied by repeats: rotation, degrees, counter-
+    clockwise about (0, 0); offset along u and v, images; wrap: what lies beyond the edges, along u and v."""
+
+    rotation: float = 0.0
+    offset: tuple[float, float] = (0.0, 0.0)
+    wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
+
+    @property
+    def turn(self) -> tuple[float, float]:
+        """The cosine and the sine of the rotation, exact at quarters."""
+        quarters = {0.0: (1.0, 0.0), 90.0: (0.0, 1.0), 180.0: (-1.0, 0.0), 270.0: (0.0, -1.0)}
+        angle = math.radians(self.rotation)
+        return quarters.get(self.rotation % 360.0) or (math.cos(angle), math.sin(angle))
+
+
+AS_IT_IS = TextureTransform()
+
+
 @dataclass(frozen=True)
 class LayerMaps:
     """The images of one layer. Names are files: relative to the scene's folder, or full paths that a person chose.
@@ -44,6 +66,7 @@ class LayerMaps:
     texture_scale: how often it repeats along u and v; texture_strength: 0 is as without it. weight: a grey image, the
     share of the layer, always linear; empty for none. weight_invert: one minus that share. weight_start: the share
     where there is no such image. strokes: painted on either, and inverted with it: inverting needs no new samples.
+    texture_offset, texture_rotation, texture_wrap: see `TextureTransform`.
     """
 
     texture: str = ""
@@ -54,6 +77,9 @@ class LayerMaps:
     weight_invert: bool = False
     weight_start: float = 1.0
     strokes: Strokes = Strokes()
+    texture_offset: tuple[float, float] = (0.0, 0.0)
+    texture_rotation: float = 0.0
+    texture_wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
 
     @property
     def is_plain(self) -> bool:
@@ -82,8 +108,9 @@ class LayerMaps:
         plain = Images(weight=self.weight, weight_start=start, strokes=self.strokes)
         if not self.texture:
             return plain
+        transform = TextureTransform(self.texture_rotation, self.texture_offset, self.texture_wrap)
         own = {name: getattr(self, name) for name in ("texture", "texture_space", "texture_scale")}
-        return dataclasses.replace(plain, **own)
+        return dataclasses.replace(plain, texture_transform=transform, **own)
 
     def factor(self, texture: NDArray[np.floating], weight: NDArray[np.floating]) -> NDArray[np.floating]:
         """The factor (N, 3) of texels (N, 3) and weights (N,)."""
@@ -101,6 +128,7 @@ class Images:
     weight: str = ""
     weight_start: float = 1.0
     strokes: Strokes = Strokes()
+    texture_transform: TextureTransform = AS_IT_IS
 
     @property
     def is_of_files(self) -> bool:
@@ -188,6 +216,31 @@ def _scale(name: str, value: object) -> tuple[float, float]:
     raise ParameterError(name, value, f"a number or two from {-MAX_REPEATS:g} to {MAX_REPEATS:g}, none 0")
 
 
+def offset_value(name: str, value: object) -> tuple[float, float]:
+    """Two numbers. Raises ParameterError."""
+    if (
+        isinstance(value, (list, tuple))
+        and len(value) == 2
+        and all(_is_number(v) and abs(v) <= MAX_REPEATS for v in value)
+    ):
+        return float(value[0]), float(value[1])
+    raise ParameterError(name, value, f"two numbers from {-MAX_REPEATS:g} to {MAX_REPEATS:g}")
+
+
+def wrap_value(name: str, value: object) -> tuple[Wrap, Wrap]:
+    """One of `WRAPS`, or two, along u and along v. Raises ParameterError."""
+    pair = [value, value] if isinstance(value, str) else value
+    if isinstance(pair, (list, tuple)) and len(pair) == 2 and all(each in WRAPS for each in pair):
+        return pair[0], pair[1]
+    raise ParameterError(name, value, "one or two of " + ", ".join(f'"{wrap}"' for wrap in WRAPS))
+
+
+def _rotation(name: str, value: object) -> float:
+    if _is_number(value) and abs(value) <= 360.0:  # type: ignore[arg-type]
+        return float(value)  # type: ignore[arg-type]
+    raise ParameterError(name, value, "degrees from -360 to 360")
+
+
 def _strength(name: str, value: object) -> float:
     if _is_number(value) and 0.0 <= float(value) <= 1.0:  # type: ignore[arg-type]
         return float(value)  # type: ignore[arg-type]
@@ -212,6 +265,9 @@ _ACCEPTED = {
     "texture": _file_name,
     "texture_space": _space,
     "texture_scale": _scale,
+    "texture_offset": offset_value,
+    "texture_rotation": _rotation,
+    "texture_wrap": wrap_value,
     "texture_strength": _strength,
     "weight": _file_name,
     "weight_invert": _flag,

@@ -46,10 +46,10 @@ class MapSampler:
         begin, end = self._hits.object_ranges[i_object]
         colours, shares = np.ones((end - begin, 3), np.float32), np.full(end - begin, images.weight_start, np.float32)
         if texture is not None:
-            own = images.texture, images.texture_space, images.texture_scale
+            own = texture, images.texture_scale
             colours = self._samples(i_object, own, texture, images.texture_scale)
         if weight is not None:
-            shares = self._samples(i_object, (images.weight,), weight, (1.0, 1.0))[:, 0]
+            shares = self._samples(i_object, (weight,), weight, (1.0, 1.0))[:, 0]
         spread = spread_points(scene, i_object, images, texture, weight)
         return Canvas(SeenMaps(colours, shares, spread.means(spread.weight)), self._hits, i_object, spread)
 

@@ -89,7 +89,12 @@ def _bumps(info: JsonObject, images: GltfImages, notes: list[str]) -> Bumps:
     strength = min(max(scale, 0.0), MAX_STRENGTH)
     if strength != scale:
         notes.append(f"a normal map's scale of {scale:g} is taken as {strength:g}")
-    return Bumps(normal_map=f"#{used.image}", bump_strength=strength, bump_repeats=used.scale)
+    if used.transform.rotation != 0.0:
+        notes.append("a normal map is turned in the file and shown without that")
+    return Bumps(
+        f"#{used.image}", bump_strength=strength, bump_repeats=used.scale, bump_offset=used.transform.offset,
+        bump_wrap=used.transform.wrap,
+    )  # fmt: skip
 
 
 def metallic_roughness_layers(
@@ -131,7 +136,13 @@ def _glossy(
 
 
 def _maps(texture: TextureUse | None) -> LayerMaps:
-    return LayerMaps() if texture is None else LayerMaps(f"#{texture.image}", "srgb", texture.scale)
+    if texture is None:
+        return LayerMaps()
+    own = texture.transform
+    return LayerMaps(
+        f"#{texture.image}", "srgb", texture.scale, texture_offset=own.offset, texture_rotation=own.rotation,
+        texture_wrap=own.wrap,
+    )  # fmt: skip
 
 
 def _facing_reflectance(extensions: JsonObject) -> RGB:

@@ -2,18 +2,18 @@
 
 An image that cannot be had (kept in a format of an extension, placed by a second set of coordinates, larger with those
 before it than the file is worth, or not there) is stepped over with a note: the material's factors stand for it. Images
-that are the same bytes are one. Repeats are kept; a texture that is turned or moved by
-another part than whole repeats is shown without that, with a note.
+that are the same bytes are one. What KHR_texture_transform and samplers say of where an image lies is kept.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from engine.errors import LoadError
-from engine.material.maps import MAX_REPEATS
+from engine.material.maps import MAX_REPEATS, TextureTransform, Wrap
 from engine.scene.glb import JsonObject
 from engine.scene.gltf_images import image_bytes
 from engine.texture.images import image_size, read_texture
@@ -22,14 +22,18 @@ from engine.texture.images import image_size, read_texture
 # when they are used, 0.1 s a megapixel: whatever a small file claims, that is 6 s, and never in the window's process.
 MOST_PIXELS = 1 << 26
 PIXELS_A_BYTE = 32
+_REPEAT = 10497
+_WRAPS: dict[int, Wrap] = {_REPEAT: "repeat", 33648: "mirror", 33071: "clamp"}
+_LEAST_REPEAT = 1e-3
 
 
 @dataclass(frozen=True)
 class TextureUse:
-    """The number of an image in its file, and how often it repeats along u and v."""
+    """The number of an image in its file, how often it repeats along u and v, and where it is looked up then."""
 
     image: int
     scale: tuple[float, float]
+    transform: TextureTransform
 
 
 class GltfImages:
@@ -38,6 +42,7 @@ class GltfImages:
     def __init__(self, root: JsonObject, binary: bytes) -> None:
         self._root, self._binary = root, binary
         self._textures, self._images = root.children("textures"), root.children("images")
+        self._samplers = root.children("samplers")
         self._means: dict[int, tuple[float, float, float]] = {}
         self._first_of: dict[str, int] = {}
         self._usable: dict[int, tuple[int | None, str]] = {}
@@ -48,7 +53,26 @@ class GltfImages:
         image = self._image(info, notes)
         if image is None:
             return None
-        return TextureUse(image, _repeats(info.child("extensions").child("KHR_texture_transform"), notes))
+        wrap = self._wrap(self._textures[info.integer("index", 0, len(self._textures) - 1)])
+        scale, rotation, offset = _transform(info.child("extensions").child("KHR_texture_transform"))
+        # Of an image that repeats whole ones of the offset do not count.
+        shifts = [o - round(o) if w == "repeat" else o for o, w in zip(offset, wrap, strict=True)]
+        along_u, along_v = (0.0 if abs(shift) < 1e-9 else shift for shift in shifts)
+        return TextureUse(image, scale, TextureTransform(rotation, (along_u, along_v), wrap))
+
+    def _wrap(self, texture: JsonObject) -> tuple[Wrap, Wrap]:
+        """What a texture's sampler says of what is beyond the edges."""
+        if not texture.has("sampler"):
+            return "repeat", "repeat"
+        sampler = self._samplers[texture.integer("sampler", 0, len(self._samplers) - 1)]
+        found: list[Wrap] = []
+        for key in ("wrapS", "wrapT"):
+            number = sampler.values.get(key, _REPEAT)
+            wrap = _WRAPS.get(number) if isinstance(number, int) else None
+            if wrap is None:
+                sampler.note(key, number, "taken as repeating")
+            found.append(wrap or "repeat")
+        return found[0], found[1]
 
     def mean(self, info: JsonObject, notes: list[str]) -> tuple[float, float, float]:
         """Of an image of numbers, not of colours; 1 where it cannot be had."""
@@ -100,15 +124,28 @@ class GltfImages:
         return image, ""
 
 
-def _repeats(transform: JsonObject, notes: list[str]) -> tuple[float, float]:
-    """The repeats of a transform. In glTF v grows downwards: scaled by s and moved by o, what is 1 − v here becomes
-    s (1 − v) + o, the same as s v but for a shift by 1 − s − o."""
-    across, down = transform.numbers("scale", 2, (1.0, 1.0))
-    for number in (across, down):
-        if not 1e-3 <= abs(number) <= MAX_REPEATS:
-            raise transform.error("scale", [across, down], f"numbers up to {MAX_REPEATS:g}, none 0")
+def _transform(transform: JsonObject) -> tuple[tuple[float, float], float, tuple[float, float]]:
+    """Repeats (s_u, s_v), rotation in degrees and offset (o_u, o_v), v upwards.
+
+    In glTF v grows downwards: u' = c s_u u + s s_v v + o_u and v' = −s s_u u + c s_v v + o_v with the cosine c and the
+    sine s of the rotation (as the extension's sample models have it). With 1 − v for v, before and after, it is a turn
+    counter-clockwise by the same angle and the offset (o_u + s s_v, 1 − o_v − c s_v).
+    """
+    given = transform.numbers("scale", 2, (1.0, 1.0))
+    across, down = (_repeat(transform, number) for number in given)
     right, below = transform.numbers("offset", 2, (0.0, 0.0))
-    shifts = (right, 1.0 - down - below)
-    if transform.number("rotation", 0.0) != 0.0 or any(abs(s - round(s)) > 1e-6 for s in shifts):
-        notes.append("a texture is turned or moved in the file and shown without that")
-    return across, down
+    angle = math.fmod(transform.number("rotation", 0.0), 2.0 * math.pi)
+    cosine, sine = math.cos(angle), math.sin(angle)
+    offset = right + sine * down, 1.0 - below - cosine * down
+    along_u, along_v = (transform.clamped(o, "offset", -MAX_REPEATS, MAX_REPEATS) for o in offset)
+    return (across, down), math.degrees(angle), (along_u, along_v)
+
+
+def _repeat(transform: JsonObject, number: float) -> float:
+    """The number, or one of a usable size: one of 0 would make an image one colour."""
+    size = min(max(abs(number), _LEAST_REPEAT), MAX_REPEATS)
+    if size == abs(number):
+        return number
+    taken = math.copysign(size, number)
+    transform.note("scale", number, f"taken as {taken:g}")
+    return taken

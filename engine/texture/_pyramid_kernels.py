@@ -21,16 +21,36 @@ _LONGEST = 1e6  # texels: beyond, a footprint is the whole image anyway
 
 class Levels(NamedTuple):
     """Texels (N C + 3,) of all levels, of up to three channels, row by row, see `lanes`; sizes (L, 2) height and width,
-    and where each level begins (L,)."""
+    and where each level begins (L,). Coordinates are turned, cosine and sine, and moved before they are looked up;
+    wrap_u, wrap_v: 0 repeats, 1 mirrors, 2 goes on as the edge."""
 
     texels: Texels
     sizes: Indices
     first: Indices
+    cosine: float
+    sine: float
+    offset_u: float
+    offset_v: float
+    wrap_u: int
+    wrap_v: int
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _around(i: int, n: int) -> int:
-    """An index from −1 to n, of n that repeat."""
+def _within(coordinate: float, wrap: int) -> float:
+    """Where in [0, 1] a coordinate is looked up."""
+    if wrap == 2:
+        return min(max(coordinate, 0.0), 1.0)
+    if wrap == 1:
+        half = 0.5 * coordinate
+        return 1.0 - abs(2.0 * (half - math.floor(half)) - 1.0)
+    return coordinate - math.floor(coordinate)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _around(i: int, n: int, wrap: int) -> int:
+    """A texel's index, from −1 to n, of n."""
+    if wrap > 0:
+        return min(max(i, 0), n - 1)
     return i + n if i < 0 else (i - n if i >= n else i)
 
 
@@ -48,14 +68,22 @@ def _bounded(texels: float) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _turned(levels: Levels, u: float, v: float):  # type: ignore[no-untyped-def]
+    """A step or a place on the image, counter-clockwise about (0, 0)."""
+    if levels.sine == 0.0 and levels.cosine == 1.0:
+        return u, v
+    return levels.cosine * u - levels.sine * v, levels.sine * u + levels.cosine * v
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _texel(levels: Levels, i: int, n: int, u: float, v: float):  # type: ignore[no-untyped-def]
-    """Level i at a place, in n channels, as lanes: bilinear, repeating; texels are where their middles are."""
+    """Level i at a place, in n channels, as lanes: bilinear; texels are where their middles are."""
     t, height, width, first = levels.texels, levels.sizes[i, 0], levels.sizes[i, 1], levels.first[i]
-    x, y = (u - math.floor(u)) * width - 0.5, (1.0 - (v - math.floor(v))) * height - 0.5
+    x, y = _within(u, levels.wrap_u) * width - 0.5, (1.0 - _within(v, levels.wrap_v)) * height - 0.5
     left, top = math.floor(x), math.floor(y)
     right, down = lanes.even(np.float32(x - left)), lanes.even(np.float32(y - top))
-    x0, y0 = _around(int(left), width), _around(int(top), height)
-    x1, y1 = _around(x0 + 1, width), _around(y0 + 1, height)
+    x0, y0 = _around(int(left), width, levels.wrap_u), _around(int(top), height, levels.wrap_v)
+    x1, y1 = _around(int(left) + 1, width, levels.wrap_u), _around(int(top) + 1, height, levels.wrap_v)
     upper, lower = first + y0 * width, first + y1 * width
     above, below = lanes.floats(t, n * (upper + x0)), lanes.floats(t, n * (lower + x0))
     above = lanes.plus_product(above, right, lanes.minus(lanes.floats(t, n * (upper + x1)), above))
@@ -82,7 +110,9 @@ def fill_at(levels: Levels, uv: Floats, depths: Floats, out: Texels) -> None:
     """Fill out (N, C): values at coordinates (N, 2), at depths (N,) into the levels."""
     four = np.empty(4, np.float32)
     for j in range(len(uv)):
-        found = _at_depth(levels, out.shape[1], depths[j], _finite(uv[j, 0]), _finite(uv[j, 1]))
+        u, v = _turned(levels, uv[j, 0], uv[j, 1])
+        u, v = _finite(u + levels.offset_u), _finite(v + levels.offset_v)
+        found = _at_depth(levels, out.shape[1], depths[j], u, v)
         lanes.store(four, 0, found)
         out[j] = four[: out.shape[1]]
 
@@ -95,10 +125,12 @@ def fill_over(
     """Fill out[start:stop] of (N, C): means over pixels at (N, 2) whose sides are across and down (N, 2), all of them
     times repeats; is_quick: of one level, and not of what lies between two."""
     four = np.empty(4, np.float32)
-    height, width = repeats[1] * levels.sizes[0, 0], repeats[0] * levels.sizes[0, 1]
+    height, width = levels.sizes[0, 0], levels.sizes[0, 1]
     for j in range(start, stop):
-        ax, ay = _bounded(across[j, 0] * width), _bounded(across[j, 1] * height)
-        bx, by = _bounded(down[j, 0] * width), _bounded(down[j, 1] * height)
+        ax, ay = _turned(levels, across[j, 0] * repeats[0], across[j, 1] * repeats[1])
+        bx, by = _turned(levels, down[j, 0] * repeats[0], down[j, 1] * repeats[1])
+        ax, ay = _bounded(ax * width), _bounded(ay * height)
+        bx, by = _bounded(bx * width), _bounded(by * height)
         # Of the ellipse with these conjugate diameters, the longer diameter and the lengths of both.
         xx, yy, xy = ax * ax + bx * bx, ay * ay + by * by, ax * ay + bx * by
         spread = math.sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy)
@@ -109,7 +141,8 @@ def fill_over(
         depth = math.log2(wide) if wide > 1.0 else 0.0
         if is_quick:
             depth = math.floor(depth + 0.5)
-        u, v = _finite(repeats[0] * uv[j, 0]), _finite(repeats[1] * uv[j, 1])
+        u, v = _turned(levels, repeats[0] * uv[j, 0], repeats[1] * uv[j, 1])
+        u, v = _finite(u + levels.offset_u), _finite(v + levels.offset_v)
         twice = 0.5 * (xx - yy) / spread if spread > 0.0 else 1.0  # the cosine of twice the longer one's angle
         du = longer * math.sqrt(max(0.5 + 0.5 * twice, 0.0)) / levels.sizes[0, 1]
         dv = math.copysign(longer * math.sqrt(max(0.5 - 0.5 * twice, 0.0)), xy) / levels.sizes[0, 0]

@@ -1,20 +1,22 @@
 """An image at halved sizes, and look-ups in it that are filtered over any footprint.
 
 Each level is the level below seen at half its size, every texel the mean of what it covers; of an odd number of texels
-the weights run over three [Guthe05], so that the mean of an image is the mean of all its levels. Texture coordinates
-repeat; v grows upwards, rows downwards. What a pixel sees of an image is about an ellipse: it is covered by look-ups
-along its longer axis, each as wide as the shorter one (after Feline, [McCormack99]), so that a table seen at a slant is
-neither blurred nor does it shimmer.
+the weights run over three [Guthe05], so that the mean of an image is the mean of all its levels. Beyond its edges it
+repeats, is mirrored or goes on as its edge; v grows upwards, rows downwards. What a pixel sees of an image is about an
+ellipse: it is covered by look-ups along its longer axis, each as wide as the shorter one (after Feline,
+[McCormack99]), so that a table seen at a slant is neither blurred nor does it shimmer.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine import lanes
+from engine.material.maps import AS_IT_IS, WRAPS, TextureTransform
 from engine.texture import _pyramid_kernels as kernels
 from engine.threads import even_parts, on_threads
 
@@ -25,16 +27,28 @@ MOST_PROBES = 16
 @dataclass(frozen=True, eq=False)
 class Pyramid:
     """texels (N, C) float32: those of all levels, row by row, the first as in the file, the last of one texel; shapes:
-    (height, width) of each level. flat: all texels' numbers and `lanes.N_BEHIND` more, as the kernels take them."""
+    (height, width) of each level. flat: all texels' numbers and `lanes.N_BEHIND` more, as the kernels take them.
+    transform: where coordinates are looked up on it."""
 
     flat: NDArray[np.float32]
     n_channels: int
     shapes: tuple[tuple[int, int], ...]
+    transform: TextureTransform = AS_IT_IS
 
     @property
     def texels(self) -> NDArray[np.float32]:
         """See above."""
         return self.flat[: -lanes.N_BEHIND].reshape(-1, self.n_channels)
+
+    def under(self, transform: TextureTransform) -> Pyramid:
+        """The same image, and the same object each time, under another transform."""
+        if transform == self.transform:
+            return self
+        return self._others.setdefault(transform, replace(self, transform=transform))
+
+    @cached_property
+    def _others(self) -> dict[TextureTransform, Pyramid]:
+        return {}
 
     @property
     def levels(self) -> tuple[NDArray[np.float32], ...]:
@@ -90,7 +104,10 @@ class Pyramid:
     def _packed(self) -> kernels.Levels:
         """As the kernels take it."""
         sizes = np.array(self.shapes, np.int64)
-        return kernels.Levels(self.flat, sizes, np.cumsum(sizes.prod(axis=1)) - sizes.prod(axis=1))
+        (cosine, sine), (along_u, along_v) = self.transform.turn, self.transform.offset
+        wraps = [WRAPS.index(wrap) for wrap in self.transform.wrap]
+        first = np.cumsum(sizes.prod(axis=1)) - sizes.prod(axis=1)
+        return kernels.Levels(self.flat, sizes, first, cosine, sine, along_u, along_v, *wraps)
 
 
 def make_pyramid(image: NDArray[np.floating]) -> Pyramid:

@@ -39,7 +39,9 @@ class TextureStore:
 
     def texture(self, images: Images) -> Pyramid | None:
         """Linear RGB of the texture; None where there is none. Raises LoadError."""
-        return self._pyramid("texture", images.texture, images.texture_space) if images.texture else None
+        if not images.texture:
+            return None
+        return self._pyramid("texture", images.texture, images.texture_space).under(images.texture_transform)
 
     def weight(self, images: Images) -> Pyramid | None:
         """Shares of the weight map; None where there is none. Raises LoadError."""
@@ -47,7 +49,7 @@ class TextureStore:
 
     def slopes(self, bumps: Bumps) -> Pyramid | None:
         """Slopes along u and v of a normal or a bump map; None where there is none. Raises LoadError."""
-        return self._pyramid(bumps.kind, bumps.file, "") if bumps.file else None
+        return self._pyramid(bumps.kind, bumps.file, "").under(bumps.transform) if bumps.file else None
 
     def stamps(self, images: Images) -> tuple[Stamp, ...]:
         """What changes when the files of images are written, None of one that is not there. Raises LoadError."""

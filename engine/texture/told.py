@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.material.maps import WRAPS
 from engine.material.strokes import HARDEST
 
 if TYPE_CHECKING:
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 Words = NDArray[np.uint32]
 
 _LEVELS = 16  # of an image, at most
+_HEAD = 1 + 3 * _LEVELS + 5
 _STROKE_WORDS = 8
 
 
@@ -66,19 +68,24 @@ class ToldImages:
             return -1
         if image not in self._begins:
             self._begins[image] = self._n_words
-            self._n_words += 1 + 3 * _LEVELS + 2 * len(image.texels)
+            self._n_words += _HEAD + 2 * len(image.texels)
         return self._begins[image]
 
 
 def image_words(images: tuple[Pyramid, ...]) -> Words:
-    """How many levels, of each height, width and first texel, and the texels: up to three half floats in two words."""
+    """How many levels, of each height, width and first texel; how coordinates are turned, moved and wrapped; and the
+    texels: up to three half floats in two words."""
     words = []
     for image in images:
-        head = np.zeros(1 + 3 * _LEVELS, np.uint32)
+        head = np.zeros(_HEAD, np.uint32)
         sizes = np.array(image.shapes[:_LEVELS], np.uint32)
         areas = sizes.prod(axis=1)
         head[0] = len(sizes)
         head[1 : 1 + 3 * len(sizes)] = np.column_stack([sizes, np.cumsum(areas) - areas]).ravel()
+        moves = np.array([*image.transform.turn, *image.transform.offset], np.float32)
+        head[_HEAD - 5 : _HEAD - 1] = moves.view(np.uint32)
+        u, v = (WRAPS.index(wrap) for wrap in image.transform.wrap)
+        head[_HEAD - 1] = u + len(WRAPS) * v
         texels = np.zeros((len(image.texels), 4), np.float16)
         texels[:, : image.n_channels] = np.clip(image.texels, -65504.0, 65504.0)
         words += [head, texels.view(np.uint32).ravel()]

@@ -17,9 +17,13 @@ from engine.material.maps import LayerMaps
 
 SET = {
     "texture": "wood/oak.png", "texture_space": "linear", "texture_scale": [2, 0.1 + 0.2], "texture_strength": 1 / 3,
-    "weight": "/elsewhere/mask.exr", "weight_invert": True,
+    "weight": "/elsewhere/mask.exr", "weight_invert": True, "texture_offset": [0.25, -1], "texture_rotation": 1 / 3,
+    "texture_wrap": ["clamp", "mirror"],
 }  # fmt: skip
-MAPS = LayerMaps("wood/oak.png", "linear", (2.0, 0.1 + 0.2), 1 / 3, "/elsewhere/mask.exr", True)
+MAPS = LayerMaps(
+    "wood/oak.png", "linear", (2.0, 0.1 + 0.2), 1 / 3, "/elsewhere/mask.exr", True,
+    texture_offset=(0.25, -1.0), texture_rotation=1 / 3, texture_wrap=("clamp", "mirror"),
+)  # fmt: skip
 
 
 @pytest.fixture
@@ -42,7 +46,12 @@ def test_a_session_brings_maps_back_equal(mapped: Document, tmp_path: Path) -> N
 
 
 def test_values_out_of_range_are_refused(document: Document) -> None:
-    for name, value in (("texture_scale", 0), ("texture_strength", 1.5), ("weight", 3), ("texture_space", "gamma")):
+    refused = (
+        ("texture_scale", 0), ("texture_strength", 1.5), ("weight", 3), ("texture_space", "gamma"),
+        ("texture_offset", [1e9, 0]), ("texture_offset", 1), ("texture_rotation", float("nan")),
+        ("texture_wrap", "border"), ("texture_wrap", ["clamp"]),
+    )  # fmt: skip
+    for name, value in refused:
         with pytest.raises(InsituError, match=f"{name} = "):
             set_path(document, f"pot.1.{name}", value).apply(document)
 

@@ -182,13 +182,60 @@ def transformed(read: Callable[..., GlbModel], **transform: Any) -> tuple[LayerM
     return model.parts[0].layers[0].maps, model.notes
 
 
-def test_repeats_are_kept_and_turns_are_told(read: Callable[..., GlbModel]) -> None:
+def test_where_an_image_lies_is_kept(read: Callable[..., GlbModel]) -> None:
     maps, notes = transformed(read, scale=[2, 3], offset=[1, 0])
-    assert maps.texture_scale == (2.0, 3.0) and notes == ()
-    assert "turned or moved" in transformed(read, rotation=0.5)[1][0]
-    assert "turned or moved" in transformed(read, scale=[2, 0.5])[1][0]  # half an image from the top, not the bottom
-    with pytest.raises(LoadError, match="none 0"):
-        transformed(read, scale=[0, 1])
+    assert maps == LayerMaps("#0", "srgb", (2.0, 3.0)) and notes == ()  # moved by whole images
+    assert transformed(read, offset=[0.25, 0.125])[0].texture_offset == (0.25, -0.125)  # v downwards there
+    maps, notes = transformed(read, scale=[0, 1])
+    assert maps.texture_scale == (1e-3, 1.0) and "scale = 0.0, taken as 0.001" in notes[0]
+
+
+@pytest.mark.parametrize(
+    "transform",
+    [
+        {"offset": [0.3, 0.1]},
+        {"rotation": 0.4},
+        {"scale": [2, 0.5]},
+        {"scale": [1.5, -3], "rotation": -2, "offset": [1.2, 3]},
+    ],
+)
+def test_images_are_looked_up_where_the_extension_says(
+    textured: Glb, glb_file: Callable[..., Path], scene_file: Callable[..., Path], transform: dict[str, Any]
+) -> None:
+    """Against the extension's own formula, v downwards as there, in an image that is mirrored along u and clamped along
+    v, the path tracer's look-up."""
+    tree, binary = textured
+    grey = np.random.default_rng(1).integers(60, 200, (8, 8, 1)).repeat(3, axis=2)
+    tree["images"] = [{"uri": "data:image/png;base64," + base64.b64encode(png(grey)).decode()}]
+    tree["samplers"] = [{"wrapS": 33648, "wrapT": 33071}]
+    tree["textures"] = [{"source": 0, "sampler": 0}]
+    info = tree["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]
+    glb_file(tree, binary)
+    plain = load_scene(scene_file('[[object]]\nname = "toy"\nmesh = "model.glb"\n'))
+    info["extensions"] = {"KHR_texture_transform": transform}
+    glb_file(tree, binary)
+    scene = load_scene(scene_file('[[object]]\nname = "toy"\nmesh = "model.glb"\n'))
+    assert scene.notes == plain.notes
+    maps, as_it_is = (each.description.objects[0].layers[0].maps for each in (scene, plain))
+    assert as_it_is.texture_wrap == maps.texture_wrap == ("mirror", "clamp")
+    u, v = np.random.default_rng(2).random((2, 50))  # v downwards
+    scale, offset, angle = transform.get("scale", [1, 1]), transform.get("offset", [0, 0]), transform.get("rotation", 0)
+    c, s = np.cos(angle), np.sin(angle)
+    there_u, there_v = c * scale[0] * u + s * scale[1] * v + offset[0], -s * scale[0] * u + c * scale[1] * v + offset[1]
+    found, _ = look_up(maps.images, scene.textures, np.stack([u, 1.0 - v], axis=1))
+    expected, _ = look_up(as_it_is.images, plain.textures, np.stack([there_u, 1.0 - there_v], axis=1))
+    np.testing.assert_allclose(found, expected, atol=1e-5)
+
+
+def test_samplers_clamp_and_mirror(read: Callable[..., GlbModel]) -> None:
+    for number, wrap in ((10497, "repeat"), (33648, "mirror"), (33071, "clamp"), (7, "repeat")):
+        model = read(textures=[{"source": 0, "sampler": 0}], samplers=[{"wrapT": number}])
+        assert model.parts[0].layers[0].maps.texture_wrap == ("repeat", wrap)
+        assert len(model.notes) == (number == 7)
+    normal = read(
+        textures=[{"source": 0, "sampler": 0}], samplers=[{"wrapS": 33071}], material={"normalTexture": {"index": 0}}
+    )
+    assert normal.parts[0].bumps == Bumps("#0", bump_wrap=("clamp", "repeat"))
 
 
 def test_files_that_need_what_is_not_read_are_refused(read: Callable[..., GlbModel]) -> None:

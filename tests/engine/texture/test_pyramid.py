@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from engine.material.maps import TextureTransform
 from engine.texture.pyramid import MOST_PROBES, Pyramid, make_pyramid
 
 
@@ -28,6 +29,61 @@ def test_middles_of_texels_have_their_values_and_v_grows_upwards() -> None:
     np.testing.assert_allclose(pyramid.at(uv + [3.0, -2.0]), image.reshape(-1, 3), atol=1e-5)  # it repeats
     # Half way between two texels is half of both.
     np.testing.assert_allclose(pyramid.at(np.array([[0.25, 5 / 6]]))[0], image[0, :2].mean(axis=0), atol=1e-6)
+
+
+def looked_up(image: np.ndarray, u: float, v: float, transform: TextureTransform) -> np.ndarray:
+    """A slow twin: the four texels around a place, each wherever wrapping puts it."""
+    height, width = image.shape[:2]
+    angle = np.radians(transform.rotation)
+    turned = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]) @ [u, v] + transform.offset
+
+    def texel(i: int, n: int, wrap: str) -> int:
+        if wrap == "clamp":
+            return min(max(i, 0), n - 1)
+        if wrap == "mirror":
+            return min(i % (2 * n), 2 * n - 1 - i % (2 * n))
+        return i % n
+
+    x, y = turned[0] * width - 0.5, (1.0 - turned[1]) * height - 0.5
+    found = np.zeros(image.shape[2])
+    for dx in (0, 1):
+        for dy in (0, 1):
+            column, row = int(np.floor(x)) + dx, int(np.floor(y)) + dy
+            share = (1 - abs(x - column)) * (1 - abs(y - row))
+            found += share * image[texel(row, height, transform.wrap[1]), texel(column, width, transform.wrap[0])]
+    return found
+
+
+@pytest.mark.parametrize("wrap", [("repeat", "repeat"), ("clamp", "mirror"), ("mirror", "clamp"), ("repeat", "clamp")])
+@pytest.mark.parametrize(("rotation", "offset"), [(0.0, (0.0, 0.0)), (30.0, (0.4, -1.3)), (-90.0, (0.0, 0.25))])
+def test_turned_moved_and_wrapped(wrap: tuple, rotation: float, offset: tuple) -> None:
+    image, transform = noise(5, 7), TextureTransform(rotation, offset, wrap)
+    pyramid = make_pyramid(image).under(transform)
+    uv = np.random.default_rng(1).uniform(-2.5, 2.5, (200, 2))
+    expected = [looked_up(image, *place, transform) for place in uv]
+    np.testing.assert_allclose(pyramid.at(uv), expected, atol=1e-5)
+    small = np.full((200, 2), 1e-4)
+    np.testing.assert_allclose(pyramid.over(uv, small, small[:, ::-1] * [1, -1]), expected, atol=1e-5)
+    # repeats come before the turn, and the sides of a pixel are turned with it
+    repeats = (1.5, -0.5)
+    expected = [looked_up(image, *(place * repeats), transform) for place in uv]
+    np.testing.assert_allclose(pyramid.over(uv, small, small, repeats=repeats), expected, atol=1e-5)
+
+
+def test_what_a_pixel_sees_is_turned_with_the_image() -> None:
+    """Stripes along v, which a quarter's turn lays along u: pixels long in u see one of them, in v their mean."""
+    stripes = np.repeat(np.tile(np.float32([0.0, 1.0]), 16)[None, :, None], 32, axis=0)
+    pyramid = make_pyramid(stripes).under(TextureTransform(90.0))
+    uv = np.stack([np.full(32, 0.3), (np.arange(32) + 0.5) / 32], axis=1)
+    sharp = over(pyramid, uv, (8 / 32, 0.0), (0.0, 0.25 / 32))[:, 0]
+    np.testing.assert_allclose(sharp, stripes[0, ::-1, 0], atol=1e-6)  # u on the image is −v
+    np.testing.assert_allclose(over(pyramid, uv, (0.25 / 32, 0.0), (0.0, 8 / 32)), 0.5, atol=1e-6)
+
+
+def test_an_image_under_another_transform_is_the_same_object_each_time() -> None:
+    pyramid, clamped = make_pyramid(noise(2, 2)), TextureTransform(wrap=("clamp", "clamp"))
+    assert pyramid.under(TextureTransform()) is pyramid
+    assert pyramid.under(clamped) is pyramid.under(clamped) and pyramid.under(clamped).flat is pyramid.flat
 
 
 def over(pyramid: Pyramid, uv: np.ndarray, across: tuple[float, float], down: tuple[float, float]) -> np.ndarray:

@@ -36,7 +36,10 @@ SIZE = (96, 72)
 MATT = make_layer(MODELS["lambert"], {"albedo": (0.6, 0.5, 0.4)})
 GLOSS = make_layer(MODELS["rough_conductor"], {"alpha": 0.4})
 PAINTED = Strokes((Stroke(0.5, 0.2, 0.9, 0.5, np.array([0.3, 0, 0.3, 0, 1, 0], "<f4").tobytes()),))
-TINTED = LayerMaps(texture="tint.png", texture_scale=(2.0, -1.0), texture_strength=0.8)
+TINTED = LayerMaps(
+    texture="tint.png", texture_scale=(2.0, -1.0), texture_strength=0.8, texture_offset=(0.3, 0.9),
+    texture_rotation=25.0, texture_wrap=("mirror", "clamp"),
+)  # fmt: skip
 SHARED = LayerMaps(weight="share.png", weight_invert=True, strokes=PAINTED)
 PATCH = DeformSurface.model_validate({"patch": {"kind": "bumps", "repeats": [3, 2], "height": 2}})
 BENT: Poses = (
@@ -67,7 +70,8 @@ def grooves(n: int) -> Generator[float, None, Zonal]:
 def deform(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Deform]:
     """A ball and a leaf that is open over a floor; the leaf's coordinates are mirrored."""
     folder, chance = Path(tmp_path_factory.mktemp("covered")), np.random.default_rng(1)
-    for name, values in (("tint.png", chance.random((8, 8, 3))), ("share.png", chance.random((4, 4)))):
+    tint = chance.random((8, 8, 3)).round()  # in half floats as it is, clamped texels too
+    for name, values in (("tint.png", tint), ("share.png", chance.random((4, 4)))):
         Image.fromarray(np.uint8(255 * values)).save(folder / name)
     (folder / "ball.toml").write_text(
         camera((1.5, 1.2, 3.0), 40, SIZE)

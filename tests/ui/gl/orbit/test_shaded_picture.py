@@ -33,7 +33,8 @@ from ui.gl.textures import read_texture
 pytestmark = pytest.mark.gl
 
 SIZE = 64, 48
-MATT = '{ model = "lambert", albedo = [0.6, 0.5, 0.4], texture = "tint.png", texture_scale = [2, 3] }'
+TINT = 'texture = "tint.png", texture_scale = [2, 3], texture_rotation = 20, texture_wrap = ["mirror", "repeat"]'
+MATT = f'{{ model = "lambert", albedo = [0.6, 0.5, 0.4], {TINT} }}'
 GLOSS = '{ model = "rough_conductor", alpha = 0.3, weight = "share.png", weight_invert = true }'
 BRUSHED = '{ model = "ward_anisotropic" }, { model = "lambert", albedo = [0.1, 0.2, 0.4] }'
 LAMP = "0.5,0,0,-0.8, 0,0.35,-0.35,1.05, 0,0.35,0.35,-0.6, 0,0,0,1"
@@ -46,7 +47,7 @@ def scene_text() -> str:
         + placed("floor", "quad", "3,0,0,0, 0,0,3,0, 0,-3,0,0, 0,0,0,1",
                  f'bump_map = {{ file = "bumps.png", height = 0.04, repeats = [3, 3] }}\nlayer = [{MATT}, {GLOSS}]\n')
         + placed("block", "cube", "0.7,0,0.2,0.1, 0,0.7,0,0.35, -0.2,0,0.7,0.2, 0,0,0,1",
-                 f'normal_map = {{ file = "lean.png", scale = 0.3, repeats = [2, -1] }}\nlayer = [{BRUSHED}]\n')
+                 f'normal_map = {{ file = "lean.png", scale = 0.3, repeats = [2, -1], offset = [0.2, 0.4], wrap = "mirror" }}\nlayer = [{BRUSHED}]\n')
         + placed("lamp", "quad", LAMP, "emission = [9, 7, 5]\n")
     )  # fmt: skip
 
