@@ -34,6 +34,7 @@ pytestmark = pytest.mark.gl
 
 SIZE = 64, 48
 TINT = 'texture = "tint.png", texture_scale = [2, 3], texture_rotation = 20, texture_wrap = ["mirror", "repeat"]'
+LEAN = 'repeats = [2, -1], offset = [0.2, 0.4], wrap = "mirror"'
 MATT = f'{{ model = "lambert", albedo = [0.6, 0.5, 0.4], {TINT} }}'
 GLOSS = '{ model = "rough_conductor", alpha = 0.3, weight = "share.png", weight_invert = true }'
 BRUSHED = '{ model = "ward_anisotropic" }, { model = "lambert", albedo = [0.1, 0.2, 0.4] }'
@@ -47,7 +48,7 @@ def scene_text() -> str:
         + placed("floor", "quad", "3,0,0,0, 0,0,3,0, 0,-3,0,0, 0,0,0,1",
                  f'bump_map = {{ file = "bumps.png", height = 0.04, repeats = [3, 3] }}\nlayer = [{MATT}, {GLOSS}]\n')
         + placed("block", "cube", "0.7,0,0.2,0.1, 0,0.7,0,0.35, -0.2,0,0.7,0.2, 0,0,0,1",
-                 f'normal_map = {{ file = "lean.png", scale = 0.3, repeats = [2, -1], offset = [0.2, 0.4], wrap = "mirror" }}\nlayer = [{BRUSHED}]\n')
+                 f'normal_map = {{ file = "lean.png", scale = 0.3, {LEAN} }}\nlayer = [{BRUSHED}]\n')
         + placed("lamp", "quad", LAMP, "emission = [9, 7, 5]\n")
     )  # fmt: skip
 
