@@ -162,7 +162,7 @@ class _Bending:
     ready_at = 0.95
 
     def __init__(self, project: Project, frames: Frames, poses: Sequence[Poses]) -> None:
-        self._deform = prepared_deform(project, [name for name, _ in poses[0]], frames.series)
+        self._deform = prepared_deform(project, project.resting, [name for name, _ in poses[0]], frames.series)
         self._scene, self._poses = project.scene, poses
         self._intensity = np.float64(project.document.light.intensity)
 

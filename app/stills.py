@@ -30,7 +30,7 @@ from engine.orbit.live import Orbit
 from engine.orbit.still import render_orbit
 from engine.plan import N_LIGHTS, N_PATCHES, Plan, plan_scene
 from engine.render.bounces import planned_bounces
-from engine.render.error_estimate import estimate_error
+from engine.render.error_estimate import estimate_error, judge_drawn
 from engine.render.image_files import exr_bytes, png_bytes
 from engine.render.indirect import indirect_radiance
 from engine.render.light_pilot import with_needed_light
@@ -47,6 +47,7 @@ from engine.render.still import (
     still_quality,
     with_maps,
 )
+from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
 from engine.steps import finish
 from engine.transport.pipeline import Placement
@@ -114,19 +115,25 @@ def render_project(
     if reference:
         steps = _reference(placement, project, series.n_bounces, n_samples)
         return Still(held(finish(steps, report) * intensity, BRIGHTEST), warning=bounces.warning)
-    if mode == "orbit":
-        knobs = {**mode_knobs(mode, project.overruled), **knobs}
-        drawing = render_orbit(
-            placement, layers_by_object(project), sky, n_patches, n_bounces=series.n_bounces,
-            **knobs,
-        )  # fmt: skip
-        return Still(held(finish(drawing, report) * intensity, BRIGHTEST), warning=bounces.warning)
-    if mode == "deform":
-        poses = project.document.poses
-        deform = prepared_deform(project, [name for name, _ in poses], series, knobs)
-        bending = render_deform(deform, project.scene.resolution, poses)
-        return Still(held(finish(bending, report) * intensity, BRIGHTEST), warning=bounces.warning)
     layers = with_maps(placement, still_layers(project.layers.items(), project.object_names, plan))
+    if mode != "placement":
+        if mode == "orbit":
+            knobs = {**mode_knobs(mode, project.overruled), **knobs}
+            drawing = render_orbit(
+                placement, layers_by_object(project), sky, n_patches, n_bounces=series.n_bounces, **knobs
+            )
+        else:
+            # A still has one pose: transfer of the meshes as they stand in it has the shadows between objects, too.
+            deform = prepared_deform(project, project.scene, (), series, knobs)
+            drawing = render_deform(deform, project.scene.resolution)
+        picture, warning = finish(drawing, report), bounces.warning
+        alone = _alone_in_deform(project) if mode == "deform" else ()
+        if estimates_error and alone:
+            warning = warning or f"where it is off is not known: paths do not know the surface of {', '.join(alone)}"
+        elif estimates_error:
+            (judged,) = finish(judge_drawn(placement, layers, sky, series.n_bounces, [picture]), report)
+            error = judged.estimate
+        return Still(held(picture * intensity, BRIGHTEST), error, warning)
     layers = _at_most(layers, series.first or project.document.first_bands)
     if series.n_bounces > 1:
         fineness, as_needed = STILL.with_rays(plan.n_rays), not plan.n_rays
@@ -153,13 +160,18 @@ def prepared_orbit(project: Project, n_patches: int = N_PATCHES, series: BounceS
     return orbit
 
 
+def _alone_in_deform(project: Project) -> tuple[str, ...]:
+    """The objects, by name, whose surfaces Deform alone knows, so that no paths tell how far off they are."""
+    return tuple(state.name for state in project.document.objects if state.surface.kind)
+
+
 def prepared_deform(
-    project: Project, posed: Sequence[str], series: BounceSeries | None = None,
+    project: Project, scene: Scene, posed: Sequence[str], series: BounceSeries | None = None,
     knobs: Mapping[str, int] = MappingProxyType({}),
 ) -> Deform:  # fmt: skip
-    """What pictures in Deform's way are drawn of, of objects, by name, that bend; all its work is to be done. knobs: as
-    in `render_project`."""
-    deform = Deform(project.resting, shelf=StoredLobes(Store()))
+    """What pictures in Deform's way are drawn of the project's scene, at rest or in a pose; posed: the objects, by
+    name, that are to bend out of that; all its work is to be done. knobs: as in `render_project`."""
+    deform = Deform(scene, shelf=StoredLobes(Store()))
     usual = {"n_rays": DEFORM_RAYS, "n_lobes": N_LOBES}
     deform.set_effort(**{**usual, **mode_knobs("deform", project.overruled), **knobs})
     deform.set_light(project.sky)

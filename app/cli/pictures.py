@@ -164,7 +164,7 @@ def render(
         print(TOO_BRIGHT, file=sys.stderr)
     line = f"{output}: {picture.shape[1]} x {picture.shape[0]}, {time.monotonic() - started:.1f} s"
     say(f"{line}, {said}" if said else line)
-    if error is not None and error.is_poor:
+    if error is not None and error.advice:
         say(f"note: {error.advice}")
     if still.warning:
         say(f"note: {still.warning}")

@@ -1,4 +1,4 @@
-"""A still in Deform's way, from geometry at rest to pixels of a pose."""
+"""A still in Deform's way, of the meshes as they stand."""
 
 from __future__ import annotations
 
@@ -8,13 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.deform.live import Deform
-from engine.deform.pose import Poses
 from engine.render.still import StillProgress
 
 
-def render_deform(
-    deform: Deform, resolution: tuple[int, int], poses: Poses
-) -> Generator[StillProgress, None, NDArray[np.float32]]:
-    """Radiance (H, W, 3) of a scene in these poses, as Deform shows it when the hand rests; yields how far it is."""
+def render_deform(deform: Deform, resolution: tuple[int, int]) -> Generator[StillProgress, None, NDArray[np.float32]]:
+    """Radiance (H, W, 3) of a scene, as Deform shows it when the hand rests; yields how far it is."""
     yield from deform.work()
-    return deform.draw(deform.scene.description.camera, resolution, poses, "rest")
+    return deform.draw(deform.scene.description.camera, resolution, (), "rest")

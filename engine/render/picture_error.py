@@ -44,16 +44,19 @@ class ErrorEstimate:
     @property
     def short(self) -> str:
         """In a line beside others, such as "about 7.0 % off, mostly on teapot"."""
-        place = f", mostly on {self.mostly}" if self.is_poor and self.mostly else ""
-        return f"about {percent(self.total)} off{place}"
+        return f"about {percent(self.total)} off{self._place}"
 
     @property
     def text(self) -> str:
         """In words, such as "error about 1.8 % (direct 0.6 %, indirect 1.7 %)"."""
         about = f"error about {percent(self.total)}"
         if self.direct is None or self.indirect is None:
-            return about
+            return about + self._place
         return f"{about} (direct {percent(self.direct)}, indirect {percent(self.indirect)})"
+
+    @property
+    def _place(self) -> str:
+        return f", mostly on {self.mostly}" if self.is_poor and self.mostly else ""
 
     @property
     def advice(self) -> str:

@@ -29,9 +29,12 @@ from engine.deform import heights
 from engine.deform.parts import NOTHING, PosedPart, Told
 from engine.deform.pose import Deformation
 from engine.indirect.series import BounceSeries
+from engine.render.error_estimate import inside
 from engine.scene.rig import Animation
 from engine.scene.surface_kinds import DeformSurface
+from engine.transport.pipeline import Placement
 from tests.app.orbit.test_talk import Table
+from tests.pictures import write_exr
 from tests.scene_text import camera, placed
 
 POSES = (("box", (Deformation("bend", 60.0),)),)
@@ -342,3 +345,48 @@ def test_a_still_is_of_the_pose_that_is_set(file: Path, monkeypatch: pytest.Monk
         ]
         covered = [np.abs(each - each[0, 0]).sum(axis=2) > 0.0 for each in pictures]
         assert (covered[0] != covered[1]).mean() < 0.08  # but for the silhouette
+
+
+def standing(folder: Path, more: str = "") -> Path:
+    """A box that stands on a floor, under a sky that is bright straight above."""
+    sky = np.full((16, 32, 3), 0.05, np.float32)
+    sky[:3] = 5.0
+    write_exr(folder / "sky.exr", sky)
+    path = folder / "standing.toml"
+    matt = 'layer = [{ model = "lambert" }]\n'
+    path.write_text(
+        camera((0.0, 2.5, 5.0), 40, (36, 27))
+        + '[environment]\nfile = "sky.exr"\n'
+        + placed("box", "cube", "0.5,0,0,0, 0,0.5,0,0.9, 0,0,0.5,0, 0,0,0,1", matt + more)
+        + placed("floor", "quad", "4,0,0,0, 0,0,4,0, 0,-4,0,0, 0,0,0,1", matt)
+    )
+    return path
+
+
+def test_a_still_of_a_pose_has_the_shadows_between_objects_and_tells_what_it_is_off(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without its shadow the floor beneath the box was 1.6 times too bright, and nobody told."""
+    monkeypatch.setattr(stills, "DEFORM_RAYS", 200)
+    project = open_project(str(standing(tmp_path)), values=[("box.taper", 0.6)])
+    series = BounceSeries(1)
+    still = render_project(project, lambda _: None, series=series, mode="deform", estimates_error=True)
+    truth = render_project(project, lambda _: None, series=series, reference=True).picture
+    hits = Placement(project.scene).hits
+    is_floor = hits.object_image == 1
+    beneath = is_floor & (truth.mean(axis=2) < 0.75 * np.percentile(truth[is_floor], 90.0))
+    assert beneath.sum() > 15
+    assert still.picture[beneath].mean() == pytest.approx(truth[beneath].mean(), rel=0.1)
+    shown = hits.pixel[inside(hits)]
+    picture, truth = (each.reshape(-1, 3)[shown] for each in (still.picture, truth))
+    off = np.sqrt(((picture - truth) ** 2).mean()) / truth.mean()
+    assert still.error is not None and still.error.total == pytest.approx(off, rel=0.7, abs=0.01)
+
+
+def test_a_still_of_what_deform_alone_knows_says_that_nobody_knows_how_far_it_is_off(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stills, "DEFORM_RAYS", 16)
+    project = open_project(str(standing(tmp_path, "deform = { membrane = { translucency = 0.5 } }\n")), (12, 9))
+    still = render_project(project, lambda _: None, series=BounceSeries(1), mode="deform", estimates_error=True)
+    assert still.error is None and "paths do not know the surface of box" in still.warning
