@@ -30,7 +30,7 @@ from app.measurements import with_full_paths
 from app.sources import SESSION_ENDING
 from app.view_state import AS_PLANNED, Bookmark, SetView, Viewpoint, ViewState
 from engine.colour import ToneMapping
-from engine.deform.pose import Deformation, Moment
+from engine.deform.pose import MAX_GROWTH, Deformation, Moment, growth
 from engine.errors import InsituError, LoadError, describe_value
 from engine.files import read_regular_file
 from engine.material.bumps import Bumps, bump_parts, bumps_of_parts
@@ -97,9 +97,11 @@ class ObjectRecord(StrictModel):
     deformers: tuple[DeformerRecord, ...] = Field(default=(), alias="deformer", max_length=MAX_DEFORMERS)
 
     @model_validator(mode="after")
-    def _is_a_moment(self) -> ObjectRecord:
+    def _is_a_pose(self) -> ObjectRecord:
         if (self.time is None) != (self.clip is None):
             raise ValueError("time and clip: both or none")
+        if (times := growth([each.deformation for each in self.deformers])) > MAX_GROWTH:
+            raise ValueError(f"deformers make it {times:.3g} times as large: at most {MAX_GROWTH:g} times")
         return self
 
 

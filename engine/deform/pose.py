@@ -14,10 +14,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from engine.deform.deformers import KINDS
+from engine.errors import InsituError
 
 Floats = NDArray[np.float64]
 
+MAX_GROWTH = 1000.0
 _SHORT = 1e-12
+_SIDES = 9  # of a cube, at so many places along each
 AXES = {"x": (1, 0, 2), "y": (0, 1, 2), "z": (0, 2, 1)}  # places of across, axis, depth
 
 
@@ -92,6 +95,20 @@ def deformed(pose: Pose, deformations: Sequence[Deformation], box: Floats | None
         positions = moved[:, back] * height + foot
         jacobians = jacobian[:, back][:, :, back] @ jacobians
     return Pose(positions, deformed_frames(pose.frames, jacobians))
+
+
+def growth(deformations: Sequence[Deformation]) -> float:
+    """How many times as large a cube becomes by deformers, one after another, along the axis where that is most."""
+    places = np.stack(np.meshgrid(*[np.linspace(0.0, 1.0, _SIDES)] * 3), axis=-1).reshape(-1, 3)
+    moved = deformed(Pose(places, np.broadcast_to(np.eye(3), (len(places), 3, 3))), deformations)
+    return float(np.ptp(moved.positions, axis=0).max())
+
+
+def check_extent(name: str, positions: Floats, most: float) -> None:
+    """Raises InsituError where an object, by name, reaches farther than so many metres in a pose."""
+    extent = float(np.abs(positions).max(initial=0.0))
+    if not extent <= most:
+        raise InsituError(f"{name}: reaches {extent:.3g} m in this pose, expected at most {most:g} m")
 
 
 def deformed_frames(frames: ArrayLike, jacobians: ArrayLike) -> Floats:

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.deform.points import BendingPoints
-from engine.deform.pose import Pose, Poses, Row, deformed
+from engine.deform.pose import Pose, Poses, Row, check_extent, deformed
 from engine.deform.posed_scene import at_moment, deformers, moment_of, shifted
 from engine.deform.uv_axes import SurfaceAxes
-from engine.scene.load import Scene
+from engine.scene.load import MAX_EXTENT, Scene
 
 Singles = NDArray[np.float32]
 Indices = NDArray[np.int32]
@@ -26,7 +26,8 @@ class PosedPoints:
         self._axes_now: dict[int, tuple[object, Singles]] = {}
 
     def at(self, poses: Poses) -> tuple[Singles, Singles]:
-        """Places (V, 3) of all that is drawn, and axes (S, 3, 3) of points."""
+        """Places (V, 3) of all that is drawn, and axes (S, 3, 3) of points. Raises InsituError where an object would
+        reach beyond the largest scene."""
         scene = self._scene
         rows = {scene.object_index(name): row for name, row in poses if name in scene.object_names}
         for i in range(len(scene.smooth)):
@@ -59,4 +60,6 @@ class PosedPoints:
         if moment_of(self._scene, i, row) is not None:
             rest, moment = at_moment(self._scene, i, row)
             carried, self._shifts[i] = self._points.carried(i, resting, rest, moment), shifted(rest, moment)
-        return deformed(carried, deformers(row), resting.box + self._shifts[i])
+        pose = deformed(carried, deformers(row), resting.box + self._shifts[i])
+        check_extent(self._scene.object_names[i], pose.positions, MAX_EXTENT)
+        return pose

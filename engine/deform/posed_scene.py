@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.deform import animation
-from engine.deform.pose import Deformation, Moment, Pose, Poses, Row, deformed
+from engine.deform.pose import Deformation, Moment, Pose, Poses, Row, check_extent, deformed
 from engine.scene.frames import local_frames, object_tangents
-from engine.scene.load import Scene
+from engine.scene.load import MAX_EXTENT, Scene
 from engine.scene.mesh import face_normals
 
 
 def posed(scene: Scene, poses: Poses) -> Scene:
     """The scene with these objects, by name, in these poses; names of none do not count. The same scene where nothing
-    is moved.
+    is moved. Raises InsituError where one of them would reach beyond the largest scene.
 
     A face that has no area left keeps the normal it had.
     """
@@ -31,6 +31,7 @@ def posed(scene: Scene, poses: Poses) -> Scene:
         mine = which - scene.vertex_ranges[i, 0]
         box = Pose(rest.positions[mine], rest.frames[mine]).box + shift
         pose = deformed(Pose(moment.positions[mine], moment.frames[mine]), deformers(row), box)
+        check_extent(scene.object_names[i], pose.positions, MAX_EXTENT)
         vertices[which], normals[which] = pose.positions, pose.frames[:, 2]
     geometric, solid = face_normals(vertices, scene.triangles)
     geometric = np.where(solid[:, None], geometric, scene.geometric_normals)

@@ -11,7 +11,7 @@ from app.commands import AddDeformer, EditCommand, MoveDeformer, RemoveDeformer,
 from app.commands.poses import MAX_DEFORMERS
 from app.document import Document
 from app.editor import Editor
-from app.files.session import fit_session, load_session, save_session
+from app.files.session import dump_session, fit_session, load_session, save_session
 from app.looking import REST_SECONDS
 from app.messages import Failed, LookFrom
 from app.script import DeformObject, load_script
@@ -24,6 +24,7 @@ from engine.scene.rig import Animation
 from tests.app.fake_worker import FakeClient
 
 BEND, TWIST = Deformation("bend", 40.0), Deformation("twist", -90.0, "x")
+WIDE = Deformation("bulge", 4.0)
 
 
 @pytest.fixture
@@ -57,6 +58,8 @@ def test_each_command_changes_the_row(bent: Document, command: EditCommand, row:
         (RemoveDeformer("floor", 0), "no deformers"),
         (AddDeformer("cup", "bend"), "no object 'cup'"),
         (SetPose("pot", (BEND,) * (MAX_DEFORMERS + 1)), f"{MAX_DEFORMERS} deformers"),
+        (SetPose("pot", (WIDE,) * MAX_DEFORMERS), "pot: its deformers make it 1.53e.11 times as large, expected"),
+        (SetPose("pot", (Deformation("taper", 4.0),) * 5), "make it 3.12e.03 times as large, expected at most 1000 "),
     ],
 )
 def test_what_makes_no_sense_is_refused(bent: Document, command: EditCommand, said: str) -> None:
@@ -85,6 +88,23 @@ def test_a_session_keeps_poses(bent: Document, tmp_path: Path) -> None:
     path.write_text(path.read_text().replace('"bend"', '"melt"'))
     with pytest.raises(LoadError, match="deformer 'melt', expected one of bend"):
         load_session(path)
+
+
+def test_a_session_of_what_grows_without_end_is_refused_in_one_line(bent: Document, tmp_path: Path) -> None:
+    far = bent.with_object(replace(bent.object("pot"), deformations=(WIDE,) * MAX_DEFORMERS))
+    path = tmp_path / "far.insitu"
+    path.write_text(dump_session(far, ViewState()))
+    with pytest.raises(LoadError, match="1.53e\\+11 times as large"):
+        load_session(path)
+
+
+def test_what_grows_without_end_is_refused_in_the_window_and_nothing_is_lost(editor: Editor) -> None:
+    for _ in range(4):
+        assert editor.do(AddDeformer("pot", "bulge", 4.0)) is None
+    before, steps = editor.document, len(editor.history.undo_steps)
+    line = editor.do(AddDeformer("pot", "bulge", 4.0))
+    assert line is not None and "times as large" in line and "\n" not in line
+    assert editor.document is before and len(editor.history.undo_steps) == steps
 
 
 def test_a_script_deforms(tmp_path: Path) -> None:

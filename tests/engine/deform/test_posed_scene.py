@@ -7,9 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from engine.deform.live import Deform, finished
 from engine.deform.pose import Deformation
 from engine.deform.posed_scene import posed
+from engine.errors import InsituError
 from engine.scene.load import Scene, load_scene
+from engine.transport.pipeline import SkyState
 from tests.scene_text import camera, placed
 
 
@@ -58,3 +61,21 @@ def test_what_collapses_keeps_unit_normals(scene: Scene, row: tuple[Deformation,
     for normals in (bent.normals, bent.geometric_normals):
         assert np.linalg.norm(normals, axis=1) == pytest.approx(1.0, abs=1e-5)
     assert np.isfinite(bent.vertices).all()
+
+
+def test_what_reaches_beyond_the_largest_scene_is_refused_by_its_extent(tmp_path: Path) -> None:
+    path = tmp_path / "vast.toml"
+    path.write_text(
+        camera((0, 1e8, 9e8), 40, (8, 6), (0, 0, 0), "bounces = 1\n")
+        + "[environment]\nradiance = [1, 1, 1]\n"
+        + placed("world", "sphere", "8e8,0,0,0, 0,8e8,0,0, 0,0,8e8,0, 0,0,0,1")
+    )
+    vast, poses = load_scene(path), (("world", (Deformation("bulge", 4.0),)),)
+    said = "world: reaches 2e\\+09 m in this pose, expected at most 1e\\+09 m"
+    with pytest.raises(InsituError, match=said):
+        posed(vast, poses)
+    deform = Deform(vast, n_points=0, n_rays=16)
+    deform.set_light(SkyState(None))
+    deform.set_layers({})
+    with pytest.raises(InsituError, match=said):
+        finished(deform).draw(vast.description.camera, (8, 6), poses)
