@@ -89,7 +89,14 @@ def test_an_animation_is_frames_of_it_and_a_time_one_of_them(
     assert insitu("render", bar, "-o", out, *few, "--frames", 2) == 0
     assert "1 frames, 1 were there" in capsys.readouterr().out and (out / "0001.png").read_bytes() == first[1]
     assert insitu("render", bar, "-o", tmp_path / "still.png", *few, "--time", 2.5) == 0  # which is 0.5
-    assert np.array_equal(Image.open(tmp_path / "still.png"), Image.open(out / "0001.png"))
+    still, *drawn = (
+        np.asarray(Image.open(each), float) for each in (tmp_path / "still.png", out / "0000.png", out / "0001.png")
+    )
+    if mode == "placement":
+        assert np.array_equal(still, drawn[1])
+    else:  # a still's transfer is that of its pose, frames turn one of the mesh at rest
+        off = [np.abs(still - each).mean() for each in drawn]
+        assert off[1] < 0.3 * off[0]
 
 
 def test_what_does_not_go_with_an_animation_is_said(scene: Path, tmp_path: Path, capsys) -> None:
