@@ -1,4 +1,4 @@
-"""One object of a scene as a binary PLY file, in world coordinates."""
+"""One object of a scene as a binary PLY file, in the frame of the scene's arrays: the world less `Scene.origin`."""
 
 from __future__ import annotations
 
@@ -20,8 +20,7 @@ def ply_bytes(scene: Scene, index: int) -> bytes:
     else:
         corners, triangles = np.unique(triangles, return_inverse=True)
         triangles, columns = triangles.reshape(-1, 3), []
-    places = (scene.vertices[corners].astype(np.float64) + scene.origin).astype(np.float32)
-    rows = np.concatenate([places, scene.normals[corners], *columns], axis=1).astype("<f4")
+    rows = np.concatenate([scene.vertices[corners], scene.normals[corners], *columns], axis=1).astype("<f4")
     faces = np.empty(len(triangles), np.dtype([("n", "u1"), ("corners", "<i4", 3)]))
     faces["n"], faces["corners"] = 3, triangles
     head = ["ply", "format binary_little_endian 1.0", f"element vertex {len(rows)}"]

@@ -2,7 +2,7 @@
 
     OUT/scene.xml       camera, lights, objects; what Mitsuba has no counterpart for is of the type "insitu"
     OUT/render.py       `python render.py` renders scene.xml to render.exr; it brings that type along
-    OUT/meshes/*.ply    in world coordinates
+    OUT/meshes/*.ply    in world coordinates, those of a far scene and its camera less the scene's centre
     OUT/materials/*.npz tables of the materials of that type
     OUT/sky.exr         lat-long
 
@@ -58,6 +58,9 @@ def _write(project: Project, folder: Path, n_bounces: int) -> Steps:
     add(add(root, "integrator", type="path"), "integer", name="max_depth", value=str(n_bounces + 1))
     _add_camera(root, project)
     notes = _add_sky(root, project, folder)
+    if (origin := project.scene.origin).any():
+        moved = ", ".join(f"{0.0 - each:.9g}" for each in origin)
+        notes.append(f"the scene stands far from the origin, where single precision is coarse: moved by {moved} m")
     names = project.object_names
     for index, name in enumerate(names):
         yield index / len(names), name
@@ -73,7 +76,8 @@ def _add_camera(root: ElementTree.Element, project: Project) -> None:
     sensor = add(root, "sensor", type="perspective")
     add(sensor, "float", name="fov", value=f"{camera.fov_y:.9g}")
     add(sensor, "string", name="fov_axis", value="y")
-    points = {"origin": camera.position, "target": camera.target, "up": camera.up}
+    eye, target = (np.subtract(point, project.scene.origin) for point in (camera.position, camera.target))
+    points = {"origin": eye, "target": target, "up": camera.up}
     place = add(sensor, "transform", name="to_world")
     add(place, "lookat", **{name: ", ".join(f"{v:.9g}" for v in point) for name, point in points.items()})
     film = add(sensor, "film", type="hdrfilm")

@@ -148,6 +148,6 @@ def _geometry_key(scene: Scene, n_edge_rays: int) -> str:
     """What visibility hangs on of the view."""
     camera = scene.description.camera.model_dump_json()
     return content_key(
-        CACHE_VERSION, camera, scene.resolution, n_edge_rays, scene.vertices, scene.normals, scene.triangles,
-        scene.object_of_triangle, scene.smooth, scene.emission,
+        CACHE_VERSION, camera, scene.origin, scene.resolution, n_edge_rays, scene.vertices, scene.normals,
+        scene.triangles, scene.object_of_triangle, scene.smooth, scene.emission,
     )  # fmt: skip

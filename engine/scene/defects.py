@@ -40,9 +40,9 @@ def count_defects(mesh: Mesh) -> Defects:
     directions; where two do not, both are counted as flipped (nobody knows which one is). A third face at an edge is
     no fault of winding.
     """
-    vertices, triangles = mesh.vertices.astype(np.float32), mesh.triangles
+    vertices, triangles = mesh.vertices, mesh.triangles
     _, solid = face_normals(vertices, triangles)
-    corners = vertices[triangles].astype(np.float64)
+    corners = vertices[triangles]
     edges = corners[:, (1, 2, 0)] - corners
     doubled = np.linalg.norm(cross(edges[:, 0], edges[:, 1]), axis=1)
     sliver = solid & (doubled <= _SLIVER * (edges**2).sum(axis=2).max(axis=1))

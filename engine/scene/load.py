@@ -162,7 +162,8 @@ def _assemble(
     _check_count(items, path)
     placed, place_notes = _place_all(items, path)
     description = description.model_copy(update={"objects": tuple(item.description for item in items)})
-    vertices, origin = _recentre([mesh.vertices for mesh in placed], path)
+    origin = _find_origin(placed, path)
+    vertices, placed, lost_notes = _round_all(placed, origin, items, path)
     joined = join_meshes(placed)
     triangles, ranges = np.ascontiguousarray(joined.triangles), _ranges([len(mesh.triangles) for mesh in placed])
     geometric, _ = face_normals(vertices, triangles)
@@ -191,7 +192,7 @@ def _assemble(
         vertex_ranges=_ranges([len(mesh.vertices) for mesh in placed]),
         rigs=tuple(_rig(item, origin) for item in items),
         environment_path=environment_path,
-        notes=(*notes, *place_notes, *_layer_notes(description), *_map_notes(description, placed)),
+        notes=(*notes, *place_notes, *lost_notes, *_layer_notes(description), *_map_notes(description, placed)),
     )
     _load_maps(scene)
     return scene
@@ -235,8 +236,7 @@ def _place_all(items: Sequence[ObjectMesh], path: Path) -> tuple[list[Mesh], lis
         if not extent <= MAX_EXTENT:
             raise LoadError(path, f"{where}: coordinates once placed", f"{extent:g}", f"at most {MAX_EXTENT:g} m")
         defects = count_defects(mesh)
-        uvs, tangents = (None if own is None else own[defects.solid] for own in (mesh.uvs, mesh.tangents))
-        mesh = Mesh(mesh.vertices, mesh.triangles[defects.solid], mesh.normals, uvs, tangents)
+        mesh = _with_faces(mesh, defects.solid)
         if not len(mesh.triangles):
             raise LoadError(path, f"{where}: faces with an area", 0, "at least one")
         placed.append(with_normals(mesh))
@@ -244,18 +244,54 @@ def _place_all(items: Sequence[ObjectMesh], path: Path) -> tuple[list[Mesh], lis
     return placed, notes
 
 
-def _recentre(vertices: list[npt.NDArray[np.float64]], path: Path) -> tuple[npt.NDArray[np.float32], npt.NDArray]:
-    """All vertices as float32 and the origin they are relative to: zero unless the scene stands far off.
+def _find_origin(placed: Sequence[Mesh], path: Path) -> npt.NDArray[np.float64]:
+    """What all vertices are to be relative to (3,): zero unless the scene stands far off.
 
-    Far is a centre more than 16 times the scene's half extent away; each such factor of two costs a bit of float32.
+    It stands where its middling object does, and far off is more than 16 times this one's half extent away; each such
+    factor of two costs a bit of float32. The whole would not do: a figure on a wide floor is to keep its detail.
     """
-    joined = np.concatenate(vertices)
-    low, high = joined.min(axis=0), joined.max(axis=0)
-    centre, half = (low + high) / 2, float((high - low).max()) / 2
-    if not half > 0.0 or not half >= 1e-9:
-        raise LoadError(path, "extent of the scene", f"{2 * half:g} m", "at least 2e-09 m")
-    origin = centre if np.abs(centre).max() > _FAR * half else np.zeros(3)
-    return (joined - origin).astype(np.float32), origin
+    boxes = np.array([_box(mesh.vertices[mesh.triangles].reshape(-1, 3)) for mesh in placed])
+    size = float((boxes[:, 1].max(axis=0) - boxes[:, 0].min(axis=0)).max())
+    if not size >= 2e-9:
+        raise LoadError(path, "extent of the scene", f"{size:g} m", "at least 2e-09 m")
+    centre = np.quantile(boxes.mean(axis=1), 0.5, axis=0, method="lower")
+    half = np.quantile((boxes[:, 1] - boxes[:, 0]).max(axis=1), 0.5, method="lower") / 2
+    return centre if np.abs(centre).max() > _FAR * half else np.zeros(3)
+
+
+def _box(points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """The least and the largest corner of points (N, 3), as (2, 3)."""
+    return np.stack([points.min(axis=0), points.max(axis=0)])
+
+
+def _round_all(
+    placed: Sequence[Mesh], origin: npt.NDArray[np.float64], items: Sequence[ObjectMesh], path: Path
+) -> tuple[npt.NDArray[np.float32], list[Mesh], list[str]]:
+    """All vertices less `origin` as float32, the meshes without the faces that this leaves no area, and notes.
+
+    These faces are no fault of the file: their object stands too far from the others for what is that small.
+    """
+    rounded, kept, notes = [], [], []
+    for item, mesh in zip(items, placed, strict=True):
+        vertices = (mesh.vertices - origin).astype(np.float32)
+        _, solid = face_normals(vertices, mesh.triangles)
+        if not solid.all():
+            away = f"{float(np.abs(vertices).max()):g} m from the scene's centre"
+            if not solid.any():
+                what = f"object {item.description.name!r}: faces that single precision tells apart"
+                raise LoadError(path, what, f"0 at {away}", "at least one; place it nearer to the others")
+            lost = int((~solid).sum())
+            notes.append(f"{item.description.name}: {lost} faces left out, too small to tell apart {away}")
+            mesh = _with_faces(mesh, solid)
+        rounded.append(vertices)
+        kept.append(mesh)
+    return np.concatenate(rounded), kept, notes
+
+
+def _with_faces(mesh: Mesh, chosen: npt.NDArray[np.bool_]) -> Mesh:
+    """The mesh with some of its faces alone."""
+    uvs, tangents = (None if own is None else own[chosen] for own in (mesh.uvs, mesh.tangents))
+    return Mesh(mesh.vertices, mesh.triangles[chosen], mesh.normals, uvs, tangents)
 
 
 def _ranges(counts: list[int]) -> npt.NDArray[np.int32]:

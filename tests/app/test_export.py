@@ -194,3 +194,24 @@ def test_mitsuba_renders_what_we_render(tmp_path: Path) -> None:
         assert whole.sum() > 10
         assert found.mean() == pytest.approx(wanted.mean(), rel=0.01)
         assert np.sqrt(np.mean((found - wanted) ** 2)) < 0.03 * wanted.mean()
+
+
+def test_a_far_scene_is_written_about_its_own_centre(tmp_path):
+    """Mitsuba has single precision, in which neighbouring numbers at 4,600 km are 0.5 m apart."""
+    near, far = tmp_path / "near", tmp_path / "far"
+    for folder, x in ((near, 0.0), (far, 4.6e6)):
+        scene = tmp_path / f"{folder.name}.toml"
+        scene.write_text(
+            f"version = 1\n[camera]\nposition = [{x}, 1, 4]\ntarget = [{x}, 0, 0]\n[environment]\nradiance = 1.0\n"
+            '[[object]]\nname = "ball"\nprimitive = "sphere"\n'
+            f"transform = [1,0,0,{x}, 0,1,0,0, 0,0,1,0, 0,0,0,1]\n"
+        )
+        notes = export_scene(open_project(str(scene)), folder, 1, lambda *_: None)
+        assert [note for note in notes if "moved by" in note] == (
+            ["the scene stands far from the origin, where single precision is coarse: moved by -4600000, 0, 0 m"]
+            if x else []
+        )  # fmt: skip
+    assert (near / "scene.xml").read_bytes() == (far / "scene.xml").read_bytes()
+    here, there = (parse_ply(path.read_bytes(), path) for f in (near, far) for path in (f / "meshes").iterdir())
+    assert (here.triangles == there.triangles).all()
+    assert np.abs(here.vertices - there.vertices).max() < 1e-6
