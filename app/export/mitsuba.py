@@ -76,8 +76,8 @@ def _add_camera(root: ElementTree.Element, project: Project) -> None:
     sensor = add(root, "sensor", type="perspective")
     add(sensor, "float", name="fov", value=f"{camera.fov_y:.9g}")
     add(sensor, "string", name="fov_axis", value="y")
-    eye, target = (np.subtract(point, project.scene.origin) for point in (camera.position, camera.target))
-    points = {"origin": eye, "target": target, "up": camera.up}
+    origin = project.scene.origin
+    points = {"origin": camera.position - origin, "target": camera.target - origin, "up": np.array(camera.up)}
     place = add(sensor, "transform", name="to_world")
     add(place, "lookat", **{name: ", ".join(f"{v:.9g}" for v in point) for name, point in points.items()})
     film = add(sensor, "film", type="hdrfilm")
