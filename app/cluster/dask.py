@@ -6,6 +6,8 @@ back, and what is begun ends without anybody hearing of it.
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import logging
 import queue
 import re
@@ -13,6 +15,7 @@ import socket
 import time
 import uuid
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import CancelledError
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -22,6 +25,7 @@ from distributed.comm import CommClosedError
 
 from app.cluster.parcel import Parcel, parcel_of, pieces_of
 from app.cluster.plugin import KernelCache
+from app.cluster.program import QUESTION, other_program, program_digest
 from app.cluster.shelf import keep_piece, lacking
 from engine.errors import InsituError
 from engine.files import name_everywhere
@@ -29,6 +33,10 @@ from engine.files import name_everywhere
 CONNECT_SECONDS = 5.0
 WORKERLESS_SECONDS = 60.0
 STEP_SECONDS = 0.25
+LONGEST_GREETING = 1 << 20
+# What Dask raises where a connection has ended; some are no `Exception` where they come from its event loop.
+CANCELLED = (asyncio.CancelledError, CancelledError)
+LOST = (OSError, TimeoutError, CommClosedError, RuntimeError, *CANCELLED)
 
 _ADDRESS = re.compile(r"(tcp://|tls://)?([\w.-]+|\[[0-9a-fA-F:]+\]):(\d{1,5})")
 
@@ -43,42 +51,65 @@ class Cluster:
         try:
             _require_greeting(address)
             self._client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
-        except (OSError, ValueError, TypeError, CommClosedError) as error:
+        except InsituError:
+            raise
+        except Exception as error:  # whatever Dask makes of the words of another program
             raise InsituError(
                 f"--scheduler {address}: no Dask scheduler answers there, expected its HOST:PORT"
             ) from error
         self._tasks: dict[int, Future] = {}
         self._workerless_since: float | None = None
+        self._known: set[str] = set()
 
     @property
     def n_workers(self) -> int:
-        """Workers that the scheduler knows now."""
-        return len(self._client.scheduler_info(n_workers=-1).get("workers", ()))
+        """Workers that the scheduler knows now. Raises InsituError where it has gone."""
+        return len(self._workers())
+
+    def require_same_program(self) -> None:
+        """Raises InsituError where a worker that was not asked before has another Insitu: what it is sent would be more
+        than it understands, and it would end without a word of why."""
+        workers = self._workers() - self._known
+        if not workers:
+            return
+        with self._connected():
+            # `eval` is known everywhere, and text alone goes either way.
+            told = self._client.run(eval, QUESTION, workers=sorted(workers), on_error="return")
+        for where, answer in told.items():
+            if isinstance(answer, OSError):  # it has gone meanwhile
+                continue
+            if answer != program_digest():
+                raise InsituError(f"--scheduler {self.address}: {other_program(f'the worker at {where}')}")
+            self._known.add(where)
 
     def send(self, paths: Iterable[Path]) -> Parcel:
         """Have the scheduler keep what it lacks of these files. Raises InsituError."""
+        self.require_same_program()
         there = {name_everywhere(path): path for path in paths}
         try:
             parcel = parcel_of(there.values())
-            missing = set(self._client.run_on_scheduler(lacking, parcel.pieces))
-            for sent in parcel.files:
-                for digest, piece in zip(sent.pieces, pieces_of(there[sent.name]), strict=False):
-                    if digest in missing:
-                        self._client.run_on_scheduler(keep_piece, piece)
-                        missing.remove(digest)
-            self._client.register_plugin(KernelCache())
-        except ModuleNotFoundError as error:
-            raise InsituError(
-                f"--scheduler {self.address}: Insitu is not installed there ({error}); scheduler and workers need the "
-                "same one as this computer"
-            ) from error
-        except (OSError, CommClosedError) as error:
+        except OSError as error:
             raise InsituError(f"--scheduler {self.address}: the scene cannot be sent, {error}") from error
+        try:
+            with self._connected():
+                missing = set(self._client.run_on_scheduler(lacking, parcel.pieces))
+                for sent in parcel.files:
+                    for digest, piece in zip(sent.pieces, pieces_of(there[sent.name]), strict=False):
+                        if digest in missing:
+                            self._client.run_on_scheduler(keep_piece, piece)
+                            missing.remove(digest)
+                self._client.register_plugin(KernelCache())
+        except (ImportError, AttributeError) as error:
+            raise InsituError(
+                f"--scheduler {self.address}: the same Insitu is not installed there ({error}); scheduler and workers "
+                "need that of this computer"
+            ) from error
         return parcel
 
     def submit(self, call: Callable[..., object], *arguments: object) -> Future:
-        """A task, which may take the results of others as arguments."""
-        return self._client.submit(call, *arguments, key=f"insitu-{call.__name__}-{uuid.uuid4().hex}", pure=False)
+        """A task, which may take the results of others as arguments. Raises InsituError where the cluster is lost."""
+        with self._connected():
+            return self._client.submit(call, *arguments, key=f"insitu-{call.__name__}-{uuid.uuid4().hex}", pure=False)
 
     def results(self, tasks: Mapping[int, Future]) -> Iterator[tuple[int, Any] | None]:
         """Number and result of each task, as they come, and None every quarter of a second meanwhile. Raises what a
@@ -98,11 +129,11 @@ class Cluster:
 
     def close(self) -> None:
         """Take back what is not done, and leave."""
-        try:
+        with contextlib.suppress(*LOST):  # there is nobody left to take it back from
             if self._tasks and self._client.status == "running":
                 self._client.cancel(list(self._tasks.values()), force=True)
-        finally:
-            self._tasks = {}
+        self._tasks = {}
+        with contextlib.suppress(*LOST):
             self._client.close(timeout=1.0)
 
     def __enter__(self) -> Cluster:
@@ -122,7 +153,7 @@ class Cluster:
                     f"--scheduler {self.address}: workers ended {error.allowed_failures + 1} times at the same "
                     "task; do they have enough memory?"
                 ) from error
-            except CommClosedError as error:
+            except (CommClosedError, *CANCELLED) as error:
                 raise self._lost() from error
             except Exception as error:
                 if task.cancelled():
@@ -137,13 +168,27 @@ class Cluster:
             return
         if self.n_workers:
             self._workerless_since = None
+            self.require_same_program()
         elif self._workerless_since is None:
             self._workerless_since = time.monotonic()
         elif time.monotonic() - self._workerless_since > WORKERLESS_SECONDS:
             raise InsituError(
                 f"--scheduler {self.address}: it has had no worker for {WORKERLESS_SECONDS:.0f} s; start some with "
-                "`dask worker ADDRESS --nthreads 1`"
+                "`dask worker ADDRESS --nthreads 1`, of the same Insitu as this computer's"
             )
+
+    def _workers(self) -> set[str]:
+        """Their addresses. Raises InsituError where the scheduler has gone."""
+        with self._connected():
+            return set(self._client.scheduler_info(n_workers=-1).get("workers", ()))
+
+    @contextlib.contextmanager
+    def _connected(self) -> Iterator[None]:
+        """What Dask raises where the scheduler cannot be spoken to any more, as InsituError."""
+        try:
+            yield
+        except LOST as error:
+            raise self._lost() from error
 
     def _lost(self) -> InsituError:
         return InsituError(
@@ -158,8 +203,11 @@ def _require_greeting(address: str) -> None:
     if parts is None or int(parts[3]) > 0xFFFF:
         raise InsituError(f"--scheduler {address}: expected HOST:PORT of a Dask scheduler")
     with socket.create_connection((parts[2].strip("[]"), int(parts[3])), CONNECT_SECONDS) as connection:
-        if parts[1] != "tls://" and not connection.recv(1):
-            raise ConnectionError("no greeting")
+        if parts[1] != "tls://":
+            # Its greeting begins with how many bytes follow [distributed.comm.tcp]: of "SSH-2.0-" that would be 3e18.
+            length = int.from_bytes(connection.recv(8, socket.MSG_WAITALL), "little")
+            if not 0 < length < LONGEST_GREETING:
+                raise ConnectionError("no greeting")
 
 
 def _put(done: queue.SimpleQueue[int], number: int, task: Future) -> None:

@@ -7,9 +7,6 @@ takes all the cores that its process may run on.
 from __future__ import annotations
 
 import contextlib
-import functools
-import hashlib
-import importlib.metadata
 import platform
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -18,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from app.cluster.parcel import Parcel
+from app.cluster.program import other_program, program_digest
 from app.cluster.shelf import Shelf, fetched
 from app.jobs.cache import Store
 from app.messages import LookFrom, OpenScene
@@ -36,8 +34,6 @@ if TYPE_CHECKING:
     from app.jobs.bench import Bench
     from app.project import ProjectWords
 
-_ROOT = Path(__file__).resolve().parents[2]
-_LIBRARIES = ("numpy", "scipy", "numba", "embreex")
 _alone = threading.Lock()
 _kept: dict[str, object] = {}
 _places_of: dict[str, dict[str, Path]] = {}
@@ -69,18 +65,6 @@ class ViewErrand(Errand):
     open: OpenScene
     look: LookFrom
     scene: SceneState
-
-
-@functools.cache
-def program_digest() -> str:
-    """A hash of all that numbers depend on beside what they are computed of: Insitu's sources, libraries, the kind of
-    machine. Processors of one kind may still round differently."""
-    digest = hashlib.blake2b(digest_size=10)
-    for source in sorted(each for part in ("app", "engine") for each in (_ROOT / part).rglob("*.py")):
-        digest.update(source.relative_to(_ROOT).as_posix().encode() + b"\0" + source.read_bytes())
-    versions = [importlib.metadata.version(name) for name in _LIBRARIES]
-    digest.update(repr((versions, platform.python_version(), platform.system(), platform.machine())).encode())
-    return digest.hexdigest()
 
 
 def draw_frame(errand: FrameErrand, i: int) -> Picture:
@@ -125,10 +109,7 @@ def find_indirect(errand: ViewErrand, layers: Sequence[LayerState], lit_by: str,
 def _at_work(errand: Errand) -> Iterator[None]:
     """One task at a time, with the files of its errand and no others."""
     if errand.program != program_digest():
-        raise InsituError(
-            f"a worker on {platform.node()} has another Insitu, or other versions of {', '.join(_LIBRARIES)}, "
-            "than this computer; install the same on all"
-        )
+        raise InsituError(other_program(f"a worker on {platform.node()}"))
     with _alone:
         with files_from(_places(errand)):
             yield

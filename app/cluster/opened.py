@@ -28,7 +28,7 @@ class OnCluster:
     """A project whose files a cluster has."""
 
     def __init__(self, cluster: Cluster, words: ProjectWords, parcel: Parcel) -> None:
-        from app.cluster.errands import program_digest
+        from app.cluster.program import program_digest
 
         self.cluster, self.words = cluster, words
         self.named = uuid.uuid4().hex, parcel, program_digest()

@@ -20,7 +20,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,7 +96,8 @@ def _open_exr(file: Path, header_only: bool) -> Any:
     parts, complaint = [], ""
     with silenced_library() as said:
         try:
-            parts = OpenEXR.File(str(file), separate_channels=True, header_only=header_only).parts
+            with _for_library(file) as source:
+                parts = OpenEXR.File(source, separate_channels=True, header_only=header_only).parts
         except Exception as error:  # the library raises RuntimeError, ValueError, TypeError and its own
             complaint = str(error)
     what = "OpenEXR header" if header_only else "OpenEXR pixels"
@@ -106,6 +107,17 @@ def _open_exr(file: Path, header_only: bool) -> Any:
     if len(parts) > 1:
         raise LoadError(file, "number of OpenEXR parts", len(parts), "1")
     return parts[0]
+
+
+@contextmanager
+def _for_library(file: Path) -> Iterator[str | BinaryIO]:
+    """What OpenEXR opens a file by: its name, which it takes for UTF-8; of any other the open file."""
+    name = str(file)
+    if os.fsencode(name) == name.encode(errors="surrogatepass"):
+        yield name
+    else:
+        with open(file, "rb") as opened:
+            yield opened
 
 
 @contextmanager

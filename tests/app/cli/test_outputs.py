@@ -100,7 +100,8 @@ def test_any_name_is_printed(tmp_path: Path, language: dict[str, str]) -> None:
         folder = os.path.join(os.fsencode(tmp_path), name)
         os.mkdir(folder)
         with open(os.path.join(folder, b"ball.toml"), "w") as file:
-            file.write(SCENE)
+            file.write(SCENE.replace("radiance = 0.5", 'file = "sky.exr"'))
+        write_exr(Path(os.fsdecode(folder)) / "sky.exr", coloured_sky())
         words = [os.path.join(folder, b"ball.toml"), b"-o", os.path.join(folder, b"p.png"), b"--resolution", b"6", b"4"]
         done = subprocess.run(
             [sys.executable, "-m", "app", "render", *words, "--lights", "50"], capture_output=True,

@@ -5,10 +5,12 @@ The tests go on from one another's workers, as starting one takes seconds; whoev
 
 from __future__ import annotations
 
+import contextlib
 import os
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -58,10 +60,11 @@ class Machines:
         port = self.address.rpartition(":")[2]
         self._scheduler = self._start("scheduler", "--host", "127.0.0.1", "--port", port)
 
-    def start_worker(self) -> None:
+    def start_worker(self, place: Path | None = None) -> None:
+        """place: a folder whose packages come before those that are installed."""
         name = f"worker{len(self.workers)}"
         words = ("--nthreads", "1", "--no-nanny", "--local-directory", str(self.folder / name))
-        self.workers.append(self._start("worker", self.address, *words, cache=name))
+        self.workers.append(self._start("worker", self.address, *words, cache=name, place=place))
 
     def kill(self, address: str) -> None:
         """The worker that has this address."""
@@ -74,11 +77,13 @@ class Machines:
             process.kill()
             process.wait()
 
-    def _start(self, what: str, *words: str, cache: str = "scheduler") -> subprocess.Popen[bytes]:
+    def _start(
+        self, what: str, *words: str, cache: str = "scheduler", place: Path | None = None
+    ) -> subprocess.Popen[bytes]:
         command = [sys.executable, "-m", f"distributed.cli.dask_{what}", *words, "--no-dashboard"]
         environment = {**os.environ, "INSITU_CACHE": str(self.folder / cache)}
         with open(self.folder / f"{cache}.log", "wb") as log:
-            return subprocess.Popen(command, env=environment, cwd=self.folder, stdout=log, stderr=log)
+            return subprocess.Popen(command, env=environment, cwd=place or self.folder, stdout=log, stderr=log)
 
 
 @pytest.fixture(scope="module")
@@ -210,6 +215,88 @@ def test_the_command_line_draws_the_same_and_says_what_is_wrong(
     monkeypatch.setitem(sys.modules, "app.cluster.dask", SimpleNamespace())  # as where Dask is not installed
     assert run("precompute", scene, "--scheduler", machines.address) == 1
     assert "pip install 'insitu[cluster]'" in capsys.readouterr().err
+
+
+GREETINGS = {"ssh": b"SSH-2.0-OpenSSH_9.2p1\r\n", "nothing": b"", "garbage": (40).to_bytes(8, "little") + bytes(40)}
+
+
+@pytest.mark.parametrize("greeting", GREETINGS)
+def test_who_is_no_scheduler_is_told_in_one_line(
+    words: ProjectWords, greeting: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(cluster_module, "CONNECT_SECONDS", 1.0)
+
+    def greet(server: socket.socket) -> None:
+        with contextlib.suppress(OSError):
+            while True:
+                connection, _ = server.accept()
+                with connection:
+                    connection.sendall(GREETINGS[greeting])
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        threading.Thread(target=greet, args=(server,), daemon=True).start()
+        address = f"127.0.0.1:{server.getsockname()[1]}"
+        assert run("precompute", str(words.name), "--scheduler", address) == 1
+        server.shutdown(socket.SHUT_RDWR)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "no Dask scheduler answers there" in line
+
+
+def test_a_worker_of_another_version_is_named_before_it_is_given_anything(
+    machines: Machines, words: ProjectWords, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One whose package `app` has no cluster yet."""
+    (machines.folder / "old" / "app").mkdir(parents=True)
+    (machines.folder / "old" / "app" / "__init__.py").touch()
+    with Cluster(machines.address) as cluster:
+        before = cluster._workers()
+        machines.start_worker(machines.folder / "old")
+        old = machines.workers.pop()
+        deadline = time.monotonic() + 60.0
+        while not cluster._workers() - before:
+            assert time.monotonic() < deadline
+            time.sleep(0.1)
+        started = time.monotonic()
+        assert run("precompute", str(words.name), "--scheduler", machines.address) == 1
+        assert time.monotonic() - started < 30.0
+        (line,) = capsys.readouterr().err.splitlines()
+        assert "the worker at tcp://127.0.0.1:" in line and "has another Insitu" in line
+        assert old.poll() is None  # it was given nothing that it would have died of
+        old.kill()
+        old.wait()
+        while cluster._workers() - before and time.monotonic() < deadline:
+            time.sleep(0.1)
+
+
+def test_a_scheduler_that_dies_in_mid_run_is_told_in_one_line(
+    words: ProjectWords, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    few = ("--turntable", "30", "--resolution", "12", "9", "--lights", "40", "--bounces", "1")
+    machines = Machines(tmp_path)
+    machines.start_worker()
+    submit, submitted = Cluster.submit, 0
+
+    def submitting(self: Cluster, *arguments: object) -> object:
+        nonlocal submitted
+        submitted += 1
+        if submitted == 20:
+            machines.end()
+        return submit(self, *arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Cluster, "submit", submitting)
+    try:
+        deadline = time.monotonic() + 60.0
+        while run("render", str(words.name), "-o", tmp_path / "out", *few, "--scheduler", machines.address) == 1:
+            (line,) = capsys.readouterr().err.splitlines()
+            assert time.monotonic() < deadline, line
+            if "no Dask scheduler answers there" not in line:  # it is there by now
+                assert "the scheduler has gone" in line
+                break
+            time.sleep(0.2)
+        else:
+            pytest.fail("all was drawn")
+    finally:
+        machines.end()
 
 
 def test_a_cluster_without_workers_and_one_that_has_gone_are_told(

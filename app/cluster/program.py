@@ -1,0 +1,36 @@
+"""Which Insitu a process is of.
+
+Nothing of the engine is imported here, and nothing but text goes over the wire: an older or newer one on the other side
+is to be told from ours before it is given anything that it may not understand.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import importlib.metadata
+import platform
+from pathlib import Path
+
+_ROOT = Path(__file__).resolve().parents[2]
+LIBRARIES = ("numpy", "scipy", "numba", "embreex")
+# What another process evaluates to say it; an Insitu that does not have this yet says that it has no such module.
+QUESTION = "__import__('app.cluster.program', fromlist=['program']).program_digest()"
+
+
+@functools.cache
+def program_digest() -> str:
+    """A hash of all that numbers depend on beside what they are computed of: Insitu's sources, libraries, the kind of
+    machine. Processors of one kind may still round differently."""
+    digest = hashlib.blake2b(digest_size=10)
+    for source in sorted(each for part in ("app", "engine") for each in (_ROOT / part).rglob("*.py")):
+        digest.update(source.relative_to(_ROOT).as_posix().encode() + b"\0" + source.read_bytes())
+    versions = [importlib.metadata.version(name) for name in LIBRARIES]
+    digest.update(repr((versions, platform.python_version(), platform.system(), platform.machine())).encode())
+    return digest.hexdigest()
+
+
+def other_program(where: str) -> str:
+    """What a person is told of a machine with another one."""
+    libraries = ", ".join(LIBRARIES)
+    return f"{where} has another Insitu, or other versions of {libraries}, than this computer; install the same on all"
