@@ -72,15 +72,15 @@ def looks_of(bookmarks: Bookmarks) -> tuple[tuple[str, Viewpoint], ...]:
 
 def check_thumbnail(data: bytes) -> None:
     """Raises ValueError where it is not a picture as we make them."""
-    from PIL import Image
+    from PIL.JpegImagePlugin import JpegImageFile
 
     width, height = THUMBNAIL_SIZE
     try:
-        with Image.open(io.BytesIO(data), formats=["JPEG"]) as picture:
+        with JpegImageFile(io.BytesIO(data)) as picture:  # whatever size it claims, it is not decoded beyond ours
             is_small = picture.width <= width and picture.height <= height
             if is_small:
                 picture.load()
-    except (OSError, SyntaxError):
+    except (OSError, SyntaxError, ValueError):
         is_small = False
     if not is_small:
         raise ValueError(f"a JPEG file in base 64 of at most {width} x {height} pixels")

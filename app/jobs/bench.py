@@ -92,8 +92,11 @@ class Bench:
         self._sky_shown = None
 
     def noted(self) -> Iterator[Noted]:
-        """What is wrong with the cache, as soon as there is something new."""
-        if lines := self.store.take_notes():
+        """What is wrong with the cache, and which images are shown smaller, as soon as there is something new."""
+        lines = self.store.take_notes()
+        if self._placement is not None:
+            lines += self._placement.scene.textures.take_notes()
+        if lines:
             yield Noted(lines)
 
     def sky(self, light: LightState) -> SkyState:

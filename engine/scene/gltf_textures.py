@@ -16,7 +16,7 @@ from engine.errors import LoadError
 from engine.material.maps import MAX_REPEATS, TextureTransform, Wrap
 from engine.scene.glb import JsonObject
 from engine.scene.gltf_images import image_bytes
-from engine.texture.images import image_size, read_texture
+from engine.texture.images import image_size, read_texture, reduction
 
 # Of all images of one file, and more for every byte: a few kilobytes can claim millions of pixels. They are decoded
 # when they are used, 0.1 s a megapixel: whatever a small file claims, that is 6 s, and never in the window's process.
@@ -81,7 +81,7 @@ class GltfImages:
             return 1.0, 1.0, 1.0
         if image not in self._means:
             name = f"{self._root.file}#{image}"
-            pixels = read_texture(image_bytes(self._root, self._binary, image), name, "linear")
+            pixels = read_texture(image_bytes(self._root, self._binary, image), name, "linear")  # means are as they are
             red, green, blue = pixels.reshape(-1, 3).mean(axis=0, dtype=np.float64).tolist()
             self._means[image] = red, green, blue
         notes.append("of a metallic-roughness texture the means are shown")
@@ -117,7 +117,9 @@ class GltfImages:
             return None, f"image {image} is not shown: {error.reason}"
         if size is None:
             return None, f"image {image} is no PNG or JPEG and not shown"
-        n_pixels = size[0] * size[1]
+        n_pixels, k = size[0] * size[1], reduction(*size)
+        if k > 1:  # what is shown of it costs, and decoding the rest an eighth of that
+            n_pixels = n_pixels // k**2 + n_pixels // 8
         if n_pixels > self._pixels_left:
             return None, "images are not shown that have, with those before them, too many pixels for such a file"
         self._pixels_left -= n_pixels

@@ -195,7 +195,8 @@ def _assemble(
         notes=(*notes, *place_notes, *lost_notes, *_layer_notes(description), *_map_notes(description, placed)),
     )
     _load_maps(scene)
-    return scene
+    shrunk = scene.textures.take_notes()
+    return replace(scene, notes=(*scene.notes, *shrunk)) if shrunk else scene
 
 
 def _load_maps(scene: Scene) -> None:

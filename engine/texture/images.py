@@ -1,7 +1,9 @@
 """Reading textures and weight maps: PNG, JPEG and OpenEXR, from files that may be hostile or broken.
 
-Told by content, not by name. The header is read, and the size it claims refused, before a pixel is decoded: a file of
-600 kB can hold a square of 13,000. Numbers leave linear: 8-bit images are decoded by sRGB (IEC 61966-2-1) unless told
+Told by content, not by name. The header is read, and the size it claims judged, before a pixel is decoded: a file of
+600 kB can hold a square of 13,000. An image of more than `MAX_PIXELS` is shown at a half or a quarter of its size,
+texels the means of what they cover, in linear numbers: a JPEG is not even decoded beyond that size, others are
+converted a band at a time. Numbers leave linear: 8-bit images are decoded by sRGB (IEC 61966-2-1) unless told
 otherwise, 16-bit and OpenEXR images are linear unless told otherwise.
 """
 
@@ -9,8 +11,7 @@ from __future__ import annotations
 
 import io
 import tempfile
-import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -26,32 +27,53 @@ from engine.material.maps import Space
 MAX_IMAGE_BYTES = 256 * 2**20
 MAX_SIDE = 16_384
 # What an image costs goes by its pixels, not by its file: so many take about 1 s of processor time and 200 MB, also
-# where they are blank and come in 60 kB. A camera's pictures have as many.
+# where they are blank and come in 60 kB. A camera's pictures have as many; of more than that only means are kept.
 MAX_PIXELS = 1 << 24
+# 16,384 squared: decoded, a byte or four for each.
+MOST_READ = 1 << 28
 BRIGHTEST = 1e4
+_BAND_PIXELS = 1 << 22
 _MAGIC = {b"\x89PNG\r\n\x1a\n": "PNG", b"\xff\xd8\xff": "JPEG", b"\x76\x2f\x31\x01": "EXR"}
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 Image = NDArray[np.float32]
 
 
-def read_texture(data: bytes, file: Path | str, space: Space = "") -> Image:
+Tell = Callable[[str], None]
+Values = NDArray[np.generic]
+
+
+def say_nothing(note: str) -> None:
+    """For callers who have nobody to tell that an image is shown smaller."""
+
+
+def read_texture(data: bytes, file: Path | str, space: Space = "", tell: Tell = say_nothing) -> Image:
     """A colour image as linear Rec. 709, (H, W, 3), row 0 on top; raises LoadError naming `file`."""
-    values = file_values(data, file)
-    as_srgb = (space or ("srgb" if values.dtype == np.uint8 else "linear")) == "srgb"
-    linear = _shares(values, as_srgb)
-    return checked(np.repeat(linear, 3, axis=2) if linear.shape[2] == 1 else linear, file)
+
+    def linear(values: Values) -> Image:
+        return _shares(values, (space or ("srgb" if values.dtype == np.uint8 else "linear")) == "srgb")
+
+    pixels = read_image(data, file, linear, tell)
+    return checked(np.repeat(pixels, 3, axis=2) if pixels.shape[2] == 1 else pixels, file)
 
 
-def read_weight(data: bytes, file: Path | str) -> Image:
+def read_weight(data: bytes, file: Path | str, tell: Tell = say_nothing) -> Image:
     """A grey image of shares in [0, 1], (H, W, 1), row 0 on top; of a colour image its luminance."""
-    return np.minimum(checked(grey_shares(file_values(data, file)), file), np.float32(1.0))
+    return np.minimum(checked(read_image(data, file, grey_shares, tell), file), np.float32(1.0))
 
 
-def grey_shares(values: NDArray[np.generic]) -> Image:
+def grey_shares(values: Values) -> Image:
     """Numbers of a file as grey shares of the largest, linear, (H, W, 1); of colours their luminance."""
     shares = _shares(values, as_srgb=False)
     return shares if shares.shape[2] == 1 else (shares @ _LUMINANCE)[..., None]
+
+
+def reduction(width: int, height: int) -> int:
+    """By how much the sides of an image are divided: the least power of two that leaves at most `MAX_PIXELS`."""
+    k = 1
+    while -(-width // k) * -(-height // k) > MAX_PIXELS:
+        k *= 2
+    return k
 
 
 def image_size(data: bytes, file: Path | str) -> tuple[int, int] | None:
@@ -73,12 +95,55 @@ def _shares(values: NDArray[np.generic], as_srgb: bool) -> Image:
     return decode_srgb(shares) if as_srgb else shares
 
 
-def file_values(data: bytes, file: Path | str) -> NDArray[np.generic]:
-    """The numbers (H, W, 1 or 3) as the file has them: uint8, uint16 or float32."""
+def read_image(data: bytes, file: Path | str, decode: Callable[[Values], Image], tell: Tell = say_nothing) -> Image:
+    """What `decode` makes of the file's numbers (h, W, 1 or 3), uint8, uint16 or float32, row by row: the image, or
+    means of it where it has too many pixels, which `tell` learns."""
     kind = _kind(data)
     if not kind:
         raise LoadError(file, "first bytes", data[:8], "a PNG, JPEG or OpenEXR image")
-    return _read_exr(data, file) if kind == "EXR" else _read_integers(data, file, kind)
+    if kind == "EXR":
+        values = _read_exr(data, file)
+        height, width = values.shape[:2]
+        k = reduction(width, height)
+        pixels = _means([values], decode, k)
+    else:
+        with _opened(data, file, kind) as picture:
+            width, height = picture.size
+            k = reduction(width, height)
+            if k > 1 and kind == "JPEG":
+                picture.draft(picture.mode, (-(-width // k), -(-height // k)))
+            left = reduction(*picture.size)  # to divide by, once it is decoded
+            pixels = _means(_bands(picture, max(_BAND_PIXELS // width // left, 1) * left), decode, left)
+    if k > 1:
+        tell(f"{file}: {width} x {height} pixels, shown at {pixels.shape[1]} x {pixels.shape[0]}")
+    return pixels
+
+
+def _bands(picture: Any, rows: int) -> Iterator[Values]:
+    """The numbers of so many rows at a time."""
+    width, height = picture.size
+    if rows >= height:
+        yield _integers(picture)
+        return
+    for top in range(0, height, rows):
+        yield _integers(picture.crop((0, top, width, min(top + rows, height))))
+
+
+def _means(bands: Iterable[Values], decode: Callable[[Values], Image], k: int) -> Image:
+    """Decoded numbers, of each k x k of them the mean; beyond the edges the last row and column count."""
+    found = []
+    for values in bands:
+        if k == 1:
+            found.append(decode(values))
+            continue
+        beyond = [(0, -values.shape[axis] % k) for axis in (0, 1)]
+        whole = np.pad(values, (*beyond, (0, 0)), mode="edge")
+        each = (decode(whole[i::k, j::k]) for i in range(k) for j in range(k))
+        total = next(each)
+        for more in each:
+            total = total + more
+        found.append(total * np.float32(1.0 / k**2))
+    return np.ascontiguousarray(found[0] if len(found) == 1 else np.concatenate(found), np.float32)
 
 
 def _kind(data: bytes) -> str:
@@ -86,32 +151,24 @@ def _kind(data: bytes) -> str:
     return next((name for magic, name in _MAGIC.items() if data.startswith(magic)), "")
 
 
-def _read_integers(data: bytes, file: Path | str, kind: str) -> NDArray[np.generic]:
-    """A PNG or a JPEG."""
-    with _opened(data, file, kind) as picture:
-        return _integers(picture)
-
-
 @contextmanager
 def _opened(data: bytes, file: Path | str, kind: str) -> Iterator[Any]:
     """A picture of a size that may be read; what the library says of it becomes a LoadError."""
-    from PIL import Image as Pictures
+    from PIL.JpegImagePlugin import JpegImageFile
+    from PIL.PngImagePlugin import PngImageFile
 
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Pictures.DecompressionBombWarning)  # the size is judged here
-            with Pictures.open(io.BytesIO(data), formats=[kind]) as opened:
-                _check_size(*opened.size, file)
-                yield opened
+        # Without the library's own limit, which is lower and counts for the whole process.
+        with (JpegImageFile if kind == "JPEG" else PngImageFile)(io.BytesIO(data)) as opened:
+            _check_size(*opened.size, file)
+            yield opened
     except LoadError:
         raise
-    except Pictures.DecompressionBombError:
-        raise LoadError(file, "image size", "too many pixels", f"at most {MAX_PIXELS} pixels") from None
     except Exception as error:  # the library raises OSError, ValueError, SyntaxError, struct.error and its own
         raise LoadError(file, f"{kind} image", str(error), "a whole image, not cut off or damaged") from None
 
 
-def _integers(opened: Any) -> NDArray[np.generic]:
+def _integers(opened: Any) -> Values:
     """(H, W, 1 or 3) uint8, of a grey image of 16 bits uint16; transparency is left out."""
     if opened.mode.startswith("I"):
         return np.asarray(opened).astype(np.uint16)[..., None]
@@ -134,8 +191,8 @@ def _read_exr(data: bytes, file: Path | str) -> Image:
 
 
 def _check_size(width: int, height: int, file: Path | str) -> None:
-    if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE and width * height <= MAX_PIXELS):
-        expected = f"sides of 1 to {MAX_SIDE} and at most {MAX_PIXELS} pixels"
+    if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE and width * height <= MOST_READ):
+        expected = f"sides of 1 to {MAX_SIDE} and at most {MOST_READ} pixels"
         raise LoadError(file, "image size", f"{width} x {height}", expected)
 
 

@@ -12,16 +12,20 @@ from pathlib import Path
 import numpy as np
 
 from engine.errors import LoadError
-from engine.texture.images import Image, checked, file_values, grey_shares
+from engine.texture.images import Image, Tell, Values, checked, grey_shares, read_image, say_nothing
 
 # tan 87 degrees: what leans further, or points into the surface, counts as that.
 STEEPEST = 20.0
 _MIDDLES = {"uint8": 128, "uint16": 32768}
 
 
-def read_normal_map(data: bytes, file: Path | str) -> Image:
+def read_normal_map(data: bytes, file: Path | str, tell: Tell = say_nothing) -> Image:
     """The slopes (H, W, 2) of a normal map's texels along its x and y, row 0 on top. Raises LoadError."""
-    values = file_values(data, file)
+    return read_image(data, file, lambda values: _slopes(values, file), tell)
+
+
+def _slopes(values: Values, file: Path | str) -> Image:
+    """Those of numbers (h, W, 3) of a file."""
     if values.shape[2] != 3:
         raise LoadError(file, "channels", values.shape[2], "the three of a normal map; heights are a bump_map")
     if middle := _MIDDLES.get(values.dtype.name):
@@ -33,10 +37,10 @@ def read_normal_map(data: bytes, file: Path | str) -> Image:
     return np.ascontiguousarray(-vectors[..., :2] / up[..., None], np.float32)
 
 
-def read_heights(data: bytes, file: Path | str) -> Image:
+def read_heights(data: bytes, file: Path | str, tell: Tell = say_nothing) -> Image:
     """How heights of 0 to 1 change along u and v over an image that repeats, (H, W, 2), row 0 on top; of a colour image
     those of its luminance. Raises LoadError."""
-    height = checked(grey_shares(file_values(data, file)), file)[..., 0]
+    height = checked(read_image(data, file, grey_shares, tell), file)[..., 0]
     n_rows, n_columns = height.shape
     along_u = (np.roll(height, -1, axis=1) - np.roll(height, 1, axis=1)) * np.float32(0.5 * n_columns)
     along_v = (np.roll(height, 1, axis=0) - np.roll(height, -1, axis=0)) * np.float32(0.5 * n_rows)

@@ -18,7 +18,7 @@ from engine.errors import LoadError
 from engine.files import place_of, read_regular_file, resolve_inside
 from engine.material.bumps import Bumps
 from engine.material.maps import Images, Space, split_image_name
-from engine.texture.images import MAX_IMAGE_BYTES, read_texture, read_weight
+from engine.texture.images import MAX_IMAGE_BYTES, Image, read_texture, read_weight
 from engine.texture.pyramid import Pyramid, make_pyramid
 from engine.texture.slopes import read_heights, read_normal_map
 
@@ -35,6 +35,7 @@ class TextureStore:
         self._scene_file = scene_file
         self._kept: OrderedDict[tuple[str, str, Space], tuple[Stamp, Pyramid]] = OrderedDict()
         self._lock = Lock()
+        self._notes: list[str] = []
         self._files: dict[Path, Callable[[int], bytes]] | None = None  # of several images, while they are loaded
 
     def texture(self, images: Images) -> Pyramid | None:
@@ -68,6 +69,12 @@ class TextureStore:
         finally:
             self._files = None
 
+    def take_notes(self) -> tuple[str, ...]:
+        """What is to be said of images that were read since the last time: which are shown smaller than they are."""
+        with self._lock:
+            notes, self._notes[:] = tuple(self._notes), []
+        return notes
+
     def _pyramid(self, what: str, name: str, space: Space) -> Pyramid:
         key = (what, name, space)
         path, number = self._place(what, name)
@@ -76,7 +83,10 @@ class TextureStore:
             before, pyramid = self._kept.get(key, (None, None))
             if pyramid is None or before != stamp:
                 data, shown = self._read(path, number)
-                pyramid = make_pyramid(read_texture(data, shown, space) if space else _READ[what](data, shown))
+                pyramid = make_pyramid(
+                    read_texture(data, shown, space, self._notes.append) if space
+                    else _READ[what](data, shown, tell=self._notes.append)
+                )  # fmt: skip
                 self._kept[key] = stamp, pyramid
                 self._forget_oldest()
             self._kept.move_to_end(key)
@@ -108,7 +118,7 @@ class TextureStore:
         return path, None if number is None else int(number)
 
 
-_READ = {
+_READ: dict[str, Callable[..., Image]] = {
     "texture": read_texture, "weight": read_weight, "normal_map": read_normal_map, "bump_map": read_heights
 }  # fmt: skip
 

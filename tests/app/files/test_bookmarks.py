@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
-import pytest
+import io
+import struct
 
-from app.files.bookmarks import MAX_BOOKMARKS, Bookmarks, kept, named, renamed, with_thumbnail, without
+import numpy as np
+import pytest
+from PIL import Image
+
+from app.files.bookmarks import MAX_BOOKMARKS, Bookmarks, check_thumbnail, kept, named, renamed, with_thumbnail, without
 from app.view_state import Bookmark, Viewpoint
 from engine.errors import InsituError
 
@@ -42,3 +47,18 @@ def test_there_are_not_endlessly_many() -> None:
     with pytest.raises(InsituError, match="delete one"):
         kept(bookmarks, HERE)
     assert kept(bookmarks, THERE, "7")[7].look == THERE
+
+
+def test_a_thumbnail_that_claims_too_much_is_refused_before_it_is_decoded() -> None:
+    """A header of 65,500 squared, which the image library alone takes for a bomb and raises an error of its own."""
+    buffer = io.BytesIO()
+    Image.fromarray(np.zeros((8, 8, 3), np.uint8)).save(buffer, "JPEG")
+    data = buffer.getvalue()
+    at = data.index(b"\xff\xc0") + 5
+    for claimed in (65_500, 12_000):
+        spoilt = data[:at] + struct.pack(">HH", claimed, claimed) + data[at + 4 :]
+        with pytest.raises(ValueError, match="a JPEG file in base 64 of at most"):
+            check_thumbnail(spoilt)
+    check_thumbnail(data)
+    with pytest.raises(ValueError, match="a JPEG file"):
+        check_thumbnail(b"\xff\xd8\xff" + bytes(40))

@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from engine.colour import decode_srgb
 from engine.errors import LoadError
-from engine.texture.images import read_texture, read_weight
+from engine.texture.images import read_texture, read_weight, reduction
+from engine.texture.slopes import read_heights, read_normal_map
+from engine.texture.store import TextureStore
 from tests.pictures import write_exr
 
 CODES = np.arange(256, dtype=np.uint8)
@@ -70,7 +73,9 @@ def test_jpeg_and_exr(tmp_path: Path) -> None:
     [
         (b"", "first bytes"),
         (b"GIF89a" + bytes(100), "a PNG, JPEG or OpenEXR image"),
-        (header_of_png(13000, 13000), "image size = 13000 x 13000"),
+        (header_of_png(16384, 16385), "image size = 16384 x 16385"),
+        (header_of_png(65500, 65500), "image size = 65500 x 65500, expected sides of 1 to 16384"),
+        (header_of_png(13000, 13000), "PNG image"),  # of a size that may be read, but cut off
         (header_of_png(40000, 2), "image size = 40000 x 2"),
         (header_of_png(60000, 60000), "image size"),
         (header_of_png(0, 4), "PNG image"),
@@ -98,3 +103,85 @@ def test_numbers_that_are_no_factor_are_named(tmp_path: Path, value: float) -> N
     assert read_texture(spoilt, "a.exr").max() == 0.5
     with pytest.raises(LoadError, match=r"pixel \(2, 1\)"):
         read_texture((tmp_path / "b.exr").read_bytes(), "b.exr")
+
+
+@pytest.fixture
+def small_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Images of more than 64 pixels are too large, and bands are a few rows."""
+    monkeypatch.setattr("engine.texture.images.MAX_PIXELS", 64)
+    monkeypatch.setattr("engine.texture.images._BAND_PIXELS", 64)
+
+
+def block_means(values: np.ndarray, k: int) -> np.ndarray:
+    """Of whole blocks, one by one."""
+    height, width = values.shape[0] // k, values.shape[1] // k
+    blocks = [
+        [values[k * i : k * i + k, k * j : k * j + k].mean(axis=(0, 1)) for j in range(width)] for i in range(height)
+    ]
+    return np.array(blocks)
+
+
+@pytest.mark.usefixtures("small_limit")
+@pytest.mark.parametrize(("size", "k"), [((16, 16), 2), ((32, 24), 4), ((8, 64), 4)])
+def test_large_images_are_means_of_linear_numbers(size: tuple[int, int], k: int) -> None:
+    codes = np.random.default_rng(1).integers(0, 256, (*size, 3)).astype(np.uint8)
+    notes: list[str] = []
+    found = read_texture(png(codes), "a.png", tell=notes.append)
+    # Means of light, and not of codes, of which every second black and white would come out too dark.
+    np.testing.assert_allclose(found, block_means(decode_srgb(codes / np.float32(255.0)), k), atol=1e-5)
+    height, width = size
+    assert notes == [f"a.png: {width} x {height} pixels, shown at {width // k} x {height // k}"]
+    np.testing.assert_allclose(read_texture(png(codes), "a.png", "linear"), block_means(codes / 255.0, k), atol=1e-5)
+    grey = codes[..., 0].astype(np.uint16) * 257
+    np.testing.assert_allclose(read_weight(png(grey), "a.png"), block_means(grey[..., None] / 65535.0, k), atol=1e-5)
+    assert read_normal_map(png(codes), "a.png").shape == (height // k, width // k, 2)
+    assert read_heights(png(codes), "a.png").shape == (height // k, width // k, 2)
+
+
+@pytest.mark.usefixtures("small_limit")
+def test_sides_that_cannot_be_halved_go_on_as_their_edge() -> None:
+    codes = np.full((9, 9), 100, np.uint8)
+    codes[8] = 200
+    found = read_weight(png(codes), "a.png")[..., 0] * 255.0
+    assert found.shape == (5, 5) and found[:4] == pytest.approx(100.0) and found[4] == pytest.approx(200.0)
+
+
+@pytest.mark.usefixtures("small_limit")
+def test_a_large_jpeg_is_not_decoded_beyond_what_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    from PIL.JpegImagePlugin import JpegImageFile
+
+    sizes = []
+    load = JpegImageFile.load
+    monkeypatch.setattr(JpegImageFile, "load", lambda self: (sizes.append(self.size), load(self))[1])
+    buffer = io.BytesIO()
+    Image.fromarray(np.full((64, 32, 3), 188, np.uint8)).save(buffer, "JPEG")
+    notes: list[str] = []
+    found = read_texture(buffer.getvalue(), "a.jpg", tell=notes.append)
+    assert found.shape == (8, 4, 3) and notes == ["a.jpg: 32 x 64 pixels, shown at 4 x 8"]
+    np.testing.assert_allclose(found, 0.5029, atol=0.01)
+    assert set(sizes) == {(4, 8)}
+
+
+@pytest.mark.usefixtures("small_limit")
+def test_a_large_exr_is_its_means(tmp_path: Path) -> None:
+    pixels = np.random.default_rng(1).random((16, 8, 3)).astype(np.float16).astype(np.float32)
+    write_exr(tmp_path / "a.exr", pixels)
+    found = read_texture((tmp_path / "a.exr").read_bytes(), "a.exr")
+    np.testing.assert_allclose(found, block_means(pixels, 2), atol=1e-5)
+
+
+@pytest.mark.usefixtures("small_limit")
+def test_a_store_tells_once_what_is_shown_smaller(tmp_path: Path) -> None:
+    from engine.material.maps import Images
+
+    (tmp_path / "a.png").write_bytes(png(np.zeros((16, 16), np.uint8)))
+    store = TextureStore(tmp_path / "scene.toml")
+    for _ in range(2):
+        assert store.weight(Images(weight="a.png")).size == (8, 8)  # type: ignore[union-attr]
+    assert store.take_notes() == (f"{tmp_path / 'a.png'}: 16 x 16 pixels, shown at 8 x 8",)
+    assert store.take_notes() == ()
+
+
+def test_sizes_that_cameras_and_painters_give() -> None:
+    sizes = ((4096, 4096), (8192, 8192), (16384, 16384), (16384, 8192), (8192, 4096), (6000, 4000))
+    assert [reduction(*size) for size in sizes] == [1, 2, 4, 4, 2, 2]
