@@ -96,7 +96,7 @@ def test_an_animation_is_frames_of_it_and_a_time_one_of_them(
         assert np.array_equal(still, drawn[1])
     else:  # a still's transfer is that of its pose, frames turn one of the mesh at rest
         off = [np.abs(still - each).mean() for each in drawn]
-        assert off[1] < 0.3 * off[0]
+        assert off[1] < 0.6 * off[0] and off[1] < 0.5  # of 255
 
 
 def test_what_does_not_go_with_an_animation_is_said(scene: Path, tmp_path: Path, capsys) -> None:
