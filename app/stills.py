@@ -212,10 +212,14 @@ def wanted_bounces(project: Project, plan: Plan) -> int | None:
 
 
 def write_picture(path: Path, radiance: NDArray[np.float32], view: ToneMapping = "filmic", comment: str = "") -> None:
-    """Put a picture into an .exr (linear, 32 bits, with a comment) or a .png (as the viewport shows it), whole or not
-    at all."""
+    """Put a picture into a file, whole or not at all; see `picture_bytes`."""
+    save_file(path, picture_bytes(path, radiance, view, comment))
+
+
+def picture_bytes(path: Path, radiance: NDArray[np.float32], view: ToneMapping = "filmic", comment: str = "") -> bytes:
+    """What is in a picture's file: an .exr (linear, 32 bits, with a comment) or a .png (as the viewport shows it)."""
     is_png = path.suffix.lower() == ".png"
-    save_file(path, png_bytes(radiance, tone_mapping=view) if is_png else exr_bytes(radiance, comment))
+    return png_bytes(radiance, tone_mapping=view) if is_png else exr_bytes(radiance, comment)
 
 
 def layers_by_object(project: Project) -> Mapping[int, tuple[Layer, ...]]:

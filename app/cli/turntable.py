@@ -1,29 +1,32 @@
 """Pictures from all around a scene, or all through its animation, a file each: what `insitu render --turntable` and
 `--frames` do.
 
-A frame that is there and whole is kept, so that work that was stopped goes on where it was; a file beside the frames
-has the digest of all that they depend on, and under another one all are drawn anew.
+A frame that is there and whole is kept, so that work that was stopped goes on where it was. A file beside the frames
+has the key of all that they depend on, and what was written; under another key that is taken away, be it more frames
+than are wanted now, and all are drawn anew. What was not written here, or was changed since, is not touched.
 """
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.files.session import dump_session
+import numpy as np
+from numpy.typing import NDArray
+
 from app.frames import Draw, Frames, Report, draw_here, poses_of
-from app.jobs.cache import content_key
 from app.machine.atomic import require_place, save_file
+from app.picture_key import picture_key
 from app.project import Project
-from app.stills import ENDINGS, write_picture
-from app.view_state import ViewState
+from app.stills import ENDINGS, picture_bytes
 from engine.colour import ToneMapping
 from engine.errors import InsituError
 from engine.light.image_files import read_radiance_image
 from engine.texture.images import read_texture
-from engine.texture.store import TextureStore
 
-DIGEST = ".turntable"
+RECORD = ".turntable"
 
 
 @dataclass(frozen=True)
@@ -51,24 +54,46 @@ class FrameFiles:
 
     @property
     def record(self) -> Path:
-        """The file that has the digest."""
-        return self.folder / f"{DIGEST}-{self.stem}{self.ending[1:]}"
+        """The file that has the key, and what was written."""
+        return self.folder / f"{RECORD}-{self.stem}{self.ending[1:]}"
 
-    def missing(self, digest: str, resolution: tuple[int, int]) -> list[int]:
-        """Which of them are to be drawn; the digest is noted for the next time. Raises InsituError, also where there
-        are files of such names in a folder that no turn has noted: they are somebody's own."""
+    def missing(self, key: str, resolution: tuple[int, int]) -> list[int]:
+        """Which of them are to be drawn; the key is noted for the next time, and frames under another one are removed.
+        Raises InsituError, also where there are files of such names that no turn has written: they are somebody's own.
+        """
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            known = self.record.read_text() if self.record.exists() else ""
+            known, written = self._noted()
+            if known != key:
+                own = [name for name, content in written.items() if _content_of(self.folder / name) == content]
+                others = [path for path in map(self.path, range(self.count)) if path.exists() and path.name not in own]
+                if others:
+                    said = (
+                        "changed since it was drawn" if others[0].name in written else "not a frame of an earlier turn"
+                    )
+                    raise InsituError(f"{others[0]}: {said}; expected a folder without such files")
+                for name in own:
+                    (self.folder / name).unlink()
+                self._note(key, {})
         except (OSError, UnicodeDecodeError) as error:
             raise InsituError(f"{self.folder}: the folder cannot be used, {error}") from error
-        if not known and (others := [self.path(i) for i in range(self.count) if self.path(i).exists()]):
-            raise InsituError(f"{others[0]}: not a frame of an earlier turn; expected a folder without such files")
-        if known != digest:
-            for i in range(self.count):
-                self.path(i).unlink(missing_ok=True)
-            save_file(self.record, digest.encode())
         return [i for i in range(self.count) if not _is_whole(self.path(i), resolution)]
+
+    def write(self, i: int, picture: NDArray[np.float32], view: ToneMapping) -> None:
+        """Put a frame into its file, which is noted before. Raises InsituError."""
+        content, (key, written) = picture_bytes(self.path(i), picture, view), self._noted()
+        self._note(key, {**written, self.path(i).name: _digest(content)})
+        save_file(self.path(i), content)
+
+    def _noted(self) -> tuple[str, dict[str, str]]:
+        """The key of the frames that are there, "" where there are none, and what was written, by name."""
+        if not self.record.exists():
+            return "", {}
+        key, *lines = self.record.read_text().splitlines() or [""]
+        return key, {name: content for content, _, name in (line.partition(" ") for line in lines)}
+
+    def _note(self, key: str, written: Mapping[str, str]) -> None:
+        save_file(self.record, "\n".join([key, *(f"{content} {name}" for name, content in written.items())]).encode())
 
 
 def draw_frames(
@@ -79,27 +104,12 @@ def draw_frames(
     if frames.animated:
         poses_of(project, frames.count)  # where there is no animation no file is touched
     require_place(*map(files.path, range(files.count)), files.record)
-    missing = files.missing(_digest(project, frames, view), project.scene.resolution)
+    missing = files.missing(picture_key(project, frames, view), project.scene.resolution)
     drawn = 0
     for i, picture in draw(project, frames, missing, report):
-        write_picture(files.path(i), picture, view)
+        files.write(i, picture, view)
         drawn += 1
     return drawn
-
-
-def _digest(project: Project, *settings: object) -> str:
-    """Of all that the frames depend on."""
-    scene, sky = project.scene, project.sky
-    text = dump_session(project.document, ViewState())
-    geometry = (scene.vertices, scene.normals, scene.triangles, scene.object_of_triangle, scene.smooth, scene.emission)
-    radiance = None if sky.environment is None else sky.environment.radiance
-    textures = TextureStore(scene.file)
-    maps = repr([textures.stamps(layer.maps.images) for _, layer in project.document.layers()])
-    camera = scene.description.camera.model_dump_json()
-    bounces = repr((project.n_bounces, scene.description.bounces, project.overruled))
-    return content_key(
-        text, camera, scene.resolution, *geometry, radiance, sky.rotation, sky.scale, maps, bounces, repr(settings)
-    )
 
 
 def _is_whole(path: Path, resolution: tuple[int, int]) -> bool:
@@ -109,3 +119,12 @@ def _is_whole(path: Path, resolution: tuple[int, int]) -> bool:
     except (OSError, InsituError):
         return False
     return found.shape[1::-1] == resolution
+
+
+def _content_of(path: Path) -> str:
+    """A digest of a file, "" where there is none."""
+    return _digest(path.read_bytes()) if path.is_file() else ""
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.blake2b(content, digest_size=20).hexdigest()

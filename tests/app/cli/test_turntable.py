@@ -13,6 +13,7 @@ from app.cli.turntable import FrameFiles
 from app.frames import cameras
 from app.project import open_project
 from app.stills import render_project
+from engine.errors import InsituError
 from engine.indirect.series import BounceSeries
 from engine.light.image_files import read_radiance_image
 from engine.scene.description import Camera
@@ -146,3 +147,47 @@ def test_other_files_in_the_folder_stay(scene: Path, tmp_path: Path) -> None:
 def test_what_does_not_go_together_is_said(scene: Path, tmp_path: Path, wrong: tuple[str, ...], capsys) -> None:
     assert turn(scene, tmp_path / "out" / "turn.exr", "--turntable", 2, *wrong) == 1
     assert wrong[0] in capsys.readouterr().err
+
+
+PICTURE = np.full((9, 12, 3), 0.5, np.float32)
+
+
+def drawn(files: FrameFiles, key: str) -> list[int]:
+    """Draw what is missing."""
+    missing = files.missing(key, (12, 9))
+    for i in missing:
+        files.write(i, PICTURE, "filmic")
+    return missing
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir() if not path.name.startswith("."))
+
+
+def test_frames_of_a_longer_turn_before_are_gone(tmp_path: Path) -> None:
+    assert drawn(FrameFiles(tmp_path, 4), "four") == [0, 1, 2, 3]
+    assert drawn(FrameFiles(tmp_path, 2), "two") == [0, 1]
+    assert names(tmp_path) == ["0000.png", "0001.png"]
+
+
+def test_no_file_goes_that_was_not_written_here(tmp_path: Path) -> None:
+    drawn(FrameFiles(tmp_path, 4), "four")
+    for name in ("0003.png", "0007.png", "notes.png"):
+        (tmp_path / name).write_bytes(b"somebody's own")  # the first in the place of a frame
+    assert drawn(FrameFiles(tmp_path, 2), "two") == [0, 1]
+    assert names(tmp_path) == ["0000.png", "0001.png", "0003.png", "0007.png", "notes.png"]
+    assert (tmp_path / "0003.png").read_bytes() == b"somebody's own"
+    before = (tmp_path / "0000.png").read_bytes()
+    with pytest.raises(InsituError, match=r"0003\.png: not a frame of an earlier turn"):
+        drawn(FrameFiles(tmp_path, 4), "four again")
+    (tmp_path / "0001.png").write_bytes(b"retouched")
+    with pytest.raises(InsituError, match=r"0001\.png: changed since it was drawn"):
+        drawn(FrameFiles(tmp_path, 2), "two again")
+    assert (tmp_path / "0000.png").read_bytes() == before and (tmp_path / "0001.png").read_bytes() == b"retouched"
+
+
+def test_a_turn_that_was_killed_before_a_frame_was_whole_goes_on(tmp_path: Path) -> None:
+    files = FrameFiles(tmp_path, 3)
+    drawn(files, "key")
+    files.path(2).unlink()  # noted, and then not written
+    assert drawn(files, "key") == [2] and drawn(files, "another") == [0, 1, 2]
