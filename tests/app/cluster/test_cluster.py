@@ -6,6 +6,7 @@ The tests go on from one another's workers, as starting one takes seconds; whoev
 from __future__ import annotations
 
 import contextlib
+import inspect
 import os
 import socket
 import subprocess
@@ -268,22 +269,24 @@ def test_a_worker_of_another_version_is_named_before_it_is_given_anything(
             time.sleep(0.1)
 
 
+@pytest.mark.parametrize("stage", ["submit", "n_workers", "send"])
 def test_a_scheduler_that_dies_in_mid_run_is_told_in_one_line(
-    words: ProjectWords, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    words: ProjectWords, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, stage: str
 ) -> None:
     few = ("--turntable", "30", "--resolution", "12", "9", "--lights", "40", "--bounces", "1")
     machines = Machines(tmp_path)
     machines.start_worker()
-    submit, submitted = Cluster.submit, 0
+    method, calls = inspect.getattr_static(Cluster, stage), 0
+    last = {"submit": 20, "n_workers": 3, "send": 1}[stage]
 
-    def submitting(self: Cluster, *arguments: object) -> object:
-        nonlocal submitted
-        submitted += 1
-        if submitted == 20:
+    def dying(self: Cluster, *arguments: object) -> object:
+        nonlocal calls
+        calls += 1
+        if calls == last:
             machines.end()
-        return submit(self, *arguments)  # type: ignore[arg-type]
+        return (method.fget if isinstance(method, property) else method)(self, *arguments)
 
-    monkeypatch.setattr(Cluster, "submit", submitting)
+    monkeypatch.setattr(Cluster, stage, property(dying) if isinstance(method, property) else dying)
     try:
         deadline = time.monotonic() + 60.0
         while run("render", str(words.name), "-o", tmp_path / "out", *few, "--scheduler", machines.address) == 1:
