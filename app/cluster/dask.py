@@ -46,7 +46,7 @@ class Cluster:
 
     def __init__(self, address: str) -> None:
         """Raises InsituError where none answers there."""
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what it has to say is said in one line, by us
+        _silence_libraries()
         self.address = address
         try:
             _require_greeting(address)
@@ -194,6 +194,14 @@ class Cluster:
         return InsituError(
             f"--scheduler {self.address}: the scheduler has gone; what is done is kept, give the command again"
         )
+
+
+def _silence_libraries() -> None:
+    """What they have to say is said in one line, by us: Dask gives some of its loggers levels of their own, and writes
+    whole tracebacks when a scheduler goes."""
+    for name in ("asyncio", "distributed", "tornado", *logging.root.manager.loggerDict):
+        if name.partition(".")[0] in ("asyncio", "distributed", "tornado"):
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
 
 
 def _require_greeting(address: str) -> None:

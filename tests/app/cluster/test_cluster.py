@@ -315,3 +315,28 @@ def test_a_cluster_without_workers_and_one_that_has_gone_are_told(
         machines.end()
         with pytest.raises(InsituError, match="the scheduler has gone"):
             list(cluster.draw(project, FRAMES, range(4), silent))
+
+
+def test_a_scheduler_that_is_killed_leaves_one_line_on_the_terminal(words: ProjectWords, tmp_path: Path) -> None:
+    """Of a program of its own, whose libraries write what they like."""
+    machines, out = Machines(tmp_path), tmp_path / "out"
+    machines.start_worker()
+    command = ["render", str(words.name), "-o", str(out), "--turntable", "400", "--resolution", "12", "9"]
+    command += ["--lights", "40", "--bounces", "1", "--scheduler", machines.address]
+    try:
+        deadline = time.monotonic() + 60.0
+        while True:  # until there is a scheduler
+            with contextlib.suppress(InsituError), Cluster(machines.address):
+                break
+            assert time.monotonic() < deadline
+        with subprocess.Popen([sys.executable, "-m", "app", *command], stderr=subprocess.PIPE) as program:
+            while len(list(out.glob("*.png"))) < 2:
+                assert program.poll() is None and time.monotonic() < deadline + 60.0
+                time.sleep(0.1)
+            machines.end()
+            said = program.communicate(timeout=60.0)[1].decode()
+            assert program.returncode == 1
+            (line,) = said.splitlines()
+            assert "the scheduler has gone" in line
+    finally:
+        machines.end()
