@@ -1,26 +1,27 @@
-"""A strict reader of Wavefront OBJ files: vertices, normals and polygons, every line understood or refused by number.
+"""A strict reader of Wavefront OBJ files: vertices, normals and polygons; numbers that are none are refused by line.
 
-Materials, groups, lines and points say nothing that a scene file does not say itself and are stepped over; a material
-library is never opened, but one outside the folder is refused, so that a file that reaches out is noticed. Corners with
-the same position and normal become one vertex, whatever their texture coordinates; those count where all corners of the
-file have them. trimesh reads such files otherwise: see `mesh`.
+Groups, lines and points say nothing that a scene file does not say itself and are stepped over, and so are lines that
+no standard has, with a note. Materials are not read, and their library is not even looked for: whatever it is called,
+nothing outside the folder is touched. Corners with the same position and normal become one vertex, whatever their
+texture coordinates; those count where all corners of the file have them. trimesh reads them otherwise: see `mesh`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from engine.errors import LoadError
-from engine.files import resolve_inside
-from engine.scene.mesh import Mesh, fan_triangles
+from engine.errors import LoadError, describe_value
+from engine.scene.mesh import Mesh, MeshFile
+from engine.scene.polygons import TooIntricateError, triangulate
 
 _IGNORED = frozenset("vp o g s usemtl l p mg usemap maplib lod shadow_obj trace_obj bevel c_interp d_interp".split())
 _MAX_INDEX_DIGITS = 12
-_MOST_LIBRARIES = 64
+_MOST_NAMES = 4
 
 
 @dataclass
@@ -35,13 +36,14 @@ class _Lines:
     corners: list[tuple[int, int, int]] = field(default_factory=list)
     lengths: list[int] = field(default_factory=list)
     lines: list[int] = field(default_factory=list)
-    libraries: set[str] = field(default_factory=set)
+    libraries: dict[str, None] = field(default_factory=dict)
+    unknown: dict[str, int] = field(default_factory=dict)
     known_corners: dict[str, tuple[int, int, int]] = field(default_factory=dict)
     number: int = 0
 
 
-def parse_obj(data: bytes, file: Path) -> Mesh:
-    """The mesh in the bytes of an OBJ file; raises LoadError naming the line and what stands there."""
+def parse_obj(data: bytes, file: Path) -> MeshFile:
+    """What is in the bytes of an OBJ file; raises LoadError naming the line and what stands there."""
     state = _Lines(file)
     if b"\0" in data:
         raise LoadError(file, f"byte {data.index(0)}", "binary data", "the text of an OBJ file")
@@ -56,7 +58,7 @@ def parse_obj(data: bytes, file: Path) -> Mesh:
         _read_line(state, line.partition("#")[0].split())
     if held:
         raise LoadError(file, f"line {state.number}", "\\", "a line after the last continuation")
-    return _assemble(state)
+    return MeshFile(_assemble(state, len(data)), _notes(state), _listed(state.libraries))
 
 
 def _read_line(state: _Lines, words: list[str]) -> None:
@@ -72,19 +74,25 @@ def _read_line(state: _Lines, words: list[str]) -> None:
     elif words[0] == "vt":
         state.textures.append((_numbers(state, words, (1, 2, 3)) + [0.0])[:2])
     elif words[0] == "mtllib":
-        for name in words[1:]:
-            if name not in state.libraries:
-                _check_library(state, name)
+        state.libraries[" ".join(words[1:])] = None
     else:
-        raise _refused(state, " ".join(words), "v, vn, vt, f, o, g, s, usemtl, mtllib or a comment")
+        state.unknown[words[0]] = state.unknown.get(words[0], 0) + 1
 
 
-def _check_library(state: _Lines, name: str) -> None:
-    """Note a material library of the file's folder; following names to where they lead takes long."""
-    if len(state.libraries) == _MOST_LIBRARIES:
-        raise _refused(state, f"mtllib {name}", f"at most {_MOST_LIBRARIES} material libraries")
-    resolve_inside(state.file.parent, name, state.file, f"line {state.number}: mtllib")
-    state.libraries.add(name)
+def _notes(state: _Lines) -> tuple[str, ...]:
+    """One on the lines that were stepped over, where there were any."""
+    if not state.unknown:
+        return ()
+    n = sum(state.unknown.values())
+    return (f"{n} lines of unknown kinds are left out: {_listed(state.unknown)}",)
+
+
+def _listed(names: dict[str, Any]) -> str:
+    """The first few names, shortened."""
+    more = len(names) - _MOST_NAMES
+    return ", ".join(describe_value(name) for name in [*names][:_MOST_NAMES]) + (
+        f" and {more} more" if more > 0 else ""
+    )
 
 
 def _numbers(state: _Lines, words: list[str], counts: tuple[int, ...]) -> list[float]:
@@ -133,8 +141,8 @@ def _index(state: _Lines, word: str, digits: str, count: int, kind: str) -> int:
     return count + number if number < 0 else number - 1
 
 
-def _assemble(state: _Lines) -> Mesh:
-    """Fans of triangles over vertices that differ in position or normal."""
+def _assemble(state: _Lines, n_bytes: int) -> Mesh:
+    """Triangles over vertices that differ in position or normal."""
     if not state.lengths:
         raise LoadError(state.file, "faces", 0, "at least one line f")
     corners = np.array(state.corners, np.int64)
@@ -146,19 +154,25 @@ def _assemble(state: _Lines) -> Mesh:
         corners[:, 1] = 0
     width = max(1, len(state.normals))
     keys, index = np.unique(corners[:, 0] * width + corners[:, 1], return_inverse=True)
-    positions = np.array(state.positions)[keys // width]
+    positions = np.array(state.positions)
     normals = np.array(state.normals)[keys % width] if has_normals else None
     lengths = np.array(state.lengths)
-    return Mesh(positions, fan_triangles(index.astype(np.int32), lengths), normals, _uvs(state, corners[:, 2], lengths))
+    try:
+        triangles = triangulate(positions[corners[:, 0]], lengths, n_bytes)
+    except TooIntricateError as error:
+        line, found = state.lines[error.polygon], f"{state.lengths[error.polygon]} corners"
+        raise LoadError(state.file, f"line {line}", found, "a polygon that is quickly cut into triangles") from None
+    uvs = _uvs(state, corners[:, 2], triangles)
+    return Mesh(positions[keys // width], index.astype(np.int32)[triangles], normals, uvs)
 
 
-def _uvs(state: _Lines, textures: npt.NDArray[np.int64], lengths: npt.NDArray[np.int64]) -> npt.NDArray | None:
+def _uvs(state: _Lines, textures: npt.NDArray[np.int64], triangles: npt.NDArray[np.int32]) -> npt.NDArray | None:
     """Of each triangle's corners, (T, 3, 2), where all corners have some."""
     if (textures < 0).any():
         return None
     # In double precision here: what is too large for single is to be found by `validate_mesh`, not by a warning.
     values = np.clip(np.array(state.textures), -1e30, 1e30).astype(np.float32)
-    return values[textures[fan_triangles(np.arange(len(textures), dtype=np.int32), lengths)]]
+    return values[textures[triangles]]
 
 
 def _check_range(state: _Lines, indices: npt.NDArray[np.int64], count: int, kind: str) -> None:

@@ -17,25 +17,27 @@ from engine.files import resolve_inside
 from engine.scene.description import MAX_OBJECTS, LayerDescription, ObjectDescription, SceneDescription
 from engine.scene.gltf import GlbModel, GlbPart, read_glb
 from engine.scene.gltf_materials import GREY
-from engine.scene.mesh import Mesh, faceted, join_meshes, read_mesh
+from engine.scene.mesh import Mesh, MeshFile, faceted, join_meshes, read_mesh_file
 from engine.scene.primitives import PRIMITIVES
 from engine.scene.rig import Rig, join_bindings
 
 
 @dataclass(frozen=True)
 class ObjectMesh:
-    """An object's description, with layers, its mesh in its own frame, and what moves it, if anything does."""
+    """An object's description, with layers, its mesh in its own frame, and what moves it, if anything does. unread:
+    what its file calls the materials that it would have and that are not read."""
 
     description: ObjectDescription
     mesh: Mesh
     rig: Rig | None = None
+    unread: str = ""
 
 
 def object_meshes(description: SceneDescription, folder: Path, path: Path) -> tuple[list[ObjectMesh], list[str]]:
     """All objects with their meshes, each file read once, and notes; raises LoadError."""
     items: list[ObjectMesh] = []
     notes: list[str] = []
-    meshes: dict[Path, Mesh] = {}
+    meshes: dict[Path, MeshFile] = {}
     models: dict[Path, GlbModel] = {}
     taken = {item.name for item in description.objects}
     for item in description.objects:
@@ -46,8 +48,10 @@ def object_meshes(description: SceneDescription, folder: Path, path: Path) -> tu
         if file.suffix.lower() != ".glb":
             if item.part is not None:
                 raise LoadError(path, f"object {item.name!r}: part", item.part, "no part: only GLB files have them")
-            meshes[file] = meshes.get(file) or read_mesh(file)
-            items.append(ObjectMesh(item, meshes[file]))
+            if file not in meshes:
+                meshes[file] = read_mesh_file(file)
+                notes += [f"{item.name}: {note}" for note in meshes[file].notes]
+            items.append(ObjectMesh(item, meshes[file].mesh, unread=meshes[file].materials))
         else:
             if file not in models:
                 models[file] = read_glb(file)
@@ -60,12 +64,16 @@ def object_meshes(description: SceneDescription, folder: Path, path: Path) -> tu
 
 def _with_layers(items: list[ObjectMesh], notes: list[str]) -> list[ObjectMesh]:
     """What neither shines nor has layers would be black for ever: it gets grey ones, and a note says so."""
-    bare = [item.description.name for item in items if not item.description.layers and not item.description.emits]
-    if bare:
-        notes.append(f"{_listed(bare)}: without a material, shown in a grey that can be edited")
+    bare: dict[str, list[str]] = {}
+    for item in items:
+        if not item.description.layers and not item.description.emits:
+            bare.setdefault(item.unread, []).append(item.description.name)
+    for unread, names in bare.items():
+        why = f"materials of {unread} are not read" if unread else "without a material"
+        notes.append(f"{_listed(names)}: {why}, shown in a grey that can be edited")
     return [
         replace(item, description=item.description.model_copy(update={"layers": GREY}))
-        if item.description.name in bare
+        if item.description.name in bare.get(item.unread, ())
         else item
         for item in items
     ]

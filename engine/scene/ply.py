@@ -1,9 +1,10 @@
 """A strict reader of PLY files (ASCII, binary little and big endian).
 
 Every count in the header is held against the bytes that are there before anything is allocated, so a truncated file,
-a negative count and a header that claims 10⁹ vertices all end in one line that says which. Polygons become fans of
-triangles; properties other than x y z, nx ny nz, texture coordinates (s t, u v or texture_u texture_v) and the face's
-vertex indices are stepped over. trimesh reads such files otherwise: see `mesh`.
+a negative count and a header that claims 10⁹ vertices all end in one line that says which. What stands after the last
+element is stepped over with a note. Polygons and strips (`tristrips`, whose list −1 parts) become triangles; properties
+other than x y z, nx ny nz, texture coordinates (s t, u v or texture_u texture_v) and the vertex indices of faces are
+stepped over. trimesh reads such files otherwise: see `mesh`.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from engine.errors import LoadError
-from engine.scene.mesh import Mesh, fan_triangles
+from engine.scene.mesh import Mesh, MeshFile
+from engine.scene.polygons import TooIntricateError, triangulate
 
 _MAX_HEADER = 65536
 _MAX_COUNT = 2**31 - 1
@@ -26,6 +28,7 @@ _TYPES = {"char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2
           "double": "f8", "float64": "f8"}  # fmt: skip
 _CODES = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I"}
 _CORNERS = ("vertex_indices", "vertex_index")
+_SURFACES = ("face", "tristrips")
 _UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
 _FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
@@ -51,7 +54,7 @@ class _Element:
 
     def reads(self, p: _Property) -> bool:
         """Whether a mesh is made of a property; others are stepped over."""
-        return self.name == "vertex" and not p.count_type or self.name == "face" and p.name in _CORNERS
+        return self.name == "vertex" and not p.count_type or self.name in _SURFACES and p.name in _CORNERS
 
 
 @dataclass
@@ -62,20 +65,29 @@ class _Lists:
     values: npt.NDArray[np.float64]
 
 
-def parse_ply(data: bytes, file: Path) -> Mesh:
-    """The mesh in the bytes of a PLY file; raises LoadError naming the line, element or byte."""
+def parse_ply(data: bytes, file: Path) -> MeshFile:
+    """What is in the bytes of a PLY file; raises LoadError naming the line, element or byte."""
     elements, byte_order, body = _parse_header(data, file)
     if byte_order:
-        columns = _read_binary(data, body, elements, byte_order, file)
+        columns, notes = _read_binary(data, body, elements, byte_order, file)
     else:
-        columns = _read_ascii(data, body, elements, file)
+        columns, notes = _read_ascii(data, body, elements, file)
     vertices = _vectors(columns, "vertex", "x y z", file)
     normals = _vectors(columns, "vertex", "nx ny nz", file) if ("vertex", "nx") in columns else None
-    faces = next((columns["face", name] for name in _CORNERS if ("face", name) in columns), None)
-    if not isinstance(faces, _Lists):
+    triangles = _triangles(columns, vertices, len(data), file)
+    return MeshFile(Mesh(vertices, triangles, normals, _uvs(columns, triangles)), notes)
+
+
+def _triangles(columns: dict, vertices: npt.NDArray[np.float64], n_bytes: int, file: Path) -> npt.NDArray[np.int32]:
+    """Those of all faces, then those of all strips."""
+    found = []
+    for element, read in (("face", _of_polygons), ("tristrips", _of_strips)):
+        lists = next((columns[element, name] for name in _CORNERS if (element, name) in columns), None)
+        if isinstance(lists, _Lists):
+            found.append(read(lists, vertices, n_bytes, file))
+    if not found:
         raise LoadError(file, "element face", "no list vertex_indices", "a list of vertex indices")
-    triangles = _triangulate(faces, len(vertices), file)
-    return Mesh(vertices, triangles, normals, _uvs(columns, triangles))
+    return np.concatenate(found)
 
 
 def _uvs(columns: dict, triangles: npt.NDArray[np.int32]) -> npt.NDArray[np.float32] | None:
@@ -133,8 +145,8 @@ def _parse_property(words: list[str]) -> _Property | None:
     return None
 
 
-def _read_binary(data: bytes, start: int, elements: list[_Element], order: str, file: Path) -> dict:
-    """All columns of a binary body, by (element, property)."""
+def _read_binary(data: bytes, start: int, elements: list[_Element], order: str, file: Path) -> tuple:
+    """All columns of a binary body, by (element, property), and notes."""
     columns: dict[tuple[str, str], Column | _Lists] = {}
     for element in elements:
         if not element.has_lists():
@@ -142,9 +154,8 @@ def _read_binary(data: bytes, start: int, elements: list[_Element], order: str, 
         else:
             found, start = _read_list_rows(data, start, element, order, file)
         columns |= found
-    if start != len(data):
-        raise LoadError(file, "size", f"{len(data)} bytes", f"{start} bytes, as the header counts")
-    return columns
+    rest = len(data[start:].strip())  # many programs end a file with a new line
+    return columns, (f"{rest} bytes after the last element are left out",) if rest else ()
 
 
 def _row_type(element: _Element, order: str, lengths: dict[str, int]) -> np.dtype:
@@ -278,12 +289,12 @@ def _truncated(data: bytes, start: int, element: _Element, row: int, file: Path)
     )
 
 
-def _read_ascii(data: bytes, start: int, elements: list[_Element], file: Path) -> dict:
-    """All columns of an ASCII body, one row a line."""
+def _read_ascii(data: bytes, start: int, elements: list[_Element], file: Path) -> tuple:
+    """All columns of an ASCII body, one row a line, and notes."""
     first = data.count(b"\n", 0, start) + 1
     lines = [(first + i, words) for i, line in enumerate(data[start:].split(b"\n")) if (words := line.split())]
     claimed = sum(e.count for e in elements if e.properties)
-    if claimed != len(lines):
+    if claimed > len(lines):
         raise LoadError(file, "rows in the body", len(lines), f"{claimed} rows, as the header counts")
     columns: dict[tuple[str, str], Column | _Lists] = {}
     at = 0
@@ -291,7 +302,8 @@ def _read_ascii(data: bytes, start: int, elements: list[_Element], file: Path) -
         rows = lines[at : at + element.count]
         columns |= _ascii_lists(rows, element, file) if element.has_lists() else _ascii_rows(rows, element, file)
         at += element.count
-    return columns
+    rest = len(lines) - at
+    return columns, (f"{rest} lines after the last element are left out",) if rest else ()
 
 
 def _ascii_rows(rows: list[tuple[int, list[bytes]]], element: _Element, file: Path) -> dict:
@@ -370,14 +382,44 @@ def _vectors(columns: dict, element: str, names: str, file: Path) -> npt.NDArray
     return np.stack(found, axis=1)  # type: ignore[arg-type]
 
 
-def _triangulate(faces: _Lists, n_vertices: int, file: Path) -> npt.NDArray[np.int32]:
-    """The polygons as triangles, in the order of the file; indices are checked before they are narrowed."""
+def _of_polygons(faces: _Lists, vertices: npt.NDArray[np.float64], n_bytes: int, file: Path) -> npt.NDArray[np.int32]:
+    """The polygons as triangles, in the order of the file."""
     if len(faces.lengths) and (short := faces.lengths < 3).any():
         k = int(np.argmax(short))
         raise LoadError(file, f"face {k}", f"{faces.lengths[k]} vertices", "at least 3 vertices")
-    inside = (faces.values >= 0) & (faces.values < n_vertices) & (faces.values == np.floor(faces.values))
+    corners = _indices(faces, len(vertices), "face", 0, file)
+    if not len(corners):
+        return np.zeros((0, 3), np.int32)
+    try:
+        return corners[triangulate(vertices[corners], faces.lengths, n_bytes)]
+    except TooIntricateError as error:
+        found = f"{faces.lengths[error.polygon]} vertices"
+        raise LoadError(file, f"face {error.polygon}", found, "a polygon that is quickly cut into triangles") from None
+
+
+def _of_strips(strips: _Lists, vertices: npt.NDArray[np.float64], n_bytes: int, file: Path) -> npt.NDArray[np.int32]:
+    """Triangles of strips: each corner makes one with the two before it, every other one wound the other way. Those
+    that have a corner twice only lead from one strip to the next."""
+    corners = _indices(strips, len(vertices), "tristrips", -1, file)
+    begins = np.zeros(len(corners), bool)
+    begins[(np.cumsum(strips.lengths) - strips.lengths)[strips.lengths > 0]] = True
+    begins[1:] |= corners[:-1] < 0
+    places = np.arange(len(corners))
+    since = places - np.maximum.accumulate(np.where(begins, places, 0))
+    last = np.flatnonzero((since >= 2) & (corners >= 0))
+    triangles = np.stack([corners[last - 2], corners[last - 1], corners[last]], axis=1)
+    odd = since[last] % 2 == 1
+    triangles[odd] = triangles[odd][:, (1, 0, 2)]
+    a, b, c = triangles.T
+    return triangles[(a != b) & (b != c) & (c != a)]
+
+
+def _indices(lists: _Lists, n_vertices: int, element: str, least: int, file: Path) -> npt.NDArray[np.int32]:
+    """The indices of lists, checked before they are narrowed."""
+    values = lists.values
+    inside = (values >= least) & (values < n_vertices) & (values == np.floor(values))
     if not inside.all():
         at = int(np.argmin(inside))
-        k = int(np.searchsorted(np.cumsum(faces.lengths), at, "right"))
-        raise LoadError(file, f"face {k}", f"{faces.values[at]:.17g}", f"indices from 0 to {n_vertices - 1}")
-    return fan_triangles(faces.values.astype(np.int32), faces.lengths)
+        k = int(np.searchsorted(np.cumsum(lists.lengths), at, "right"))
+        raise LoadError(file, f"{element} {k}", f"{values[at]:.17g}", f"indices from {least} to {n_vertices - 1}")
+    return values.astype(np.int32)

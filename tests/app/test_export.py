@@ -61,7 +61,7 @@ def test_the_folder_holds_all_of_the_scene(tmp_path: Path) -> None:
     assert lamp.find("emitter/rgb").get("value") == "18 14 10"  # type: ignore[union-attr]
     assert root.find("integrator/integer").get("value") == "3"  # type: ignore[union-attr]
     file = tmp_path / "out" / "meshes" / "01_ball.ply"
-    mesh, scene = parse_ply(file.read_bytes(), file), open_project(str(tmp_path / "small.toml"), (1, 1)).scene
+    mesh, scene = parse_ply(file.read_bytes(), file).mesh, open_project(str(tmp_path / "small.toml"), (1, 1)).scene
     first, last = scene.triangle_ranges[1]
     corners = scene.vertices[scene.triangles[first:last]] + scene.origin
     np.testing.assert_allclose(mesh.vertices[mesh.triangles], corners, atol=1e-6)
@@ -212,6 +212,6 @@ def test_a_far_scene_is_written_about_its_own_centre(tmp_path):
             if x else []
         )  # fmt: skip
     assert (near / "scene.xml").read_bytes() == (far / "scene.xml").read_bytes()
-    here, there = (parse_ply(path.read_bytes(), path) for f in (near, far) for path in (f / "meshes").iterdir())
+    here, there = (parse_ply(path.read_bytes(), path).mesh for f in (near, far) for path in (f / "meshes").iterdir())
     assert (here.triangles == there.triangles).all()
     assert np.abs(here.vertices - there.vertices).max() < 1e-6

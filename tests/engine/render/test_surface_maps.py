@@ -16,9 +16,10 @@ from engine.render.maps import MapFactors
 from engine.render.surface_maps import MapSampler, look_up, uvs_at
 from engine.scene.description import load_description, parse_description
 from engine.scene.load import Scene, load_scene
-from engine.scene.mesh import place_copies, read_mesh
+from engine.scene.mesh import place_copies
 from engine.scene.primitives import PRIMITIVES
 from engine.transport.pipeline import Placement
+from tests.engine.scene.conftest import read_mesh
 
 HEAD = """
 version = 1

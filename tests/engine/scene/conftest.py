@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from engine.scene.mesh import Mesh, read_mesh_file
+
 CAMERA = "[camera]\nposition = [0, 0, 3]\ntarget = [0, 0, 0]\nfov_y = 40\nresolution = [32, 24]\n"
 QUAD_OBJECT = '[[object]]\nname = "card"\nprimitive = "quad"\n'
 TRIANGLE_PLY = (
@@ -26,6 +28,11 @@ def scene_file(tmp_path: Path) -> Callable[..., Path]:
         return path
 
     return write
+
+
+def read_mesh(path: Path) -> Mesh:
+    """The triangles of an OBJ or PLY file."""
+    return read_mesh_file(path).mesh
 
 
 @pytest.fixture

@@ -1,0 +1,203 @@
+"""Compiled loop of `engine.scene.polygons`: ears cut off one polygon after the other, in the plane."""
+
+from __future__ import annotations
+
+import numba as nb
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+# A turn is none when the parallelogram of its edges is so small beside their squares.
+_FLAT = 1e-13
+_CLOSE = 10
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _turn(points: Floats, a: int, b: int, c: int) -> float:
+    """Twice the signed area of a triangle: positive where a, b, c run counter-clockwise, exactly 0 where they stand on
+    a line but for rounding."""
+    ux, uy = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
+    vx, vy = points[c, 0] - points[b, 0], points[c, 1] - points[b, 1]
+    doubled = ux * vy - uy * vx
+    return doubled if abs(doubled) > _FLAT * (ux * ux + uy * uy + vx * vx + vy * vy) else 0.0
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _same(points: Floats, a: int, b: int) -> bool:
+    return points[a, 0] == points[b, 0] and points[a, 1] == points[b, 1]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _enters(points: Floats, corner: int, right: int, left: int, before: int, after: int) -> bool:
+    """Whether an edge to one of two points leaves a corner strictly inside its angle from `right` to `left`, < 180°."""
+    for end in (before, after):
+        if _turn(points, right, corner, end) < 0.0 and _turn(points, left, corner, end) > 0.0:
+            return True
+    return False
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _blocks(points: Floats, previous: Integers, following: Integers, a: int, b: int, c: int, j: int) -> bool:
+    """Whether corner j, which does not turn left, forbids to cut the triangle a, b, c off: it lies in it or on its
+    outline. Where it coincides with a corner, as where an outline touches itself or leads to a hole and back, it does
+    if one of its edges enters the triangle."""
+    if j == a or j == b or j == c:
+        return False
+    before, after = previous[j], following[j]
+    if _same(points, j, a):
+        return _enters(points, j, b, c, before, after)
+    if _same(points, j, b):
+        return _enters(points, j, c, a, before, after)
+    if _same(points, j, c):
+        return _enters(points, j, a, b, before, after)
+    return _turn(points, a, b, j) >= 0.0 and _turn(points, b, c, j) >= 0.0 and _turn(points, c, a, j) >= 0.0
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _blocker(
+    points: Floats, previous: Integers, following: Integers, order: Integers, across: Floats, upward: Floats,
+    is_blunt: Flags, b: int,
+) -> tuple[int, int]:  # fmt: skip
+    """The first corner from the left that forbids to cut b off, -1 where none does; and the steps that this took: one a
+    corner passed by, `_CLOSE` for one looked at closely.
+
+    order: corners from left to right, across and upward (n,) their coordinates, is_blunt (n,) which of them are there
+    still and do not turn left.
+    """
+    a, c = previous[b], following[b]
+    low_x, high_x = min(points[a, 0], points[b, 0], points[c, 0]), max(points[a, 0], points[b, 0], points[c, 0])
+    low_y, high_y = min(points[a, 1], points[b, 1], points[c, 1]), max(points[a, 1], points[b, 1], points[c, 1])
+    rounding = _FLAT * (high_x - low_x + high_y - low_y)
+    low_x, high_x, low_y, high_y = low_x - rounding, high_x + rounding, low_y - rounding, high_y + rounding
+    k, steps = np.searchsorted(across, low_x), _CLOSE
+    while k < len(order) and across[k] <= high_x:
+        steps += 1
+        if is_blunt[k] and low_y <= upward[k] <= high_y:
+            steps += _CLOSE
+            if _blocks(points, previous, following, a, b, c, order[k]):
+                return order[k], steps
+        k += 1
+    return -1, steps
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _is_needless(points: Floats, a: int, b: int, c: int) -> bool:
+    """Whether b adds nothing to an outline: it stands on a neighbour, or is the tip of a spike without width."""
+    if _same(points, a, b) or _same(points, b, c):
+        return True
+    along = (points[b, 0] - points[a, 0]) * (points[c, 0] - points[b, 0]) + (points[b, 1] - points[a, 1]) * (
+        points[c, 1] - points[b, 1]
+    )
+    return _turn(points, a, b, c) == 0.0 and along < 0.0
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _least_bad(points: Floats, previous: Integers, following: Integers, start: int, n_left: int) -> int:
+    """What to cut where no ear is left, which happens to outlines that cross themselves: a corner that turns left, else
+    any."""
+    b = start
+    for _ in range(n_left):
+        if _turn(points, previous[b], b, following[b]) > 0.0:
+            return b
+        b = following[b]
+    return start
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _cut(points: Floats, most_steps: int, triangles: Integers) -> tuple[int, int]:
+    """Triangles of one polygon (n, 2) as numbers of its corners: how many, and the steps that it took, more than
+    `most_steps` where it was given up.
+
+    A corner is looked at again when a neighbour has been cut off; where none is left that was, all of them are.
+    """
+    n = len(points)
+    previous, following = np.arange(-1, n - 1), np.arange(1, n + 1)
+    previous[0], following[n - 1] = n - 1, 0
+    order = np.argsort(points[:, 0], kind="mergesort")
+    rank = np.empty(n, np.int64)
+    rank[order] = np.arange(n)
+    across, upward = points[order, 0], points[order, 1]
+    is_blunt = np.empty(n, np.bool_)
+    for j in range(n):
+        is_blunt[rank[j]] = not _turn(points, previous[j], j, following[j]) > 0.0
+    blocker = np.full(n, -1)
+    gone, is_queued = np.zeros(n, np.bool_), np.ones(n, np.bool_)
+    queue, head, n_queued = np.arange(n), 0, n
+    steps, n_triangles, n_left, cut_since = 0, 0, n, True
+    while n_left > 2 and steps <= most_steps:
+        if n_queued:
+            b = queue[head]
+            head, n_queued, is_queued[b] = (head + 1) % n, n_queued - 1, False
+            if gone[b]:
+                continue
+            steps += _CLOSE
+            needless = -1
+            for j in (previous[b], b, following[b]):  # first: beside a spike a corner seems to be an ear
+                if _is_needless(points, previous[j], j, following[j]):
+                    needless = j
+            if needless >= 0:
+                b = needless
+            else:
+                if is_blunt[rank[b]]:
+                    continue
+                j = blocker[b]
+                if (
+                    j >= 0
+                    and is_blunt[rank[j]]
+                    and _blocks(points, previous, following, previous[b], b, following[b], j)
+                ):
+                    continue
+                blocker[b], taken = _blocker(points, previous, following, order, across, upward, is_blunt, b)
+                steps += taken
+                if blocker[b] >= 0:
+                    continue
+        elif cut_since:
+            for j in range(n):
+                if not gone[j]:
+                    queue[(head + n_queued) % n], is_queued[j] = j, True
+                    n_queued += 1
+            steps, cut_since = steps + n, False
+            continue
+        else:
+            b = _least_bad(points, previous, following, previous[b], n_left)
+            steps += _CLOSE * n_left
+        a, c = previous[b], following[b]
+        if _turn(points, a, b, c) > 0.0:
+            triangles[n_triangles, 0], triangles[n_triangles, 1], triangles[n_triangles, 2] = a, b, c
+            n_triangles += 1
+        gone[b], is_blunt[rank[b]], cut_since = True, False, True
+        following[a], previous[c] = c, a
+        n_left -= 1
+        for j in (a, c):
+            is_blunt[rank[j]] = not _turn(points, previous[j], j, following[j]) > 0.0
+            if not is_queued[j]:
+                queue[(head + n_queued) % n], is_queued[j] = j, True
+                n_queued += 1
+    return n_triangles, steps
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def cut_ears(
+    points: Floats, starts: Integers, lengths: Integers, most_steps: int, triangles: Integers, owners: Integers
+) -> tuple[int, int]:
+    """Triangles of polygons, counter-clockwise, whose corners stand one after the other in points (C, 2).
+
+    triangles (T, 3) and owners (T,), T = sum of lengths - 2, receive the numbers of corners and of polygons; triangles
+    without area are not written. Returns how many were, and the first polygon that was not cut because it would have
+    taken more than `most_steps` in all, or -1.
+    """
+    n_triangles = 0
+    for polygon in range(len(starts)):
+        start, n = starts[polygon], lengths[polygon]
+        own = triangles[n_triangles:]
+        found, steps = _cut(points[start : start + n], most_steps, own)
+        most_steps -= steps
+        if most_steps < 0:
+            return n_triangles, polygon
+        own[:found] += start
+        owners[n_triangles : n_triangles + found] = polygon
+        n_triangles += found
+    return n_triangles, -1

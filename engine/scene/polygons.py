@@ -1,0 +1,91 @@
+"""Polygons of a mesh as triangles that cover just what they do.
+
+A polygon that can be seen whole from its first corner becomes a fan about it, as most files mean theirs. Others lose
+one ear after the other [Meisters75] in the plane of their Newell normal: a fan would cover what is not theirs, and make
+4 of an L of area 3. An outline may touch itself, or lead to a hole and back. Rejected: monotone pieces [Garey78], whose
+cost is n log n for any outline, but which know none that touches or crosses itself.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+Indices = npt.NDArray[np.int32]
+
+STEPS_A_BYTE = 400
+_FEWEST_STEPS = 10_000_000
+_THIN = 1e-12
+
+
+class TooIntricateError(Exception):
+    """polygon: the number of one that takes longer to cut than its file is worth."""
+
+    def __init__(self, polygon: int) -> None:
+        super().__init__(f"polygon {polygon}")
+        self.polygon = polygon
+
+
+def triangulate(places: Floats, lengths: Integers, n_bytes: int) -> Indices:
+    """Triangles (T, 3) of polygons, in their order, as numbers of corners.
+
+    places (C, 3): of the corners of all polygons one after the other; lengths (N,), each at least 3; n_bytes: of the
+    file, which bounds what it may cost. Raises TooIntricateError.
+    """
+    fans, owner = _fans(lengths)
+    if (lengths == 3).all():
+        return fans
+    starts = np.cumsum(lengths) - lengths
+    with np.errstate(invalid="ignore", over="ignore"):  # places that are no numbers are for others to find
+        local = places - np.repeat(places[starts], lengths, axis=0)  # far from the origin products would round
+        flat, has_area = _flattened(local, lengths, starts)
+        badly = np.bincount(owner, ~_are_solid(flat, fans), len(lengths)) > 0
+    chosen = np.flatnonzero(badly & has_area & (lengths > 3))
+    if not len(chosen):
+        return fans
+    from engine.scene._polygon_kernels import cut_ears  # late: most files need no compiler
+
+    most = int((lengths[chosen] - 2).sum())
+    ears, owners = np.empty((most, 3), np.int64), np.empty(most, np.int64)
+    steps = max(_FEWEST_STEPS, STEPS_A_BYTE * n_bytes)
+    found, failed = cut_ears(flat, starts[chosen], lengths[chosen], steps, ears, owners)
+    if failed >= 0:
+        raise TooIntricateError(int(chosen[failed]))
+    rest = np.isin(owner, chosen, invert=True)
+    triangles = np.concatenate([fans[rest], ears[:found].astype(np.int32)])
+    return triangles[np.argsort(np.concatenate([owner[rest], chosen[owners[:found]]]), kind="stable")]
+
+
+def _fans(lengths: Integers) -> tuple[Indices, Integers]:
+    """Triangles (a, b, c), (a, c, d)… of polygons, as numbers of corners, and the polygon of each."""
+    starts, n_each = np.cumsum(lengths) - lengths, lengths - 2
+    owner = np.repeat(np.arange(len(lengths)), n_each)
+    first = starts[owner]
+    step = np.arange(len(owner)) - np.repeat(np.cumsum(n_each) - n_each, n_each)
+    return np.stack([first, first + step + 1, first + step + 2], axis=1).astype(np.int32), owner
+
+
+def _flattened(local: Floats, lengths: Integers, starts: Integers) -> tuple[Floats, npt.NDArray[np.bool_]]:
+    """The corners (C, 2) along the axis that a polygon's normal [Newell] is nearest to, from where it runs counter-
+    clockwise, and which polygons have an area. Areas shrink by one factor a polygon, and no coordinate is rounded."""
+    n = len(local)
+    after = np.arange(1, n + 1)
+    after[starts + lengths - 1] = starts
+    normals = np.add.reduceat(np.cross(local, local[after]), starts, axis=0)
+    axis = np.abs(normals).argmax(axis=1)
+    size = normals[np.arange(len(axis)), axis]
+    u, v = np.array([1, 2, 0])[axis], np.array([2, 0, 1])[axis]
+    u, v = np.where(size < 0.0, v, u), np.where(size < 0.0, u, v)
+    corners = np.arange(n)
+    flat = np.stack([local[corners, np.repeat(u, lengths)], local[corners, np.repeat(v, lengths)]], axis=1)
+    return np.ascontiguousarray(flat), (size != 0.0) & np.isfinite(size)
+
+
+def _are_solid(flat: Floats, triangles: Indices) -> npt.NDArray[np.bool_]:
+    """Which triangles of corners in the plane run counter-clockwise and are no mere lines."""
+    corners = flat[triangles]
+    edges = corners[:, (1, 2, 0)] - corners
+    doubled = edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]
+    return doubled > _THIN * (edges**2).sum(axis=2).max(axis=1)
