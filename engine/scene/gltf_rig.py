@@ -245,6 +245,7 @@ class RigReader:
         weights: list[Floats] = []
         while attributes.has(f"JOINTS_{len(joints)}") and attributes.has(f"WEIGHTS_{len(joints)}"):
             k = len(joints)
+            self._spend(4 * n_vertices, attributes, f"JOINTS_{k}")
             joints.append(self._file.read(attributes, f"JOINTS_{k}", "VEC4", (5121, 5123)).astype(np.int32))
             weights.append(self._file.read_shares(attributes, f"WEIGHTS_{k}", "VEC4", SHARES))
             if not len(joints[k]) == len(weights[k]) == n_vertices:

@@ -329,6 +329,15 @@ def test_files_of_others_rest_as_the_specification_says(shared_data: Path, name:
     assert np.abs(vertices - by_the_specification(path, None, 0.0)).max() < 2e-6 * np.ptp(vertices, axis=0).max()
 
 
+def test_sets_of_joints_that_share_numbers_are_no_more_than_a_file_is_worth(bar: Bar, read: Callable) -> None:
+    """A few bytes each, and gigabytes for all of them."""
+    places = bar.add(np.zeros((5000, 3), "<f4"))
+    joints, weights = bar.add(np.zeros((5000, 4), "<u1")), bar.add(np.ones((5000, 4), "<f4"))
+    sets = {f"{name}_{k}": number for k in range(2000) for name, number in (("JOINTS", joints), ("WEIGHTS", weights))}
+    bar.primitive["attributes"] = {"POSITION": places} | sets
+    assert any("JOINTS_" in note and "numbers more" in note for note in read(bar).notes)
+
+
 SMALL_AND_ASIDE = np.diag([0.01, 0.01, 0.01, 1.0])
 SMALL_AND_ASIDE[:3, 3] = [7.0, 0.0, 0.0]
 
@@ -357,6 +366,18 @@ def test_joints_alone_place_a_skin_at_rest_too(bar: Bar, read: Callable, animate
         assert part.rig is not None
         turned = posed(part.rig, rest, part.mesh.triangles, "bend", 0.0)
         assert turned.frames[4, 2] == pytest.approx([1.0, 0.0, 0.0], abs=1e-6)  # as it was before any bone
+
+
+def test_a_skin_alone_is_framed_where_it_rests(bar: Bar, glb_file: Callable[..., Path]) -> None:
+    """Floor and camera are those of the same file with its mesh node where the skeleton stands."""
+    scenes = []
+    for matrix in (np.eye(4), SMALL_AND_ASIDE):
+        bar.tree["nodes"][0]["matrix"] = matrix.T.ravel().tolist()
+        path = glb_file(bar.tree | {"buffers": [{"byteLength": len(bar.binary)}]}, bar.binary)
+        scenes.append(load_scene(path))
+    one, two = scenes
+    assert one.description.camera == two.description.camera
+    assert (one.vertices == two.vertices).all() and np.ptp(one.vertices[:5], axis=0).tolist() == [1.0, 2.0, 0.0]
 
 
 def test_a_joint_that_mirrors_turns_the_winding(bar: Bar, read: Callable) -> None:
