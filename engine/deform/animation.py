@@ -38,30 +38,31 @@ def posed(rig: Rig, rest: Pose, triangles: NDArray[np.int32], clip: str, time: f
     is_morphed = any(morph_weight(m, weights) != morph_weight(m, rig.skeleton.weights) for m in rig.binding.morphs)
     if not is_morphed and not moves.any():
         return rest
-    # Places and axes before any bone, now and at rest, and what the bones at rest make of the difference.
+    # Places before any bone, now and at rest, and what the bones at rest make of the difference.
     before, normals = rig.binding.morphed(rig.skeleton.weights)
-    places, positions, frames = before, rest.positions.copy(), deformed_frames(rest.frames, rig.rest.inverse)
+    places, positions = before, rest.positions.copy()
     has_normals = np.asarray(rig.binding.normals.any(axis=1))
     if is_morphed:
         places, normals = rig.binding.morphed(weights)
         positions += np.einsum("vab,vb->va", rig.rest.linear, places - before)
-        frames = deformed_frames(frames, gradients(before, places, triangles))
         for morph in rig.binding.morphs:
             if morph.normals is None and morph_weight(morph, weights) != 0.0:
                 has_normals[morph.vertices] = False
-    frames[has_normals, 2] = normals[has_normals]
+    # The bones' own part of it.
     linear, turned = rig.rest.linear.copy(), np.empty_like(positions)
     bones, shares, turns = rig.binding.bones, rig.binding.weights, normal_matrices(rig.rest.matrices + moves)
-    above = np.ascontiguousarray(frames[:, 2])
     on_threads(
         lambda start, stop: kernels.skin_range(
-            places, above, bones, shares, moves, turns, start, stop, positions, linear, turned
+            places, normals, bones, shares, moves, turns, start, stop, positions, linear, turned
         ),
         *even_parts(len(positions)),
     )
-    axes = deformed_frames(frames, linear)
+    # Axes from the mesh at rest back to before any bone, there by what targets do, and on.
+    if is_morphed:
+        linear = linear @ gradients(before, places, triangles)
+    axes = deformed_frames(rest.frames, linear @ rig.rest.inverse)
     about = axes.copy()
-    about[:, 2] = turned
+    about[has_normals, 2] = turned[has_normals]
     return Pose(positions, orthonormal(about, axes))
 
 

@@ -164,7 +164,7 @@ def _chunk(data: bytes, start: int, file: Path) -> tuple[int, bytes, int]:
 def _decode(text: bytes, file: Path) -> JsonObject:
     """The root object of a glTF 2 JSON text."""
     try:
-        root = json.loads(text.decode("utf-8"))
+        root = json.loads(text.decode("utf-8-sig").rstrip("\0"))  # as some exporters begin and pad it
     except RecursionError:
         raise LoadError(file, "JSON", "too deep", "JSON with a few levels") from None
     except ValueError as error:

@@ -1,4 +1,5 @@
 import copy
+import json
 import re
 import struct
 
@@ -364,6 +365,12 @@ def test_bytes_after_the_end_are_left_out_with_a_note(triangle_glb, glb_file):
     model = read_glb(path)
     assert len(model.parts) == 1
     assert model.notes == ("4 bytes after the end that the header gives are left out",)
+
+
+def test_json_with_a_mark_before_it_and_zeros_behind(triangle_glb, glb_file):
+    tree, binary = triangle_glb
+    text = b"\xef\xbb\xbf" + json.dumps(tree).encode() + b"\0\0\0\0"
+    assert len(read_glb(glb_file(tree, binary, text=text)).parts) == 1
 
 
 def test_a_node_scaled_by_zero_shows_nothing(triangle_glb, glb_file):

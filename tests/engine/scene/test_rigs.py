@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
+from engine.deform import posed_scene
 from engine.deform.animation import posed, sampled
-from engine.deform.pose import Pose
+from engine.deform.pose import Moment, Pose
 from engine.scene.gltf import GlbModel, read_glb
 from engine.scene.load import Scene, load_scene
 from engine.scene.rig import Clip, Track
@@ -427,6 +428,19 @@ def test_skins_rest_where_they_were_baked(shared_data: Path, name: str, truth: s
     mesh, baked = (read_glb(folder / f"{each}.glb").parts[0].mesh for each in (name, truth))
     assert mesh.vertices == pytest.approx(baked.vertices, abs=2e-6)
     assert mesh.normals == pytest.approx(baked.normals, abs=2e-6)
+
+
+@pytest.mark.parametrize("name", ["plain", "node_scaled", "cm_zup"])
+def test_skins_move_to_where_they_were_baked(shared_data: Path, name: str) -> None:
+    """Places and normals, of a joint that turns by 45 and by 90 degrees."""
+    folder = shared_data / "cases" / "21-skin-transforms"
+    scene = load_scene(folder / f"{name}.toml")
+    for seconds, truth in ((0.0, "baked0"), (0.5, "baked45"), (1.0, "baked90")):
+        moved = posed_scene.posed(scene, (("it", (Moment("bend", seconds),)),))
+        baked = load_scene(folder / f"{truth}.toml")
+        mine = slice(*scene.vertex_ranges[0])
+        assert np.abs(moved.vertices[mine] - baked.vertices[mine]).max() < 1e-6
+        assert np.abs(moved.normals[mine] - baked.normals[mine]).max() < 1e-6
 
 
 def test_many_animations_of_one_name(bar: Bar, read: Callable) -> None:
