@@ -34,6 +34,7 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 Mapping = Literal["latlong", "angular"]
 
+LARGEST_HALF = 65504.0
 _MOST_INTEGRATED_ROWS = 2048
 
 
@@ -93,27 +94,28 @@ def constant_environment(radiance: ArrayLike) -> Environment:
 def load_environment(path: str | Path, mapping: Mapping = "latlong") -> Environment:
     """Read an OpenEXR or Radiance HDR file, as lat-long or as angular map (light probe; resampled to lat-long).
 
-    Negative values are set to 0 and counted in `notes`. What lies outside an angular map's disc is never read.
-    Raises LoadError, naming the file and what is wrong, for anything that is not a whole, finite RGB image.
+    Negative values and those that are no numbers are set to 0, infinite ones to the brightest that there is, and
+    counted in `notes`. What lies outside an angular map's disc is never read. Raises LoadError, naming the file and
+    what is wrong, for anything that is not a whole RGB image.
     """
     file = Path(path)
     if mapping not in ("latlong", "angular"):
         raise LoadError(file, "mapping", mapping, '"latlong" or "angular"')
-    image = read_radiance_image(file)
+    notes: list[str] = []
+    image = read_radiance_image(file, notes)
     if mapping == "angular":
         if image.shape[0] != image.shape[1]:
             raise LoadError(file, "size", f"{image.shape[1]} x {image.shape[0]}", "a square angular map")
         image = _blackened_outside_disc(image)
-    _refuse_non_finite(file, image)
+    image = _finite(image, notes)
     negative = image < 0.0
     n_negative = int(negative.any(axis=2).sum())
-    notes: tuple[str, ...] = ()
     if n_negative:
-        notes = (f"{n_negative} of {image.shape[0] * image.shape[1]} pixels had negative values, set to 0",)
+        notes.append(f"{n_negative} of {image.shape[0] * image.shape[1]} pixels had negative values, set to 0")
         image = np.where(negative, np.float32(0.0), image)
     if mapping == "angular":
         image = _angular_to_latlong(image)
-    return Environment(image, str(file), notes)
+    return Environment(image, str(file), tuple(notes))
 
 
 def texel_solid_angles(height: int, width: int) -> NDArray[np.float64]:
@@ -186,13 +188,18 @@ def _bilinear(image: NDArray[np.float32], row: NDArray, column: NDArray) -> NDAr
     return upper * (1 - down) + lower * down
 
 
-def _refuse_non_finite(file: Path, image: NDArray[np.float32]) -> None:
+def _finite(image: NDArray[np.float32], notes: list[str]) -> NDArray[np.float32]:
+    """What is too bright for its file as bright as its brightest pixel, and as half floats reach; what is no number or
+    infinitely dark, black."""
     bad = ~np.isfinite(image)
-    if bad.any():
-        row, column, channel = (int(i) for i in np.argwhere(bad)[0])
-        place = f"pixel in row {row}, column {column}, channel {'RGB'[channel]}"
-        value = f"{image[row, column, channel]} ({int(bad.any(axis=2).sum())} such pixels)"
-        raise LoadError(file, place, value, "a finite radiance")
+    if not bad.any():
+        return image
+    row, column, channel = (int(i) for i in np.argwhere(bad)[0])
+    n_bad = int(bad.any(axis=2).sum())
+    brightest = max(float(image.max(where=~bad, initial=0.0)), LARGEST_HALF)
+    place = f"in row {row}, column {column}, channel {'RGB'[channel]}"
+    notes.append(f"{n_bad} pixels were not finite, the first {place}: infinite ones set to {brightest:g}, others to 0")
+    return np.nan_to_num(image, nan=0.0, posinf=brightest, neginf=0.0)
 
 
 def _blackened_outside_disc(image: NDArray[np.float32]) -> NDArray[np.float32]:

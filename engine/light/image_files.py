@@ -2,7 +2,8 @@
 
 Regular files only, size and header checked before any pixel is read. OpenEXR says of many broken files that they have
 no parts, without raising, and prints to standard error; both are turned into one LoadError here. Negative and
-non-finite values pass: what they mean is the caller's to say.
+non-finite values pass: what they mean is the caller's to say. Files are shown as they are meant: with their data window
+in their display window, in Rec. 709 whatever their primaries, turned as their size line says.
 
 OpenImageIO 3.2 was tried (Apache-2.0, 20 MB installed). It reads probes and textures to the same numbers, and refuses
 cut files and headers that claim 10 GB; of processor time HDR takes it half (14 ms a million pixels, 31 here), OpenEXR
@@ -20,35 +21,40 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine.errors import LoadError
 from engine.files import place_of
+from engine.light.primaries import to_rec709, xyz_to_rec709
 
 MAX_FILE_BYTES = 1 << 30
 MAX_SIDE = 16_384
 MAX_PIXELS = 1 << 25
 
+_RGBE = b"32-bit_rle_rgbe"
 _EXR_MAGIC = b"\x76\x2f\x31\x01"
 
 
-def read_radiance_image(file: Path) -> NDArray[np.float32]:
+def read_radiance_image(file: Path, notes: list[str] | None = None, is_colour: bool = True) -> NDArray[np.float32]:
     """The RGB image in an .exr or .hdr file (told by content, not by name): (H, W, 3) float32, row 0 on top.
 
-    Raises LoadError for what cannot be read as one whole RGB image of at most 2^25 pixels.
+    notes receives a line for each thing that was converted. is_colour: False where the numbers are no colours, such as
+    normals or weights, and stay what they are. Raises LoadError for what cannot be read as one whole RGB image of at
+    most 2^25 pixels.
     """
+    said: list[str] = [] if notes is None else notes
     try:
         file = place_of(file)
     except OSError as error:
         raise LoadError(file, "file", str(error), "a readable file") from None
     start = _check_regular_file(file)
     if start.startswith(_EXR_MAGIC):
-        return _read_exr(file)
-    if start.startswith(b"#?"):
-        return _read_hdr(file)
+        return _read_exr(file, said, is_colour)
+    if start.startswith((b"#?", b"FORMAT=32-bit")):
+        return _read_hdr(file, said)
     raise LoadError(file, "first bytes", start[:8], "an OpenEXR or a Radiance HDR image")
 
 
@@ -77,15 +83,61 @@ def _check_size(file: Path, width: int, height: int) -> None:
         raise LoadError(file, "image size", f"{width} x {height}", expected)
 
 
-def _read_exr(file: Path) -> NDArray[np.float32]:
+def _read_exr(file: Path, notes: list[str], is_colour: bool) -> NDArray[np.float32]:
     _check_exr_compression(file)
-    _check_exr_header(file, _open_exr(file, header_only=True).header)
+    header = _open_exr(file, header_only=True).header
+    _check_exr_header(file, header)
     channels = _open_exr(file, header_only=False).channels
     planes = [channels[name].pixels for name in "RGB"]
     kinds = [plane.dtype.name for plane in planes]  # known only now: the library's header does not tell
     if len(set(kinds)) > 1 or kinds[0] not in ("float16", "float32"):
         raise LoadError(file, "types of channels R, G, B", ", ".join(kinds), "all half or all float")
-    return np.stack([plane.astype(np.float32) for plane in planes], axis=2)
+    image = _displayed(np.stack([plane.astype(np.float32) for plane in planes], axis=2), header, notes)
+    said = header.get("chromaticities")
+    return image if said is None or not is_colour else _in_rec709(image, [float(each) for each in said], notes)
+
+
+def _displayed(data: NDArray[np.float32], header: dict[str, Any], notes: list[str]) -> NDArray[np.float32]:
+    """The display window of an image whose file has the data window: more is cut away, what is missing is black."""
+    (x0, y0), (x1, y1) = _window(header, "displayWindow")
+    (left, top), (right, bottom) = _window(header, "dataWindow")
+    if (x0, y0, x1, y1) == (left, top, right, bottom):
+        return data
+    image = np.zeros((y1 - y0 + 1, x1 - x0 + 1, 3), np.float32)
+    rows, columns = slice(max(y0, top), min(y1, bottom) + 1), slice(max(x0, left), min(x1, right) + 1)
+    inside = data[rows.start - top : rows.stop - top, columns.start - left : columns.stop - left]
+    image[rows.start - y0 : rows.stop - y0, columns.start - x0 : columns.stop - x0] = inside
+    sizes = f"{right - left + 1} x {bottom - top + 1} pixels of data from ({left - x0}, {top - y0}) on"
+    notes.append(
+        f"{sizes} in a picture of {image.shape[1]} x {image.shape[0]}: what is outside is cut off, the rest black"
+    )
+    return image
+
+
+def _window(header: dict[str, Any], name: str) -> tuple[tuple[int, int], tuple[int, int]]:
+    """The first and the last column and row of a window."""
+    (left, top), (right, bottom) = header[name]
+    return (int(left), int(top)), (int(right), int(bottom))
+
+
+def _in_rec709(image: NDArray[np.float32], chromaticities: list[float], notes: list[str]) -> NDArray[np.float32]:
+    """An image of other primaries in those of Rec. 709."""
+    listed = " ".join(f"{each:.4g}" for each in chromaticities)
+    try:
+        matrix = to_rec709(chromaticities)
+    except ValueError:
+        notes.append(f"primaries {listed} are those of no colours, taken for Rec. 709's")
+        return image
+    if matrix is None:
+        return image
+    notes.append(f"primaries {listed}, converted to Rec. 709 (Bradford)")
+    return _transformed(image, matrix)
+
+
+def _transformed(image: NDArray[np.float32], matrix: NDArray[np.float64]) -> NDArray[np.float32]:
+    """The colours by a matrix; what is not finite spoils its own pixel alone."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return (image.reshape(-1, 3) @ matrix.T.astype(np.float32)).reshape(image.shape)
 
 
 def _open_exr(file: Path, header_only: bool) -> Any:
@@ -155,13 +207,13 @@ def _check_exr_header(file: Path, header: dict[str, Any]) -> None:
     kind = str(header.get("type", "scanlineimage")).rsplit(".", maxsplit=1)[-1]
     if kind not in ("scanlineimage", "tiledimage"):
         raise LoadError(file, "OpenEXR storage", kind, "scan lines or tiles (deep images are not supported)")
-    (left, top), (right, bottom) = header["dataWindow"]
-    width, height = int(right) - int(left) + 1, int(bottom) - int(top) + 1
-    _check_size(file, width, height)
-    (left, top), (right, bottom) = header["displayWindow"]
-    display = (int(right) - int(left) + 1, int(bottom) - int(top) + 1)
-    if display != (width, height):
-        raise LoadError(file, "data window", f"{width} x {height}", f"the display window, {display[0]} x {display[1]}")
+    (left, top), (right, bottom) = _window(header, "dataWindow")
+    _check_size(file, right - left + 1, bottom - top + 1)
+    (x0, y0), (x1, y1) = _window(header, "displayWindow")
+    _check_size(file, x1 - x0 + 1, y1 - y0 + 1)
+    if left > x1 or right < x0 or top > y1 or bottom < y0:
+        raise LoadError(file, "data window", f"({left}, {top}) to ({right}, {bottom})",
+                        f"a part of the display window, ({x0}, {y0}) to ({x1}, {y1})")  # fmt: skip
     if str(header.get("envmap", "")).endswith("CUBE"):
         raise LoadError(file, "envmap", "cube", "a lat-long or an angular map")
     try:
@@ -175,19 +227,21 @@ def _check_exr_header(file: Path, header: dict[str, Any]) -> None:
         raise LoadError(file, "channel sampling", sorted(sampling), "1 x 1")
 
 
-def _read_hdr(file: Path) -> NDArray[np.float32]:
+def _read_hdr(file: Path, notes: list[str]) -> NDArray[np.float32]:
     """Radiance RGBE: (r, g, b) 2^(e - 136), 0 where e = 0 [Ward91]; flat, old and new run-length scanlines.
 
-    EXPOSURE lines are ignored, as by nearly every other program.
+    As Radiance defines it, numbers are divided by all EXPOSURE and COLORCORR of the header, XYZ becomes RGB, and the
+    size line says in which order pixels stand.
     """
     # Late: the only compiled part of reading a file, not needed by a process that reads OpenEXR alone.
     from engine.light._kernels import decode_rgbe
 
     with open(file, "rb") as opened:
-        width, height, position = _parse_hdr_header(file, opened.read(65_536))
-    _check_size(file, width, height)
+        header, size, position = _parse_hdr_header(file, opened.read(65_536))
+    first, second = size
+    _check_size(file, *((second.n, first.n) if first.axis == b"Y" else (first.n, second.n)))
     data = np.fromfile(file, np.uint8)
-    pixels = np.zeros((height, width, 4), np.uint8)
+    pixels = np.zeros((first.n, second.n, 4), np.uint8)
     status, row, byte = decode_rgbe(data, position, pixels)
     if status != 0:
         found = {
@@ -196,22 +250,74 @@ def _read_hdr(file: Path) -> NDArray[np.float32]:
             3: f"another width at byte {byte}",
             4: f"a repeat at byte {byte} with nothing to repeat",
         }[status]
-        raise LoadError(file, f"scanline {row} of {height}", found, f"{width} pixels")
+        raise LoadError(file, f"scanline {row} of {first.n}", found, f"{second.n} pixels")
     scale = np.exp2(np.arange(256, dtype=np.float32) - np.float32(136.0))
     scale[0] = 0.0
-    return pixels[..., :3].astype(np.float32) * scale[pixels[..., 3:]]
+    image = pixels[..., :3].astype(np.float32) * scale[pixels[..., 3:]]
+    return _as_its_header_says(_upright(image, first, second), header, notes)
 
 
-def _parse_hdr_header(file: Path, head: bytes) -> tuple[int, int, int]:
-    """Width, height and the first byte of the pixels."""
-    header, blank, rest = head.partition(b"\n\n")
+class _Side(NamedTuple):
+    """One half of a size line: along which axis so many pixels stand, and whether its coordinate grows."""
+
+    axis: bytes
+    grows: bool
+    n: int
+
+
+def _upright(image: NDArray[np.float32], first: _Side, second: _Side) -> NDArray[np.float32]:
+    """Scanlines (first, second, 3) as rows from the top, pixels from the left; Y grows upwards."""
+    for k, side in enumerate((first, second)):
+        if side.grows != (side.axis == b"X"):
+            image = np.flip(image, k)
+    return np.ascontiguousarray(image if first.axis == b"Y" else image.swapaxes(0, 1))
+
+
+def _as_its_header_says(
+    image: NDArray[np.float32], header: dict[bytes, list[bytes]], notes: list[str]
+) -> NDArray[np.float32]:
+    """What EXPOSURE, COLORCORR, FORMAT and PRIMARIES make of the numbers."""
+    factor = np.ones(3)
+    for name, count in ((b"EXPOSURE", 1), (b"COLORCORR", 3)):
+        for value in header.get(name, ()):
+            numbers = _floats(value, count)
+            if numbers is not None and all(1e-30 < each < 1e30 for each in numbers):
+                factor = factor / numbers
+    if (np.abs(factor - 1.0) > 1e-6).any():
+        notes.append(f"exposure of the header taken off: radiance times {' '.join(f'{each:.4g}' for each in factor)}")
+        image = image * factor.astype(np.float32)
+    if header.get(b"FORMAT", [b""])[-1] == b"32-bit_rle_xyze":
+        notes.append("CIE XYZ, converted to Rec. 709")
+        return _transformed(image, xyz_to_rec709())
+    primaries = _floats(header.get(b"PRIMARIES", [b""])[-1], 8)
+    return image if primaries is None or not any(primaries) else _in_rec709(image, primaries, notes)
+
+
+def _floats(value: bytes, count: int) -> list[float] | None:
+    """So many finite numbers, or None."""
+    try:
+        numbers = [float(word) for word in value.split()]
+    except ValueError:
+        return None
+    return numbers if len(numbers) == count and np.isfinite(numbers).all() else None
+
+
+def _parse_hdr_header(file: Path, head: bytes) -> tuple[dict[bytes, list[bytes]], tuple[_Side, _Side], int]:
+    """The values of each name, the two halves of the size line, and the first byte of the pixels."""
+    blank = re.search(rb"\r?\n[ \t]*\r?\n", head)
     if not blank:
         raise LoadError(file, "Radiance header", "no empty line at its end", "a header, an empty line, the size")
-    formats = re.findall(rb"^FORMAT\s*=\s*(\S+)", header, re.MULTILINE)
-    if formats and formats[-1] != b"32-bit_rle_rgbe":
-        raise LoadError(file, "FORMAT", formats[-1].decode(errors="replace"), "32-bit_rle_rgbe")
-    line, newline, _ = rest.partition(b"\n")
-    size = re.fullmatch(rb"-Y (\d{1,9}) \+X (\d{1,9})", line.strip())
-    if not newline or not size:
+    header: dict[bytes, list[bytes]] = {}
+    for line in head[: blank.start()].splitlines():
+        name, equals, value = line.partition(b"=")
+        if equals and not line.startswith(b"#"):
+            header.setdefault(name.strip(), []).append(value.strip())
+    kind = header.get(b"FORMAT", [_RGBE])[-1]
+    if kind not in (_RGBE, b"32-bit_rle_xyze"):
+        raise LoadError(file, "FORMAT", kind.decode(errors="replace"), "32-bit_rle_rgbe or 32-bit_rle_xyze")
+    line, newline, _ = head[blank.end() :].partition(b"\n")
+    found = re.fullmatch(rb"([+-])([XY]) (\d{1,9}) ([+-])([XY]) (\d{1,9})", line.strip())
+    if not newline or not found or found[2] == found[5]:
         raise LoadError(file, "size line", line[:60].decode(errors="replace"), '"-Y HEIGHT +X WIDTH"')
-    return int(size[2]), int(size[1]), len(header) + 2 + len(line) + 1
+    sides = _Side(found[2], found[1] == b"+", int(found[3])), _Side(found[5], found[4] == b"+", int(found[6]))
+    return header, sides, blank.end() + len(line) + 1

@@ -53,7 +53,7 @@ def read_texture(data: bytes, file: Path | str, space: Space = "", tell: Tell = 
     def linear(values: Values) -> Image:
         return _shares(values, (space or ("srgb" if values.dtype == np.uint8 else "linear")) == "srgb")
 
-    pixels = read_image(data, file, linear, tell)
+    pixels = read_image(data, file, linear, tell, is_colour=True)
     return checked(np.repeat(pixels, 3, axis=2) if pixels.shape[2] == 1 else pixels, file)
 
 
@@ -95,14 +95,17 @@ def _shares(values: NDArray[np.generic], as_srgb: bool) -> Image:
     return decode_srgb(shares) if as_srgb else shares
 
 
-def read_image(data: bytes, file: Path | str, decode: Callable[[Values], Image], tell: Tell = say_nothing) -> Image:
+def read_image(
+    data: bytes, file: Path | str, decode: Callable[[Values], Image], tell: Tell = say_nothing, is_colour: bool = False
+) -> Image:
     """What `decode` makes of the file's numbers (h, W, 1 or 3), uint8, uint16 or float32, row by row: the image, or
-    means of it where it has too many pixels, which `tell` learns."""
+    means of it where it has too many pixels, which `tell` learns. is_colour: whether primaries that a file names are
+    converted to Rec. 709, and what that cannot show is cut off at 0."""
     kind = _kind(data)
     if not kind:
         raise LoadError(file, "first bytes", data[:8], "a PNG, JPEG or OpenEXR image")
     if kind == "EXR":
-        values = _read_exr(data, file)
+        values = _read_exr(data, file, tell, is_colour)
         height, width = values.shape[:2]
         k = reduction(width, height)
         pixels = _means([values], decode, k)
@@ -177,17 +180,20 @@ def _integers(opened: Any) -> Values:
     return np.asarray(opened.convert("RGB"))
 
 
-def _read_exr(data: bytes, file: Path | str) -> Image:
+def _read_exr(data: bytes, file: Path | str, tell: Tell, is_colour: bool) -> Image:
     """By the reader of environments, which takes files: the bytes in one of their own."""
     with tempfile.NamedTemporaryFile(suffix=".exr") as copy:
         copy.write(data)
         copy.flush()
         try:
-            pixels = read_radiance_image(Path(copy.name))
+            notes: list[str] = []
+            pixels = read_radiance_image(Path(copy.name), notes, is_colour)
         except LoadError as error:
             raise LoadError(file, error.what, error.value, error.expected) from None
     _check_size(pixels.shape[1], pixels.shape[0], file)
-    return pixels
+    for note in notes:
+        tell(f"{file}: {note}")
+    return np.maximum(pixels, np.float32(0.0)) if any("converted" in note for note in notes) else pixels
 
 
 def _check_size(width: int, height: int, file: Path | str) -> None:

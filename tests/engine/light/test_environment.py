@@ -222,13 +222,30 @@ def test_real_maps_with_ringing(shared_data: Path) -> None:
     assert environment.radiance.min() == 0.0 and environment.radiance.max() == 3730.0
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_non_finite_pixels_are_refused_with_their_place(tmp_path: Path, value: float) -> None:
+@pytest.mark.parametrize(("value", "kept"), [(np.nan, 0.0), (np.inf, 65504.0), (-np.inf, 0.0)])
+def test_non_finite_pixels_are_replaced_and_said_with_their_place(tmp_path: Path, value: float, kept: float) -> None:
     image = np.ones((5, 9, 3), np.float32)
     image[2, 6, 1] = value
     image[4, 0, 0] = value
-    with pytest.raises(LoadError, match=r"row 2, column 6, channel G = -?(nan|inf) \(2 such pixels\)"):
-        load_environment(write_exr(tmp_path / "a.exr", image))
+    environment = load_environment(write_exr(tmp_path / "a.exr", image))
+    (note,) = environment.notes
+    assert note.startswith(
+        "2 pixels were not finite, the first in row 2, column 6, channel G: infinite ones set to 65504"
+    )
+    expected = np.where(np.isfinite(image), image, np.float32(kept))
+    np.testing.assert_array_equal(environment.radiance, expected)
+
+
+def test_an_infinite_sun_is_as_bright_as_the_brightest_there_is(tmp_path: Path) -> None:
+    image = np.full((5, 9, 3), 3e5, np.float32)
+    image[1, 1] = np.inf
+    assert (load_environment(write_exr(tmp_path / "a.exr", image)).radiance == 3e5).all()
+
+
+def test_environments_that_other_programs_write_open(shared_data: Path) -> None:
+    for path in sorted((shared_data / "cases" / "35-exr-inf-nan").glob("*.exr")):
+        environment = load_environment(path)
+        assert len(environment.notes) == ("nan" in path.stem or "inf" in path.stem), path.name
 
 
 def test_environments_are_frozen_and_copied() -> None:

@@ -59,6 +59,24 @@ def test_sixteen_bits_and_transparency() -> None:
     np.testing.assert_array_equal(read_texture(png(clear), "a.png"), np.ones((2, 2, 3)))
 
 
+def test_colours_of_other_primaries_are_converted_and_numbers_are_not(tmp_path: Path) -> None:
+    import OpenEXR
+
+    green = np.zeros((2, 3, 3), np.float32)
+    green[..., 1] = 0.5
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    header["chromaticities"] = (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290)  # Rec. 2020
+    with OpenEXR.File(header, {"RGB": green}) as file:
+        file.write(str(tmp_path / "a.exr"))
+    data = (tmp_path / "a.exr").read_bytes()
+    # [ITU-R BT.2087]: -0.5876, 1.1329 and -0.1006 of it; Rec. 709 cannot show it, so red and blue are 0.
+    notes: list[str] = []
+    found = read_texture(data, "a.exr", tell=notes.append)
+    np.testing.assert_allclose(found[0, 0], [0.0, 0.5 * 1.1329, 0.0], atol=1e-4)
+    assert len(notes) == 1 and notes[0].startswith("a.exr: primaries 0.708 0.292")
+    np.testing.assert_allclose(read_weight(data, "a.exr"), 0.5 * 0.7152, atol=1e-6)
+
+
 def test_jpeg_and_exr(tmp_path: Path) -> None:
     buffer = io.BytesIO()
     Image.fromarray(np.full((8, 8, 3), 188, np.uint8)).save(buffer, "JPEG", quality=95)
