@@ -155,7 +155,8 @@ class Journal:
         path, digest = entry.session.path, entry.session.digest or None
         saved_as = None if path is None else written_path(str(path), None)
         record = JournalRecord(written_at=time.time(), session_path=saved_as, session_digest=digest)
-        write_atomically(self.path, dump_checked(self.path, entry.document, entry.view, journal=record), private=True)
+        data = dump_checked(self.path, entry.document, entry.view, journal=record, known=self.written)
+        write_atomically(self.path, data, private=True)
 
 
 def _is_same(one: tuple[object, ...] | None, other: tuple[object, ...] | None) -> bool:

@@ -29,6 +29,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from app.machine.atomic import require_place
 from app.measure.accuracy import REFERENCES, Errors, reference_errors, reference_folder
 from app.measure.deform import DeformEffort, deform_figures
 from app.measure.edges import EdgeEffort, edge_figures
@@ -130,7 +131,7 @@ def run(
     if unknown := [name for name in only if name not in PARTS]:
         raise InsituError(f"no part {unknown[0]!r}, expected one of {', '.join(PARTS)}")
     effort = effort or (QUICKLY if quick else FULL)
-    output.mkdir(parents=True, exist_ok=True)
+    require_place(output / "figures.json", output / "sweep.csv")
     if "knobs" in only:
         measure_knobs(source, output, effort.knobs, report)
     if "visibility" in only:

@@ -1,0 +1,126 @@
+"""Orbit and Deform, led through edits and back, draw what they draw of the same wishes afresh: nothing of what was
+wanted meanwhile is left in the picture. Placement's walk goes through an editor, see tests/ui/test_same_document.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine.deform.live import Deform
+from engine.deform.pose import Deformation
+from engine.light.environment import Environment
+from engine.material import MODELS
+from engine.material.layer import make_layer
+from engine.orbit.live import Orbit
+from engine.scene.load import Scene, load_scene
+from engine.scene.surface_kinds import DeformSurface, Subsurface
+from engine.transport.pipeline import SkyState
+from tests.scene_text import camera, placed
+
+SIZE = (48, 36)
+MATT = make_layer(MODELS["lambert"], {"albedo": (0.6, 0.5, 0.4)})
+WHITE = make_layer(MODELS["lambert"], {"albedo": (0.9, 0.9, 0.9)})
+GLOSS, SOFT = (make_layer(MODELS["rough_conductor"], {"alpha": alpha}) for alpha in (0.15, 0.5))
+LAYERS = ((MATT,), (WHITE,), (GLOSS,), (SOFT,), (MATT, SOFT))
+ALABASTER = DeformSurface(subsurface=Subsurface(scattering=4.0))
+BENT = (("box", (Deformation("bend", 40.0),)),)
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What a document asks of either mode; the camera is none of its."""
+
+    rotation: float = 30.0
+    box: int = 0
+    floor: int = 1
+    n_bounces: int = 2
+    lamp: float = 4.0
+    alabaster: bool = False
+    posed: bool = True
+    effort: tuple[int, int] = (64, 2)
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    path = Path(tmp_path_factory.mktemp("scene")) / "two.toml"
+    path.write_text(
+        camera((1.5, 1.2, 3.0), 40, SIZE, (0.3, 0, 0))
+        + "[environment]\nradiance = [1, 1, 1]\n"
+        + placed("box", "cube")
+        + placed("floor", "quad", "3,0,0,0, 0,0,3,-0.5, 0,-3,0,0, 0,0,0,1")
+        + placed("lamp", "quad", "0.5,0,0,0, 0,0,0.5,2, 0,0.5,0,0, 0,0,0,1").rstrip()
+        + "\nemission = [4, 4, 4]\n"
+    )
+    return load_scene(path)
+
+
+def sky(rotation: float) -> SkyState:
+    image = np.random.default_rng(2).uniform(0.0, 2.0, (16, 32, 3)).astype(np.float32)
+    return SkyState(Environment(image, "noise"), rotation)
+
+
+def tell(mode: Orbit | Deform, wish: Wish) -> None:
+    mode.set_light(sky(wish.rotation))
+    mode.set_layers({0: LAYERS[wish.box], 1: LAYERS[wish.floor]})
+    mode.set_bounces(wish.n_bounces)
+    mode.shine({"lamp": (wish.lamp,) * 3})
+    if isinstance(mode, Deform):
+        mode.set_surfaces((("box", ALABASTER),) if wish.alabaster else ())
+        mode.set_posed(["box"] if wish.posed else [])
+        mode.set_effort(*wish.effort)
+
+
+def drawn(mode: Orbit | Deform, wish: Wish, scene: Scene) -> np.ndarray:
+    """The picture at rest, once all that it asks for is there."""
+    tell(mode, wish)
+    for _ in range(3):  # a picture may see what nothing was made ready for
+        for _ in mode.work():
+            pass
+        picture = _draw(mode, wish, scene)
+    return picture
+
+
+def _draw(mode: Orbit | Deform, wish: Wish, scene: Scene) -> np.ndarray:
+    seen = scene.description.camera
+    return mode.draw(seen, SIZE, BENT if wish.posed else ()) if isinstance(mode, Deform) else mode.draw(seen, SIZE)
+
+
+def led_about(mode: Orbit | Deform, wish: Wish, random: np.random.Generator, n: int) -> Wish:
+    """Edits, each given up after some of the work for it."""
+    values = {
+        "rotation": (30.0, 77.0, 200.0), "box": range(5), "floor": range(5), "n_bounces": (1, 2, 4),
+        "lamp": (0.0, 4.0, 9.0), "alabaster": (False, True), "posed": (False, True),
+        "effort": ((64, 2), (128, 1)),
+    }  # fmt: skip
+    for _ in range(n):
+        name = str(random.choice(sorted(values)))
+        wish = replace(wish, **{name: values[name][int(random.integers(len(values[name])))]})
+        tell(mode, wish)
+        for _, _step in zip(range(int(random.choice([0, 2, 10, 200]))), mode.work(), strict=False):
+            pass
+    return wish
+
+
+MAKERS: dict[str, Callable[[Scene], Orbit | Deform]] = {
+    "orbit": lambda scene: Orbit(scene, n_points=500, n_coefficients=64),
+    "deform": lambda scene: Deform(scene, n_points=300, n_rays=64),
+}
+
+
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.sweep) for seed in range(1, 31))])
+@pytest.mark.parametrize("mode", MAKERS)
+def test_edits_that_are_undone_leave_no_trace(scene: Scene, mode: str, seed: int) -> None:
+    random, made, first = np.random.default_rng(seed), MAKERS[mode](scene), Wish()
+    before = drawn(made, first, scene)
+    last = led_about(made, first, random, 6 if seed == 0 else 15)
+    np.testing.assert_allclose(drawn(made, last, scene), drawn(MAKERS[mode](scene), last, scene), rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(drawn(made, first, scene), before, rtol=1e-5, atol=1e-6)
+    if isinstance(made, Orbit):  # another window finds in the cache what this one has seen
+        other = MAKERS[mode](scene)
+        other.restore(made.stored())
+        np.testing.assert_allclose(drawn(other, first, scene), before, rtol=1e-5, atol=1e-6)
