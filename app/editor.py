@@ -299,7 +299,11 @@ class Editor:
         one; None, or why not."""
         if self.view.selected is None:
             return self._refuse(f"{path.name}: no object is selected to be made of it")
-        return self.do(import_measured(self.view.selected.object, path, cloth))
+        try:
+            command = import_measured(self.view.selected.object, path, cloth)
+        except InsituError as error:
+            return self._refuse(str(error))
+        return self.do(command)
 
     def export_measured(self, path: Path) -> str | None:
         """Have the selected object's material written as a MERL file; None, or one line that says why not."""

@@ -15,6 +15,7 @@ from app.document import Document
 from app.linked_layers import Layers
 from app.measurements import FILE, measurement_in, unread_files, with_read
 from app.messages import MeasurementsRead, ReadMeasured, Request
+from engine.files import resolved
 from engine.material import MODELS
 from engine.material.layer import Layer, make_layer
 from engine.measured.measurement import Measurement
@@ -23,7 +24,7 @@ from engine.measured.measurement import Measurement
 def measured_layers(file: Path, cloth: bool = False) -> Layers:
     """The diffuse part and the highlight of a file that is still to be read; or one layer of P·Q·P."""
     parts = (("measured_cloth", "cloth"),) if cloth else (("measured_diffuse", "diffuse"), ("measured", "highlight"))
-    return tuple(make_layer(MODELS[model], {FILE: str(file.resolve())}, name) for model, name in parts)
+    return tuple(make_layer(MODELS[model], {FILE: str(resolved(file))}, name) for model, name in parts)
 
 
 def import_measured(object_name: str, file: Path, cloth: bool = False) -> SetMaterial:

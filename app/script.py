@@ -25,6 +25,7 @@ from app.files.bookmarks import MAX_NAME, is_name
 from engine.colour import ToneMapping, view_named
 from engine.deform.deformers import KINDS
 from engine.errors import LoadError
+from engine.files import resolved
 from engine.plan_lines import LineValue
 from engine.scene.camera_moves import Side
 from engine.scene.complaints import first_complaint
@@ -415,7 +416,7 @@ def load_script(path: Path, folder: Path | None = None) -> tuple[Step, ...]:
     Raises LoadError that names the step and the key of the first thing wrong.
     """
     tree = load_toml(path, MAX_SCRIPT_BYTES)
-    return parse_script(tree, path, path.resolve().parent if folder is None else folder)
+    return parse_script(tree, path, resolved(path).parent if folder is None else folder)
 
 
 def parse_script(tree: dict[str, Any], file: Path, folder: Path) -> tuple[Step, ...]:
@@ -427,6 +428,8 @@ def parse_script(tree: dict[str, Any], file: Path, folder: Path) -> tuple[Step, 
     for number, step in enumerate(record.steps):
         if step.capture is not None and Path(step.capture).suffix.lower() != ".png":
             raise LoadError(file, f"step {number}: capture", step.capture, "a file name that ends in .png")
+        if step.capture is not None and "\0" in step.capture:
+            raise LoadError(file, f"step {number}: capture", step.capture, "the name of a file, without NUL")
         if step.keep is not None and not is_name(step.keep):
             raise LoadError(file, f"step {number}: keep", step.keep, f"a name of 1 to {MAX_NAME} characters")
     return tuple(step.step(folder) for step in record.steps)

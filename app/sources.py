@@ -12,7 +12,7 @@ from pathlib import Path
 
 from app.machine.paths import full_path
 from engine.errors import InsituError
-from engine.files import is_there
+from engine.files import is_there, resolved
 from engine.measured.measurement import ENDINGS as MEASURED_ENDINGS
 from engine.scene.builtin import DEFAULT_SCENE, builtin_scenes
 from engine.scene.mesh import MESH_ENDINGS
@@ -46,9 +46,9 @@ def source_of(name: str) -> Source:
     if os.path.isdir(path):
         raise InsituError(f"{name}: a folder, expected {EXPECTED}")
     if ending in LIGHT_ENDINGS:
-        return Source(light=path.resolve())
+        return Source(light=resolved(path))
     if ending == SESSION_ENDING:
-        return Source(session=path.resolve())
+        return Source(session=resolved(path))
     if ending in SCENE_ENDINGS or not os.path.exists(path):
         return Source(full_path(name))
     raise InsituError(f"{name}: {_said_of(ending)}")

@@ -7,13 +7,14 @@ from pathlib import Path
 from app.document import Document
 from app.messages import WriteFiles
 from app.view_state import ViewState
+from engine.files import resolved
 
 
 def written_material(path: Path, document: Document, object_name: str) -> WriteFiles:
     """An object's material as a MERL file."""
-    return WriteFiles(str(path.resolve()), document.object(object_name).layers)
+    return WriteFiles(str(resolved(path)), document.object(object_name).layers)
 
 
 def written_scene(folder: Path, document: Document, view: ViewState) -> WriteFiles:
     """The scene for Mitsuba 3, as it is now and by as many bounces as are seen."""
-    return WriteFiles(str(folder.resolve()), (), document, max(view.n_bounces, 1))
+    return WriteFiles(str(resolved(folder)), (), document, max(view.n_bounces, 1))

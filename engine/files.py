@@ -109,6 +109,17 @@ def read_regular_file(path: Path, max_bytes: int) -> bytes:
     return data
 
 
+def resolved(path: Path) -> Path:
+    """The full path, symbolic links followed, of a file that need not be there. Raises LoadError for what no file can
+    be called, and for links that lead in a circle."""
+    try:
+        return path.resolve()
+    except RuntimeError:
+        raise LoadError(path, "file", "symbolic links in a circle", "a readable file") from None
+    except (OSError, ValueError) as error:
+        raise LoadError(path, "name", str(error), "the name of a file") from None
+
+
 def resolve_inside(folder: Path, name: str, file: Path, what: str) -> Path:
     """The path of `name` in `folder`, symbolic links followed; LoadError naming `file` and `what` if outside."""
     expected = "a relative path to a file inside the scene's folder"

@@ -164,7 +164,7 @@ class Actor:
             case Screenshot():
                 return replace(outcome, screenshot=action.path or picture_name(Path.cwd(), datetime.now()))
             case SavePicture():
-                self._folders["picture"], self._deep = action.path.resolve().parent, action.deep
+                self._folders["picture"], self._deep = action.path.absolute().parent, action.deep
                 self._picture_ending = action.path.suffix.lower()
                 return replace(outcome, picture=action)
             case ResetLayout():
@@ -218,10 +218,10 @@ class Actor:
                 if self._is_there(action.path, "measured"):
                     editor.import_measured(action.path, action.cloth)
             case ExportMeasured():
-                self._folders["measured"] = action.path.resolve().parent
+                self._folders["measured"] = action.path.absolute().parent
                 editor.export_measured(action.path)
             case ExportScene():
-                self._folders["export"] = action.folder.resolve().parent
+                self._folders["export"] = action.folder.absolute().parent
                 editor.export_scene(action.folder)
             case OpenImage():
                 self._open_image(action.path, action.key, action.name)
@@ -309,7 +309,7 @@ class Actor:
     def _is_there(self, path: Path, kind: str) -> bool:
         """Whether it is a file, and if so its folder remembered for files of its kind; else that is said."""
         if os.path.isfile(path):  # Path.is_file raises where no system takes the name
-            self._folders[kind] = path.resolve().parent
+            self._folders[kind] = path.absolute().parent
             return True
         what = "is a folder" if os.path.isdir(path) else "there is no such file"
         self._editor.notify(f"{path}: {what}; nothing was changed", True)
@@ -333,7 +333,7 @@ class Actor:
         """
         editor = self._editor
         file = editor.file
-        beside = Path.cwd() if file is None else file.resolve().parent
+        beside = Path.cwd() if file is None else file.absolute().parent
         folder = self._folders.get(KIND_OF.get(action.purpose, "image"), beside)
         if action.purpose == "save_picture":
             return FileQuestion(action.purpose, folder, f"{editor.name}{self._picture_ending}", deep=self._deep)
@@ -348,7 +348,7 @@ class Actor:
         if has_changed or (path is None and self._editor.session_path is None):
             return replace(outcome, state=replace(outcome.state, question=self._question(AskFile("save_session"))))
         if path is not None:
-            self._folders["scene"] = path.resolve().parent
+            self._folders["scene"] = path.absolute().parent
         if self._editor.save(path) is None and outcome.state.leaving is not None:
             return self._go_on(outcome)
         return outcome

@@ -9,6 +9,7 @@ from typing import Any, cast
 from app.document import RGB, Document, LightState, Mapping
 from app.probe_file import likely_mapping, probe_size
 from engine.errors import InsituError, LoadError
+from engine.files import resolved
 from engine.material.parameters import Parameter
 
 MAX_INTENSITY = 1e6
@@ -74,7 +75,7 @@ class SetEnvironment:
 
 def lit_by(file: Path) -> SetEnvironment:
     """Light the scene by a file, read as its size suggests."""
-    return SetEnvironment(str(file.resolve()), likely_mapping(file))
+    return SetEnvironment(str(resolved(file)), likely_mapping(file))
 
 
 @dataclass(frozen=True)

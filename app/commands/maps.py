@@ -10,6 +10,7 @@ from typing import Any
 from app.commands.layers import editable_layer
 from app.document import Document
 from app.linked_layers import Layers
+from engine.files import resolved
 from engine.material.maps import set_map_field, split_image_name
 from engine.scene.builtin import scene_path
 
@@ -37,13 +38,13 @@ def image_name(path: Path, source: str) -> str:
     """What a document of the scene `source` calls a file: by its place in the scene's folder where it stands there, so
     that the folder can move, else in full."""
     folder = scene_folder(source)
-    full = path.resolve()
+    full = resolved(path)
     return full.relative_to(folder).as_posix() if full.is_relative_to(folder) else str(full)
 
 
 def with_full_names(layers: Layers, source: str) -> Layers:
     """The layers with their images named in full, to be taken to another scene or into the library."""
-    return _renamed(layers, lambda name: str((scene_folder(source) / name).resolve()))
+    return _renamed(layers, lambda name: str(resolved(scene_folder(source) / name)))
 
 
 def with_scene_names(layers: Layers, source: str) -> Layers:
@@ -69,4 +70,4 @@ def _renamed(layers: Layers, new_name: Callable[[str], str]) -> Layers:
 
 def scene_folder(source: str) -> Path:
     """The folder of a built-in scene or a scene file."""
-    return scene_path(source).resolve().parent
+    return resolved(scene_path(source)).parent

@@ -11,6 +11,7 @@ from app.machine.inputs import inputs_are
 from app.measurements import with_read
 from app.reading import measured_layers
 from engine.errors import InsituError
+from engine.files import resolved
 from engine.material.layer import Layer
 from engine.measured.measurement import Measurement
 from engine.measured.merl import SUFFIX, merl_bytes
@@ -29,11 +30,11 @@ def import_file(
         raise InsituError(f"{output}: the name of a material ends in .toml")
     inputs_are([file])
     require_place(output)
-    measurement = finish(read_measurement(file.resolve(), store), lambda step: report(*step))
-    layers = with_read(measured_layers(file, cloth), {str(file.resolve()): measurement})
+    measurement = finish(read_measurement(resolved(file), store), lambda step: report(*step))
+    layers = with_read(measured_layers(file, cloth), {str(resolved(file)): measurement})
     smooth = tuple(layer.with_parameter("smoothing", smoothing) for layer in layers)
     name = file.stem[:64].encode(errors="replace").decode()  # of a name that is no text "?" for what is not
-    text = dump_material(Material(name, smooth, "Measured"), output.resolve().parent)
+    text = dump_material(Material(name, smooth, "Measured"), resolved(output).parent)
     save_file(output, text.encode())
     return measurement
 

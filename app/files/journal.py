@@ -205,7 +205,9 @@ def _recovery(path: Path) -> Recovery | None:
     except InsituError:
         return None
     journal = session.journal or JournalRecord(written_at=path.stat().st_mtime)
-    saved_as = None if journal.session_path is None else Path(full_path(journal.session_path))
+    saved_as = None
+    with contextlib.suppress(InsituError):  # a link in a circle by now: the edits are what counts
+        saved_as = None if journal.session_path is None else Path(full_path(journal.session_path))
     return Recovery(path, session.document.source, journal.written_at, saved_as)
 
 

@@ -29,6 +29,7 @@ from app.linked_layers import Layers, alike
 from app.machine.atomic import save_file
 from app.measurements import with_full_paths
 from engine.errors import InsituError, LoadError
+from engine.files import resolved
 from engine.scene.complaints import first_complaint
 from engine.scene.description import LayerDescription, Text
 from engine.scene.toml_text import check_version, load_toml, parse_toml, toml_lines, toml_value
@@ -74,7 +75,7 @@ class MaterialRecord(StrictModel):
 def load_material(path: Path) -> Material:
     """Read a material file; LoadError names the place of the first thing wrong."""
     material = _material(load_toml(path, MAX_MATERIAL_BYTES), str(path))
-    return replace(material, layers=with_full_paths(material.layers, path.resolve().parent))
+    return replace(material, layers=with_full_paths(material.layers, resolved(path).parent))
 
 
 def parse_material(text: str, where: str) -> Material:

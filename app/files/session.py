@@ -32,7 +32,7 @@ from app.view_state import AS_PLANNED, Bookmark, SetView, Viewpoint, ViewState
 from engine.colour import ToneMapping
 from engine.deform.pose import MAX_GROWTH, Deformation, Moment, growth
 from engine.errors import InsituError, LoadError, describe_value
-from engine.files import read_regular_file
+from engine.files import read_regular_file, resolved
 from engine.material.bumps import Bumps, bump_parts, bumps_of_parts
 from engine.material.layer import object_of, place_of
 from engine.material.parameters import ParameterError
@@ -272,7 +272,7 @@ def write_session(path: Path, document: Document, view: ViewState, last: SeenFil
     path = path if path.suffix else path.with_suffix(SUFFIX)
     if path.suffix != SUFFIX:
         raise InsituError(f"{path}: a session's name ends in {SUFFIX}; the scene's own file is never overwritten")
-    data = dump_checked(path, document, view, path.resolve().parent)
+    data = dump_checked(path, document, view, resolved(path).parent)
     if last is not None and last.path == path and last.has_changed:
         raise InsituError(f"{path}: not saved, {CHANGED}")
     save_file(path, data, session=path)
@@ -312,7 +312,7 @@ def _changed(document: Document, known: Document | None) -> Document:
 def load_session(path: Path) -> Session:
     """Read a session file; LoadError names the place of the first thing wrong."""
     data = read_regular_file(path, MAX_SESSION_BYTES)
-    return replace(parse_session(data, path, path.resolve().parent), digest=_digest(data))
+    return replace(parse_session(data, path, resolved(path).parent), digest=_digest(data))
 
 
 def parse_session(data: bytes, path: Path, folder: Path | None) -> Session:

@@ -15,6 +15,7 @@ from urllib.parse import quote_from_bytes, unquote_to_bytes
 import platformdirs
 
 from app.machine.atomic import make_private_folder
+from engine.files import resolved
 
 APPLICATION = "insitu"
 STATE_VARIABLE = "INSITU_STATE"
@@ -90,7 +91,7 @@ def full_path(source: str, folder: Path | None = None) -> str:
     `written_path` has them."""
     if source.startswith(_QUOTED):
         source = os.fsdecode(unquote_to_bytes(source.removeprefix(_QUOTED)))
-    return str(((folder or Path()) / source).resolve()) if is_file_name(source) else source
+    return str(resolved((folder or Path()) / source)) if is_file_name(source) else source
 
 
 def written_path(source: str, folder: Path | None) -> str:
@@ -100,7 +101,7 @@ def written_path(source: str, folder: Path | None) -> str:
     """
     if not is_file_name(source):
         return source
-    path = Path(source).resolve()
+    path = resolved(Path(source))
     inside = folder is not None and path.is_relative_to(folder)
     name = str(path.relative_to(folder)) if inside and folder is not None else str(path)
     is_text = not any("\ud800" <= character <= "\udfff" for character in name)
