@@ -94,7 +94,12 @@ def _read_exr(file: Path, notes: list[str], is_colour: bool) -> NDArray[np.float
         raise LoadError(file, "types of channels R, G, B", ", ".join(kinds), "all half or all float")
     image = _displayed(np.stack([plane.astype(np.float32) for plane in planes], axis=2), header, notes)
     said = header.get("chromaticities")
-    return image if said is None or not is_colour else _in_rec709(image, [float(each) for each in said], notes)
+    if said is None or not is_colour:
+        return image
+    if not isinstance(said, tuple):  # an attribute of that name and another type
+        notes.append("chromaticities that are none, taken for Rec. 709's")
+        return image
+    return _in_rec709(image, [float(each) for each in said], notes)
 
 
 def _displayed(data: NDArray[np.float32], header: dict[str, Any], notes: list[str]) -> NDArray[np.float32]:

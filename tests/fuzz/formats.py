@@ -169,14 +169,20 @@ def plys(folder: Path) -> list[bytes]:
     own = folder / "seed.ply"
     own.write_bytes(binary("<", struct.pack("<B4i", 4, 0, 1, 2, 3)))
     exported = ply_bytes(load_scene(own, (8, 8)), 0)
-    return [own.read_bytes(), binary(">", struct.pack(">B4i", 4, 0, 1, 2, 3)), exported, ply_of_lists(3)] + [
-        text.encode()
-    ] * 2
+    strip = binary("<", struct.pack("<i5i", 5, 0, 1, 3, 2, -1), face="property list int int vertex_indices\n")
+    arrow = header("ascii", 4, 1) + "0 0 0\n4 0 0\n1 1 0\n0 4 0\n4 1 2 3 0\n"
+    return [
+        own.read_bytes(), binary(">", struct.pack(">B4i", 4, 0, 1, 2, 3)), exported, ply_of_lists(3),
+        strip.replace(b"element face", b"element tristrips"), arrow.encode(), text.encode(), text.encode(),
+    ]  # fmt: skip
 
 
 def objs(_: Path) -> list[bytes]:
     square = "# a square\nmtllib a.mtl\no thing\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 1\n"
-    return [(square + "usemtl red\nf 1/1/1 2/2/1 3/3/1\nf 1//1 3//1 4//1\nf -4 -2 \\\n-1\nl 1 2\n").encode()]
+    comb = "".join(f"v {x} {(x % 2) * 3} 0\n" for x in range(8)) + "v 8 9 0\nv 0 9 0\nf 8 9 10 1 2 3 4 5 6 7\nvw 1\n"
+    return [comb.encode()] + [
+        (square + "usemtl red\nf 1/1/1 2/2/1 3/3/1\nf 1//1 3//1 4//1\nf -4 -2 \\\n-1\nl 1 2\n").encode()
+    ]
 
 
 def glbs(_: Path) -> list[bytes]:
@@ -237,14 +243,23 @@ def exrs(folder: Path) -> list[bytes]:
         with OpenEXR.File({"compression": compression, "type": OpenEXR.scanlineimage}, channels) as file:
             file.write(str(path))
         found.append(path.read_bytes())
-    return found
+    aces = (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767)
+    with OpenEXR.File({"chromaticities": aces, "type": OpenEXR.scanlineimage}, {"RGB": GRADIENT}) as file:
+        file.write(str(path))
+    name = b"displayWindow\0box2i\0" + struct.pack("<i", 16)
+    within = found[0].replace(name + struct.pack("<4i", 0, 0, 11, 7), name + struct.pack("<4i", -3, 2, 8, 20))
+    return [*found, path.read_bytes(), within]
 
 
 def hdrs(folder: Path) -> list[bytes]:
     from tests.engine.light.test_image_files import flat_scanlines, gradient, packed_scanlines, rgbe, write_hdr
 
     quads = rgbe(gradient())
-    return [write_hdr(folder / "seed.hdr", pack(quads)).read_bytes() for pack in (flat_scanlines, packed_scanlines)]
+    header = b"EXPOSURE=2\r\nCOLORCORR=1 2 1\nPRIMARIES=0.7 0.3 0.2 0.8 0.1 0.05 0.31 0.33\n"
+    columns = packed_scanlines(quads.swapaxes(0, 1))
+    turned = write_hdr(folder / "turned.hdr", columns, b"-X 40 +Y 24", header).read_bytes()
+    seeds = [write_hdr(folder / "seed.hdr", pack(quads)).read_bytes() for pack in (flat_scanlines, packed_scanlines)]
+    return [*seeds, turned, turned.replace(b"rgbe", b"xyze")]
 
 
 def read_light(path: Path) -> None:

@@ -218,6 +218,11 @@ def test_exr_of_rec_709_stays_what_it_is_and_one_of_no_colours_too(tmp_path: Pat
         notes.clear()
         np.testing.assert_array_equal(read_radiance_image(path, notes), gradient())
         assert len(notes) == 1 and "no colours" in notes[0]
+    data = path.read_bytes().replace(b"chromaticities\0chromaticities\0", b"chromaticities\0chromaticitiex\0")
+    path.write_bytes(data)
+    notes.clear()
+    np.testing.assert_array_equal(read_radiance_image(path, notes), gradient())
+    assert notes == ["chromaticities that are none, taken for Rec. 709's"]
 
 
 @pytest.mark.parametrize("names", ["Y", "RG", "GB", "XYZ"])
