@@ -8,10 +8,12 @@ import sys
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 from app.editor import Editor
 from app.jobs.in_process import InProcessClient
 from app.jobs.tasks import Tasks
+from engine.scene.load import load_scene
 from tests.app.cli.command_line import SCENE, run
 from tests.pictures import write_exr
 from tests.ui.small_scene import coloured_sky, write_small_scene
@@ -142,3 +144,16 @@ def test_the_editor_replaces_nothing_that_it_has_read(lit: Path, merl_file: Path
 def _linked(target: Path, name: str) -> Path:
     target.with_name(name).symlink_to(target)
     return target.with_name(name)
+
+
+def test_a_scene_knows_all_that_it_was_read_from(tmp_path: Path) -> None:
+    for name in ("wood.png", "heights.png"):
+        Image.new("RGB", (2, 2)).save(tmp_path / name)
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    write_exr(tmp_path / "sky.exr", coloured_sky())
+    mesh = 'mesh = "a.obj"\nbump_map = { file = "heights.png", height = 0.1 }'
+    scene = SCENE.replace('primitive = "sphere"', mesh).replace("radiance = 0.5", 'file = "sky.exr"')
+    (tmp_path / "scene.toml").write_text(scene.replace("albedo = 1.0", 'albedo = 1.0, texture = "wood.png"'))
+    files = {path.name for path in load_scene(tmp_path / "scene.toml").files}
+    assert files == {"scene.toml", "a.obj", "sky.exr", "wood.png", "heights.png"}
+    assert {path.name for path in load_scene(tmp_path / "a.obj").files} == {"a.obj", "studio.exr"}
