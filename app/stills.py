@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from app.decided import mode_knobs
 from app.jobs.cache import Store
 from app.jobs.deform import StoredLobes
-from app.machine.atomic import require_place, save_file
+from app.machine.atomic import make_folder_of, require_place, save_file
 from app.project import Project
 from engine.colour import ToneMapping
 from engine.deform.live import N_LOBES, Deform
@@ -66,6 +66,7 @@ def check_output(path: Path, endings: tuple[str, ...] = ENDINGS) -> Path:
         raise InsituError(f"{path}: the name of a picture ends in {' or '.join(endings)}")
     if os.path.isdir(path):
         raise InsituError(f"{path}: is a folder, expected the name of a picture")
+    make_folder_of(path)
     require_place(path)
     return path
 

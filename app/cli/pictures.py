@@ -251,7 +251,9 @@ def screenshot(
 
     check_output(output, (".png",))
     steps = load_script(script, Path(os.path.abspath(output)).parent) if script is not None else ()
-    require_place(*(step.path for step in steps if isinstance(step, Capture)))
+    for step in steps:
+        if isinstance(step, Capture):
+            check_output(step.path, (".png",))
     if problem := state_problem():
         complain(problem)  # own materials are not there; the picture is
     if view is not None:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.frames import Draw, Frames, Report, draw_here, poses_of
-from app.machine.atomic import require_place, save_file
+from app.machine.atomic import make_folder_of, require_place, save_file
 from app.picture_key import picture_key
 from app.project import Project
 from app.stills import ENDINGS, picture_bytes
@@ -103,6 +103,7 @@ def draw_frames(
     """Draw what is missing of the frames, here or where `draw` does; how many that were. Raises InsituError."""
     if frames.animated:
         poses_of(project, frames.count)  # where there is no animation no file is touched
+    make_folder_of(files.record)
     require_place(*map(files.path, range(files.count)), files.record)
     missing = files.missing(picture_key(project, frames, view), project.scene.resolution)
     drawn = 0

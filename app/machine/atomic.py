@@ -50,12 +50,10 @@ def save_file(path: str | os.PathLike[str], data: bytes, *, private: bool = Fals
 def require_place(*paths: Path) -> None:
     """Raises InsituError where files could not be put at these paths, or would take the place of what has to stay.
 
-    Their folders are made. What the last file of each folder shall be called is tried, so that a disk that cannot be
-    written, or takes no such name, is met before the work.
+    A name in each of their folders is tried, so that a disk that cannot be written, or takes no such name, is met
+    before the work.
     """
     tried = {path.parent: path for path in sorted(paths, key=lambda path: len(os.fspath(path)))}
-    for path in tried.values():
-        make_folder_of(path)
     for path in paths:
         with _telling(path):
             _require_file(path)

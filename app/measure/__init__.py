@@ -29,7 +29,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from app.machine.atomic import require_place
+from app.machine.atomic import make_folder_of, require_place
 from app.measure.accuracy import REFERENCES, Errors, reference_errors, reference_folder
 from app.measure.deform import DeformEffort, deform_figures
 from app.measure.edges import EdgeEffort, edge_figures
@@ -131,6 +131,7 @@ def run(
     if unknown := [name for name in only if name not in PARTS]:
         raise InsituError(f"no part {unknown[0]!r}, expected one of {', '.join(PARTS)}")
     effort = effort or (QUICKLY if quick else FULL)
+    make_folder_of(output / "figures.json")
     require_place(output / "figures.json", output / "sweep.csv")
     if "knobs" in only:
         measure_knobs(source, output, effort.knobs, report)

@@ -151,7 +151,7 @@ def test_closing_waits_for_what_is_being_written(tmp_path: Path) -> None:
 
 @pytest.mark.gl
 def test_the_format_goes_with_the_names_ending(window: HeadlessWindow, tmp_path: Path) -> None:
-    window.shell.actor._folder = tmp_path
+    window.shell.actor._folders["picture"] = tmp_path
     window.key(imgui.Key.f12)
     window.frames(2)
     question = window.shell.state.question
@@ -172,7 +172,7 @@ def test_the_format_goes_with_the_names_ending(window: HeadlessWindow, tmp_path:
 @pytest.mark.window
 def test_f12_saves_the_picture_and_shift_f12_the_window(real: RealWindow, tmp_path: Path) -> None:
     real.fresh()
-    real.do(f"from pathlib import Path; shell.actor._folder = Path({str(tmp_path)!r})")
+    real.do(f"from pathlib import Path; shell.actor._folders['picture'] = Path({str(tmp_path)!r})")
     real.key("f12")
     real.text("pot")
     real.key("enter")
