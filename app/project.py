@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -60,9 +61,9 @@ class Project:
         """The scene with all objects as its file has them."""
         return self.at_rest or self.scene
 
-    @property
+    @cached_property
     def sky(self) -> SkyState:
-        """The distant light; loads the environment."""
+        """The distant light; loads the environment, once."""
         from app.sky import sky_of
 
         return sky_of(self.scene, self.document.light)

@@ -20,8 +20,9 @@ Report = Callable[[float, str], None]
 
 
 def tell_notes(project: Project) -> None:
-    """What was odd about the scene, and what was done about it."""
-    tell(project.scene.notes)
+    """What was odd about the scene and the light that it is in, and what was done about it."""
+    environment = project.sky.environment
+    tell((*project.scene.notes, *(() if environment is None else environment.notes)))
 
 
 def tell(notes: Iterable[str]) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from app.cli.output import tell_notes
 from app.commands.layers import SetParameter
 from app.commands.light import SetEnvironment
 from app.document import LightState
@@ -131,3 +132,14 @@ def test_a_session_from_before_objects_without_layers_were_grey(scene: Path, tmp
     bare = replace(project.document, objects=(replace(ball, layers=()), *others))
     session = save_session(tmp_path / "work.insitu", bare, ViewState())
     assert open_project(str(session)).document.objects == project.document.objects
+
+
+def test_a_commands_notes_are_of_the_light_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    image = np.ones((4, 8, 3), np.float32)
+    image[1, 2] = -1.0
+    write_exr(tmp_path / "sky.exr", image)
+    project = open_project(str(tmp_path / "sky.exr"))
+    tell_notes(project)
+    said = "".join(capsys.readouterr())
+    assert said.startswith("note: 1 of 32 pixels had negative values, set to 0") and said.count("note:") == 1
+    assert project.sky is project.sky  # it is read once
