@@ -53,9 +53,8 @@ def solid(folder: Path, inward: bool = False) -> Path:
     return _written(folder, text)
 
 
-def slit(folder: Path) -> Path:
-    """A bright room and a dark one, with 12 cm of wall between them and a slit of 6 cm in it, from the floor to the
-    ceiling."""
+def slit(folder: Path, width: float = 0.06) -> Path:
+    """A bright room and a dark one, with 12 cm of wall between them and a slit in it, from the floor to the ceiling."""
     folder.mkdir(parents=True, exist_ok=True)
     x, y, z, thick = 1.8, 2.4, 1.8, 0.12
     parts = [
@@ -65,7 +64,7 @@ def slit(folder: Path) -> Path:
         block((-x, 0.0, -3 * z - thick), (x, y, -3 * z)),
         block((-x - thick, y, -3 * z - thick), (x + thick, y + thick, z + thick)),
         block((-x, 0.0, -z - thick), (0.2, y, -z)),
-        block((0.26, 0.0, -z - thick), (x, y, -z)),
+        block((0.2 + width, 0.0, -z - thick), (x, y, -z)),
     ]
     save_ply(merged(parts), folder / "walls.ply")
     save_ply(block((-x - thick, -0.1, -3 * z - thick), (x + thick, 0.0, z + thick)), folder / "floor.ply")
@@ -75,7 +74,7 @@ def slit(folder: Path) -> Path:
         + _object("walls", "walls.ply", PLASTER)
         + _object("floor", "floor.ply", BOARDS)
         + _object("block", "block.ply", CLAY)
-        + _lamp("lamp", (0.2, y - 0.02, -2.0 * z), (1.2, 1.2), [90.0, 84.0, 72.0])
+        + _lamp("lamp", (1.0, y - 0.02, -2.0 * z), (1.2, 1.2), [90.0, 84.0, 72.0])
     )
     return _written(folder, text)
 
@@ -97,13 +96,13 @@ def slats(folder: Path) -> Path:
     ]
     save_ply(merged(parts), folder / "walls.ply")
     save_ply(block((-x - thick, -0.1, -z - thick), (x + thick, 0.0, z + thick)), folder / "floor.ply")
-    save_ply(merged([_slat(x0, x1, h, -z + 0.05) for h in np.arange(y0 + 0.05, y1, 0.1)]), folder / "slats.ply")
+    save_ply(merged([_slat(x0, x1, h, -z + 0.1) for h in np.arange(y0 + 0.1, y1, 0.2)]), folder / "slats.ply")
     legs = [block((a - 0.03, 0.0, b - 0.03), (a + 0.03, 0.7, b + 0.03)) for a in (-0.6, 0.6) for b in (-0.7, 0.1)]
     save_ply(merged([block((-0.7, 0.7, -0.8), (0.7, 0.74, 0.2)), *legs]), folder / "table.ply")
     shutil.copy(SKY, folder / "sky.exr")
     text = (
-        camera((0.8, 1.5, 1.8), 62, (96, 72), (-0.1, 0.8, -0.8), "bounces = 4\n")
-        + '[environment]\nfile = "sky.exr"\nrotation = 60\n'
+        camera((1.3, 1.6, -1.6), 68, (96, 72), (-0.6, 0.5, 0.9), "bounces = 4\n")
+        + '[environment]\nfile = "sky.exr"\nrotation = 323\n'
         + _object("walls", "walls.ply", PLASTER)
         + _object("floor", "floor.ply", BOARDS)
         + _object("slats", "slats.ply", PLASTER)
@@ -117,9 +116,9 @@ ROOMS = {"inside_out": inside_out, "slit": slit, "slats": slats}
 
 
 def _slat(x0: float, x1: float, height: float, z: float) -> Mesh:
-    """8 cm wide and 6 mm thick, leaning by 30 degrees: its outer edge is the lower one."""
-    flat = block((x0, -0.003, -0.04), (x1, 0.003, 0.04))
-    return transformed(flat, axis_rotation((1, 0, 0), -np.pi / 6), (0.0, height, z))
+    """16 cm wide and 6 mm thick, leaning by 10 degrees: its inner edge is the lower one."""
+    flat = block((x0, -0.003, -0.08), (x1, 0.003, 0.08))
+    return transformed(flat, axis_rotation((1, 0, 0), np.pi / 18), (0.0, height, z))
 
 
 def _turned(mesh: Mesh) -> Mesh:

@@ -5,8 +5,11 @@ Some thousand of the shading points gather: each sends cosine-distributed rays, 
 
     E_(b+1)(p) = mean over p's rays of  d(q) E_b(q),       indirect irradiance = E_2 + ... + E_N,
 
-with E_1 the irradiance of the points and d the equivalent albedo of what the ray meets [BenArtzi07, sect. 5.3]; between
-gathering points it is interpolated in place and normal. It costs some milliseconds, so it follows every change.
+with E_1 the irradiance of the points and d the equivalent albedo of what the ray meets [BenArtzi07, sect. 5.3]. Between
+gathering points it is interpolated as in an irradiance cache [Ward88]: with weights that fall with the distance over
+the mean distance of what they meet, and with the angle between normals, and never from one that stands behind a wall,
+where it may be a hundred times as bright. Points that none is close to gather as well. It costs some milliseconds, so
+it follows every change.
 """
 
 from __future__ import annotations
@@ -24,14 +27,19 @@ from engine.orbit.picture import PointMesh
 from engine.orbit.shading_points import ShadingPoints
 
 Floats = NDArray[np.float32]
-N_GATHERING = 4096
+Rows = NDArray[np.int64]
+N_GATHERING = 3072
+N_MORE, _ROUNDS = 1024, 2  # where none is close
 N_RAYS = 512
 _AT_ONCE = 64  # gathering points: 32,768 rays
-_BESIDE = 8
+_BESIDE, _CANDIDATES = 8, 12
 _INTERPOLATED = 8192  # points at a time
 # By how much of the scene's size two opposite normals are apart.
 _TURNED = 0.25
-_INWARDS = 0.1  # of the way to the triangle's middle
+# An irradiance is off by about this much, as a share, where it is interpolated from a point as close [Ward88, eq. 3].
+_CLOSE = 0.35
+# The mean distance of what a point meets is taken for more than this share of the scene's size, and for less than that.
+_LEAST_REACH, _MOST_REACH = 0.003, 0.1
 # Objects are worth points on their backs from this share of all rays on.
 _BEHIND = 0.02
 
@@ -47,8 +55,9 @@ class Bounces:
     share: Floats
     behind: frozenset[int]
 
-    def indirect(self, direct: Floats, albedo: Floats, n_bounces: int) -> Floats:
-        """Irradiance (S, 3) after the first bounce and up to n_bounces, from that of the lights (S, 3).
+    def indirect(self, direct: Floats, albedo: Floats, n_bounces: int) -> tuple[Floats, Floats]:
+        """Irradiance (S, 3) after the first bounce and up to n_bounces, from that of the lights (S, 3); and of the
+        lights and up to one bounce less, which is what others show in a mirror.
 
         albedo (S, 3): of what the points lie on; above 1 it counts as 1: light must not grow from bounce to bounce.
         """
@@ -59,61 +68,113 @@ class Bounces:
             latest = np.empty_like(direct)
             kernels.spread(self.beside, self.share, gathered, latest)
             total += latest
-        return total
+        return total, direct + total - (latest if n_bounces > 1 else 0.0)
 
 
-def bouncing(points: ShadingPoints, mesh: PointMesh) -> Generator[float, None, Bounces]:
-    """Send the rays, yielding how much is done."""
-    n, size = len(points), float(np.ptp(points.position, axis=0).max()) if len(points) else 1.0
+@dataclass(frozen=True, eq=False)
+class _Gathering:
+    """Points (G,) that gather: the ends (G, R) of their rays, how far they reach (G,), harmonic means as a share of the
+    scene's size, and how many rays met each object (M,) from behind where it has no points."""
+
+    points: Rows
+    ends: NDArray[np.int32]
+    reach: Floats
+    behind: Rows
+
+    def with_more(self, other: _Gathering) -> _Gathering:
+        """These and others."""
+        both = ((getattr(self, name), getattr(other, name)) for name in ("points", "ends", "reach"))
+        points, ends, reach = map(np.concatenate, both)
+        return _Gathering(points, ends, reach, self.behind + other.behind)
+
+
+@dataclass(frozen=True, eq=False)
+class _Around:
+    """Of all points: the gathering ones around each, beside (S, K), by their share (S, K), and by which share
+    irradiance is off that is taken from the best of them, error (S,), infinite where none is in sight."""
+
+    beside: NDArray[np.int32]
+    share: Floats
+    error: Floats
+
+
+def bouncing(points: ShadingPoints, mesh: PointMesh) -> Generator[None, None, Bounces]:
+    """Send the rays, in pieces."""
+    size = float(np.ptp(points.position, axis=0).max()) if len(points) else 1.0
     where = np.concatenate([points.position, points.normal * np.float32(0.5 * _TURNED * size)], axis=1)
-    chosen = _evenly(points, where)
-    origins = _inwards(points)
+    open_ = np.arange(len(points)) if points.buried is None else np.flatnonzero(~points.buried)
+    gathering = yield from _sent(points, mesh, _evenly(points, where, open_, N_GATHERING), size)
+    around = yield from _around(points, mesh, where, gathering, size)
+    for _ in range(_ROUNDS):
+        more = _evenly(points, where, open_[around.error[open_] > _CLOSE], N_MORE)
+        if not len(more):
+            break
+        gathering = gathering.with_more((yield from _sent(points, mesh, more, size)))
+        around = yield from _around(points, mesh, where, gathering, size)
+    often = points.sides[:, 1] & (gathering.behind > _BEHIND * max(gathering.ends.size, 1))
+    return Bounces(gathering.ends, around.beside, around.share, frozenset(np.flatnonzero(often).tolist()))
+
+
+def _sent(points: ShadingPoints, mesh: PointMesh, chosen: Rows, size: float) -> Generator[None, None, _Gathering]:
+    """Rays of some points (G,); size: of the scene."""
     ends, tables = np.empty((len(chosen), N_RAYS), np.int32), cosine_tables(N_RAYS)
-    chance, behind = np.random.default_rng(2), np.zeros(0, np.int64)
+    nearness, behind = np.empty(len(chosen)), np.zeros(len(points.sides), np.int64)
+    chance = np.random.default_rng(2)
     for start in range(0, len(chosen), _AT_ONCE):
         some = chosen[start : start + _AT_ONCE]
         frames = points.frames[some][:, [0, 2, 1]]  # the tables' third axis is the normal
         ways = np.einsum("nrk,nki->nri", tables[: len(some)], frames).reshape(-1, 3)
-        found = mesh.trace(np.repeat(origins[some], N_RAYS, axis=0), np.ascontiguousarray(ways))
+        found, distance = mesh.trace(np.repeat(points.lifted[some], N_RAYS, axis=0), np.ascontiguousarray(ways))
         corner = (chance.random(len(ways))[:, None] > found.weights.cumsum(axis=1)[:, :2]).sum(axis=1)
         at = np.take_along_axis(found.corners, corner[:, None], axis=1)[:, 0]
         ends[start : start + _AT_ONCE] = np.where(found.corners[:, 0] >= 0, at, -1).reshape(-1, N_RAYS)
-        behind = np.concatenate([behind, found.i_object[found.behind]])
-        yield 0.5 * (start + len(some)) / len(chosen)
+        near = 1.0 / np.maximum(distance.astype(np.float64), 1e-6 * size)
+        nearness[start : start + _AT_ONCE] = near.reshape(-1, N_RAYS).mean(axis=1)
+        behind += np.bincount(found.i_object[found.behind], minlength=len(behind))
+        yield
+    reach = np.clip(1.0 / np.maximum(nearness * size, 1e-9), _LEAST_REACH, _MOST_REACH)
+    return _Gathering(chosen, ends, reach.astype(np.float32), behind)
+
+
+def _around(
+    points: ShadingPoints, mesh: PointMesh, where: Floats, gathering: _Gathering, size: float
+) -> Generator[None, None, _Around]:
+    """What is gathered between points that gather, where (S, 6) all are in place and normal."""
+    n, tree, k = len(points), cKDTree(where[gathering.points]), min(_CANDIDATES, len(gathering.points))
     beside, share = np.zeros((n, _BESIDE), np.int32), np.zeros((n, _BESIDE), np.float32)
-    tree, k = cKDTree(where[chosen]), min(_BESIDE, len(chosen))
+    error, most = np.full(n, np.inf, np.float32), min(_BESIDE, k)
     for start in range(0, n, _INTERPOLATED):
-        distance, number = tree.query(where[start : start + _INTERPOLATED], k, workers=-1)
-        distance, number = distance.reshape(-1, k), number.reshape(-1, k)
-        inverse = 1.0 / (distance + 1e-6 * size)
-        weights = (inverse - 0.999 * inverse[:, -1:]) ** 2  # [Shepard68], the farthest fading out
-        beside[start : start + _INTERPOLATED, :k] = number
-        share[start : start + _INTERPOLATED, :k] = weights / weights.sum(axis=1, keepdims=True)
-        yield 0.5 + 0.5 * start / n
-    counts = np.bincount(behind, minlength=1)
-    return Bounces(ends, beside, share, frozenset(np.flatnonzero(counts > _BEHIND * max(ends.size, 1)).tolist()))
+        here = np.arange(start, min(start + _INTERPOLATED, n))
+        _, number = tree.query(where[here], k, workers=-1)
+        number = number.reshape(-1, k)
+        there = gathering.points[number]
+        apart = np.linalg.norm(points.position[there] - points.position[here, None], axis=2)
+        along = np.einsum("nki,ni->nk", points.normal[there], points.normal[here])
+        off = apart / (size * gathering.reach[number]) + np.sqrt(np.maximum(1.0 - along, 0.0))
+        best = np.argsort(off, axis=1)[:, :most]
+        number, there, off = (np.take_along_axis(each, best, axis=1) for each in (number, there, off))
+        yield
+        origins = np.repeat(points.lifted[here], most, axis=0)
+        seen = mesh.sight.sees(origins, points.lifted[there.ravel()]).reshape(there.shape)
+        inverse = 1.0 / (off + 1e-6)
+        weights = np.where(seen, (inverse - 0.999 * inverse[:, -1:]) ** 2, 0.0)  # [Shepard68], the farthest fading out
+        alone = ~weights.any(axis=1)
+        weights[alone] = inverse[alone] ** 2
+        beside[here, :most], share[here, :most] = number, weights / weights.sum(axis=1, keepdims=True)
+        error[here] = np.where(seen, off, np.inf).min(axis=1)
+        yield
+    return _Around(beside, share, error)
 
 
-def _inwards(points: ShadingPoints) -> Floats:
-    """Where rays of points start (S, 3): a little way into a triangle, as where two walls meet a ray may miss both."""
-    origins = points.lifted.copy()
-    middles = points.corners.mean(axis=1)
-    for side in range(2):
-        mine = np.flatnonzero(points.triangles[:, side, 0] >= 0)
-        for corner in range(3):
-            p = points.triangles[mine, side, corner]
-            origins[p] = points.lifted[p] + _INWARDS * (middles[mine] - points.position[p])
-    return origins
-
-
-def _evenly(points: ShadingPoints, where: Floats) -> NDArray[np.int64]:
-    """About N_GATHERING of the points (S,), in cubes over place and normal (S, 6), one of each."""
+def _evenly(points: ShadingPoints, where: Floats, among: Rows, n_most: int) -> Rows:
+    """About n_most of some points (N,), in cubes over place and normal (S, 6), one of each."""
+    chosen, cells = among, 1024.0
     low, span = where.min(axis=0, initial=np.inf), np.ptp(where, axis=0).max() if len(where) else 1.0
-    chosen, cells = np.arange(len(points)), 1024.0
-    while len(chosen) > N_GATHERING:
+    while len(chosen) > n_most:
         cells *= 0.8
-        cubes = np.concatenate([((where - low) * (cells / span)).astype(np.int64), points.i_object[:, None]], axis=1)
-        order = np.lexsort(cubes.T)
-        is_first = np.concatenate([[True], (np.diff(cubes[order], axis=0) != 0).any(axis=1)])
-        chosen = order[is_first]
+        cubes = ((where[chosen] - low) * (cells / span)).astype(np.int64)
+        keys = np.concatenate([cubes, points.i_object[chosen, None]], axis=1)
+        order = np.lexsort(keys.T)
+        is_first = np.concatenate([[True], (np.diff(keys[order], axis=0) != 0).any(axis=1)])
+        chosen = chosen[order[is_first]]
     return np.sort(chosen)

@@ -9,11 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.orbit.lit_points import LitPoints
+from engine.orbit.mirrored_light import mirrored_light
 from engine.orbit.picture import Seen, added, interpolated
 from engine.orbit.reflected import reflected, reflected_quickly, shaded
 from engine.orbit.reflections import Reflections, Term
 from engine.orbit.seen_maps import factors
 from engine.orbit.sky import Sky
+from engine.orbit.sun_shadows import sun_shadows
 from engine.orbit.turned import TurnedSamples, leaning_irradiance, turned_irradiance, turned_reflection, turned_samples
 from engine.render.still import StillProgress
 from engine.scene.load import Scene
@@ -53,6 +55,10 @@ def reflected_light(
             return np.zeros((len(which), 3), np.float32)
         return turned_reflection(seen, samples, lit.incident, sky, tables, quality == "still")
 
+    everything = np.flatnonzero(seen.samples.corners[:, 0] >= 0)
+    if quality != "moving":
+        shadows = sun_shadows(seen, everything, lit.incident, sky, lit.caster, quality == "still")
+        of_suns = shadows.irradiance(len(seen.pixel)).astype(np.float32)
     for done, term in enumerate(reflections.terms):
         which = seen.of(term.i_object)
         if not len(which):
@@ -66,16 +72,25 @@ def reflected_light(
         # While something moves, gloss is as without bumps: it is shaded at points, which are further apart than these.
         bumpy = term.i_object in scene.relief.objects and (quality != "moving" or term.reflectance is not None)
         evenly = None if bumpy else term.reflectance
-        lit.colours[points] = lit.sent_evenly(points, evenly, reflections.albedo(term), n_bounces)
         tables = None if bumpy or term.reflectance is not None else reflections.tables(term.layers)
-        is_sharp = tables is not None and reflections.is_sharp(term.layers)
+        is_sharp = term.reflectance is None and reflections.is_sharp(term.layers)
+        shows = n_bounces > 1 and (quality == "still" and term.reflectance is None or quality == "rest" and is_sharp)
+        albedo = None if shows else reflections.albedo(term)
+        lit.colours[points] = lit.sent_evenly(points, evenly, albedo, n_bounces)
         if tables is not None and quality == "moving" and not is_sharp:
             shaded(seen, points, lit.incident, tables, n_moving, lit.shades, lit.colours)
         interpolated(seen, which, lit.colours, factor, radiance)
         if bumpy:
             added(which, reflected_by_bumps(which, term), factor, radiance)
+        elif term.reflectance is not None and quality != "moving":
+            added(which, of_suns[which] * np.array(term.reflectance, np.float32), factor, radiance)
+        if shows:
+            normals = turned[term.i_object].frames[:, 1] if bumpy else None
+            found = mirrored_light(seen, which, lit, scene, term.i_object, term.layers, quality, normals)
+            added(which, found, factor, radiance)
         if tables is not None and quality != "moving":
             found = reflected(seen, which, lit.incident, sky, term.layers, tables, _LITTLE[quality])
+            found += shadows.reflected(seen, scene, term.i_object, term.layers)
             added(which, found, factor, radiance)
         elif tables is not None and is_sharp:
             found = reflected_quickly(seen, which, lit.incident, sky, tables, max(n_moving, _N_SHARP))

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine.light.emitters import EmitterPatches
 from engine.orbit.bounced import Bounces, bouncing
+from engine.orbit.buried import buried
 from engine.orbit.incident import Incident, Lamps, light, more_glossy, no_light
 from engine.orbit.picture import PointMesh
 from engine.orbit.reflected import no_shades
@@ -17,7 +19,7 @@ from engine.orbit.sky import Sky
 from engine.orbit.visibility import N_UPPER, Bits, see, see_patches
 from engine.scene.load import Scene
 from engine.scene.raycaster import RayCaster
-from engine.steps import Stepped
+from engine.steps import Stepped, finish
 
 Floats = NDArray[np.float32]
 STALE, COARSELY, EXACTLY = 0, 1, 2
@@ -28,15 +30,17 @@ class LitPoints:
 
     state (S,): how the light that is wanted is known; traced (S,): whether shadows are; seen (S,): what the last
     picture saw; behind: objects whose backs are met by much of what bounces; is_bounced: of which light the indirect
-    irradiance (S, 3) is; known (S,): whether it was lit once, by whatever light;
-    n_traced: points that were traced since this was stored; untold (S,): whose light has changed since `parts` told it.
+    irradiance (S, 3) is, and the radiance sent_on (S, 3) that gloss shows of points; known (S,): whether it was lit
+    once, by whatever light; n_traced: points that were traced since this was stored; untold (S,): whose light has
+    changed since `parts` told it. caster: of the scene's triangles.
     """
 
     def __init__(
-        self, scene: Scene, points: ShadingPoints, n_coefficients: int, n_patches: int, is_glossy: NDArray[np.bool_]
-    ) -> None:
-        """is_glossy (M,): objects that do not reflect evenly."""
-        self._scene, self._n = scene, len(points)
+        self, scene: Scene, caster: RayCaster, points: ShadingPoints, n_coefficients: int, n_patches: int,
+        is_glossy: NDArray[np.bool_],
+    ) -> None:  # fmt: skip
+        """caster: of the scene's triangles; is_glossy (M,): objects that do not reflect evenly."""
+        self._scene, self.caster, self._n = scene, caster, len(points)
         self.points, self.mesh = points, PointMesh(scene, points)
         self.bits: Bits = np.full((self._n, N_UPPER // 2), 255, np.uint8)
         self.patch_bits: Bits = np.full((self._n, (n_patches + 7) // 8), 255, np.uint8)
@@ -45,12 +49,13 @@ class LitPoints:
         self.colours = np.zeros((self._n, 3), np.float32)
         self.state = np.zeros(self._n, np.uint8)
         self.traced, self.seen, self.known, self.untold = np.zeros((4, self._n), bool)
+        self._leave_buried()
         self.n_traced = 0
         self.behind: set[int] = set()
         self.with_backs: list[int] = []
         self.bounces: Bounces | None = None
         self._bouncing: Stepped[Bounces] | None = None
-        self.indirect = np.zeros((self._n, 3), np.float32)
+        self.indirect, self.sent_on = np.zeros((2, self._n, 3), np.float32)
         self.is_bounced = STALE
 
     @property
@@ -80,12 +85,10 @@ class LitPoints:
         self.state[which] = COARSELY if is_coarse else EXACTLY
         self.known[which] = self.untold[which] = True
 
-    def trace(
-        self, which: NDArray[np.int64], caster: RayCaster, patches: tuple[EmitterPatches, NDArray[np.intp]] | None
-    ) -> None:
-        see(self.points, caster, which, self.bits)
+    def trace(self, which: NDArray[np.int64], patches: tuple[EmitterPatches, NDArray[np.intp]] | None) -> None:
+        see(self.points, self.caster, which, self.bits)
         if patches is not None:
-            see_patches(self.points, caster, patches[0], which, self.patch_bits)
+            see_patches(self.points, self.caster, patches[0], which, self.patch_bits)
         self.traced[which], self.state[which] = True, np.minimum(self.state[which], COARSELY)
         self.n_traced += len(which)
 
@@ -109,18 +112,20 @@ class LitPoints:
         """Find the indirect light; albedos (M, 3)."""
         assert self.bounces is not None
         self.is_bounced = self.is_lit
-        self.indirect = self.bounces.indirect(self.incident.irradiance, albedos[self.points.i_object], n_bounces)
+        albedo = albedos[self.points.i_object]
+        self.indirect, before = self.bounces.indirect(self.incident.irradiance, albedo, n_bounces)
+        self.sent_on = (before * albedo / np.float32(np.pi)).astype(np.float32)
 
     def sent_evenly(
-        self, which: NDArray[np.int64], reflectance: Sequence[float] | None, albedo: NDArray[np.floating],
+        self, which: NDArray[np.int64], reflectance: Sequence[float] | None, albedo: NDArray[np.floating] | None,
         n_bounces: int,
     ) -> Floats:  # fmt: skip
         """What points (N,) send the same everywhere, (N, 3): of the lights by their reflectance (3,), and of further
-        bounces by their albedo (3,)."""
+        bounces by their albedo (3,), None for what shows these in a mirror."""
         sent = np.zeros((len(which), 3), np.float32)
         if reflectance is not None:
             sent += self.incident.irradiance[which] * np.asarray(reflectance, np.float32)
-        if n_bounces > 1:
+        if n_bounces > 1 and albedo is not None:
             sent += self.indirect[which] * np.asarray(albedo / np.pi, np.float32)
         return sent
 
@@ -138,6 +143,9 @@ class LitPoints:
         for each in objects:
             self.points = with_backs(self.points, np.arange(len(self._scene.smooth)) == each)
         self._n = len(self.points)
+        if self.points.buried is not None:
+            of_backs = finish(buried(self._scene, self.caster, self.points, before))
+            self.points = replace(self.points, buried=np.concatenate([self.points.buried, of_backs]))
         self.mesh, self.with_backs = self.mesh.of(self.points), [*self.with_backs, *objects]
         self.bits = _longer(self.bits, self._n, 255)
         self.patch_bits = _longer(self.patch_bits, self._n, 255)
@@ -145,9 +153,17 @@ class LitPoints:
         self.traced, self.seen = _longer(self.traced, self._n, 0), _longer(self.seen, self._n, 0)
         self.known, self.untold = _longer(self.known, self._n, 0), _longer(self.untold, self._n, 1)
         self.incident = more_glossy(self.incident, np.zeros(before, bool), self._n - before)
-        self.indirect, self.is_bounced = _longer(self.indirect, self._n, 0), STALE
+        self._leave_buried()
+        self.indirect, self.sent_on = _longer(self.indirect, self._n, 0), _longer(self.sent_on, self._n, 0)
+        self.is_bounced = STALE
         self.bounces = self._bouncing = None
         self.need_gloss(is_glossy)
+
+    def _leave_buried(self) -> None:
+        """What is within something solid sees nothing, and no ray needs to find that out."""
+        if self.points.buried is not None:
+            self.traced |= self.points.buried
+            self.bits[self.points.buried] = self.patch_bits[self.points.buried] = 0
 
 
 def _longer(array: NDArray, n: int, value: int) -> NDArray:

@@ -16,6 +16,7 @@ and may be dropped between any two pieces; so may its generators.
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,13 +24,14 @@ from numpy.typing import NDArray
 from engine.errors import InsituError
 from engine.light.emitters import EmitterPatches, emitter_patches
 from engine.material.bumps import Bumps
+from engine.orbit.buried import buried
 from engine.orbit.drawing import N_MOVING, Quality, reflected_light
 from engine.orbit.incident import Lamps
 from engine.orbit.kept_visibility import deflated, inflated
 from engine.orbit.lit_points import EXACTLY, STALE, LitPoints
 from engine.orbit.picture import Seen, picture
 from engine.orbit.reflections import LayersOf, Reflections
-from engine.orbit.shading_points import ShadingPoints, placing, shading_points
+from engine.orbit.shading_points import ShadingPoints, placing
 from engine.orbit.sky import make_sky
 from engine.orbit.visibility import N_UPPER, Bits
 from engine.render.still import StillProgress
@@ -55,6 +57,7 @@ _BYTES_A_COEFFICIENT = 8
 _COARSE, _FINE, _TRACED = 1536, 256, 96
 # Of a picture: for silhouettes a pixel wide, which turned normals show from behind, no hand waits half a second.
 _LEAST_BACK = 0.005
+_EDGE_RAYS = {"moving": 0, "rest": 4, "still": 16}
 _FIRST_LOOK = 256  # pixels across, to find which points come first
 
 
@@ -241,13 +244,13 @@ class Orbit:
             lit.add_backs(behind, self._are_glossy)
             return "backs"
         if len(which := lit.first(~lit.traced & lit.seen, _TRACED * n_threads())):
-            lit.trace(which, self._caster, self._patches)
+            lit.trace(which, self._patches)
             return "visibility"
         if self._n_bounces > 1 and lit.bounces is None:
             lit.send_rays()
             return "bounces"
         if len(which := lit.first(~lit.traced, _TRACED * n_threads())):
-            lit.trace(which, self._caster, self._patches)
+            lit.trace(which, self._patches)
             return "visibility"
         return None
 
@@ -273,7 +276,8 @@ class Orbit:
         if lit is None:
             raise ValueError("nothing is ready to be drawn: expected some steps of work before")
         least = 0.0 if quality == "still" else _LEAST_BACK
-        seen = self._looked(lit, camera, resolution, has_soft_edges or quality != "moving", least)
+        n_edge_rays = _EDGE_RAYS[quality] or (_EDGE_RAYS["rest"] if has_soft_edges else 0)
+        seen = self._looked(lit, camera, resolution, n_edge_rays, quality != "moving", least)
         # Where no light has been found yet, because the camera was led away at once or backs came in sight: black.
         while len(which := np.flatnonzero(lit.seen & ~lit.known)[: _COARSE * n_threads()]):
             lit.light(which, self._sky, self._lamps(lit), is_coarse=True)
@@ -304,13 +308,13 @@ class Orbit:
     def _place(self) -> None:
         """A piece of placing points."""
         if self._placing is None:
-            self._placing = Stepped(placing(self.scene, self._caster, self._n_points))
+            self._placing = Stepped(self._points(self._n_points))
         if not self._placing.advance():
             return
         points, self._placing = self._placing.result, None
         n = self._within_memory(len(points))
         if n < self._n_coefficients and self._n_points:
-            points = shading_points(self.scene, self._caster, 0)
+            points = finish(self._points(0))
             n = self._within_memory(len(points))
         if n < _LEAST_COEFFICIENTS:
             raise InsituError(
@@ -320,31 +324,36 @@ class Orbit:
         if n < self._n_coefficients:
             self.notes = (f"{n} coefficients of light a point instead of {self._n_coefficients}, for want of memory",)
         n_patches = 0 if self._patches is None else len(self._patches[0])
-        self._lit = LitPoints(self.scene, points, n, n_patches, self._are_glossy)
+        self._lit = LitPoints(self.scene, self._caster, points, n, n_patches, self._are_glossy)
         if self._kept is not None:
             self._lit.restore(*self._kept, self._are_glossy)
             self._kept = None
         self.look(self.scene.description.camera)
         self.version += 1
 
+    def _points(self, n_points: int) -> Generator[None, None, ShadingPoints]:
+        points = yield from placing(self.scene, self._caster, n_points)
+        found = yield from buried(self.scene, self._caster, points)
+        return replace(points, buried=found)
+
     def look(self, camera: CameraDescription) -> None:
         """What a camera sees comes first from now on."""
         lit = self._lit
         if lit is not None:
             width, height = self.scene.resolution
-            self._looked(lit, camera, (_FIRST_LOOK, max(1, round(_FIRST_LOOK * height / width))), False)
+            self._looked(lit, camera, (_FIRST_LOOK, max(1, round(_FIRST_LOOK * height / width))), 0)
 
     def _looked(
-        self, lit: LitPoints, camera: CameraDescription, resolution: tuple[int, int], has_soft_edges: bool,
-        least: float = 0.0,
+        self, lit: LitPoints, camera: CameraDescription, resolution: tuple[int, int], n_edge_rays: int,
+        in_sight: bool = False, least: float = 0.0,
     ) -> Seen:  # fmt: skip
         """What a picture sees comes first from now on; backs that no other has seen get points, without shadows yet,
         where they are more than a share of it, and the others while nobody waits."""
-        seen = lit.mesh.look(camera, resolution, has_soft_edges)
+        seen = lit.mesh.look(camera, resolution, n_edge_rays, in_sight)
         if behind := seen.from_behind(least):
             lit.add_backs(behind, self._are_glossy)
             self.version += 1
-            seen = lit.mesh.look(camera, resolution, has_soft_edges)
+            seen = lit.mesh.look(camera, resolution, n_edge_rays, in_sight)
         lit.seen, lit.behind = seen.points_seen(), lit.behind | set(seen.from_behind())
         return seen
 

@@ -1,9 +1,10 @@
-"""What a picture from anywhere sees: the shading points around each pixel; at rest, edges by four rays a pixel."""
+"""What a picture from anywhere sees: the shading points around each pixel; at rest, edges by several rays a pixel."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +12,11 @@ from numpy.typing import NDArray
 from engine.light.environment import Environment
 from engine.orbit import _picture_kernels as kernels
 from engine.orbit.shading_points import ShadingPoints
+from engine.orbit.sight import Sight
 from engine.scene.camera import camera_frame
 from engine.scene.description import CameraDescription
+from engine.scene.edges import ray_offsets
+from engine.scene.frames import local_frames, object_tangents
 from engine.scene.load import Scene
 from engine.scene.raycaster import Intersections, RayCaster
 from engine.threads import even_parts, on_threads
@@ -20,8 +24,6 @@ from engine.threads import even_parts, on_threads
 Floats = NDArray[np.float32]
 Rows = NDArray[np.int64]
 _RAYS = 16384  # at a time
-# Four rays a pixel on a rotated grid, in pixels from its upper left corner.
-_SUB_RAYS = np.array([(0.125, 0.375), (0.625, 0.125), (0.875, 0.625), (0.375, 0.875)])
 
 
 class PointMesh:
@@ -32,8 +34,9 @@ class PointMesh:
         self._scene, self._points = scene, points
         self._last: tuple[tuple[object, ...], Seen] | None = None
         self._caster = caster or points.caster()
+        self.sight = Sight(points, self._caster)
         self._surface = kernels.PointTriangles(
-            points.triangles, np.ascontiguousarray(scene.geometric_normals[points.source]),
+            points.shown, np.ascontiguousarray(scene.geometric_normals[points.source]),
             scene.object_of_triangle[points.source], scene.emission,
         )  # fmt: skip
 
@@ -41,29 +44,33 @@ class PointMesh:
         """The same surface, with other points on its sides."""
         return PointMesh(self._scene, points, self._caster)
 
-    def look(self, camera: CameraDescription, resolution: tuple[int, int], has_soft_edges: bool = False) -> Seen:
+    def look(
+        self, camera: CameraDescription, resolution: tuple[int, int], n_edge_rays: int = 0, in_sight: bool = False
+    ) -> Seen:
         """What the eye sees in a picture of resolution (width, height), one ray through each pixel's centre; where
-        edges are to be soft four through the pixels at them. The last is kept, as the camera stays while a material or
-        the light moves."""
-        asked = camera, resolution, has_soft_edges
+        edges are to be soft 4, 8 or 16 through the pixels at them; in_sight: of points that see what they are asked
+        about alone. The last is kept, as the camera stays while a material or the light moves."""
+        asked = camera, resolution, n_edge_rays, in_sight
         if self._last is None or self._last[0] != asked:
-            self._last = asked, self._looked(camera, resolution, has_soft_edges)
+            self._last = asked, self._looked(*asked)
         return self._last[1]
 
-    def _looked(self, camera: CameraDescription, resolution: tuple[int, int], has_soft_edges: bool) -> Seen:
+    def _looked(self, camera: CameraDescription, resolution: tuple[int, int], n_edge_rays: int, in_sight: bool) -> Seen:
         width, height = resolution
         pixel, share = np.arange(width * height), np.ones(width * height, np.float32)
         samples, found = self._trace(camera, resolution, np.empty((0, 2)), len(pixel))
-        if has_soft_edges:
+        if n_edge_rays:
             edges = np.zeros((height, width), bool)
             kernels.silhouettes(samples.i_object.reshape(height, width), edges)
             inner, outer = np.flatnonzero(~edges), np.flatnonzero(edges)
-            places = np.stack([outer % width, outer // width], axis=1)[:, None] + _SUB_RAYS
-            more, found_more = self._trace(camera, resolution, places.reshape(-1, 2), 4 * len(outer))
+            places = np.stack([outer % width, outer // width], axis=1)[:, None] + (0.5 + ray_offsets(n_edge_rays))
+            more, found_more = self._trace(camera, resolution, places.reshape(-1, 2), n_edge_rays * len(outer))
             samples = kernels.Samples(*(np.concatenate([a[inner], b]) for a, b in zip(samples, more, strict=True)))
             found = tuple(np.concatenate([a[inner], b]) for a, b in zip(found, found_more, strict=True))
-            pixel = np.concatenate([inner, np.repeat(outer, 4)])
-            share = np.concatenate([share[inner], np.full(4 * len(outer), 0.25, np.float32)])
+            pixel = np.concatenate([inner, np.repeat(outer, n_edge_rays)])
+            share = np.concatenate([share[inner], np.full(n_edge_rays * len(outer), 1.0 / n_edge_rays, np.float32)])
+        if in_sight:
+            self.sight.look(samples, found[0])
         i_object = samples.i_object
         reflects = samples.corners[:, 0] >= 0
         order, bounds = kernels.by_object(i_object, reflects, len(self._scene.smooth))
@@ -75,11 +82,12 @@ class PointMesh:
         """Take over what objects emit."""
         self._scene, self._surface, self._last = scene, self._surface._replace(emission=scene.emission), None
 
-    def trace(self, origins: Floats, directions: Floats) -> kernels.Samples:
-        """What a few rays (R, 3) from anywhere meet."""
+    def trace(self, origins: Floats, directions: Floats) -> tuple[kernels.Samples, Floats]:
+        """What a few rays (R, 3) from anywhere meet, and how far away (R,)."""
         out, hits = _room(len(origins)), self._caster.intersect(origins, directions)
         kernels.resolve(0, hits.triangle, hits.u, hits.v, directions, self._surface, out)
-        return out
+        self.sight.look(out, hits.triangle)
+        return out, hits.distance
 
     def _trace(
         self, camera: CameraDescription, resolution: tuple[int, int], places: NDArray[np.float64], n: int
@@ -124,6 +132,17 @@ class Seen:
     sampled: dict[object, Floats] = field(default_factory=dict)
     leans: dict[object, Floats] = field(default_factory=dict)
 
+    @cached_property
+    def shares(self) -> Floats:
+        """(R, 3): how near samples are to the corners of their triangle; weights differ where not all are in sight."""
+        _, u, v = self.found
+        return np.stack([1.0 - u - v, u, v], axis=1)
+
+    def places(self, which: Rows) -> Floats:
+        """Where samples (N,) lie, (N, 3)."""
+        corners = self.points.corners[self.found[0][which]]
+        return np.asarray(np.einsum("nk,nki->ni", self.shares[which], corners), np.float32)
+
     def of(self, i_object: int) -> Rows:
         """The samples that see an object."""
         return self.order[self.bounds[i_object] : self.bounds[i_object + 1]]
@@ -146,10 +165,16 @@ class Seen:
         length = np.linalg.norm(between, axis=1, keepdims=True)
         return np.asarray(between / np.maximum(length, 1e-30), np.float32)
 
+    def frames(self, which: Rows, scene: Scene, i_object: int, normals: Floats | None = None) -> NDArray[np.float64]:
+        """Of samples (N,) of an object, (N, 3, 3): rows tangent, bitangent, normal; normals (N, 3): others than those
+        between points."""
+        own = (self.normals(which) if normals is None else normals).astype(np.float64)
+        return local_frames(object_tangents(scene, np.full(len(which), i_object), own), own)
+
     def in_scene(self, which: Rows) -> Intersections:
         """Where samples (N,) lie on the scene's own triangles; without distances."""
-        triangle, weights = self.found[0][which], self.samples.weights[which]
-        u, v = np.einsum("nk,nki->in", weights, self.points.within[triangle])
+        triangle = self.found[0][which]
+        u, v = np.einsum("nk,nki->in", self.shares[which], self.points.within[triangle])
         return Intersections(self.points.source[triangle], u, v, np.zeros(len(u), np.float32))
 
 

@@ -105,8 +105,8 @@ class Reflections:
         return self._tables[layers]
 
     def is_sharp(self, layers: tuple[Layer, ...]) -> bool:
-        """Whether one of the layers, whose slices are known, has highlights that points are too far apart for."""
-        return any(self._slices[layer].lobe < SHARP for layer in layers)
+        """Whether one of the layers whose slices are known has highlights that points are too far apart for."""
+        return any(layer in self._slices and self._slices[layer].lobe < SHARP for layer in layers)
 
     def albedo(self, term: Term) -> NDArray[np.float64]:
         """Of the matt reflection that stands for a term's, (3,); without its maps."""

@@ -34,6 +34,7 @@ _STEP = 0.7
 # Cosine between two normals of a triangle: what is rounder is cut.
 _MOST_BEND = np.cos(np.radians(15.0))
 _AT_ONCE = 8192  # parts
+_INWARDS = 0.1
 # Samples of casters by area, and as many by object.
 _SAMPLES = 20_000
 # Corners of one object that agree to this share of the scene's size, and normals to this, are one point.
@@ -48,7 +49,8 @@ class ShadingPoints:
     side that they are for; i_object (S,). triangles (T, 2, 3) into the points: those on the side that the winding
     faces, and those on the other, −1 where light is not asked for; corners (T, 3, 3) float64 in space; source (T,): the
     scene's triangle that each is a part of, within (T, 3, 2): u and v of its corners there. An object's points stand
-    together, neighbours mostly close.
+    together, neighbours mostly close. sides (M, 2): on which sides light can reach objects. buried (S,): points within
+    something solid, of which no picture is drawn, see `engine.orbit.buried`; None where nobody has looked.
     """
 
     position: Floats
@@ -60,6 +62,8 @@ class ShadingPoints:
     source: Indices
     corners: NDArray[np.float64]
     within: Floats
+    sides: NDArray[np.bool_]
+    buried: NDArray[np.bool_] | None = None
 
     def __len__(self) -> int:
         return len(self.position)
@@ -71,6 +75,22 @@ class ShadingPoints:
         The sphere's +Y is the normal: a triangle of it then is either above the surface or below.
         """
         return np.stack([self.tangent, self.normal, np.cross(self.tangent, self.normal)], axis=1)
+
+    @cached_property
+    def shown(self) -> Indices:
+        """`triangles` for pictures: where some corners are buried the nearest of the others stands in for each.
+
+        A floor goes on beneath the walls; its points there are black, and would draw a dark line along each wall.
+        """
+        if self.buried is None or not self.buried.any():
+            return self.triangles
+        hidden = (self.triangles >= 0) & self.buried[self.triangles]
+        t, side, corner = np.nonzero(hidden & ~hidden.all(axis=2, keepdims=True))
+        apart = np.linalg.norm(self.corners[t] - self.corners[t, corner][:, None], axis=2)
+        nearest = np.where(hidden[t, side], np.inf, apart).argmin(axis=1)
+        shown = self.triangles.copy()
+        shown[t, side, corner] = self.triangles[t, side, nearest]
+        return shown
 
     def caster(self) -> RayCaster:
         """Rays against the triangles (T, 3)."""
@@ -112,9 +132,11 @@ def placing(
     triangles[mine, 0] = number.reshape(-1, 3)
     position, normal = corners[mine].reshape(-1, 3)[kept], normals[mine].reshape(-1, 3)[kept]
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    inwards = _inwards(corners[mine], number.reshape(-1, 3), len(kept))
+    inwards -= np.einsum("pk,pk->p", inwards, normal)[:, None] * normal
     return ShadingPoints(
         position.astype(np.float32),
-        caster.offset_origins(position, normal),
+        caster.offset_origins(position + inwards, normal),
         normal.astype(np.float32),
         object_tangents(scene, ids[kept], normal).astype(np.float32),
         ids[kept].astype(np.int32),
@@ -122,6 +144,7 @@ def placing(
         source.astype(np.int32),
         corners,
         within.astype(np.float32),
+        sides,
     )
 
 
@@ -133,12 +156,22 @@ def with_backs(points: ShadingPoints, behind: NDArray[np.bool_]) -> ShadingPoint
     triangles = points.triangles.copy()
     triangles[mine, 1] = len(points) + number.reshape(-1, 3)
     position, normal = points.position[twins], -points.normal[twins]
-    own = position, 2.0 * position - points.lifted[twins], normal, points.tangent[twins], points.i_object[twins]
+    lift = np.einsum("pk,pk->p", points.lifted[twins] - position, normal)[:, None]
+    own = position, points.lifted[twins] - 2.0 * lift * normal, normal, points.tangent[twins], points.i_object[twins]
     kept = points.position, points.lifted, points.normal, points.tangent, points.i_object
     position, lifted, normal, tangent, i_object = (np.concatenate(both) for both in zip(kept, own, strict=True))
     return ShadingPoints(
-        position, lifted, normal, tangent, i_object, triangles, points.source, points.corners, points.within
-    )
+        position, lifted, normal, tangent, i_object, triangles, points.source, points.corners, points.within,
+        points.sides, points.buried,
+    )  # fmt: skip
+
+
+def _inwards(corners: Vectors, numbers: NDArray[np.intp], n_points: int) -> Vectors:
+    """From points (S, 3) a tenth of the way to the middles of the triangles around them, whose corners (T, 3, 3) have
+    these numbers (T, 3): off an edge, where two walls meet and a ray may miss both, and nowhere where it goes on."""
+    steps, at = corners.mean(axis=1, keepdims=True) - corners, numbers.ravel()
+    total = np.stack([np.bincount(at, steps[..., i].ravel(), n_points) for i in range(3)], axis=1)
+    return np.asarray(_INWARDS * total / np.bincount(at, minlength=n_points)[:, None])
 
 
 def _quarters(corners: NDArray, middles: NDArray) -> NDArray:

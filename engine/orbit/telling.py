@@ -149,7 +149,7 @@ def _mesh(scene: Scene, lit: LitPoints, n: int) -> MeshPart:
     uvs = np.einsum("tpk,tki->tpi", _shares(points.within[order]), corner_uvs(scene, source)).astype(np.float32)
     ways = np.zeros((len(order), 3, 6), np.float32)
     faces = np.repeat(scene.geometric_normals[source][:, None], 3, axis=1).astype(np.float32)
-    sides = np.ascontiguousarray(points.triangles[order].swapaxes(1, 2)).view(np.float32)
+    sides = np.ascontiguousarray(points.shown[order].swapaxes(1, 2)).view(np.float32)
     bounds = np.searchsorted(scene.object_of_triangle[source], np.arange(len(scene.smooth) + 1)).tolist()
     for i in scene.relief.objects:
         begin, end = bounds[i], bounds[i + 1]

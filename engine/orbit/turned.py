@@ -102,7 +102,7 @@ def _places(seen: Seen, which: Rows) -> tuple[Rows, Vectors, Vectors, Vectors]:
     n, samples, points = len(which), seen.samples, seen.points
     out = np.empty(n, np.int64), np.empty(n), np.empty(n), np.empty((n, 3))
     footprint_kernels.places(
-        0, n, which, seen.found[0], samples.corners, samples.weights, points.normal, points.within, points.source, *out
+        0, n, which, seen.found[0], samples.corners, seen.shares, points.normal, points.within, points.source, *out
     )
     return out
 

@@ -11,7 +11,7 @@ from app.project import open_project
 from app.stills import render_project
 from engine.indirect.series import BounceSeries
 from tests.app.test_orbit_stills import off
-from tests.rooms import inside_out, solid
+from tests.rooms import inside_out, slit, solid
 
 FEW = {"n_points": 2500}
 
@@ -47,3 +47,10 @@ def test_which_way_a_shell_is_wound_is_nothing_to_see(
     error, difference = off(wound, right)
     assert right.mean() > 0.1
     assert error < most and abs(difference) < most / 4
+
+
+def test_no_light_comes_through_a_wall(tmp_path: Path) -> None:
+    # Two rooms with 12 cm of wall between them, the lamp in the other one: what the camera sees is dark.
+    dark = still(slit(tmp_path / "shut", width=0.0), (32, 24), 3, n_patches=16, mode="orbit", knobs=FEW)
+    ajar = still(slit(tmp_path / "open", width=0.3), (32, 24), 3, n_patches=16, mode="orbit", knobs=FEW)
+    assert dark.max() < 1e-3 * ajar.mean()

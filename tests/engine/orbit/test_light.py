@@ -220,10 +220,10 @@ def test_a_look_is_kept_until_what_it_shows_changes(ball_scene, ball) -> None:
     seen = mesh.look(camera, (24, 18))
     assert mesh.look(camera, (24, 18)) is seen and mesh.look(camera, (25, 18)) is not seen
     again = mesh.look(camera, (24, 18))
-    soft = mesh.look(camera, (24, 18), True)
-    assert soft is not again and mesh.look(camera, (24, 18), True) is soft
+    soft = mesh.look(camera, (24, 18), 4)
+    assert soft is not again and mesh.look(camera, (24, 18), 4) is soft
     mesh.shines(ball_scene)  # what it emits is in it
-    assert mesh.look(camera, (24, 18), True) is not soft
+    assert mesh.look(camera, (24, 18), 4) is not soft
 
 
 @pytest.mark.parametrize("name", MODELS)

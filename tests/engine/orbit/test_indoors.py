@@ -1,0 +1,123 @@
+"""What walls hide from the points of a floor, and what gloss shows of the light that they reflect."""
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine.light.environment import Environment, constant_environment
+from engine.material import MODELS
+from engine.material.layer import make_layer
+from engine.orbit.live import Orbit
+from engine.orbit.mirrored_light import mirrored_light
+from engine.orbit.slices import to_shading
+from engine.render.integrator import evaluate_layers
+from engine.scene.description import parse_description
+from engine.scene.load import build_scene
+from engine.sphere.geodesic import geodesic
+from engine.transport.pipeline import SkyState
+from tests.engine.orbit.conftest import BLOCK
+from tests.scene_text import camera, placed
+
+WHITE = make_layer(MODELS["lambert"], {"albedo": [1.0, 1.0, 1.0]})
+FLOOR = placed("floor", "quad", "6,0,0,0, 0,0,6,0, 0,-6,0,0, 0,0,0,1")
+WALL = placed("wall", "cube", "0.2,0,0,0, 0,2,0,1, 0,0,8,0, 0,0,0,1")  # across the floor, at x = 0
+
+
+def made(text: str, n_points: int, light: SkyState | None = None) -> Orbit:
+    scene = build_scene(parse_description(tomllib.loads(text), "scene"), Path("scene.toml"), (32, 24))
+    orbit = Orbit(scene, n_points=n_points, n_coefficients=64)
+    orbit.set_light(light or SkyState(constant_environment((1.0, 1.0, 1.0))))
+    orbit.set_layers(dict.fromkeys(range(len(scene.smooth)), [WHITE]))
+    for _ in orbit.work():
+        pass
+    return orbit
+
+
+@pytest.fixture(scope="module")
+def block() -> Orbit:
+    return made(BLOCK, 2000)
+
+
+def test_what_is_beneath_a_block_is_buried_and_nothing_else(block) -> None:
+    points = block.lit.points
+    beneath = np.abs(points.position[:, [0, 2]]).max(axis=1)
+    floor = (points.i_object == 0) & (points.normal[:, 1] > 0.0)
+    np.testing.assert_array_equal(points.buried[floor & (beneath < 0.499)], True)
+    np.testing.assert_array_equal(points.buried[floor & (beneath > 0.501)], False)
+    assert (floor & points.buried).sum() > 20 and not points.buried[
+        (points.i_object == 1) & (points.position[:, 1] > 0.1)
+    ].any()
+
+
+def test_pictures_are_drawn_of_no_buried_point_beside_others(block) -> None:
+    points = block.lit.points
+    shown, hidden = points.shown[:, 0], points.buried[points.triangles[:, 0]]
+    some = hidden.any(axis=1) & ~hidden.all(axis=1)
+    assert some.sum() > 10 and not points.buried[shown[some]].any()
+    np.testing.assert_array_equal(shown[~hidden], points.triangles[:, 0][~hidden])
+    # So no dark line is drawn along the block: the floor beside it sees half of the sky.
+    light = block.lit.incident.irradiance[shown[some]].max(axis=2)
+    assert light.min() > 0.3 * np.pi
+
+
+def test_a_place_asks_the_corners_on_its_own_side_of_a_wall() -> None:
+    orbit = made(camera((2.0, 3.0, 2.0), 60, (32, 24), (0.5, 0.0, 0.0)) + FLOOR + WALL, 0)
+    mesh, points = orbit.lit.mesh, orbit.lit.points
+    x, z = np.meshgrid([-2.0, -0.5, 0.5, 2.0], np.linspace(-1.5, 1.4, 8))
+    origins = np.stack([x.ravel(), np.full(x.size, 0.5), z.ravel()], axis=1).astype(np.float32)
+    met, _ = mesh.trace(origins, np.tile(np.float32([0.0, -1.0, 0.0]), (x.size, 1)))
+    np.testing.assert_allclose(met.weights.sum(axis=1), 1.0, rtol=1e-5)
+    beyond = points.position[met.corners][..., 0] * x.ravel()[:, None] < 0.0
+    assert not met.weights[beyond].any() and beyond.any()
+
+
+def test_shadows_of_the_sun_are_found_between_points() -> None:
+    # A floor of two triangles under a slat: whatever its four points know, pixels know the shadow's edges.
+    image = np.zeros((64, 128, 3), np.float32)
+    image[16, 64] = 1e4
+    light = SkyState(Environment(image, "sun"))
+    slat = placed("slat", "cube", "3,0,0,0, 0,0.02,0,1, 0,0,0.3,0, 0,0,0,1")
+    orbit = made(camera((0.0, 6.0, 0.6), 45, (32, 24)) + FLOOR + slat, 0, light)
+    eye = orbit.scene.description.camera
+    picture = orbit.draw(eye, (96, 72), "still").max(axis=2)
+    seen = orbit.lit.mesh.look(eye, (96, 72), 16)
+    whole = seen.order[(seen.share[seen.order] == 1.0) & (seen.samples.i_object[seen.order] == 0)]
+    places, toward = seen.places(whole), orbit._sky.sun_direction[0]
+    above = places + (1.0 - places[:, 1:2]) / toward[1] * toward
+    inside = np.maximum(np.abs(above[:, 0]) / 1.5, np.abs(above[:, 2]) / 0.15)
+    value = picture.ravel()[seen.pixel[whole]]
+    assert (inside < 0.6).sum() > 30
+    assert value[inside < 0.6].max() < 0.02 * value[inside > 1.5].min()
+
+
+@pytest.mark.parametrize("quality", ["rest", "still"])
+def test_gloss_shows_what_stands_around_it(quality: str) -> None:
+    # Where every surface sends 1, a layer sends its directional albedo: the integral of its BRDF times the cosine.
+    shell = placed("shell", "cube", "6,0,0,0, 0,6,0,0, 0,0,6,0, 0,0,0,1")
+    tile = placed("tile", "quad", "2,0,0,0, 0,0,2,-1, 0,-2,0,0, 0,0,0,1")
+    orbit = made(camera((0.0, 1.4, 2.0), 30, (32, 24), (0.0, -1.0, 0.0)) + shell + tile, 200)
+    lit, layers = orbit.lit, [make_layer(MODELS["rough_conductor"], {"alpha": 0.2})]
+    seen = lit.mesh.look(orbit.scene.description.camera, (32, 24), 4)
+    which = seen.of(1)
+    lit.sent_on[:] = 1.0
+    found = mirrored_light(seen, which, lit, orbit.scene, 1, layers, quality)
+    centres, solid = geodesic(5).centres, geodesic(5).solid_angles
+    up = centres[:, 1] > 0.0
+    wo = to_shading(seen.samples.wo[which])  # the tile's normal is +Y, as the sphere's
+    rows = np.linspace(0, len(which) - 1, 12).astype(int)
+    expected = [
+        solid[up] @ evaluate_layers(layers, to_shading(centres[up]), np.tile(wo[r], (up.sum(), 1))) for r in rows
+    ]
+    np.testing.assert_allclose(found.mean(axis=0), np.mean(expected, axis=0), rtol=0.04 if quality == "rest" else 0.02)
+
+
+def test_bounces_give_back_what_others_show_of_them(block) -> None:
+    # One bounce less than the eye sees: of two, what the lights alone send.
+    block.set_bounces(2)
+    for _ in block.work():
+        pass
+    lit = block.lit
+    np.testing.assert_allclose(lit.sent_on, lit.incident.irradiance / np.pi, rtol=1e-4, atol=1e-6)
+    block.set_bounces(4)
